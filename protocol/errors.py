@@ -1,0 +1,157 @@
+"""Every error that this project raises on purpose.
+
+    Hoap3Error
+    ├── UsageError              the user's words are wrong: exit code 2
+    │   ├── ConfigError         a file, a key, a value, and what to write instead
+    │   ├── UnknownNameError    a name that nobody registered; carries the nearest ones
+    │   ├── DescriptionError    a robot description that cannot be used
+    │   ├── FrameNotFoundError  carries the frames that the robot has
+    │   ├── NameTakenError      a robot of that name is alive already
+    │   ├── PortInUseError      somebody listens there already
+    │   └── LogError            a log that is not ours, or damaged beyond reading
+    ├── WireError               bytes that are not a message of ours
+    ├── AuthorityError          somebody else may command the robot; carries the holder
+    ├── LinkError               the other side cannot be reached, or went away
+    ├── SolverError             a problem that has no answer
+    │   ├── InfeasibleError     no input satisfies the constraints
+    │   └── BadProblemError     wrong shape, not finite, or a parameter outside its range
+    └── ShadowedError           another package of the same name hides one of ours
+
+Each message says what was found, where, and what to do about it.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class Hoap3Error(Exception):
+    """Root of the tree."""
+
+
+class UsageError(Hoap3Error):
+    """What the user asked for cannot be done; the command ends with exit code 2."""
+
+
+class ConfigError(UsageError):
+    """A setting is wrong.
+
+    Attributes:
+        file: where it was read, or the command-line option that set it.
+        key: dotted path inside the file, "" for the file as a whole.
+        value: what was found.
+        remedy: what is allowed, or what to do.
+    """
+
+    def __init__(self, file: str, key: str, value: object, problem: str, remedy: str) -> None:
+        self.file, self.key, self.value, self.remedy = file, key, value, remedy
+        where = f"{file}: {key}" if key else file
+        found = "" if value is None else f" (found {_short(value)})"
+        super().__init__(f"{where}: {problem}{found}. {remedy}")
+
+
+class UnknownNameError(UsageError):
+    """Nothing is registered under that name.
+
+    Attributes:
+        kind: what was looked for, such as "controller".
+        name: what was asked for.
+        known: every name that would do.
+        nearest: the most alike of them, or None.
+    """
+
+    def __init__(self, kind: str, name: str, known: Iterable[str], hint: str = "") -> None:
+        self.kind, self.name, self.known = kind, name, sorted(known)
+        self.nearest = nearest(name, self.known)
+        guess = f" Did you mean {self.nearest!r}?" if self.nearest else ""
+        listing = ", ".join(self.known) or "none"
+        super().__init__(f"no {kind} is called {name!r}.{guess} Known: {listing}.{hint}")
+
+
+class DescriptionError(UsageError):
+    """A robot description, its URDF or its YAML, cannot be used."""
+
+
+class FrameNotFoundError(UsageError):
+    """The robot has no such frame.
+
+    Attributes:
+        frame: what was asked for.
+        known: the frames that the robot has.
+    """
+
+    def __init__(self, frame: str, robot: str, known: Iterable[str]) -> None:
+        self.frame, self.known = frame, sorted(known)
+        guess = nearest(frame, self.known)
+        hint = f" Did you mean {guess!r}?" if guess else ""
+        super().__init__(
+            f"robot {robot!r} has no frame {frame!r}.{hint} Frames: {', '.join(self.known)}."
+        )
+
+
+class NameTakenError(UsageError):
+    """A robot of that name is alive on the network already."""
+
+
+class PortInUseError(UsageError):
+    """The address to listen on is taken."""
+
+
+class LogError(UsageError):
+    """A log that cannot be read as one of ours."""
+
+
+class WireError(Hoap3Error):
+    """Bytes that are not a message of ours.
+
+    Attributes:
+        kind: the name under which the rejection is counted.
+    """
+
+    def __init__(self, kind: str, message: str) -> None:
+        self.kind = kind
+        super().__init__(message)
+
+
+class AuthorityError(Hoap3Error):
+    """The robot follows another controller.
+
+    Attributes:
+        holder: who it follows.
+    """
+
+    def __init__(self, robot: str, holder: str) -> None:
+        self.holder = holder
+        super().__init__(f"robot {robot!r} follows {holder!r} already; stop that controller first")
+
+
+class LinkError(Hoap3Error):
+    """The other side cannot be reached, or went away."""
+
+
+class SolverError(Hoap3Error):
+    """A problem that a solver could not answer."""
+
+
+class InfeasibleError(SolverError):
+    """No input satisfies the constraints."""
+
+
+class BadProblemError(SolverError, ValueError):
+    """Wrong shape, a value that is not finite, or a parameter outside its range."""
+
+
+class ShadowedError(Hoap3Error):
+    """Another package of the same name hides one of ours."""
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The most alike of the known names, or None if none is alike."""
+    found = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
+    return found[0] if found else None
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."
