@@ -1,0 +1,252 @@
+"""What a robot tells about itself: URDF, joints and their limits, postures, frames, period.
+
+It travels as canonical JSON, of which `RobotDescription.digest` is the fingerprint. Nothing from
+the wire is trusted: whatever does not hold together raises `DescriptionError`, which names the
+robot, the joint, the value and the remedy. Figures are in SI units.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Mapping
+from functools import cached_property
+from typing import Any, ClassVar, Literal, Self
+
+import numpy as np
+import pydantic_core
+from numpy.typing import NDArray
+from pydantic import StrictFloat, StrictStr
+
+from protocol.description_parts import Joint, Number, Part, Sole, guess, refuse
+from protocol.errors import DescriptionError
+from protocol.urdf import UrdfStructure, read_urdf
+
+__all__ = ["CommandKind", "Joint", "RobotDescription", "Sole", "Vector"]
+
+MAX_BYTES = 1 << 20
+MAX_JOINTS = 128
+
+Vector = NDArray[np.float64]
+CommandKind = Literal["position", "acceleration", "torque"]
+
+_ROBOT_NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
+
+
+class RobotDescription(Part):
+    """Everything that a controller needs to know of a robot.
+
+    All arrays have n entries in wire order, the order of ``joints``; they are read-only.
+
+    Attributes:
+        name: ``[a-z][a-z0-9_]{0,31}``.
+        urdf: the whole text; its movable joints are exactly ``joints``, in any order.
+        initial_posture: the one of ``postures`` in which the robot starts.
+        postures: named joint positions [rad], inside the hard limits.
+        base_frame: the frame that is fixed to the ground.
+        period_s: the robot's control period [s].
+        command_kinds: what the robot accepts as a setpoint.
+        soles: the frames that can stand, with their support polygons.
+        wrench_sensors: frames in which a wrench is measured.
+    """
+
+    kind: ClassVar[str] = "robot"
+    label: ClassVar[str] = "name"
+
+    name: StrictStr
+    urdf: StrictStr
+    joints: tuple[Joint, ...]
+    initial_posture: StrictStr
+    postures: dict[StrictStr, tuple[StrictFloat, ...]]
+    base_frame: StrictStr
+    period_s: Number = 0.001
+    command_kinds: tuple[CommandKind, ...] = ("position",)
+    soles: tuple[Sole, ...] = ()
+    wrench_sensors: tuple[StrictStr, ...] = ()
+
+    @classmethod
+    def from_json(cls, raw: bytes) -> Self:
+        """Read what a robot sent.
+
+        Raises:
+            DescriptionError: too long, not JSON, or not a description that holds together.
+        """
+        if len(raw) > MAX_BYTES:
+            raise DescriptionError(f"robot description: {len(raw)} bytes. At most {MAX_BYTES}.")
+        try:
+            data = pydantic_core.from_json(raw, allow_inf_nan=False)
+        except ValueError as error:
+            raise DescriptionError(
+                f"robot description: not JSON ({error}). Send what to_json() returns."
+            ) from error
+        return cls.model_validate(data)
+
+    def to_json(self) -> bytes:
+        """Canonical JSON: sorted keys, no blanks, ASCII."""
+        fields = self.model_dump(mode="json")
+        return json.dumps(fields, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Replace some fields, and check the whole anew.
+
+        Pydantic's own would check nothing, and would keep the digest and the arrays of the old.
+        """
+        del deep  # nothing in a description changes
+        fields = {key: getattr(self, key) for key in type(self).model_fields}
+        return type(self)(**{**fields, **(update or {})})
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the canonical JSON, hexadecimal."""
+        return hashlib.sha256(self.to_json()).hexdigest()
+
+    @cached_property
+    def structure(self) -> UrdfStructure:
+        """Links and joints of the URDF."""
+        return read_urdf(self.urdf)
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """All frames of the robot: the links of the URDF, in its order."""
+        return self.structure.links
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @cached_property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names in wire order."""
+        return tuple(joint.name for joint in self.joints)
+
+    @cached_property
+    def initial_position(self) -> Vector:
+        """Joint positions of the initial posture, (n,) [rad]."""
+        return _read_only(self.postures[self.initial_posture])
+
+    @cached_property
+    def lower(self) -> Vector:
+        """Least usable positions, (n,) [rad]."""
+        return _read_only(joint.lower for joint in self.joints)
+
+    @cached_property
+    def upper(self) -> Vector:
+        """Greatest usable positions, (n,) [rad]."""
+        return _read_only(joint.upper for joint in self.joints)
+
+    @cached_property
+    def lower_hard(self) -> Vector:
+        """Lower mechanical stops, (n,) [rad]."""
+        return _read_only(joint.lower_hard for joint in self.joints)
+
+    @cached_property
+    def upper_hard(self) -> Vector:
+        """Upper mechanical stops, (n,) [rad]."""
+        return _read_only(joint.upper_hard for joint in self.joints)
+
+    @cached_property
+    def velocity(self) -> Vector:
+        """Greatest speeds, (n,) [rad/s]."""
+        return _read_only(joint.velocity for joint in self.joints)
+
+    @cached_property
+    def setpoint_acceleration_max(self) -> Vector:
+        """Greatest accelerations of the commanded motion, (n,) [rad/s²]."""
+        return _read_only(joint.setpoint_acceleration_max for joint in self.joints)
+
+    @cached_property
+    def brake_acceleration(self) -> Vector:
+        """Decelerations to count on in a stop, (n,) [rad/s²]."""
+        return _read_only(joint.brake_acceleration for joint in self.joints)
+
+    @cached_property
+    def effort(self) -> Vector:
+        """Peak torques, (n,) [N m]."""
+        return _read_only(joint.effort for joint in self.joints)
+
+    @cached_property
+    def counts_per_rad(self) -> Vector | None:
+        """Signed encoder scales, (n,) [1/rad]; None unless every joint has one."""
+        scales = [joint.encoder_counts_per_rad for joint in self.joints]
+        known = [scale for scale in scales if scale is not None]
+        return _read_only(known) if len(known) == self.n else None
+
+    def check(self) -> None:
+        """Refuse a description whose pieces do not agree with each other."""
+        if not _ROBOT_NAME.fullmatch(self.name):
+            refuse("name", self.name, f"It must match {_ROBOT_NAME.pattern}.")
+        if not 1 <= self.n <= MAX_JOINTS:
+            refuse("joints", f"{self.n} joints", f"Give 1 to {MAX_JOINTS}.")
+        if not 0.0 < self.period_s <= 1.0:
+            refuse("period_s", self.period_s, "Write seconds, such as 0.001.")
+        if not self.command_kinds:
+            refuse("command_kinds", [], "Name at least one of position, acceleration, torque.")
+        _unique("joints", self.joint_names)
+        _unique("command_kinds", self.command_kinds)
+        _unique("soles", [sole.frame for sole in self.soles])
+        _unique("wrench_sensors", self.wrench_sensors)
+        self._check_joints()
+        self._check_postures()
+        self._check_frames()
+        if len(self.to_json()) > MAX_BYTES:
+            refuse("description", f"{len(self.to_json())} bytes", f"At most {MAX_BYTES}.")
+
+    def _check_joints(self) -> None:
+        movable = self.structure.movable
+        for name in self.joint_names:
+            if name not in movable:
+                raise DescriptionError(
+                    f"joint {name!r}: not a movable joint of the URDF. "
+                    + guess(name, movable, "Take it out of joints")
+                )
+        for name in movable:
+            if name not in self.joint_names:
+                raise DescriptionError(
+                    f"joint {name!r}: movable in the URDF but not listed in joints. "
+                    'Add it, or make it type="fixed".'
+                )
+
+    def _check_postures(self) -> None:
+        if self.initial_posture not in self.postures:
+            refuse(
+                "initial_posture",
+                self.initial_posture,
+                guess(self.initial_posture, self.postures, "Add it to postures"),
+            )
+        for posture, values in self.postures.items():
+            if len(values) != self.n:
+                refuse(
+                    f"posture {posture!r:.60}",
+                    f"{len(values)} values",
+                    f"Write {self.n}, one a joint in wire order.",
+                )
+            for joint, value in zip(self.joints, values, strict=True):
+                if not joint.lower_hard <= value <= joint.upper_hard:
+                    raise DescriptionError(
+                        f"posture {posture!r:.60}: joint {joint.name!r} at {value}. "
+                        f"Stay within [{joint.lower_hard}, {joint.upper_hard}]."
+                    )
+
+    def _check_frames(self) -> None:
+        used = [("base_frame", self.base_frame)]
+        used += [("soles", sole.frame) for sole in self.soles]
+        used += [("wrench_sensors", frame) for frame in self.wrench_sensors]
+        for key, frame in used:
+            if frame not in self.frames:
+                refuse(key, frame, guess(frame, self.frames, "Add that link to the URDF"))
+
+
+def _read_only(values: Iterable[float]) -> Vector:
+    array = np.fromiter(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array
+
+
+def _unique(key: str, names: Iterable[str]) -> None:
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            refuse(key, name, "It appears twice; name each once.")
+        seen.add(name)

@@ -1,0 +1,145 @@
+"""The pieces of a robot description: joints and soles, each checked for itself."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, NoReturn, Self
+
+import numpy as np
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ModelWrapValidatorHandler,
+    StrictStr,
+    ValidationError,
+    model_validator,
+)
+
+from protocol.errors import DescriptionError, nearest
+
+MAX_CORNERS = 64
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+
+_JOINT_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_./-]{0,63}")
+
+
+class Part(BaseModel):
+    """A piece of a description: whatever is wrong with it is a `DescriptionError` that names it."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    kind: ClassVar[str]
+    label: ClassVar[str]
+
+    def check(self) -> None:
+        """Raise `DescriptionError` where the fields do not agree with each other."""
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _validated(cls, data: object, build: ModelWrapValidatorHandler[Self]) -> Self:
+        found = data.get(cls.label) if isinstance(data, Mapping) else getattr(data, cls.label, None)
+        who = f"{cls.kind} {found!r:.60}" if isinstance(found, str) else f"a {cls.kind}"
+        try:
+            part = build(data)
+            part.check()
+        except ValidationError as error:
+            raise DescriptionError(f"{who}: {cls._explain(error)}") from error
+        except DescriptionError as error:
+            raise DescriptionError(f"{who}: {error}") from error
+        return part
+
+    @classmethod
+    def _explain(cls, error: ValidationError) -> str:
+        finding = error.errors(include_url=False, include_context=False)[0]
+        key = ".".join(str(place)[:60] for place in finding["loc"]) or cls.kind
+        if finding["type"] == "missing":
+            return f"{key} is missing. Add it."
+        if finding["type"] == "extra_forbidden":
+            return f"unknown key {key!r}. {guess(key, cls.model_fields, 'Remove it')}"
+        remedy = finding["msg"].removeprefix("Input ")
+        return f"{key} cannot be {finding['input']!r:.60}. It {remedy}."
+
+
+class Joint(Part):
+    """One movable joint; for a prismatic one read m for rad, and N for N m.
+
+    Attributes:
+        lower_hard, upper_hard: mechanical stops [rad].
+        lower, upper: usable range, inside the stops [rad].
+        velocity: greatest speed [rad/s].
+        setpoint_acceleration_max: greatest acceleration of the commanded motion [rad/s²].
+        brake_acceleration: deceleration to count on in a stop [rad/s²].
+        effort, effort_average: peak torque, and torque that can be held [N m].
+        encoder_counts_per_rad: signed scale of the encoder, None if the robot speaks rad only.
+    """
+
+    kind: ClassVar[str] = "joint"
+    label: ClassVar[str] = "name"
+
+    name: StrictStr
+    lower_hard: Number
+    upper_hard: Number
+    lower: Number
+    upper: Number
+    velocity: Number
+    setpoint_acceleration_max: Number
+    brake_acceleration: Number
+    effort: Number
+    effort_average: Number | None = None
+    encoder_counts_per_rad: Number | None = None
+
+    def check(self) -> None:
+        """Refuse limits that contradict each other."""
+        if not _JOINT_NAME.fullmatch(self.name):
+            refuse("name", self.name, "Use letters, digits and _ . / - only, at most 64.")
+        if not self.lower < self.upper:
+            refuse("lower", self.lower, f"It must be less than upper, {self.upper}.")
+        if self.lower < self.lower_hard:
+            refuse("lower", self.lower, f"It must not be below lower_hard, {self.lower_hard}.")
+        if self.upper > self.upper_hard:
+            refuse("upper", self.upper, f"It must not be above upper_hard, {self.upper_hard}.")
+        for key in ("velocity", "setpoint_acceleration_max", "brake_acceleration", "effort"):
+            if not getattr(self, key) > 0.0:
+                refuse(key, getattr(self, key), "Write a positive number.")
+        if self.effort_average is not None and not 0.0 < self.effort_average <= self.effort:
+            refuse("effort_average", self.effort_average, f"Stay between 0 and {self.effort}.")
+        if self.encoder_counts_per_rad == 0.0:
+            refuse("encoder_counts_per_rad", 0.0, "Write the signed scale, or leave it out.")
+
+
+class Sole(Part):
+    """A flat sole: ``frame`` lies in it, z up; ``polygon`` is its outline there, (x, y) [m]."""
+
+    kind: ClassVar[str] = "sole"
+    label: ClassVar[str] = "frame"
+
+    frame: StrictStr
+    polygon: tuple[tuple[Number, Number], ...]
+
+    def check(self) -> None:
+        """Refuse an outline that is not convex and counter-clockwise.
+
+        Every corner must lie to the left of every edge, or on it.
+        """
+        corners = np.array(self.polygon, dtype=np.float64).reshape(-1, 2)
+        if not 3 <= len(corners) <= MAX_CORNERS:
+            refuse("polygon", f"{len(corners)} corners", f"Give 3 to {MAX_CORNERS}.")
+        edges = np.roll(corners, -1, axis=0) - corners
+        corners_from = corners[None, :, :] - corners[:, None, :]
+        left = edges[:, None, 0] * corners_from[:, :, 1] - edges[:, None, 1] * corners_from[:, :, 0]
+        slack = 1e-12 * float(np.ptp(corners, axis=0).max()) ** 2  # of corners in one line
+        if not ((left >= -slack).all() and (left > slack).any()):
+            refuse("polygon", self.polygon, "Go round a convex outline counter-clockwise.")
+
+
+def refuse(key: str, value: object, remedy: str) -> NoReturn:
+    """Raise `DescriptionError` over one value."""
+    raise DescriptionError(f"{key} cannot be {value!r:.60}. {remedy}")
+
+
+def guess(name: str, known: Mapping[str, object] | tuple[str, ...], otherwise: str) -> str:
+    """A remedy for a name that is not known: the most alike of those that are."""
+    found = nearest(name, known)
+    return f"Did you mean {found!r}?" if found else f"{otherwise}."

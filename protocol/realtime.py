@@ -1,0 +1,188 @@
+"""Real time as far as a plain kernel gives it: process set-up and an absolute schedule.
+
+Every measure is tried and reported as obtained or refused; none is fatal. This is soft real
+time: an observed maximum is not a bound.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import fcntl
+import gc
+import os
+import resource
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+from protocol.clock import Clock
+from protocol.settings import RealtimeSettings
+
+_PR_SET_TIMERSLACK = 29
+_MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
+_RTTIME_LIMIT_US = 500_000  # CPU time without ever sleeping, after which a runaway loop is ended
+_SWITCH_INTERVAL_S = 1e-4
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One thing asked of the operating system.
+
+    Attributes:
+        name: what was asked.
+        obtained: whether it was given.
+        detail: its value, or why it was refused and what would help.
+    """
+
+    name: str
+    obtained: bool
+    detail: str
+
+    def __str__(self) -> str:
+        return f"{self.name}: {'' if self.obtained else 'refused, '}{self.detail}"
+
+
+class CpuClaim:
+    """The exclusive claim of one CPU among the runs on this machine, held until released."""
+
+    def __init__(self, cpu: int, lock: IO[str]) -> None:
+        self.cpu, self._lock = cpu, lock
+
+    def release(self) -> None:
+        """Let another run have it."""
+        self._lock.close()
+
+
+def claim_cpu(allowed: set[int] | None = None) -> CpuClaim | None:
+    """Claim the highest allowed CPU that nobody has claimed, or None.
+
+    The last CPU is left for others by habit: interrupts and services gather on the first.
+    """
+    for cpu in sorted(os.sched_getaffinity(0) if allowed is None else allowed, reverse=True):
+        path = Path(tempfile.gettempdir()) / f"hoap3-cpu{cpu}.lock"
+        try:
+            lock = os.fdopen(_open_lock(path))
+        except OSError:
+            continue  # another user's, and not ours to open
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            lock.close()
+            continue
+        return CpuClaim(cpu, lock)
+    return None
+
+
+def _open_lock(path: Path) -> int:
+    """Open a lock file for reading, which is enough to lock it, also where another user made it."""
+    flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+    try:
+        return os.open(path, flags)
+    except FileNotFoundError:
+        return os.open(path, flags | os.O_CREAT, 0o644)
+
+
+def virtual_machine() -> bool:
+    """Whether a hypervisor announces itself."""
+    try:
+        return " hypervisor" in Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace")
+    except OSError:
+        return False
+
+
+def prepare_process(settings: RealtimeSettings) -> list[Measure]:
+    """Ask the operating system for what a 1 kHz loop needs.
+
+    To be called before the link is opened, so that its threads inherit policy and CPU, and after
+    everything was started that must not inherit them.
+    """
+    libc = ctypes.CDLL(None, use_errno=True)
+    measures = [_pin(settings), _timer_slack(libc)]
+    if settings.lock_memory and settings.policy != "none":
+        measures.append(_lock_memory(libc))
+    measures.append(_schedule(settings))
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    sys.setswitchinterval(_SWITCH_INTERVAL_S)
+    measures.append(Measure("garbage collector", True, "frozen and off"))
+    return measures
+
+
+def _pin(settings: RealtimeSettings) -> Measure:
+    cpu = settings.cpu
+    if cpu == "none":
+        return Measure("CPU", True, "not pinned, as configured")
+    if cpu == "auto":
+        claim = claim_cpu()
+        if claim is None:
+            return Measure("CPU", False, "every allowed CPU is claimed by another run")
+        _claims.append(claim)
+        cpu = claim.cpu
+    try:
+        os.sched_setaffinity(0, {cpu})
+    except (OSError, OverflowError) as error:
+        why = getattr(error, "strerror", None) or str(error)
+        return Measure("CPU", False, f"pinning to {cpu}: {why}")
+    return Measure("CPU", True, f"pinned to {cpu}")
+
+
+_claims: list[CpuClaim] = []  # held as long as the process lives
+
+
+def _timer_slack(libc: ctypes.CDLL) -> Measure:
+    if libc.prctl(_PR_SET_TIMERSLACK, ctypes.c_ulong(1), 0, 0, 0):
+        return Measure("timer slack", False, os.strerror(ctypes.get_errno()))
+    return Measure("timer slack", True, "1 ns")
+
+
+def _lock_memory(libc: ctypes.CDLL) -> Measure:
+    if libc.mlockall(_MCL_CURRENT | _MCL_FUTURE | _MCL_ONFAULT):
+        why = os.strerror(ctypes.get_errno())
+        return Measure("memory lock", False, f"{why}; raise LimitMEMLOCK or `ulimit -l`")
+    return Measure("memory lock", True, "pages stay once touched")
+
+
+def _schedule(settings: RealtimeSettings) -> Measure:
+    if settings.policy == "none":
+        return Measure("scheduling policy", True, "ordinary, as configured")
+    try:
+        resource.setrlimit(resource.RLIMIT_RTTIME, (_RTTIME_LIMIT_US, _RTTIME_LIMIT_US))
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(settings.priority))
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or str(error)
+        remedy = "raise LimitRTPRIO or `ulimit -r`, or run as root"
+        return Measure("scheduling policy", False, f"{why}; {remedy}")
+    return Measure("scheduling policy", True, f"SCHED_FIFO {settings.priority}")
+
+
+class Ticker:
+    """Ticks of an absolute schedule: tick k starts at start + k·period, whatever happens.
+
+    Attributes:
+        tick: number of the current tick.
+        intended: its start on the schedule [ns].
+        actual: when the loop really woke [ns].
+        skipped: whole periods that passed unnoticed just before it.
+    """
+
+    def __init__(self, clock: Clock, period: int, start: int) -> None:
+        self._clock, self._period, self._start = clock, period, start
+        self.tick = -1
+        self.intended = self.actual = self.skipped = 0
+
+    def wait(self) -> None:
+        """Sleep until the next tick that can still be kept.
+
+        A wake-up at or after the start of the tick after next has skipped ticks: they are
+        counted, the phase is kept, and nothing is made up for in a burst.
+        """
+        self.tick += 1
+        self.intended = self._start + self.tick * self._period
+        self._clock.sleep_until(self.intended)
+        self.actual = self._clock.now()
+        self.skipped = max(0, (self.actual - self.intended) // self._period)
+        self.tick += self.skipped
+        self.intended += self.skipped * self._period

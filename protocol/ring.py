@@ -1,0 +1,156 @@
+"""A ring of fixed slots in shared memory: one loop writes, its observer process reads.
+
+Writing is a copy and a few stores: no lock, no system call, no allocation that grows. Where the
+observer falls behind or has died, records are dropped and counted, and the loop does not notice.
+The memory has no name in the file system, so nothing is left behind by a process that is killed.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from protocol.errors import Hoap3Error
+
+SLOTS = 4096
+SLOT_BYTES = 6144  # holds the largest State: 128 joints
+_MAGIC = 0x484F41503352494E
+_HEADER_BYTES = 4096
+_WORDS = {"magic": 0, "slots": 1, "slot_bytes": 2, "head": 8, "tail": 16, "dropped": 24, "end": 32}
+_SLOT = struct.Struct("=qqqIHH")  # sequence, stamp, dropped before, length, kind, more
+
+
+class Kind(IntEnum):
+    """What a record holds."""
+
+    STATE = 1
+    SETPOINT = 2
+    EVENT = 3
+    DESCRIPTION = 4  # RobotDescription as JSON
+    SESSION = 5  # JSON: what the following records belong to
+    AUTHORITY = 6  # JSON: epoch under which the controller answers from now on
+    SUMMARY = 7  # JSON: what the robot counted, at its end
+    GAP = 8  # JSON: how many records were dropped here, since the observer fell behind
+
+
+@dataclass(frozen=True)
+class Record:
+    """One record: what, when (monotonic ns of the writer), and its bytes."""
+
+    kind: Kind
+    stamp: int
+    payload: bytes
+
+
+class Ring:
+    """Single producer, single consumer.
+
+    Args:
+        fd: shared memory to attach to, or None to create it.
+        slots, slot_bytes: size where it is created.
+    """
+
+    def __init__(self, fd: int | None = None, slots: int = SLOTS, slot_bytes: int = SLOT_BYTES):
+        created = fd is None
+        if fd is None:
+            fd = os.memfd_create("hoap3-ring", os.MFD_CLOEXEC)
+            os.ftruncate(fd, _HEADER_BYTES + slots * slot_bytes)
+        self.fd = fd
+        self._memory = mmap.mmap(fd, os.fstat(fd).st_size)
+        self._words = np.frombuffer(self._memory, np.int64, _HEADER_BYTES // 8)
+        if created:
+            self._memory[:] = bytes(len(self._memory))  # every page is there before the loop
+            self._set("slots", slots)
+            self._set("slot_bytes", slot_bytes)
+            self._set("magic", _MAGIC)
+        elif self._get("magic") != _MAGIC:
+            raise Hoap3Error(f"file descriptor {fd} is not a ring of ours")
+        self._slots, self._slot_bytes = self._get("slots"), self._get("slot_bytes")
+        self._capacity = self._slot_bytes - _SLOT.size
+        self._head, self._tail = self._get("head"), self._get("tail")
+        self._dropped = self._gaps = self._get("dropped")
+
+    def write(self, kind: Kind, stamp: int, payload: bytes) -> bool:
+        """Append a record of at most one slot; False where it was dropped."""
+        return self._put(kind, stamp, payload, more=0)
+
+    def write_large(self, kind: Kind, stamp: int, payload: bytes) -> bool:
+        """Append a record of any size; for use outside the loop. All of it, or nothing."""
+        pieces = range(0, max(len(payload), 1), self._capacity)
+        if self._head + len(pieces) - self._get("tail") > self._slots:
+            self._drop()
+            return False
+        for at in pieces:
+            piece = payload[at : at + self._capacity]
+            self._put(kind, stamp, piece, more=int(at + self._capacity < len(payload)))
+        return True
+
+    def read(self) -> Iterator[Record]:
+        """Every record written since the last call, oldest first; a GAP where some were lost."""
+        parts: list[bytes] = []
+        tail = self._tail
+        while tail < self._get("head"):
+            at = _HEADER_BYTES + tail % self._slots * self._slot_bytes
+            sequence, stamp, dropped, length, kind, more = _SLOT.unpack_from(self._memory, at)
+            if sequence != tail + 1:  # not visible to this CPU yet
+                return
+            if dropped != self._gaps:
+                lost, self._gaps = dropped - self._gaps, dropped
+                yield Record(Kind.GAP, stamp, b'{"dropped": %d}' % lost)
+            at += _SLOT.size
+            parts.append(self._memory[at : at + length])
+            tail += 1
+            if not more:
+                record = Record(Kind(kind), stamp, b"".join(parts))
+                parts.clear()
+                self._tail = tail
+                self._set("tail", tail)
+                yield record
+
+    def close(self) -> None:
+        """Say that nothing more will be written."""
+        self._set("end", 1)
+
+    @property
+    def closed(self) -> bool:
+        """True once the producer has closed the ring; what is in it can still be read."""
+        return self._get("end") == 1
+
+    @property
+    def dropped(self) -> int:
+        """Records dropped since the start."""
+        return self._get("dropped")
+
+    @property
+    def free(self) -> int:
+        """Slots that can be written before records are dropped."""
+        return self._slots - (self._head - self._get("tail"))
+
+    def _put(self, kind: Kind, stamp: int, payload: bytes, more: int) -> bool:
+        head, length = self._head, len(payload)
+        if head - self._get("tail") >= self._slots or length > self._capacity:
+            self._drop()
+            return False
+        at = _HEADER_BYTES + head % self._slots * self._slot_bytes
+        _SLOT.pack_into(self._memory, at, head + 1, stamp, self._dropped, length, kind, more)
+        at += _SLOT.size
+        self._memory[at : at + length] = payload
+        self._head = head + 1
+        self._set("head", head + 1)
+        return True
+
+    def _drop(self) -> None:
+        self._dropped += 1
+        self._set("dropped", self._dropped)
+
+    def _get(self, word: str) -> int:
+        return int(self._words[_WORDS[word]])
+
+    def _set(self, word: str, value: int) -> None:
+        self._words[_WORDS[word]] = value  # one aligned 64-bit store

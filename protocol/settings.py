@@ -1,0 +1,232 @@
+"""Strict settings from YAML: an unknown key, a wrong type or an unfit value is one clear error.
+
+The models that both services share stand here; each service adds its own.
+"""
+
+from __future__ import annotations
+
+import difflib
+import types
+import typing
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+import yaml
+import yaml.composer
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic_core import ErrorDetails
+
+from protocol.errors import ConfigError
+
+MAX_CONFIG_BYTES = 1 << 20
+NAME_PATTERN = r"^[a-z][a-z0-9_]{0,31}$"
+RobotName = Annotated[str, Field(pattern=NAME_PATTERN)]
+
+Model = TypeVar("Model", bound="Settings")
+
+
+class Settings(BaseModel):
+    """Base of every settings model: unknown keys are errors, values cannot be changed later."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class LinkSettings(Settings):
+    """How a service reaches the network.
+
+    Endpoints are Zenoh's, such as `tcp/127.0.0.1:7447`. Nothing listens beyond loopback unless
+    an endpoint says so; nothing is discovered by itself.
+    """
+
+    listen: tuple[str, ...] = Field((), description="endpoints to listen on")
+    connect: tuple[str, ...] = Field((), description="endpoints to connect to")
+    mode: Literal["peer", "client"] = Field("peer", description="client: everything by a router")
+    lease_ms: int = Field(
+        1000, strict=True, ge=100, le=60_000, description="silence after which a peer is gone"
+    )
+
+
+class RealtimeSettings(Settings):
+    """What a service asks of the operating system; what is refused is reported, never fatal."""
+
+    policy: Literal["auto", "none"] = Field("auto", description="auto: SCHED_FIFO if allowed")
+    priority: int = Field(80, strict=True, ge=1, le=98, description="SCHED_FIFO priority")
+    cpu: Literal["auto", "none"] | Annotated[int, Field(strict=True, ge=0)] = Field(
+        "auto", description="auto: a CPU that no other run has claimed; none; or its number"
+    )
+    lock_memory: bool = Field(True, strict=True, description="keep pages in memory")
+
+
+class LogSettings(Settings):
+    """What the observer process records."""
+
+    record: bool = Field(True, strict=True, description="write an MCAP log")
+    directory: str = Field("logs", description="a folder per run is made inside")
+    cap_mb: int = Field(
+        1000, strict=True, ge=1, description="the oldest files of a run go beyond this"
+    )
+    file_mb: int = Field(250, strict=True, ge=1, description="a new file begins beyond this")
+
+
+def load_yaml(path: Path) -> dict[str, Any]:
+    """Read a YAML mapping.
+
+    Raises:
+        ConfigError: missing, too large, not YAML, or not a mapping.
+    """
+    file = str(path)
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(MAX_CONFIG_BYTES + 1)
+    except IsADirectoryError as error:
+        raise ConfigError(file, "", None, "is a folder", "Name a YAML file") from error
+    except OSError as error:
+        reason = error.strerror or "cannot be read"
+        raise ConfigError(file, "", None, reason, "Name a file that can be read") from error
+    if len(data) > MAX_CONFIG_BYTES:
+        raise ConfigError(file, "", None, "is larger than 1 MiB", "A config is a few lines")
+    try:
+        content = _read_yaml(data)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        place = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        reason = getattr(error, "problem", None) or str(error).partition("\n")[0]
+        problem = f"is not valid YAML{place}: {reason}"
+        raise ConfigError(file, "", None, problem, "Mend the syntax") from error
+    if content is None:
+        return {}
+    if not isinstance(content, dict) or not all(isinstance(key, str) for key in content):
+        raise ConfigError(file, "", content, "is not a mapping", "Write `key: value` lines")
+    return content
+
+
+def apply_overrides(content: dict[str, Any], overrides: Sequence[str]) -> dict[str, Any]:
+    """A copy of `content` with each `dotted.key=value` of `overrides` set; values are YAML.
+
+    Raises:
+        ConfigError: no `=`, a key below something that is not a mapping, or bad YAML.
+    """
+    result: dict[str, Any] = _copy(content)
+    for override in overrides:
+        key, equals, text = override.partition("=")
+        parts = key.strip().split(".")
+        if not equals or not all(parts):
+            raise ConfigError("--set", key, override, "is not key=value", "Write --set a.b=1")
+        try:
+            value = _read_yaml(text)
+        except yaml.YAMLError as error:
+            raise ConfigError("--set", key, text, "is not a YAML value", "Quote it") from error
+        place = result
+        for part in parts[:-1]:
+            inner = place.setdefault(part, {})
+            if not isinstance(inner, dict):
+                raise ConfigError("--set", key, inner, f"{part!r} has no keys below it", "Drop it")
+            place = inner
+        place[parts[-1]] = value
+    return result
+
+
+def parse(model: type[Model], content: dict[str, Any], file: str, prefix: str = "") -> Model:
+    """`content` as a `model`.
+
+    Args:
+        model: what is expected.
+        content: a mapping, as YAML gives it.
+        file: where it came from, for the error.
+        prefix: dotted key under which `content` stands in that file.
+
+    Raises:
+        ConfigError: naming the first wrong key, its value, and what is allowed.
+    """
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        errors = error.errors(include_url=False)
+        raise _config_error(model, content, errors, file, prefix) from error
+
+
+class _Loader(yaml.SafeLoader):
+    """Plain values only: no aliases, with which a few lines can unfold to any size, or for ever."""
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        if self.check_event(yaml.AliasEvent):
+            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+            raise yaml.composer.ComposerError(None, None, "aliases are not taken", mark)
+        return super().compose_node(parent, index)
+
+
+def _read_yaml(text: bytes | str) -> Any:
+    """What a YAML text says; YAMLError where it cannot be read, whatever PyYAML makes of it."""
+    try:
+        return yaml.load(text, _Loader)  # noqa: S506 - a safe loader that knows less
+    except yaml.YAMLError:
+        raise
+    except (ValueError, ArithmeticError, LookupError, AttributeError, RecursionError) as error:
+        raise yaml.YAMLError(str(error)) from error  # such as 2001-99-99, or a deep nest
+
+
+def _config_error(
+    model: type[BaseModel], content: Any, errors: list[ErrorDetails], file: str, prefix: str
+) -> ConfigError:
+    error = errors[0]
+    path = _written(content, error)
+    key = ".".join([prefix, *path] if prefix else path)
+    if error["type"] == "extra_forbidden":
+        known = _keys_at(model, path[:-1])
+        close = difflib.get_close_matches(path[-1], known, n=1, cutoff=0.5)
+        guess = f"Did you mean {close[0]!r}? " if close else ""
+        remedy = f"{guess}Known keys: {', '.join(sorted(known)) or 'none'}"
+        return ConfigError(file, key, error["input"], "unknown key", remedy)
+    if error["type"] == "missing":
+        return ConfigError(file, key, None, "is missing", "Add it")
+    members = [_plain(each["msg"]) for each in errors if _written(content, each) == path]
+    return ConfigError(file, key, error["input"], ", or ".join(members), "Change the value")
+
+
+def _plain(message: str) -> str:
+    message = message.removeprefix("Value error, ").removeprefix("Input ")
+    return message[:1].lower() + message[1:]
+
+
+def _written(content: Any, error: ErrorDetails) -> list[str]:
+    """Path to the error in what users wrote; pydantic also names the tried member of a union."""
+    path: list[str] = []
+    for part in error["loc"]:
+        if isinstance(content, list | tuple):
+            content = dict(enumerate(content))
+        if isinstance(content, dict) and part in content:
+            content = content[part]
+            path.append(str(part))
+    if error["type"] == "missing":
+        path.append(str(error["loc"][-1]))
+    return path
+
+
+def _keys_at(model: type[BaseModel], path: Sequence[str]) -> list[str]:
+    """Keys that the model knows at a path inside it."""
+    here: list[type[BaseModel]] = [model]
+    for part in path:
+        here = [
+            inner
+            for outer in here
+            if part in outer.model_fields
+            for inner in _models_in(outer.model_fields[part].annotation)
+        ] or here
+    return [name for inner in here for name in inner.model_fields]
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    if typing.get_origin(annotation) in {typing.Union, types.UnionType, Annotated}:
+        return [model for part in typing.get_args(annotation) for model in _models_in(part)]
+    return []
+
+
+def _copy(content: Any) -> Any:
+    if isinstance(content, dict):
+        return {key: _copy(value) for key, value in content.items()}
+    if isinstance(content, list):
+        return [_copy(value) for value in content]
+    return content

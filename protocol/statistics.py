@@ -1,0 +1,198 @@
+"""Figures that users see, as docs/concepts.md defines them.
+
+Deadlines are counted by the robot itself, tick by tick; durations go into histograms with fixed
+memory, so a service can run for months.
+"""
+
+from __future__ import annotations
+
+import heapq
+from typing import Any
+
+from hdrh.histogram import HdrHistogram
+
+WINDOW = 100
+FIT, WARN = 0.95, 0.90
+"""Success rates from which a run is fit, and below which it is unfit."""
+
+PERCENTILES = {"p50": 50.0, "p90": 90.0, "p99": 99.0, "p99_9": 99.9}
+TAIL_SAMPLES = 100_000  # from so many on, p99.99 rests on ten samples or more
+
+
+class Deadlines:
+    """Outcomes of ticks that asked for an answer.
+
+    Attributes:
+        in_time: answered by the deadline.
+        late: answered after it.
+        lost: not answered, so far.
+        run: misses in a row, now.
+        longest_run: the most there were.
+        worst_window: lowest success rate of any full window, or None before the first.
+    """
+
+    def __init__(self, window: int = WINDOW) -> None:
+        self.in_time = self.late = self.lost = self.run = self.longest_run = 0
+        self.worst_window: float | None = None
+        self._window = [False] * window
+        self._hits = 0
+
+    @property
+    def asked(self) -> int:
+        """Ticks that asked for an answer and whose deadline has passed."""
+        return self.in_time + self.late + self.lost
+
+    @property
+    def missed(self) -> int:
+        """Ticks whose answer had not arrived by its deadline."""
+        return self.late + self.lost
+
+    @property
+    def success_rate(self) -> float:
+        """Share of answers in time over the last window; 1 before anything was asked."""
+        filled = min(self.asked, len(self._window))
+        return self._hits / filled if filled else 1.0
+
+    @property
+    def run_rate(self) -> float:
+        """Share of answers in time since the start; 1 before anything was asked."""
+        return self.in_time / self.asked if self.asked else 1.0
+
+    def hit(self) -> None:
+        """The answer was in time."""
+        self._turn(hit=True)
+        self.in_time += 1
+        self.run = 0
+        self._note_window()
+
+    def miss(self, *, arrived: bool) -> None:
+        """The deadline passed without an answer; `arrived` where it came after it."""
+        self._turn(hit=False)
+        if arrived:
+            self.late += 1
+        else:
+            self.lost += 1
+        self.run += 1
+        self.longest_run = max(self.longest_run, self.run)
+        self._note_window()
+
+    def lost_arrived(self) -> None:
+        """An answer counted as lost has arrived after all: it was late."""
+        self.lost -= 1
+        self.late += 1
+
+    def end_run(self) -> None:
+        """Misses before this do not count towards a stop: the robot was told to start anew."""
+        self.run = 0
+
+    def _turn(self, *, hit: bool) -> None:
+        place = self.asked % len(self._window)
+        self._hits += hit - self._window[place]
+        self._window[place] = hit
+
+    def _note_window(self) -> None:
+        if self.asked >= len(self._window):
+            rate = self._hits / len(self._window)
+            if self.worst_window is None or rate < self.worst_window:
+                self.worst_window = rate
+
+
+def verdict(run_rate: float, *, safe_stop: bool) -> str:
+    """`fit`, `warn` or `unfit`, by the success rate of the whole run."""
+    if safe_stop or run_rate < WARN:
+        return "unfit"
+    return "fit" if run_rate >= FIT else "warn"
+
+
+class Durations:
+    """A histogram of durations, 1 ns to `highest`, with the worst ones and their ticks.
+
+    Three significant digits: a percentile is known to 0.1 %.
+
+    Args:
+        highest: longest duration that is resolved [ns]; longer ones are counted as overflows.
+        worst: how many of the longest are kept with their tick.
+    """
+
+    def __init__(self, highest: int = 10_000_000_000, worst: int = 10) -> None:
+        self._histogram = HdrHistogram(1, highest, 3)
+        self._highest, self._keep = highest, worst
+        self._worst: list[tuple[int, int]] = []
+        self.n = self.overflows = self.negative = 0
+        self._min = self._max = 0
+
+    def add(self, nanoseconds: int, tick: int = 0) -> None:
+        """Count a duration [ns]; negative ones are counted apart and enter no figure."""
+        if nanoseconds < 0:
+            self.negative += 1
+            return
+        self._min = min(self._min, nanoseconds) if self.n else nanoseconds
+        self._max = max(self._max, nanoseconds)
+        self.n += 1
+        if nanoseconds > self._highest:
+            self.overflows += 1
+        self._histogram.record_value(min(max(nanoseconds, 1), self._highest))
+        if len(self._worst) < self._keep:
+            heapq.heappush(self._worst, (nanoseconds, tick))
+        elif nanoseconds > self._worst[0][0]:
+            heapq.heapreplace(self._worst, (nanoseconds, tick))
+
+    def summary(self) -> dict[str, Any]:
+        """n, min, percentiles, max [us] and worst ticks; negative ones and overflows where any."""
+        result: dict[str, Any] = {"n": self.n}
+        if self.negative:
+            result["negative"] = self.negative
+        if not self.n:
+            return result
+        percentiles = dict(PERCENTILES)
+        if self.n >= TAIL_SAMPLES:
+            percentiles["p99_99"] = 99.99
+        result["min"] = self._min / 1e3
+        for name, share in percentiles.items():
+            value = self._histogram.get_value_at_percentile(share)
+            result[name] = min(max(value, self._min), self._max) / 1e3
+        result["max"] = self._max / 1e3
+        result["worst"] = [
+            {"us": value / 1e3, "tick": tick} for value, tick in sorted(self._worst, reverse=True)
+        ]
+        if self.overflows:
+            result["overflows"] = self.overflows
+        return result
+
+
+class Jitter:
+    """Spread of a period about its nominal length: standard deviation, tail and maximum."""
+
+    def __init__(self, period: int) -> None:
+        self._period = period
+        self._n = 0
+        self._mean = self._squares = 0.0
+        self._deviations = Durations()
+        self._last: int | None = None
+
+    def start(self, stamp: int) -> None:
+        """A period begins at `stamp` [ns]."""
+        if self._last is not None:
+            deviation = float(stamp - self._last - self._period)
+            self._n += 1
+            step = deviation - self._mean
+            self._mean += step / self._n
+            self._squares += step * (deviation - self._mean)
+            self._deviations.add(abs(int(deviation)))
+        self._last = stamp
+
+    def skip(self) -> None:
+        """The next start does not follow the last one: ticks were skipped."""
+        self._last = None
+
+    def summary(self) -> dict[str, Any]:
+        """n, standard deviation, p99.9 - p50 of |period - T|, and max |period - T| [us]."""
+        if self._n < 2:
+            return {"n": self._n}
+        sizes = self._deviations.summary()
+        return {
+            "n": self._n,
+            "std": (self._squares / (self._n - 1)) ** 0.5 / 1e3,
+            "p99_9_minus_p50": sizes["p99_9"] - sizes["p50"],
+            "max": sizes["max"],
+        }

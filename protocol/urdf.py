@@ -1,0 +1,267 @@
+"""Reads the structure of a URDF without trusting it, and without Pinocchio.
+
+The format is http://wiki.ros.org/urdf/XML. What is accepted is a tree of at most 1024 links with
+revolute, prismatic and fixed joints, and boxes, cylinders and spheres as shapes: nothing that makes
+a reader open a file, expand an entity or recurse without bound.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from xml.etree import ElementTree as ET
+
+from protocol.errors import DescriptionError, nearest
+
+MAX_BYTES = 1 << 20
+MAX_DEPTH = 32
+MAX_LINKS = 1024
+
+MOVABLE = ("revolute", "prismatic")
+SHAPES = ("box", "cylinder", "sphere")
+RESERVED = "universe"  # Pinocchio's own name for joint 0 and for the world frame
+
+_WRITE_INSTEAD = {
+    "continuous": 'Write type="revolute" with a <limit lower=".." upper="..">.',
+    "floating": "Remove it: the base is fixed, the root link stands for it.",
+    "planar": "Write two prismatic joints and a revolute one instead.",
+}
+_INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+_NUMBERS = {  # attributes that must hold that many finite numbers
+    ("origin", "xyz"): 3,
+    ("origin", "rpy"): 3,
+    ("axis", "xyz"): 3,
+    ("box", "size"): 3,
+    ("mass", "value"): 1,
+    ("cylinder", "radius"): 1,
+    ("cylinder", "length"): 1,
+    ("sphere", "radius"): 1,
+    **{("inertia", name): 1 for name in _INERTIA},
+    **{("limit", name): 1 for name in ("lower", "upper", "velocity", "effort")},
+}
+
+
+@dataclass(frozen=True)
+class UrdfJoint:
+    """A joint as the URDF has it; limits in rad, rad/s, N m (or m, m/s, N), None if not given."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    lower: float | None
+    upper: float | None
+    velocity: float | None
+    effort: float | None
+
+
+@dataclass(frozen=True)
+class UrdfStructure:
+    """Links and joints of one tree.
+
+    Attributes:
+        links, joints: in the order of the text.
+        root: the link that everything hangs from.
+        moving: the links that some joint moves.
+    """
+
+    links: tuple[str, ...]
+    joints: tuple[UrdfJoint, ...]
+    root: str
+    moving: frozenset[str]
+
+    @property
+    def movable(self) -> dict[str, UrdfJoint]:
+        """The joints that are not fixed, by name, in the order of the text."""
+        return {joint.name: joint for joint in self.joints if joint.kind in MOVABLE}
+
+
+def read_urdf(text: str) -> UrdfStructure:
+    """Check a URDF and return its structure.
+
+    Raises:
+        DescriptionError: not a URDF that is accepted; the message says what to write instead.
+    """
+    robot = _parse(text)
+    _check_shapes(robot)
+    _check_numbers(robot)
+    links = _unique("link", (_name(link) for link in robot.findall("link")))
+    joints = tuple(_joint(element, set(links)) for element in robot.findall("joint"))
+    _unique("joint", (joint.name for joint in joints))
+    if len(links) > MAX_LINKS:
+        raise DescriptionError(f"URDF: {len(links)} links. At most {MAX_LINKS} are accepted.")
+    root, moving = _tree(links, joints)
+    _check_inertias(robot, moving)
+    return UrdfStructure(links, joints, root, moving)
+
+
+def _parse(text: str) -> ET.Element:
+    """Parse; entities and depth are refused before anything can expand or recurse."""
+    size = len(text.encode("utf-8", errors="replace"))
+    if size > MAX_BYTES:
+        raise DescriptionError(f"URDF: {size} bytes. At most {MAX_BYTES} are accepted.")
+    for forbidden in ("<!DOCTYPE", "<!ENTITY"):
+        if forbidden in text:
+            raise DescriptionError(f"URDF: {forbidden} found. Remove it: a URDF needs none.")
+    depth = 0
+    root: ET.Element | None = None
+    try:
+        events = ET.iterparse(io.StringIO(text), ("start", "end"))  # noqa: S314 (no DTD gets here)
+        for event, element in events:
+            root = element if root is None else root
+            depth += 1 if event == "start" else -1
+            if depth > MAX_DEPTH:
+                raise DescriptionError(
+                    f"URDF: elements nested deeper than {MAX_DEPTH}. Flatten it."
+                )
+    except (ET.ParseError, UnicodeError) as error:
+        raise DescriptionError(
+            f"URDF: not well-formed XML ({error}). Correct that place."
+        ) from error
+    if root is None or root.tag != "robot":
+        found = "nothing" if root is None else f"<{root.tag[:40]}>"
+        raise DescriptionError(f"URDF: the outermost element is {found}. Write <robot name=..>.")
+    return root
+
+
+def _check_shapes(robot: ET.Element) -> None:
+    for tag in ("mesh", "texture"):
+        if robot.find(f".//{tag}") is not None:
+            raise DescriptionError(
+                f"URDF: <{tag}> names a file, and files do not travel with a description. "
+                f"Use a primitive: {', '.join(SHAPES)}."
+            )
+    for geometry in robot.iter("geometry"):
+        for shape in geometry:
+            if shape.tag not in SHAPES:
+                raise DescriptionError(
+                    f"URDF: shape <{shape.tag[:40]}>. Use a primitive: {', '.join(SHAPES)}."
+                )
+
+
+def _check_numbers(robot: ET.Element) -> None:
+    for part in robot:
+        where = f"URDF {part.tag[:40]} {part.get('name')!r}"
+        for element in part.iter():
+            for attribute, text in element.attrib.items():
+                count = _NUMBERS.get((element.tag, attribute))
+                if count is not None:
+                    _numbers(f"{where}: <{element.tag} {attribute}>", text, count)
+            if element.tag == "axis" and not any(map(float, element.get("xyz", "1 0 0").split())):
+                raise DescriptionError(f"{where}: <axis> is zero. Write its direction, as 0 0 1.")
+
+
+def _numbers(where: str, text: str, count: int) -> None:
+    words = text.split()
+    if len(words) != count or not all(
+        _NUMBER.fullmatch(word) and math.isfinite(float(word)) for word in words
+    ):
+        raise DescriptionError(f"{where}: found {text[:60]!r}. Write {count} finite number(s).")
+
+
+def _check_inertias(robot: ET.Element, moving: frozenset[str]) -> None:
+    """Refuse what URDF readers drop without a word, and leave a robot without mass."""
+    moving_mass = 0.0
+    for link in robot.findall("link"):
+        name, inertial = _name(link), link.find("inertial")
+        if inertial is None:
+            continue
+        mass, inertia = inertial.find("mass"), inertial.find("inertia")
+        if mass is None or "value" not in mass.attrib:
+            raise DescriptionError(f'URDF link {name!r}: no mass. Write <mass value="..">, in kg.')
+        if inertia is None or not inertia.attrib.keys() >= set(_INERTIA):
+            raise DescriptionError(
+                f"URDF link {name!r}: <inertia> is not complete. Write {', '.join(_INERTIA)}."
+            )
+        value = float(mass.attrib["value"])
+        if value < 0.0:
+            raise DescriptionError(f"URDF link {name!r}: mass {value} kg. Write 0 or more.")
+        moving_mass += value if name in moving else 0.0
+    if not moving_mass > 0.0:
+        raise DescriptionError(
+            "URDF: nothing that moves has a mass, so there is no centre of mass to control. Give "
+            "moving links an <inertial> with <mass> and <inertia>, and check the spelling."
+        )
+
+
+def _name(element: ET.Element) -> str:
+    name = element.get("name")
+    if not name:
+        raise DescriptionError(f"URDF: a <{element.tag}> without a name. Give it one.")
+    if name == RESERVED:
+        raise DescriptionError(f"URDF {element.tag} {name!r}: a reserved name. Choose another.")
+    return name
+
+
+def _unique(kind: str, names: Iterable[str]) -> tuple[str, ...]:
+    seen: dict[str, None] = {}
+    for name in names:
+        if name in seen:
+            raise DescriptionError(f"URDF {kind} {name!r}: appears twice. Rename one of them.")
+        seen[name] = None
+    return tuple(seen)
+
+
+def _joint(element: ET.Element, links: set[str]) -> UrdfJoint:
+    name, kind = _name(element), element.get("type", "")
+    where = f"URDF joint {name!r}"
+    if element.find("mimic") is not None:
+        raise DescriptionError(
+            f"{where}: <mimic> is not supported. Write an independent joint, or a fixed one."
+        )
+    if kind != "fixed" and kind not in MOVABLE:
+        instead = _WRITE_INSTEAD.get(kind, "Write revolute, prismatic or fixed.")
+        raise DescriptionError(f"{where}: type {kind[:40]!r} is not supported. {instead}")
+    ends = []
+    for end in ("parent", "child"):
+        found = element.find(end)
+        link = "" if found is None else found.get("link", "")
+        if link not in links:
+            guess = nearest(link, links)
+            hint = f"Did you mean {guess!r}?" if guess else f'Write <{end} link="..">.'
+            raise DescriptionError(f"{where}: its {end} {link[:60]!r} is not a link. {hint}")
+        ends.append(link)
+    limit = element.find("limit")
+    given = {} if limit is None else limit.attrib
+    if kind in MOVABLE and not given.keys() >= {"velocity", "effort"}:
+        raise DescriptionError(
+            f"{where}: its limits are not complete. "
+            'Write <limit lower=".." upper=".." velocity=".." effort="..">.'
+        )
+    lower, upper, velocity, effort = (
+        float(given[key]) if key in given else None
+        for key in ("lower", "upper", "velocity", "effort")
+    )
+    return UrdfJoint(name, kind, ends[0], ends[1], lower, upper, velocity, effort)
+
+
+def _tree(links: tuple[str, ...], joints: tuple[UrdfJoint, ...]) -> tuple[str, frozenset[str]]:
+    """Find the root and the links that move; refuse anything but one tree."""
+    _unique("child link", (joint.child for joint in joints))
+    carried = {joint.child for joint in joints}
+    roots = [link for link in links if link not in carried]
+    if len(roots) != 1:
+        found = ", ".join(roots[:5]) or "none"
+        raise DescriptionError(
+            f"URDF: {len(roots)} links without a parent ({found:.200}). Join the links to one tree."
+        )
+    below: dict[str, list[UrdfJoint]] = {}
+    for joint in joints:
+        below.setdefault(joint.parent, []).append(joint)
+    moves = {roots[0]: False}
+    ahead = list(roots)
+    while ahead:
+        link = ahead.pop()
+        for joint in below.get(link, ()):
+            moves[joint.child] = moves[link] or joint.kind in MOVABLE
+            ahead.append(joint.child)
+    if len(moves) != len(links):
+        raise DescriptionError(
+            f"URDF: {len(links) - len(moves)} links form a loop apart from root {roots[0]!r}. "
+            "Join the links to one tree."
+        )
+    return roots[0], frozenset(link for link, moving in moves.items() if moving)

@@ -1,0 +1,285 @@
+"""Links over Zenoh. Nothing else in the project imports zenoh.
+
+A State and its Setpoint travel as samples with the highest priority, unbatched. Whatever is
+rare (description, authority, stop, recover) is a query, answered by the robot between two ticks.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+import time
+from collections import deque
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+os.environ.setdefault(
+    "ZENOH_RUNTIME",  # read once, at import: one worker for everything costs least
+    "(rx:(handover:app),tx:(handover:app),acc:(handover:app),net:(handover:app),"
+    "app:(worker_threads:1))",
+)
+
+import zenoh
+
+from protocol.errors import LinkError, NameTakenError, PortInUseError
+from protocol.link import Arrival, Request
+from protocol.settings import LinkSettings
+
+BACKLOG = 1024
+QUERY_TIMEOUT_S = 2.0
+
+
+def key(robot: str, leaf: str) -> str:
+    """Key expression of one of a robot's resources."""
+    return f"robots/{robot}/{leaf}"
+
+
+def open_session(settings: LinkSettings) -> zenoh.Session:
+    """A session that listens, connects and discovers exactly what the settings say.
+
+    Raises:
+        PortInUseError: somebody listens on one of the endpoints.
+        LinkError: an endpoint that Zenoh cannot use.
+    """
+    config = {
+        "mode": settings.mode,
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "listen": {"endpoints": list(settings.listen)},
+        "connect": {
+            "endpoints": list(settings.connect),
+            "timeout_ms": -1 if settings.mode == "peer" else 3000,
+            "exit_on_failure": settings.mode == "client",
+            "retry": {
+                "period_init_ms": 100,
+                "period_max_ms": 200,
+                "period_increase_factor": 1.5,
+            },
+        },
+        "transport": {
+            "shared_memory": {"enabled": False},
+            "link": {"tx": {"lease": settings.lease_ms}},
+        },
+    }
+    try:
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+    except zenoh.ZError as error:
+        text = str(error)
+        endpoints = ", ".join(settings.listen or settings.connect)
+        if "in use" in text:
+            raise PortInUseError(
+                f"{endpoints} is in use: another robot runs there. Stop it, or set link.listen "
+                "to a free port"
+            ) from error
+        if settings.mode == "client":
+            raise LinkError(
+                f"nobody answers at {endpoints}: is the robot running, and is this its endpoint?"
+            ) from error
+        reason = text.partition(" at /")[0]  # without the place in Zenoh's source
+        raise LinkError(f"cannot open {endpoints}: {reason}") from error
+
+
+class ZenohRobotLink:
+    """The robot's side.
+
+    One thread of Python's blocks in `recv` and stamps what arrives; everything else happens in
+    the loop, which polls. A query or a vanished client costs the loop nothing until it comes.
+
+    Args:
+        robot: name of the robot.
+        settings: how it is reached.
+        blocking: wait for the network rather than drop a State; for lockstep only.
+
+    Attributes:
+        arrival: set when a Setpoint has arrived, for those who wait.
+
+    Raises:
+        NameTakenError: a robot of that name is alive on this network.
+    """
+
+    def __init__(self, robot: str, settings: LinkSettings, *, blocking: bool = False) -> None:
+        self.arrival, self._blocking = threading.Event(), blocking
+        self._session = session = open_session(settings)
+        try:
+            if _alive(session, robot):
+                raise NameTakenError(
+                    f"a robot called {robot!r} is alive already; stop it, or give this one "
+                    "another name"
+                )
+            self._state = _fast_publisher(session, key(robot, "state"), blocking)
+            self._events = session.declare_publisher(key(robot, "events"), express=True)
+            self._queries = session.declare_queryable(
+                key(robot, "ask/*"), zenoh.handlers.FifoChannel(64)
+            )
+            self._clients = session.liveliness().declare_subscriber(
+                key(robot, "clients/*"), zenoh.handlers.FifoChannel(64)
+            )
+            self._setpoints = session.declare_subscriber(
+                key(robot, "setpoint"), zenoh.handlers.FifoChannel(BACKLOG)
+            )
+            self._token = session.liveliness().declare_token(key(robot, "alive"))
+        except BaseException:
+            session.close()
+            raise
+        self._arrived: deque[Arrival] = deque(maxlen=BACKLOG)
+        self._thread = threading.Thread(target=self._receive, name="receive", daemon=True)
+        self._thread.start()
+
+    def publish(self, state: bytes) -> None:
+        """Send a State."""
+        self._state.put(state)
+
+    def announce(self, event: bytes) -> None:
+        """Send an Event."""
+        self._events.put(event)
+
+    def drain(self) -> Sequence[Arrival]:
+        """Setpoints that have arrived, with the stamp of the receive thread."""
+        arrived = self._arrived
+        return [arrived.popleft() for _ in range(len(arrived))]
+
+    def requests(self) -> Iterable[Request]:
+        """Queries and vanished clients."""
+        while (query := self._queries.try_recv()) is not None:
+            yield _request(query)
+        while (sample := self._clients.try_recv()) is not None:
+            if sample.kind == zenoh.SampleKind.DELETE:
+                who = _identity(_leaf(sample.key_expr).encode())
+                yield Request("gone", who, lambda _: None)
+
+    def close(self) -> None:
+        """Leave the network; the receive thread ends with the session."""
+        self._session.close()
+        self._thread.join(timeout=2.0)
+
+    def _receive(self) -> None:
+        receive, arrived, now = self._setpoints.recv, self._arrived.append, time.monotonic_ns
+        signal = self.arrival.set if self._blocking else _nothing
+        try:
+            while True:
+                sample = receive()
+                arrived((now(), sample.payload.to_bytes()))
+                signal()
+        except zenoh.ZError:
+            return  # the session was closed
+
+
+class ZenohControllerLink:
+    """The controller's side: the newest State only, older ones are overwritten.
+
+    Args:
+        robot: name of the robot.
+        settings: how to reach it.
+        who: name under which authority is held; a liveliness token says that we are there.
+
+    Attributes:
+        presence: set while the robot is alive.
+    """
+
+    def __init__(
+        self, robot: str, settings: LinkSettings, who: str, *, blocking: bool = False
+    ) -> None:
+        self.robot, self.who = robot, who
+        self.presence = threading.Event()
+        self._session = session = open_session(settings)
+        try:
+            self._setpoint = _fast_publisher(session, key(robot, "setpoint"), blocking)
+            self._states = session.declare_subscriber(
+                key(robot, "state"), zenoh.handlers.RingChannel(1)
+            )
+            self._waker = session.declare_publisher(
+                key(robot, "state"), allowed_destination=zenoh.Locality.SESSION_LOCAL
+            )
+            self._token = session.liveliness().declare_token(key(robot, f"clients/{who}"))
+            self._presence = session.liveliness().declare_subscriber(
+                key(robot, "alive"), self._presence_changed, history=True
+            )
+        except BaseException:
+            session.close()
+            raise
+
+    def wait(self) -> Arrival | None:
+        """Block until a State is there; None when woken because the robot came or went."""
+        payload = self._states.recv().payload.to_bytes()
+        stamp = time.monotonic_ns()
+        return (stamp, payload) if payload else None
+
+    def publish(self, setpoint: bytes) -> None:
+        """Send a Setpoint."""
+        self._setpoint.put(setpoint)
+
+    def wake(self) -> None:
+        """Make `wait` return None; from any thread."""
+        self._waker.put(b"")
+
+    def ask(self, verb: str, timeout_s: float = QUERY_TIMEOUT_S) -> bytes | None:
+        """Ask the robot; its answer, or None where it gives none in time."""
+        return ask(self._session, self.robot, verb, self.who, timeout_s)
+
+    def close(self) -> None:
+        """Leave the network."""
+        self._session.close()
+
+    def _presence_changed(self, sample: zenoh.Sample) -> None:
+        if sample.kind == zenoh.SampleKind.PUT:
+            self.presence.set()
+        else:
+            self.presence.clear()
+        self.wake()
+
+
+def ask(
+    session: zenoh.Session, robot: str, verb: str, who: str, timeout_s: float = QUERY_TIMEOUT_S
+) -> bytes | None:
+    """Ask a robot something; None where nobody answers within `timeout_s` [s]."""
+    replies = session.get(key(robot, f"ask/{verb}"), payload=who.encode(), timeout=timeout_s)
+    for reply in replies:
+        if reply.ok is not None:
+            return reply.ok.payload.to_bytes()
+    return None
+
+
+def alive_robots(session: zenoh.Session) -> list[str]:
+    """Names of the robots that are alive where the session reaches."""
+    replies = session.liveliness().get(key("*", "alive"), timeout=QUERY_TIMEOUT_S)
+    return sorted(str(reply.ok.key_expr).split("/")[1] for reply in replies if reply.ok)
+
+
+def _fast_publisher(session: zenoh.Session, expression: str, blocking: bool) -> zenoh.Publisher:
+    """Publisher whose samples are neither batched nor queued behind others."""
+    control = zenoh.CongestionControl
+    return session.declare_publisher(
+        expression,
+        express=True,
+        priority=zenoh.Priority.REAL_TIME,
+        congestion_control=control.BLOCK if blocking else control.DROP,
+    )
+
+
+def _nothing() -> None:
+    """Nobody waits for an arrival in real time."""
+
+
+def _alive(session: zenoh.Session, robot: str) -> bool:
+    replies = session.liveliness().get(key(robot, "alive"), timeout=0.5)
+    return any(reply.ok is not None for reply in replies)
+
+
+def _leaf(expression: Any) -> str:
+    """Last chunk of a key expression; a wildcard such as `**` may be all there is of it."""
+    return str(expression).rsplit("/", 1)[-1]
+
+
+def _identity(name: bytes) -> str:
+    """Name of a client, cut alike wherever it comes from."""
+    return name[:64].decode("utf-8", "replace")
+
+
+def _request(query: zenoh.Query) -> Request:
+    def answer(content: dict[str, Any] | bytes) -> None:
+        payload = content if isinstance(content, bytes) else json.dumps(content).encode()
+        with query:
+            query.reply(query.key_expr, payload)
+
+    who = _identity(query.payload.to_bytes()) if query.payload else ""
+    return Request(_leaf(query.key_expr), who, answer)

@@ -1,0 +1,72 @@
+"""Robots by name or by path: a folder each, with `robot.yaml` and a URDF.
+
+Other distributions add robots through the entry-point group `hoap3.robots`; the entry point is the
+path of such a folder or YAML file, or a callable that returns a `RobotDescription`.
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+
+from protocol.description import RobotDescription
+from protocol.errors import ConfigError, UnknownNameError
+from robot_emulator.robots.yaml_file import read_robot
+
+__all__ = ["GROUP", "available", "load"]
+
+GROUP = "hoap3.robots"
+FILE = "robot.yaml"
+
+_FOLDER = Path(__file__).parent
+
+
+def available() -> list[str]:
+    """Names that `load` knows: shipped robots, and those of other distributions."""
+    return sorted(_shipped() | entry_points(group=GROUP).names)
+
+
+def load(name_or_path: str | Path) -> RobotDescription:
+    """Describe a robot.
+
+    Args:
+        name_or_path: a name of `available()`, a folder with a `robot.yaml`, or a YAML file. A name
+            comes before a folder of the same name; write `./name` for the folder.
+
+    Raises:
+        UnknownNameError: neither a known name nor a path; carries the nearest name.
+        ConfigError: a file is missing, or wrong; carries the key, the value and a remedy.
+        DescriptionError: the robot's figures or its URDF do not hold together.
+    """
+    if isinstance(name_or_path, str):
+        if name_or_path in _shipped():
+            return read_robot(_FOLDER / name_or_path / FILE)
+        for entry in entry_points(group=GROUP, name=name_or_path):
+            return _third_party(entry)
+    path = Path(name_or_path)
+    is_path = isinstance(name_or_path, Path) or "/" in name_or_path
+    if not is_path and path.suffix not in {".yaml", ".yml"} and not path.exists():
+        hint = " Or write the path of a folder or of a YAML file."
+        raise UnknownNameError("robot", str(name_or_path), available(), hint)
+    return read_robot(path / FILE if path.is_dir() else path)
+
+
+def _shipped() -> set[str]:
+    return {path.parent.name for path in _FOLDER.glob(f"*/{FILE}")}
+
+
+def _third_party(entry: EntryPoint) -> RobotDescription:
+    where = f"entry point {entry.name} of {GROUP}"
+    try:
+        robot = entry.load()
+    except (ImportError, AttributeError) as error:
+        remedy = "Correct the entry point, or reinstall the distribution that declares it"
+        raise ConfigError(where, "", entry.value, f"cannot be loaded: {error}", remedy) from error
+    if callable(robot):
+        robot = robot()
+    if isinstance(robot, RobotDescription):
+        return robot
+    if isinstance(robot, str | Path):
+        return read_robot(Path(robot) / FILE if Path(robot).is_dir() else Path(robot))
+    remedy = "Return a RobotDescription, or give the path of a robot's folder or YAML file"
+    raise ConfigError(where, "", robot, "is not a robot", remedy)

@@ -1,0 +1,198 @@
+"""The YAML file of a robot, and how it becomes a description.
+
+What is not written has a default:
+
+===========================  ================================================================
+`joints`                     the movable joints of the URDF, in its order
+`lower`, `upper`             usable range: `<limit lower upper>` of the URDF
+`lower_hard`, `upper_hard`   the usable range
+`velocity`, `effort`         `<limit velocity effort>` of the URDF
+`setpoint_acceleration_max`  the one at the top of the file, for all joints; else 250/s times the
+                             velocity: full speed within 4 ms
+`brake_acceleration`         the one at the top of the file, for all joints; else 10/s times the
+                             velocity: rest within 0.1 s
+`postures`                   `zero` is added: all joints at 0, or at the limit nearest to it
+`initial_posture`            `zero`
+`base_frame`                 the root link of the URDF
+`period_s`                   0.001
+`command_kinds`              position
+===========================  ================================================================
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field, StrictStr
+
+from protocol.description import MAX_BYTES, CommandKind, RobotDescription
+from protocol.description_parts import Number
+from protocol.errors import ConfigError, DescriptionError
+from protocol.settings import RobotName, Settings, load_yaml, parse
+from protocol.urdf import UrdfStructure, read_urdf
+
+SETPOINT_RATE = 250.0  # [1/s] default setpoint_acceleration_max / velocity
+BRAKE_RATE = 10.0  # [1/s] default brake_acceleration / velocity
+
+
+def _not_text(value: object) -> object:
+    if isinstance(value, str):
+        problem = "should be a number; YAML takes 1e-3 and '1' for text, 1.0e-3 for a number"
+        raise ValueError(problem)  # noqa: TRY004 - the error that pydantic understands
+    return value
+
+
+Figure = Annotated[Number, BeforeValidator(_not_text)]
+
+
+class JointEntry(Settings):
+    """One joint; a bare name stands for an entry with nothing but the name."""
+
+    name: StrictStr
+    lower: Figure | None = Field(None, description="least usable position [rad]")
+    upper: Figure | None = Field(None, description="greatest usable position [rad]")
+    lower_hard: Figure | None = Field(None, description="lower mechanical stop [rad]")
+    upper_hard: Figure | None = Field(None, description="upper mechanical stop [rad]")
+    velocity: Figure | None = Field(None, description="greatest speed [rad/s]")
+    setpoint_acceleration_max: Figure | None = Field(None, description="[rad/s²]")
+    brake_acceleration: Figure | None = Field(None, description="[rad/s²]")
+    effort: Figure | None = Field(None, description="peak torque [N m]")
+    effort_average: Figure | None = Field(None, description="torque that can be held [N m]")
+    encoder_counts_per_rad: Figure | None = Field(None, description="signed scale [1/rad]")
+
+
+class SoleEntry(Settings):
+    """One sole."""
+
+    frame: StrictStr = Field(description="a link of the URDF, z upwards")
+    polygon: tuple[tuple[Figure, Figure], ...] = Field(
+        description="corners in that frame, (x, y), counter-clockwise [m]"
+    )
+
+
+def _entry(value: object) -> object:
+    return {"name": value} if isinstance(value, str) else value
+
+
+class RobotFile(Settings):
+    """A robot's YAML file."""
+
+    name: RobotName
+    urdf: StrictStr = Field(description="a file, counted from the folder of this one")
+    joints: tuple[Annotated[JointEntry, BeforeValidator(_entry)], ...] | None = Field(
+        None, description="in wire order; names, or entries that say more"
+    )
+    setpoint_acceleration_max: Figure | None = Field(None, description="of all joints [rad/s²]")
+    brake_acceleration: Figure | None = Field(None, description="of all joints [rad/s²]")
+    postures: dict[StrictStr, tuple[Figure, ...]] = Field(
+        {}, description="joint positions in wire order [rad]"
+    )
+    initial_posture: StrictStr = "zero"
+    period_s: Figure = 0.001
+    command_kinds: tuple[CommandKind, ...] = ("position",)
+    soles: tuple[SoleEntry, ...] = ()
+    base_frame: StrictStr | None = Field(None, description="the link fixed to the ground")
+    wrench_sensors: tuple[StrictStr, ...] = Field((), description="links that measure a wrench")
+
+
+def read_robot(path: Path) -> RobotDescription:
+    """Describe the robot of a YAML file.
+
+    Raises:
+        ConfigError: a file is missing or cannot be read, or a key or a type is wrong.
+        DescriptionError: the figures or the URDF do not hold together.
+    """
+    file = str(path)
+    robot = parse(RobotFile, load_yaml(path), file)
+    urdf = _read_text(path.parent / robot.urdf, file)
+    try:
+        return describe(robot, urdf)
+    except DescriptionError as error:
+        raise DescriptionError(f"{file}: {error}") from error
+
+
+def describe(robot: RobotFile, urdf: str) -> RobotDescription:
+    """Fill in what the file leaves to the URDF and to the defaults.
+
+    Raises:
+        DescriptionError: the figures or the URDF do not hold together.
+    """
+    structure = read_urdf(urdf)
+    entries = robot.joints
+    if entries is None:
+        entries = tuple(JointEntry(name=name) for name in structure.movable)
+    joints = [_joint(robot, entry, structure) for entry in entries]
+    zero = tuple(min(max(0.0, joint["lower"]), joint["upper"]) for joint in joints)
+    return RobotDescription.model_validate(
+        {
+            "name": robot.name,
+            "urdf": urdf,
+            "joints": joints,
+            "initial_posture": robot.initial_posture,
+            "postures": {"zero": zero, **robot.postures},
+            "base_frame": robot.base_frame or structure.root,
+            "period_s": robot.period_s,
+            "command_kinds": robot.command_kinds,
+            "soles": [sole.model_dump() for sole in robot.soles],
+            "wrench_sensors": robot.wrench_sensors,
+        }
+    )
+
+
+def _joint(robot: RobotFile, entry: JointEntry, structure: UrdfStructure) -> dict[str, Any]:
+    urdf = structure.movable.get(entry.name)
+    if urdf is None:
+        known = ", ".join(structure.movable) or "none"
+        raise DescriptionError(
+            f"robot {robot.name!r}: joint {entry.name!r:.60}: not a movable joint of the URDF. "
+            f"Its movable joints: {known:.400}."
+        )
+    lower = _given(entry.lower, urdf.lower)
+    upper = _given(entry.upper, urdf.upper)
+    velocity = _given(entry.velocity, urdf.velocity)
+    if lower is None or upper is None or velocity is None:
+        raise DescriptionError(
+            f"robot {robot.name!r}: joint {entry.name!r}: its limits are not complete. "
+            "Write lower and upper in the <limit> of the URDF, or in the YAML file."
+        )
+    return {
+        "name": entry.name,
+        "lower": lower,
+        "upper": upper,
+        "lower_hard": _given(entry.lower_hard, lower),
+        "upper_hard": _given(entry.upper_hard, upper),
+        "velocity": velocity,
+        "setpoint_acceleration_max": _given(
+            entry.setpoint_acceleration_max,
+            robot.setpoint_acceleration_max,
+            SETPOINT_RATE * velocity,
+        ),
+        "brake_acceleration": _given(
+            entry.brake_acceleration, robot.brake_acceleration, BRAKE_RATE * velocity
+        ),
+        "effort": _given(entry.effort, urdf.effort),
+        "effort_average": entry.effort_average,
+        "encoder_counts_per_rad": entry.encoder_counts_per_rad,
+    }
+
+
+def _given(*values: float | None) -> float | None:
+    """Take the first that is given."""
+    return next((value for value in values if value is not None), None)
+
+
+def _read_text(path: Path, file: str) -> str:
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+        text = data.decode("utf-8")
+    except OSError as error:
+        reason = error.strerror or "cannot be read"
+        remedy = "Name a URDF file, counted from the folder of this one"
+        raise ConfigError(file, "urdf", str(path), reason, remedy) from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(file, "urdf", str(path), "is not UTF-8 text", "Save it so") from error
+    if len(data) > MAX_BYTES:
+        raise ConfigError(file, "urdf", str(path), "is larger than 1 MiB", "Make it smaller")
+    return text

@@ -1,0 +1,136 @@
+"""The URDF reader: what it finds, and what it refuses before anything can be harmed by it."""
+
+from __future__ import annotations
+
+import pytest
+from arm3 import URDF
+
+from protocol.errors import DescriptionError
+from protocol.urdf import MAX_BYTES, read_urdf
+
+BOX = '<box size="0.3 0.06 0.06"/>'
+SHOULDER = '<joint name="shoulder" type="revolute">'
+
+
+def test_structure_keeps_the_order_of_the_text():
+    arm = read_urdf(URDF)
+    assert arm.links == ("base", "upper_arm", "forearm", "hand", "tool")
+    assert tuple(arm.movable) == ("shoulder", "elbow", "wrist")
+    assert arm.root == "base"
+    assert arm.moving == {"upper_arm", "forearm", "hand", "tool"}
+    elbow = arm.movable["elbow"]
+    assert (elbow.parent, elbow.child) == ("upper_arm", "forearm")
+    assert (elbow.lower, elbow.upper, elbow.velocity, elbow.effort) == (0.1, 2.4, 2.5, 12.0)
+
+
+def test_a_prismatic_joint_is_movable():
+    arm = read_urdf(URDF.replace(SHOULDER, SHOULDER.replace("revolute", "prismatic")))
+    assert arm.movable["shoulder"].kind == "prismatic"
+
+
+def test_other_elements_are_ignored():
+    text = URDF.replace("</robot>", '<gazebo reference="hand"><mu1>0.2</mu1></gazebo></robot>')
+    assert read_urdf(text) == read_urdf(URDF)
+
+
+REFUSED = {
+    "continuous": (SHOULDER, SHOULDER.replace("revolute", "continuous"), "revolute"),
+    "floating": (SHOULDER, SHOULDER.replace("revolute", "floating"), "base is fixed"),
+    "planar": (SHOULDER, SHOULDER.replace("revolute", "planar"), "two prismatic joints"),
+    "misspelt type": (SHOULDER, SHOULDER.replace("revolute", "revolut"), "prismatic or fixed"),
+    "mimic": (SHOULDER, SHOULDER + '<mimic joint="elbow"/>', "independent joint"),
+    "mesh": (BOX, '<mesh filename="/etc/passwd"/>', "primitive: box, cylinder, sphere"),
+    "texture": (
+        "<visual>",
+        '<visual><material name="m"><texture filename="x.png"/></material>',
+        "primitive",
+    ),
+    "capsule": (BOX, '<capsule radius="1" length="1"/>', "primitive: box"),
+    "doctype": ("<robot", '<!DOCTYPE robot [<!ENTITY a "b">]><robot', "<!DOCTYPE found"),
+    "entity": ("<robot", '<!ENTITY a "b"><robot', "<!ENTITY found"),
+    "not well-formed": ("</robot>", "", "not well-formed"),
+    "other root": ("robot", "sdf", "Write <robot"),
+    "not finite": ('xyz="0 0 0.3"', 'xyz="0 0 nan"', "3 finite number"),
+    "infinite": ('mass value="2.0"', 'mass value="1e999"', "1 finite number"),
+    "too few": ('xyz="0 0 0.3"', 'xyz="0 0.3"', "3 finite number"),
+    "underscore": ('mass value="2.0"', 'mass value="2_0"', "1 finite number"),
+    "zero axis": ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>', "Write its direction"),
+    "negative mass": ('mass value="2.0"', 'mass value="-2.0"', "Write 0 or more"),
+    "no mass": ('<mass value="2.0"/>', "", "Write <mass"),
+    "incomplete inertia": ('ixx="0.002" ', "", "ixx, ixy, ixz"),
+    "nothing weighs": ("inertial>", "intertial>", "check the spelling"),
+    "no limit": (
+        '<limit lower="-2.5" upper="2.5" velocity="2.0" effort="20"/>',
+        "",
+        'Write <limit lower=".."',
+    ),
+    "no such parent": ('<parent link="forearm"/>', '<parent link="forarm"/>', "mean 'forearm'"),
+    "no child": ('<child link="forearm"/>', "", 'Write <child link="..">'),
+    "two roots": ("</robot>", '<link name="other"/></robot>', "one tree"),
+    "two parents": ('<child link="hand"/>', '<child link="forearm"/>', "appears twice"),
+    "same link": ('<link name="tool"/>', '<link name="tool"/><link name="tool"/>', "Rename"),
+    "same joint": ('name="elbow"', 'name="wrist"', "Rename"),
+    "nameless": ('<link name="tool"/>', "<link/>", "Give it one"),
+    "reserved joint": ('name="elbow"', 'name="universe"', "Choose another"),
+    "reserved link": ('"base"', '"universe"', "Choose another"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refusal_says_what_to_write(case):
+    old, new, remedy = REFUSED[case]
+    assert old in URDF
+    with pytest.raises(DescriptionError, match=r"^URDF") as caught:
+        read_urdf(URDF.replace(old, new))
+    assert remedy in str(caught.value)
+
+
+def test_a_loop_beside_the_tree_is_refused():
+    loop = (
+        '<link name="a"/><link name="b"/>'
+        '<joint name="ab" type="fixed"><parent link="a"/><child link="b"/></joint>'
+        '<joint name="ba" type="fixed"><parent link="b"/><child link="a"/></joint></robot>'
+    )
+    with pytest.raises(DescriptionError, match="2 links form a loop"):
+        read_urdf(URDF.replace("</robot>", loop))
+
+
+@pytest.mark.parametrize(
+    "heavy",
+    [
+        '<link name="base">{}</link>',
+        (
+            '<link name="base"/><link name="box">{}</link>'
+            '<joint name="j" type="fixed"><parent link="base"/><child link="box"/></joint>'
+        ),
+    ],
+)
+def test_mass_on_what_stands_still_is_not_enough(heavy):
+    inertial = (
+        '<inertial><mass value="5"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    )
+    text = URDF.replace("inertial>", "ignored>").replace(
+        '<link name="base"/>', heavy.format(inertial)
+    )
+    with pytest.raises(DescriptionError, match="nothing that moves has a mass"):
+        read_urdf(text)
+
+
+def test_size_depth_and_number_of_links_are_bounded():
+    with pytest.raises(DescriptionError, match="bytes"):
+        read_urdf(URDF + " " * MAX_BYTES)
+    with pytest.raises(DescriptionError, match="nested deeper"):
+        read_urdf("<robot>" + "<a>" * 100_000)
+    crowd = "".join(
+        f'<link name="x{i}"/><joint name="j{i}" type="fixed">'
+        f'<parent link="tool"/><child link="x{i}"/></joint>'
+        for i in range(1020)
+    )
+    with pytest.raises(DescriptionError, match="1025 links"):
+        read_urdf(URDF.replace("</robot>", crowd + "</robot>"))
+
+
+def test_a_declared_encoding_hides_nothing():
+    text = URDF.replace('version="1.0"', 'version="1.0" encoding="utf-16"')
+    assert read_urdf(text) == read_urdf(URDF)
