@@ -1,0 +1,88 @@
+"""Settings of the robot emulator."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field
+
+from protocol.errors import ConfigError, UnknownNameError
+from protocol.settings import (
+    LinkSettings,
+    LogSettings,
+    RealtimeSettings,
+    RobotName,
+    Settings,
+    load_yaml,
+)
+
+CONFIGS = Path(__file__).parent / "configs"
+
+
+class PlantSettings(Settings):
+    """How the robot's position servos behave."""
+
+    servo: Literal["ideal", "lag"] = Field("ideal", description="lag: first order")
+    time_constant_ms: float = Field(20.0, gt=0, description="of the lag")
+    encoder: Literal["ideal", "counts"] = Field(
+        "ideal", description="counts: positions are rounded to the encoder's int16 counts"
+    )
+
+
+class LockstepSettings(Settings):
+    """Virtual time instead of the wall clock."""
+
+    compute_time_us: float = Field(200.0, ge=0, description="virtual delay of every answer")
+
+
+class EmulatorConfig(Settings):
+    """One robot emulator."""
+
+    robot: str = Field("hoap3", description="shipped robot, or path of a description")
+    name: RobotName | None = Field(None, description="name on the network; default: the robot's")
+    posture: str | None = Field(None, description="start posture; default: the description's")
+    plant: PlantSettings = PlantSettings()
+    loss_policy: Literal["hold", "extrapolate"] = Field(
+        "hold", description="what the robot does with a missed setpoint"
+    )
+    misses_to_stop: int = Field(20, ge=1, description="consecutive misses that end in a safe stop")
+    seed: int = Field(0, ge=0, lt=2**63, description="of everything random; names the session")
+    link: LinkSettings = LinkSettings(listen=("tcp/127.0.0.1:7447",))
+    realtime: RealtimeSettings = RealtimeSettings(priority=85)
+    log: LogSettings = LogSettings()
+    lockstep: LockstepSettings = LockstepSettings()
+
+
+def available_configs() -> list[str]:
+    """Names of the shipped configs."""
+    return sorted(path.stem for path in CONFIGS.glob("*.yaml"))
+
+
+def read_config(name: str) -> tuple[dict[str, Any], str]:
+    """Content and file name of a shipped config, or of the user's own.
+
+    A robot's relative path counts from the folder of the file that names it.
+
+    Raises:
+        ConfigError: the file cannot be read.
+        UnknownNameError: neither a shipped config nor a file.
+    """
+    path = Path(name)
+    if name in available_configs():
+        path = CONFIGS / f"{name}.yaml"
+    elif path.suffix not in {".yaml", ".yml"} and not path.exists():
+        raise UnknownNameError("emulator config", name, available_configs(), " Or name a file.")
+    content = load_yaml(path)
+    robot = content.get("robot")
+    if isinstance(robot, str) and ("/" in robot or robot.endswith((".yaml", ".yml"))):
+        content["robot"] = str((path.parent / robot).resolve())
+    return content, str(path)
+
+
+def check_posture(posture: str, known: list[str], file: str) -> None:
+    """Refuse a start posture that the robot does not have."""
+    if posture not in known:
+        raise ConfigError(
+            file, "posture", posture, "no such posture", f"Known: {', '.join(sorted(known))}"
+        )

@@ -1,0 +1,139 @@
+"""What becomes of each setpoint that arrives, and of each tick that asked for one.
+
+Two questions, counted apart. A message is accepted, or a duplicate, or out of order, or rejected
+for one named reason. A tick that asked for an answer got it in time, late, or not at all.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from protocol.errors import WireError
+from protocol.messages import Setpoint
+from protocol.statistics import Deadlines
+
+HISTORY = 1024
+MAX_EXTRAS = 256
+REJECTION_KINDS = (
+    "size",
+    "layout",
+    "wire_version",
+    "session",
+    "future",
+    "unasked",
+    "epoch",
+    "command",
+    "not_finite",
+)
+"""Why a setpoint is refused; the order is part of the wire (Event.detail of REJECTED)."""
+
+
+class Inbox:
+    """Judges setpoints.
+
+    Args:
+        joints: n.
+        session_id: the robot's.
+        command: command kind that the robot takes now.
+
+    Attributes:
+        setpoint: the newest accepted one.
+        fresh: whether `setpoint` has not been taken by a tick yet.
+        rejections: counts by reason.
+        deadlines: outcomes of ticks.
+    """
+
+    def __init__(self, joints: int, session_id: int, command: int) -> None:
+        self.setpoint = Setpoint(joints)
+        self._incoming = Setpoint(joints)
+        self._joints, self._session_id, self._command = joints, session_id, command
+        self._finite = np.zeros(joints, np.bool_)
+        self._asked = np.full(HISTORY, -1, np.int64)  # the tick that uses this place
+        self._epochs = np.zeros(HISTORY, np.int64)
+        self._deadline = np.zeros(HISTORY, np.int64)
+        self._arrival = np.full(HISTORY, -1, np.int64)
+        self._counted_lost = np.zeros(HISTORY, np.bool_)
+        self.fresh = False
+        self.newest_tick = -1
+        self.duplicate = self.out_of_order = 0
+        self.rejections = dict.fromkeys(REJECTION_KINDS, 0)
+        self.deadlines = Deadlines()
+
+    @property
+    def rejected(self) -> int:
+        """Setpoints refused, of all kinds."""
+        return sum(self.rejections.values())
+
+    def ask(self, tick: int, epoch: int, deadline: int) -> None:
+        """The State of `tick` asks for an answer under `epoch` that is there by `deadline` [ns]."""
+        place = tick % HISTORY
+        self._asked[place] = tick
+        self._epochs[place] = epoch
+        self._deadline[place] = deadline
+        self._arrival[place] = -1
+        self._counted_lost[place] = False
+
+    def accept(self, stamp: int, payload: bytes, last_tick: int) -> str | None:
+        """Take a payload that arrived at `stamp` [ns]; `last_tick` is the newest one published.
+
+        Returns:
+            None, or the reason for which it was refused.
+        """
+        reason = self._refusal(payload, last_tick)
+        if reason is not None:
+            self.rejections[reason] += 1
+            return reason
+        setpoint, place = self._incoming, self._incoming.tick % HISTORY
+        if self._arrival[place] >= 0:
+            self.duplicate += 1
+            return None
+        self._arrival[place] = stamp
+        if self._counted_lost[place]:
+            self.deadlines.lost_arrived()
+        if setpoint.tick < self.newest_tick:
+            self.out_of_order += 1
+            return None
+        self.newest_tick = setpoint.tick
+        self._incoming, self.setpoint = self.setpoint, setpoint
+        self.fresh = True
+        return None
+
+    def judge(self, tick: int) -> bool:
+        """Count the outcome of `tick`, whose deadline has passed; True where it was in time."""
+        place = tick % HISTORY
+        arrival = int(self._arrival[place])
+        if 0 <= arrival <= int(self._deadline[place]):
+            self.deadlines.hit()
+            return True
+        self.deadlines.miss(arrived=arrival >= 0)
+        self._counted_lost[place] = arrival < 0
+        return False
+
+    def start_anew(self) -> None:
+        """Follow nothing that has arrived so far, and let earlier misses not add to a run."""
+        self.fresh = False
+        self.deadlines.end_run()
+
+    def _refusal(self, payload: bytes, last_tick: int) -> str | None:
+        setpoint = self._incoming
+        try:
+            if len(payload) != setpoint.size:  # as many extras as the controller likes
+                extra = Setpoint.schema.lengths_in(payload)["extra"]
+                self._incoming = setpoint = Setpoint(self._joints, min(extra, MAX_EXTRAS))
+            setpoint.load(payload)
+        except WireError as error:
+            return error.kind
+        place = setpoint.tick % HISTORY
+        if setpoint.session_id != self._session_id:
+            return "session"
+        if setpoint.tick > last_tick:
+            return "future"
+        if self._asked[place] != setpoint.tick:
+            return "unasked"
+        if self._epochs[place] != setpoint.epoch:
+            return "epoch"
+        if setpoint.command != self._command:
+            return "command"
+        if np.count_nonzero(np.isfinite(setpoint.values, out=self._finite)) < self._joints:
+            return "not_finite"
+        return None

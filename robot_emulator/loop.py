@@ -1,0 +1,296 @@
+"""The robot's tick: take the newest setpoint, move, measure, publish.
+
+Everything happens in one thread and in one order, on whatever clock and link it is given, so the
+same code runs against the wall clock, in lockstep, and under the tests' virtual time.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+
+import numpy as np
+
+from protocol.clock import Clock, VirtualClock
+from protocol.description import RobotDescription
+from protocol.link import Request, RobotLink
+from protocol.messages import Event, Setpoint, State
+from protocol.realtime import Ticker
+from protocol.recorder import Recorder
+from protocol.ring import Kind
+from robot_emulator.authority import Authority
+from robot_emulator.config import EmulatorConfig
+from robot_emulator.inbox import REJECTION_KINDS, Inbox
+from robot_emulator.plant import Plant
+from robot_emulator.safety import Reference
+
+GRACE_TICKS = 20
+"""Ticks between a grant and the first answer that is asked for, in real time."""
+
+EVENTS = Event.schema.constants
+_LAST_WORDS = {EVENTS["REASON_SHUTDOWN"], EVENTS["REASON_ENDED"]}  # then the schedule ends
+_FAILURES = {EVENTS["REASON_MISSES"], EVENTS["REASON_HOLDER_LOST"]}
+
+
+class RobotLoop:
+    """One robot.
+
+    Args:
+        description: of the robot.
+        config: of the emulator.
+        plant: its body.
+        clock, link, recorder: what it runs on.
+        session_id: new at each start.
+        grace_ticks: between a grant and the first answer that is asked for.
+
+    Attributes:
+        mode: State.IDLE, ACTIVE, STOPPING or STOPPED.
+        safe_stops: how often misses or a lost holder forced a safe stop.
+        skipped: ticks skipped since the start.
+        inbox: counts of setpoints and deadlines.
+    """
+
+    def __init__(
+        self,
+        description: RobotDescription,
+        config: EmulatorConfig,
+        plant: Plant,
+        clock: Clock,
+        link: RobotLink,
+        recorder: Recorder,
+        session_id: int,
+        grace_ticks: int = GRACE_TICKS,
+    ) -> None:
+        self._description, self._config = description, config
+        self._plant, self._clock, self._link, self._recorder = plant, clock, link, recorder
+        self.period = round(description.period_s * 1e9)
+        posture = config.posture or description.initial_posture
+        start = np.array(description.postures[posture])
+        plant.reset(start)
+        self._reference = Reference(description, description.period_s)
+        self._reference.reset(start)
+        self._authority = Authority()
+        self._grace_ticks = grace_ticks
+        self._epoch = 0
+        self._stop_reason = 0
+        self._stop_began = 0
+        self._asked_tick = self._first_active_tick = -1
+        self._clipped = False
+        self.mode = State.IDLE
+        self.safe_stops = self.skipped = 0
+        self.inbox = Inbox(description.n, session_id, Setpoint.POSITION)
+        self._state = State(description.n, 6 * len(description.wrench_sensors))
+        self._state.session_id = session_id
+        self._event = Event()
+        self._event.session_id = session_id
+        self.tick = -1
+
+    def run(self, start: int, should_stop: Callable[[], bool], ticks: int | None = None) -> None:
+        """Tick from `start` [ns]; come to rest when told to stop, or `ticks` after it was active.
+
+        Args:
+            start: begin of tick 0 on the clock [ns].
+            should_stop: asked at each tick.
+            ticks: duration, counted from the first active tick, or None for no end.
+        """
+        ticker = Ticker(self._clock, self.period, start)
+        self._announce("STARTED", 0)
+        while True:
+            ticker.wait()
+            if should_stop():
+                self.stop("REASON_SHUTDOWN")
+            elif ticks is not None and 0 <= self._first_active_tick <= ticker.tick - ticks:
+                self.stop("REASON_ENDED")
+            self.step(ticker)
+            if self._stop_reason in _LAST_WORDS and self.mode == State.STOPPED:
+                break
+        self._announce("ENDED", 0)
+        summary = json.dumps(self.summary()).encode()
+        self._recorder.record_large(Kind.SUMMARY, self._clock.now(), summary)
+
+    def summary(self) -> dict[str, object]:
+        """What the robot counted; docs/concepts.md defines each figure."""
+        deadlines = self.inbox.deadlines
+        return {
+            "asked": deadlines.asked,
+            "in_time": deadlines.in_time,
+            "run_rate": deadlines.run_rate,
+            "longest_run": deadlines.longest_run,
+            "worst_window": deadlines.worst_window,
+            "safe_stops": self.safe_stops,
+            "rejections": {name: n for name, n in self.inbox.rejections.items() if n},
+        }
+
+    def step(self, ticker: Ticker) -> None:
+        """Everything that happens at one tick."""
+        published, self.tick = self.tick, ticker.tick
+        if ticker.skipped:
+            self.skipped += ticker.skipped
+            self._announce("SKIPPED", ticker.skipped)
+        for request in self._link.requests():
+            self._serve(request)
+        self._receive(published)
+        self._judge()
+        self._obey_grant()
+        self._move()
+        self._plant.step(self._reference.value, self._description.period_s)
+        if self.mode == State.ACTIVE:
+            self._asked_tick = self.tick
+            self.inbox.ask(self.tick, self._epoch, ticker.intended + self.period)
+        self._publish(ticker)
+
+    def stop(self, reason: str) -> None:
+        """Brake to rest. Whatever the reason, a latch once due stays due."""
+        if self._stop_reason and self._latches():
+            if EVENTS[reason] in _LAST_WORDS:
+                self._stop_reason = EVENTS[reason]
+            return
+        self._stop_reason = EVENTS[reason]
+        if self.mode == State.ACTIVE:
+            self._reference.begin_stop()
+            self.mode = State.STOPPING
+            self._stop_began = self.tick
+            self.safe_stops += self._stop_reason in _FAILURES
+            self._announce("SAFE_STOP", self._stop_reason)
+        elif self.mode == State.IDLE:
+            self._come_to_rest()
+
+    def _latches(self) -> bool:
+        """Whether the robot stays stopped until an explicit recover."""
+        return self._stop_reason != EVENTS["REASON_RELEASED"]
+
+    def _come_to_rest(self) -> None:
+        self._epoch = 0
+        if self._latches():
+            self.mode = State.STOPPED
+        else:
+            self.mode, self._stop_reason = State.IDLE, 0
+
+    def _receive(self, published: int) -> None:
+        """Judge the setpoints that have arrived since the last tick."""
+        for stamp, payload in self._link.drain():
+            self._recorder.record(Kind.SETPOINT, stamp, payload)
+            reason = self.inbox.accept(stamp, payload, published)
+            if reason is not None and self.inbox.rejections[reason] == 1:
+                self._announce("REJECTED", REJECTION_KINDS.index(reason))
+
+    def _judge(self) -> None:
+        """Count the outcome of the last tick that asked, and stop after too many misses."""
+        if self._asked_tick < 0:
+            return
+        in_time = self.inbox.judge(self._asked_tick)
+        self._asked_tick = -1
+        if not in_time and self.inbox.deadlines.run >= self._config.misses_to_stop:
+            self.stop("REASON_MISSES")
+
+    def _obey_grant(self) -> None:
+        """From its first tick on, a grant makes the robot active."""
+        grant = self._authority.grant
+        if self.mode == State.IDLE and grant is not None and self.tick >= grant.from_tick:
+            self.mode, self._epoch = State.ACTIVE, grant.epoch
+            self._reference.forget()
+            self.inbox.start_anew()
+            if self._first_active_tick < 0:
+                self._first_active_tick = self.tick
+
+    def _move(self) -> None:
+        """Advance the applied reference by one period."""
+        reference, inbox = self._reference, self.inbox
+        if self.mode == State.ACTIVE:
+            if inbox.fresh:
+                inbox.fresh = False
+                clipped = reference.follow(inbox.setpoint.values, inbox.setpoint.tick)
+            elif self._config.loss_policy == "extrapolate":
+                clipped = reference.extrapolate()
+            else:
+                clipped = reference.hold()
+            if clipped >= 0 and not self._clipped:
+                self._announce("CLIPPED", clipped)
+            self._clipped = clipped >= 0
+        elif self.mode == State.STOPPING and reference.brake():
+            self._announce("AT_REST", self.tick - self._stop_began)
+            self._come_to_rest()
+
+    def _publish(self, ticker: Ticker) -> None:
+        state, inbox, grant = self._state, self.inbox, self._authority.grant
+        state.tick, state.mode, state.epoch = ticker.tick, self.mode, self._epoch
+        state.epoch_from_tick = grant.from_tick if grant else 0
+        state.stamp_intended, state.stamp_actual = ticker.intended, ticker.actual
+        deadlines = inbox.deadlines
+        state.skipped, state.late, state.lost = self.skipped, deadlines.late, deadlines.lost
+        state.duplicate, state.out_of_order = inbox.duplicate, inbox.out_of_order
+        state.rejected, state.success_rate = inbox.rejected, deadlines.success_rate
+        state.q[:], state.dq[:], state.tau[:] = self._plant.q, self._plant.dq, self._plant.tau
+        state.reference[:] = self._reference.value
+        state.stamp_published = self._clock.now()
+        payload = state.dump()
+        self._link.publish(payload)
+        state.stamp_sent_previous = self._clock.now()
+        self._recorder.record(Kind.STATE, state.stamp_published, payload)
+
+    def _serve(self, request: Request) -> None:
+        """Answer a request; docs/wire.md has the answers."""
+        match request.verb:
+            case "description":
+                request.answer(self._description.to_json())
+            case "acquire":
+                self._grant(request)
+            case "release":
+                request.answer({"released": self._release(request.who, "RELEASED")})
+            case "gone":
+                self._release(request.who, "HOLDER_LOST")
+            case "stop":
+                self.stop("REASON_COMMAND")
+                request.answer(self._status())
+            case "recover":
+                request.answer({"recovered": self._recover(), **self._status()})
+            case "status":
+                request.answer(self._status())
+            case other:
+                request.answer({"error": f"unknown request {other!r}"})
+
+    def _status(self) -> dict[str, object]:
+        grant = self._authority.grant
+        return {
+            "mode": ("idle", "active", "stopping", "stopped")[self.mode],
+            "holder": grant.holder if grant else None,
+            "session_id": self._state.session_id,
+            "tick": self.tick,
+            "lockstep": isinstance(self._clock, VirtualClock),
+        }
+
+    def _grant(self, request: Request) -> None:
+        held = self._authority.grant
+        grant = self._authority.acquire(request.who, self.tick + self._grace_ticks)
+        if grant is None:
+            self._announce("REFUSED", held.epoch if held else 0)
+            request.answer({"granted": False, **self._status()})
+            return
+        if held is None:
+            self._announce("GRANTED", grant.epoch)
+        terms = {"granted": True, "epoch": grant.epoch, "from_tick": grant.from_tick}
+        request.answer({**terms, **self._status()})
+
+    def _release(self, who: str, event: str) -> bool:
+        epoch = self._authority.drop(who)
+        if epoch:
+            self._announce(event, epoch)
+            self.stop("REASON_RELEASED" if event == "RELEASED" else "REASON_HOLDER_LOST")
+        return bool(epoch)
+
+    def _recover(self) -> bool:
+        """Release the latch; the holder, if there is one, goes on after the grace period."""
+        if self.mode != State.STOPPED:
+            return False
+        self.mode, self._stop_reason = State.IDLE, 0
+        self._authority.renew(self.tick + self._grace_ticks)
+        self._announce("RECOVERED", 0)
+        return True
+
+    def _announce(self, kind: str, detail: int) -> None:
+        event = self._event
+        event.kind, event.tick, event.detail = EVENTS[kind], max(self.tick, 0), detail
+        event.stamp = self._clock.now()
+        payload = event.dump()
+        self._link.announce(payload)
+        self._recorder.record(Kind.EVENT, event.stamp, payload)

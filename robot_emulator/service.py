@@ -1,0 +1,127 @@
+"""The robot emulator as a service: one robot, one link, until it is told to stop."""
+
+from __future__ import annotations
+
+import json
+import secrets
+from collections.abc import Callable
+
+from protocol.clock import Clock, MonotonicClock, VirtualClock
+from protocol.description import RobotDescription
+from protocol.errors import ConfigError
+from protocol.link import RobotLink
+from protocol.realtime import prepare_process
+from protocol.recorder import Recorder
+from protocol.ring import Kind
+from robot_emulator.config import EmulatorConfig, check_posture
+from robot_emulator.loop import GRACE_TICKS, RobotLoop
+from robot_emulator.plant import PositionServo
+from robot_emulator.robots import load
+
+START_DELAY_NS = 10_000_000
+
+
+def describe(config: EmulatorConfig, file: str = "config") -> RobotDescription:
+    """Description of the configured robot, under the name that it has on the network."""
+    description = load(config.robot)
+    if config.posture is not None:
+        check_posture(config.posture, list(description.postures), file)
+    if config.name is not None:
+        description = description.model_copy(update={"name": config.name})
+    if "position" not in description.command_kinds:
+        raise ConfigError(
+            file,
+            "robot",
+            config.robot,
+            "takes no position commands",
+            "This emulator has position servos: give the robot `position` in command_kinds",
+        )
+    return description
+
+
+def build_loop(
+    config: EmulatorConfig,
+    description: RobotDescription,
+    clock: Clock,
+    link: RobotLink,
+    recorder: Recorder,
+    *,
+    lockstep: bool,
+) -> RobotLoop:
+    """A robot that is ready to run, and the first records of its log."""
+    session_id = config.seed if lockstep else secrets.randbits(63)
+    session = {"side": "robot", "session_id": session_id, "lockstep": lockstep}
+    recorder.record_large(Kind.DESCRIPTION, clock.now(), description.to_json())
+    recorder.record_large(Kind.SESSION, clock.now(), json.dumps(session).encode())
+    return RobotLoop(
+        description,
+        config,
+        PositionServo(description, config.plant),
+        clock,
+        link,
+        recorder,
+        session_id,
+        grace_ticks=0 if lockstep else GRACE_TICKS,
+    )
+
+
+def serve(
+    config: EmulatorConfig,
+    description: RobotDescription,
+    recorder: Recorder,
+    report: Callable[[str], None],
+    should_stop: Callable[[], bool],
+    ticks: int | None = None,
+) -> RobotLoop:
+    """Run a robot in real time over Zenoh until told to stop, or for `ticks`.
+
+    Args:
+        config, description: of the robot.
+        recorder: where its log goes.
+        report: takes what happened at the start, for people.
+        should_stop: asked at each tick; the robot then comes to rest first.
+        ticks: duration counted from the first active tick, or None.
+
+    Raises:
+        NameTakenError, PortInUseError, LinkError: it could not join the network.
+    """
+    from protocol.zenoh_link import ZenohRobotLink  # noqa: PLC0415 - only where there is a network
+
+    for measure in prepare_process(config.realtime):
+        report(str(measure))
+    clock = MonotonicClock()
+    link = ZenohRobotLink(description.name, config.link)
+    try:
+        loop = build_loop(config, description, clock, link, recorder, lockstep=False)
+        report(f"robot {description.name!r} is alive at {', '.join(config.link.listen)}")
+        loop.run(clock.now() + START_DELAY_NS, should_stop, ticks)
+    finally:
+        link.close()
+    return loop
+
+
+def serve_lockstep(
+    config: EmulatorConfig,
+    description: RobotDescription,
+    recorder: Recorder,
+    report: Callable[[str], None],
+    should_stop: Callable[[], bool],
+    ticks: int | None = None,
+) -> RobotLoop:
+    """The same on virtual time: each State waits for its answer, however long that takes.
+
+    Raises:
+        LinkError: the controller did not answer for ten seconds; names the tick.
+    """
+    from protocol.zenoh_lockstep import ZenohLockstepLink  # noqa: PLC0415
+
+    clock = VirtualClock()
+    compute_time = round(config.lockstep.compute_time_us * 1e3)
+    link = ZenohLockstepLink(description.name, config.link, clock, compute_time, should_stop)
+    try:
+        loop = build_loop(config, description, clock, link, recorder, lockstep=True)
+        report(f"robot {description.name!r} is alive at {', '.join(config.link.listen)}, lockstep")
+        loop.run(0, should_stop, ticks)
+    finally:
+        link.close()
+    return loop

@@ -1,0 +1,110 @@
+"""A robot on virtual time whose setpoints are written by the test, tick by tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+from small_arm import PERIOD_NS, arm
+
+from protocol.clock import VirtualClock
+from protocol.link import LockstepLink
+from protocol.messages import Event, Setpoint, State
+from protocol.realtime import Ticker
+from protocol.recorder import MemoryRecorder
+from protocol.ring import Kind
+from robot_emulator.config import EmulatorConfig
+from robot_emulator.loop import RobotLoop
+from robot_emulator.plant import PositionServo
+
+SESSION = 7
+EVENT_NAMES = {
+    value: name
+    for name, value in Event.schema.constants.items()
+    if not name.startswith(("REASON", "WIRE"))
+}
+
+Fate = Callable[[int, bytes], Iterable[tuple[int, bytes]]]
+
+
+class Oversleeper(VirtualClock):
+    """A clock whose sleeps end late when the test says so."""
+
+    late = 0
+
+    def sleep_until(self, deadline: int) -> None:
+        super().sleep_until(deadline)
+        self.advance(self.late)
+        self.late = 0
+
+
+class Bench:
+    """The robot, stepped by hand. `fate(tick, answer)` gives (delay, payload) pairs."""
+
+    def __init__(self, fate: Fate | None = None, grace: int = 0, **config: object) -> None:
+        self.clock = Oversleeper()
+        self.fate: Fate = fate or (lambda tick, answer: [(1000, answer)])
+        self.link = LockstepLink(self._answer, self.clock, fate=self._fates)
+        self.recorder = MemoryRecorder()
+        self.description = arm()
+        settings = EmulatorConfig(robot="arm", **config)
+        self.robot = RobotLoop(
+            self.description,
+            settings,
+            PositionServo(self.description, settings.plant),
+            self.clock,
+            self.link,
+            self.recorder,
+            SESSION,
+            grace_ticks=grace,
+        )
+        self.ticker = Ticker(self.clock, PERIOD_NS, 0)
+        self.speed = np.zeros(3)
+        self.changes: dict[str, object] = {}
+        self._tick = 0
+
+    def run(self, ticks: int) -> State:
+        """Step that many ticks; the newest State."""
+        for _ in range(ticks):
+            self.ticker.wait()
+            self.robot.step(self.ticker)
+        return self.states()[-1]
+
+    def states(self) -> list[State]:
+        found = []
+        for record in self.recorder.records:
+            if record.kind == Kind.STATE:
+                state = State(3)
+                state.load(record.payload)
+                found.append(state)
+        return found
+
+    def events(self) -> list[tuple[str, int, int]]:
+        found = []
+        for record in self.recorder.records:
+            if record.kind == Kind.EVENT:
+                event = Event()
+                event.load(record.payload)
+                found.append((EVENT_NAMES[event.kind], event.tick, event.detail))
+        return found
+
+    def _answer(self, payload: bytes) -> bytes | None:
+        state = State(3)
+        state.load(payload)
+        self._tick = state.tick
+        if state.mode != State.ACTIVE:
+            return None
+        return self.setpoint(state)
+
+    def setpoint(self, state: State, **changes: object) -> bytes:
+        """An answer to a State that moves the joints at `self.speed`."""
+        setpoint = Setpoint(3)
+        setpoint.session_id, setpoint.tick, setpoint.epoch = SESSION, state.tick, state.epoch
+        setpoint.stamp_state = state.stamp_published
+        setpoint.values[:] = state.reference + self.speed * 1e-3
+        for name, value in {**self.changes, **changes}.items():
+            setattr(setpoint, name, value)
+        return setpoint.dump()
+
+    def _fates(self, answer: bytes) -> Iterable[tuple[int, bytes]]:
+        return self.fate(self._tick, answer)

@@ -1,0 +1,133 @@
+"""Who may command the robot, and what happens when they stop."""
+
+from __future__ import annotations
+
+import numpy as np
+from robot_bench import Bench
+
+from protocol.messages import State
+
+
+def test_a_grant_holds_from_its_tick_on_and_the_second_asker_is_told_the_holder():
+    bench = Bench(grace=5)
+    first = bench.link.ask("acquire", "alice")
+    second = bench.link.ask("acquire", "bob")
+    bench.run(8)
+    assert first[0]["granted"]
+    assert (first[0]["epoch"], first[0]["from_tick"]) == (1, 5)
+    assert not second[0]["granted"]
+    assert second[0]["holder"] == "alice"
+    assert [state.mode for state in bench.states()] == [State.IDLE] * 5 + [State.ACTIVE] * 3
+    assert {name for name, _, _ in bench.events()} >= {"GRANTED", "REFUSED"}
+
+
+def test_asking_twice_gives_the_same_grant():
+    bench = Bench()
+    first, again = bench.link.ask("acquire", "alice"), bench.link.ask("acquire", "alice")
+    bench.run(2)
+    assert first[0]["epoch"] == again[0]["epoch"]
+
+
+def test_release_brakes_and_leaves_the_robot_free():
+    bench = Bench()
+    bench.link.ask("acquire", "alice")
+    bench.speed[:] = 1.0
+    bench.run(50)
+    bench.link.ask("release", "alice")
+    state = bench.run(100)
+    assert state.mode == State.IDLE
+    assert bench.robot.safe_stops == 0
+    reply = bench.link.ask("acquire", "bob")
+    assert bench.run(2).mode == State.ACTIVE
+    assert reply[0]["epoch"] == 2
+
+
+def test_a_holder_that_vanishes_is_a_safe_stop():
+    bench = Bench()
+    bench.link.ask("acquire", "alice")
+    bench.speed[:] = 1.0
+    bench.run(50)
+    bench.link.ask("gone", "bob")
+    assert bench.run(1).mode == State.ACTIVE
+    bench.link.ask("gone", "alice")
+    state = bench.run(100)
+    assert state.mode == State.STOPPED
+    assert bench.robot.safe_stops == 1
+    bench.link.ask("acquire", "bob")
+    assert bench.run(5).mode == State.STOPPED  # latched
+
+
+def test_recover_resumes_without_a_jump():
+    bench = Bench(grace=5)
+    bench.link.ask("acquire", "alice")
+    bench.speed[:] = (1.0, -1.0, 2.0)
+    bench.run(50)
+    bench.link.ask("stop", "operator")
+    bench.run(100)
+    assert bench.robot.mode == State.STOPPED
+    answer = bench.link.ask("recover", "operator")
+    bench.speed[:] = 0.0
+    bench.run(50)
+    assert answer[0]["recovered"]
+    assert bench.robot.mode == State.ACTIVE
+    reference = np.array([state.reference for state in bench.states()[100:]])
+    assert np.ptp(reference, axis=0).max() == 0.0
+
+
+def test_recover_is_refused_where_nothing_is_latched():
+    bench = Bench()
+    answer = bench.link.ask("recover", "operator")
+    bench.run(1)
+    assert not answer[0]["recovered"]
+
+
+def test_a_stop_holds_also_at_rest_and_before_any_controller():
+    bench = Bench()
+    bench.link.ask("stop", "operator")
+    bench.link.ask("acquire", "alice")
+    assert bench.run(5).mode == State.STOPPED
+    bench.link.ask("recover", "operator")
+    assert bench.run(3).mode == State.ACTIVE
+
+
+def test_a_release_after_a_stop_does_not_release_the_latch():
+    bench = Bench()
+    bench.link.ask("acquire", "alice")
+    bench.speed[:] = 1.0
+    bench.run(20)
+    bench.link.ask("stop", "operator")
+    bench.run(2)
+    bench.link.ask("release", "alice")
+    assert bench.run(100).mode == State.STOPPED
+
+
+def test_an_unknown_request_is_answered_as_such():
+    bench = Bench()
+    answer = bench.link.ask("dance", "alice")
+    bench.run(1)
+    assert "dance" in answer[0]["error"]
+
+
+def test_the_run_ends_at_rest_after_its_duration():
+    bench = Bench(grace=3)
+    bench.link.ask("acquire", "alice")
+    bench.speed[:] = 2.0
+    bench.robot.run(0, lambda: False, ticks=100)
+    states = bench.states()
+    assert sum(state.mode == State.ACTIVE for state in states) == 100
+    np.testing.assert_array_equal(states[-1].reference, states[-2].reference)
+    assert bench.robot.inbox.deadlines.asked == 100
+    assert bench.robot.safe_stops == 0
+    assert bench.events()[-1][0] == "ENDED"
+
+
+def test_a_signal_brings_the_robot_to_rest_first():
+    bench = Bench()
+    bench.link.ask("acquire", "alice")
+    bench.speed[:] = 2.0
+    bench.robot.run(0, lambda: bench.clock.now() > 50_000_000)
+    states = bench.states()
+    assert states[-1].mode == State.STOPPED
+    rate = np.diff([state.reference for state in states], axis=0) / 1e-3
+    assert np.abs(np.diff(rate, axis=0)).max() <= 2.0 + 1e-9  # the start is the largest step
+    np.testing.assert_array_equal(rate[-1], 0.0)
