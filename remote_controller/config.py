@@ -1,0 +1,100 @@
+"""Settings of the remote controller."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from protocol.description import RobotDescription
+from protocol.errors import ConfigError, FrameNotFoundError, UnknownNameError
+from protocol.settings import (
+    LinkSettings,
+    LogSettings,
+    RealtimeSettings,
+    RobotName,
+    Settings,
+    load_yaml,
+    parse,
+)
+
+CONFIGS = Path(__file__).parent / "configs"
+
+
+class ControllerConfig(Settings):
+    """One remote controller."""
+
+    controller: str = Field(description="registered name, or package.module:Class")
+    robot: RobotName = Field("hoap3", description="name of the robot on the network")
+    parameters: dict[str, Any] = Field({}, description="settings of the controller itself")
+    link: LinkSettings = LinkSettings(connect=("tcp/127.0.0.1:7447",))
+    realtime: RealtimeSettings = RealtimeSettings(priority=80)
+    log: LogSettings = LogSettings()
+
+
+def available_configs() -> list[str]:
+    """Names of the shipped configs."""
+    return sorted(path.stem for path in CONFIGS.glob("*.yaml"))
+
+
+def read_config(name: str) -> tuple[dict[str, Any], str]:
+    """Content and file name of a shipped config, of the user's own, or of a bare controller.
+
+    The folder of the user's own file joins the end of the import path, so that a controller
+    can lie beside it.
+
+    Raises:
+        ConfigError: the file cannot be read.
+        UnknownNameError: neither a shipped config, nor a file, nor a controller.
+    """
+    if name in available_configs():
+        path = CONFIGS / f"{name}.yaml"
+        return load_yaml(path), str(path)
+    path = Path(name)
+    if path.suffix in {".yaml", ".yml"} or path.exists():
+        content = load_yaml(path)
+        folder = str(path.resolve().parent)
+        if folder not in sys.path:
+            sys.path.append(folder)
+        return content, str(path)
+    from remote_controller.registry import registered  # noqa: PLC0415 - loads controllers' base
+
+    if ":" in name or name in registered():
+        return {"controller": name}, f"controller {name}"
+    known = {*available_configs(), *registered()}
+    raise UnknownNameError("controller config", name, known, " Or name a file.")
+
+
+def build(config: ControllerConfig, description: RobotDescription, file: str = "config") -> Any:
+    """The configured controller for a robot.
+
+    Raises:
+        UnknownNameError, ConfigError: it cannot be found, its parameters are wrong, or the robot
+            lacks a frame that they name.
+    """
+    from remote_controller.registry import find  # noqa: PLC0415
+
+    controller = find(config.controller, file)
+    parameters = parse(controller.Parameters, config.parameters, file, "parameters")
+    try:
+        return controller(description, parameters)
+    except FrameNotFoundError as error:
+        key = next(
+            (name for name, value in parameters.model_dump().items() if value == error.frame), ""
+        )
+        raise ConfigError(
+            file,
+            f"parameters.{key}".rstrip("."),
+            error.frame,
+            f"robot {description.name!r} has no such frame",
+            f"Its frames: {', '.join(error.known)}",
+        ) from error
+
+
+def check_parameters(config: ControllerConfig, file: str) -> None:
+    """Refuse a controller or parameters that are wrong for any robot."""
+    from remote_controller.registry import find  # noqa: PLC0415
+
+    parse(find(config.controller, file).Parameters, config.parameters, file, "parameters")

@@ -1,0 +1,1 @@
+"""Controllers, one a file, all with the same three methods."""

@@ -1,0 +1,82 @@
+"""Controllers that make V = |e|²/2 of one task decrease at a chosen rate (QP12, section V)."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from protocol.description import RobotDescription
+from protocol.messages import FloatArray, State
+from remote_controller.controllers.controller import STATUS, VelocityController
+from remote_controller.kinematics import Kinematics
+from remote_controller.tasks.com import ComTask
+
+PSI_SCALES = {"inverse_sqrt_n": 0, "one": 1, "max_norm": 2}
+
+
+class DescentController(VelocityController):
+    """Brings the centre of mass to a target; subclasses choose among the velocities that do.
+
+    Raises:
+        FrameNotFoundError: the robot does not have the task's frame.
+    """
+
+    class Parameters(VelocityController.Parameters):
+        """Task, rate of decrease, and what is fed back."""
+
+        frame: str = Field("r_sole", description="frame fixed to the ground")
+        target_m: tuple[float, float, float] = Field(
+            (0.01, 0.025, 0.2869), description="where the CoM shall be, in that frame [m]"
+        )
+        u_max_rad_s: float = Field(0.6, gt=0, description="joint speed that Ψ is scaled by")
+        beta: float = Field(46.0, gt=0, description="β of R(q), (41) [1/m]")
+        psi_scale: Literal["inverse_sqrt_n", "one", "max_norm"] = Field(
+            "inverse_sqrt_n",
+            description="Ψ = u_max·|∇V|₂·R/√n as (16) has it, without 1/√n, or u_max·|∇V|∞·R",
+        )
+        kinematics_from: Literal["measured", "reference"] = Field(
+            "measured", description="joint positions that kinematics are computed from"
+        )
+        integrate_from: Literal["measured", "reference"] = Field(
+            "reference", description="joint positions that setpoints are integrated from"
+        )
+
+    def __init__(self, description: RobotDescription, parameters: Parameters) -> None:
+        super().__init__(description, parameters)
+        self.kinematics = Kinematics(description)
+        self.task = ComTask(self.kinematics, parameters.frame, np.array(parameters.target_m))
+        self._from_reference = parameters.kinematics_from == "reference"
+        self.u = np.zeros(description.n)
+        self._certificate = np.zeros(6)
+
+    def velocity(self, state: State) -> FloatArray:
+        """Joint velocities that decrease V, and their certificate."""
+        self.kinematics.update(state.reference if self._from_reference else state.q)
+        self.task.update(self.kinematics)
+        command = self.command
+        command.stamp_kinematics = self.now()
+        command.solver_status = self.descend(self._certificate)
+        (
+            command.v,
+            command.v_rate_required,
+            command.v_rate_predicted,
+            command.rho,
+            command.margin,
+            command.kkt_residual,
+        ) = self._certificate.tolist()
+        return self.u
+
+    def descend(self, certificate: FloatArray) -> int:
+        """Write u into `self.u` and (V, required V̇, predicted V̇, ρ, margin, residual).
+
+        Returns:
+            One of `STATUS`.
+        """
+        raise NotImplementedError
+
+
+Gamma = Annotated[float, Field(ge=0, le=1)]
+
+__all__ = ["PSI_SCALES", "STATUS", "DescentController", "Gamma"]

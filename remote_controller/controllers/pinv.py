@@ -1,0 +1,59 @@
+"""The pseudo-inverse of the task Jacobian as a controller: the paper's peer PINV."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from protocol.description import RobotDescription
+from protocol.messages import FloatArray
+from remote_controller.controllers.descent import PSI_SCALES, STATUS, DescentController
+from remote_controller.controllers.descent_kernels import pinv_descent
+from remote_controller.solvers import status
+from remote_controller.solvers.pinv_kernels import work_shape
+
+CERTIFIED_RESIDUAL = 1e-9
+
+
+class PinvController(DescentController):
+    """u along −J⁺e: scaled to the V̇ that QP12 has, or plainly u = −k·J⁺e."""
+
+    class Parameters(DescentController.Parameters):
+        """How fast."""
+
+        law: Literal["lyapunov", "plain"] = Field(
+            "lyapunov", description="lyapunov: V̇ = −Ψ, a fair comparison; plain: u = −k·J⁺e"
+        )
+        gain_per_s: float = Field(10.0, gt=0, description="k of the plain law [1/s]")
+
+    def __init__(self, description: RobotDescription, parameters: Parameters) -> None:
+        super().__init__(description, parameters)
+        self._settings = (
+            parameters.u_max_rad_s,
+            parameters.beta,
+            PSI_SCALES[parameters.psi_scale],
+            parameters.gain_per_s if parameters.law == "plain" else 0.0,
+        )
+        self._work = np.zeros(work_shape(3, description.n))
+        self.gradient = np.zeros(description.n)
+
+    def descend(self, certificate: FloatArray) -> int:
+        """Find u, and what it does to V."""
+        task = self.task
+        answer = pinv_descent(
+            task.error,
+            task.jacobian,
+            *self._settings,
+            self._work,
+            self.gradient,
+            self.u,
+            certificate,
+        )
+        if answer != status.OK:
+            return STATUS["infeasible"]
+        if certificate[0] == 0.0:
+            return STATUS["at_target"]
+        certified = certificate[5] <= CERTIFIED_RESIDUAL
+        return STATUS["certified"] if certified else STATUS["uncertified"]

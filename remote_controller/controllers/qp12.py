@@ -1,0 +1,50 @@
+"""The canonical QP12 as a controller: few joints or many, by one parameter (QP12, section V)."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import Field
+
+from protocol.description import RobotDescription
+from protocol.messages import FloatArray
+from remote_controller.controllers.descent import PSI_SCALES, STATUS, DescentController
+from remote_controller.controllers.descent_kernels import qp12_descent
+from remote_controller.solvers import status
+
+CERTIFIED_RESIDUAL = 1e-9
+
+
+class Qp12Controller(DescentController):
+    """min γ|u|₁ + (1−γ)/2·|u|₂² such that V̇ = −Ψ, each tick anew (40)."""
+
+    class Parameters(DescentController.Parameters):
+        """γ, and whether it falls near the target."""
+
+        gamma: float = Field(0.5, ge=0, le=1, description="0: all joints; towards 1: few")
+        adaptive_gamma: bool = Field(
+            False, description="γ·(2/π)·atan(100·|∇V|) instead of γ: no chattering at the target"
+        )
+
+    def __init__(self, description: RobotDescription, parameters: Parameters) -> None:
+        super().__init__(description, parameters)
+        self._settings = (
+            parameters.u_max_rad_s,
+            parameters.beta,
+            PSI_SCALES[parameters.psi_scale],
+            parameters.gamma,
+            parameters.adaptive_gamma,
+        )
+        self.gradient = np.zeros(description.n)
+
+    def descend(self, certificate: FloatArray) -> int:
+        """Solve (40)."""
+        task = self.task
+        answer = qp12_descent(
+            task.error, task.jacobian, *self._settings, self.gradient, self.u, certificate
+        )
+        if answer != status.OK:
+            return STATUS["infeasible"]
+        if certificate[1] == 0.0:
+            return STATUS["at_target"]
+        certified = certificate[5] <= CERTIFIED_RESIDUAL
+        return STATUS["certified"] if certified else STATUS["uncertified"]

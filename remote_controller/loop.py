@@ -1,0 +1,137 @@
+"""The controller's cycle: one State in, one Setpoint out, no timer of its own."""
+
+from __future__ import annotations
+
+import json
+
+from protocol.clock import Clock, VirtualClock
+from protocol.description import RobotDescription
+from protocol.errors import WireError
+from protocol.messages import Event, FloatArray, State
+from protocol.recorder import Recorder
+from protocol.ring import Kind
+from remote_controller.controllers.controller import Controller
+
+EVENTS = Event.schema.constants
+
+
+class ControllerLoop:
+    """One controller that answers one session of one robot.
+
+    The order of what it records is the order in which it was processed, so that a replay can
+    repeat it.
+
+    Args:
+        controller: the answers' author.
+        clock, recorder: what it runs on.
+        session_id: of the robot.
+
+    Attributes:
+        epoch: authority under which it answers, 0 for none.
+        answered, overwritten, repeated, rejected: counts of States.
+        stale: a State of another session came: the robot has been started anew.
+    """
+
+    def __init__(
+        self, controller: Controller, clock: Clock, recorder: Recorder, session_id: int
+    ) -> None:
+        self._controller, self._clock, self._recorder = controller, clock, recorder
+        controller.now = clock.now
+        n = controller.description.n
+        self._state = State(n, 6 * len(controller.description.wrench_sensors))
+        self._session_id = session_id
+        self._event = Event()
+        self._event.session_id = session_id
+        self.epoch = 0
+        self.answered = self.overwritten = self.repeated = self.rejected = 0
+        self.stale = False
+        self._last_tick = -1
+        self._last_answer: bytes | None = None
+        self._engaged = self._started = False
+        self._sent_previous = 0
+        self._unrecorded: list[tuple[Kind, int, bytes]] = []
+
+    def begin(self, description: RobotDescription, *, lockstep: bool) -> None:
+        """Record what everything after this belongs to."""
+        now = self._clock.now()
+        session = {"side": "controller", "session_id": self._session_id, "lockstep": lockstep}
+        self._recorder.record_large(Kind.DESCRIPTION, now, description.to_json())
+        self._recorder.record_large(Kind.SESSION, now, json.dumps(session).encode())
+
+    def grant(self, epoch: int) -> None:
+        """Answer under this authority from now on; 0 for none."""
+        self.epoch = epoch
+        body = json.dumps({"epoch": epoch}).encode()
+        self._recorder.record_large(Kind.AUTHORITY, self._clock.now(), body)
+
+    def answer(self, received: int, payload: bytes) -> bytes | None:
+        """Answer a State that arrived at `received` [ns]; None where no answer is asked for.
+
+        A controller without authority, or of a robot that is not active, follows in silence: it
+        takes every step, so that it is warm, and sends nothing. Call `sent` afterwards.
+        """
+        state, controller = self._state, self._controller
+        try:
+            state.load(payload)
+        except WireError:
+            self.rejected += 1
+            return None
+        if state.session_id != self._session_id:
+            self.stale = True
+            return None
+        if state.tick <= self._last_tick:
+            self.repeated += 1
+            return self._last_answer if state.tick == self._last_tick else None
+        if isinstance(self._clock, VirtualClock):  # lockstep: the robot's time is the time
+            self._clock.sleep_until(state.stamp_published)
+            received = self._clock.now()
+        decoded = self._clock.now()
+        self._note_gap(state.tick)
+        self._unrecorded.append((Kind.STATE, received, payload))
+        asked = state.mode == State.ACTIVE and state.epoch == self.epoch != 0
+        if not self._started or asked != self._engaged:
+            self._reset(state)
+            self._engaged = asked
+        command = controller.step(state)
+        command.stamp_solved = self._clock.now()
+        if not asked:
+            self._last_answer = None
+            return None
+        command.session_id, command.tick = state.session_id, state.tick
+        command.epoch, command.stamp_state = state.epoch, state.stamp_published
+        command.stamp_received, command.stamp_decoded = received, decoded
+        command.stamp_sent_previous = self._sent_previous
+        command.stamp_encoded = self._clock.now()
+        self._last_answer = command.dump()
+        self._unrecorded.append((Kind.SETPOINT, command.stamp_encoded, self._last_answer))
+        self.answered += 1
+        return self._last_answer
+
+    def sent(self) -> None:
+        """The answer is on its way: now there is time to record what was done."""
+        self._sent_previous = self._clock.now()
+        for record in self._unrecorded:
+            self._recorder.record(*record)
+        self._unrecorded.clear()
+
+    def announce(self, kind: str, detail: int) -> None:
+        """Record an event."""
+        event = self._event
+        event.kind, event.tick, event.detail = EVENTS[kind], max(self._last_tick, 0), detail
+        event.stamp = self._clock.now()
+        self._recorder.record(Kind.EVENT, event.stamp, event.dump())
+
+    def _note_gap(self, tick: int) -> None:
+        if self._last_tick >= 0 and tick > self._last_tick + 1:
+            self.overwritten += tick - self._last_tick - 1
+        self._last_tick = tick
+
+    def _reset(self, state: State) -> None:
+        command = self._controller.command
+        last: FloatArray | None = command.values.copy() if self._last_answer else None
+        self._controller.reset(state, last)
+        self._started = True
+        event = self._event
+        event.kind, event.tick, event.detail = EVENTS["RESET"], state.tick, state.tick
+        event.stamp = self._clock.now()
+        self._unrecorded.append((Kind.EVENT, event.stamp, event.dump()))

@@ -1,0 +1,1 @@
+"""Tasks: what a controller is to bring about, as an error that shall vanish."""

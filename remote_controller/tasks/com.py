@@ -1,0 +1,38 @@
+"""The centre of mass at a point (QP12, section V)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from protocol.messages import FloatArray
+from remote_controller.kinematics import Kinematics
+from remote_controller.tasks.task import Task
+
+
+class ComTask(Task):
+    """e = m(q) − m_d: centre of mass as seen from a frame, less its target [m].
+
+    Args:
+        kinematics: of the robot.
+        frame: name of the frame, such as the sole that stands on the ground.
+        target: m_d, (3,) [m], in that frame.
+
+    Raises:
+        FrameNotFoundError: the robot has no such frame.
+    """
+
+    def __init__(self, kinematics: Kinematics, frame: str, target: FloatArray) -> None:
+        super().__init__(3, kinematics.n)
+        self._frame = kinematics.frame_id(frame)
+        self._scratch = np.zeros_like(self.jacobian)
+        self.position = np.zeros(3)
+        self.target[:] = target
+
+    def update(self, kinematics: Kinematics) -> None:
+        """Recompute e [m] and J [m/rad]."""
+        kinematics.com(self._frame, self.position, self.jacobian)
+        np.subtract(self.position, self.target, out=self.error)
+
+    def read(self, kinematics: Kinematics, out: FloatArray) -> None:
+        """Write m(q), (3,) [m]."""
+        kinematics.com(self._frame, out, self._scratch)
