@@ -1,0 +1,330 @@
+"""The command line. It only wires: what a command does stands in a module of its own.
+
+People read standard error; `--json` puts one JSON object on standard output. Exit codes: 0 fit,
+1 findings, 2 wrong usage or settings.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from protocol.errors import Hoap3Error, UsageError
+from tools.rooms import check_rooms
+
+app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, add_completion=True)
+config_app = typer.Typer(no_args_is_help=True, help="Look at settings before anything runs.")
+app.add_typer(config_app, name="config")
+
+ENDPOINT = "tcp/127.0.0.1:7447"
+Sets = Annotated[
+    list[str],
+    typer.Option("--set", metavar="KEY=VALUE", help="Change a setting, checked as a file is."),
+]
+NoRealtime = Annotated[
+    bool, typer.Option("--no-realtime", help="Neither pin nor ask for priority or locked memory.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
+Out = Annotated[
+    Path | None, typer.Option("--out", help="Folder for the log; default: a new one in logs/.")
+]
+StatusFd = Annotated[int | None, typer.Option("--status-fd", hidden=True)]
+Named = Annotated[str | None, typer.Option("--named", hidden=True)]
+Connect = Annotated[str, typer.Option("--connect", help="Endpoint of the robot or a router.")]
+
+
+@app.command()
+def run(
+    robot: Annotated[
+        str, typer.Option(help="Robot or emulator config: a name or a path.")
+    ] = "hoap3",
+    controller: Annotated[str, typer.Option(help="Controller config: a name or a path.")] = "qp12",
+    duration: Annotated[float, typer.Option(min=0.001, help="Of the motion [s].")] = 5.0,
+    lockstep: Annotated[
+        bool, typer.Option("--lockstep", help="Virtual time, in one process.")
+    ] = False,
+    seed: Annotated[int | None, typer.Option(min=0, help="Of everything random.")] = None,
+    out: Out = None,
+    as_json: AsJson = False,
+    no_realtime: NoRealtime = False,
+    sets: Sets = [],  # noqa: B006 - typer's own way
+) -> None:
+    """Run a robot and its controller; --set takes emulator.KEY=VALUE and controller.KEY=VALUE."""
+    from tools.processes import StopFlag
+    from tools.run import run_lockstep, run_realtime
+    from tools.services import controller_config, emulator_config, split_overrides
+    from tools.show import LiveTable, show_summary
+
+    ours, theirs = split_overrides(sets)
+    if seed is not None:
+        ours.append(f"seed={seed}")
+    emulator, emulator_file = emulator_config(robot, ours, realtime=not no_realtime)
+    law, law_file = controller_config(controller, theirs, realtime=not no_realtime)
+    files = (emulator_file, law_file)
+    if lockstep:
+        outcome = run_lockstep(emulator, law, duration, out, files, should_stop=StopFlag())
+    else:
+        with LiveTable(f"{emulator.robot} and {law.controller}, {duration:g} s") as table:
+            outcome = run_realtime(emulator, law, duration, out, table.news, files)
+    if as_json:
+        _print_json(outcome.summary)
+    else:
+        show_summary(outcome.summary)
+    raise typer.Exit(0 if outcome.summary["verdict"] != "unfit" else 1)
+
+
+@app.command()
+def emulator(
+    config: Annotated[str, typer.Argument(help="Emulator config or robot: a name or a path.")],
+    lockstep: Annotated[bool, typer.Option("--lockstep", help="Virtual time over Zenoh.")] = False,
+    duration: Annotated[
+        float | None, typer.Option(min=0.001, help="Of the motion [s]; default: no end.")
+    ] = None,
+    out: Out = None,
+    no_realtime: NoRealtime = False,
+    sets: Sets = [],  # noqa: B006
+    status_fd: StatusFd = None,
+    named: Named = None,
+) -> None:
+    """Be a robot, until SIGINT or SIGTERM; it comes to rest first."""
+    from tools.services import emulator_config, run_emulator
+
+    settings, file = emulator_config(config, sets, realtime=not no_realtime, named=named)
+    code = run_emulator(
+        settings, file, lockstep=lockstep, duration=duration, out=out, status_fd=status_fd
+    )
+    raise typer.Exit(code)
+
+
+@app.command()
+def controller(
+    config: Annotated[str, typer.Argument(help="Controller config: a name or a path.")],
+    out: Out = None,
+    no_realtime: NoRealtime = False,
+    sets: Sets = [],  # noqa: B006
+    status_fd: StatusFd = None,
+    named: Named = None,
+) -> None:
+    """Control a robot, until SIGINT or SIGTERM; waits for it, and survives its absence."""
+    from tools.services import controller_config, run_controller
+
+    settings, file = controller_config(config, sets, realtime=not no_realtime, named=named)
+    raise typer.Exit(run_controller(settings, file, out=out, status_fd=status_fd))
+
+
+@app.command("list")
+def list_all(
+    live: Annotated[bool, typer.Option("--live", help="Also the robots that are alive.")] = False,
+    connect: Connect = ENDPOINT,
+    as_json: AsJson = False,
+) -> None:
+    """List robots, controllers and configs that can be named."""
+    from remote_controller.config import available_configs as controllers
+    from remote_controller.registry import registered
+    from robot_emulator.config import available_configs as emulators
+    from robot_emulator.robots import available as robots
+    from tools.control import alive
+
+    found: dict[str, list[str]] = {
+        "robots": robots(),
+        "controllers": sorted(registered()),
+        "emulator configs": emulators(),
+        "controller configs": controllers(),
+    }
+    if live:
+        found["alive"] = alive(connect)
+    if as_json:
+        _print_json(found)
+        return
+    for kind, names in found.items():
+        typer.echo(f"{kind}: {', '.join(names) or 'none'}", err=True)
+
+
+@app.command()
+def stop(
+    robot: Annotated[str, typer.Argument(help="Name of the robot.")] = "hoap3",
+    connect: Connect = ENDPOINT,
+    as_json: AsJson = False,
+) -> None:
+    """Bring a running robot to rest; it stays there until `recover`."""
+    _tell(robot, "stop", connect, as_json)
+
+
+@app.command()
+def recover(
+    robot: Annotated[str, typer.Argument(help="Name of the robot.")] = "hoap3",
+    connect: Connect = ENDPOINT,
+    as_json: AsJson = False,
+) -> None:
+    """Let a stopped robot follow its controller again."""
+    _tell(robot, "recover", connect, as_json)
+
+
+@app.command()
+def status(
+    robot: Annotated[str, typer.Argument(help="Name of the robot.")] = "hoap3",
+    connect: Connect = ENDPOINT,
+    as_json: AsJson = False,
+) -> None:
+    """Say what a running robot does, and whom it follows."""
+    _tell(robot, "status", connect, as_json)
+
+
+@app.command()
+def record(
+    robot: Annotated[str, typer.Argument(help="Name of the robot to listen to.")] = "hoap3",
+    repair: Annotated[
+        Path | None, typer.Option("--repair", metavar="LOG", help="Mend a log instead.")
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(min=0.001, help="[s]; default: until Ctrl-C.")
+    ] = None,
+    connect: Connect = ENDPOINT,
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Record a running robot from outside, or mend a log that was cut off."""
+    from tools.record import record_robot
+    from tools.repair import repair as mend
+
+    if repair is not None:
+        report = mend(repair)
+        if as_json:
+            _print_json(report.as_json())
+        else:
+            typer.echo(str(report), err=True)
+        return
+    outcome = record_robot(robot, connect, out, duration)
+    if as_json:
+        _print_json(outcome)
+    else:
+        typer.echo(
+            f"{outcome['states']} states, {outcome['setpoints']} setpoints: {outcome['log']}",
+            err=True,
+        )
+
+
+@app.command()
+def replay(
+    log: Annotated[Path, typer.Argument(help="Log of a controller, or the folder of a run.")],
+    sets: Sets = [],  # noqa: B006
+    tolerance: Annotated[float, typer.Option(min=0.0, help="Largest difference of a value.")] = 0.0,
+    allow_code: Annotated[
+        bool, typer.Option("--allow-code", help="Run a controller that is not registered.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Run the logged controller on its logged inputs and compare every setpoint."""
+    from tools.replay import replay as again
+
+    report = again(log, sets, tolerance=tolerance, allow_code=allow_code)
+    if as_json:
+        _print_json(report.as_json())
+    else:
+        typer.echo(str(report), err=True)
+    raise typer.Exit(0 if report.identical else 1)
+
+
+@app.command()
+def export(
+    log: Annotated[Path, typer.Argument(help="A log, or the folder of a run.")],
+    to: Annotated[Path, typer.Option("--to", help="File to write: *.csv or *.npz.")],
+    side: Annotated[str, typer.Option(help="robot or controller: whose log of a run.")] = "robot",
+) -> None:
+    """Write a log as CSV or as numpy arrays."""
+    from tools.export import export as write
+
+    typer.echo(str(write(log, to, side)), err=True)
+
+
+@config_app.command("show")
+def config_show(
+    name: Annotated[str, typer.Argument(help="Config: a name or a path.")],
+    sets: Sets = [],  # noqa: B006
+) -> None:
+    """Print the whole of a config, defaults included, as YAML."""
+    from tools.settings import resolved
+
+    typer.echo(resolved(name, sets)[0], nl=False)
+
+
+@config_app.command("check")
+def config_check(
+    names: Annotated[list[str], typer.Argument(help="Configs: names or paths.")],
+    sets: Sets = [],  # noqa: B006
+) -> None:
+    """Check configs."""
+    from tools.settings import resolved
+
+    for name in names:
+        typer.echo(f"{name}: a correct config of {resolved(name, sets)[1]}", err=True)
+
+
+@config_app.command("schema")
+def config_schema(
+    kind: Annotated[str, typer.Argument(help="emulator, controller, or a controller's name.")],
+) -> None:
+    """Print the JSON Schema of a config, for editors."""
+    from tools.settings import json_schema
+
+    _print_json(json_schema(kind))
+
+
+def _version(value: bool) -> None:
+    if value:
+        from tools.machine import versions
+
+        for name, version in versions().items():
+            typer.echo(f"{name} {version}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    _: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Versions of the stack."),
+    ] = False,
+) -> None:
+    """A robot and its remote controller, 1 kHz apart."""
+
+
+def _tell(robot: str, verb: str, connect: str, as_json: bool) -> None:
+    from tools.control import tell
+
+    answer = tell(robot, verb, connect)
+    if as_json:
+        _print_json(answer)
+    else:
+        typer.echo(f"{robot}: {answer['mode']}, follows {answer['holder'] or 'nobody'}", err=True)
+    raise typer.Exit(1 if answer.get("recovered") is False else 0)
+
+
+def _print_json(content: Any) -> None:
+    sys.stdout.write(json.dumps(content, indent=2) + "\n")
+
+
+def main() -> None:
+    """Entry point of `hoap3`."""
+    try:
+        check_rooms()
+        from tools.processes import die_with_parent
+
+        die_with_parent()
+        app()
+    except UsageError as error:
+        sys.stderr.write(f"error: {error}\n")
+        sys.exit(2)
+    except Hoap3Error as error:
+        sys.stderr.write(f"error: {error}\n")
+        sys.exit(1)
+    except KeyboardInterrupt:
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,63 @@
+"""Processes and signals: nothing outlives its parent, and every end is an orderly one."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from types import FrameType
+
+PARENT = "HOAP3_PARENT"
+_PR_SET_PDEATHSIG = 1
+
+
+class StopFlag:
+    """Set by SIGINT and SIGTERM; a loop asks it between two ticks.
+
+    Args:
+        handle: whether to take over the signals now.
+    """
+
+    def __init__(self, *, handle: bool = True) -> None:
+        self.signal: int | None = None
+        if handle:
+            signal.signal(signal.SIGINT, self._note)
+            signal.signal(signal.SIGTERM, self._note)
+
+    def __call__(self) -> bool:
+        """Whether an end was asked for."""
+        return self.signal is not None
+
+    def _note(self, number: int, _frame: FrameType | None) -> None:
+        self.signal = number
+
+
+def die_with_parent() -> None:
+    """Be told to stop when the process that started this one dies, however it dies."""
+    parent = os.environ.pop(PARENT, None)
+    if parent is None:
+        return
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
+    if os.getppid() != int(parent):  # it died before we asked
+        os.kill(os.getpid(), signal.SIGTERM)
+
+
+def start_service(
+    arguments: Sequence[str], config: str, pass_fds: Sequence[int]
+) -> subprocess.Popen[bytes]:
+    """Start one of our own commands as a child that ends with us; `config` is its input."""
+    child = subprocess.Popen(
+        [sys.executable, "-P", "-m", "tools.cli", *arguments],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        pass_fds=tuple(pass_fds),
+        start_new_session=True,  # Ctrl-C reaches us alone, and we stop the children in order
+        env={**os.environ, PARENT: str(os.getpid())},
+    )
+    if child.stdin is not None:
+        child.stdin.write(config.encode())
+        child.stdin.close()
+    return child

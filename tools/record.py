@@ -1,0 +1,86 @@
+"""`hoap3 record`: listen to a robot from outside, and write what it and its controller say."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+from protocol.description import RobotDescription
+from protocol.errors import LinkError
+from protocol.ring import Kind, Record
+from protocol.settings import LinkSettings, LogSettings
+from tools.log_writer import LogWriter
+from tools.machine import versions
+from tools.processes import StopFlag
+from tools.services import run_folder
+
+POLL_S = 0.005
+
+
+def record_robot(
+    robot: str, endpoint: str, out: Path | None, duration: float | None
+) -> dict[str, Any]:
+    """Record until stopped, or for `duration` [s]; stamps are this process's monotonic clock.
+
+    Raises:
+        LinkError: the robot cannot be reached.
+    """
+    import zenoh  # noqa: PLC0415
+
+    from protocol.zenoh_link import ask, key, open_session  # noqa: PLC0415
+
+    stop = StopFlag()
+    heard: deque[Record] = deque()
+    counts = {Kind.STATE: 0, Kind.SETPOINT: 0, Kind.EVENT: 0}
+
+    def listener(kind: Kind) -> Any:
+        def note(sample: zenoh.Sample) -> None:
+            heard.append(Record(kind, time.monotonic_ns(), sample.payload.to_bytes()))
+
+        return note
+
+    with open_session(LinkSettings(connect=(endpoint,), mode="client")) as session:
+        data = ask(session, robot, "description", f"recorder-{os.getpid()}")
+        if data is None:
+            raise LinkError(f"no robot called {robot!r} answers at {endpoint}")
+        description = RobotDescription.from_json(data)
+        settings = LogSettings() if out is None else LogSettings(directory=str(out))
+        folder = run_folder(settings, exact=out is not None) or Path()
+        writer = LogWriter(
+            folder,
+            robot=robot,
+            side="robot",
+            attachments={},
+            metadata={"versions": versions(), "run": {"recorded": "from outside"}},
+        )
+        writer.add(Record(Kind.DESCRIPTION, time.monotonic_ns(), description.to_json()))
+        subscribers = [
+            session.declare_subscriber(key(robot, leaf), listener(kind))
+            for leaf, kind in (
+                ("state", Kind.STATE),
+                ("setpoint", Kind.SETPOINT),
+                ("events", Kind.EVENT),
+            )
+        ]
+        end = None if duration is None else time.monotonic() + duration
+        try:
+            while not stop() and (end is None or time.monotonic() < end):
+                while heard:
+                    record = heard.popleft()
+                    counts[record.kind] += 1
+                    writer.add(record)
+                writer.flush_due(time.monotonic_ns())
+                time.sleep(POLL_S)
+        finally:
+            for subscriber in subscribers:
+                subscriber.undeclare()
+            writer.close()
+    return {
+        "states": counts[Kind.STATE],
+        "setpoints": counts[Kind.SETPOINT],
+        "events": counts[Kind.EVENT],
+        "log": str(folder),
+    }

@@ -1,0 +1,170 @@
+"""`hoap3 replay`: the logged controller on its logged inputs, setpoint by setpoint.
+
+The controller's own log is the truth: what it was given, in the order in which it processed it.
+Bit identity is promised for the same machine and versions; elsewhere there is a tolerance.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from protocol.clock import MonotonicClock, VirtualClock
+from protocol.description import RobotDescription
+from protocol.errors import LogError
+from protocol.messages import STAMP_FIELDS, Setpoint, State
+from protocol.recorder import NoRecorder
+from protocol.ring import Kind, Record
+from protocol.settings import apply_overrides, parse
+from remote_controller.config import ControllerConfig, build
+from remote_controller.loop import ControllerLoop
+from remote_controller.registry import is_registered
+from tools.log import Log
+
+
+@dataclass
+class ReplayReport:
+    """How a replay compares with its log.
+
+    Attributes:
+        setpoints: logged setpoints that could be compared.
+        same: those that were equal.
+        first_difference: tick of the first that was not, or None.
+        field: what differed there.
+        gap: tick beyond which nothing can be verified, or None.
+        tolerance: largest difference of a value that counts as equal.
+    """
+
+    setpoints: int = 0
+    same: int = 0
+    first_difference: int | None = None
+    field: str = ""
+    gap: int | None = None
+    tolerance: float = 0.0
+
+    @property
+    def identical(self) -> bool:
+        """Whether everything that could be compared was equal, and there was something."""
+        return self.setpoints > 0 and self.same == self.setpoints
+
+    def as_json(self) -> dict[str, Any]:
+        """All of it."""
+        return {**asdict(self), "identical": self.identical}
+
+    def __str__(self) -> str:
+        word = "identical" if self.tolerance == 0.0 else f"equal within {self.tolerance:g}"
+        text = f"{self.same}/{self.setpoints} setpoints {word}"
+        if self.first_difference is not None:
+            text += f"; first difference at tick {self.first_difference}: {self.field}"
+        if self.gap is not None:
+            text += f"; not verifiable beyond tick {self.gap}: records are missing there"
+        return text
+
+
+def replay(
+    path: Path, overrides: list[str], *, tolerance: float = 0.0, allow_code: bool = False
+) -> ReplayReport:
+    """Repeat a log.
+
+    Args:
+        path: log of a controller, or the folder of a run.
+        overrides: changes of the logged settings, as `--set` takes them.
+        tolerance: largest difference of a value that counts as equal.
+        allow_code: import a controller that the log names by a dotted path.
+
+    Raises:
+        LogError: not a controller's log, or one that names code.
+        UsageError: the logged settings do not fit this version.
+    """
+    log = Log.open(path, side="controller")
+    file = f"config in {path}"
+    content = yaml.safe_load(log.config)
+    config = parse(ControllerConfig, apply_overrides(content, overrides), file)
+    if not is_registered(config.controller) and not allow_code:
+        raise LogError(
+            f"{path}: its controller {config.controller!r} is not registered here, and code is not "
+            "run on the word of a log. If you trust it, add --allow-code"
+        )
+    return replay_records(log.records(), config, tolerance=tolerance, file=file)
+
+
+def replay_records(
+    records: Iterable[Record],
+    config: ControllerConfig,
+    *,
+    tolerance: float = 0.0,
+    file: str = "config",
+) -> ReplayReport:
+    """Repeat the records of a controller's log; see `replay`."""
+    report = ReplayReport(tolerance=tolerance)
+    description: RobotDescription | None = None
+    loop: ControllerLoop | None = None
+    lockstep, answer, tick = False, None, 0
+    comparison: _Comparison | None = None
+    for record in records:
+        if record.kind == Kind.DESCRIPTION:
+            description = RobotDescription.from_json(record.payload)
+        elif record.kind == Kind.SESSION and description is not None:
+            session = json.loads(record.payload)
+            lockstep = bool(session["lockstep"])
+            clock = VirtualClock() if lockstep else MonotonicClock()
+            controller = build(config, description, file)
+            loop = ControllerLoop(controller, clock, NoRecorder(), session["session_id"])
+            comparison = _Comparison(controller.command, lockstep, tolerance)
+        elif record.kind == Kind.AUTHORITY and loop is not None:
+            loop.grant(int(json.loads(record.payload)["epoch"]))
+        elif record.kind == Kind.STATE and loop is not None:
+            (tick,) = State.scalars(record.payload, "tick")
+            answer = loop.answer(record.stamp, record.payload)
+            loop.sent()
+        elif record.kind == Kind.GAP:
+            report.gap = tick
+            break
+        elif record.kind == Kind.SETPOINT and comparison is not None:
+            report.setpoints += 1
+            field = comparison.difference(record.payload, answer)
+            if field is None:
+                report.same += 1
+            elif report.first_difference is None:
+                report.first_difference, report.field = tick, field
+    return report
+
+
+class _Comparison:
+    """Compares setpoints; stamps count in lockstep only, where they are virtual."""
+
+    def __init__(self, like: Setpoint, lockstep: bool, tolerance: float) -> None:
+        lengths = {"joints": like.values.size, "extra": like.extra.size}
+        self._logged, self._again = Setpoint(**lengths), Setpoint(**lengths)
+        self._lockstep, self._tolerance = lockstep, tolerance
+        ignored = frozenset() if lockstep else STAMP_FIELDS
+        self._scalars = [name for name in Setpoint.schema.scalars if name not in ignored]
+
+    def difference(self, logged: bytes, again: bytes | None) -> str | None:
+        """Name and values of the first field that differs, or None."""
+        if logged == again:
+            return None
+        if again is None:
+            return "no answer"
+        self._logged.load(logged)
+        self._again.load(again)
+        for name in self._scalars:
+            before, after = getattr(self._logged, name), getattr(self._again, name)
+            if before != after and not self._close(before, after):
+                return f"{name} {before!r} became {after!r}"
+        for name in Setpoint.schema.arrays:
+            before, after = getattr(self._logged, name), getattr(self._again, name)
+            differs = ~((before == after) | (np.abs(before - after) <= self._tolerance))
+            if differs.any():
+                at = int(np.argmax(differs))
+                return f"{name}[{at}] {float(before[at])!r} became {float(after[at])!r}"
+        return None
+
+    def _close(self, before: float, after: float) -> bool:
+        return isinstance(before, float) and abs(before - after) <= self._tolerance

@@ -1,0 +1,289 @@
+"""`hoap3 run`: a robot and its controller, as two processes over Zenoh or in lockstep in one."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import selectors
+import signal
+import socket
+import struct
+import subprocess
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from protocol.errors import Hoap3Error
+from protocol.realtime import CpuClaim, claim_cpu, virtual_machine
+from protocol.recorder import NoRecorder, PatientRecorder, Recorder
+from remote_controller.config import ControllerConfig
+from robot_emulator.config import EmulatorConfig
+from robot_emulator.service import describe
+#LOG
+from tools.machine import machine_block
+from tools.observer import Observer
+from tools.processes import StopFlag, start_service
+from tools.services import as_yaml, observer_for, run_folder
+
+START_TIMEOUT_S = 120.0  # the first start on a machine compiles the kernels
+END_TIMEOUT_S = 60.0
+
+News = Callable[[dict[str, Any]], None]
+
+
+@dataclass
+class Outcome:
+    """How a run ended.
+
+    Attributes:
+        summary: figures as `run --json` prints them.
+        interrupted: the user ended it.
+        said: what both services had to say.
+    """
+
+    summary: dict[str, Any]
+    interrupted: bool = False
+    said: list[str] = field(default_factory=list)
+
+
+def run_realtime(
+    emulator: EmulatorConfig,
+    controller: ControllerConfig,
+    duration: float,
+    out: Path | None,
+    news: News,
+    files: tuple[str, str] = ("config", "config"),
+) -> Outcome:
+    """Run both services for `duration` [s] of motion on a free port of this machine.
+
+    Args:
+        emulator, controller: settings of both; their links are replaced.
+        duration: of the motion [s].
+        out: folder of the log, or None for a new one below the configured directory.
+        news: takes each piece of news from the services and their observers.
+        files: names of both configs, for errors.
+
+    Raises:
+        Hoap3Error: a service could not do its work; carries what it said.
+    """
+    description = describe(emulator, files[0])
+    log = emulator.log if out is None else emulator.log.model_copy(update={"directory": str(out)})
+    folder = run_folder(log, exact=out is not None)
+    claims = _claim(emulator, controller)
+    cpus = [claim.cpu for claim in claims]
+    endpoint = f"tcp/127.0.0.1:{_free_port()}"
+    emulator = emulator.model_copy(
+        update={
+            "robot": str(Path(emulator.robot).resolve())
+            if Path(emulator.robot).exists()
+            else emulator.robot,
+            "link": emulator.link.model_copy(update={"listen": (endpoint,)}),
+            "realtime": _pinned(emulator.realtime, cpus[:1]),
+        }
+    )
+    controller = controller.model_copy(
+        update={
+            "robot": description.name,
+            "link": controller.link.model_copy(update={"connect": (endpoint,)}),
+            "realtime": _pinned(controller.realtime, cpus[-1:]),
+            "log": emulator.log,
+        }
+    )
+    work = _Services(news)
+    try:
+        work.start("emulator", as_yaml(emulator), files[0], folder, duration)
+        work.start("controller", as_yaml(controller), files[1], folder, None)
+        outcome = work.watch(duration)
+    finally:
+        work.stop()
+        for claim in claims:
+            claim.release()
+    outcome.summary["machine"] = machine_block()
+    outcome.summary["transport"] = f"zenoh {endpoint.partition('/')[0]}, same host"
+    outcome.summary["log"] = str(folder) if folder else None
+    return outcome
+
+
+def run_lockstep(
+    emulator: EmulatorConfig,
+    controller: ControllerConfig,
+    duration: float,
+    out: Path | None,
+    files: tuple[str, str] = ("config", "config"),
+    *,
+    should_stop: Callable[[], bool] | None = None,
+) -> Outcome:
+    """Run both in this process on virtual time; arguments as for `run_realtime`."""
+    from tools.simulate import Lockstep  # noqa: PLC0415 - loads numba and Pinocchio
+
+    description = describe(emulator, files[0])
+    log = emulator.log if out is None else emulator.log.model_copy(update={"directory": str(out)})
+    folder = run_folder(log, exact=out is not None)
+    reader, writer = os.pipe()
+    observers: list[Observer] = []
+
+    def recorder_for(side: str, config: EmulatorConfig | ControllerConfig) -> Recorder:
+        if folder is None and side == "controller":
+            return NoRecorder()
+        observer = observer_for(
+            side,
+            description.name,
+            config,
+            folder,
+            period_ns=round(description.period_s * 1e9),
+            lockstep=True,
+            status_fd=writer,
+        )
+        observers.append(observer)
+        return PatientRecorder(observer.ring, observer.alive)
+
+    robot_log = recorder_for("robot", emulator)
+    controller_log = recorder_for("controller", controller)
+    os.close(writer)
+    try:
+        lockstep = Lockstep(emulator, controller, robot_log, controller_log, files=files)
+        began = time.monotonic()
+        lockstep.run(duration, should_stop or (lambda: False))
+        wall = time.monotonic() - began
+    finally:
+        whole = [observer.close() for observer in observers]
+        with os.fdopen(reader) as stream:
+            news = [json.loads(line) for line in stream]
+    if not all(whole):
+        raise Hoap3Error("an observer died: the log of this run is not whole")
+    summary: dict[str, Any] = next(item["summary"] for item in news if "summary" in item)
+    summary["lockstep"] = {
+        "wall_s": wall,
+        "times_real_time": (lockstep.robot.tick + 1) * description.period_s / wall,
+    }
+    if folder is not None:
+        summary["payload_sha256"] = {
+            side: _payload_hash(Log.open(folder, side=side)) for side in ("robot", "controller")
+        }
+    summary["machine"] = machine_block()
+    summary["transport"] = "in process, virtual time"
+    summary["log"] = str(folder) if folder else None
+    return Outcome(summary)
+
+
+class _Services:
+    """Both services as children, and what they tell."""
+
+    def __init__(self, news: News) -> None:
+        self._news = news
+        self._children: dict[str, subprocess.Popen[bytes]] = {}
+        self._selector = selectors.DefaultSelector()
+        self._buffers: dict[int, bytes] = {}
+        self._stop = StopFlag()
+        self.said: list[str] = []
+        self.summary: dict[str, Any] | None = None
+
+    def start(
+        self, command: str, config: str, file: str, folder: Path | None, duration: float | None
+    ) -> None:
+        """Start a service; its config comes on standard input, named after its file."""
+        reader, writer = os.pipe()
+        arguments = [command, "-", "--status-fd", str(writer), "--named", file]
+        arguments += ["--out", str(folder)] if folder else ["--set", "log.record=false"]
+        if duration is not None:
+            arguments += ["--duration", str(duration)]
+        self._children[command] = start_service(arguments, config, [writer])
+        os.close(writer)
+        os.set_blocking(reader, False)
+        self._buffers[reader] = b""
+        self._selector.register(reader, selectors.EVENT_READ)
+
+    def watch(self, duration: float) -> Outcome:
+        """Until the robot has ended its motion, or somebody ends it."""
+        limit = time.monotonic() + START_TIMEOUT_S + 2 * duration
+        emulator, controller = self._children["emulator"], self._children["controller"]
+        while emulator.poll() is None and controller.poll() is None:
+            self._listen(0.1)
+            if self._stop():
+                break
+            if time.monotonic() > limit:
+                raise Hoap3Error(self._failure("the run did not begin, or did not end, in time"))
+        failed = controller.poll() is not None and emulator.poll() is None and not self._stop()
+        self.stop()
+        if failed:
+            raise Hoap3Error(self._failure("the controller ended before the robot did"))
+        if self.summary is None:
+            raise Hoap3Error(self._failure("the robot ended without a summary"))
+        return Outcome(self.summary, self._stop(), self.said)
+
+    def stop(self) -> None:
+        """End both, the robot first: it comes to rest while its controller still answers."""
+        for child in (self._children.get("emulator"), self._children.get("controller")):
+            if child is None:
+                continue
+            if child.poll() is None:
+                child.send_signal(signal.SIGTERM)
+            limit = time.monotonic() + END_TIMEOUT_S
+            while child.poll() is None and time.monotonic() < limit:
+                self._listen(0.05)
+            if child.poll() is None:
+                child.kill()
+                child.wait()
+        while self._buffers and self._listen(0.0):
+            pass
+
+    def _listen(self, timeout: float) -> bool:
+        heard = False
+        for key, _ in self._selector.select(timeout):
+            try:
+                data = os.read(key.fd, 65536)
+            except BlockingIOError:
+                continue
+            heard = True
+            if not data:
+                self._selector.unregister(key.fd)
+                os.close(key.fd)
+                del self._buffers[key.fd]
+                continue
+            *lines, rest = (self._buffers[key.fd] + data).split(b"\n")
+            self._buffers[key.fd] = rest
+            for line in lines:
+                self._hear(json.loads(line))
+        return heard
+
+    def _hear(self, item: dict[str, Any]) -> None:
+        if item["news"] == "said":
+            self.said.append(item["text"])
+        elif item["news"] == "final" and "summary" in item:
+            self.summary = item["summary"]
+        self._news(item)
+
+    def _failure(self, what: str) -> str:
+        return "\n  ".join([what, *self.said[-8:]])
+
+
+def _claim(emulator: EmulatorConfig, controller: ControllerConfig) -> list[CpuClaim]:
+    """CPUs for both sides: one on a virtual machine, where waking another CPU is dear; else two."""
+    if "auto" not in {emulator.realtime.cpu, controller.realtime.cpu}:
+        return []
+    wanted = 1 if virtual_machine() else 2
+    return [claim for _ in range(wanted) if (claim := claim_cpu()) is not None]
+
+
+def _pinned(settings: Any, cpus: list[int]) -> Any:
+    if settings.cpu != "auto":
+        return settings
+    return settings.model_copy(update={"cpu": cpus[0] if cpus else "none"})
+
+
+def _payload_hash(log: Log) -> str:
+    """SHA-256 of every message of a log, in order: equal for equal runs in lockstep."""
+    digest = hashlib.sha256()
+    for record in log.records():
+        digest.update(struct.pack("<Iq", record.kind, record.stamp))
+        digest.update(record.payload)
+    return digest.hexdigest()
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

@@ -1,0 +1,255 @@
+"""The two services as commands: config in, observer beside them, an orderly end."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from protocol.errors import ConfigError
+from protocol.recorder import PatientRecorder, Recorder, RingRecorder
+from protocol.settings import LogSettings, Settings, apply_overrides, parse
+from remote_controller.config import ControllerConfig, check_parameters
+from remote_controller.config import read_config as read_controller_config
+from robot_emulator.config import EmulatorConfig
+from robot_emulator.service import describe, serve, serve_lockstep
+from tools.machine import machine_block, versions
+from tools.observer import Observer
+from tools.processes import StopFlag
+from tools.simulate import emulator_content
+
+NO_REALTIME = {"policy": "none", "cpu": "none", "lock_memory": False}
+
+
+STANDARD_INPUT = "-"
+
+
+def emulator_config(
+    name: str, overrides: list[str], *, realtime: bool = True, named: str | None = None
+) -> tuple[EmulatorConfig, str]:
+    """Settings of an emulator: a config or a robot, changed by `--set`, and where it was read.
+
+    Args:
+        name: a shipped config, a robot, a file, or `-` for standard input.
+        overrides: `dotted.key=value`, each.
+        realtime: False for an ordinary process.
+        named: what errors call it.
+    """
+    content, file = _piped(named) if name == STANDARD_INPUT else emulator_content(name)
+    content = apply_overrides(content, overrides)
+    if not realtime:
+        content["realtime"] = {**content.get("realtime", {}), **NO_REALTIME}
+    return parse(EmulatorConfig, content, file), file
+
+
+def controller_config(
+    name: str, overrides: list[str], *, realtime: bool = True, named: str | None = None
+) -> tuple[ControllerConfig, str]:
+    """Settings of a controller, its parameters checked; arguments as for `emulator_config`."""
+    content, file = _piped(named) if name == STANDARD_INPUT else read_controller_config(name)
+    content = apply_overrides(content, overrides)
+    if not realtime:
+        content["realtime"] = {**content.get("realtime", {}), **NO_REALTIME}
+    config = parse(ControllerConfig, content, file)
+    check_parameters(config, file)
+    return config, file
+
+
+def split_overrides(overrides: list[str]) -> tuple[list[str], list[str]]:
+    """Overrides of a run: those for the emulator, and those for the controller.
+
+    Raises:
+        ConfigError: one begins with neither name.
+    """
+    sides: dict[str, list[str]] = {"emulator": [], "controller": []}
+    for override in overrides:
+        side, _, rest = override.partition(".")
+        if side not in sides:
+            raise ConfigError(
+                "--set",
+                override.partition("=")[0],
+                override,
+                "belongs to neither side",
+                "Begin with `emulator.` or `controller.`",
+            )
+        sides[side].append(rest)
+    return sides["emulator"], sides["controller"]
+
+
+def _piped(named: str | None) -> tuple[dict[str, Any], str]:
+    """Settings from standard input; modules beside the file that they came from can be found."""
+    content = yaml.safe_load(sys.stdin)
+    file = named or "standard input"
+    if named is not None and Path(named).is_file():
+        sys.path.append(str(Path(named).resolve().parent))
+    return (content if isinstance(content, dict) else {}), file
+
+
+def run_folder(log: LogSettings, *, exact: bool = False) -> Path | None:
+    """A new folder for the log of one run, or None where nothing is recorded.
+
+    Args:
+        log: where, and whether.
+        exact: `log.directory` is the folder itself.
+
+    Raises:
+        ConfigError: the folder cannot be made or written.
+    """
+    if not log.record:
+        return None
+    base = Path(log.directory)
+    folder = base if exact else base / time.strftime("%Y%m%d-%H%M%S")
+    try:
+        number = 1
+        while not exact and folder.exists():
+            number += 1
+            folder = base / f"{time.strftime('%Y%m%d-%H%M%S')}-{number}"
+        folder.mkdir(parents=True, exist_ok=exact)
+    except OSError as error:
+        raise ConfigError(
+            "settings",
+            "log.directory",
+            log.directory,
+            error.strerror or "cannot be made",
+            "Name a folder that can be written, or set log.record=false",
+        ) from error
+    return folder
+
+
+def observer_for(
+    side: str,
+    robot: str,
+    config: EmulatorConfig | ControllerConfig,
+    folder: Path | None,
+    *,
+    period_ns: int,
+    lockstep: bool,
+    status_fd: int | None,
+) -> Observer:
+    """The observer of a service."""
+    log = config.log
+    return Observer(
+        side=side,
+        robot=robot,
+        directory=folder,
+        attachments={"config.yaml": as_yaml(config)},
+        metadata={
+            "versions": versions(),
+            "machine": {key: json.dumps(value) for key, value in machine_block().items()},
+            "run": {"seed": str(getattr(config, "seed", "")), "lockstep": str(lockstep).lower()},
+        },
+        limits=(log.cap_mb * 1_000_000, log.file_mb * 1_000_000),
+        period_ns=period_ns,
+        lockstep=lockstep,
+        status_fd=status_fd,
+    )
+
+
+def as_yaml(config: Settings) -> str:
+    """The resolved whole, as a config file that can be used again."""
+    return yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+
+
+def to_people(text: str) -> None:
+    """A line on standard error."""
+    sys.stderr.write(text + "\n")
+    sys.stderr.flush()
+
+
+def run_emulator(
+    config: EmulatorConfig,
+    file: str,
+    *,
+    lockstep: bool,
+    duration: float | None,
+    out: Path | None,
+    status_fd: int | None,
+) -> int:
+    """Run a robot until it is told to stop; exit code 0, or 1 after a safe stop."""
+    stop = StopFlag()
+    description = describe(config, file)
+    period_ns = round(description.period_s * 1e9)
+    folder = _folder(config.log, out)
+    observer = observer_for(
+        "robot",
+        description.name,
+        config,
+        folder,
+        period_ns=period_ns,
+        lockstep=lockstep,
+        status_fd=status_fd,
+    )
+    recorder = _recorder(observer, lockstep=lockstep)
+    ticks = None if duration is None else round(duration * 1e9 / period_ns)
+    say = to_people if status_fd is None else _teller(status_fd)
+    run = serve_lockstep if lockstep else serve
+    try:
+        loop = run(config, description, recorder, say, stop, ticks)
+    finally:
+        whole = observer.close()
+    if not whole:
+        say("the log is not whole: its observer died; `hoap3 record --repair` mends what there is")
+    return 1 if loop.safe_stops else 0
+
+
+def run_controller(
+    config: ControllerConfig,
+    file: str,
+    *,
+    out: Path | None,
+    status_fd: int | None,
+) -> int:
+    """Run a controller until it is told to stop."""
+    from remote_controller.service import Service  # noqa: PLC0415 - loads numba and Pinocchio
+
+    stop = StopFlag()
+    folder = _folder(config.log, out)
+    observer = observer_for(
+        "controller",
+        config.robot,
+        config,
+        folder,
+        period_ns=1_000_000,
+        lockstep=False,
+        status_fd=status_fd,
+    )
+    say = to_people if status_fd is None else _teller(status_fd)
+    try:
+        Service(config, RingRecorder(observer.ring), say, stop, file).run()
+    finally:
+        whole = observer.close()
+    if not whole:
+        say("the log is not whole: its observer died; `hoap3 record --repair` mends what there is")
+    return 0
+
+
+def _folder(log: LogSettings, out: Path | None) -> Path | None:
+    if out is None:
+        return run_folder(log)
+    return run_folder(log.model_copy(update={"directory": str(out)}), exact=True)
+
+
+def _recorder(observer: Observer, *, lockstep: bool) -> Recorder:
+    if lockstep:
+        return PatientRecorder(observer.ring, observer.alive)
+    return RingRecorder(observer.ring)
+
+
+def _teller(status_fd: int) -> Callable[[str], None]:
+    """Tells the process that started us, on a copy of the pipe that the observer writes to."""
+    stream = os.fdopen(os.dup(status_fd), "w")
+
+    def tell(text: str) -> None:
+        try:
+            stream.write(json.dumps({"news": "said", "text": text}) + "\n")
+            stream.flush()
+        except BrokenPipeError:
+            to_people(text)
+
+    return tell

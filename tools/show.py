@@ -1,0 +1,123 @@
+"""What people see: a live table while it runs, and the summary at its end."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+console = Console(stderr=True, highlight=False)
+
+_COLOURS = {"fit": "green", "warn": "yellow", "unfit": "red"}
+
+
+class LiveTable:
+    """A table on standard error that follows the news of a run; silent where nobody watches."""
+
+    def __init__(self, title: str) -> None:
+        self._title = title
+        self._live = Live(console=console, refresh_per_second=4, transient=True)
+        self._watched = console.is_terminal
+
+    def __enter__(self) -> LiveTable:
+        if self._watched:
+            self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._watched:
+            self._live.stop()
+
+    def news(self, item: dict[str, Any]) -> None:
+        """Take one piece of news from a service or its observer."""
+        if item["news"] == "live" and self._watched:
+            self._live.update(self._table(item))
+        elif item["news"] in {"event", "said"}:
+            console.print(item["text"], style="dim", markup=False)
+
+    def _table(self, item: dict[str, Any]) -> Table:
+        table = Table(title=self._title, show_header=False, box=None)
+        rtt, wakeup = item.get("rtt_us", {}), item.get("wakeup_us", {})
+        rows = {
+            "tick": f"{item['ticks']}",
+            "|e|": f"{1e3 * item['error']:.4f} mm",
+            "success, last 100": f"{item.get('success_rate', 1.0):.3f}",
+            "late / lost / skipped": f"{item.get('late', 0)} / {item.get('lost', 0)} / "
+            f"{item.get('skipped', 0)}",
+            "RTT p50 / p99 / max": _three(rtt),
+            "wake-up p50 / p99 / max": _three(wakeup),
+        }
+        for name, value in rows.items():
+            table.add_row(name, value)
+        return table
+
+
+def show_summary(summary: dict[str, Any]) -> None:
+    """Print the summary of a run for people."""
+    verdict = summary["verdict"]
+    misses, rate = summary["misses"], summary["success_rate"]
+    table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_row("verdict", f"[{_COLOURS[verdict]}]{verdict}[/]")
+    table.add_row(
+        "success rate",
+        f"{rate['run']:.5f} of {summary['ticks']} ticks; worst window of 100: "
+        f"{'-' if rate['worst_window'] is None else format(rate['worst_window'], '.2f')}",
+    )
+    table.add_row(
+        "misses",
+        f"late {misses['late']}, lost {misses['lost']}, longest run {misses['longest_run']}; "
+        f"skipped ticks {summary['skipped']}",
+    )
+    table.add_row(
+        "setpoints",
+        f"duplicate {misses['duplicate']}, out of order {misses['out_of_order']}, "
+        f"rejected {misses['rejected']}",
+    )
+    if summary.get("safe_stops"):
+        table.add_row("safe stops", str(summary["safe_stops"]))
+    for name, label in (("rtt_us", "RTT"), ("wakeup_us", "wake-up")):
+        if name in summary:
+            table.add_row(label, _percentiles(summary[name]))
+    if "jitter_us" in summary and summary["jitter_us"].get("n", 0) > 1:
+        jitter = summary["jitter_us"]
+        table.add_row(
+            "jitter",
+            f"std {jitter['std']:.1f}, p99.9 - p50 {jitter['p99_9_minus_p50']:.1f}, "
+            f"max {jitter['max']:.1f} us (n {jitter['n']})",
+        )
+    for name, stage in summary.get("stages_us", {}).items():
+        table.add_row(f"  {name}", _percentiles(stage))
+    if summary["final_error"] is not None:
+        table.add_row("final error", f"{1e3 * summary['final_error']:.4f} mm")
+    if "lockstep" in summary:
+        lockstep = summary["lockstep"]
+        table.add_row(
+            "lockstep",
+            f"{lockstep['wall_s']:.2f} s, {lockstep['times_real_time']:.0f} times real time",
+        )
+    for side, value in summary.get("payload_sha256", {}).items():
+        table.add_row(f"sha256 {side}", value)
+    machine = summary["machine"]
+    table.add_row(
+        "machine",
+        f"{machine['kernel']} {machine['preemption']}, {machine['cores']} cores, "
+        f"{'virtual' if machine['virtual'] else 'bare metal'}; {summary['transport']}",
+    )
+    table.add_row("log", str(summary["log"] or "none"))
+    console.print(table)
+
+
+def _three(figures: dict[str, Any]) -> str:
+    if not figures.get("n"):
+        return "-"
+    return f"{figures['p50']:.0f} / {figures['p99']:.0f} / {figures['max']:.0f} us"
+
+
+def _percentiles(figures: dict[str, Any]) -> str:
+    if not figures.get("n"):
+        return "n 0"
+    names = [("min", "min"), ("p50", "p50"), ("p90", "p90"), ("p99", "p99"), ("p99_9", "p99.9")]
+    parts = [f"{label} {figures[name]:.1f}" for name, label in names]
+    return ", ".join([*parts, f"max {figures['max']:.1f} us (n {figures['n']})"])

@@ -1,0 +1,175 @@
+"""A robot and its controller in one process, in lockstep, without files: for experiments."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from protocol.clock import VirtualClock
+from protocol.link import Fate, LockstepLink
+from protocol.messages import Setpoint, State
+from protocol.recorder import MemoryRecorder, Recorder
+from protocol.ring import Kind, Record
+from protocol.settings import parse
+from protocol.statistics import Deadlines
+from remote_controller.config import ControllerConfig, build
+from remote_controller.config import read_config as read_controller_config
+from remote_controller.controllers.controller import Controller
+from remote_controller.loop import ControllerLoop
+from robot_emulator.config import EmulatorConfig
+from robot_emulator.config import read_config as read_emulator_config
+from robot_emulator.loop import RobotLoop
+from robot_emulator.robots import available as available_robots
+from robot_emulator.service import build_loop, describe
+
+
+class Lockstep:
+    """Robot and controller joined by a link on virtual time.
+
+    Args:
+        emulator, controller: settings of both sides.
+        robot_recorder, controller_recorder: where their logs go.
+        fate: what becomes of each answer; by default it arrives after the configured time.
+        files: names of both configs, for errors.
+
+    Attributes:
+        robot, controller_loop: both loops.
+        controller: the answers' author.
+    """
+
+    def __init__(
+        self,
+        emulator: EmulatorConfig,
+        controller: ControllerConfig,
+        robot_recorder: Recorder,
+        controller_recorder: Recorder,
+        fate: Fate | None = None,
+        files: tuple[str, str] = ("config", "config"),
+    ) -> None:
+        description = describe(emulator, files[0])
+        self.clock = clock = VirtualClock()
+        compute_time = round(emulator.lockstep.compute_time_us * 1e3)
+        self.link = LockstepLink(self._exchange, clock, compute_time, fate)
+        self.controller: Controller = build(controller, description, files[1])
+        self.robot: RobotLoop = build_loop(
+            emulator, description, clock, self.link, robot_recorder, lockstep=True
+        )
+        self.controller_loop = ControllerLoop(
+            self.controller, clock, controller_recorder, emulator.seed
+        )
+        self.controller_loop.begin(description, lockstep=True)
+        self._grants = self.link.ask("acquire", "lockstep")
+
+    def run(self, duration: float, should_stop: Callable[[], bool] = lambda: False) -> None:
+        """Run for `duration` [s] of virtual time, then bring the robot to rest."""
+        ticks = round(duration * 1e9 / self.robot.period)
+        self.robot.run(0, should_stop, ticks)
+
+    def _exchange(self, state: bytes) -> bytes | None:
+        loop = self.controller_loop
+        if self._grants:
+            grant = self._grants.pop()
+            if isinstance(grant, dict):
+                loop.grant(grant["epoch"])
+        answer = loop.answer(self.clock.now(), state)
+        loop.sent()
+        return answer
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """What happened, as arrays with one row per tick.
+
+    Attributes:
+        states, setpoints: structured arrays; fields as in the `.msg` files.
+        records: the controller's log, for `tools.replay`.
+        deadlines: outcomes of the ticks that asked for an answer.
+        controller: in its final state.
+    """
+
+    states: np.ndarray[Any, Any]
+    setpoints: np.ndarray[Any, Any]
+    records: list[Record]
+    deadlines: Deadlines
+    controller: Controller
+
+    @property
+    def time(self) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """Time of each State [s]."""
+        return np.asarray(self.states["stamp_intended"] * 1e-9)
+
+
+def simulate(
+    robot: str | Mapping[str, Any] | EmulatorConfig = "hoap3",
+    controller: str | Mapping[str, Any] | ControllerConfig = "qp12",
+    duration: float = 5.0,
+    seed: int = 0,
+    fate: Fate | None = None,
+) -> Simulation:
+    """Run a robot and a controller against each other, faster than real time.
+
+    Args:
+        robot: name or file of an emulator config, a robot's path, settings, or a mapping.
+        controller: name or file of a controller config, settings, or a mapping.
+        duration: of the motion [s]; the robot then comes to rest.
+        seed: names the session, and everything random.
+        fate: what becomes of each answer on its way, see `protocol.link.LockstepLink`.
+
+    Raises:
+        UsageError: something in the settings is wrong.
+    """
+    emulator = _emulator(robot, seed)
+    log, robot_log = MemoryRecorder(), MemoryRecorder()
+    lockstep = Lockstep(emulator, _controller(controller), robot_log, log, fate)
+    lockstep.run(duration)
+    return Simulation(
+        states=_table(robot_log.records, Kind.STATE, State),
+        setpoints=_table(log.records, Kind.SETPOINT, Setpoint),
+        records=log.records,
+        deadlines=lockstep.robot.inbox.deadlines,
+        controller=lockstep.controller,
+    )
+
+
+def emulator_content(robot: str) -> tuple[dict[str, Any], str]:
+    """Settings named by a config, or the defaults for a robot that is named or lies at a path."""
+    path = Path(robot)
+    if path.is_dir() or path.name == "robot.yaml" or robot in available_robots():
+        name = str(path.resolve()) if path.exists() else robot
+        return {"robot": name}, f"--robot {robot}"
+    return read_emulator_config(robot)
+
+
+def _emulator(robot: str | Mapping[str, Any] | EmulatorConfig, seed: int) -> EmulatorConfig:
+    if isinstance(robot, EmulatorConfig):
+        return robot.model_copy(update={"seed": seed})
+    content, file = (
+        emulator_content(robot) if isinstance(robot, str) else (dict(robot), "simulate(robot)")
+    )
+    return parse(EmulatorConfig, {**content, "seed": seed}, file)
+
+
+def _controller(controller: str | Mapping[str, Any] | ControllerConfig) -> ControllerConfig:
+    if isinstance(controller, ControllerConfig):
+        return controller
+    content, file = (
+        read_controller_config(controller)
+        if isinstance(controller, str)
+        else (dict(controller), "simulate(controller)")
+    )
+    return parse(ControllerConfig, content, file)
+
+
+def _table(
+    records: list[Record], kind: Kind, message: type[State] | type[Setpoint]
+) -> np.ndarray[Any, Any]:
+    payloads = [record.payload for record in records if record.kind == kind]
+    schema = message.schema
+    if not payloads:
+        return np.zeros(0, schema.dtype(dict.fromkeys(schema.arrays, 0)))
+    dtype = schema.dtype(schema.lengths_in(payloads[0]))
+    return np.frombuffer(b"".join(payloads), dtype)

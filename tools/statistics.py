@@ -1,0 +1,136 @@
+"""Figures of a run, from the records of the robot's own log, as they come."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+from protocol.errors import WireError
+from protocol.messages import Setpoint, State
+from protocol.ring import Kind, Record
+from protocol.statistics import Durations, Jitter, verdict
+
+STAGES = ("decode", "kinematics", "solve", "encode", "send", "network")
+"""Parts of the round trip. The first five are the controller's, on its own clock; `network` is
+what remains of the RTT, both ways together, so no two clocks are ever compared."""
+
+
+class RunStatistics:
+    """Counts, histograms and the verdict of one robot's run.
+
+    Args:
+        period_ns: of the robot's schedule.
+        timing: whether durations mean anything; not in lockstep, where all time is virtual.
+    """
+
+    def __init__(self, period_ns: int, *, timing: bool = True) -> None:
+        self._timing = timing
+        self._ticks = self._active = 0
+        self._state: dict[str, Any] = {}
+        self._summary: dict[str, Any] | None = None
+        self._error = math.nan
+        self._jitter = Jitter(period_ns)
+        self._period = period_ns
+        self._last_actual: int | None = None
+        self._skipped = 0
+        self._encoded: tuple[int, int] | None = None
+        self.rtt, self.wakeup = Durations(), Durations()
+        self.stages = {name: Durations() for name in STAGES}
+
+    def add(self, record: Record) -> None:
+        """Take one record of the robot's log."""
+        try:
+            if record.kind == Kind.STATE:
+                self._add_state(record.payload)
+            elif record.kind == Kind.SETPOINT:
+                self._add_setpoint(record)
+            elif record.kind == Kind.SUMMARY:
+                self._summary = json.loads(record.payload)
+        except WireError:
+            return  # the robot refused it too, and counts it
+
+    def live(self) -> dict[str, Any]:
+        """What people watch while it runs."""
+        state = self._state
+        figures = {"ticks": self._ticks, "error": self._error, **state}
+        if self._timing:
+            figures["rtt_us"] = self.rtt.summary()
+            figures["wakeup_us"] = self.wakeup.summary()
+        return figures
+
+    def summary(self) -> dict[str, Any]:
+        """The whole, as `run --json` prints it."""
+        robot = self._summary or {}
+        state = self._state
+        run_rate = robot.get("run_rate", 0.0)
+        safe_stops = robot.get("safe_stops", 0)
+        result: dict[str, Any] = {
+            "verdict": verdict(run_rate, safe_stop=safe_stops > 0)
+            if robot.get("asked")
+            else "unfit",
+            "ticks": robot.get("asked", 0),
+            "skipped": state.get("skipped", 0),
+            "misses": {
+                "late": state.get("late", 0),
+                "lost": state.get("lost", 0),
+                "rejected": state.get("rejected", 0),
+                "duplicate": state.get("duplicate", 0),
+                "out_of_order": state.get("out_of_order", 0),
+                "longest_run": robot.get("longest_run", 0),
+            },
+            "misses_outside_stalls": None,
+            "host_stalls": None,
+            "success_rate": {
+                "run": run_rate,
+                "outside_stalls": None,
+                "worst_window": robot.get("worst_window"),
+            },
+            "rejections": robot.get("rejections", {}),
+            "safe_stops": safe_stops,
+            "final_error": None if math.isnan(self._error) else self._error,
+            "complete": self._summary is not None,
+        }
+        if self._timing:
+            result["rtt_us"] = self.rtt.summary()
+            result["wakeup_us"] = self.wakeup.summary()
+            result["jitter_us"] = self._jitter.summary()
+            result["stages_us"] = {name: stage.summary() for name, stage in self.stages.items()}
+        return result
+
+    def _add_state(self, payload: bytes) -> None:
+        names = (
+            "tick", "mode", "stamp_intended", "stamp_actual", "skipped", "late", "lost",
+            "duplicate", "out_of_order", "rejected", "success_rate",
+        )  # fmt: skip
+        values = dict(zip(names, State.scalars(payload, *names), strict=True))
+        self._ticks = values["tick"] + 1
+        if self._timing and values["mode"] == State.ACTIVE:
+            self.wakeup.add(values["stamp_actual"] - values["stamp_intended"], values["tick"])
+            if values["skipped"] != self._skipped:
+                self._jitter.skip()
+            self._jitter.start(values["stamp_actual"])
+        self._skipped = values["skipped"]
+        self._state = {name: values[name] for name in names if not name.startswith("stamp")}
+
+    def _add_setpoint(self, record: Record) -> None:
+        names = (
+            "tick", "stamp_state", "stamp_received", "stamp_decoded", "stamp_kinematics",
+            "stamp_solved", "stamp_encoded", "stamp_sent_previous", "v",
+        )  # fmt: skip
+        tick, sent, received, decoded, kinematics, solved, encoded, sent_previous, v = (
+            Setpoint.scalars(record.payload, *names)
+        )
+        self._error = math.sqrt(2.0 * v) if v >= 0 else math.nan
+        if not self._timing:
+            return
+        rtt = record.stamp - sent
+        self.rtt.add(rtt, tick)
+        self.stages["decode"].add(decoded - received, tick)
+        self.stages["kinematics"].add(kinematics - decoded, tick)
+        self.stages["solve"].add(solved - kinematics, tick)
+        self.stages["encode"].add(encoded - solved, tick)
+        self.stages["network"].add(rtt - (encoded - received), tick)
+        if self._encoded is not None and self._encoded[0] == tick - 1:
+            self.stages["send"].add(sent_previous - self._encoded[1], tick - 1)
+        self._encoded = (tick, encoded)
