@@ -9,7 +9,6 @@ import numpy as np
 from protocol.description import RobotDescription
 from protocol.messages import FloatArray
 from protocol.model import build_model
-from remote_controller.kinematics_kernels import com_in_frame
 
 
 class Kinematics:
@@ -23,8 +22,11 @@ class Kinematics:
     """
 
     def __init__(self, description: RobotDescription) -> None:
-        import pinocchio  # noqa: PLC0415 - heavy, and only controllers need it
+        import pinocchio  # noqa: PLC0415 - heavy: whoever only checks a config does not need it
 
+        from remote_controller.kinematics_kernels import com_in_frame  # noqa: PLC0415 - compiles
+
+        self._com_in_frame = com_in_frame
         self.robot = build_model(description)
         self.n = description.n
         self._model, self._data = self.robot.model, self.robot.data
@@ -55,7 +57,7 @@ class Kinematics:
         """Centre of mass, (3,) [m], and its Jacobian, (3, n) [m/rad], as seen from a frame."""
         data = self._data
         placement = self._place(self._model, data, frame)
-        com_in_frame(
+        self._com_in_frame(
             data.Jcom,
             self._frame_jacobian(self._model, data, frame, self._aligned),
             data.com[0],

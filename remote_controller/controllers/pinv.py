@@ -10,9 +10,7 @@ from pydantic import Field
 from protocol.description import RobotDescription
 from protocol.messages import FloatArray
 from remote_controller.controllers.descent import PSI_SCALES, STATUS, DescentController
-from remote_controller.controllers.descent_kernels import pinv_descent
 from remote_controller.solvers import status
-from remote_controller.solvers.pinv_kernels import work_shape
 
 CERTIFIED_RESIDUAL = 1e-9
 
@@ -29,7 +27,13 @@ class PinvController(DescentController):
         gain_per_s: float = Field(10.0, gt=0, description="k of the plain law [1/s]")
 
     def __init__(self, description: RobotDescription, parameters: Parameters) -> None:
+        from remote_controller.controllers.descent_kernels import (  # noqa: PLC0415 - compiles
+            pinv_descent,
+        )
+        from remote_controller.solvers.pinv_kernels import work_shape  # noqa: PLC0415
+
         super().__init__(description, parameters)
+        self._kernel = pinv_descent
         self._settings = (
             parameters.u_max_rad_s,
             parameters.beta,
@@ -42,7 +46,7 @@ class PinvController(DescentController):
     def descend(self, certificate: FloatArray) -> int:
         """Find u, and what it does to V."""
         task = self.task
-        answer = pinv_descent(
+        answer = self._kernel(
             task.error,
             task.jacobian,
             *self._settings,

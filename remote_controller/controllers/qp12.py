@@ -8,7 +8,6 @@ from pydantic import Field
 from protocol.description import RobotDescription
 from protocol.messages import FloatArray
 from remote_controller.controllers.descent import PSI_SCALES, STATUS, DescentController
-from remote_controller.controllers.descent_kernels import qp12_descent
 from remote_controller.solvers import status
 
 CERTIFIED_RESIDUAL = 1e-9
@@ -26,7 +25,12 @@ class Qp12Controller(DescentController):
         )
 
     def __init__(self, description: RobotDescription, parameters: Parameters) -> None:
+        from remote_controller.controllers.descent_kernels import (  # noqa: PLC0415 - compiles
+            qp12_descent,
+        )
+
         super().__init__(description, parameters)
+        self._kernel = qp12_descent
         self._settings = (
             parameters.u_max_rad_s,
             parameters.beta,
@@ -39,7 +43,7 @@ class Qp12Controller(DescentController):
     def descend(self, certificate: FloatArray) -> int:
         """Solve (40)."""
         task = self.task
-        answer = qp12_descent(
+        answer = self._kernel(
             task.error, task.jacobian, *self._settings, self.gradient, self.u, certificate
         )
         if answer != status.OK:

@@ -1,0 +1,146 @@
+"""The rules that the whole house keeps: imports go down, files stay short, nothing is GPL."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+HOUSE = Path(__file__).resolve().parents[2]
+MAY_IMPORT = {
+    "protocol": {"protocol"},
+    "robot_emulator": {"robot_emulator", "protocol"},
+    "remote_controller": {"remote_controller", "protocol"},
+    "tools": {"tools", "remote_controller", "robot_emulator", "protocol"},
+}
+SOURCES = [path for room in MAY_IMPORT for path in sorted((HOUSE / room).rglob("*.py"))]
+
+
+def imported(path: Path) -> set[str]:
+    """Every module that a file imports, wherever in it."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found.add(node.module)
+    return found
+
+
+def test_imports_only_go_down():
+    for path in SOURCES:
+        room = path.relative_to(HOUSE).parts[0]
+        rooms = {name.split(".")[0] for name in imported(path)} & set(MAY_IMPORT)
+        assert rooms <= MAY_IMPORT[room], path
+
+
+def test_solvers_know_arrays_only():
+    allowed = ("protocol.errors", "protocol.compilation", "remote_controller.solvers")
+    for path in sorted((HOUSE / "remote_controller" / "solvers").glob("*.py")):
+        ours = {name for name in imported(path) if name.split(".")[0] in MAY_IMPORT}
+        assert all(name.startswith(allowed) for name in ours), path
+
+
+def test_only_its_own_modules_import_zenoh_and_pinocchio():
+    for path in SOURCES:
+        names = {name.split(".")[0] for name in imported(path)}
+        where = str(path.relative_to(HOUSE))
+        if "zenoh" in names:
+            assert where in {"protocol/zenoh_link.py", "tools/record.py"}
+        if "pinocchio" in names:
+            assert where in {
+                "protocol/model.py",
+                "remote_controller/kinematics.py",
+                "remote_controller/service.py",
+            }
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(HOUSE)))
+def test_files_stay_under_400_lines(path):
+    assert len(path.read_text(encoding="utf-8").splitlines()) < 400
+
+
+@pytest.mark.parametrize(
+    ("module", "absent"),
+    [
+        ("protocol", ("pinocchio", "numba", "zenoh")),
+        ("protocol.messages", ("pinocchio", "numba", "zenoh")),
+        ("remote_controller.solvers", ("zenoh", "pinocchio")),
+        ("remote_controller.config", ("numba", "zenoh", "pinocchio")),
+        ("robot_emulator.service", ("numba", "zenoh", "pinocchio")),
+        ("tools.cli", ("numba", "zenoh", "pinocchio", "pydantic")),
+    ],
+)
+def test_importing_stays_light(module, absent):
+    code = f"import sys, {module}; print(*[name for name in {absent!r} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
+
+
+def test_the_public_interface_stays_put():
+    from remote_controller import solvers
+    from robot_emulator.robots import load
+    from tools.simulate import simulate
+
+    assert set(solvers.__all__) == {"Pinv", "Qp12", "pinv", "pinv_plain", "qp12"}
+    assert solvers.qp12.__annotations__.keys() >= {"gradient", "decrease", "gamma", "out"}
+    assert simulate.__annotations__.keys() >= {"robot", "controller", "duration", "seed"}
+    assert load("hoap3").name == "hoap3"
+
+
+def required(name: str, seen: set[str]) -> set[str]:
+    """A distribution and everything that it needs at run time."""
+    key = re.sub(r"[-_.]+", "-", name).lower()
+    if key in seen:
+        return seen
+    seen.add(key)
+    try:
+        needs = metadata.requires(name) or []
+    except metadata.PackageNotFoundError:
+        return seen  # for another platform or Python
+    for need in needs:
+        if "extra ==" not in need:
+            required(re.split(r"[ ;<>=!~\[(]", need, maxsplit=1)[0], seen)
+    return seen
+
+
+def test_nothing_is_gpl_at_run_time():
+    names = required("hoap3", set()) - {"hoap3"}
+    assert {"numpy", "pin", "eclipse-zenoh", "numba"} <= names
+    for name in sorted(names):
+        try:
+            facts = metadata.metadata(name)
+        except metadata.PackageNotFoundError:
+            continue
+        licences = [facts.get("License-Expression") or ""]
+        licences += [line for line in facts.get_all("Classifier") or [] if "License" in line]
+        licences.append((facts.get("License") or "").split("\n")[0][:100])
+        text = " ".join(licences)
+        assert (
+            not re.search(r"(?<![LA-Z])A?GPL|General Public License", text) or "Lesser" in text
+        ), (
+            name,
+            text,
+        )
+
+
+def test_the_wheel_is_told_of_every_data_file():
+    import tomllib
+
+    listed = tomllib.loads((HOUSE / "pyproject.toml").read_text(encoding="utf-8"))
+    patterns = listed["tool"]["setuptools"]["package-data"]
+    for room in MAY_IMPORT:
+        known = {
+            path for pattern in patterns.get(room, []) for path in (HOUSE / room).glob(pattern)
+        }
+        data = {
+            path
+            for path in (HOUSE / room).rglob("*")
+            if path.is_file() and path.suffix not in {".py", ".pyc"}
+        }
+        assert data <= known, room
