@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import re
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from importlib import resources
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 from typing import Any, ClassVar
 
 import numpy as np
@@ -58,7 +59,7 @@ class Schema:
         """Name of the type as ROS 2 readers know it."""
         return f"hoap3_msgs/msg/{self.name}"
 
-    @property
+    @cached_property
     def scalar_struct(self) -> struct.Struct:
         """Every scalar, without padding: the schemas keep each at its natural alignment."""
         return struct.Struct("<" + "".join(SCALAR_FORMATS[kind] for kind in self.scalars.values()))
@@ -208,8 +209,7 @@ class Message:
         if len(payload) < len(CDR_HEADER) + layout.size:
             raise WireError("size", f"{cls.schema.name}: {len(payload)} bytes are too few")
         values = layout.unpack_from(payload, len(CDR_HEADER))
-        places = {name: at for at, name in enumerate(cls.schema.scalars)}
-        return tuple(values[places[name]] for name in names)
+        return _pick(cls.schema.name, names)(values)
 
     def dump(self) -> bytes:
         """The message as bytes for the wire or the log."""
@@ -295,6 +295,16 @@ class Event(Message):
     tick: int
     stamp: int
     detail: int
+
+
+@cache
+def _pick(message: str, names: tuple[str, ...]) -> Callable[[tuple[Any, ...]], tuple[Any, ...]]:
+    """Pick some of a message's scalars out of all of them."""
+    places = {name: at for at, name in enumerate(schema(message).scalars)}
+    if len(names) == 1:
+        (place,) = (places[name] for name in names)
+        return lambda values: (values[place],)
+    return itemgetter(*(places[name] for name in names))
 
 
 def _first_element(place: int, count: int) -> int:

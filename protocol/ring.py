@@ -11,8 +11,8 @@ import mmap
 import os
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,16 @@ SLOTS = 4096
 SLOT_BYTES = 6144  # holds the largest State: 128 joints
 _MAGIC = 0x484F41503352494E
 _HEADER_BYTES = 4096
-_WORDS = {"magic": 0, "slots": 1, "slot_bytes": 2, "head": 8, "tail": 16, "dropped": 24, "end": 32}
+_WORDS = {  # eight to a cache line
+    "magic": 0,
+    "slots": 1,
+    "slot_bytes": 2,
+    "head": 8,  # the writer's
+    "tail": 16,  # the reader's
+    "noticed": 17,  # the reader's: drops that it has told of
+    "dropped": 24,  # the writer's
+    "end": 32,
+}
 _SLOT = struct.Struct("=qqqIHH")  # sequence, stamp, dropped before, length, kind, more
 
 
@@ -39,8 +48,10 @@ class Kind(IntEnum):
     GAP = 8  # JSON: how many records were dropped here, since the observer fell behind
 
 
-@dataclass(frozen=True)
-class Record:
+_KINDS = {int(kind): kind for kind in Kind}
+
+
+class Record(NamedTuple):
     """One record: what, when (monotonic ns of the writer), and its bytes."""
 
     kind: Kind
@@ -74,7 +85,7 @@ class Ring:
         self._slots, self._slot_bytes = self._get("slots"), self._get("slot_bytes")
         self._capacity = self._slot_bytes - _SLOT.size
         self._head, self._tail = self._get("head"), self._get("tail")
-        self._dropped = self._gaps = self._get("dropped")
+        self._dropped, self._gaps = self._get("dropped"), self._get("noticed")
 
     def write(self, kind: Kind, stamp: int, payload: bytes) -> bool:
         """Append a record of at most one slot; False where it was dropped."""
@@ -102,12 +113,13 @@ class Ring:
                 return
             if dropped != self._gaps:
                 lost, self._gaps = dropped - self._gaps, dropped
+                self._set("noticed", dropped)
                 yield Record(Kind.GAP, stamp, b'{"dropped": %d}' % lost)
             at += _SLOT.size
             parts.append(self._memory[at : at + length])
             tail += 1
             if not more:
-                record = Record(Kind(kind), stamp, b"".join(parts))
+                record = Record(_KINDS[kind], stamp, b"".join(parts))
                 parts.clear()
                 self._tail = tail
                 self._set("tail", tail)

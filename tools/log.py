@@ -18,18 +18,17 @@ import numpy as np
 import numpy.typing as npt
 
 from protocol.description import RobotDescription
-from protocol.errors import DescriptionError, LogError
+from protocol.errors import DescriptionError, LogError, WireError
 from protocol.messages import CDR_HEADER, WIRE_VERSION, Schema
 from protocol.ring import Kind, Record
 from tools.log_format import (
     CHANNELS,
     FORMAT,
     KIND_CHANNELS,
-    MESSAGES,
     PROFILE,
+    SCHEMAS,
     SIDES,
     TOPICS,
-    file_name,
     topic_name,
     unpack_input,
 )
@@ -56,26 +55,18 @@ class Log:
         missing: what is lost, in words, "" for nothing.
     """
 
-    def __init__(self, scans: list[McapScan]) -> None:
-        facts = [_facts(scan) for scan in scans]
-        self.robot, self.side = facts[0]["robot"], facts[0]["side"]
-        parts = [int(found["part"]) for found in facts]
-        lost: list[str] = []
-        if parts[0]:
-            lost.append(f"everything before {scans[0].path.name}{_why(facts[-1])}")
-        used = 0
-        for used, scan in enumerate(scans, 1):
-            if (end := _end_of(scan, parts[used - 1], parts[used:])) is not None:
-                lost.append(end)
-                break
-        self.truncated = len(lost) > bool(parts[0])
-        self.missing = "; ".join(lost)
-        self._scans = scans[:used]
+    def __init__(self, files: list[Path]) -> None:
+        self._scans, lost = _unbroken(files)
+        self.truncated = lost is not None
         self.paths = [scan.path for scan in self._scans]
         self.metadata = {name: f for scan in self._scans for name, f in scan.metadata.items()}
         self.attachments = {
             name: data for scan in self._scans for name, data in scan.attachments.items()
         }
+        first = self._scans[0].metadata["log"]
+        self.robot, self.side = first["robot"], first["side"]
+        before = _lost_at_begin(self.paths[0], first, self.metadata["log"])
+        self.missing = "; ".join(filter(None, (before, lost)))
 
     @classmethod
     def open(cls, path: Path, side: str | None = None) -> Log:
@@ -90,7 +81,7 @@ class Log:
         """
         if side is not None and side not in SIDES:
             raise LogError(f"{path}: no side is called {side!r}. Choose one of {', '.join(SIDES)}")
-        log = cls([McapScan.of(found) for found in _files(path, side)])
+        log = cls(_files(path, side))
         if side not in {None, log.side}:
             raise LogError(f"{path}: is the log of the {log.side}. Name that of the {side}")
         return log
@@ -123,7 +114,7 @@ class Log:
         """Every record in the order in which it was processed; copies for viewers left out.
 
         Raises:
-            LogError: a chunk of a finished file is damaged.
+            LogError: a chunk of a finished file is damaged, or of another version.
         """
         kinds = {channel: kind for kind, channel in KIND_CHANNELS.items()}
         inputs = CHANNELS["inputs"]
@@ -134,7 +125,13 @@ class Log:
                 if kind is not None:
                     yield Record(kind, stamp, payload)
                 elif channel == inputs:
-                    record, repeated = unpack_input(payload)
+                    try:
+                        record, repeated = unpack_input(payload)
+                    except ValueError as error:
+                        raise LogError(
+                            f"{scan.path}: an input that this version does not know ({error}). "
+                            "Read the log with the version that wrote it"
+                        ) from error
                     if not repeated or place == 0:  # it may come from a file that is gone
                         yield record
 
@@ -146,8 +143,12 @@ class Log:
 
         Args:
             kind: STATE, SETPOINT or EVENT.
+
+        Raises:
+            LogError: a chunk of a finished file is damaged, or of another version.
         """
-        channel, by_size = KIND_CHANNELS[kind], dict[int, tuple[array[int], bytearray]]()
+        channel = KIND_CHANNELS[kind]
+        by_size: dict[int, tuple[array[int], bytearray]] = {}
         for scan in self._scans:
             for message in scan.messages():
                 if message[0] == channel:
@@ -157,11 +158,16 @@ class Log:
                         found = by_size[len(payload)] = (array("q"), bytearray())
                     found[0].append(message[2])
                     found[1].extend(payload)
-        schema = MESSAGES[kind].schema
+        schema = SCHEMAS[kind]
         if not by_size:
             return np.empty(0, np.int64), np.empty(0, _empty(schema))
         stamps, data = max(by_size.values(), key=lambda found: len(found[0]))
-        return _of_one_layout(schema, np.frombuffer(stamps, np.int64), data)
+        try:
+            return _of_one_layout(schema, np.frombuffer(stamps, np.int64), data)
+        except WireError as error:
+            raise LogError(
+                f"{self.paths[0]}: {error}. Read the log with the version that wrote it"
+            ) from error
 
     def states(self) -> Rows:
         """Every State, as a structured array with the field names of `State.msg`."""
@@ -205,50 +211,75 @@ def _files(path: Path, side: str | None) -> list[Path]:
         raise LogError(f"{path}: holds logs of {' and '.join(sorted(found))}. Say which side")
     parts = found.get(side or next(iter(found), ""))
     if not parts:
-        raise LogError(f"{path}: holds no {side or 'robot'}.mcap. Name a log or the folder of a run")
+        raise LogError(
+            f"{path}: holds no {side or 'robot'}.mcap. Name a log or the folder of a run"
+        )
     return [parts[part] for part in sorted(parts)]
 
 
-def _facts(scan: McapScan) -> dict[str, str]:
-    """The group `log` of a file's metadata, once the file is known to be one of ours."""
+def _unbroken(files: list[Path]) -> tuple[list[McapScan], str | None]:
+    """The files that follow each other without a loss, and what is lost behind them, or None."""
+    scans: list[McapScan] = []
+    for file in files:
+        try:
+            scan = _read_ours(file)
+        except LogError as error:
+            if not scans:
+                raise
+            return scans, str(error)
+        if scans and _part(scan) != _part(scans[-1]) + 1:
+            break
+        scans.append(scan)
+        if lost := _lost_at_end(scan):
+            return scans, lost
+    if scans[-1].metadata.get("end", {}).get("continues") == "true":
+        return scans, f"the file that follows {scans[-1].path.name}, and all that came after"
+    return scans, None
+
+
+def _part(scan: McapScan) -> int:
+    return int(scan.metadata["log"]["part"])
+
+
+def _read_ours(file: Path) -> McapScan:
+    """What can be read of a file, if it is one of ours."""
+    scan = McapScan.of(file)
     facts = scan.metadata.get("log", {})
-    if not {"format", "wire_version", "robot", "side", "part"} <= facts.keys():
-        if not scan.whole and scan.profile in {"", PROFILE}:
-            raise LogError(f"{scan.path}: {scan.problem}, before any record. Nothing can be saved")
-        raise LogError(f"{scan.path}: is an MCAP file, but none of ours. Name a log of `hoap3`")
-    version = f"format {facts['format']}, wire version {facts['wire_version']}"
+    ours = {"format", "wire_version", "robot", "side", "part"} <= facts.keys()
+    if not scan.whole and scan.profile in {"", PROFILE} and len(scan.channels) < len(TOPICS):
+        raise LogError(f"{file}: {scan.problem}, before any record. Nothing can be saved")
+    if not ours or facts["side"] not in SIDES or not facts["part"].isdecimal():
+        raise LogError(f"{file}: is an MCAP file, but none of ours. Name a log of `hoap3`")
     if (facts["format"], facts["wire_version"]) != (FORMAT, str(WIRE_VERSION)):
         raise LogError(
-            f"{scan.path}: has {version}; this version reads format {FORMAT}, wire version "
-            f"{WIRE_VERSION}. Read it with the version that wrote it"
+            f"{file}: has format {facts['format']}, wire version {facts['wire_version']}; this "
+            f"version reads format {FORMAT}, wire version {WIRE_VERSION}. "
+            "Read it with the version that wrote it"
         )
     expected = {place: topic_name(facts["robot"], t.leaf) for place, t in enumerate(TOPICS, 1)}
     topics = {place: channel.topic for place, channel in scan.channels.items()}
-    if not scan.whole and len(topics) < len(expected):
-        raise LogError(f"{scan.path}: {scan.problem}, before any record. Nothing can be saved")
-    if scan.profile != PROFILE or topics != expected or facts["side"] not in SIDES:
-        raise LogError(f"{scan.path}: its topics are not those of our logs. Name a log of `hoap3`")
-    if not facts["part"].isdecimal():
-        raise LogError(f"{scan.path}: its metadata are not those of our logs. Name a log of `hoap3`")
-    return facts
+    if scan.profile != PROFILE or topics != expected:
+        raise LogError(f"{file}: its topics are not those of our logs. Name a log of `hoap3`")
+    return scan
 
 
-def _why(facts: dict[str, str]) -> str:
-    deleted = len(facts.get("deleted", "").split())
-    cap = facts.get("cap_bytes", "?")
-    return f" ({deleted} deleted by the cap of {cap} bytes)" if deleted else ""
-
-
-def _end_of(scan: McapScan, part: int, following: list[int]) -> str | None:
-    """What is lost behind this file, or None where the log goes on or was ended here."""
-    name = scan.path.name
-    if not scan.whole:
-        lost = f"{name}: {scan.problem}; {scan.size - scan.end} bytes and what came after are lost"
-        return lost + (f", {len(following)} further files are not read" if following else "")
-    if following and following[0] == part + 1:
+def _lost_at_begin(first: Path, facts: dict[str, str], newest: dict[str, str]) -> str | None:
+    """What is lost before the first file: its part counts from 0."""
+    if facts["part"] == "0":
         return None
-    if following or scan.metadata.get("end", {}).get("continues") == "true":
-        return f"{file_name(name.split('.')[0], part + 1)}, which follows {name}, is not there"
+    deleted, cap = newest.get("deleted"), newest.get("cap_bytes")
+    why = f": the cap of {cap} bytes deleted {deleted}" if deleted else ""
+    return f"everything before {first.name}{why}"
+
+
+def _lost_at_end(scan: McapScan) -> str | None:
+    """What is lost behind this file, as far as the file itself can tell."""
+    if not scan.whole:
+        rest = scan.size - scan.end
+        return f"{scan.path.name}: {scan.problem}; {rest} bytes and all that came after are lost"
+    if "repair" in scan.metadata:
+        dropped = scan.metadata["repair"].get("dropped_bytes", "?")
+        return f"{scan.path.name} was cut off and repaired; {dropped} bytes and what came after"
     return None
 
 
@@ -265,9 +296,9 @@ def _of_one_layout(schema: Schema, stamps: Stamps, data: bytearray) -> tuple[Sta
         lengths = schema.lengths_in(raw[int(np.argmax(left))].tobytes())
         alike = left.copy()
         for name, at in schema.offsets(lengths)[0].items():
-            word = lengths[name].to_bytes(4, "little")
+            word = np.frombuffer(lengths[name].to_bytes(4, "little"), np.uint8)
             start = len(CDR_HEADER) + at
-            alike &= (raw[:, start : start + 4] == np.frombuffer(word, np.uint8)).all(axis=1)
+            alike &= (raw[:, start : start + 4] == word).all(axis=1)
         if alike.sum() > best.sum():
             best, dtype = alike, schema.dtype(lengths)
         left &= ~alike

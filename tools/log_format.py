@@ -23,7 +23,6 @@ from typing import Any
 
 import numpy as np
 
-from protocol.errors import LogError
 from protocol.messages import CDR_HEADER, Event, Setpoint, State
 from protocol.ring import Kind, Record
 
@@ -32,7 +31,11 @@ FORMAT = "1"  # of what this module lays down
 SIDES = ("robot", "controller")
 REPEATED = frozenset({Kind.DESCRIPTION, Kind.SESSION, Kind.AUTHORITY})
 """Kinds of which each file of a log holds the last one of the files before it."""
-MESSAGES = {Kind.STATE: State, Kind.SETPOINT: Setpoint, Kind.EVENT: Event}
+SCHEMAS = {
+    Kind.STATE: State.schema,
+    Kind.SETPOINT: Setpoint.schema,
+    Kind.EVENT: Event.schema,
+}
 """Kinds that are logged as they were sent."""
 SENT_STAMP = {
     Kind.STATE: "stamp_published",
@@ -132,7 +135,7 @@ def pack_input(record: Record, *, repeated: bool = False) -> bytes:
     """A record for the topic `inputs`. Its JSON is kept to the byte; what is none, as base64."""
     kind = record.kind.name.lower()
     try:
-        if record.kind in MESSAGES:
+        if record.kind in SCHEMAS:
             raise ValueError("a message that is none")
         body = record.payload.decode()
         json.loads(body)
@@ -149,23 +152,20 @@ def unpack_input(payload: bytes) -> tuple[Record, bool]:
     """The record that `pack_input` took, and whether it is a repetition.
 
     Raises:
-        LogError: none that `pack_input` made.
+        ValueError: none that `pack_input` made.
     """
+    match = _INPUT.fullmatch(unpack_string(payload))
+    if match is None:
+        raise ValueError("not the expected JSON")
+    kind, stamp, flag, body = match.groups()
+    raw = body.encode()
     try:
-        match = _INPUT.fullmatch(unpack_string(payload))
-        if match is None:
-            raise ValueError("not the expected JSON")
-        kind, stamp, flag, body = match.groups()
-        raw = body.encode()
         if kind == "malformed":
             content = json.loads(body)
             kind, raw = str(content["kind"]), base64.b64decode(content["base64"], validate=True)
         return Record(Kind[kind.upper()], int(stamp), raw), flag == "true"
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise LogError(
-            f"topic inputs: a message that this version does not know ({error!r:.80}). "
-            "Read the log with the version that wrote it"
-        ) from error
+    except (KeyError, TypeError, RecursionError) as error:
+        raise ValueError(f"not the expected content: {error!r:.80}") from error
 
 
 class JointStates:

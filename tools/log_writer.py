@@ -19,15 +19,15 @@ from mcap.records import Schema as McapSchema
 from protocol import __version__
 from protocol.description import RobotDescription
 from protocol.errors import DescriptionError, WireError
-from protocol.messages import CDR_HEADER, WIRE_VERSION, Schema
+from protocol.messages import CDR_HEADER, WIRE_VERSION
 from protocol.ring import Kind, Record
 from tools.log_format import (
     CHANNELS,
     FORMAT,
     KIND_CHANNELS,
-    MESSAGES,
     PROFILE,
     REPEATED,
+    SCHEMAS,
     SENT_STAMP,
     TOPICS,
     JointStates,
@@ -230,7 +230,7 @@ class LogWriter:
             "robot": self._robot,
             "side": self._side,
             "part": str(self._part),
-            "deleted": " ".join(self._deleted),
+            "deleted": ", ".join(self._deleted),
             "cap_bytes": str(self._cap_bytes),
         }
         for name, facts in {**self._metadata, "log": log}.items():
@@ -269,7 +269,7 @@ class _Lane:
 
     def __init__(self, kind: Kind, channel: int) -> None:
         self.channel = channel
-        self.schema: Schema = MESSAGES[kind].schema
+        self.schema = SCHEMAS[kind]
         self._sent = SENT_STAMP[kind]
         self.size = -1
         self.fields: Callable[[bytes], tuple[Any, ...]] = tuple
@@ -290,7 +290,7 @@ class _Lane:
             raise WireError("layout", f"{self.schema.name}: no CDR header of ours")
         lengths = self.schema.lengths_in(payload)
         self.size = len(payload)
-        fields = self.schema.dtype(lengths).fields or {}
+        fields: Any = self.schema.dtype(lengths).fields
         counts, _ = self.schema.offsets(lengths)
         self.fields = self._reader({int(fields["tick"][1]): "I", int(fields[self._sent][1]): "Q"})
         places = {len(CDR_HEADER) + at: "I" for at in counts.values()}

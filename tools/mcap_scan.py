@@ -12,6 +12,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
+from itertools import chain
 from pathlib import Path
 from typing import IO
 
@@ -28,11 +29,11 @@ MAX_CHUNK = 1 << 28  # of what a chunk may unpack to
 _RECORD = struct.Struct("<BQ")
 _CHUNK_HEAD = struct.Struct("<QQQII")  # first and last time, size, CRC, length of compression
 _PARSERS = {
-    Opcode.HEADER: records.Header.read,
-    Opcode.SCHEMA: records.Schema.read,
-    Opcode.CHANNEL: records.Channel.read,
-    Opcode.ATTACHMENT: records.Attachment.read,
-    Opcode.METADATA: records.Metadata.read,
+    int(Opcode.HEADER): records.Header.read,
+    int(Opcode.SCHEMA): records.Schema.read,
+    int(Opcode.CHANNEL): records.Channel.read,
+    int(Opcode.ATTACHMENT): records.Attachment.read,
+    int(Opcode.METADATA): records.Metadata.read,
 }
 
 McapMessage = tuple[int, int, int, int, bytes]
@@ -99,17 +100,19 @@ class McapScan:
             ) from error
         return scan
 
-    def messages(self, *, by_chunk: bool = False) -> Iterator[McapMessage | None]:
-        """Every message, in file order; with `by_chunk` None behind each chunk.
+    def messages(self) -> Iterator[McapMessage]:
+        """Every message, in file order.
 
         Raises:
             LogError: a chunk of a finished file is damaged.
         """
+        return chain.from_iterable(self.chunks())
+
+    def chunks(self) -> Iterator[Iterator[McapMessage]]:
+        """The same, chunk by chunk; each is to be used before the next is asked for."""
         with self.path.open("rb") as stream:
             for chunk in self._chunks:
-                yield from self._unpack(chunk, stream)
-                if by_chunk:
-                    yield None
+                yield self._unpack(chunk, stream)
 
     def verify(self) -> None:
         """Check every chunk; the first damaged one is taken for the end of the file."""
@@ -152,7 +155,7 @@ class McapScan:
         if opcode == Opcode.CHUNK:
             self._chunks.append(_read_chunk(start, length, stream))
             return
-        parser = _PARSERS.get(Opcode(opcode)) if opcode in Opcode.__members__.values() else None
+        parser = _PARSERS.get(opcode)
         if parser is None:
             stream.seek(length, os.SEEK_CUR)
             return

@@ -22,7 +22,7 @@ from protocol.recorder import NoRecorder, PatientRecorder, Recorder
 from remote_controller.config import ControllerConfig
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.service import describe
-#LOG
+from tools.log import Log
 from tools.machine import machine_block
 from tools.observer import Observer
 from tools.processes import StopFlag, start_service

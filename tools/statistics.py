@@ -16,6 +16,16 @@ STAGES = ("decode", "kinematics", "solve", "encode", "send", "network")
 what remains of the RTT, both ways together, so no two clocks are ever compared."""
 
 
+_STATE = (
+    "tick", "mode", "stamp_intended", "stamp_actual", "skipped", "late", "lost", "duplicate",
+    "out_of_order", "rejected", "success_rate",
+)  # fmt: skip
+_SETPOINT = (
+    "tick", "stamp_state", "stamp_received", "stamp_decoded", "stamp_kinematics", "stamp_solved",
+    "stamp_encoded", "stamp_sent_previous", "v",
+)  # fmt: skip
+
+
 class RunStatistics:
     """Counts, histograms and the verdict of one robot's run.
 
@@ -26,13 +36,10 @@ class RunStatistics:
 
     def __init__(self, period_ns: int, *, timing: bool = True) -> None:
         self._timing = timing
-        self._ticks = self._active = 0
-        self._state: dict[str, Any] = {}
+        self._state: tuple[Any, ...] = ()
         self._summary: dict[str, Any] | None = None
-        self._error = math.nan
+        self._v = math.nan
         self._jitter = Jitter(period_ns)
-        self._period = period_ns
-        self._last_actual: int | None = None
         self._skipped = 0
         self._encoded: tuple[int, int] | None = None
         self.rtt, self.wakeup = Durations(), Durations()
@@ -52,17 +59,22 @@ class RunStatistics:
 
     def live(self) -> dict[str, Any]:
         """What people watch while it runs."""
-        state = self._state
-        figures = {"ticks": self._ticks, "error": self._error, **state}
+        state = dict(zip(_STATE, self._state, strict=False))
+        figures = {**state, "ticks": state.get("tick", -1) + 1, "error": self._error}
         if self._timing:
             figures["rtt_us"] = self.rtt.summary()
             figures["wakeup_us"] = self.wakeup.summary()
         return figures
 
+    @property
+    def _error(self) -> float:
+        """|e|, from V = |e|²/2 of the last certificate."""
+        return math.sqrt(2.0 * self._v) if self._v >= 0.0 else math.nan
+
     def summary(self) -> dict[str, Any]:
         """The whole, as `run --json` prints it."""
         robot = self._summary or {}
-        state = self._state
+        state = dict(zip(_STATE, self._state, strict=False))
         run_rate = robot.get("run_rate", 0.0)
         safe_stops = robot.get("safe_stops", 0)
         result: dict[str, Any] = {
@@ -99,29 +111,19 @@ class RunStatistics:
         return result
 
     def _add_state(self, payload: bytes) -> None:
-        names = (
-            "tick", "mode", "stamp_intended", "stamp_actual", "skipped", "late", "lost",
-            "duplicate", "out_of_order", "rejected", "success_rate",
-        )  # fmt: skip
-        values = dict(zip(names, State.scalars(payload, *names), strict=True))
-        self._ticks = values["tick"] + 1
-        if self._timing and values["mode"] == State.ACTIVE:
-            self.wakeup.add(values["stamp_actual"] - values["stamp_intended"], values["tick"])
-            if values["skipped"] != self._skipped:
+        self._state = values = State.scalars(payload, *_STATE)
+        tick, mode, intended, actual, skipped = values[:5]
+        if self._timing and mode == State.ACTIVE:
+            self.wakeup.add(actual - intended, tick)
+            if skipped != self._skipped:
                 self._jitter.skip()
-            self._jitter.start(values["stamp_actual"])
-        self._skipped = values["skipped"]
-        self._state = {name: values[name] for name in names if not name.startswith("stamp")}
+            self._jitter.start(actual)
+        self._skipped = skipped
 
     def _add_setpoint(self, record: Record) -> None:
-        names = (
-            "tick", "stamp_state", "stamp_received", "stamp_decoded", "stamp_kinematics",
-            "stamp_solved", "stamp_encoded", "stamp_sent_previous", "v",
-        )  # fmt: skip
-        tick, sent, received, decoded, kinematics, solved, encoded, sent_previous, v = (
-            Setpoint.scalars(record.payload, *names)
+        tick, sent, received, decoded, kinematics, solved, encoded, sent_previous, self._v = (
+            Setpoint.scalars(record.payload, *_SETPOINT)
         )
-        self._error = math.sqrt(2.0 * v) if v >= 0 else math.nan
         if not self._timing:
             return
         rtt = record.stamp - sent

@@ -1,0 +1,132 @@
+"""Makes a whole log of one that was cut off.
+
+The safe way is the default: the result stands beside the original, as `<name>.repaired.mcap`, and
+the original is not touched. In place, the original is kept as `<name>.mcap.damaged`.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from mcap.records import Attachment, Metadata
+
+from protocol import __version__
+from protocol.errors import LogError, UsageError
+from tools.log import Log
+from tools.mcap_scan import McapScan
+from tools.mcap_write import McapFile
+
+
+@dataclass(frozen=True)
+class RepairReport:
+    """What became of a log.
+
+    Attributes:
+        path: the log.
+        out: the whole log; the same file where there was nothing to do, or in place.
+        whole: it was whole already, and was left alone.
+        messages: how many it holds, or how many could be saved.
+        last_stamp: log time of the newest of them [ns], or None.
+        dropped_bytes: what could not be read at its end.
+    """
+
+    path: Path
+    out: Path
+    whole: bool
+    messages: int
+    last_stamp: int | None
+    dropped_bytes: int
+
+    def as_json(self) -> dict[str, Any]:
+        """All of it."""
+        return {**asdict(self), "path": str(self.path), "out": str(self.out)}
+
+    def __str__(self) -> str:
+        if self.whole:
+            return f"{self.path}: is whole, {self.messages} messages; nothing was done"
+        until = "" if self.last_stamp is None else f", the last one at {self.last_stamp} ns"
+        return (
+            f"{self.out}: {self.messages} messages saved{until}; "
+            f"{self.dropped_bytes} bytes at the end could not be read"
+        )
+
+
+def repair(path: Path, out: Path | None = None, *, in_place: bool = False) -> RepairReport:
+    """Write what can be read of a log as a whole one; a whole one is left alone.
+
+    Args:
+        path: one file.
+        out: where the result goes; default: beside it, as `<name>.repaired.mcap`.
+        in_place: put the result in the log's place, and keep the log as `<name>.mcap.damaged`.
+
+    Raises:
+        LogError: not a log of ours, or nothing of it can be read.
+        UsageError: the result exists already, or cannot be written.
+    """
+    if path.is_dir():
+        raise LogError(f"{path}: is a folder. Name the file to mend")
+    log = Log.open(path)  # refuses what is not ours
+    scan = McapScan.of(path)
+    if scan.whole:
+        scan.verify()
+    messages, last = 0, None
+    if scan.whole:
+        for message in scan.messages():
+            messages, last = messages + 1, max(last or 0, message[2])
+        return RepairReport(
+            path, path, whole=True, messages=messages, last_stamp=last, dropped_bytes=0
+        )
+    target = _target(path, out, in_place=in_place)
+    file = McapFile(target, scan.profile, f"hoap3 {__version__}")
+    dropped = scan.size - scan.end
+    try:
+        _copy_head(log, scan, file, dropped)
+        for chunk in scan.chunks():
+            for channel, sequence, log_time, publish_time, data in chunk:
+                file.message(channel, sequence, log_time, publish_time, data)
+                messages, last = messages + 1, max(last or 0, log_time)
+            file.cut()
+        file.finish()
+    except OSError as error:
+        target.unlink(missing_ok=True)
+        raise UsageError(
+            f"{target}: cannot be written ({error.strerror}). Choose a place with more room"
+        ) from error
+    if in_place:
+        os.link(path, _damaged(path))  # refuses to replace an older one
+        target.replace(path)
+        target = path
+    return RepairReport(path, target, False, messages, last, dropped)
+
+
+def _target(path: Path, out: Path | None, *, in_place: bool) -> Path:
+    if not in_place:
+        return out or path.with_suffix(".repaired.mcap")
+    if out is not None:
+        raise UsageError(f"{out}: a repair in place has no other file. Leave one of both out")
+    if _damaged(path).exists():
+        raise UsageError(f"{_damaged(path)}: exists already. Move it away first")
+    return path.with_suffix(".repairing.mcap")
+
+
+def _damaged(path: Path) -> Path:
+    return path.with_name(path.name + ".damaged")
+
+
+def _copy_head(log: Log, scan: McapScan, file: McapFile, dropped: int) -> None:
+    """Everything that stands before the messages, and what was lost behind them."""
+    facts = {"dropped_bytes": str(dropped), "problem": scan.problem}
+    for name, group in {**scan.metadata, "repair": facts}.items():
+        if name != "end":
+            file.add(Metadata(name, group))
+    clock = log.metadata.get("clock", {})
+    logged, created = (int(clock.get(key, "0")) for key in ("monotonic_ns", "realtime_ns"))
+    for name, data in scan.attachments.items():
+        file.add(Attachment(created, logged, name, "application/octet-stream", data))
+    for schema in scan.schemas.values():
+        file.add(schema)
+    for channel in scan.channels.values():
+        file.add(channel)
