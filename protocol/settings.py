@@ -162,7 +162,7 @@ def _read_yaml(text: bytes | str) -> Any:
         return yaml.load(text, _Loader)  # noqa: S506 - a safe loader that knows less
     except yaml.YAMLError:
         raise
-    except (ValueError, ArithmeticError, LookupError, AttributeError, RecursionError) as error:
+    except (ValueError, KeyError, AttributeError, RecursionError) as error:
         raise yaml.YAMLError(str(error)) from error  # such as 2001-99-99, or a deep nest
 
 

@@ -174,13 +174,14 @@ class ZenohControllerLink:
 
     Attributes:
         presence: set while the robot is alive.
+        departures: how often it went away; it may be back before anybody has looked.
     """
 
     def __init__(
         self, robot: str, settings: LinkSettings, who: str, *, blocking: bool = False
     ) -> None:
         self.robot, self.who = robot, who
-        self.presence = threading.Event()
+        self.presence, self.departures = threading.Event(), 0
         self._session = session = open_session(settings)
         try:
             self._setpoint = _fast_publisher(session, key(robot, "setpoint"), blocking)
@@ -224,6 +225,7 @@ class ZenohControllerLink:
         if sample.kind == zenoh.SampleKind.PUT:
             self.presence.set()
         else:
+            self.departures += 1
             self.presence.clear()
         self.wake()
 

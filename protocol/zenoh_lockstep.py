@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Any
 
 from protocol.clock import VirtualClock
 from protocol.errors import LinkError, WireError
@@ -19,9 +21,17 @@ GIVE_UP_S = 10.0
 class ZenohLockstepLink(LockstepLink):
     """The robot's side.
 
-    A State that asks for an answer is repeated every 50 ms of wall time until it is answered;
-    the controller answers a repeated one with the bytes that it has sent already. Before the
-    first State, virtual time stands still until a controller has asked for authority.
+    A State that asks for an answer is repeated every 50 ms of wall time until it is answered, or
+    until the holder of authority leaves; the controller answers a repeated one with the bytes that
+    it has sent already. Before the first State, virtual time stands still until a controller has
+    authority; with an `endless` robot it does so again whenever that is at rest, until it is told
+    to follow or to recover.
+
+    Args:
+        robot, settings: as for `ZenohRobotLink`.
+        clock, compute_time: as for `LockstepLink`.
+        should_stop: asked while waiting.
+        endless: no end is set to the robot's time.
 
     Raises:
         LinkError: no answer for ten seconds; names the tick.
@@ -34,22 +44,27 @@ class ZenohLockstepLink(LockstepLink):
         clock: VirtualClock,
         compute_time: int,
         should_stop: Callable[[], bool],
+        *,
+        endless: bool = False,
     ) -> None:
         super().__init__(self._exchange_over_zenoh, clock, compute_time)
         self._inner = ZenohRobotLink(robot, settings, blocking=True)
-        self._should_stop = should_stop
-        self._begun = False
+        self._should_stop, self._endless = should_stop, endless
+        self._waiting: list[Request] = []
+        self._holder: str | None = None
+        self._awake = False
 
     def requests(self) -> Iterable[Request]:
-        """Requests that have arrived; at first, wait until there is one for authority."""
-        while not (self._begun or self._should_stop()):
-            for request in self._inner.requests():
-                self._begun |= request.verb == "acquire"
-                yield request
-            if not self._begun:
-                self._inner.arrival.wait(REPEAT_S)
-                self._inner.arrival.clear()
-        yield from self._inner.requests()
+        """Requests that have arrived; while time stands still, wait for one that moves it."""
+        while True:
+            self._gather()
+            for request in self._waiting:
+                yield self._watched(request)
+            self._waiting.clear()
+            if self._awake or self._should_stop():
+                return
+            self._inner.arrival.wait(REPEAT_S)
+            self._inner.arrival.clear()
 
     def announce(self, event: bytes) -> None:
         """Send an Event."""
@@ -63,6 +78,8 @@ class ZenohLockstepLink(LockstepLink):
         mode, tick = State.scalars(payload, "mode", "tick")
         inner = self._inner
         inner.publish(payload)
+        if self._endless and mode in {State.IDLE, State.STOPPED}:
+            self._awake = False
         if mode != State.ACTIVE:
             return None
         began = repeated = time.monotonic()
@@ -72,6 +89,9 @@ class ZenohLockstepLink(LockstepLink):
             for _, answer in inner.drain():
                 if _answers(answer, tick):
                     return answer
+            self._gather()
+            if any(self._leaves(request) for request in self._waiting):
+                return None
             now = time.monotonic()
             if now - began > GIVE_UP_S:
                 raise LinkError(f"lockstep: no answer to tick {tick} for {GIVE_UP_S:.0f} s")
@@ -79,6 +99,24 @@ class ZenohLockstepLink(LockstepLink):
                 inner.publish(payload)
                 repeated = now
         return None
+
+    def _gather(self) -> None:
+        self._waiting.extend(self._inner.requests())
+
+    def _leaves(self, request: Request) -> bool:
+        return request.verb in {"release", "gone"} and request.who == self._holder
+
+    def _watched(self, request: Request) -> Request:
+        """The same, but we learn from its answer who holds authority, and whether time goes on."""
+
+        def answer(content: dict[str, Any] | bytes) -> None:
+            if isinstance(content, dict):
+                if content.get("granted"):
+                    self._holder = request.who
+                self._awake |= bool(content.get("granted") or content.get("recovered"))
+            request.answer(content)
+
+        return replace(request, answer=answer)
 
 
 def _answers(payload: bytes, tick: int) -> bool:

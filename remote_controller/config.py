@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import Field
 
 from protocol.description import RobotDescription
-from protocol.errors import ConfigError, FrameNotFoundError, UnknownNameError
+from protocol.errors import ConfigError, FrameNotFoundError, Hoap3Error, UnknownNameError
 from protocol.settings import (
     LinkSettings,
     LogSettings,
@@ -23,14 +23,20 @@ from protocol.settings import (
 CONFIGS = Path(__file__).parent / "configs"
 
 
+class ControllerLink(LinkSettings):
+    """Where the robot is."""
+
+    connect: tuple[str, ...] = Field(("tcp/127.0.0.1:7447",), description="endpoints to connect to")
+
+
 class ControllerConfig(Settings):
     """One remote controller."""
 
     controller: str = Field(description="registered name, or package.module:Class")
     robot: RobotName = Field("hoap3", description="name of the robot on the network")
     parameters: dict[str, Any] = Field({}, description="settings of the controller itself")
-    link: LinkSettings = LinkSettings(connect=("tcp/127.0.0.1:7447",))
-    realtime: RealtimeSettings = RealtimeSettings(priority=80)
+    link: ControllerLink = ControllerLink()
+    realtime: RealtimeSettings = RealtimeSettings()
     log: LogSettings = LogSettings()
 
 
@@ -52,16 +58,18 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
     if name in available_configs():
         path = CONFIGS / f"{name}.yaml"
         return load_yaml(path), str(path)
+    from remote_controller.registry import registered  # noqa: PLC0415 - loads controllers' base
+
     path = Path(name)
+    if name in registered():  # a name comes before a folder that is called so
+        return {"controller": name}, f"controller {name}"
     if path.suffix in {".yaml", ".yml"} or path.exists():
         content = load_yaml(path)
         folder = str(path.resolve().parent)
         if folder not in sys.path:
             sys.path.append(folder)
         return content, str(path)
-    from remote_controller.registry import registered  # noqa: PLC0415 - loads controllers' base
-
-    if ":" in name or name in registered():
+    if ":" in name:
         return {"controller": name}, f"controller {name}"
     known = {*available_configs(), *registered()}
     raise UnknownNameError("controller config", name, known, " Or name a file.")
@@ -71,10 +79,10 @@ def build(config: ControllerConfig, description: RobotDescription, file: str = "
     """The configured controller for a robot.
 
     Raises:
-        UnknownNameError, ConfigError: it cannot be found, its parameters are wrong, or the robot
-            lacks a frame that they name.
+        UnknownNameError, ConfigError: it cannot be found, its parameters are wrong, the robot
+            lacks a frame that they name, or the controller cannot be built for it.
     """
-    from remote_controller.registry import find  # noqa: PLC0415
+    from remote_controller.registry import blame, find  # noqa: PLC0415
 
     controller = find(config.controller, file)
     parameters = parse(controller.Parameters, config.parameters, file, "parameters")
@@ -90,6 +98,17 @@ def build(config: ControllerConfig, description: RobotDescription, file: str = "
             error.frame,
             f"robot {description.name!r} has no such frame",
             f"Its frames: {', '.join(error.known)}",
+        ) from error
+    except Hoap3Error:
+        raise
+    except Exception as error:
+        raise ConfigError(
+            file,
+            "controller",
+            config.controller,
+            f"cannot be built for robot {description.name!r} with {description.n} joints: "
+            f"{blame(error, controller)}",
+            "Correct it, or choose a robot that it is made for",
         ) from error
 
 

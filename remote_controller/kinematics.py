@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from protocol.description import RobotDescription
 from protocol.messages import FloatArray
 from protocol.model import build_model
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """What is needed of a frame: views of its placement, and the joints that move it."""
+
+    origin: FloatArray
+    rotation: FloatArray
+    moved_by: NDArray[np.bool_]
 
 
 class Kinematics:
@@ -37,8 +48,11 @@ class Kinematics:
         self._root_moment = np.array(root_com * self.robot.root_mass / self.robot.total_mass)
         self._pass = pinocchio.jacobianCenterOfMass
         self._place = pinocchio.updateFramePlacement
-        self._frame_jacobian = pinocchio.getFrameJacobian
-        self._aligned = pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        # Pinocchio hands out views, which every pass rewrites; a single column comes as a vector
+        self._com = self._data.com[0]
+        self._com_jacobian = self._data.Jcom.reshape(3, self.n)
+        self._joint_jacobian = self._data.J.reshape(6, self.n)
+        self._frames: dict[int, _Frame] = {}
 
     def frame_id(self, frame: str) -> int:
         """Number of a frame.
@@ -46,7 +60,10 @@ class Kinematics:
         Raises:
             FrameNotFoundError: the robot has no such frame.
         """
-        return int(self.robot.frame_id(frame))
+        number = int(self.robot.frame_id(frame))
+        if number not in self._frames:
+            self._frames[number] = self._view(number)
+        return number
 
     def update(self, q: FloatArray) -> None:
         """Take the joint positions `q`, (n,) [rad or m]."""
@@ -54,18 +71,32 @@ class Kinematics:
         self._pass(self._model, self._data, self._q, False)
 
     def com(self, frame: int, position_out: FloatArray, jacobian_out: FloatArray) -> None:
-        """Centre of mass, (3,) [m], and its Jacobian, (3, n) [m/rad], as seen from a frame."""
-        data = self._data
-        placement = self._place(self._model, data, frame)
+        """Centre of mass, (3,) [m], and its Jacobian, (3, n) [m/rad], as seen from a frame.
+
+        Args:
+            frame: what `frame_id` gave.
+            position_out, jacobian_out: written.
+        """
+        self._place(self._model, self._data, frame)
+        seen_from = self._frames[frame]
         self._com_in_frame(
-            data.Jcom,
-            self._frame_jacobian(self._model, data, frame, self._aligned),
-            data.com[0],
-            placement.translation,
-            placement.rotation,
+            self._com_jacobian,
+            self._joint_jacobian,
+            self._com,
+            seen_from.origin,
+            seen_from.rotation,
+            seen_from.moved_by,
             self._root_moment,
             self._moving_share,
             self._order,
             position_out,
             jacobian_out,
         )
+
+    def _view(self, number: int) -> _Frame:
+        model, placement = self._model, self._data.oMf[number]
+        moved_by = np.zeros(self.n, np.bool_)
+        for joint in model.supports[model.frames[number].parentJoint]:
+            if joint > 0:  # 0 is the world
+                moved_by[model.joints[joint].idx_v] = True
+        return _Frame(placement.translation, placement.rotation, moved_by)

@@ -1,57 +1,98 @@
-"""Compiled kinematics: what remains to be done after Pinocchio's pass."""
+"""Compiled kinematics: what remains to be done after Pinocchio's pass, and the Euler step."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from protocol.compilation import kernel
 from protocol.messages import FloatArray
 
 
-@kernel(
-    "void(f8[::1,:], f8[:,::1], f8[::1], f8[::1], f8[::1,:], f8[::1], f8, i8[::1], f8[::1],"
+@kernel(  # Pinocchio's matrices are of any layout: with one joint, Fortran's and C's are the same
+    "void(f8[:,:], f8[:,:], f8[::1], f8[::1], f8[:,:], b1[::1], f8[::1], f8, i8[::1], f8[::1],"
     " f8[:,::1])"
 )
 def com_in_frame(
     com_jacobian: FloatArray,
-    frame_jacobian: FloatArray,
+    joint_jacobian: FloatArray,
     com: FloatArray,
     origin: FloatArray,
     rotation: FloatArray,
+    moved_by: NDArray[np.bool_],
     root_moment: FloatArray,
     moving_share: float,
-    order: np.ndarray,
+    order: NDArray[np.int64],
     position_out: FloatArray,
     jacobian_out: FloatArray,
 ) -> None:
     """Centre of mass and its Jacobian, as seen from a frame of the robot.
 
-    With c the centre of mass, o the frame's origin and R its rotation, all in the root frame:
-    m = Rᵀ(c − o) and dm/dt = Rᵀ(ċ − ȯ + (c − o) × ω), where ω is the frame's angular velocity.
+    With c the centre of mass, o the frame's origin and R its rotation, all in the root frame,
+    m = Rᵀ(c − o). The frame turns with ω, and what is fixed to it moves with v + ω × p at p, so
+    dm/dt = Rᵀ(dc/dt − v − ω × c).
 
     Args:
         com_jacobian: (3, n) of the moving links, root frame, Pinocchio's order.
-        frame_jacobian: (6, n), rows linear then angular, origin o, axes of the root frame.
+        joint_jacobian: (6, n) v and ω of what each joint moves, at the root's origin.
         com: (3,) of the moving links [m], root frame.
         origin, rotation: o (3,) [m] and R (3, 3).
+        moved_by: (n,) whether a joint moves the frame.
         root_moment: (3,) mass of the root link × its CoM / total mass [m].
         moving_share: mass of the moving links / total mass.
         order: (n,) column of each joint of the wire in Pinocchio's order.
         position_out: (3,) m [m].
         jacobian_out: (3, n) dm/dq [m/rad], columns in wire order.
     """
-    dx = moving_share * com[0] + root_moment[0] - origin[0]
-    dy = moving_share * com[1] + root_moment[1] - origin[1]
-    dz = moving_share * com[2] + root_moment[2] - origin[2]
+    cx = moving_share * com[0] + root_moment[0]
+    cy = moving_share * com[1] + root_moment[1]
+    cz = moving_share * com[2] + root_moment[2]
+    dx, dy, dz = cx - origin[0], cy - origin[1], cz - origin[2]
     for row in range(3):
         position_out[row] = rotation[0, row] * dx + rotation[1, row] * dy + rotation[2, row] * dz
     for joint in range(order.size):
         i = order[joint]
-        wx, wy, wz = frame_jacobian[3, i], frame_jacobian[4, i], frame_jacobian[5, i]
-        x = moving_share * com_jacobian[0, i] - frame_jacobian[0, i] + dy * wz - dz * wy
-        y = moving_share * com_jacobian[1, i] - frame_jacobian[1, i] + dz * wx - dx * wz
-        z = moving_share * com_jacobian[2, i] - frame_jacobian[2, i] + dx * wy - dy * wx
+        x = moving_share * com_jacobian[0, i]
+        y = moving_share * com_jacobian[1, i]
+        z = moving_share * com_jacobian[2, i]
+        if moved_by[i]:
+            wx, wy, wz = joint_jacobian[3, i], joint_jacobian[4, i], joint_jacobian[5, i]
+            x -= joint_jacobian[0, i] + wy * cz - wz * cy
+            y -= joint_jacobian[1, i] + wz * cx - wx * cz
+            z -= joint_jacobian[2, i] + wx * cy - wy * cx
         for row in range(3):
             jacobian_out[row, joint] = (
                 rotation[0, row] * x + rotation[1, row] * y + rotation[2, row] * z
             )
+
+
+@kernel("Tuple((i8, i8))(f8[::1], f8[::1], f8, f8[::1], f8[::1], f8[::1], f8, f8[::1])")
+def euler_step(
+    start: FloatArray,
+    u: FloatArray,
+    dt: float,
+    lower: FloatArray,
+    upper: FloatArray,
+    velocity: FloatArray,
+    active_speed: float,
+    out: FloatArray,
+) -> tuple[int, int]:
+    """Write start + u·dt, (n,) [rad or m].
+
+    Args:
+        start, u, out: (n,) positions, velocities, and positions after `dt` [s].
+        lower, upper, velocity: (n,) limits of the robot.
+        active_speed: from which on a joint counts as active [rad/s or m/s].
+
+    Returns:
+        How many joints are active, and how many go beyond a limit; -1 and nothing written where
+        the lengths of `start`, `u` and `out` differ.
+    """
+    active, beyond = 0, 0
+    if start.size != out.size or u.size != out.size:
+        return -1, beyond
+    for i in range(out.size):
+        out[i] = start[i] + u[i] * dt
+        active += abs(u[i]) >= active_speed
+        beyond += not (lower[i] <= out[i] <= upper[i] and abs(u[i]) <= velocity[i])
+    return active, beyond

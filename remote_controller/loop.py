@@ -6,13 +6,22 @@ import json
 
 from protocol.clock import Clock, VirtualClock
 from protocol.description import RobotDescription
-from protocol.errors import WireError
+from protocol.errors import Hoap3Error, UsageError, WireError
 from protocol.messages import Event, FloatArray, State
 from protocol.recorder import Recorder
 from protocol.ring import Kind
 from remote_controller.controllers.controller import Controller
+from remote_controller.registry import blame
 
 EVENTS = Event.schema.constants
+
+
+def failure(controller: Controller, what: str, error: Exception) -> Hoap3Error:
+    """One clear error for whatever a controller raised; wrong usage stays what it is."""
+    if isinstance(error, UsageError):
+        return error
+    kind = type(controller)
+    return Hoap3Error(f"controller {kind.__name__} {what}: {blame(error, kind)}")
 
 
 class ControllerLoop:
@@ -54,7 +63,12 @@ class ControllerLoop:
     def begin(self, description: RobotDescription, *, lockstep: bool) -> None:
         """Record what everything after this belongs to."""
         now = self._clock.now()
-        session = {"side": "controller", "session_id": self._session_id, "lockstep": lockstep}
+        session = {
+            "side": "controller",
+            "session_id": self._session_id,
+            "lockstep": lockstep,
+            "extra": self._controller.extra_names,
+        }
         self._recorder.record_large(Kind.DESCRIPTION, now, description.to_json())
         self._recorder.record_large(Kind.SESSION, now, json.dumps(session).encode())
 
@@ -69,6 +83,9 @@ class ControllerLoop:
 
         A controller without authority, or of a robot that is not active, follows in silence: it
         takes every step, so that it is warm, and sends nothing. Call `sent` afterwards.
+
+        Raises:
+            Hoap3Error: the controller failed; names the tick, and the place in its code.
         """
         state, controller = self._state, self._controller
         try:
@@ -89,11 +106,16 @@ class ControllerLoop:
         self._note_gap(state.tick)
         self._unrecorded.append((Kind.STATE, received, payload))
         asked = state.mode == State.ACTIVE and state.epoch == self.epoch != 0
-        if not self._started or asked != self._engaged:
-            self._reset(state)
-            self._engaged = asked
-        command = controller.step(state)
-        command.stamp_solved = self._clock.now()
+        try:
+            if not self._started or asked != self._engaged:
+                self._reset(state)
+                self._engaged = asked
+            command = controller.step(state)
+            command.stamp_solved = self._clock.now()
+        except Exception as error:
+            self.sent()  # so that the log has what it failed on
+            self.announce("CONTROLLER_FAILED", state.tick)
+            raise failure(controller, f"failed at tick {state.tick}", error) from error
         if not asked:
             self._last_answer = None
             return None

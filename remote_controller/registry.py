@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import traceback
 from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 
 from protocol.errors import ConfigError, UnknownNameError
 from remote_controller.controllers.controller import Controller
@@ -50,12 +52,12 @@ def find(name: str, file: str = "config", key: str = "controller") -> type[Contr
         raise UnknownNameError("controller", name, known, hint)
     try:
         loaded = point.load()
-    except (ImportError, AttributeError) as error:
+    except Exception as error:
         raise ConfigError(
             file,
             key,
             name,
-            f"cannot be imported: {error}",
+            f"cannot be imported: {blame(error)}",
             "Install its package, or keep its module beside the config file",
         ) from error
     return _checked(loaded, name, file, key)
@@ -80,6 +82,21 @@ def _checked(loaded: object, name: str, file: str, key: str) -> type[Controller]
             "Define it; docs/writing_a_controller.md has an example",
         )
     return loaded
+
+
+def blame(error: Exception, controller: type | None = None) -> str:
+    """What somebody else's code raised, and where, in one line; rather in the controller's file."""
+    home = inspect.getmodule(controller)
+    frames = [
+        frame
+        for frame in traceback.extract_tb(error.__traceback__)
+        if frame.filename != __file__ and "importlib" not in frame.filename
+    ]
+    at_home = [frame for frame in frames if frame.filename == getattr(home, "__file__", None)]
+    place = "".join(
+        f" ({Path(frame.filename).name}, line {frame.lineno})" for frame in (at_home or frames)[-1:]
+    )
+    return " ".join(f"{type(error).__name__}: {error}{place}".split())
 
 
 def module_of(controller: type[Controller]) -> str:

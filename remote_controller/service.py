@@ -18,7 +18,7 @@ from protocol.recorder import Recorder
 from protocol.zenoh_link import ZenohControllerLink
 from remote_controller.config import ControllerConfig, build
 from remote_controller.controllers.controller import Controller
-from remote_controller.loop import ControllerLoop
+from remote_controller.loop import ControllerLoop, failure
 
 KERNELS = (
     "remote_controller.solvers.qp12_kernels",
@@ -38,13 +38,21 @@ def prepare(report: Callable[[str], None]) -> None:
 
 
 def rehearse(controller: Controller, description: RobotDescription) -> None:
-    """Step through the start posture until nothing happens for the first time."""
+    """Step through the start posture until nothing happens for the first time.
+
+    Raises:
+        Hoap3Error: the controller failed.
+    """
     state = State(description.n, 6 * len(description.wrench_sensors))
     state.q[:] = state.reference[:] = description.initial_position
-    controller.reset(state, None)
-    for tick in range(REHEARSALS):
-        state.tick = tick
-        controller.step(state)
+    try:
+        controller.reset(state, None)
+        for tick in range(REHEARSALS):
+            state.tick = tick
+            controller.step(state)
+    except Exception as error:
+        what = f"failed when it rehearsed with robot {description.name!r}, {description.n} joints"
+        raise failure(controller, what, error) from error
 
 
 class Service:
@@ -68,12 +76,15 @@ class Service:
         self._config, self._file = config, file
         self._recorder, self._report, self._should_stop = recorder, report, should_stop
         self._digest = ""
+        self._departures = 0
         self._controller: Controller | None = None
         self._clock: Clock = MonotonicClock()
         self.loop: ControllerLoop | None = None
 
     def run(self) -> None:
-        """Answer the robot until told to stop; authority is given back at the end.
+        """Answer the robot until told to stop; authority is given back at an orderly end.
+
+        Where the controller fails, it is not: the robot finds its holder gone, and stops safely.
 
         Raises:
             AuthorityError: the robot follows another controller.
@@ -89,12 +100,13 @@ class Service:
             while not self._should_stop():
                 if self._join(link):
                     self._follow(link)
-        finally:
             link.ask("release")
+        finally:
             link.close()
 
     def _join(self, link: ZenohControllerLink) -> bool:
         """Wait for the robot, build the controller that it needs, ask for authority."""
+        self._departures = link.departures
         endpoints = ", ".join(self._config.link.connect)
         said = False
         while not self._should_stop():
@@ -138,10 +150,10 @@ class Service:
         wait, publish, answer, sent = link.wait, link.publish, loop.answer, loop.sent
         while not self._should_stop():
             arrival = wait()
-            if arrival is None:
-                if link.presence.is_set():
-                    continue
+            if link.departures != self._departures:
                 break
+            if arrival is None:
+                continue
             setpoint = answer(*arrival)
             if setpoint is not None:
                 publish(setpoint)

@@ -36,6 +36,18 @@ class LockstepSettings(Settings):
     compute_time_us: float = Field(200.0, ge=0, description="virtual delay of every answer")
 
 
+class EmulatorLink(LinkSettings):
+    """Where controllers find the robot."""
+
+    listen: tuple[str, ...] = Field(("tcp/127.0.0.1:7447",), description="endpoints to listen on")
+
+
+class EmulatorRealtime(RealtimeSettings):
+    """The robot comes before its controller."""
+
+    priority: int = Field(85, ge=1, le=98, description="SCHED_FIFO priority")
+
+
 class EmulatorConfig(Settings):
     """One robot emulator."""
 
@@ -48,8 +60,8 @@ class EmulatorConfig(Settings):
     )
     misses_to_stop: int = Field(20, ge=1, description="consecutive misses that end in a safe stop")
     seed: int = Field(0, ge=0, lt=2**63, description="of everything random; names the session")
-    link: LinkSettings = LinkSettings(listen=("tcp/127.0.0.1:7447",))
-    realtime: RealtimeSettings = RealtimeSettings(priority=85)
+    link: EmulatorLink = EmulatorLink()
+    realtime: EmulatorRealtime = EmulatorRealtime()
     log: LogSettings = LogSettings()
     lockstep: LockstepSettings = LockstepSettings()
 
@@ -72,7 +84,10 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
     if name in available_configs():
         path = CONFIGS / f"{name}.yaml"
     elif path.suffix not in {".yaml", ".yml"} and not path.exists():
-        raise UnknownNameError("emulator config", name, available_configs(), " Or name a file.")
+        from robot_emulator.robots import available  # noqa: PLC0415 - reads installed packages
+
+        known = {*available_configs(), *available()}
+        raise UnknownNameError("robot or emulator config", name, known, " Or name a file.")
     content = load_yaml(path)
     robot = content.get("robot")
     if isinstance(robot, str) and ("/" in robot or robot.endswith((".yaml", ".yml"))):

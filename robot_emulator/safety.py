@@ -17,54 +17,60 @@ class Reference:
     """The reference that is applied to the motors, kept inside the limits of the description.
 
     Every change goes through one gate: usable position limits and joint velocity, whatever the
-    setpoint was.
+    setpoint was. A joint that starts outside its usable range may not go further out.
 
     Attributes:
         value: applied reference, (n,) [rad or m].
-        rate: its velocity over the last period, (n,) [rad/s or m/s].
     """
 
     def __init__(self, description: RobotDescription, period_s: float) -> None:
         n = description.n
         self._dt = period_s
-        self._lower, self._upper = description.lower, description.upper
+        self._usable = description.lower, description.upper
+        self._lower, self._upper = self._usable
         self._step = description.velocity * period_s
         self._brake = description.brake_acceleration
         self.value = np.zeros(n)
-        self.rate = np.zeros(n)
-        self._target = np.zeros(n)
         self._before = np.zeros(n)
+        self._change = np.zeros(n)
         self._size = np.zeros(n)
         self._flags = np.zeros(n, np.bool_)
-        self._setpoint = np.zeros(n)
-        self._setpoint_tick = -1
-        self._setpoint_rate = np.zeros(n)
-        self._stop_rate = np.zeros(n)
+        self._target = np.zeros(n)
+        self._newest, self._earlier = np.zeros(n), np.zeros(n)  # setpoints
+        self._newest_tick = -1
+        self._ticks_between = 0
+        self._stop_change = np.zeros(n)
         self._stop_ticks = self._stopped_for = 0
+
+    @property
+    def rate(self) -> FloatArray:
+        """Velocity of the reference over the last period, (n,) [rad/s or m/s]."""
+        return self._change / self._dt
 
     def reset(self, q: FloatArray) -> None:
         """Be at rest at `q`, (n,)."""
         self.value[:] = q
-        self.rate[:] = 0.0
+        self._change[:] = 0.0
+        self._lower = np.minimum(self._usable[0], q)
+        self._upper = np.maximum(self._usable[1], q)
         self.forget()
 
     def forget(self) -> None:
         """Forget earlier setpoints: there is nothing to hold or extrapolate but the place."""
         self._target[:] = self.value
-        self._setpoint_rate[:] = 0.0
-        self._setpoint_tick = -1
+        self._newest_tick = -1
+        self._ticks_between = 0
 
     def follow(self, setpoint: FloatArray, tick: int) -> int:
-        """Take a setpoint, (n,), that answers `tick`.
+        """Take a setpoint, (n,), that answers `tick`, which is later than the one before.
 
         Returns:
             The number of a joint whose setpoint was outside the limits, or -1.
         """
-        if self._setpoint_tick >= 0:
-            np.subtract(setpoint, self._setpoint, out=self._setpoint_rate)
-            self._setpoint_rate /= tick - self._setpoint_tick
-        self._setpoint_tick = tick
-        self._setpoint[:] = setpoint
+        self._ticks_between = tick - self._newest_tick if self._newest_tick >= 0 else 0
+        self._newest_tick = tick
+        self._newest, self._earlier = self._earlier, self._newest
+        self._newest[:] = setpoint
         self._target[:] = setpoint
         return self._apply()
 
@@ -73,13 +79,16 @@ class Reference:
         return self._apply()
 
     def extrapolate(self) -> int:
-        """No setpoint: go on as the last two did."""
-        self._target += self._setpoint_rate
+        """No setpoint: go on as the last two did, as far as they were within the limits."""
+        if self._ticks_between:
+            newest = np.clip(self._newest, self._lower, self._upper)
+            earlier = np.clip(self._earlier, self._lower, self._upper)
+            self._target += (newest - earlier) / self._ticks_between
         return self._apply()
 
     def begin_stop(self) -> None:
         """Plan to brake to rest: all joints together, in a straight line, at the limit of one."""
-        self._stop_rate[:] = self.rate
+        self._stop_change[:] = self._change
         duration = float(np.max(np.abs(self.rate) / self._brake, initial=0.0))
         self._stop_ticks = max(1, math.ceil(duration / self._dt - 1e-9))
         self._stopped_for = 0
@@ -88,7 +97,7 @@ class Reference:
         """One period of the planned stop; True once at rest."""
         self._stopped_for += 1
         share = max(0.0, 1.0 - self._stopped_for / self._stop_ticks)
-        np.multiply(self._stop_rate, share * self._dt, out=self._target)
+        np.multiply(self._stop_change, share, out=self._target)
         self._target += self.value
         self._apply()
         return share == 0.0
@@ -96,18 +105,17 @@ class Reference:
     def _apply(self) -> int:
         """Move towards the target as far as the limits allow; the joint that was held back, or -1.
 
-        A target that is within the limits is taken over bit by bit.
+        A joint whose target is within the limits takes it over bit by bit.
         """
-        value, before, rate, size = self.value, self._before, self.rate, self._size
+        value, before, change, flags = self.value, self._before, self._change, self._flags
         before[:] = value
         np.maximum(self._target, self._lower, out=value)
         np.minimum(value, self._upper, out=value)
-        np.subtract(value, before, out=rate)
-        np.abs(rate, out=size)
-        np.greater(size, self._step, out=self._flags)
-        if np.count_nonzero(self._flags):
-            np.clip(rate, -self._step, self._step, out=rate)
-            np.add(before, rate, out=value)
-        rate /= self._dt
-        np.not_equal(value, self._target, out=self._flags)
-        return int(np.argmax(self._flags)) if np.count_nonzero(self._flags) else -1
+        np.subtract(value, before, out=change)
+        np.abs(change, out=self._size)
+        np.greater(self._size, self._step, out=flags)
+        if np.count_nonzero(flags):
+            np.copysign(self._step, change, out=change, where=flags)
+            np.add(before, change, out=value, where=flags)
+        np.not_equal(value, self._target, out=flags)
+        return int(np.argmax(flags)) if np.count_nonzero(flags) else -1

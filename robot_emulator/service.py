@@ -117,7 +117,9 @@ def serve_lockstep(
 
     clock = VirtualClock()
     compute_time = round(config.lockstep.compute_time_us * 1e3)
-    link = ZenohLockstepLink(description.name, config.link, clock, compute_time, should_stop)
+    link = ZenohLockstepLink(
+        description.name, config.link, clock, compute_time, should_stop, endless=ticks is None
+    )
     try:
         loop = build_loop(config, description, clock, link, recorder, lockstep=True)
         report(f"robot {description.name!r} is alive at {', '.join(config.link.listen)}, lockstep")

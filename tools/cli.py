@@ -7,13 +7,13 @@ People read standard error; `--json` puts one JSON object on standard output. Ex
 from __future__ import annotations
 
 import json
+import math
 import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from protocol.errors import Hoap3Error, UsageError
 from tools.rooms import check_rooms
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, add_completion=True)
@@ -21,9 +21,22 @@ config_app = typer.Typer(no_args_is_help=True, help="Look at settings before any
 app.add_typer(config_app, name="config")
 
 ENDPOINT = "tcp/127.0.0.1:7447"
+
+
+def _finite(value: float | None) -> float | None:
+    """Refuse nan and inf, which pass the comparison with a minimum."""
+    if value is not None and not math.isfinite(value):
+        raise typer.BadParameter("is not a finite number")
+    return value
+
+
 Sets = Annotated[
     list[str],
     typer.Option("--set", metavar="KEY=VALUE", help="Change a setting, checked as a file is."),
+]
+Duration = Annotated[
+    float | None,
+    typer.Option(min=0.001, callback=_finite, help="Of the motion [s]; default: no end."),
 ]
 NoRealtime = Annotated[
     bool, typer.Option("--no-realtime", help="Neither pin nor ask for priority or locked memory.")
@@ -43,7 +56,9 @@ def run(
         str, typer.Option(help="Robot or emulator config: a name or a path.")
     ] = "hoap3",
     controller: Annotated[str, typer.Option(help="Controller config: a name or a path.")] = "qp12",
-    duration: Annotated[float, typer.Option(min=0.001, help="Of the motion [s].")] = 5.0,
+    duration: Annotated[
+        float, typer.Option(min=0.001, callback=_finite, help="Of the motion [s].")
+    ] = 5.0,
     lockstep: Annotated[
         bool, typer.Option("--lockstep", help="Virtual time, in one process.")
     ] = False,
@@ -55,6 +70,8 @@ def run(
 ) -> None:
     """Run a robot and its controller; --set takes emulator.KEY=VALUE and controller.KEY=VALUE."""
     from tools.processes import StopFlag
+
+    stop = StopFlag()
     from tools.run import run_lockstep, run_realtime
     from tools.services import controller_config, emulator_config, split_overrides
     from tools.show import LiveTable, show_summary
@@ -66,10 +83,12 @@ def run(
     law, law_file = controller_config(controller, theirs, realtime=not no_realtime)
     files = (emulator_file, law_file)
     if lockstep:
-        outcome = run_lockstep(emulator, law, duration, out, files, should_stop=StopFlag())
+        outcome = run_lockstep(emulator, law, duration, out, files, should_stop=stop)
     else:
         with LiveTable(f"{emulator.robot} and {law.controller}, {duration:g} s") as table:
-            outcome = run_realtime(emulator, law, duration, out, table.news, files)
+            outcome = run_realtime(
+                emulator, law, duration, out, table.news, files, should_stop=stop
+            )
     if as_json:
         _print_json(outcome.summary)
     else:
@@ -81,9 +100,7 @@ def run(
 def emulator(
     config: Annotated[str, typer.Argument(help="Emulator config or robot: a name or a path.")],
     lockstep: Annotated[bool, typer.Option("--lockstep", help="Virtual time over Zenoh.")] = False,
-    duration: Annotated[
-        float | None, typer.Option(min=0.001, help="Of the motion [s]; default: no end.")
-    ] = None,
+    duration: Duration = None,
     out: Out = None,
     no_realtime: NoRealtime = False,
     sets: Sets = [],  # noqa: B006
@@ -91,11 +108,20 @@ def emulator(
     named: Named = None,
 ) -> None:
     """Be a robot, until SIGINT or SIGTERM; it comes to rest first."""
+    from tools.processes import StopFlag
+
+    stop = StopFlag()
     from tools.services import emulator_config, run_emulator
 
     settings, file = emulator_config(config, sets, realtime=not no_realtime, named=named)
     code = run_emulator(
-        settings, file, lockstep=lockstep, duration=duration, out=out, status_fd=status_fd
+        settings,
+        file,
+        lockstep=lockstep,
+        duration=duration,
+        out=out,
+        status_fd=status_fd,
+        should_stop=stop,
     )
     raise typer.Exit(code)
 
@@ -110,10 +136,14 @@ def controller(
     named: Named = None,
 ) -> None:
     """Control a robot, until SIGINT or SIGTERM; waits for it, and survives its absence."""
+    from tools.processes import StopFlag
+
+    stop = StopFlag()
     from tools.services import controller_config, run_controller
 
     settings, file = controller_config(config, sets, realtime=not no_realtime, named=named)
-    raise typer.Exit(run_controller(settings, file, out=out, status_fd=status_fd))
+    code = run_controller(settings, file, out=out, status_fd=status_fd, should_stop=stop)
+    raise typer.Exit(code)
 
 
 @app.command("list")
@@ -181,7 +211,8 @@ def record(
         Path | None, typer.Option("--repair", metavar="LOG", help="Mend a log instead.")
     ] = None,
     duration: Annotated[
-        float | None, typer.Option(min=0.001, help="[s]; default: until Ctrl-C.")
+        float | None,
+        typer.Option(min=0.001, callback=_finite, help="[s]; default: until Ctrl-C."),
     ] = None,
     connect: Connect = ENDPOINT,
     out: Out = None,
@@ -190,6 +221,7 @@ def record(
     """Record a running robot from outside, or mend a log that was cut off."""
     from tools.record import record_robot
     from tools.repair import repair as mend
+    from tools.services import to_people
 
     if repair is not None:
         report = mend(repair)
@@ -198,7 +230,7 @@ def record(
         else:
             typer.echo(str(report), err=True)
         return
-    outcome = record_robot(robot, connect, out, duration)
+    outcome = record_robot(robot, connect, out, duration, to_people)
     if as_json:
         _print_json(outcome)
     else:
@@ -212,7 +244,9 @@ def record(
 def replay(
     log: Annotated[Path, typer.Argument(help="Log of a controller, or the folder of a run.")],
     sets: Sets = [],  # noqa: B006
-    tolerance: Annotated[float, typer.Option(min=0.0, help="Largest difference of a value.")] = 0.0,
+    tolerance: Annotated[
+        float, typer.Option(min=0.0, callback=_finite, help="Largest difference of a value.")
+    ] = 0.0,
     allow_code: Annotated[
         bool, typer.Option("--allow-code", help="Run a controller that is not registered.")
     ] = False,
@@ -316,14 +350,15 @@ def main() -> None:
 
         die_with_parent()
         app()
-    except UsageError as error:
-        sys.stderr.write(f"error: {error}\n")
-        sys.exit(2)
-    except Hoap3Error as error:
-        sys.stderr.write(f"error: {error}\n")
-        sys.exit(1)
     except KeyboardInterrupt:
         sys.exit(1)
+    except Exception as error:
+        from protocol.errors import Hoap3Error, UsageError  # ours for sure only after the check
+
+        if not isinstance(error, Hoap3Error):
+            raise
+        sys.stderr.write(f"error: {error}\n")
+        sys.exit(2 if isinstance(error, UsageError) else 1)
 
 
 if __name__ == "__main__":

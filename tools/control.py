@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from typing import Any
 
-from protocol.errors import LinkError
-from protocol.settings import LinkSettings
+from protocol.errors import LinkError, UsageError
+from protocol.settings import NAME_PATTERN, LinkSettings
 
 
 def tell(robot: str, verb: str, endpoint: str) -> dict[str, Any]:
@@ -19,16 +20,24 @@ def tell(robot: str, verb: str, endpoint: str) -> dict[str, Any]:
         endpoint: where it, or a router, listens.
 
     Raises:
+        UsageError: that cannot be the name of a robot.
         LinkError: it cannot be reached.
     """
     from protocol.zenoh_link import ask, open_session  # noqa: PLC0415
 
+    check_name(robot)
     with open_session(LinkSettings(connect=(endpoint,), mode="client")) as session:
         reply = ask(session, robot, verb, f"tool-{os.getpid()}")
     if reply is None:
         raise LinkError(f"no robot called {robot!r} answers at {endpoint}: `hoap3 list --live`")
     answer: dict[str, Any] = json.loads(reply)
     return answer
+
+
+def check_name(robot: str) -> None:
+    """Refuse what is no name of one robot, such as a wildcard."""
+    if not re.fullmatch(NAME_PATTERN, robot):
+        raise UsageError(f"{robot!r} is not the name of a robot. Names match {NAME_PATTERN}")
 
 
 def alive(endpoint: str) -> list[str]:

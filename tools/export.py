@@ -7,6 +7,7 @@ are made block by block.
 from __future__ import annotations
 
 import csv
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -90,8 +91,8 @@ def export_csv(log: Log, out: Path) -> int:
     setpoint_stamps, setpoints = log.table(Kind.SETPOINT)
     first, answers = _join(states, setpoints)
     names = _joint_names(log)
-    left = _Table("", state_stamps, states, names)
-    right = _Table("setpoint.", setpoint_stamps, setpoints, names)
+    left = _Table("", state_stamps, states, names, [])
+    right = _Table("setpoint.", setpoint_stamps, setpoints, names, _extra_names(log))
     try:
         with out.open("w", encoding="utf-8", newline="") as stream:
             stream.writelines(f"# {line}\n" for line in _legend())
@@ -112,17 +113,20 @@ def export_csv(log: Log, out: Path) -> int:
 class _Table:
     """Columns of one kind of message: their names, and any rows of them."""
 
-    def __init__(self, prefix: str, stamps: Array, rows: Array, names: list[str]) -> None:
+    def __init__(
+        self, prefix: str, stamps: Array, rows: Array, joints: list[str], extra: list[str]
+    ) -> None:
         self._stamps, self._rows = stamps, rows
+        known = {**dict.fromkeys(PER_JOINT, joints), "extra": extra}
         self.header = [f"{prefix}log_time"]
         for name in rows.dtype.names or ():
             shape = rows.dtype[name].shape
             if not shape:
                 self.header.append(prefix + name)
                 continue
-            labelled = name in PER_JOINT and len(names) == shape[0]
-            labels = names if labelled else range(shape[0])
-            self.header += [f"{prefix}{name}.{label}" for label in labels]
+            labels = known.get(name, [])
+            places = labels if len(labels) == shape[0] else range(shape[0])
+            self.header += [f"{prefix}{name}.{label}" for label in places]
 
     def rows(self, places: Array) -> Iterator[tuple[Any, ...]]:
         """The rows at `places`, as Python numbers."""
@@ -156,6 +160,14 @@ def _joint_names(log: Log) -> list[str]:
         return list(log.description.joint_names)
     except LogError:
         return []  # a log that was cut off before its first record has no names
+
+
+def _extra_names(log: Log) -> list[str]:
+    """What the controller calls its additional columns, where this is the controller's log."""
+    for record in log.records():
+        if record.kind == Kind.SESSION:
+            return [str(name) for name in json.loads(record.payload).get("extra", [])]
+    return []
 
 
 def _legend() -> Iterator[str]:

@@ -115,7 +115,7 @@ class LogWriter:
         return [*self._sizes, self._file.path] if not self._closed else list(self._sizes)
 
     def add(self, record: Record) -> None:
-        """Take one record; whatever its payload is, reading the log gives it back."""
+        """Take one record, not older than time 0; reading gives it back, whatever its payload."""
         stamp, payload = record.stamp, record.payload
         if not self._since <= stamp < self._until or len(self._file.chunk) >= self._chunk_bytes:
             self._begin_chunk(stamp)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from protocol.description import RobotDescription
 from protocol.errors import LinkError
 from protocol.ring import Kind, Record
 from protocol.settings import LinkSettings, LogSettings
+from tools.control import check_name
 from tools.log_writer import LogWriter
 from tools.machine import versions
 from tools.processes import StopFlag
@@ -21,17 +23,30 @@ POLL_S = 0.005
 
 
 def record_robot(
-    robot: str, endpoint: str, out: Path | None, duration: float | None
+    robot: str,
+    endpoint: str,
+    out: Path | None,
+    duration: float | None,
+    report: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Any]:
     """Record until stopped, or for `duration` [s]; stamps are this process's monotonic clock.
 
+    Args:
+        robot: its name.
+        endpoint: where it, or a router, listens.
+        out: folder of the log, or None for a new one in logs/.
+        duration: of the recording [s], or None.
+        report: is told once everything is in place.
+
     Raises:
+        UsageError: that cannot be the name of a robot.
         LinkError: the robot cannot be reached.
     """
     import zenoh  # noqa: PLC0415
 
     from protocol.zenoh_link import ask, key, open_session  # noqa: PLC0415
 
+    check_name(robot)
     stop = StopFlag()
     heard: deque[Record] = deque()
     counts = {Kind.STATE: 0, Kind.SETPOINT: 0, Kind.EVENT: 0}
@@ -48,7 +63,7 @@ def record_robot(
             raise LinkError(f"no robot called {robot!r} answers at {endpoint}")
         description = RobotDescription.from_json(data)
         settings = LogSettings() if out is None else LogSettings(directory=str(out))
-        folder = run_folder(settings, exact=out is not None) or Path()
+        folder = run_folder(settings, exact=out is not None, sides=("robot",)) or Path()
         writer = LogWriter(
             folder,
             robot=robot,
@@ -65,6 +80,7 @@ def record_robot(
                 ("events", Kind.EVENT),
             )
         ]
+        report(f"recording robot {robot!r} into {folder}")
         end = None if duration is None else time.monotonic() + duration
         try:
             while not stop() and (end is None or time.monotonic() < end):

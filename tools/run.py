@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import selectors
 import signal
 import socket
-import struct
 import subprocess
 import time
 from collections.abc import Callable
@@ -16,13 +14,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from protocol.errors import Hoap3Error
+from protocol.errors import Hoap3Error, UsageError
 from protocol.realtime import CpuClaim, claim_cpu, virtual_machine
 from protocol.recorder import NoRecorder, PatientRecorder, Recorder
 from remote_controller.config import ControllerConfig
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.service import describe
-from tools.log import Log
+from tools.log import Log, payload_hash
 from tools.machine import machine_block
 from tools.observer import Observer
 from tools.processes import StopFlag, start_service
@@ -56,6 +54,8 @@ def run_realtime(
     out: Path | None,
     news: News,
     files: tuple[str, str] = ("config", "config"),
+    *,
+    should_stop: Callable[[], bool] | None = None,
 ) -> Outcome:
     """Run both services for `duration` [s] of motion on a free port of this machine.
 
@@ -65,6 +65,7 @@ def run_realtime(
         out: folder of the log, or None for a new one below the configured directory.
         news: takes each piece of news from the services and their observers.
         files: names of both configs, for errors.
+        should_stop: asked now and then; by default SIGINT and SIGTERM end the run.
 
     Raises:
         Hoap3Error: a service could not do its work; carries what it said.
@@ -77,9 +78,6 @@ def run_realtime(
     endpoint = f"tcp/127.0.0.1:{_free_port()}"
     emulator = emulator.model_copy(
         update={
-            "robot": str(Path(emulator.robot).resolve())
-            if Path(emulator.robot).exists()
-            else emulator.robot,
             "link": emulator.link.model_copy(update={"listen": (endpoint,)}),
             "realtime": _pinned(emulator.realtime, cpus[:1]),
         }
@@ -92,7 +90,7 @@ def run_realtime(
             "log": emulator.log,
         }
     )
-    work = _Services(news)
+    work = _Services(news, should_stop or StopFlag())
     try:
         work.start("emulator", as_yaml(emulator), files[0], folder, duration)
         work.start("controller", as_yaml(controller), files[1], folder, None)
@@ -161,7 +159,7 @@ def run_lockstep(
     }
     if folder is not None:
         summary["payload_sha256"] = {
-            side: _payload_hash(Log.open(folder, side=side)) for side in ("robot", "controller")
+            side: payload_hash(Log.open(folder, side=side)) for side in ("robot", "controller")
         }
     summary["machine"] = machine_block()
     summary["transport"] = "in process, virtual time"
@@ -172,14 +170,14 @@ def run_lockstep(
 class _Services:
     """Both services as children, and what they tell."""
 
-    def __init__(self, news: News) -> None:
-        self._news = news
+    def __init__(self, news: News, should_stop: Callable[[], bool]) -> None:
+        self._news, self._stop = news, should_stop
         self._children: dict[str, subprocess.Popen[bytes]] = {}
         self._selector = selectors.DefaultSelector()
         self._buffers: dict[int, bytes] = {}
-        self._stop = StopFlag()
         self.said: list[str] = []
         self.summary: dict[str, Any] | None = None
+        self.failure: Hoap3Error | None = None
 
     def start(
         self, command: str, config: str, file: str, folder: Path | None, duration: float | None
@@ -208,10 +206,14 @@ class _Services:
                 raise Hoap3Error(self._failure("the run did not begin, or did not end, in time"))
         failed = controller.poll() is not None and emulator.poll() is None and not self._stop()
         self.stop()
+        if self.failure is not None:
+            raise self.failure
+        if self._stop() and not (self.summary and self.summary["ticks"]):
+            raise Hoap3Error("interrupted before the motion began")
         if failed:
             raise Hoap3Error(self._failure("the controller ended before the robot did"))
         if self.summary is None:
-            raise Hoap3Error(self._failure("the robot ended without a summary"))
+            raise Hoap3Error(self._failure("the robot's log has no summary"))
         return Outcome(self.summary, self._stop(), self.said)
 
     def stop(self) -> None:
@@ -252,12 +254,14 @@ class _Services:
     def _hear(self, item: dict[str, Any]) -> None:
         if item["news"] == "said":
             self.said.append(item["text"])
+        elif item["news"] == "failed" and self.failure is None:
+            self.failure = (UsageError if item["usage"] else Hoap3Error)(item["text"])
         elif item["news"] == "final" and "summary" in item:
             self.summary = item["summary"]
         self._news(item)
 
     def _failure(self, what: str) -> str:
-        return "\n  ".join([what, *self.said[-8:]])
+        return f"{what}; last heard: {self.said[-1]}" if self.said else what
 
 
 def _claim(emulator: EmulatorConfig, controller: ControllerConfig) -> list[CpuClaim]:
@@ -272,15 +276,6 @@ def _pinned(settings: Any, cpus: list[int]) -> Any:
     if settings.cpu != "auto":
         return settings
     return settings.model_copy(update={"cpu": cpus[0] if cpus else "none"})
-
-
-def _payload_hash(log: Log) -> str:
-    """SHA-256 of every message of a log, in order: equal for equal runs in lockstep."""
-    digest = hashlib.sha256()
-    for record in log.records():
-        digest.update(struct.pack("<Iq", record.kind, record.stamp))
-        digest.update(record.payload)
-    return digest.hexdigest()
 
 
 def _free_port() -> int:

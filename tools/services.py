@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from protocol.errors import ConfigError
+from protocol.errors import ConfigError, Hoap3Error, UsageError
 from protocol.recorder import PatientRecorder, Recorder, RingRecorder
 from protocol.settings import LogSettings, Settings, apply_overrides, parse
 from remote_controller.config import ControllerConfig, check_parameters
 from remote_controller.config import read_config as read_controller_config
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.service import describe, serve, serve_lockstep
+from tools.log_format import SIDES, file_name
 from tools.machine import machine_block, versions
 from tools.observer import Observer
-from tools.processes import StopFlag
 from tools.simulate import emulator_content
 
 NO_REALTIME = {"policy": "none", "cpu": "none", "lock_memory": False}
@@ -91,15 +92,18 @@ def _piped(named: str | None) -> tuple[dict[str, Any], str]:
     return (content if isinstance(content, dict) else {}), file
 
 
-def run_folder(log: LogSettings, *, exact: bool = False) -> Path | None:
+def run_folder(
+    log: LogSettings, *, exact: bool = False, sides: Sequence[str] = SIDES
+) -> Path | None:
     """A new folder for the log of one run, or None where nothing is recorded.
 
     Args:
         log: where, and whether.
-        exact: `log.directory` is the folder itself.
+        exact: `log.directory` is the folder itself, as `--out` names it; it may exist.
+        sides: those whose logs will be written there.
 
     Raises:
-        ConfigError: the folder cannot be made or written.
+        ConfigError: the folder cannot be made or written, or holds such a log already.
     """
     if not log.record:
         return None
@@ -111,15 +115,25 @@ def run_folder(log: LogSettings, *, exact: bool = False) -> Path | None:
             number += 1
             folder = base / f"{time.strftime('%Y%m%d-%H%M%S')}-{number}"
         folder.mkdir(parents=True, exist_ok=exact)
+        _check_folder(folder, sides)
     except OSError as error:
         raise ConfigError(
-            "settings",
-            "log.directory",
+            "--out" if exact else "settings",
+            "" if exact else "log.directory",
             log.directory,
             error.strerror or "cannot be made",
-            "Name a folder that can be written, or set log.record=false",
+            "Name a new folder that can be written, or set log.record=false",
         ) from error
     return folder
+
+
+def _check_folder(folder: Path, sides: Sequence[str]) -> None:
+    """Raise an OSError where the observers could not make their logs."""
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    for name in (file_name(side, 0) for side in sides):
+        if (folder / name).exists():
+            raise FileExistsError(errno.EEXIST, f"holds {name} already")
 
 
 def observer_for(
@@ -170,12 +184,12 @@ def run_emulator(
     duration: float | None,
     out: Path | None,
     status_fd: int | None,
+    should_stop: Callable[[], bool],
 ) -> int:
     """Run a robot until it is told to stop; exit code 0, or 1 after a safe stop."""
-    stop = StopFlag()
     description = describe(config, file)
     period_ns = round(description.period_s * 1e9)
-    folder = _folder(config.log, out)
+    folder = _folder(config.log, out, "robot")
     observer = observer_for(
         "robot",
         description.name,
@@ -187,14 +201,14 @@ def run_emulator(
     )
     recorder = _recorder(observer, lockstep=lockstep)
     ticks = None if duration is None else round(duration * 1e9 / period_ns)
-    say = to_people if status_fd is None else _teller(status_fd)
+    voice = Voice(status_fd)
     run = serve_lockstep if lockstep else serve
     try:
-        loop = run(config, description, recorder, say, stop, ticks)
+        loop = run(config, description, recorder, voice.say, should_stop, ticks)
+    except Hoap3Error as error:
+        return voice.fail(error)
     finally:
-        whole = observer.close()
-    if not whole:
-        say("the log is not whole: its observer died; `hoap3 record --repair` mends what there is")
+        _close(observer, voice)
     return 1 if loop.safe_stops else 0
 
 
@@ -204,12 +218,12 @@ def run_controller(
     *,
     out: Path | None,
     status_fd: int | None,
+    should_stop: Callable[[], bool],
 ) -> int:
     """Run a controller until it is told to stop."""
     from remote_controller.service import Service  # noqa: PLC0415 - loads numba and Pinocchio
 
-    stop = StopFlag()
-    folder = _folder(config.log, out)
+    folder = _folder(config.log, out, "controller")
     observer = observer_for(
         "controller",
         config.robot,
@@ -219,20 +233,28 @@ def run_controller(
         lockstep=False,
         status_fd=status_fd,
     )
-    say = to_people if status_fd is None else _teller(status_fd)
+    voice = Voice(status_fd)
     try:
-        Service(config, RingRecorder(observer.ring), say, stop, file).run()
+        Service(config, RingRecorder(observer.ring), voice.say, should_stop, file).run()
+    except Hoap3Error as error:
+        return voice.fail(error)
     finally:
-        whole = observer.close()
-    if not whole:
-        say("the log is not whole: its observer died; `hoap3 record --repair` mends what there is")
+        _close(observer, voice)
     return 0
 
 
-def _folder(log: LogSettings, out: Path | None) -> Path | None:
+def _folder(log: LogSettings, out: Path | None, side: str) -> Path | None:
     if out is None:
         return run_folder(log)
-    return run_folder(log.model_copy(update={"directory": str(out)}), exact=True)
+    settings = log.model_copy(update={"directory": str(out)})
+    return run_folder(settings, exact=True, sides=(side,))
+
+
+def _close(observer: Observer, voice: Voice) -> None:
+    if not observer.close():
+        voice.say(
+            "the log is not whole: its observer died; `hoap3 record --repair` mends what there is"
+        )
 
 
 def _recorder(observer: Observer, *, lockstep: bool) -> Recorder:
@@ -241,15 +263,34 @@ def _recorder(observer: Observer, *, lockstep: bool) -> Recorder:
     return RingRecorder(observer.ring)
 
 
-def _teller(status_fd: int) -> Callable[[str], None]:
-    """Tells the process that started us, on a copy of the pipe that the observer writes to."""
-    stream = os.fdopen(os.dup(status_fd), "w")
+class Voice:
+    """Tells people, or the process that started us, what a service has to say.
 
-    def tell(text: str) -> None:
+    Args:
+        status_fd: pipe to that process, shared with the observer; None for people.
+    """
+
+    def __init__(self, status_fd: int | None) -> None:
+        self._stream = None if status_fd is None else os.fdopen(os.dup(status_fd), "w")
+
+    def say(self, text: str) -> None:
+        """Something to know."""
+        self._send({"news": "said", "text": text})
+
+    def fail(self, error: Hoap3Error) -> int:
+        """Tell what ended the service; its exit code. With nobody to tell, raise it again."""
+        usage = isinstance(error, UsageError)
+        if self._stream is None:
+            raise error
+        self._send({"news": "failed", "text": str(error), "usage": usage})
+        return 2 if usage else 1
+
+    def _send(self, item: dict[str, Any]) -> None:
         try:
-            stream.write(json.dumps({"news": "said", "text": text}) + "\n")
-            stream.flush()
-        except BrokenPipeError:
-            to_people(text)
-
-    return tell
+            if self._stream is not None:
+                self._stream.write(json.dumps(item) + "\n")
+                self._stream.flush()
+                return
+        except BrokenPipeError:  # whoever started us is gone
+            self._stream = None
+        to_people(item["text"])

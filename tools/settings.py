@@ -9,7 +9,7 @@ from protocol.errors import UnknownNameError
 from protocol.settings import load_yaml
 from remote_controller.config import ControllerConfig
 from remote_controller.config import available_configs as controller_configs
-from remote_controller.registry import find, is_registered
+from remote_controller.registry import find, is_registered, registered
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.config import available_configs as emulator_configs
 from robot_emulator.robots import available as robots
@@ -24,6 +24,10 @@ def resolved(name: str, overrides: list[str]) -> tuple[str, str]:
         UnknownNameError: nothing has that name.
         UsageError: what it says is wrong.
     """
+    known = {*emulator_configs(), *robots(), *controller_configs(), *registered()}
+    path = Path(name)
+    if not (name in known or ":" in name or path.suffix in {".yaml", ".yml"} or path.exists()):
+        raise UnknownNameError("config", name, known, " Or name a file.")
     if _is_emulator(name):
         settings, file = emulator_config(name, overrides)
         describe(settings, file)
@@ -45,7 +49,7 @@ def json_schema(kind: str) -> dict[str, Any]:
     if kind == "controller":
         return ControllerConfig.model_json_schema()
     if not (is_registered(kind) or ":" in kind):
-        raise UnknownNameError("kind of config", kind, ["emulator", "controller"])
+        raise UnknownNameError("kind of config", kind, ["emulator", "controller", *registered()])
     schema = ControllerConfig.model_json_schema()
     parameters = find(kind).Parameters.model_json_schema()
     schema.setdefault("$defs", {}).update(parameters.pop("$defs", {}))

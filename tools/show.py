@@ -9,6 +9,8 @@ from rich.live import Live
 from rich.table import Table
 
 console = Console(stderr=True, highlight=False)
+if not console.is_terminal:
+    console = Console(stderr=True, highlight=False, width=200)  # hashes and paths stay whole
 
 _COLOURS = {"fit": "green", "warn": "yellow", "unfit": "red"}
 
@@ -35,7 +37,7 @@ class LiveTable:
         if item["news"] == "live" and self._watched:
             self._live.update(self._table(item))
         elif item["news"] in {"event", "said"}:
-            console.print(item["text"], style="dim", markup=False)
+            console.print(item["text"], style="dim", markup=False, soft_wrap=True)
 
     def _table(self, item: dict[str, Any]) -> Table:
         table = Table(title=self._title, show_header=False, box=None)

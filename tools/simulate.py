@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from protocol.clock import VirtualClock
+from protocol.errors import Hoap3Error
 from protocol.link import Fate, LockstepLink
 from protocol.messages import Setpoint, State
 from protocol.recorder import MemoryRecorder, Recorder
@@ -20,7 +21,7 @@ from remote_controller.config import ControllerConfig, build
 from remote_controller.config import read_config as read_controller_config
 from remote_controller.controllers.controller import Controller
 from remote_controller.loop import ControllerLoop
-from robot_emulator.config import EmulatorConfig
+from robot_emulator.config import EmulatorConfig, available_configs
 from robot_emulator.config import read_config as read_emulator_config
 from robot_emulator.loop import RobotLoop
 from robot_emulator.robots import available as available_robots
@@ -62,20 +63,39 @@ class Lockstep:
             self.controller, clock, controller_recorder, emulator.seed
         )
         self.controller_loop.begin(description, lockstep=True)
+        self._failure: Hoap3Error | None = None
         self._grants = self.link.ask("acquire", "lockstep")
 
     def run(self, duration: float, should_stop: Callable[[], bool] = lambda: False) -> None:
-        """Run for `duration` [s] of virtual time, then bring the robot to rest."""
+        """Run for `duration` [s] of virtual time, then bring the robot to rest.
+
+        Raises:
+            Hoap3Error: the controller failed; the robot has come to rest.
+        """
         ticks = round(duration * 1e9 / self.robot.period)
-        self.robot.run(0, should_stop, ticks)
+
+        def ended() -> bool:
+            stopped = self._failure is not None and self.robot.mode != State.ACTIVE
+            return stopped or should_stop()
+
+        self.robot.run(0, ended, ticks)
+        if self._failure is not None:
+            raise self._failure
 
     def _exchange(self, state: bytes) -> bytes | None:
         loop = self.controller_loop
+        if self._failure is not None:
+            return None
         if self._grants:
             grant = self._grants.pop()
             if isinstance(grant, dict):
                 loop.grant(grant["epoch"])
-        answer = loop.answer(self.clock.now(), state)
+        try:
+            answer = loop.answer(self.clock.now(), state)
+        except Hoap3Error as error:
+            self._failure = error
+            self.link.ask("gone", "lockstep")  # as if its process had ended
+            return None
         loop.sent()
         return answer
 
@@ -122,9 +142,9 @@ def simulate(
     Raises:
         UsageError: something in the settings is wrong.
     """
-    emulator = _emulator(robot, seed)
+    emulator = emulator_settings(robot, seed)
     log, robot_log = MemoryRecorder(), MemoryRecorder()
-    lockstep = Lockstep(emulator, _controller(controller), robot_log, log, fate)
+    lockstep = Lockstep(emulator, controller_settings(controller), robot_log, log, fate)
     lockstep.run(duration)
     return Simulation(
         states=_table(robot_log.records, Kind.STATE, State),
@@ -137,14 +157,18 @@ def simulate(
 
 def emulator_content(robot: str) -> tuple[dict[str, Any], str]:
     """Settings named by a config, or the defaults for a robot that is named or lies at a path."""
+    if robot in available_configs():  # a name comes before a folder that is called so
+        return read_emulator_config(robot)
     path = Path(robot)
-    if path.is_dir() or path.name == "robot.yaml" or robot in available_robots():
-        name = str(path.resolve()) if path.exists() else robot
-        return {"robot": name}, f"--robot {robot}"
+    if robot in available_robots():
+        return {"robot": robot}, f"robot {robot}"
+    if path.is_dir() or path.name == "robot.yaml":
+        return {"robot": str(path.resolve())}, f"robot {robot}"
     return read_emulator_config(robot)
 
 
-def _emulator(robot: str | Mapping[str, Any] | EmulatorConfig, seed: int) -> EmulatorConfig:
+def emulator_settings(robot: str | Mapping[str, Any] | EmulatorConfig, seed: int) -> EmulatorConfig:
+    """Settings of an emulator, however `simulate` was given them."""
     if isinstance(robot, EmulatorConfig):
         return robot.model_copy(update={"seed": seed})
     content, file = (
@@ -153,7 +177,8 @@ def _emulator(robot: str | Mapping[str, Any] | EmulatorConfig, seed: int) -> Emu
     return parse(EmulatorConfig, {**content, "seed": seed}, file)
 
 
-def _controller(controller: str | Mapping[str, Any] | ControllerConfig) -> ControllerConfig:
+def controller_settings(controller: str | Mapping[str, Any] | ControllerConfig) -> ControllerConfig:
+    """Settings of a controller, however `simulate` was given them."""
     if isinstance(controller, ControllerConfig):
         return controller
     content, file = (

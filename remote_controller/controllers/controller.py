@@ -5,11 +5,13 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 
 from protocol.description import RobotDescription
+from protocol.errors import BadProblemError
 from protocol.messages import FloatArray, Setpoint, State, schema
 from protocol.settings import Settings
 
@@ -69,35 +71,58 @@ class VelocityController(Controller):
 
     q*_{k+1} = a_k + u_k·T, where a_k is the reference that the robot applies (footnote 11 of
     the QP12 paper has the measured position there; `integrate_from: measured` does that, and
-    stalls on coarse encoders).
+    stalls on coarse encoders). Where the robot would hold a joint back at a limit, nothing is
+    certified, whatever `velocity` said.
     """
 
     class Parameters(Controller.Parameters):
         """Settings that every velocity controller has."""
 
-        integrate_from: str = "reference"
+        integrate_from: Literal["measured", "reference"] = Field(
+            "reference", description="joint positions that setpoints are integrated from"
+        )
 
     def __init__(self, description: RobotDescription, parameters: Settings) -> None:
+        from remote_controller.kinematics_kernels import euler_step  # noqa: PLC0415 - compiles
+
         super().__init__(description, parameters)
+        self._euler_step = euler_step
         self._dt = description.period_s
-        self._from_measured = getattr(parameters, "integrate_from", "") == "measured"
-        self._speed = np.zeros(description.n)
+        self._lower, self._upper = np.array(description.lower), np.array(description.upper)
+        self._fastest = np.array(description.velocity)
+        self._from_measured = getattr(parameters, "integrate_from", "reference") == "measured"
 
     @abstractmethod
     def velocity(self, state: State) -> FloatArray:
-        """Joint velocities u for `state`, (n,) [rad/s or m/s], in wire order."""
+        """Joint velocities u for `state`, (n,) [rad/s or m/s], in wire order, contiguous."""
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Nothing to remember: every setpoint starts from the robot's applied reference."""
 
     def step(self, state: State) -> Setpoint:
-        """Integrate `velocity` over one period."""
+        """Integrate `velocity` over one period.
+
+        Raises:
+            BadProblemError: it has another length than the robot has joints.
+        """
         command = self.command
         command.stamp_kinematics = self.now()
         u = self.velocity(state)
-        values = command.values
-        np.multiply(u, self._dt, out=values)
-        values += state.q if self._from_measured else state.reference
-        np.abs(u, out=self._speed)
-        command.active_joints = int(np.count_nonzero(self._speed >= ACTIVE_SPEED))
+        start = state.q if self._from_measured else state.reference
+        active, beyond = self._euler_step(
+            start,
+            u,
+            self._dt,
+            self._lower,
+            self._upper,
+            self._fastest,
+            ACTIVE_SPEED,
+            command.values,
+        )
+        if active < 0:
+            name, n = type(self).__name__, self.description.n
+            raise BadProblemError(f"{name}.velocity gave {u.size} values for {n} joints")
+        command.active_joints = active
+        if beyond and command.solver_status == STATUS["certified"]:
+            command.solver_status = STATUS["uncertified"]
         return command

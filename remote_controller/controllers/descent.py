@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from abc import abstractmethod
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -11,9 +12,12 @@ from protocol.description import RobotDescription
 from protocol.messages import FloatArray, State
 from remote_controller.controllers.controller import STATUS, VelocityController
 from remote_controller.kinematics import Kinematics
+from remote_controller.solvers import status
 from remote_controller.tasks.com import ComTask
 
 PSI_SCALES = {"inverse_sqrt_n": 0, "one": 1, "max_norm": 2}
+CERTIFIED_RESIDUAL = 1e-9
+ROUNDING = 1e-12  # of a speed relative to u_max
 
 
 class DescentController(VelocityController):
@@ -39,15 +43,13 @@ class DescentController(VelocityController):
         kinematics_from: Literal["measured", "reference"] = Field(
             "measured", description="joint positions that kinematics are computed from"
         )
-        integrate_from: Literal["measured", "reference"] = Field(
-            "reference", description="joint positions that setpoints are integrated from"
-        )
 
     def __init__(self, description: RobotDescription, parameters: Parameters) -> None:
         super().__init__(description, parameters)
         self.kinematics = Kinematics(description)
         self.task = ComTask(self.kinematics, parameters.frame, np.array(parameters.target_m))
         self._from_reference = parameters.kinematics_from == "reference"
+        self._least_margin = -ROUNDING * parameters.u_max_rad_s
         self.u = np.zeros(description.n)
         self._certificate = np.zeros(6)
 
@@ -57,7 +59,7 @@ class DescentController(VelocityController):
         self.task.update(self.kinematics)
         command = self.command
         command.stamp_kinematics = self.now()
-        command.solver_status = self.descend(self._certificate)
+        answer = self.descend(self._certificate)
         (
             command.v,
             command.v_rate_required,
@@ -66,17 +68,24 @@ class DescentController(VelocityController):
             command.margin,
             command.kkt_residual,
         ) = self._certificate.tolist()
+        command.solver_status = self._verdict(answer)
         return self.u
 
+    @abstractmethod
     def descend(self, certificate: FloatArray) -> int:
         """Write u into `self.u` and (V, required V̇, predicted V̇, ρ, margin, residual).
 
         Returns:
-            One of `STATUS`.
+            Status of the solver, one of `solvers.status`.
         """
-        raise NotImplementedError
 
-
-Gamma = Annotated[float, Field(ge=0, le=1)]
-
-__all__ = ["PSI_SCALES", "STATUS", "DescentController", "Gamma"]
+    def _verdict(self, answer: int) -> int:
+        """One of `STATUS`: what the certificate in `self.command` proves."""
+        command = self.command
+        if answer != status.OK:
+            return STATUS["infeasible"]
+        if command.v_rate_required == command.v_rate_predicted == 0.0:
+            return STATUS["at_target"]
+        optimal = command.kkt_residual <= CERTIFIED_RESIDUAL
+        slow_enough = command.margin >= self._least_margin
+        return STATUS["certified"] if optimal and slow_enough else STATUS["uncertified"]

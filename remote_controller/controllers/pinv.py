@@ -9,10 +9,7 @@ from pydantic import Field
 
 from protocol.description import RobotDescription
 from protocol.messages import FloatArray
-from remote_controller.controllers.descent import PSI_SCALES, STATUS, DescentController
-from remote_controller.solvers import status
-
-CERTIFIED_RESIDUAL = 1e-9
+from remote_controller.controllers.descent import PSI_SCALES, DescentController
 
 
 class PinvController(DescentController):
@@ -46,7 +43,7 @@ class PinvController(DescentController):
     def descend(self, certificate: FloatArray) -> int:
         """Find u, and what it does to V."""
         task = self.task
-        answer = self._kernel(
+        return self._kernel(
             task.error,
             task.jacobian,
             *self._settings,
@@ -55,9 +52,3 @@ class PinvController(DescentController):
             self.u,
             certificate,
         )
-        if answer != status.OK:
-            return STATUS["infeasible"]
-        if certificate[0] == 0.0:
-            return STATUS["at_target"]
-        certified = certificate[5] <= CERTIFIED_RESIDUAL
-        return STATUS["certified"] if certified else STATUS["uncertified"]

@@ -7,10 +7,7 @@ from pydantic import Field
 
 from protocol.description import RobotDescription
 from protocol.messages import FloatArray
-from remote_controller.controllers.descent import PSI_SCALES, STATUS, DescentController
-from remote_controller.solvers import status
-
-CERTIFIED_RESIDUAL = 1e-9
+from remote_controller.controllers.descent import PSI_SCALES, DescentController
 
 
 class Qp12Controller(DescentController):
@@ -43,12 +40,6 @@ class Qp12Controller(DescentController):
     def descend(self, certificate: FloatArray) -> int:
         """Solve (40)."""
         task = self.task
-        answer = self._kernel(
+        return self._kernel(
             task.error, task.jacobian, *self._settings, self.gradient, self.u, certificate
         )
-        if answer != status.OK:
-            return STATUS["infeasible"]
-        if certificate[1] == 0.0:
-            return STATUS["at_target"]
-        certified = certificate[5] <= CERTIFIED_RESIDUAL
-        return STATUS["certified"] if certified else STATUS["uncertified"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from pathlib import Path
 
 import numpy as np
@@ -145,3 +146,25 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path: Path, name: str) -> N
     write(tmp_path, ticks(1, 5))
     with pytest.raises(UsageError, match="cannot be written"):
         export(tmp_path, tmp_path / name)
+
+
+def test_extra_columns_have_the_names_that_the_controller_gives_them(tmp_path: Path) -> None:
+    description = describe(1)
+    session = {"side": "controller", "session_id": 1, "lockstep": True, "extra": ["gain_per_s"]}
+    setpoint = Setpoint(1, 1)
+    setpoint.extra[0] = 2.5
+    state = State(1)
+    log = Log.open(
+        write(
+            tmp_path / "controller.mcap",
+            [
+                Record(Kind.DESCRIPTION, 1, description.to_json()),
+                Record(Kind.SESSION, 2, json.dumps(session).encode()),
+                Record(Kind.STATE, 3, state.dump()),
+                Record(Kind.SETPOINT, 4, setpoint.dump()),
+            ],
+        ).paths[0]
+    )
+    export_csv(log, tmp_path / "out.csv")
+    _, (row,) = read_csv(tmp_path / "out.csv")
+    assert row["setpoint.extra.gain_per_s"] == "2.5"

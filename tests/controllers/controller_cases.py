@@ -1,0 +1,107 @@
+"""Which controllers the property suite runs over, and a robot for them to move.
+
+`CASES` are the shipped configs, or whatever `HOAP3_TEST_CONTROLLERS` names: config files,
+`package.module:Class`, or registered names, separated by commas. `HOAP3_TEST_ROBOT` names another
+robot than HOAP-3, or the path of its description.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from functools import cache
+
+import numpy as np
+from small_arm import arm
+
+from protocol.description import RobotDescription
+from protocol.messages import FloatArray, State
+from protocol.settings import parse
+from remote_controller.config import ControllerConfig, available_configs, build, read_config
+from remote_controller.controllers.controller import Controller
+from robot_emulator.config import PlantSettings
+from robot_emulator.plant import PositionServo
+from robot_emulator.robots import load
+from robot_emulator.safety import Reference
+
+_named = os.environ.get("HOAP3_TEST_CONTROLLERS", "")
+CASES = [name.strip() for name in _named.split(",") if name.strip()] or available_configs()
+ROBOT = os.environ.get("HOAP3_TEST_ROBOT", "hoap3")
+
+
+@cache
+def robot() -> RobotDescription:
+    return load(ROBOT)
+
+
+@cache
+def config(case: str) -> ControllerConfig:
+    content, file = read_config(case)
+    return parse(ControllerConfig, content, file)
+
+
+def make(case: str, description: RobotDescription | None = None) -> Controller:
+    """A new controller, whose clock stands still."""
+    controller: Controller = build(config(case), description or robot(), case)
+    controller.now = lambda: 0
+    return controller
+
+
+class Body:
+    """A robot without loops, links and clocks: applied reference, servos, and its State."""
+
+    def __init__(self, description: RobotDescription, **plant: object) -> None:
+        self._dt = description.period_s
+        self._reference = Reference(description, self._dt)
+        self._plant = PositionServo(description, PlantSettings(**plant))
+        self._reference.reset(description.initial_position)
+        self._plant.reset(description.initial_position)
+        self.state = State(description.n, 6 * len(description.wrench_sensors))
+        self.state.mode = State.ACTIVE
+        self._measure()
+
+    def follow(self, setpoint: FloatArray) -> None:
+        """Advance by one period."""
+        self._reference.follow(setpoint, self.state.tick)
+        self._plant.step(self._reference.value, self._dt)
+        self.state.tick += 1
+        self._measure()
+
+    def _measure(self) -> None:
+        self.state.q[:], self.state.dq[:] = self._plant.q, self._plant.dq
+        self.state.reference[:] = self._reference.value
+
+
+def moved(controller: Controller, body: Body, ticks: int) -> Iterator[tuple[bytes, FloatArray]]:
+    """Each State of a motion as the controller was given it, and the setpoint that answers it."""
+    for _ in range(ticks):
+        payload = body.state.dump()
+        values = controller.step(body.state).values.copy()
+        yield payload, values
+        body.follow(values)
+
+
+def state_of(description: RobotDescription, payload: bytes) -> State:
+    state = State(description.n, 6 * len(description.wrench_sensors))
+    state.load(payload)
+    return state
+
+
+@cache
+def motion(case: str, ticks: int = 1200) -> tuple[tuple[bytes, ...], FloatArray]:
+    """States of a motion of the robot, as payloads, and the setpoints, (ticks, n)."""
+    body, controller = Body(robot()), make(case)
+    controller.reset(body.state, None)
+    payloads, setpoints = zip(*moved(controller, body, ticks), strict=True)
+    return payloads, np.array(setpoints)
+
+
+def one_joint_arm() -> RobotDescription:
+    """The shoulder of the small arm alone: two links of 1 kg."""
+    urdf = arm().urdf
+    cut = urdf.index('<joint name="elbow"')
+    for link in ("fore", "hand"):
+        start = urdf.index(f'<link name="{link}"')
+        end = urdf.index("</link>", start) + len("</link>")
+        urdf, cut = urdf[:start] + urdf[end:], cut - (end - start)
+    return arm(urdf=urdf[:cut] + "</robot>", joints=arm().joints[:1], postures={"start": (0.1,)})

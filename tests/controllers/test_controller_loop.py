@@ -1,0 +1,288 @@
+"""The controller's cycle on a virtual clock: what it answers, when it resets, what it records."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from small_arm import arm
+
+from protocol.clock import VirtualClock
+from protocol.messages import Event, Setpoint, State
+from protocol.recorder import MemoryRecorder
+from protocol.ring import Kind
+from protocol.settings import Settings
+from remote_controller.controllers.controller import Controller
+from remote_controller.loop import ControllerLoop
+
+SESSION = 7
+RESET = Event.schema.constants["RESET"]
+
+
+class Wanderer(Controller):
+    """Moves on by a thousandth at each step, takes its time, and remembers what it was told."""
+
+    def __init__(self, clock: VirtualClock) -> None:
+        super().__init__(arm(), Settings())
+        self.clock = clock
+        self.resets: list[tuple[int, list[float] | None]] = []
+        self.steps: list[int] = []
+
+    def reset(self, state: State, last_command: np.ndarray | None) -> None:
+        kept = None if last_command is None else last_command.tolist()
+        self.resets.append((state.tick, kept))
+
+    def step(self, state: State) -> Setpoint:
+        self.steps.append(state.tick)
+        self.clock.advance(100)
+        self.command.stamp_kinematics = self.now()
+        self.clock.advance(20)
+        np.add(state.reference, 1e-3, out=self.command.values)
+        return self.command
+
+
+class Bench:
+    """A loop whose States the test writes."""
+
+    def __init__(self, epoch: int = 1) -> None:
+        self.clock = VirtualClock(1_000)
+        self.recorder = MemoryRecorder()
+        self.controller = Wanderer(self.clock)
+        self.loop = ControllerLoop(self.controller, self.clock, self.recorder, SESSION)
+        if epoch:
+            self.loop.grant(epoch)
+
+    def state(self, tick: int, **changes: object) -> bytes:
+        state = State(3)
+        state.session_id, state.mode, state.epoch, state.tick = SESSION, State.ACTIVE, 1, tick
+        state.stamp_published = 1_000_000 * tick + 50
+        state.q[:] = state.reference[:] = 0.1 * tick
+        for name, value in changes.items():
+            setattr(state, name, value)
+        return state.dump()
+
+    def answer(self, payload: bytes) -> bytes | None:
+        answer = self.loop.answer(self.clock.now(), payload)
+        self.clock.advance(7)
+        self.loop.sent()
+        return answer
+
+    def setpoint(self, payload: bytes) -> Setpoint:
+        answer = self.answer(payload)
+        assert answer is not None
+        setpoint = Setpoint(3)
+        setpoint.load(answer)
+        return setpoint
+
+    def recorded(self, kind: Kind) -> list[bytes]:
+        return [record.payload for record in self.recorder.records if record.kind == kind]
+
+
+def test_an_answer_belongs_to_its_state():
+    bench = Bench(epoch=3)
+    setpoint = bench.setpoint(bench.state(5, epoch=3))
+    assert (setpoint.session_id, setpoint.tick, setpoint.epoch) == (SESSION, 5, 3)
+    assert setpoint.stamp_state == 5_000_050
+    np.testing.assert_array_equal(setpoint.values, np.full(3, 0.5) + 1e-3)
+    assert bench.loop.answered == 1
+
+
+def test_a_repeated_tick_is_answered_with_the_bytes_already_sent():
+    bench = Bench()
+    first = bench.answer(bench.state(5))
+    bench.clock.advance(50_000_000)
+    assert bench.answer(bench.state(5)) == first
+    assert bench.controller.steps == [5]
+    assert (bench.loop.repeated, bench.loop.answered) == (1, 1)
+    assert len(bench.recorded(Kind.STATE)) == len(bench.recorded(Kind.SETPOINT)) == 1
+
+
+def test_an_older_tick_is_not_answered():
+    bench = Bench()
+    for tick in (5, 6):
+        bench.answer(bench.state(tick))
+    assert bench.answer(bench.state(5)) is None
+    assert bench.controller.steps == [5, 6]
+    assert bench.loop.repeated == 1
+    assert bench.answer(bench.state(7)) is not None
+
+
+def test_a_state_of_another_session_makes_the_loop_stale():
+    bench = Bench()
+    bench.answer(bench.state(5))
+    assert not bench.loop.stale
+    assert bench.answer(bench.state(6, session_id=8)) is None
+    assert bench.loop.stale
+    assert bench.controller.steps == [5]
+
+
+def test_states_that_never_came_are_counted():
+    bench = Bench()
+    for tick in (100, 101, 105, 106, 116):  # what came before it joined is not missing
+        bench.answer(bench.state(tick))
+    assert bench.loop.overwritten == 3 + 9
+    assert bench.controller.steps == [100, 101, 105, 106, 116]
+
+
+def test_bytes_that_are_no_state_are_counted_and_not_answered():
+    bench = Bench()
+    good = bench.state(5)
+    version = bytearray(good)
+    version[4] += 1
+    for payload in (b"", good[:-1], good + b"\0", Setpoint(3).dump(), State(4).dump(), version):
+        assert bench.answer(bytes(payload)) is None
+    assert bench.loop.rejected == 6
+    assert not bench.controller.steps
+    assert bench.answer(good) is not None
+
+
+def test_without_authority_it_follows_in_silence():
+    bench = Bench(epoch=0)
+    assert [bench.answer(bench.state(tick, epoch=0)) for tick in range(3)] == [None] * 3
+    assert [bench.answer(bench.state(tick)) for tick in range(3, 6)] == [None] * 3  # another's
+    assert bench.controller.steps == list(range(6))
+    assert bench.answer(bench.state(5)) is None  # and what was not answered is not repeated
+    assert bench.loop.answered == 0
+    assert not bench.recorded(Kind.SETPOINT)
+    assert len(bench.recorded(Kind.STATE)) == 6
+
+
+@pytest.mark.parametrize("mode", [State.IDLE, State.STOPPING, State.STOPPED])
+def test_a_robot_that_is_not_active_is_not_answered(mode):
+    bench = Bench()
+    assert bench.answer(bench.state(0, mode=mode)) is None
+    assert bench.controller.steps == [0]
+
+
+def test_it_resets_at_the_beginning_at_engagement_and_at_disengagement_and_never_else():
+    bench = Bench(epoch=2)
+    for tick in range(4):
+        bench.answer(bench.state(tick, mode=State.IDLE, epoch=0))
+    for tick in range(4, 8):
+        bench.answer(bench.state(tick, epoch=2))
+    for tick in range(8, 12):
+        bench.answer(bench.state(tick, mode=State.STOPPING, epoch=2))
+    for tick in range(12, 16):
+        bench.answer(bench.state(tick, epoch=2))
+    last = (np.full(3, 0.1) * 7 + 1e-3).tolist()
+    assert bench.controller.resets == [
+        (0, None),
+        (4, None),
+        (8, pytest.approx(last)),  # what was last sent
+        (12, None),  # nothing has been sent since
+    ]
+    events = []
+    for payload in bench.recorded(Kind.EVENT):
+        event = Event()
+        event.load(payload)
+        assert event.kind == RESET
+        events.append(event.detail)
+    assert events == [0, 4, 8, 12]
+
+
+def test_it_resets_once_where_it_begins_engaged():
+    bench = Bench()
+    for tick in range(3):
+        bench.answer(bench.state(tick))
+    assert bench.controller.resets == [(0, None)]
+
+
+def test_a_new_epoch_alone_ends_and_begins_an_engagement():
+    bench = Bench(epoch=1)
+    bench.answer(bench.state(0))
+    bench.answer(bench.state(1, epoch=2))
+    bench.loop.grant(2)
+    assert bench.answer(bench.state(2, epoch=2)) is not None
+    assert [tick for tick, _ in bench.controller.resets] == [0, 1, 2]
+
+
+def test_the_reset_comes_before_the_step_that_it_prepares():
+    bench = Bench()
+    order: list[str] = []
+    reset, step = bench.controller.reset, bench.controller.step
+    bench.controller.reset = lambda *args: order.append("reset") or reset(*args)
+    bench.controller.step = lambda *args: order.append("step") or step(*args)
+    bench.answer(bench.state(0))
+    bench.answer(bench.state(1))
+    assert order == ["reset", "step", "step"]
+
+
+def test_stamps_follow_the_cycle():
+    bench = Bench()
+    first, second = bench.setpoint(bench.state(1)), bench.setpoint(bench.state(2))
+    assert first.stamp_sent_previous == 0
+    # the clock is lockstep's: it goes to when the State was published, 120 ns pass in the step
+    for setpoint, published in ((first, 1_000_050), (second, 2_000_050)):
+        assert setpoint.stamp_received == setpoint.stamp_decoded == published
+        assert setpoint.stamp_kinematics == published + 100
+        assert setpoint.stamp_solved == setpoint.stamp_encoded == published + 120
+    assert second.stamp_sent_previous == first.stamp_encoded + 7
+
+
+def test_in_real_time_stamps_are_the_arrival_and_the_clocks():
+    class Real:
+        time = 10_000
+
+        def now(self) -> int:
+            self.time += 1
+            return self.time
+
+        def sleep_until(self, deadline: int) -> None:
+            raise AssertionError("a controller has no timer")
+
+    bench = Bench()
+    clock = Real()
+    loop = ControllerLoop(bench.controller, clock, bench.recorder, SESSION)
+    loop.grant(1)
+    answer = loop.answer(9_000, bench.state(1))
+    loop.sent()
+    setpoint = Setpoint(3)
+    setpoint.load(answer)
+    stamps = [
+        setpoint.stamp_received,
+        setpoint.stamp_decoded,
+        setpoint.stamp_kinematics,
+        setpoint.stamp_solved,
+        setpoint.stamp_encoded,
+    ]
+    assert stamps[0] == 9_000
+    assert stamps == sorted(set(stamps))
+
+
+def test_it_records_in_the_order_in_which_it_processed():
+    bench = Bench(epoch=0)
+    bench.loop.begin(arm(), lockstep=True)
+    bench.loop.grant(1)
+    bench.answer(bench.state(0))
+    bench.answer(bench.state(1))
+    kinds = [record.kind for record in bench.recorder.records]
+    assert kinds == [
+        Kind.DESCRIPTION,
+        Kind.SESSION,
+        Kind.AUTHORITY,
+        Kind.STATE,
+        Kind.EVENT,
+        Kind.SETPOINT,
+        Kind.STATE,
+        Kind.SETPOINT,
+    ]
+    assert json.loads(bench.recorded(Kind.AUTHORITY)[0]) == {"epoch": 1}
+    assert json.loads(bench.recorded(Kind.SESSION)[0])["session_id"] == SESSION
+    assert bench.recorded(Kind.STATE)[0] == bench.state(0)
+    stamps = [record.stamp for record in bench.recorder.records]
+    assert stamps == sorted(stamps)
+
+
+def test_nothing_is_recorded_before_the_answer_is_on_its_way():
+    bench = Bench()
+    before = len(bench.recorder.records)
+    bench.loop.answer(0, bench.state(0))
+    assert len(bench.recorder.records) == before
+    bench.loop.sent()
+    assert len(bench.recorder.records) == before + 3
+
+
+def test_the_controller_gets_the_clock_of_the_loop():
+    bench = Bench()
+    assert bench.controller.now() == bench.clock.now()

@@ -1,0 +1,171 @@
+"""Plays a page from top to bottom in an empty folder, as a reader would."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from unittest.mock import patch
+
+import typer
+from pages import Block, blocks
+
+from tools.cli import app, main
+from tools.services import controller_config, emulator_config, split_overrides
+
+_ASSIGNMENT = re.compile(r"PYTHONPATH=(\S+)")
+
+
+class Story:
+    """A folder, and what was printed last.
+
+    Everything happens in this process, but each command finds what a new one would: an import path
+    without the folder, and none of its modules loaded.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._installed = False
+        self._printed = ""
+        self._names: dict[str, object] = {"__name__": "__main__"}
+
+    def play(self, block: Block) -> None:
+        """Do what a block says."""
+        if block.word == "file":
+            self._write(block)
+        elif block.word == "prints":
+            missing = [line for line in block.text.splitlines() if line not in self._printed]
+            assert not missing, f"{missing} is not in\n{self._printed}"
+        elif block.word == "parsed only":
+            with self._fresh():
+                for command in block.commands:
+                    check(command)
+        elif block.language == "sh" and block.word != "not run":
+            expected = int(block.rest) if block.word == "exits" else 0
+            self._printed = ""
+            for command in block.commands:
+                code = self._run(command)
+                assert code == expected, f"{command}\nended with {code}\n{self._printed}"
+        elif block.language == "python":
+            with self._fresh(str(self._folder)), self._listening():
+                exec(compile(block.text, f"line {block.line}", "exec"), self._names)
+
+    def write_files(self, name: str) -> None:
+        """Have the files of another page."""
+        for block in blocks(name):
+            if block.word == "file" and block.rest != "pyproject.toml":
+                self._write(block)
+
+    def _write(self, block: Block) -> None:
+        path = self._folder / block.rest
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(block.text, encoding="utf-8")
+        if path.name == "pyproject.toml":
+            self._install(tomllib.loads(block.text)["project"])
+
+    def _install(self, project: dict) -> None:
+        """What `pip install .` leaves behind, as far as entry points are concerned."""
+        name, version = project["name"].replace("-", "_"), project["version"]
+        info = self._folder / f"{name}-{version}.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Name: {project['name']}\nVersion: {version}\n")
+        groups = [
+            "\n".join([f"[{group}]", *(f"{key} = {value}" for key, value in points.items())])
+            for group, points in project["entry-points"].items()
+        ]
+        (info / "entry_points.txt").write_text("\n".join(groups) + "\n")
+        self._installed = True
+
+    def _run(self, command: str) -> int:
+        words = shlex.split(command)
+        paths = [str(self._folder)] if self._installed else []
+        while match := _ASSIGNMENT.fullmatch(words[0]):
+            paths.append(str(self._folder / match[1]))
+            words = words[1:]
+        if words[0] != "hoap3":
+            return subprocess.run(["bash", "-ec", command], check=False).returncode
+        with self._fresh(*paths), self._listening():
+            return hoap3(words)
+
+    @contextlib.contextmanager
+    def _fresh(self, *paths: str) -> Iterator[None]:
+        before = list(sys.path)
+        sys.path.extend(paths)
+        importlib.invalidate_caches()
+        try:
+            yield
+        finally:
+            sys.path[:] = before
+            for name, module in list(sys.modules.items()):
+                if str(getattr(module, "__file__", None)).startswith(str(self._folder)):
+                    del sys.modules[name]
+
+    @contextlib.contextmanager
+    def _listening(self) -> Iterator[None]:
+        heard = io.StringIO()
+        with contextlib.redirect_stdout(heard), contextlib.redirect_stderr(heard):
+            try:
+                yield
+            finally:
+                self._printed += heard.getvalue()
+
+
+def hoap3(words: list[str]) -> int:
+    """Run `hoap3 …` in this process; its exit code."""
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        with patch.object(sys, "argv", words):
+            main()
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else int(end.code is not None)
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    return 0
+
+
+def check(command: str) -> None:
+    """Parse `hoap3 …` as the command line would, and check the settings that it names.
+
+    Raises:
+        click.UsageError, Hoap3Error: it would be refused.
+    """
+    words = shlex.split(command)
+    assert words[0] == "hoap3", command
+    parser, name, rest = typer.main.get_command(app), "hoap3", words[1:]
+    while hasattr(parser, "commands") and rest and not rest[0].startswith("-"):
+        assert rest[0] in parser.commands, f"{command}: no command {rest[0]!r}"
+        parser, name, rest = parser.commands[rest[0]], rest[0], rest[1:]
+    if rest in (["--help"], ["--version"]):
+        return
+    values = parser.make_context(name, rest).params
+    sets = values.get("sets") or []
+    if name == "run":
+        ours, theirs = split_overrides(sets)
+        emulator_config(values["robot"], ours)
+        controller_config(values["controller"], theirs)
+    elif name == "emulator":
+        emulator_config(values["config"], sets)
+    elif name == "controller":
+        controller_config(values["config"], sets)
+
+
+def subcommands() -> Iterator[str]:
+    """Every command of `hoap3`, such as `config show`."""
+
+    def below(parser: object, path: str) -> Iterator[str]:
+        for name, inner in getattr(parser, "commands", {}).items():
+            if hasattr(inner, "commands"):
+                yield from below(inner, f"{path}{name} ")
+            else:
+                yield path + name
+
+    return below(typer.main.get_command(app), "")

@@ -1,0 +1,91 @@
+"""Deadlines against a recount of everything that happened, and the verdict."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.statistics import WINDOW, Deadlines, verdict
+
+WINDOWS = st.sampled_from([1, 2, 5, WINDOW])
+STEPS = st.lists(
+    st.sampled_from(["hit"] * 6 + ["late", "lost", "lost", "arrived", "end_run"]), max_size=300
+)
+
+
+@given(window=WINDOWS, steps=STEPS)
+def test_every_figure_is_what_a_recount_gives(window, steps):
+    deadlines = Deadlines(window)
+    outcomes: list[bool] = []  # whether each tick was answered in time
+    late = lost = run = longest = 0
+    rates: list[float] = []
+    for step in steps:
+        if step == "arrived":
+            if not lost:
+                continue
+            deadlines.lost_arrived()
+            lost, late = lost - 1, late + 1
+        elif step == "end_run":
+            deadlines.end_run()
+            run = 0
+        else:
+            if step == "hit":
+                deadlines.hit()
+            else:
+                deadlines.miss(arrived=step == "late")
+            late, lost = late + (step == "late"), lost + (step == "lost")
+            outcomes.append(step == "hit")
+            run = 0 if outcomes[-1] else run + 1
+            longest = max(longest, run)
+            if len(outcomes) >= window:
+                rates.append(sum(outcomes[-window:]) / window)
+        recent = outcomes[-window:]
+        assert deadlines.asked == len(outcomes)
+        assert deadlines.in_time == sum(outcomes)
+        assert (deadlines.late, deadlines.lost) == (late, lost)
+        assert deadlines.missed == len(outcomes) - sum(outcomes)
+        assert (deadlines.run, deadlines.longest_run) == (run, longest)
+        assert deadlines.success_rate == (sum(recent) / len(recent) if recent else 1.0)
+        assert deadlines.run_rate == (sum(outcomes) / len(outcomes) if outcomes else 1.0)
+        assert deadlines.worst_window == (min(rates) if rates else None)
+
+
+def test_the_window_is_100_ticks_and_forgets_what_is_older():
+    deadlines = Deadlines()
+    for _ in range(100):
+        deadlines.miss(arrived=False)
+    for hits in range(1, 101):
+        deadlines.hit()
+        assert deadlines.success_rate == hits / 100
+    assert deadlines.run_rate == 0.5
+    assert deadlines.worst_window == 0.0
+
+
+def test_there_is_no_worst_window_before_the_first_is_full():
+    deadlines = Deadlines()
+    for _ in range(99):
+        deadlines.miss(arrived=False)
+    assert deadlines.worst_window is None
+    deadlines.hit()
+    assert deadlines.worst_window == 0.01
+
+
+@pytest.mark.parametrize(
+    ("rate", "expected"),
+    [
+        (1.0, "fit"),
+        (0.95, "fit"),
+        (0.9499999, "warn"),
+        (0.90, "warn"),
+        (0.8999999, "unfit"),
+        (0.0, "unfit"),
+    ],
+)
+def test_the_verdict_on_both_sides_of_its_thresholds(rate, expected):
+    assert verdict(rate, safe_stop=False) == expected
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.92, 1.0])
+def test_after_a_safe_stop_the_verdict_is_unfit(rate):
+    assert verdict(rate, safe_stop=True) == "unfit"

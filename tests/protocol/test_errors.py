@@ -1,0 +1,82 @@
+"""One tree of errors, each of which says what to do."""
+
+from __future__ import annotations
+
+import inspect
+
+import pytest
+
+from protocol import errors
+from protocol.errors import (
+    AuthorityError,
+    ConfigError,
+    FrameNotFoundError,
+    Hoap3Error,
+    UnknownNameError,
+    UsageError,
+    WireError,
+    nearest,
+)
+
+CLASSES = [
+    each for each in vars(errors).values() if inspect.isclass(each) and issubclass(each, Hoap3Error)
+]
+
+
+@pytest.mark.parametrize("error", CLASSES)
+def test_every_error_hangs_in_the_tree_that_the_docstring_draws(error):
+    lines = errors.__doc__.splitlines()
+    (drawn,) = [at for at, line in enumerate(lines) if f" {error.__name__}" in line]
+    if error is Hoap3Error:
+        return
+    indent = lines[drawn].index(error.__name__)
+    above = [line for line in lines[:drawn] if 0 < _start(line) < indent]
+    parent = above[-1][_start(above[-1]) :].split()[0]
+    assert parent in {base.__name__ for base in error.__bases__}
+
+
+def _start(line: str) -> int:
+    """Column of the name that a line of the drawing has, or 0."""
+    name = next((word for word in line.split() if word.endswith("Error")), None)
+    return line.index(name) if name else 0
+
+
+def test_an_unknown_name_carries_the_nearest_and_all_known_ones():
+    error = UnknownNameError("controller", "qp21", ["pinv", "qp12"], " Or name a file.")
+    assert isinstance(error, UsageError)
+    assert (error.kind, error.name, error.known) == ("controller", "qp21", ["pinv", "qp12"])
+    assert error.nearest == "qp12"
+    assert str(error) == (
+        "no controller is called 'qp21'. Did you mean 'qp12'? Known: pinv, qp12. Or name a file."
+    )
+    assert str(UnknownNameError("robot", "x", [])) == "no robot is called 'x'. Known: none."
+
+
+def test_an_unknown_frame_carries_the_frames_of_the_robot():
+    error = FrameNotFoundError("r_sol", "hoap3", ["r_sole", "base"])
+    assert (error.frame, error.known) == ("r_sol", ["base", "r_sole"])
+    assert "Did you mean 'r_sole'?" in str(error)
+    assert "Did you mean" not in str(FrameNotFoundError("zzz", "hoap3", ["base"]))
+
+
+def test_a_holder_of_authority_is_named():
+    error = AuthorityError("hoap3", "alice")
+    assert error.holder == "alice"
+    assert "'hoap3' follows 'alice' already" in str(error)
+
+
+def test_a_rejection_carries_the_name_under_which_it_is_counted():
+    assert WireError("size", "too short").kind == "size"
+
+
+def test_a_setting_is_named_by_file_key_and_value():
+    error = ConfigError("a.yaml", "x.y", 5, "is odd", "Write an even number")
+    assert str(error) == "a.yaml: x.y: is odd (found 5). Write an even number"
+    assert (
+        str(ConfigError("a.yaml", "", None, "is empty", "Fill it")) == "a.yaml: is empty. Fill it"
+    )
+
+
+def test_the_nearest_name_is_the_most_alike_or_none():
+    assert nearest("lease", ["listen", "lease_ms"]) == "lease_ms"
+    assert nearest("zzz", ["listen", "lease_ms"]) is None

@@ -1,0 +1,245 @@
+"""The schemas, the memory behind a message, and what `load` refuses."""
+
+from __future__ import annotations
+
+import struct
+import typing
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from cdr_by_hand import EXAMPLES, FIELDS, golden
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol import messages
+from protocol.errors import WireError
+from protocol.messages import Event, Message, Setpoint, State
+
+MAKERS = {
+    "State": lambda n: State(n, 6),
+    "Setpoint": lambda n: Setpoint(n, 3),
+    "Event": lambda n: Event(),
+}
+PYTHON_TYPES = {"I": int, "Q": int, "q": int, "d": float, "d[]": messages.FloatArray}
+KINDS = pytest.mark.parametrize("kind", MAKERS)
+
+
+def numbered(kind: str, n: int = 3) -> Message:
+    """A message whose scalars are 1, 2, 3 …, and whose arrays go on counting."""
+    message = MAKERS[kind](n)
+    count = 0
+    for name, scalar in message.schema.scalars.items():
+        count += 1
+        setattr(message, name, float(count) if scalar == "float64" else count)
+    for name in message.schema.arrays:
+        array = getattr(message, name)
+        array[:] = np.arange(count, count + len(array))
+        count += len(array)
+    return message
+
+
+@KINDS
+def test_the_schema_has_the_fields_in_the_order_of_the_wire(kind):
+    schema = MAKERS[kind](1).schema
+    codes = {name: messages.SCALAR_FORMATS[scalar] for name, scalar in schema.scalars.items()}
+    codes |= dict.fromkeys(schema.arrays, "d[]")
+    assert list(codes.items()) == list(FIELDS[kind])
+    assert schema.ros_name == f"hoap3_msgs/msg/{kind}"
+
+
+@KINDS
+def test_the_annotations_of_the_class_are_the_fields_of_the_schema(kind):
+    cls = type(MAKERS[kind](1))
+    hints = typing.get_type_hints(cls)
+    expected = {name: PYTHON_TYPES[code] for name, code in FIELDS[kind]}
+    own = {name: hints[name] for name in cls.__annotations__}
+    assert {"wire_version": hints["wire_version"], **own} == expected
+
+
+def test_the_constants_of_the_classes_are_those_of_the_schemas():
+    for cls, names in (
+        (State, ("IDLE", "ACTIVE", "STOPPING", "STOPPED")),
+        (Setpoint, ("POSITION", "ACCELERATION", "TORQUE")),
+    ):
+        assert {name: getattr(cls, name) for name in names}.items() <= cls.schema.constants.items()
+    for cls in (State, Setpoint):
+        assert cls.schema.constants["WIRE_VERSION"] == messages.WIRE_VERSION
+
+
+def test_no_two_events_and_no_two_reasons_have_the_same_number():
+    constants = Event.schema.constants
+    reasons = [value for name, value in constants.items() if name.startswith("REASON_")]
+    kinds = [value for name, value in constants.items() if not name.startswith("REASON_")]
+    assert len(set(reasons)) == len(reasons)
+    assert len(set(kinds)) == len(kinds)
+
+
+def test_stamp_fields_are_the_stamps_of_a_setpoint_but_the_echoed_one():
+    stamps = {name for name in Setpoint.schema.scalars if name.startswith("stamp_")}
+    assert stamps - {"stamp_state"} == messages.STAMP_FIELDS
+
+
+@KINDS
+def test_every_scalar_lies_at_its_natural_alignment(kind):
+    schema = MAKERS[kind](1).schema
+    at = 0
+    for name, scalar in schema.scalars.items():
+        width = struct.calcsize("<" + messages.SCALAR_FORMATS[scalar])
+        assert at % width == 0, name
+        at += width
+    assert at == schema.scalar_struct.size
+
+
+@KINDS
+@pytest.mark.parametrize("n", [0, 1, 2, 21, 128])
+def test_arrays_are_aligned_writable_views_of_the_message(kind, n):
+    message = MAKERS[kind](n)
+    for name in message.schema.arrays:
+        array = getattr(message, name)
+        before = message.dump()
+        array += 1.5
+        after = message.dump()
+        assert array.dtype == np.float64
+        assert array.flags.aligned
+        assert array.flags.c_contiguous
+        assert array.flags.writeable
+        assert array.ctypes.data % 8 == 0
+        assert (before != after) == bool(len(array))
+
+
+@KINDS
+def test_load_keeps_the_arrays_that_somebody_holds(kind):
+    message, other = MAKERS[kind](3), numbered(kind)
+    held = {name: getattr(message, name) for name in message.schema.arrays}
+    message.load(other.dump())
+    for name, array in held.items():
+        assert getattr(message, name) is array
+        np.testing.assert_array_equal(array, getattr(other, name))
+
+
+@KINDS
+def test_a_dump_is_a_copy(kind):
+    message = numbered(kind)
+    payload = message.dump()
+    kept = bytes(payload)
+    for name in message.schema.arrays:
+        getattr(message, name)[:] = -1.0
+    message.dump()
+    assert payload == kept
+
+
+def _spoilt(payload: bytes, at: int, value: int) -> bytes:
+    return payload[:at] + struct.pack("<I", value) + payload[at + 4 :]
+
+
+REFUSED = [
+    ("State", lambda data: data[:-1], "size"),
+    ("State", lambda data: data + b"\0", "size"),
+    ("State", lambda data: b"", "size"),
+    ("State", lambda data: b"\0\0\0\0" + data[4:], "layout"),  # big endian
+    ("State", lambda data: b"\0\x03\0\0" + data[4:], "layout"),  # parameter list
+    ("State", lambda data: _spoilt(data, 132, 2), "layout"),  # q
+    ("State", lambda data: _spoilt(data, 164 + 32 * 3, 5), "layout"),  # wrench
+    ("State", lambda data: _spoilt(data, 4, 2), "wire_version"),
+    ("Setpoint", lambda data: data[:100], "size"),
+    ("Setpoint", lambda data: _spoilt(data, 156, 4), "layout"),
+    ("Setpoint", lambda data: _spoilt(data, 164 + 8 * 3, 2), "layout"),
+    ("Setpoint", lambda data: _spoilt(data, 4, 0), "wire_version"),
+    ("Event", lambda data: data[:43], "size"),
+    ("Event", lambda data: b"\0\x01\0\x01" + data[4:], "layout"),
+    ("Event", lambda data: _spoilt(data, 4, 2**32 - 1), "wire_version"),
+]
+
+
+@pytest.mark.parametrize(("kind", "spoil", "reason"), REFUSED)
+def test_load_refuses_and_leaves_the_message_unchanged(kind, spoil, reason):
+    message = numbered(kind)
+    message.wire_version = 1
+    before = {name: np.copy(getattr(message, name)) for name, _ in FIELDS[kind]}
+    payload = spoil(MAKERS[kind](3).dump())
+    with pytest.raises(WireError, match=kind) as caught:
+        message.load(payload)
+    assert caught.value.kind == reason
+    for name, value in before.items():
+        np.testing.assert_array_equal(getattr(message, name), value)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_lengths_are_read_from_a_payload(name):
+    kind, values = EXAMPLES[name]
+    schema = MAKERS[kind](1).schema
+    expected = {field: len(values[field]) for field, code in FIELDS[kind] if code == "d[]"}
+    assert schema.lengths_in(golden(name)) == expected
+
+
+@pytest.mark.parametrize("n", [0, 1, 21, 128])
+def test_lengths_are_found_behind_arrays_of_any_length(n):
+    assert Setpoint.schema.lengths_in(Setpoint(n, 2).dump()) == {"values": n, "extra": 2}
+    lengths = State.schema.lengths_in(State(n).dump())
+    assert lengths == {"q": n, "dq": n, "tau": n, "reference": n, "wrench": 0}
+
+
+@pytest.mark.parametrize(
+    ("payload", "message"),
+    [
+        (Setpoint(3).dump()[:-1], "expected|end before"),
+        (Setpoint(3).dump() + b"\0", "expected"),
+        (Setpoint(3).dump()[:158], "end before 'values'"),
+        (Setpoint(3).dump()[:170], "end before 'extra'"),
+        (_spoilt(Setpoint(3).dump(), 156, 1025), "claims 1025"),
+        (b"", "end before"),
+    ],
+)
+def test_lengths_that_disagree_with_the_size_are_refused(payload, message):
+    with pytest.raises(WireError, match=message) as caught:
+        Setpoint.schema.lengths_in(payload)
+    assert caught.value.kind == "size"
+
+
+def test_the_greatest_message_may_have_1024_elements_in_an_array():
+    payload = Setpoint(3, 1024).dump()
+    assert Setpoint.schema.lengths_in(payload)["extra"] == 1024
+
+
+@KINDS
+def test_some_scalars_are_read_without_loading(kind):
+    message = numbered(kind)
+    names = list(message.schema.scalars)
+    values = type(message).scalars(message.dump(), *reversed(names))
+    assert values == tuple(getattr(message, name) for name in reversed(names))
+
+
+def test_scalars_of_a_payload_that_is_too_short_are_refused():
+    with pytest.raises(WireError, match="too few") as caught:
+        State.scalars(State(3).dump()[:131], "tick")
+    assert caught.value.kind == "size"
+    assert State.scalars(State(3).dump()[:132], "wire_version") == (1,)
+
+
+def _mutations() -> st.SearchStrategy[bytes]:
+    """Random bytes, and real messages with some bytes changed, cut or added."""
+
+    def changed(arguments: tuple) -> bytes:
+        payload, places, cut, tail = arguments
+        data = bytearray(payload)
+        for place, value in places:
+            data[place % len(data)] = value
+        return bytes(data[: len(data) - cut]) + tail
+
+    real = st.sampled_from([golden(name) for name in EXAMPLES])
+    places = st.lists(st.tuples(st.integers(0, 400), st.integers(0, 255)), max_size=4)
+    mutated = st.tuples(real, places, st.sampled_from([0, 0, 0, 1, 8]), st.binary(max_size=8))
+    return st.one_of(st.binary(max_size=500), mutated.map(changed))
+
+
+@given(payload=_mutations())
+def test_no_bytes_raise_anything_but_a_wire_error(payload):
+    for maker in MAKERS.values():
+        message = maker(2)
+        with suppress(WireError):
+            message.load(payload)
+        with suppress(WireError):
+            message.schema.lengths_in(payload)
+        with suppress(WireError):
+            message.scalars(payload, "wire_version")

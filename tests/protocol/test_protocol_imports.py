@@ -1,0 +1,54 @@
+"""What each module of the protocol loads, and that it loads nothing heavy unasked."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+HOUSE = Path(__file__).parent.parent.parent
+HEAVY = {"numba", "pinocchio", "zenoh"}
+LIGHT_MODULES = ("errors", "clock", "link", "messages", "ring", "recorder", "realtime", "settings")
+ALLOWED = {
+    **{name: set() for name in LIGHT_MODULES},
+    "statistics": set(),
+    "zenoh_link": {"zenoh"},
+    "zenoh_lockstep": {"zenoh"},
+}
+
+
+def loaded_by(statement: str) -> set[str]:
+    """Names of all modules after a statement in a fresh interpreter."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"{statement}; import sys; print(*sys.modules)"],
+        capture_output=True,
+        check=True,
+        cwd=HOUSE,
+        text=True,
+    )
+    return set(done.stdout.split())
+
+
+def test_the_package_itself_loads_nothing():
+    loaded = loaded_by("import protocol")
+    assert not loaded & {*HEAVY, "numpy", "pydantic", "yaml", "hdrh"}
+    assert {name for name in loaded if name.startswith("protocol.")} == set()
+
+
+@pytest.mark.parametrize("module", ALLOWED)
+def test_a_module_loads_what_it_may_and_no_other_room(module):
+    loaded = loaded_by(f"import protocol.{module}")
+    assert f"protocol.{module}" in loaded
+    assert loaded & HEAVY == ALLOWED[module]
+    assert not loaded & {"tools", "robot_emulator", "remote_controller"}
+
+
+def test_messages_need_nothing_but_numpy():
+    loaded = loaded_by("import protocol.messages")
+    ours = {name for name in loaded if name.startswith("protocol.")}
+    assert ours == {"protocol.messages", "protocol.errors"} | {
+        name for name in ours if name.startswith("protocol.msg")
+    }
+    assert not loaded & {"pydantic", "yaml", "hdrh"}

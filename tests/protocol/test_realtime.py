@@ -1,0 +1,261 @@
+"""What a process asks of the operating system: obtained or refused, reported, never raised.
+
+Nothing here gives the process of the tests itself a CPU or a priority.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from protocol import realtime
+from protocol.realtime import claim_cpu, prepare_process, virtual_machine
+from protocol.settings import RealtimeSettings
+
+HERE = Path(__file__).parent
+NOBODY = "65534"
+AS_ROOT = os.geteuid() == 0
+
+
+def start(folder: Path, *arguments: str) -> subprocess.Popen:
+    """The helper as a child whose locks lie in `folder`."""
+    return subprocess.Popen(
+        [sys.executable, str(HERE / "realtime_child.py"), *arguments],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": str(HERE.parent.parent), "TMPDIR": str(folder)},
+        text=True,
+    )
+
+
+def prepared(folder: Path, *, user: str | None = None, **settings: object) -> dict:
+    """Report of a child that has asked for real time."""
+    arguments = ["prepare", json.dumps(settings)] + ([user] if user else [])
+    child = start(folder, *arguments)
+    out, _ = child.communicate(timeout=60)
+    assert child.returncode == 0
+    return json.loads(out)
+
+
+@pytest.fixture
+def locks(monkeypatch) -> Iterator[Path]:
+    """A folder of its own for the locks of CPUs, for us and for our children."""
+    with tempfile.TemporaryDirectory(prefix="hoap3-locks-") as folder:
+        Path(folder).chmod(0o1777)
+        monkeypatch.setattr(tempfile, "tempdir", folder)
+        yield Path(folder)
+
+
+def test_without_rights_every_measure_is_reported_and_none_is_raised(locks):
+    user = NOBODY if AS_ROOT else None
+    report = prepared(locks, user=user, policy="auto", cpu=4000, lock_memory=True)
+    measures = report["measures"]
+    assert measures["CPU"] == [False, "CPU: refused, pinning to 4000: Invalid argument"]
+    assert measures["timer slack"] == [True, "timer slack: 1 ns"]
+    assert measures["garbage collector"][0]
+    assert not report["collector"]
+    assert report["switch_interval"] == pytest.approx(1e-4)
+    if user:  # else it depends on the limits of whoever runs the tests
+        assert not measures["memory lock"][0]
+        assert measures["memory lock"][1].startswith("memory lock: refused, ")
+        assert "LimitMEMLOCK" in measures["memory lock"][1]
+        assert not measures["scheduling policy"][0]
+        assert "raise LimitRTPRIO" in measures["scheduling policy"][1]
+        assert report["policy"] == os.SCHED_OTHER
+
+
+def test_what_is_not_asked_for_is_left_alone(locks):
+    report = prepared(locks, policy="none", cpu="none", lock_memory=True)
+    assert report["measures"]["CPU"] == [True, "CPU: not pinned, as configured"]
+    assert report["measures"]["scheduling policy"] == [
+        True,
+        "scheduling policy: ordinary, as configured",
+    ]
+    assert "memory lock" not in report["measures"]
+    assert report["affinity"] == report["affinity_before"]
+    assert report["policy"] == os.SCHED_OTHER
+
+
+def test_a_cpu_is_claimed_and_pinned(locks):
+    report = prepared(locks, policy="none", cpu="auto")
+    assert report["measures"]["CPU"] == [True, f"CPU: pinned to {report['affinity_before'][-1]}"]
+    assert report["affinity"] == [report["affinity_before"][-1]]
+
+
+@pytest.mark.parametrize("cpu", [4000, 2**31, 10**30])
+def test_a_cpu_that_does_not_exist_is_refused(cpu):
+    before = os.sched_getaffinity(0)
+    measure = realtime._pin(RealtimeSettings(cpu=cpu))
+    assert not measure.obtained
+    assert measure.detail.startswith(f"pinning to {cpu}: ")
+    assert os.sched_getaffinity(0) == before
+
+
+def test_where_every_cpu_is_claimed_nothing_is_pinned(locks):
+    claims = [claim_cpu({cpu}) for cpu in os.sched_getaffinity(0)]
+    measure = realtime._pin(RealtimeSettings(cpu="auto"))
+    assert str(measure) == "CPU: refused, every allowed CPU is claimed by another run"
+    assert all(claims)
+    for claim in claims:
+        claim.release()
+
+
+def test_a_claim_is_exclusive_between_two_processes_and_ends_with_its_holder(locks):
+    holder = start(locks, "claim", "3")
+    assert holder.stdout.readline() == "3\n"
+    second = start(locks, "claim", "3")
+    assert second.stdout.readline() == "None\n"
+    assert claim_cpu({3}) is None
+    holder.kill()
+    holder.communicate()
+    ours = claim_cpu({3})
+    assert ours.cpu == 3
+    ours.release()
+    second.communicate()
+
+
+def test_a_claim_is_exclusive_within_a_process_too_until_it_is_released(locks):
+    first = claim_cpu({1})
+    assert claim_cpu({1}) is None
+    first.release()
+    again = claim_cpu({1})
+    assert again.cpu == 1
+    again.release()
+
+
+def test_the_highest_free_cpu_of_those_allowed_is_claimed(locks):
+    claims = [claim_cpu({0, 2, 5}) for _ in range(4)]
+    assert [claim.cpu if claim else None for claim in claims] == [5, 2, 0, None]
+    for claim in claims[:3]:
+        claim.release()
+    assert claim_cpu(set()) is None
+
+
+def test_without_a_list_the_cpus_of_this_process_are_allowed(locks):
+    claim = claim_cpu()
+    assert claim.cpu == max(os.sched_getaffinity(0))
+    claim.release()
+
+
+def test_a_lock_file_that_another_user_left_behind_claims_nothing(locks):
+    path = locks / "hoap3-cpu2.lock"
+    path.touch()
+    path.chmod(0o444)  # as others see the file of a user
+    child = start(locks, "claim", "2", *([NOBODY] if AS_ROOT else []))
+    assert child.stdout.readline() == "2\n"
+    assert claim_cpu({2}) is None
+    child.communicate()
+    claim = claim_cpu({2})
+    assert claim.cpu == 2
+    claim.release()
+
+
+def test_what_lies_in_place_of_a_lock_file_is_passed_over(locks):
+    (locks / "hoap3-cpu9.lock").mkdir()
+    (locks / "hoap3-cpu8.lock").symlink_to(locks / "elsewhere")
+    os.mkfifo(locks / "hoap3-cpu7.lock")
+    claim = claim_cpu({6, 8})
+    assert claim.cpu == 6
+    assert not (locks / "elsewhere").exists()
+    claim.release()
+    for odd in (7, 9):  # claimed or passed over, but never waited for
+        if (claim := claim_cpu({odd})) is not None:
+            claim.release()
+
+
+class Libc:
+    """A C library that grants everything, or refuses everything with one error."""
+
+    def __init__(self, error: int = 0) -> None:
+        self._error = error
+
+    def prctl(self, *arguments: object) -> int:
+        ctypes.set_errno(self._error)
+        return -1 if self._error else 0
+
+    mlockall = prctl
+
+
+def test_a_refusal_tells_its_reason():
+    libc = Libc(errno.EPERM)
+    assert str(realtime._timer_slack(libc)) == "timer slack: refused, Operation not permitted"
+    lock = realtime._lock_memory(libc)
+    assert str(lock).startswith("memory lock: refused, Operation not permitted; raise ")
+
+
+@pytest.fixture
+def generous(monkeypatch) -> list[tuple]:
+    """An operating system that grants everything and changes nothing; what it was asked for."""
+    asked: list[tuple] = []
+
+    def granting(name: str):
+        return lambda *what: asked.append((name, *what))
+
+    monkeypatch.setattr(ctypes, "CDLL", lambda *_, **__: Libc())
+    monkeypatch.setattr(realtime.resource, "setrlimit", granting("setrlimit"))
+    for name in ("sched_setaffinity", "sched_setscheduler"):
+        monkeypatch.setattr(os, name, granting(name))
+    for name in ("collect", "freeze", "disable"):
+        monkeypatch.setattr(realtime.gc, name, granting(name))
+    monkeypatch.setattr(sys, "setswitchinterval", granting("setswitchinterval"))
+    monkeypatch.setattr(realtime, "_claims", [])
+    return asked
+
+
+def test_where_everything_is_granted_everything_is_done_once(locks, generous):
+    cpu = max(os.sched_getaffinity(0))
+    measures = prepare_process(RealtimeSettings(priority=42))
+    assert [str(measure) for measure in measures] == [
+        f"CPU: pinned to {cpu}",
+        "timer slack: 1 ns",
+        "memory lock: pages stay once touched",
+        "scheduling policy: SCHED_FIFO 42",
+        "garbage collector: frozen and off",
+    ]
+    names = [name for name, *_ in generous]
+    assert sorted(names) == sorted(set(names))
+    assert names.index("collect") < names.index("freeze")
+    assert names.index("setrlimit") < names.index("sched_setscheduler")  # never without an end
+    assert ("sched_setaffinity", 0, {cpu}) in generous
+    assert claim_cpu({cpu}) is None  # for as long as the process lives
+    realtime._claims[0].release()
+
+
+def test_an_ordinary_process_locks_no_memory_and_keeps_its_policy(generous):
+    measures = prepare_process(RealtimeSettings(policy="none", cpu="none"))
+    assert [measure.name for measure in measures] == [
+        "CPU",
+        "timer slack",
+        "scheduling policy",
+        "garbage collector",
+    ]
+    assert {name for name, *_ in generous} == {"collect", "freeze", "disable", "setswitchinterval"}
+
+
+def test_a_limit_that_cannot_be_raised_is_a_refusal(monkeypatch):
+    def refuse(*what: object) -> None:
+        raise ValueError("not allowed to raise maximum limit")
+
+    monkeypatch.setattr(realtime.resource, "setrlimit", refuse)
+    measure = realtime._schedule(RealtimeSettings())
+    assert not measure.obtained
+    assert measure.detail.startswith("not allowed to raise maximum limit; raise LimitRTPRIO")
+
+
+def test_a_virtual_machine_is_known_by_what_its_processor_says(monkeypatch, tmp_path):
+    for flags, expected in (("fpu hypervisor sse", True), ("fpu sse", False)):
+        cpuinfo = tmp_path / "cpuinfo"
+        cpuinfo.write_text(f"flags\t\t: {flags}\n")
+        monkeypatch.setattr(realtime, "Path", lambda _, cpuinfo=cpuinfo: cpuinfo)
+        assert virtual_machine() is expected
+    monkeypatch.setattr(realtime, "Path", lambda _: tmp_path / "none")
+    assert not virtual_machine()

@@ -1,0 +1,294 @@
+"""Each kind of wrong setting is one error that names file, key, value and remedy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+import pytest
+from pydantic import Field, ValidationError, field_validator
+
+from protocol.errors import ConfigError
+from protocol.settings import (
+    MAX_CONFIG_BYTES,
+    LinkSettings,
+    LogSettings,
+    RealtimeSettings,
+    RobotName,
+    Settings,
+    apply_overrides,
+    load_yaml,
+    parse,
+)
+
+
+class Gains(Settings):
+    """Something nested."""
+
+    rate: float = Field(1.0, gt=0)
+    kind: Literal["a", "b"] = "a"
+
+
+class Limits(Settings):
+    """Another member of a union."""
+
+    upper: float
+
+
+class Service(Settings):
+    """One of everything."""
+
+    robot: RobotName
+    gains: Gains | None = None
+    either: Gains | Limits = Gains()
+    table: dict[str, float] = Field(default_factory=dict)
+    even: int = 0
+    link: LinkSettings = LinkSettings()
+    realtime: RealtimeSettings = RealtimeSettings()
+    log: LogSettings = LogSettings()
+
+    @field_validator("even")
+    @classmethod
+    def _must_be_even(cls, value: int) -> int:
+        if value % 2:
+            raise ValueError("Odd numbers are not taken")
+        return value
+
+
+def refused(content: dict[str, Any], **more: str) -> ConfigError:
+    """The error over some content."""
+    with pytest.raises(ConfigError) as caught:
+        parse(Service, {"robot": "arm", **content}, "robot.yaml", **more)
+    error = caught.value
+    assert str(error).startswith(f"robot.yaml: {error.key}: ")
+    assert error.remedy in str(error)
+    return error
+
+
+def test_what_is_right_is_taken():
+    content = {
+        "robot": "arm_2",
+        "gains": {"rate": 2},
+        "either": {"upper": 1.0},
+        "table": {"int": 1.0},
+        "link": {"listen": ["tcp/127.0.0.1:1"], "lease_ms": 100},
+        "realtime": {"cpu": 3},
+    }
+    service = parse(Service, content, "robot.yaml")
+    assert service.gains == Gains(rate=2.0)
+    assert service.either == Limits(upper=1.0)
+    assert service.table == {"int": 1.0}
+    assert service.link.listen == ("tcp/127.0.0.1:1",)
+    assert service.realtime.cpu == 3
+    assert service.log == LogSettings()
+
+
+@pytest.mark.parametrize(
+    ("content", "key", "value", "remedy"),
+    [
+        ({"robott": 1}, "robott", 1, "Did you mean 'robot'?"),
+        ({"link": {"lease": 5}}, "link.lease", 5, "Did you mean 'lease_ms'?"),
+        ({"gains": {"rat": 2}}, "gains.rat", 2, "Did you mean 'rate'?"),
+        ({"zzzzzz": 1}, "zzzzzz", 1, "Known keys: either, even, gains, link, log, realtime"),
+        ({"int": 1}, "int", 1, "Known keys"),
+        ({"a[0]": 1}, "a[0]", 1, "Known keys"),
+        ({"link": {"float": 1}}, "link.float", 1, "connect, lease_ms, listen, mode"),
+        ({"link": {"nested(x)": 1}}, "link.nested(x)", 1, "connect, lease_ms, listen, mode"),
+    ],
+)
+def test_an_unknown_key_is_told_with_the_nearest_known_one(content, key, value, remedy):
+    error = refused(content)
+    assert (error.file, error.key, error.value) == ("robot.yaml", key, value)
+    assert remedy in error.remedy
+    assert "unknown key" in str(error)
+
+
+def test_an_unknown_key_like_no_other_gets_no_guess():
+    assert "Did you mean" not in refused({"zzzzzz": 1}).remedy
+
+
+@pytest.mark.parametrize(
+    ("content", "key", "value", "problem"),
+    [
+        ({"robot": 5}, "robot", 5, "should be a valid string"),
+        ({"robot": "Arm"}, "robot", "Arm", "should match pattern"),
+        ({"gains": 3}, "gains", 3, "should be a valid dictionary"),
+        ({"gains": {"rate": "fast"}}, "gains.rate", "fast", "valid number"),
+        ({"gains": {"rate": 0}}, "gains.rate", 0, "greater than 0"),
+        ({"gains": {"rate": float("inf")}}, "gains.rate", float("inf"), "finite"),
+        ({"gains": {"kind": "c"}}, "gains.kind", "c", "should be 'a' or 'b'"),
+        ({"table": {"int": "x"}}, "table.int", "x", "valid number"),
+        ({"table": {"a[0]": "x"}}, "table.a[0]", "x", "valid number"),
+        ({"even": 3}, "even", 3, "odd numbers are not taken"),
+        ({"link": {"listen": "tcp/a"}}, "link.listen", "tcp/a", "valid tuple"),
+        ({"link": {"listen": ["tcp/a", 1]}}, "link.listen.1", 1, "valid string"),
+        ({"link": {"lease_ms": 99}}, "link.lease_ms", 99, "greater than or equal to 100"),
+        ({"link": {"lease_ms": 60_001}}, "link.lease_ms", 60_001, "less than or equal to 60000"),
+        ({"link": {1: 2}}, "link.1", 1, "keys should be strings"),
+        ({"realtime": {"policy": "fifo"}}, "realtime.policy", "fifo", "'auto' or 'none'"),
+        ({"realtime": {"priority": 99}}, "realtime.priority", 99, "less than or equal to 98"),
+        ({"realtime": {"priority": True}}, "realtime.priority", True, "valid integer"),
+        ({"realtime": {"priority": "80"}}, "realtime.priority", "80", "valid integer"),
+        ({"realtime": {"lock_memory": 1}}, "realtime.lock_memory", 1, "valid boolean"),
+        ({"realtime": {"cpu": True}}, "realtime.cpu", True, "'auto' or 'none', or"),
+        ({"realtime": {"cpu": -1}}, "realtime.cpu", -1, "greater than or equal to 0"),
+        ({"realtime": {"cpu": "two"}}, "realtime.cpu", "two", "'auto' or 'none', or"),
+        ({"log": {"cap_mb": 0}}, "log.cap_mb", 0, "greater than or equal to 1"),
+    ],
+)
+def test_a_value_that_does_not_fit_is_told_with_what_would(content, key, value, problem):
+    error = refused(content)
+    assert (error.file, error.key, error.value) == ("robot.yaml", key, value)
+    assert problem in str(error)
+    assert repr(value) in str(error)
+
+
+def test_a_missing_key_is_told():
+    with pytest.raises(ConfigError, match=r"robot\.yaml: robot: is missing\. Add it") as caught:
+        parse(Service, {}, "robot.yaml")
+    assert caught.value.key == "robot"
+
+
+def test_a_missing_key_of_a_member_of_a_union_is_told_without_the_name_of_the_class():
+    error = refused({"either": {"uper": 1.0}})
+    assert error.key == "either.uper"
+    assert "Did you mean 'upper'?" in error.remedy
+
+
+def test_keys_are_told_from_the_top_of_the_file():
+    assert refused({"even": "x"}, prefix="controller.parameters").key == (
+        "controller.parameters.even"
+    )
+
+
+def test_a_long_value_is_cut_in_the_message_and_whole_in_the_error():
+    error = refused({"even": "x" * 1000})
+    assert error.value == "x" * 1000
+    assert len(str(error)) < 300
+
+
+def test_settings_cannot_be_changed():
+    service = parse(Service, {"robot": "arm"}, "robot.yaml")
+    with pytest.raises(ValidationError, match="frozen"):
+        service.robot = "leg"
+    with pytest.raises(ValidationError, match="frozen"):
+        service.link.lease_ms = 200
+
+
+def test_by_default_nothing_listens_and_nothing_is_pinned_by_number():
+    assert LinkSettings().listen == LinkSettings().connect == ()
+    assert RealtimeSettings().cpu == "auto"
+
+
+def written(folder: Path, content: bytes) -> Path:
+    path = folder / "config.yaml"
+    path.write_bytes(content)
+    return path
+
+
+def test_yaml_is_read(tmp_path):
+    content = load_yaml(written(tmp_path, b"a: 1\nb: {c: [1, two]}  # comment\n"))
+    assert content == {"a": 1, "b": {"c": [1, "two"]}}
+    assert load_yaml(written(tmp_path, b"# nothing yet\n")) == {}
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (b"a: {b", "not valid YAML at line 1, column 6: expected"),
+        (b"a: 1\nb: 2\n c: 3", "not valid YAML at line 3, column 3: mapping values"),
+        (b"\xff\xfe\x00", "not valid YAML"),
+        (b"a: \x00", "not valid YAML"),
+        (b"a: \xc3\x28", "not valid YAML"),
+        (b"a: !!python/object/apply:os.getcwd []", "could not determine a constructor"),
+        (b"a: 2001-99-99", "month must be in 1..12"),
+        (b"a: !!timestamp x", "not valid YAML"),
+        (b"a: !!bool x", "not valid YAML"),
+        (b"a: " + b"9" * 5000, "not valid YAML"),
+        (b"a: " + b"[" * 600, "not valid YAML"),
+        (b"a: &x [1]\nb: *x", "line 2, column 4: aliases are not taken"),
+        (b"a: &x [*x]", "line 1, column 8: aliases are not taken"),
+        (b"- a\n- b", "is not a mapping"),
+        (b"just words", "is not a mapping"),
+        (b"1: 2", "is not a mapping"),
+        (b"a: " + b"x" * MAX_CONFIG_BYTES, "larger than 1 MiB"),
+    ],
+)
+def test_a_file_that_cannot_be_used_is_named(tmp_path, content, problem):
+    path = written(tmp_path, content)
+    with pytest.raises(ConfigError) as caught:
+        load_yaml(path)
+    assert caught.value.file == str(path)
+    assert caught.value.key == ""
+    assert problem in str(caught.value)
+    assert str(caught.value).startswith(str(path))
+    assert caught.value.remedy
+
+
+def test_a_file_of_just_a_mebibyte_is_read(tmp_path):
+    line = b"# comment of a line".ljust(1023) + b"\n"
+    content = b"a: 1".ljust(1023) + b"\n" + line * 1023
+    assert len(content) == MAX_CONFIG_BYTES
+    assert load_yaml(written(tmp_path, content)) == {"a": 1}
+
+
+def test_an_endless_file_is_not_read_to_its_end():
+    with pytest.raises(ConfigError, match="larger than 1 MiB"):
+        load_yaml(Path("/dev/zero"))
+
+
+def test_a_missing_file_and_a_folder_are_told_apart(tmp_path):
+    with pytest.raises(ConfigError, match="No such file"):
+        load_yaml(tmp_path / "none.yaml")
+    with pytest.raises(ConfigError, match="is a folder"):
+        load_yaml(tmp_path)
+
+
+def test_overrides_are_yaml_and_make_the_mappings_that_they_need():
+    content = {"a": 1, "b": {"c": [1, {"d": 2}]}}
+    changed = apply_overrides(
+        content, ["a=two", "b.e=[1, 2]", "x.y.z=true", "n=", "s='a=b'", " t = 1.5"]
+    )
+    assert changed == {
+        "a": "two",
+        "b": {"c": [1, {"d": 2}], "e": [1, 2]},
+        "x": {"y": {"z": True}},
+        "n": None,
+        "s": "a=b",
+        "t": 1.5,
+    }
+
+
+def test_overrides_leave_the_original_as_it_was():
+    content = {"b": {"c": [1, {"d": 2}]}}
+    changed = apply_overrides(content, ["b.e=1"])
+    changed["b"]["c"][1]["d"] = 3
+    assert content == {"b": {"c": [1, {"d": 2}]}}
+
+
+def test_later_overrides_win():
+    assert apply_overrides({}, ["a.b=1", "a.b=2"]) == {"a": {"b": 2}}
+    assert apply_overrides({}, ["a.b=1", "a={}"]) == {"a": {}}
+
+
+@pytest.mark.parametrize(
+    ("override", "key", "problem"),
+    [
+        ("a", "a", "is not key=value"),
+        ("=1", "", "is not key=value"),
+        ("a..b=1", "a..b", "is not key=value"),
+        (".a=1", ".a", "is not key=value"),
+        ("a={", "a", "is not a YAML value"),
+        ("a=2001-99-99", "a", "is not a YAML value"),
+        ("a=*x", "a", "is not a YAML value"),
+        ("n.b=1", "n.b", "'n' has no keys below it"),
+        ("l.0=1", "l.0", "'l' has no keys below it"),
+        ("m.n.o.p=1", "m.n.o.p", "'n' has no keys below it"),
+    ],
+)
+def test_an_override_that_cannot_be_is_told(override, key, problem):
+    with pytest.raises(ConfigError, match="--set") as caught:
+        apply_overrides({"n": 1, "l": [1], "m": {"n": "x"}}, [override])
+    assert (caught.value.file, caught.value.key) == ("--set", key)
+    assert problem in str(caught.value)
+    assert caught.value.remedy

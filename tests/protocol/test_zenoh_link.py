@@ -1,0 +1,337 @@
+"""Both sides of the link over real sessions on loopback."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import zenoh
+from loopback import (
+    PATIENCE_S,
+    Network,
+    eventually,
+    free_endpoint,
+    known,
+    listening,
+    next_state,
+)
+
+from protocol.errors import LinkError, NameTakenError, PortInUseError
+from protocol.link import Request
+from protocol.settings import LinkSettings
+from protocol.zenoh_link import (
+    ZenohControllerLink,
+    ZenohRobotLink,
+    alive_robots,
+    key,
+    open_session,
+)
+
+HERE = Path(__file__).parent
+
+
+@pytest.fixture
+def network() -> Iterator[Network]:
+    made = Network()
+    yield made
+    made.close()
+
+
+def test_keys_are_those_of_the_wire_document():
+    assert key("arm", "state") == "robots/arm/state"
+
+
+def test_a_state_arrives_with_the_stamp_of_its_arrival(network):
+    robot, controller = network.pair()
+    before = time.monotonic_ns()
+    robot.publish(b"state 1")
+    stamp, payload = next_state(controller)
+    assert payload == b"state 1"
+    assert before <= stamp <= time.monotonic_ns()
+
+
+def test_a_setpoint_arrives_with_the_stamp_of_its_arrival_however_late_it_is_drained(network):
+    robot, controller = network.pair(blocking=True)
+    before = time.monotonic_ns()
+    controller.publish(b"setpoint 1")
+    assert robot.arrival.wait(PATIENCE_S)
+    arrived = time.monotonic_ns()
+    ((stamp, payload),) = robot.drain()
+    assert payload == b"setpoint 1"
+    assert before <= stamp <= arrived
+    assert robot.drain() == []
+
+
+def test_setpoints_are_drained_in_the_order_in_which_they_came(network):
+    robot, controller = network.pair(blocking=True)
+    sent = [b"%d" % number for number in range(500)]
+    for payload in sent:
+        controller.publish(payload)
+    found: list[tuple[int, bytes]] = []
+    eventually(lambda: found.extend(robot.drain()) or len(found) == len(sent), "all setpoints")
+    assert [payload for _, payload in found] == sent
+    assert [stamp for stamp, _ in found] == sorted(stamp for stamp, _ in found)
+
+
+def test_a_controller_that_comes_late_finds_the_newest_state_only(network):
+    robot, controller = network.pair(blocking=True)
+    told = robot._session.declare_publisher(
+        key("arm", "done"),
+        priority=zenoh.Priority.BACKGROUND,  # never overtakes a state
+    )
+    done = controller._session.declare_subscriber(key("arm", "done"))
+    eventually(lambda: told.matching_status.matching)
+    for number in range(50):
+        robot.publish(b"%d" % number)
+    told.put(b"")
+    done.recv()
+    assert next_state(controller)[1] == b"49"
+    robot.publish(b"50")
+    assert next_state(controller)[1] == b"50"
+
+
+def test_a_waiting_controller_can_be_woken(network):
+    robot, controller = network.pair()
+    robot.publish(b"state")
+    next_state(controller)
+    waiting = network.start(controller.wait)
+    controller.wake()
+    assert waiting.result(PATIENCE_S) is None
+
+
+def test_nobody_else_hears_the_waking(network):
+    robot, controller = network.pair()
+    states = robot._session.declare_subscriber(key("arm", "state"))
+    marks = robot._session.declare_subscriber(key("arm", "mark"))
+    mark = controller._session.declare_publisher(key("arm", "mark"))
+    eventually(lambda: mark.matching_status.matching)
+    controller.wake()
+    mark.put(b"behind the waking")
+    marks.recv()
+    assert states.try_recv() is None
+    assert controller.wait() is None
+
+
+@pytest.mark.parametrize(
+    ("verb", "content", "expected"),
+    [
+        ("description", b"any bytes", b"any bytes"),
+        (
+            "acquire",
+            {"granted": True, "epoch": 2**53},
+            b'{"granted": true, "epoch": 9007199254740992}',
+        ),
+        ("release", {"released": False}, b'{"released": false}'),
+        ("status", {"holder": None}, b'{"holder": null}'),
+        ("dance", {"error": "unknown"}, b'{"error": "unknown"}'),
+    ],
+)
+def test_what_is_asked_is_answered_between_two_ticks(network, verb, content, expected):
+    robot, controller = network.pair()
+    answer = network.start(controller.ask, verb, PATIENCE_S)
+    (request,) = eventually(lambda: list(robot.requests()), "a request")
+    assert (request.verb, request.who) == (verb, "test")
+    request.answer(content)
+    assert answer.result(PATIENCE_S) == expected
+    assert list(robot.requests()) == []
+
+
+def test_who_gets_no_answer_in_time_gets_none_and_a_late_answer_harms_nobody(network):
+    robot, controller = network.pair()
+    assert controller.ask("status", timeout_s=0.05) is None
+    (request,) = eventually(lambda: list(robot.requests()), "the request")
+    request.answer({"mode": "idle"})
+    answer = network.start(controller.ask, "status", PATIENCE_S)
+    (request,) = eventually(lambda: list(robot.requests()), "the next request")
+    request.answer(b"second")
+    assert answer.result(PATIENCE_S) == b"second"
+
+
+def test_an_answer_to_a_client_that_has_gone_harms_nobody(network):
+    robot, _ = network.pair()
+    session = open_session(LinkSettings(connect=(network.endpoint,), mode="client"))
+    replies = session.get(key("arm", "ask/status"), payload=b"gone", timeout=PATIENCE_S)
+    (request,) = eventually(lambda: list(robot.requests()), "the request")
+    session.close()
+    request.answer({"mode": "idle"})
+    assert [reply for reply in replies if reply.ok] == []
+
+
+@pytest.mark.parametrize(
+    ("selector", "verb"),
+    [
+        ("**", "**"),
+        ("robots/**", "**"),
+        ("robots/*/ask/*", "*"),
+        ("*/arm/ask/status", "status"),
+    ],
+)
+def test_a_wildcard_is_a_request_like_any_other(network, selector, verb):
+    robot, controller = network.pair()
+    replies = controller._session.get(selector, payload=b"x", timeout=PATIENCE_S)
+    (request,) = eventually(lambda: list(robot.requests()), "the request")
+    assert request.verb == verb
+    request.answer({"error": "unknown"})
+    (reply,) = [reply for reply in replies if reply.ok]
+    assert json.loads(reply.ok.payload.to_bytes()) == {"error": "unknown"}
+
+
+@pytest.mark.parametrize(
+    ("payload", "who"),
+    [
+        (None, ""),
+        (b"", ""),
+        ("Grüße".encode(), "Grüße"),
+        (b"\xff\xfe", "\ufffd\ufffd"),
+        (b"x" * 1000, "x" * 64),
+    ],
+)
+def test_any_name_of_a_client_can_be_read(network, payload, who):
+    robot, controller = network.pair()
+    replies = controller._session.get(key("arm", "ask/acquire"), payload=payload)
+    (request,) = eventually(lambda: list(robot.requests()), "the request")
+    assert request.who == who
+    request.answer({})
+    assert len(list(replies)) == 1
+
+
+def gone(robot: ZenohRobotLink) -> Request:
+    (request,) = eventually(lambda: list(robot.requests()), "a vanished client")
+    return request
+
+
+@pytest.mark.parametrize("who", ["alice-host-1", "Grüße", "x" * 64, "x" * 80])
+def test_a_client_that_closes_is_gone_under_the_name_that_it_asks_with(network, who):
+    endpoint = free_endpoint()
+    robot = network.robot(listen=(endpoint,))
+    link = ZenohControllerLink("arm", LinkSettings(connect=(endpoint,)), who)
+    asking = network.start(link.ask, "acquire", PATIENCE_S)
+    (request,) = eventually(lambda: list(robot.requests()), "the request")
+    request.answer({})
+    asking.result(PATIENCE_S)
+    link.close()
+    vanished = gone(robot)
+    assert (vanished.verb, vanished.who) == ("gone", request.who)
+    vanished.answer({"nobody": "listens"})
+
+
+def test_a_client_that_is_killed_is_gone(network):
+    endpoint = free_endpoint()
+    robot = network.robot(listen=(endpoint,))
+    child = subprocess.Popen(
+        [sys.executable, str(HERE / "vanishing_client.py"), endpoint, "arm", "victim"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": str(HERE.parent.parent)},
+    )
+    assert child.stdout.readline() == b"ready\n"
+    assert list(robot.requests()) == []  # that it came is no request
+    child.kill()
+    assert (gone(robot).verb, child.wait()) == ("gone", -9)
+    child.communicate()
+
+
+def test_presence_follows_the_robot_and_wakes_the_controller(network):
+    endpoint = free_endpoint()
+    first = ZenohRobotLink("arm", LinkSettings(listen=(endpoint,)))
+    controller = network.controller(endpoint)
+    assert controller.wait() is None  # it came
+    waiting = network.start(controller.wait)
+    first.close()
+    assert waiting.result(PATIENCE_S) is None  # it went
+    assert not controller.presence.is_set()
+    second = network.robot(listen=(endpoint,))
+    assert controller.presence.wait(PATIENCE_S)
+    known(second, controller)
+    second.publish(b"state of the second")
+    assert next_state(controller)[1] == b"state of the second"
+
+
+def test_no_robot_is_no_presence_and_no_answer(network):
+    link = network.keep(
+        ZenohControllerLink("arm", LinkSettings(connect=(free_endpoint(),)), "test")
+    )
+    assert not link.presence.is_set()
+    assert link.ask("description", timeout_s=0.05) is None
+
+
+def test_closing_the_robot_ends_its_receive_thread(network):
+    robot, _ = network.pair()
+    assert robot._thread.is_alive()
+    robot.close()
+    assert not robot._thread.is_alive()
+
+
+def test_a_second_robot_of_the_same_name_is_refused_and_leaves_nothing_behind(network):
+    first, second = free_endpoint(), free_endpoint()
+    network.robot(listen=(first,))
+    with pytest.raises(NameTakenError, match="'arm' is alive already"):
+        network.robot(listen=(second,), connect=(first,))
+    network.robot("leg", listen=(second,), connect=(first,))
+
+
+def test_robots_that_are_alive_are_listed(network):
+    first, second = free_endpoint(), free_endpoint()
+    network.robot("leg", listen=(first,))
+    network.robot("arm", listen=(second,), connect=(first,))
+    session = network.keep(open_session(LinkSettings(connect=(first, second))))
+    eventually(lambda: alive_robots(session) == ["arm", "leg"], "both robots")
+
+
+def test_a_port_in_use_is_named(network):
+    endpoint = free_endpoint()
+    network.robot(listen=(endpoint,))
+    with pytest.raises(PortInUseError, match=f"{endpoint} is in use"):
+        network.robot("leg", listen=(endpoint,))
+
+
+def test_a_port_that_something_else_uses_is_named(network):
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        endpoint = f"tcp/127.0.0.1:{other.getsockname()[1]}"
+        with pytest.raises(PortInUseError, match=r"set link\.listen to a free port"):
+            network.robot(listen=(endpoint,))
+
+
+def test_a_client_finds_nobody_and_says_so():
+    endpoint = free_endpoint()
+    with pytest.raises(LinkError, match=f"nobody answers at {endpoint}"):
+        open_session(LinkSettings(connect=(endpoint,), mode="client"))
+
+
+@pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1", "pigeon/roof", "tcp/198.51.100.1:9"])
+def test_an_endpoint_that_cannot_be_is_named_without_paths_of_other_machines(endpoint):
+    with pytest.raises(LinkError, match=f"cannot open {endpoint}: ") as caught:
+        open_session(LinkSettings(listen=(endpoint,)))
+    assert not isinstance(caught.value, PortInUseError)
+    assert " at /" not in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_where_the_link_cannot_be_built_the_session_is_closed_again(network):
+    endpoint = free_endpoint()
+    with pytest.raises(zenoh.ZError):
+        ZenohRobotLink("not//a//name", LinkSettings(listen=(endpoint,)))
+    network.robot(listen=(endpoint,))
+    with pytest.raises(zenoh.ZError):
+        ZenohControllerLink("arm", LinkSettings(connect=(endpoint,)), "not//a//name")
+
+
+def test_only_the_configured_endpoint_on_loopback_listens(network):
+    before = listening()
+    endpoint = free_endpoint()
+    robot = network.robot(listen=(endpoint,))
+    controller = network.controller(endpoint)
+    known(robot, controller)
+    network.keep(open_session(LinkSettings(connect=(endpoint,), mode="client")))
+    network.keep(open_session(LinkSettings()))
+    port = int(endpoint.rpartition(":")[2])
+    assert listening() - before == {("tcp", f"0100007F:{port:04X}")}

@@ -1,0 +1,162 @@
+"""Every other command once, with a look at what it says."""
+
+from __future__ import annotations
+
+import csv
+import json
+import signal
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from command_bench import (
+    Command,
+    assert_no_traceback,
+    controller,
+    emulator,
+    endpoint,
+    hoap3,
+    inside,
+    tell,
+    wait_for_mode,
+)
+
+from protocol.messages import State
+from tools.log import Log
+
+QUIET = ("--set", "log.record=false")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("commands") / "log"
+    assert inside("run", "--lockstep", "--duration", "0.2", "--out", made).code == 0
+    return made
+
+
+def test_version_names_the_stack() -> None:
+    done = inside("--version")
+    lines = dict(line.split(" ", 1) for line in done.stdout.splitlines())
+    assert done.code == 0
+    assert lines["hoap3"] == metadata.version("hoap3")
+    for name in ("python", "eclipse-zenoh", "numpy", "numba", "pin", "mcap"):
+        assert lines[name][0].isdecimal()
+
+
+def test_help_names_every_command() -> None:
+    done = hoap3("--help")
+    assert done.end() == 0
+    for name in ("run", "emulator", "controller", "list", "stop", "recover", "status", "record"):
+        assert f" {name} " in done.stdout
+
+
+def test_list_knows_what_can_be_named() -> None:
+    found = inside("list", "--json").json()
+    assert "hoap3" in found["robots"]
+    assert set(found["controllers"]) >= {"qp12", "pinv"}
+    assert set(found["controller configs"]) >= {"qp12", "pinv"}
+    assert found["emulator configs"] == ["hoap3"]
+    people = inside("list")
+    assert people.stdout == ""
+    assert "controllers: pinv, qp12" in people.stderr
+
+
+@pytest.mark.parametrize("name", ["hoap3", "qp12", "pinv"])
+def test_a_shown_config_is_a_config(name: str, tmp_path: Path) -> None:
+    shown = inside("config", "show", name)
+    assert shown.code == 0
+    copy = tmp_path / "copy.yaml"
+    copy.write_text(shown.stdout)
+    again = inside("config", "show", copy)
+    assert again.stdout == shown.stdout
+    checked = inside("config", "check", copy, name)
+    assert checked.code == 0
+    side = "an emulator" if name == "hoap3" else "a controller"
+    assert f"{copy}: a correct config of {side}" in checked.stderr
+
+
+def test_show_tells_what_a_set_would_do() -> None:
+    shown = inside("config", "show", "qp12", "--set", "parameters.gamma=0.25")
+    assert yaml.safe_load(shown.stdout)["parameters"]["gamma"] == 0.25
+
+
+@pytest.mark.parametrize("kind", ["emulator", "controller", "qp12", "pinv"])
+def test_a_schema_describes_every_key_of_the_config(kind: str) -> None:
+    schema = inside("config", "schema", kind).json()
+    name = "hoap3" if kind == "emulator" else "qp12" if kind == "controller" else kind
+    content = yaml.safe_load(inside("config", "show", name).stdout)
+    assert schema["properties"].keys() == content.keys()
+    assert schema["additionalProperties"] is False
+    if kind in {"qp12", "pinv"}:
+        parameters = schema["properties"]["parameters"]
+        assert parameters["properties"].keys() == content["parameters"].keys()
+
+
+def test_csv_has_a_row_a_tick(folder: Path, tmp_path: Path) -> None:
+    to = tmp_path / "run.csv"
+    assert inside("export", folder, "--to", to).code == 0
+    lines = [line for line in to.read_text().splitlines() if not line.startswith("#")]
+    rows = list(csv.DictReader(lines))
+    states = Log.open(folder, side="robot").states()
+    assert [int(row["tick"]) for row in rows] == states["tick"].tolist()
+    names = [key for key in rows[0] if key.startswith("q.")]
+    assert len(names) == 21
+    assert [float(row[names[3]]) for row in rows] == states["q"][:, 3].tolist()
+
+
+def test_npz_has_every_array(folder: Path, tmp_path: Path) -> None:
+    to = tmp_path / "run.npz"
+    assert inside("export", folder, "--to", to, "--side", "controller").code == 0
+    log = Log.open(folder, side="controller")
+    with np.load(to) as arrays:
+        assert arrays["setpoint.values"].tobytes() == log.setpoints()["values"].tobytes()
+        assert arrays["state.tick"].tolist() == log.states()["tick"].tolist()
+        assert len(arrays["joint_names"]) == 21
+
+
+def test_a_whole_log_needs_no_repair(folder: Path) -> None:
+    before = (folder / "robot.mcap").read_bytes()
+    done = inside("record", "--repair", folder / "robot.mcap")
+    assert done.code == 0
+    assert "nothing was done" in done.stderr
+    assert (folder / "robot.mcap").read_bytes() == before
+
+
+def test_status_live_list_and_a_recording_from_outside(tmp_path: Path) -> None:
+    at, out = endpoint(), tmp_path / "log"
+    with (
+        emulator("hoap3", *QUIET, "--set", "name=test_robot", at=at) as robot,
+        controller("qp12", *QUIET, "--set", "robot=test_robot", at=at) as law,
+    ):
+        idle = tell("status", at, "test_robot")
+        assert (idle["mode"], idle["holder"], idle["lockstep"]) == ("idle", None, False)
+        assert inside("list", "--live", "--json", "--connect", at).json()["alive"] == ["test_robot"]
+        law.hear("following robot")
+        with Command("record", "test_robot", "--connect", at, "--out", out, "--json") as record:
+            record.hear("recording robot 'test_robot'")
+            tick = wait_for_mode("active", at, "test_robot")["tick"]
+            while tell("status", at, "test_robot")["tick"] < tick + 200:
+                continue
+            people = inside("status", "test_robot", "--connect", at)
+            assert people.stderr.startswith("test_robot: active, follows qp12-")
+            assert record.end(signal.SIGINT) == 0, record.stderr
+            assert_no_traceback(record)
+        assert law.end(signal.SIGTERM) == 0
+        assert robot.end(signal.SIGTERM) in {0, 1}
+    counts = record.json()
+    log = Log.open(out / "robot.mcap")
+    assert counts["states"] == len(log.states()) > 0
+    assert counts["setpoints"] == len(log.setpoints()) > 0
+    assert (log.states()["mode"] == State.ACTIVE).any()
+    assert log.description.name == "test_robot"
+    assert inside("export", out, "--to", tmp_path / "outside.csv").code == 0
+    assert inside("replay", out).code == 2  # a replay needs the controller's own log
+
+
+def test_json_is_one_object_and_nothing_else(folder: Path) -> None:
+    for words in (("list", "--json"), ("replay", folder, "--json")):
+        done = inside(*words)
+        assert isinstance(json.loads(done.stdout), dict)
+        assert done.stderr == ""

@@ -1,0 +1,209 @@
+"""The two services as they live and die: who commands, who waits, who stops, and how it goes on."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_bench import (
+    Command,
+    assert_at_rest,
+    assert_no_traceback,
+    controller,
+    emulator,
+    endpoint,
+    events,
+    hoap3,
+    tell,
+    wait_for_mode,
+)
+
+from protocol.messages import State
+from robot_emulator.robots import load
+from tools.log import Log
+
+QUIET = ("--set", "log.record=false")
+THRESHOLD = 500  # misses: high enough for busy machines, and reached before the lease of 1 s ends
+PATIENT = ("--set", f"misses_to_stop={THRESHOLD}")
+
+
+@pytest.fixture(scope="module")
+def at() -> str:
+    return endpoint()
+
+
+@pytest.fixture(scope="module")
+def robot(at: str) -> Iterator[Command]:
+    """One robot for all that can share it; each test leaves it idle."""
+    with emulator("hoap3", *QUIET, *PATIENT, at=at) as command:
+        yield command
+        assert command.end(signal.SIGTERM) in {0, 1}  # 1: there were safe stops
+        assert_no_traceback(command)
+        command.assert_no_orphan()
+
+
+def test_a_second_controller_is_refused_and_told_the_holder(robot: Command, at: str) -> None:
+    with controller("qp12", *QUIET, at=at) as first:
+        first.hear("following robot")
+        holder = wait_for_mode("active", at)["holder"]
+        with controller("pinv", *QUIET, at=at) as second:
+            assert second.end() == 1
+        errors = [line for line in second.stderr.splitlines() if line.startswith("error:")]
+        assert errors == [
+            f"error: robot 'hoap3' follows {holder!r} already; stop that controller first"
+        ]
+        assert str(first.process.pid) in holder
+        assert tell("status", at)["holder"] == holder
+        assert first.end(signal.SIGTERM) == 0
+    robot.hear(r"refused \(\d+\)")
+    wait_for_mode("idle", at)
+
+
+def test_a_second_robot_of_the_name_is_refused(robot: Command, at: str) -> None:
+    ports = hoap3("emulator", "hoap3", *QUIET, "--set", f"link.listen=[{at}]")
+    linked = ("--set", f"link.listen=[{endpoint()}]", "--set", f"link.connect=[{at}]")
+    names = hoap3("emulator", "hoap3", *QUIET, *linked)
+    for refused, words in ((ports, f"{at} is in use"), (names, "'hoap3' is alive already")):
+        assert refused.end() == 2
+        assert_no_traceback(refused)
+        errors = [line for line in refused.stderr.splitlines() if line.startswith("error:")]
+        assert len(errors) == 1
+        assert words in errors[0]
+    assert tell("status", at)["mode"] == "idle"
+
+
+def test_a_controller_that_ends_gives_authority_back(robot: Command, at: str) -> None:
+    for start in (1, 2):  # the second one without `recover`
+        with controller("qp12", *QUIET, at=at) as law:
+            law.hear("following robot")
+            wait_for_mode("active", at)
+            assert law.end(signal.SIGTERM) == 0
+            assert_no_traceback(law)
+            law.assert_no_orphan()
+        robot.hear(r"safe stop \(released\)", start)
+        status = wait_for_mode("idle", at)
+        assert status["holder"] is None
+
+
+def test_a_frozen_controller_is_stopped_after_so_many_misses(tmp_path: Path) -> None:
+    """First the misses count; a lease later its authority is gone; then it asks anew."""
+    at, out = endpoint(), tmp_path / "robot"
+    with (
+        emulator("hoap3", *PATIENT, "--out", out, at=at) as robot,
+        controller("qp12", *QUIET, at=at) as law,
+    ):
+        law.hear("following robot")
+        wait_for_mode("active", at)
+        law.send(signal.SIGSTOP)
+        robot.hear(r"safe stop \(misses\)")
+        robot.hear(r"holder lost \(\d+\)")
+        assert tell("status", at)["holder"] is None
+        law.send(signal.SIGCONT)
+        law.hear("following robot", 2)
+        assert tell("status", at)["mode"] == "stopped"
+        assert tell("recover", at)["recovered"]
+        wait_for_mode("active", at)
+        assert law.end(signal.SIGTERM) == 0
+        wait_for_mode("idle", at)
+        assert robot.end(signal.SIGTERM) == 1  # there was a safe stop
+    log = Log.open(out, side="robot")
+    assert ("SAFE_STOP", 1) in events(log)
+    states = log.states()
+    active = states["mode"] == State.ACTIVE
+    first = int(np.argmax(active))
+    last = first + int(np.argmin(active[first:]))  # it stands still: no need to brake
+    assert states["mode"][last] == State.STOPPED
+    misses = (states["late"] + states["lost"])[first : last + 1]
+    assert misses[-1] - misses[-1 - THRESHOLD] == THRESHOLD
+    assert misses[-1 - THRESHOLD] == misses[-2 - THRESHOLD]  # the one before was in time
+
+
+def test_stop_latches_until_recover(robot: Command, at: str) -> None:
+    with controller("qp12", *QUIET, at=at) as law:
+        law.hear("following robot")
+        wait_for_mode("active", at)
+        assert tell("stop", at)["mode"] in {"stopping", "stopped"}
+        robot.hear(r"safe stop \(command\)")
+        wait_for_mode("stopped", at)
+        again = hoap3("recover", "--connect", at)
+        assert again.end() == 0
+        wait_for_mode("active", at)
+        assert hoap3("recover", "--connect", at).end() == 1  # nothing was latched
+        assert law.end(signal.SIGTERM) == 0
+    wait_for_mode("idle", at)
+
+
+def test_a_killed_controller_and_its_successor(tmp_path: Path) -> None:
+    """Misses are counted, the stop latches, nothing jumps, neither then nor after `recover`."""
+    at, out = endpoint(), tmp_path / "robot"
+    with emulator("hoap3", *PATIENT, "--out", out, at=at) as robot:
+        with controller("qp12", *QUIET, at=at) as first:
+            first.hear("following robot")
+            wait_for_mode("active", at)
+            assert first.end(signal.SIGKILL) == -signal.SIGKILL
+            robot.hear(r"safe stop \((misses|holder lost)\)")
+            status = wait_for_mode("stopped", at)
+            first.assert_no_orphan()
+        with controller("qp12", *QUIET, at=at) as second:
+            second.hear("following robot")
+            status = tell("status", at)
+            assert str(second.process.pid) in status["holder"]
+            assert status["mode"] == "stopped"
+            tick = tell("recover", at)["tick"]
+            while wait_for_mode("active", at)["tick"] < tick + 100:
+                continue
+            assert second.end(signal.SIGTERM) == 0
+        wait_for_mode("idle", at)
+        assert robot.end(signal.SIGTERM) == 1  # there was a safe stop
+        assert_no_traceback(robot)
+    log = Log.open(out, side="robot")
+    assert_at_rest(log)
+    kinds = [name for name, _ in events(log)]
+    order = ["GRANTED", "SAFE_STOP", "AT_REST", "GRANTED", "RECOVERED", "RELEASED", "ENDED"]
+    places = [kinds.index("GRANTED")]
+    for kind in order[1:]:
+        places.append(kinds.index(kind, places[-1] + 1))
+    assert log.states()[-1]["lost"] > 0
+    assert_nothing_jumps(log)
+
+
+def assert_nothing_jumps(log: Log) -> None:
+    """Velocity within its limits; changes of it within those of the first start, or of braking."""
+    description, states = load("hoap3"), log.states()
+    moved = np.diff(states["reference"], axis=0)
+    rate = moved / description.period_s
+    assert (np.abs(moved) <= description.velocity * description.period_s * (1 + 1e-9)).all()
+    mode = states["mode"][1:]
+    jump = np.diff(rate, axis=0, prepend=np.zeros((1, description.n)))
+    epochs = states["epoch"][1:]
+    first = np.abs(rate[(mode == State.ACTIVE) & (epochs == 1)]).max()
+    again = np.abs(jump[(mode == State.ACTIVE) & (epochs == 2)])
+    assert first > 0
+    assert again.max() > 0  # it did go on
+    assert again.max() <= 1.1 * first
+    braking = np.abs(jump[mode == State.STOPPING])
+    assert (braking <= description.brake_acceleration * description.period_s * (1 + 1e-6)).all()
+    assert not rate[(mode == State.STOPPED) | (mode == State.IDLE)].any()
+
+
+def test_the_controller_waits_for_its_robot_and_for_its_return() -> None:
+    at = endpoint()
+    with controller("qp12", *QUIET, at=at) as law:
+        law.hear("waiting for robot 'hoap3'")
+        with emulator("hoap3", *QUIET, *PATIENT, at=at) as first:
+            law.hear("following robot")
+            wait_for_mode("active", at)
+            assert first.end(signal.SIGKILL) == -signal.SIGKILL
+            first.assert_no_orphan()
+            law.hear("robot 'hoap3' is gone")
+            law.hear("waiting for robot 'hoap3'", 2)
+        with emulator("hoap3", *QUIET, *PATIENT, at=at) as second:
+            law.hear("following robot", 2)
+            wait_for_mode("active", at)
+            assert law.end(signal.SIGTERM) == 0
+            wait_for_mode("idle", at)
+            assert second.end(signal.SIGTERM) == 0
+        assert_no_traceback(law)
