@@ -113,8 +113,7 @@ class ControllerLoop:
             command = controller.step(state)
             command.stamp_solved = self._clock.now()
         except Exception as error:
-            self.sent()  # so that the log has what it failed on
-            self.announce("CONTROLLER_FAILED", state.tick)
+            self.announce("CONTROLLER_FAILED", state.tick)  # and the log has what it failed on
             raise failure(controller, f"failed at tick {state.tick}", error) from error
         if not asked:
             self._last_answer = None
@@ -132,20 +131,34 @@ class ControllerLoop:
     def sent(self) -> None:
         """The answer is on its way: now there is time to record what was done."""
         self._sent_previous = self._clock.now()
+        self._record()
+
+    @property
+    def last_tick(self) -> int:
+        """The newest tick seen, or 0."""
+        return max(self._last_tick, 0)
+
+    def announce(self, kind: str, detail: int) -> None:
+        """Record an event."""
+        self._note(kind, detail)
+        self._record()
+
+    def _record(self) -> None:
         for record in self._unrecorded:
             self._recorder.record(*record)
         self._unrecorded.clear()
 
-    def announce(self, kind: str, detail: int) -> None:
-        """Record an event."""
+    def _note(self, kind: str, detail: int) -> None:
         event = self._event
-        event.kind, event.tick, event.detail = EVENTS[kind], max(self._last_tick, 0), detail
+        event.kind, event.tick, event.detail = EVENTS[kind], self.last_tick, detail
         event.stamp = self._clock.now()
-        self._recorder.record(Kind.EVENT, event.stamp, event.dump())
+        self._unrecorded.append((Kind.EVENT, event.stamp, event.dump()))
 
     def _note_gap(self, tick: int) -> None:
-        if self._last_tick >= 0 and tick > self._last_tick + 1:
-            self.overwritten += tick - self._last_tick - 1
+        missed = tick - self._last_tick - 1
+        if self._last_tick >= 0 and missed:
+            self.overwritten += missed
+            self._note("OVERWRITTEN", missed)
         self._last_tick = tick
 
     def _reset(self, state: State) -> None:
@@ -153,7 +166,4 @@ class ControllerLoop:
         last: FloatArray | None = command.values.copy() if self._last_answer else None
         self._controller.reset(state, last)
         self._started = True
-        event = self._event
-        event.kind, event.tick, event.detail = EVENTS["RESET"], state.tick, state.tick
-        event.stamp = self._clock.now()
-        self._unrecorded.append((Kind.EVENT, event.stamp, event.dump()))
+        self._note("RESET", state.tick)

@@ -162,5 +162,5 @@ class Service:
                 break
         else:
             return
-        loop.announce("ROBOT_LOST", loop.answered)
+        loop.announce("ROBOT_LOST", loop.last_tick)
         self._report(f"robot {link.robot!r} is gone")

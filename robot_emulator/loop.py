@@ -48,6 +48,7 @@ class RobotLoop:
         safe_stops: how often misses or a lost holder forced a safe stop.
         skipped: ticks skipped since the start.
         inbox: counts of setpoints and deadlines.
+        realtime: what the operating system gave, in words.
     """
 
     def __init__(
@@ -84,6 +85,7 @@ class RobotLoop:
         self._event = Event()
         self._event.session_id = session_id
         self.tick = -1
+        self.realtime: list[str] = []
 
     def run(self, start: int, should_stop: Callable[[], bool], ticks: int | None = None) -> None:
         """Tick from `start` [ns]; come to rest when told to stop, or `ticks` after it was active.
@@ -119,6 +121,7 @@ class RobotLoop:
             "worst_window": deadlines.worst_window,
             "safe_stops": self.safe_stops,
             "rejections": {name: n for name, n in self.inbox.rejections.items() if n},
+            "realtime": self.realtime,
         }
 
     def step(self, ticker: Ticker) -> None:

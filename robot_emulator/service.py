@@ -87,12 +87,14 @@ def serve(
     """
     from protocol.zenoh_link import ZenohRobotLink  # noqa: PLC0415 - only where there is a network
 
-    for measure in prepare_process(config.realtime):
-        report(str(measure))
+    measures = [str(measure) for measure in prepare_process(config.realtime)]
+    for measure in measures:
+        report(measure)
     clock = MonotonicClock()
     link = ZenohRobotLink(description.name, config.link)
     try:
         loop = build_loop(config, description, clock, link, recorder, lockstep=False)
+        loop.realtime = measures
         report(f"robot {description.name!r} is alive at {', '.join(config.link.listen)}")
         loop.run(clock.now() + START_DELAY_NS, should_stop, ticks)
     finally:

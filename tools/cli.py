@@ -8,17 +8,21 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from tools.cli_measure import bench_app, doctor
 from tools.rooms import check_rooms
 
-app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, add_completion=True)
+app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 config_app = typer.Typer(no_args_is_help=True, help="Look at settings before anything runs.")
 app.add_typer(config_app, name="config")
+app.add_typer(bench_app, name="bench")
+app.command()(doctor)
 
 ENDPOINT = "tcp/127.0.0.1:7447"
 
@@ -344,6 +348,7 @@ def _print_json(content: Any) -> None:
 
 def main() -> None:
     """Entry point of `hoap3`."""
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # read once, when numpy is imported
     try:
         check_rooms()
         from tools.processes import die_with_parent

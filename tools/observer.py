@@ -22,6 +22,7 @@ from protocol.ring import Kind, Record, Ring
 POLL_S = 0.005
 LIVE_S = 0.25
 DRAIN_S = 30.0
+_FREQUENT = {Event.schema.constants[name] for name in ("SKIPPED", "OVERWRITTEN")}
 
 
 class Observer:
@@ -129,7 +130,7 @@ class _Reporter:
         """One line for people."""
         event = Event()
         event.load(record.payload)
-        if event.kind == Event.schema.constants["SKIPPED"]:
+        if event.kind in _FREQUENT:
             return  # hundreds on a busy machine; they are counted, and stand in the log
         name = self._kinds.get(event.kind, str(event.kind)).lower().replace("_", " ")
         detail = str(event.detail)

@@ -178,6 +178,7 @@ class _Services:
         self.said: list[str] = []
         self.summary: dict[str, Any] | None = None
         self.failure: Hoap3Error | None = None
+        self.damage = ""
 
     def start(
         self, command: str, config: str, file: str, folder: Path | None, duration: float | None
@@ -213,7 +214,7 @@ class _Services:
         if failed:
             raise Hoap3Error(self._failure("the controller ended before the robot did"))
         if self.summary is None:
-            raise Hoap3Error(self._failure("the robot's log has no summary"))
+            raise Hoap3Error(self.damage or self._failure("the robot ended without a summary"))
         return Outcome(self.summary, self._stop(), self.said)
 
     def stop(self) -> None:
@@ -252,8 +253,9 @@ class _Services:
         return heard
 
     def _hear(self, item: dict[str, Any]) -> None:
-        if item["news"] == "said":
+        if item["news"] in {"said", "damaged"}:
             self.said.append(item["text"])
+            self.damage = item["text"] if item["news"] == "damaged" else self.damage
         elif item["news"] == "failed" and self.failure is None:
             self.failure = (UsageError if item["usage"] else Hoap3Error)(item["text"])
         elif item["news"] == "final" and "summary" in item:

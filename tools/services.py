@@ -252,9 +252,10 @@ def _folder(log: LogSettings, out: Path | None, side: str) -> Path | None:
 
 def _close(observer: Observer, voice: Voice) -> None:
     if not observer.close():
-        voice.say(
+        lost = (
             "the log is not whole: its observer died; `hoap3 record --repair` mends what there is"
         )
+        voice.say(lost, news="damaged")
 
 
 def _recorder(observer: Observer, *, lockstep: bool) -> Recorder:
@@ -273,9 +274,9 @@ class Voice:
     def __init__(self, status_fd: int | None) -> None:
         self._stream = None if status_fd is None else os.fdopen(os.dup(status_fd), "w")
 
-    def say(self, text: str) -> None:
-        """Something to know."""
-        self._send({"news": "said", "text": text})
+    def say(self, text: str, news: str = "said") -> None:
+        """Something to know; of which kind, for the process that started us."""
+        self._send({"news": news, "text": text})
 
     def fail(self, error: Hoap3Error) -> int:
         """Tell what ended the service; its exit code. With nobody to tell, raise it again."""

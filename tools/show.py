@@ -36,7 +36,7 @@ class LiveTable:
         """Take one piece of news from a service or its observer."""
         if item["news"] == "live" and self._watched:
             self._live.update(self._table(item))
-        elif item["news"] in {"event", "said"}:
+        elif item["news"] in {"event", "said", "damaged"}:
             console.print(item["text"], style="dim", markup=False, soft_wrap=True)
 
     def _table(self, item: dict[str, Any]) -> Table:

@@ -18,12 +18,15 @@ what remains of the RTT, both ways together, so no two clocks are ever compared.
 
 _STATE = (
     "tick", "mode", "stamp_intended", "stamp_actual", "skipped", "late", "lost", "duplicate",
-    "out_of_order", "rejected", "success_rate",
+    "out_of_order", "rejected", "success_rate", "session_id",
 )  # fmt: skip
 _SETPOINT = (
     "tick", "stamp_state", "stamp_received", "stamp_decoded", "stamp_kinematics", "stamp_solved",
-    "stamp_encoded", "stamp_sent_previous", "v",
+    "stamp_encoded", "stamp_sent_previous", "session_id", "solver_status", "v",
 )  # fmt: skip
+
+
+_NO_CERTIFICATE = Setpoint.schema.constants["STATUS_NONE"]
 
 
 class RunStatistics:
@@ -41,6 +44,7 @@ class RunStatistics:
         self._v = math.nan
         self._jitter = Jitter(period_ns)
         self._skipped = 0
+        self._skipped_before: int | None = None
         self._encoded: tuple[int, int] | None = None
         self.rtt, self.wakeup = Durations(), Durations()
         self.stages = {name: Durations() for name in STAGES}
@@ -82,7 +86,7 @@ class RunStatistics:
             if robot.get("asked")
             else "unfit",
             "ticks": robot.get("asked", 0),
-            "skipped": state.get("skipped", 0),
+            "skipped": self._skipped - (self._skipped_before or 0),
             "misses": {
                 "late": state.get("late", 0),
                 "lost": state.get("lost", 0),
@@ -102,6 +106,7 @@ class RunStatistics:
             "safe_stops": safe_stops,
             "final_error": None if math.isnan(self._error) else self._error,
             "complete": self._summary is not None,
+            "realtime": robot.get("realtime", []),
         }
         if self._timing:
             result["rtt_us"] = self.rtt.summary()
@@ -113,6 +118,8 @@ class RunStatistics:
     def _add_state(self, payload: bytes) -> None:
         self._state = values = State.scalars(payload, *_STATE)
         tick, mode, intended, actual, skipped = values[:5]
+        if self._skipped_before is None and mode == State.ACTIVE:
+            self._skipped_before = self._skipped
         if self._timing and mode == State.ACTIVE:
             self.wakeup.add(actual - intended, tick)
             if skipped != self._skipped:
@@ -121,9 +128,12 @@ class RunStatistics:
         self._skipped = skipped
 
     def _add_setpoint(self, record: Record) -> None:
-        tick, sent, received, decoded, kinematics, solved, encoded, sent_previous, self._v = (
-            Setpoint.scalars(record.payload, *_SETPOINT)
-        )
+        values = Setpoint.scalars(record.payload, *_SETPOINT)
+        tick, sent, received, decoded, kinematics, solved, encoded, sent_previous = values[:8]
+        session, status, v = values[8:]
+        if not self._state or session != self._state[-1] or tick > self._state[0]:
+            return  # an answer to nothing that this robot has asked
+        self._v = v if status != _NO_CERTIFICATE else math.nan
         if not self._timing:
             return
         rtt = record.stamp - sent

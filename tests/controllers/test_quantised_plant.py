@@ -12,7 +12,7 @@ from free_flyer import FreeFlyer
 
 COUNTS = (("encoder", "counts"),)
 LAG = (("servo", "lag"), ("time_constant_ms", 20.0))
-TICKS = 10_000
+TICKS = 6_000
 CASE_A = {"psi_scale": "inverse_sqrt_n"}
 LAWS = [{"gamma": 0.0}, {"gamma": 0.5}, {"gamma": 0.99, "adaptive_gamma": True}]
 floating = FreeFlyer(HOAP3)

@@ -87,6 +87,22 @@ def test_velocity_is_what_was_measured_over_the_last_period(commands):
             np.testing.assert_array_equal(plant.dq, (plant.q - before) / DT)
 
 
+def test_velocity_knows_how_long_a_period_was():
+    plant = servo()
+    plant.step(START + 0.01, 5e-3)
+    np.testing.assert_allclose(plant.dq, 2.0, rtol=1e-12)
+
+
+def test_a_reset_ends_all_motion():
+    for settings in ({}, {"servo": "lag"}, {"encoder": "counts"}):
+        plant = servo(**settings)
+        plant.step(START + 0.1, DT)
+        plant.reset(START)
+        np.testing.assert_array_equal(plant.dq, 0.0)
+        plant.step(START, DT)
+        np.testing.assert_array_equal(plant.dq, 0.0)
+
+
 @given(positions)
 def test_counts_are_the_nearest(command):
     plant = servo(encoder="counts")

@@ -33,7 +33,9 @@ def test_the_deadline_is_the_intended_start_of_the_next_tick(delay, late):
 
 
 def test_an_answer_between_deadline_and_wake_up_is_used_and_counted_late():
-    bench = active(fate=lambda tick, answer: [(PERIOD_NS + 2 * US, answer)] if tick == 5 else [(1, answer)])
+    bench = active(
+        fate=lambda tick, answer: [(PERIOD_NS + 2 * US, answer)] if tick == 5 else [(1, answer)]
+    )
     bench.speed[:] = 0.1
     bench.run(6)
     before = bench.states()[-1].reference.copy()

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from protocol.settings import LinkSettings
-from protocol.zenoh_link import ZenohControllerLink, ZenohRobotLink
+from protocol.zenoh_link import ZenohControllerLink, ZenohRobotLink, key
 
 PATIENCE_S = 30.0  # on a machine so busy that nothing else explains it
 
@@ -72,7 +72,7 @@ class Network:
         """The controller's side, once it knows that the robot is there."""
         settings = LinkSettings(connect=(endpoint,))
         link = self.keep(ZenohControllerLink(name, settings, who, blocking=blocking))
-        assert link.presence.wait(PATIENCE_S)
+        came(link)
         return link
 
     def pair(self, *, blocking: bool = False) -> tuple[ZenohRobotLink, ZenohControllerLink]:
@@ -97,6 +97,19 @@ class Network:
         for link in reversed(self._opened):
             link.close()
         self._threads.shutdown(wait=True)
+
+
+def came(link: ZenohControllerLink) -> None:
+    """Wait until the robot is there, and take the waking that tells so: it may hide a State."""
+    assert link.presence.wait(PATIENCE_S)
+    assert link.wait() is None
+
+
+def token_seen(robot: ZenohRobotLink, who: str) -> None:
+    """Wait until the robot knows of a client's token."""
+    expression = key("arm", f"clients/{who}")
+    liveliness = robot._session.liveliness()
+    eventually(lambda: [reply for reply in liveliness.get(expression) if reply.ok], "a token")
 
 
 def known(robot: ZenohRobotLink, controller: ZenohControllerLink) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from loopback import PATIENCE_S, Network, eventually, free_endpoint, known, next_state
+from loopback import PATIENCE_S, Network, eventually, free_endpoint, known, next_state, token_seen
 
 from protocol import zenoh_lockstep
 from protocol.clock import VirtualClock
@@ -156,6 +156,7 @@ def test_time_goes_on_without_an_answer_where_the_holder_leaves(bench, network):
 
 def test_time_goes_on_without_an_answer_where_the_holder_vanishes(bench, network):
     give_authority(bench, network, "test")
+    token_seen(bench.robot._inner, "test")
     published = bench.publish(7)
     next_state(bench.controller)
     bench.controller.close()

@@ -31,6 +31,8 @@ HOAP3 = str(Path(sysconfig.get_path("scripts")) / "hoap3")
 STOPS = (signal.SIGINT, signal.SIGTERM)
 PATIENCE_S = 120.0  # with everything: machines are slow, shared and busy
 SERVICES = frozenset({"run", "emulator", "controller"})
+QUIET = ("--set", "log.record=false")
+PATIENT = ("--set", "misses_to_stop=100000")  # busy machines miss many
 _MARK = "HOAP3_TEST_MARK"
 EVENTS = {value: name for name, value in Event.schema.constants.items() if name[:6] != "REASON"}
 
@@ -54,7 +56,12 @@ class Command:
         arguments: behind `hoap3`; the real-time commands get `--no-realtime`.
         environment: changes of ours; None takes a variable away.
         wrapper: what `hoap3` is started by.
+
+    Attributes:
+        listens: where it was found to listen, if anybody looked.
     """
+
+    listens: frozenset[str] | set[str] = frozenset()
 
     def __init__(
         self,
@@ -161,10 +168,6 @@ class Command:
                 except OSError:
                     continue
         return found
-
-    def observer(self) -> int:
-        """Process id of the observer of this service."""
-        return next(pid for pid, words in self.family().items() if "tools.observer" in words)
 
     def assert_no_orphan(self) -> None:
         """Nothing that it started outlives it for long."""

@@ -212,9 +212,7 @@ def test_a_folder_that_cannot_be_written_or_is_taken(tmp_path: Path) -> None:
     refusal(inside(*LOCKSTEP, "--out", file / "below"), "Not a directory")
     assert inside(*LOCKSTEP, "--out", tmp_path / "log").code == 0
     for command in (LOCKSTEP, RUN):
-        refusal(
-            inside(*command, "--out", tmp_path / "log"), "--out", "holds robot.mcap already"
-        )
+        refusal(inside(*command, "--out", tmp_path / "log"), "--out", "holds robot.mcap already")
     for side, command in (("robot", "emulator"), ("controller", "controller")):
         name = {"robot": "hoap3", "controller": "qp12"}[side]
         again = inside(command, name, "--out", tmp_path / "log", "--no-realtime")

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 import yaml
 from command_bench import (
+    PATIENT,
+    QUIET,
     Command,
     assert_no_traceback,
     controller,
@@ -25,8 +27,6 @@ from command_bench import (
 
 from protocol.messages import State
 from tools.log import Log
-
-QUIET = ("--set", "log.record=false")
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +127,7 @@ def test_a_whole_log_needs_no_repair(folder: Path) -> None:
 def test_status_live_list_and_a_recording_from_outside(tmp_path: Path) -> None:
     at, out = endpoint(), tmp_path / "log"
     with (
-        emulator("hoap3", *QUIET, "--set", "name=test_robot", at=at) as robot,
+        emulator("hoap3", *QUIET, *PATIENT, "--set", "name=test_robot", at=at) as robot,
         controller("qp12", *QUIET, "--set", "robot=test_robot", at=at) as law,
     ):
         idle = tell("status", at, "test_robot")

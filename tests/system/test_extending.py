@@ -8,7 +8,6 @@ from pathlib import Path
 
 import arm3
 import numpy as np
-import pytest
 import yaml
 from command_bench import assert_at_rest, emulator, endpoint, events, hoap3, inside
 
@@ -76,8 +75,7 @@ def test_a_controller_beside_its_config_is_found_by_its_path(tmp_path: Path) -> 
     assert moved(tmp_path / "log") > 0.02
 
 
-@pytest.mark.parametrize("mode", ["--lockstep", "--no-realtime"])
-def test_a_robot_of_ones_own_with_a_controller_of_ones_own(tmp_path: Path, mode: str) -> None:
+def test_a_robot_of_ones_own_with_a_controller_of_ones_own(tmp_path: Path) -> None:
     robot, law = tmp_path / "robot", tmp_path / "law"
     robot.mkdir()
     law.mkdir()
@@ -85,7 +83,7 @@ def test_a_robot_of_ones_own_with_a_controller_of_ones_own(tmp_path: Path, mode:
     (law / "arms_own.py").write_text(CONTROLLER)
     (law / "law.yaml").write_text("controller: arms_own:Sway\nparameters: {speed_rad_s: 0.3}\n")
     words = ("--duration", "0.2", "--robot", "robot", "--controller", "law/law.yaml", "--json")
-    run = hoap3("run", mode, *words, "--out", "log", cwd=tmp_path)
+    run = hoap3("run", *words, "--out", "log", cwd=tmp_path)
     assert run.end() in {0, 1}, run.stderr
     log = Log.open(tmp_path / "log", side="robot")
     assert log.robot == "arm3"
@@ -110,7 +108,7 @@ def test_a_task_of_ones_own_robot_by_a_shipped_controller(tmp_path: Path) -> Non
     assert setpoints["v"][-1] < 0.1 * setpoints["v"][0]
 
 
-CLIENT = '''
+CLIENT = """
 import json, os, struct, sys
 import zenoh
 
@@ -151,7 +149,7 @@ with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
     print(json.dumps({**ask("release"), "answered": answered, "first": grant["from_tick"]}))
     token.undeclare()
 assert not {"protocol", "tools", "remote_controller", "robot_emulator"} & set(sys.modules)
-'''
+"""
 
 
 def test_a_client_without_our_code_drives_the_robot(tmp_path: Path) -> None:

@@ -63,7 +63,9 @@ def test_a_controller_that_raises(tmp_path: Path, mode: str) -> None:
     run.assert_no_orphan()
 
 
-@pytest.mark.parametrize("mode", ["--lockstep", "--no-realtime"])
+@pytest.mark.parametrize(
+    "mode", ["--lockstep", pytest.param("--no-realtime", marks=pytest.mark.long)]
+)
 def test_a_controller_that_answers_nan(tmp_path: Path, mode: str) -> None:
     run = hoap3(
         *("run", mode, "--duration", "0.5", "--controller", law(tmp_path, GIVES_NAN)),

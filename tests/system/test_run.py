@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from command_bench import (
     inside,
 )
 from mcap.reader import make_reader
+from socket_census import census
 
 from protocol.messages import State
 from protocol.ring import Kind
@@ -30,10 +32,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def run(folder: Path) -> Command:
-    command = hoap3("run", "--duration", TICKS / 1000, "--json", "--out", folder)
-    assert command.end() in {0, 1}
-    return command
+def run(folder: Path) -> Iterator[Command]:
+    words = ("--duration", TICKS / 1000, "--json", "--out", folder)
+    with Command("run", *words) as command:
+        command.hear("following robot")
+        command.listens = census(command)
+        assert command.end() in {0, 1}
+        yield command
+
+
+def test_it_listens_on_loopback_only(run: Command) -> None:
+    assert run.listens == {"127.0.0.1"}
 
 
 def test_json_has_every_promised_key(run: Command, folder: Path) -> None:
@@ -124,16 +133,24 @@ def test_a_real_time_run_is_repeated_bit_by_bit(run: Command, folder: Path) -> N
     assert again.json()["setpoints"] == again.json()["same"] == answered > 0
 
 
-def test_people_get_a_summary_on_standard_error(tmp_path: Path) -> None:
+def test_people_get_a_summary_whatever_lies_in_their_folder(tmp_path: Path) -> None:
+    """Neither packages of our names in it matter, nor folders called like what is to be run."""
+    for room in ("protocol", "tools"):
+        (tmp_path / room).mkdir()
+        (tmp_path / room / "__init__.py").write_text("raise SystemExit('of somebody else')")
+    for name in ("hoap3", "qp12"):
+        (tmp_path / name).mkdir()
+    before = set(tmp_path.rglob("*"))
     off = "emulator.log.record=false"
     with Command("run", "--duration", "0.2", "--set", off, cwd=tmp_path) as run:
         assert run.end() in {0, 1}
         run.assert_no_orphan()
     assert run.stdout == ""
     for word in ("verdict", "success rate", "misses", "RTT", "wake-up", "solve", "final error"):
-        assert word in run.stderr
+        assert word in run.stderr, run.stderr
+    assert "somebody else" not in run.stderr
     assert_no_traceback(run)
-    assert list(tmp_path.iterdir()) == []  # nothing is written where nothing shall be
+    assert set(tmp_path.rglob("*")) == before  # nothing is written where nothing shall be
 
 
 def test_paths_and_hashes_are_printed_in_one_piece(tmp_path: Path) -> None:

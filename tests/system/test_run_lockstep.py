@@ -44,9 +44,7 @@ def rewritten(
     log = Log.open(folder, side="controller")
     content = {**yaml.safe_load(log.config), **config}
     attachments = {"config.yaml": yaml.safe_dump(content).encode()}
-    writer = LogWriter(
-        to, robot=log.robot, side="controller", attachments=attachments, metadata={}
-    )
+    writer = LogWriter(to, robot=log.robot, side="controller", attachments=attachments, metadata={})
     with writer:
         for record in log.records() if records is None else records:
             writer.add(record)
@@ -150,9 +148,7 @@ def test_nothing_is_claimed_beyond_a_gap(first: Done, folder: Path, tmp_path: Pa
     assert "not verifiable beyond tick 199" in report.stderr
 
 
-def test_code_is_not_run_on_the_word_of_a_log(
-    first: Done, folder: Path, tmp_path: Path
-) -> None:
+def test_code_is_not_run_on_the_word_of_a_log(first: Done, folder: Path, tmp_path: Path) -> None:
     (tmp_path / "evil.py").write_text(
         "from pathlib import Path\n"
         "from remote_controller.controllers.qp12 import Qp12Controller as Evil\n"

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from command_bench import (
     PATIENCE_S,
+    QUIET,
     STOPS,
     Command,
     assert_at_rest,
@@ -22,7 +23,6 @@ from mcap.reader import make_reader
 from tools.log import Log
 
 LATEST_S = {"run": 3.0, "emulator": 1.2, "controller": 2.5}
-QUIET = ("--set", "log.record=false")
 
 
 def moments(command: str, count: int, seed: int) -> list[tuple[str, int, float, bool]]:

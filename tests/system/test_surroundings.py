@@ -53,10 +53,10 @@ def test_a_folder_that_may_not_be_written(read_only: Path) -> None:
     refused = as_nobody(*RUN, cwd=read_only)
     assert refused.end() == 2
     assert_no_traceback(refused)
-    assert refused.stderr.splitlines() == [
+    assert refused.stderr == (
         "error: settings: log.directory: Permission denied (found 'logs'). "
-        "Name a new folder that can be written, or set log.record=false"
-    ]
+        "Name a new folder that can be written, or set log.record=false\n"
+    )
     given = as_nobody(*RUN, "--out", read_only, cwd=read_only)
     assert given.end() == 2
     assert given.stderr.startswith(f"error: --out: Permission denied (found '{read_only}')")
@@ -90,16 +90,3 @@ def test_a_package_that_hides_ours_is_named(tmp_path: Path, room: str) -> None:
     assert_no_traceback(done)
     assert done.stderr.startswith(f"error: the package {room!r} found at {foreign} hides ours")
     assert "PYTHONPATH" in done.stderr
-
-
-def test_the_folder_that_one_stands_in_does_not_matter(tmp_path: Path) -> None:
-    """Neither packages of our names in it, nor folders called like a robot or a controller."""
-    for room in ("protocol", "tools"):
-        (tmp_path / room).mkdir()
-        (tmp_path / room / "__init__.py").write_text("raise SystemExit('of somebody else')")
-    for name in ("hoap3", "qp12"):
-        (tmp_path / name).mkdir()
-    run = hoap3("run", "--duration", "0.1", "--set", "emulator.log.record=false", cwd=tmp_path)
-    assert run.end() in {0, 1}
-    assert "verdict" in run.stderr, run.stderr
-    assert "somebody else" not in run.stderr

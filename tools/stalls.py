@@ -1,0 +1,197 @@
+"""The stall monitor: when did the host take a CPU away?
+
+A process of the highest real-time priority sleeps on a 500 us grid on each CPU in use. Nothing in
+this system can keep it waiting, so where it wakes late, the CPU itself was away: taken by the
+hypervisor, by firmware, or by the kernel where it cannot be interrupted. Such times are noted in
+shared memory. Without real-time rights the same lateness could be anybody's load, so there is no
+monitor then, and reports give the raw figures only.
+"""
+
+from __future__ import annotations
+
+import bisect
+import ctypes
+import gc
+import json
+import mmap
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from protocol.clock import Clock, MonotonicClock
+from protocol.errors import Hoap3Error
+
+GRID_NS = 500_000
+THRESHOLD_NS = 150_000
+CAPACITY = 65_536  # stalls; an hour of the worst machine seen
+PRIORITY = 99
+LOOK_EVERY = 200  # periods between two looks at whether anybody still wants to know
+_HEADER = 8  # int64 words: how many, whether it runs, then unused
+_PR_SET_TIMERSLACK = 29
+
+Words = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Stall:
+    """A time in which a CPU was away, on the monotonic clock [ns]."""
+
+    start: int
+    end: int
+
+
+class StallLog:
+    """Stalls of one CPU in memory that two processes share.
+
+    Args:
+        fd: memory to attach to, or None to create it.
+    """
+
+    def __init__(self, fd: int | None = None) -> None:
+        size = 8 * (_HEADER + 2 * CAPACITY)
+        if fd is None:
+            fd = os.memfd_create("hoap3-stalls", os.MFD_CLOEXEC)
+            os.ftruncate(fd, size)
+        self.fd = fd
+        self._words: Words = np.frombuffer(mmap.mmap(fd, size), np.int64)
+
+    def note(self, start: int, end: int) -> None:
+        """Add a stall; beyond the capacity only the count goes on."""
+        count = int(self._words[0])
+        if count < CAPACITY:
+            at = _HEADER + 2 * count
+            self._words[at], self._words[at + 1] = start, end
+        self._words[0] = count + 1  # after its content
+
+    def begin(self) -> None:
+        """Say that the monitor runs, with the rights that it needs."""
+        self._words[1] = 1
+
+    @property
+    def runs(self) -> bool:
+        """Whether the monitor got the rights that it needs."""
+        return bool(self._words[1])
+
+    def stalls(self) -> list[Stall]:
+        """Every stall so far."""
+        count = min(int(self._words[0]), CAPACITY)
+        pairs = self._words[_HEADER : _HEADER + 2 * count].reshape(count, 2).tolist()
+        return [Stall(start, end) for start, end in pairs]
+
+
+class StallMonitor:
+    """Monitors of some CPUs, one process each.
+
+    Args:
+        cpus: which.
+    """
+
+    def __init__(self, cpus: Iterable[int]) -> None:
+        self.logs: list[StallLog] = []
+        self._processes: list[subprocess.Popen[bytes]] = []
+        for cpu in sorted(set(cpus)):
+            log = StallLog()
+            process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "tools.stalls"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                pass_fds=[log.fd],
+                start_new_session=True,
+            )
+            if process.stdin is None:
+                raise Hoap3Error("the stall monitor has no standard input")
+            order = {"fd": log.fd, "cpu": cpu, "parent": os.getpid()}
+            process.stdin.write(json.dumps(order).encode())
+            process.stdin.close()
+            self.logs.append(log)
+            self._processes.append(process)
+
+    @property
+    def fds(self) -> list[int]:
+        """Shared memory of the logs, for an observer."""
+        return [log.fd for log in self.logs]
+
+    def stop(self) -> None:
+        """End the monitors."""
+        for process in self._processes:
+            process.terminate()
+        for process in self._processes:
+            process.wait()
+
+
+def overlapping(stalls: Sequence[Stall], start: int, end: int) -> bool:
+    """Whether a time [ns] overlaps one of the stalls, which are sorted by start and disjoint."""
+    at = bisect.bisect_right(stalls, start, key=lambda stall: stall.start)
+    before = at > 0 and stalls[at - 1].end > start
+    return before or (at < len(stalls) and stalls[at].start < end)
+
+
+def merged(logs: Iterable[StallLog]) -> list[Stall]:
+    """Stalls of several CPUs, sorted, with those that overlap made one."""
+    result: list[Stall] = []
+    for stall in sorted((s for log in logs for s in log.stalls()), key=lambda s: s.start):
+        if result and stall.start <= result[-1].end:
+            result[-1] = Stall(result[-1].start, max(result[-1].end, stall.end))
+        else:
+            result.append(stall)
+    return result
+
+
+def figures(stalls: Sequence[Stall]) -> dict[str, float]:
+    """How many, how long together, and the longest one."""
+    lengths = [(stall.end - stall.start) / 1e6 for stall in stalls]
+    return {
+        "n": len(lengths),
+        "total_ms": sum(lengths),
+        "longest_ms": max(lengths, default=0.0),
+    }
+
+
+def main() -> int:
+    """Watch one CPU until told to end, or until whoever asked is gone; exit 3 without rights."""
+    order = json.load(sys.stdin)
+    log = StallLog(order["fd"])
+    if not _rise_above_all(order["cpu"]):
+        return 3
+    log.begin()
+    watch(log, lambda: os.getppid() == order["parent"], MonotonicClock())
+    return 0
+
+
+def watch(log: StallLog, wanted: Callable[[], bool], clock: Clock) -> None:
+    """Sleep on the grid and note each time that was slept through, while it is wanted."""
+    now, sleep_until = clock.now, clock.sleep_until
+    due = now() + GRID_NS
+    while wanted():
+        for _ in range(LOOK_EVERY):
+            sleep_until(due)
+            woke = now()
+            if woke - due > THRESHOLD_NS:
+                log.note(due, woke)
+                due += (woke - due) // GRID_NS * GRID_NS
+            due += GRID_NS
+
+
+def _rise_above_all(cpu: int) -> bool:
+    """Be the most urgent process of a CPU; False where that is refused."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        os.sched_setaffinity(0, {cpu})
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    except OSError:
+        return False
+    ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, ctypes.c_ulong(1), 0, 0, 0)
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    return True
+
+
+if __name__ == "__main__":
+    sys.exit(main())
