@@ -102,13 +102,19 @@ def prepare_process(settings: RealtimeSettings) -> list[Measure]:
     measures = [_pin(settings), _timer_slack(libc)]
     if settings.lock_memory and settings.policy != "none":
         measures.append(_lock_memory(libc))
-    measures.append(_schedule(settings))
+    pinned = measures[0].obtained
+    measures.append(_schedule(settings) if pinned else _UNPINNED)
     gc.collect()
     gc.freeze()
     gc.disable()
     sys.setswitchinterval(_SWITCH_INTERVAL_S)
     measures.append(Measure("garbage collector", True, "frozen and off"))
     return measures
+
+
+_UNPINNED = Measure(
+    "scheduling policy", False, "SCHED_FIFO without a CPU of its own is slower than none: ordinary"
+)
 
 
 def _pin(settings: RealtimeSettings) -> Measure:

@@ -275,9 +275,9 @@ def _claim(emulator: EmulatorConfig, controller: ControllerConfig) -> list[CpuCl
 
 
 def _pinned(settings: Any, cpus: list[int]) -> Any:
-    if settings.cpu != "auto":
-        return settings
-    return settings.model_copy(update={"cpu": cpus[0] if cpus else "none"})
+    if settings.cpu != "auto" or not cpus:
+        return settings  # with none left, the service itself says so
+    return settings.model_copy(update={"cpu": cpus[0]})
 
 
 def _free_port() -> int:

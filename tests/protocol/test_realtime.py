@@ -68,9 +68,12 @@ def test_without_rights_every_measure_is_reported_and_none_is_raised(locks):
         assert not measures["memory lock"][0]
         assert measures["memory lock"][1].startswith("memory lock: refused, ")
         assert "LimitMEMLOCK" in measures["memory lock"][1]
-        assert not measures["scheduling policy"][0]
-        assert "raise LimitRTPRIO" in measures["scheduling policy"][1]
         assert report["policy"] == os.SCHED_OTHER
+        unpinned = prepared(locks, user=user, policy="auto", cpu="none")
+        policy = unpinned["measures"]["scheduling policy"]
+        assert not policy[0]
+        assert "raise LimitRTPRIO" in policy[1]
+        assert unpinned["policy"] == os.SCHED_OTHER
 
 
 def test_what_is_not_asked_for_is_left_alone(locks):
@@ -259,3 +262,21 @@ def test_a_virtual_machine_is_known_by_what_its_processor_says(monkeypatch, tmp_
         assert virtual_machine() is expected
     monkeypatch.setattr(realtime, "Path", lambda _: tmp_path / "none")
     assert not virtual_machine()
+
+
+def test_without_a_cpu_of_its_own_a_process_stays_ordinary(monkeypatch):
+    from protocol import realtime
+
+    asked = []
+    monkeypatch.setattr(realtime, "claim_cpu", lambda: None)
+    monkeypatch.setattr(realtime.os, "sched_setscheduler", lambda *words: asked.append(words))
+    monkeypatch.setattr(realtime.gc, "freeze", lambda: None)
+    monkeypatch.setattr(realtime.gc, "disable", lambda: None)
+    monkeypatch.setattr(realtime.sys, "setswitchinterval", lambda _: None)
+    measures = {
+        measure.name: measure
+        for measure in realtime.prepare_process(RealtimeSettings(lock_memory=False))
+    }
+    assert not measures["CPU"].obtained
+    assert not measures["scheduling policy"].obtained
+    assert asked == []
