@@ -84,6 +84,15 @@ def load_yaml(path: Path) -> dict[str, Any]:
     except OSError as error:
         reason = error.strerror or "cannot be read"
         raise ConfigError(file, "", None, reason, "Name a file that can be read") from error
+    return parse_yaml(data, file)
+
+
+def parse_yaml(data: bytes | str, file: str) -> dict[str, Any]:
+    """Content of a YAML mapping that came from `file`.
+
+    Raises:
+        ConfigError: too large, not YAML, or not a mapping.
+    """
     if len(data) > MAX_CONFIG_BYTES:
         raise ConfigError(file, "", None, "is larger than 1 MiB", "A config is a few lines")
     try:

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from protocol.clock import MonotonicClock, VirtualClock
 from protocol.description import RobotDescription
@@ -21,7 +20,7 @@ from protocol.errors import LogError
 from protocol.messages import STAMP_FIELDS, Setpoint, State
 from protocol.recorder import NoRecorder
 from protocol.ring import Kind, Record
-from protocol.settings import apply_overrides, parse
+from protocol.settings import apply_overrides, parse, parse_yaml
 from remote_controller.config import ControllerConfig, build
 from remote_controller.loop import ControllerLoop
 from remote_controller.registry import is_registered
@@ -84,8 +83,8 @@ def replay(
     """
     log = Log.open(path, side="controller")
     file = f"config in {path}"
-    content = yaml.safe_load(log.config)
-    config = parse(ControllerConfig, apply_overrides(content, overrides), file)
+    content = apply_overrides(parse_yaml(log.config, file), overrides)
+    config = parse(ControllerConfig, content, file)
     if not is_registered(config.controller) and not allow_code:
         raise LogError(
             f"{path}: its controller {config.controller!r} is not registered here, and code is not "

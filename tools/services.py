@@ -15,7 +15,7 @@ import yaml
 
 from protocol.errors import ConfigError, Hoap3Error, UsageError
 from protocol.recorder import PatientRecorder, Recorder, RingRecorder
-from protocol.settings import LogSettings, Settings, apply_overrides, parse
+from protocol.settings import LogSettings, Settings, apply_overrides, parse, parse_yaml
 from remote_controller.config import ControllerConfig, check_parameters
 from remote_controller.config import read_config as read_controller_config
 from robot_emulator.config import EmulatorConfig
@@ -85,11 +85,11 @@ def split_overrides(overrides: list[str]) -> tuple[list[str], list[str]]:
 
 def _piped(named: str | None) -> tuple[dict[str, Any], str]:
     """Settings from standard input; modules beside the file that they came from can be found."""
-    content = yaml.safe_load(sys.stdin)
     file = named or "standard input"
+    content = parse_yaml(sys.stdin.read(), file)
     if named is not None and Path(named).is_file():
         sys.path.append(str(Path(named).resolve().parent))
-    return (content if isinstance(content, dict) else {}), file
+    return content, file
 
 
 def run_folder(
