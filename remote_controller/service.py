@@ -63,6 +63,7 @@ class Service:
         recorder: where the log goes.
         report: takes what people should know.
         should_stop: asked at each sample.
+        patient: where the log goes in lockstep, and nothing of it may be lost.
     """
 
     def __init__(
@@ -72,9 +73,11 @@ class Service:
         report: Callable[[str], None],
         should_stop: Callable[[], bool],
         file: str = "config",
+        patient: Recorder | None = None,
     ) -> None:
         self._config, self._file = config, file
         self._recorder, self._report, self._should_stop = recorder, report, should_stop
+        self._patient = patient or recorder
         self._digest = ""
         self._departures = 0
         self._controller: Controller | None = None
@@ -127,9 +130,8 @@ class Service:
             self._digest = description.digest
         self._clock = VirtualClock() if status["lockstep"] else MonotonicClock()
         rehearse(self._controller, description)
-        self.loop = ControllerLoop(
-            self._controller, self._clock, self._recorder, status["session_id"]
-        )
+        recorder = self._patient if status["lockstep"] else self._recorder
+        self.loop = ControllerLoop(self._controller, self._clock, recorder, status["session_id"])
         self.loop.begin(description, lockstep=status["lockstep"])
         reply = link.ask("acquire")
         if reply is None:

@@ -126,6 +126,10 @@ class _Reporter:
         except BrokenPipeError:
             self._status = None  # whoever asked is gone; the log goes on
 
+    def say(self, text: str) -> None:
+        """One line for people."""
+        self._tell("said", {"text": f"{self._side}: {text}"})
+
     def event(self, record: Record) -> None:
         """One line for people."""
         event = Event()
@@ -137,10 +141,15 @@ class _Reporter:
         if event.kind == Event.schema.constants["SAFE_STOP"]:
             detail = self._reasons.get(event.detail, detail)
         text = f"{self._side}: tick {event.tick}: {name} ({detail})"
+        self._tell(
+            "event", {"text": text, "kind": name, "tick": event.tick, "detail": event.detail}
+        )
+
+    def _tell(self, news: str, content: dict[str, Any]) -> None:
         if self._status is None:
-            sys.stderr.write(text + "\n")
+            sys.stderr.write(content["text"] + "\n")
             sys.stderr.flush()
-        self.send("event", {"text": text, "kind": name, "tick": event.tick, "detail": event.detail})
+        self.send(news, content)
 
 
 def main() -> int:
@@ -190,6 +199,8 @@ def main() -> int:
         writer.close()
     paths = [str(path) for path in writer.paths] if writer is not None else []
     final = {"paths": paths, "dropped": ring.dropped}
+    if writer is not None and ring.dropped:
+        reporter.say(f"the log has gaps: {ring.dropped} records came faster than they were written")
     if is_robot:
         final["summary"] = statistics.summary()
     reporter.send("final", final)

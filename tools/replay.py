@@ -16,7 +16,7 @@ import numpy as np
 
 from protocol.clock import MonotonicClock, VirtualClock
 from protocol.description import RobotDescription
-from protocol.errors import LogError
+from protocol.errors import LogError, WireError
 from protocol.messages import STAMP_FIELDS, Setpoint, State
 from protocol.recorder import NoRecorder
 from protocol.ring import Kind, Record
@@ -59,6 +59,8 @@ class ReplayReport:
     def __str__(self) -> str:
         word = "identical" if self.tolerance == 0.0 else f"equal within {self.tolerance:g}"
         text = f"{self.same}/{self.setpoints} setpoints {word}"
+        if not self.setpoints:
+            text = "no setpoint to compare"
         if self.first_difference is not None:
             text += f"; first difference at tick {self.first_difference}: {self.field}"
         if self.gap is not None:
@@ -90,7 +92,13 @@ def replay(
             f"{path}: its controller {config.controller!r} is not registered here, and code is not "
             "run on the word of a log. If you trust it, add --allow-code"
         )
-    return replay_records(log.records(), config, tolerance=tolerance, file=file)
+    try:
+        return replay_records(log.records(), config, tolerance=tolerance, file=file)
+    except (WireError, LookupError, TypeError, ValueError) as error:
+        raise LogError(
+            f"{path}: holds a record that no service of ours has written "
+            f"({type(error).__name__}: {error}). Name a log of a controller"
+        ) from error
 
 
 def replay_records(

@@ -234,8 +234,10 @@ def run_controller(
         status_fd=status_fd,
     )
     voice = Voice(status_fd)
+    hasty = _recorder(observer, lockstep=False)
+    patient = _recorder(observer, lockstep=True)
     try:
-        Service(config, RingRecorder(observer.ring), voice.say, should_stop, file).run()
+        Service(config, hasty, voice.say, should_stop, file, patient).run()
     except Hoap3Error as error:
         return voice.fail(error)
     finally:

@@ -49,6 +49,11 @@ def endpoint() -> str:
     return f"tcp/127.0.0.1:{free_port()}"
 
 
+def on_path(folder: Path) -> dict[str, str]:
+    """Environment in which a folder comes first on the import path."""
+    return {"PYTHONPATH": os.pathsep.join([str(folder), *filter(None, [os.getenv("PYTHONPATH")])])}
+
+
 class Command:
     """A `hoap3` command that runs, its descendants, and what it has said.
 

@@ -9,7 +9,16 @@ from pathlib import Path
 import arm3
 import numpy as np
 import yaml
-from command_bench import assert_at_rest, emulator, endpoint, events, hoap3, inside
+from command_bench import (
+    PATIENT,
+    assert_at_rest,
+    emulator,
+    endpoint,
+    events,
+    hoap3,
+    inside,
+    on_path,
+)
 
 from protocol.messages import State
 from tools.log import Log
@@ -53,7 +62,7 @@ def moved(folder: Path) -> float:
 
 def test_an_installed_controller_is_found_by_its_name(tmp_path: Path) -> None:
     (tmp_path / "sway").mkdir()  # a folder of that name in the way does not matter
-    surroundings = {"cwd": tmp_path, "environment": {"PYTHONPATH": str(shipped(tmp_path))}}
+    surroundings = {"cwd": tmp_path, "environment": on_path(shipped(tmp_path))}
     listed = hoap3("list", "--json", **surroundings)
     assert listed.json()["controllers"] == ["pinv", "qp12", "sway"]
     run = hoap3(*LOCKSTEP, "--controller", "sway", "--out", "log", **surroundings)
@@ -155,7 +164,7 @@ assert not {"protocol", "tools", "remote_controller", "robot_emulator"} & set(sy
 def test_a_client_without_our_code_drives_the_robot(tmp_path: Path) -> None:
     """Written from docs/wire.md, with nothing but zenoh and struct."""
     at, out = endpoint(), tmp_path / "log"
-    with emulator("hoap3", "--out", out, at=at) as robot:
+    with emulator("hoap3", *PATIENT, "--out", out, at=at) as robot:
         client = subprocess.run(
             [sys.executable, "-c", CLIENT, at, "hoap3", "200"],
             capture_output=True,

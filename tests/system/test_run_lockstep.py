@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from command_bench import Done, assert_at_rest, assert_no_traceback, events, hoap3, inside
+from command_bench import Done, assert_at_rest, assert_no_traceback, events, hoap3, inside, on_path
 
 from protocol.messages import State
 from protocol.ring import Kind, Record
@@ -148,6 +148,37 @@ def test_nothing_is_claimed_beyond_a_gap(first: Done, folder: Path, tmp_path: Pa
     assert "not verifiable beyond tick 199" in report.stderr
 
 
+@pytest.mark.parametrize(
+    ("kind", "payload"),
+    [
+        (Kind.SESSION, b"{}"),
+        (Kind.SESSION, b"[]"),
+        (Kind.SESSION, b"\xff"),
+        (Kind.AUTHORITY, b'{"epoch": "x"}'),
+        (Kind.DESCRIPTION, b"{}"),
+        (Kind.STATE, b"short"),
+        (Kind.SETPOINT, b"short"),
+    ],
+)
+def test_records_that_no_service_has_written_are_refused(
+    first: Done, folder: Path, tmp_path: Path, kind: Kind, payload: bytes
+) -> None:
+    records = [
+        Record(kind, record.stamp, payload) if record.kind == kind else record
+        for record in Log.open(folder, side="controller").records()
+    ][:20]
+    refused = inside("replay", rewritten(folder, tmp_path / "copy.mcap", records))
+    assert refused.code == 2
+    assert refused.stderr.startswith("error: ")
+    assert refused.stderr.count("\n") == 1
+
+
+def test_a_log_without_setpoints_proves_nothing(first: Done, folder: Path, tmp_path: Path) -> None:
+    empty = inside("replay", rewritten(folder, tmp_path / "copy.mcap", []))
+    assert empty.code == 1
+    assert "no setpoint to compare" in empty.stderr
+
+
 def test_code_is_not_run_on_the_word_of_a_log(first: Done, folder: Path, tmp_path: Path) -> None:
     (tmp_path / "evil.py").write_text(
         "from pathlib import Path\n"
@@ -155,7 +186,7 @@ def test_code_is_not_run_on_the_word_of_a_log(first: Done, folder: Path, tmp_pat
         "Path(__file__).with_name('was_here').touch()\n"
     )
     copy = rewritten(folder, tmp_path / "copy.mcap", controller="evil:Evil")
-    path = {"PYTHONPATH": str(tmp_path)}
+    path = on_path(tmp_path)
     refused = hoap3("replay", copy, environment=path)
     assert refused.end() == 2
     assert "'evil:Evil'" in refused.stderr

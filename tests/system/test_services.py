@@ -159,7 +159,6 @@ def test_a_killed_controller_and_its_successor(tmp_path: Path) -> None:
     places = [kinds.index("GRANTED")]
     for kind in order[1:]:
         places.append(kinds.index(kind, places[-1] + 1))
-    assert log.states()[-1]["lost"] > 0
     assert_nothing_jumps(log)
 
 

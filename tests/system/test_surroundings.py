@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
-from command_bench import Command, assert_no_traceback, hoap3, inside
+from command_bench import Command, assert_no_traceback, hoap3, inside, on_path
 
 NOBODY = 65534
 MAY_READ = "+dac_read_search"  # as if the interpreter stood where everybody can read it
@@ -85,7 +85,7 @@ def test_a_package_that_hides_ours_is_named(tmp_path: Path, room: str) -> None:
     foreign = tmp_path / room
     foreign.mkdir()
     (foreign / "__init__.py").touch()
-    done = hoap3("list", environment={"PYTHONPATH": str(tmp_path)})
+    done = hoap3("list", environment=on_path(tmp_path))
     assert done.end() == 1
     assert_no_traceback(done)
     assert done.stderr.startswith(f"error: the package {room!r} found at {foreign} hides ours")
