@@ -6,6 +6,7 @@ rare (description, authority, stop, recover) is a query, answered by the robot b
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import threading
@@ -211,7 +212,8 @@ class ZenohControllerLink:
 
     def wake(self) -> None:
         """Make `wait` return None; from any thread."""
-        self._waker.put(b"")
+        with contextlib.suppress(zenoh.ZError):  # the session is being closed: nobody waits
+            self._waker.put(b"")
 
     def ask(self, verb: str, timeout_s: float = QUERY_TIMEOUT_S) -> bytes | None:
         """Ask the robot; its answer, or None where it gives none in time."""

@@ -64,6 +64,7 @@ class Service:
         report: takes what people should know.
         should_stop: asked at each sample.
         patient: where the log goes in lockstep, and nothing of it may be lost.
+        on_stop: takes what is to be called when an end is asked for while no sample comes.
     """
 
     def __init__(
@@ -74,10 +75,12 @@ class Service:
         should_stop: Callable[[], bool],
         file: str = "config",
         patient: Recorder | None = None,
+        on_stop: Callable[[Callable[[], None]], None] | None = None,
     ) -> None:
         self._config, self._file = config, file
         self._recorder, self._report, self._should_stop = recorder, report, should_stop
         self._patient = patient or recorder
+        self._on_stop = on_stop
         self._digest = ""
         self._departures = 0
         self._controller: Controller | None = None
@@ -97,8 +100,10 @@ class Service:
         for measure in prepare_process(self._config.realtime):
             self._report(str(measure))
         name = self._config.controller.replace(":", ".").rsplit(".", 1)[-1].lower()
-        who = f"{name}-{socket.gethostname()}-{os.getpid()}".replace("/", "-")[:64]
+        who = f"{name[:24]}-{os.getpid()}-{socket.gethostname()[:24]}".replace("/", "-")
         link = ZenohControllerLink(self._config.robot, self._config.link, who)
+        if self._on_stop is not None:
+            self._on_stop(link.wake)
         try:
             while not self._should_stop():
                 if self._join(link):

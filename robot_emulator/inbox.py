@@ -90,7 +90,7 @@ class Inbox:
         self._arrival[place] = stamp
         if self._counted_lost[place]:
             self.deadlines.lost_arrived()
-        if setpoint.tick < self.newest_tick:
+        if setpoint.tick <= self.newest_tick:
             self.out_of_order += 1
             return None
         self.newest_tick = setpoint.tick
@@ -109,9 +109,10 @@ class Inbox:
         self._counted_lost[place] = arrival < 0
         return False
 
-    def start_anew(self) -> None:
-        """Follow nothing that has arrived so far, and let earlier misses not add to a run."""
+    def start_anew(self, tick: int) -> None:
+        """From `tick` on, follow no answer to an earlier tick, and let earlier misses not count."""
         self.fresh = False
+        self.newest_tick = max(self.newest_tick, tick - 1)
         self.deadlines.end_run()
 
     def _refusal(self, payload: bytes, last_tick: int) -> str | None:

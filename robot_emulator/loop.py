@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from itertools import islice
 
 import numpy as np
 
@@ -26,6 +27,8 @@ from robot_emulator.safety import Reference
 
 GRACE_TICKS = 20
 """Ticks between a grant and the first answer that is asked for, in real time."""
+
+REQUESTS_PER_TICK = 4  # in real time; the rest waits for the next tick
 
 EVENTS = Event.schema.constants
 _LAST_WORDS = {EVENTS["REASON_SHUTDOWN"], EVENTS["REASON_ENDED"]}  # then the schedule ends
@@ -63,6 +66,9 @@ class RobotLoop:
         grace_ticks: int = GRACE_TICKS,
     ) -> None:
         self._description, self._config = description, config
+        self._description_json = description.to_json()
+        lockstep = isinstance(clock, VirtualClock)
+        self._requests_per_tick = None if lockstep else REQUESTS_PER_TICK
         self._plant, self._clock, self._link, self._recorder = plant, clock, link, recorder
         self.period = round(description.period_s * 1e9)
         posture = config.posture or description.initial_posture
@@ -130,7 +136,7 @@ class RobotLoop:
         if ticker.skipped:
             self.skipped += ticker.skipped
             self._announce("SKIPPED", ticker.skipped)
-        for request in self._link.requests():
+        for request in islice(self._link.requests(), self._requests_per_tick):
             self._serve(request)
         self._receive(published)
         self._judge()
@@ -192,7 +198,7 @@ class RobotLoop:
         if self.mode == State.IDLE and grant is not None and self.tick >= grant.from_tick:
             self.mode, self._epoch = State.ACTIVE, grant.epoch
             self._reference.forget()
-            self.inbox.start_anew()
+            self.inbox.start_anew(self.tick)
             if self._first_active_tick < 0:
                 self._first_active_tick = self.tick
 
@@ -235,7 +241,7 @@ class RobotLoop:
         """Answer a request; docs/wire.md has the answers."""
         match request.verb:
             case "description":
-                request.answer(self._description.to_json())
+                request.answer(self._description_json)
             case "acquire":
                 self._grant(request)
             case "release":

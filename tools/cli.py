@@ -223,9 +223,9 @@ def record(
     as_json: AsJson = False,
 ) -> None:
     """Record a running robot from outside, or mend a log that was cut off."""
+    from tools.processes import to_people
     from tools.record import record_robot
     from tools.repair import repair as mend
-    from tools.services import to_people
 
     if repair is not None:
         report = mend(repair)

@@ -69,7 +69,7 @@ class Log:
         self.missing = "; ".join(filter(None, (before, lost)))
 
     @classmethod
-    def open(cls, path: Path, side: str | None = None) -> Log:
+    def open(cls, path: Path | str, side: str | None = None) -> Log:
         """Open a file, or all files of one side in the folder of a run.
 
         Args:
@@ -81,7 +81,7 @@ class Log:
         """
         if side is not None and side not in SIDES:
             raise LogError(f"{path}: no side is called {side!r}. Choose one of {', '.join(SIDES)}")
-        log = cls(_files(path, side))
+        log = cls(_files(Path(path), side))
         if side not in {None, log.side}:
             raise LogError(f"{path}: is the log of the {log.side}. Name that of the {side}")
         return log

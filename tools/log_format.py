@@ -44,6 +44,7 @@ SENT_STAMP = {
 }
 """The field of a message that holds the sender's stamp."""
 
+LATEST_STAMP = 2**31 * 1_000_000_000  # a ROS time has 32 bits of seconds
 STRING = "string data\n"
 JOINT_STATE = """\
 # Joint positions, velocities and efforts, derived from State at 100 Hz for viewers.
@@ -202,7 +203,7 @@ class JointStates:
 
     def pack(self, state: bytes, stamp: int) -> bytes | None:
         """The message with `stamp` [ns] in its header; None where the State does not fit."""
-        if self._slices is None:
+        if self._slices is None or not 0 <= stamp < LATEST_STAMP:
             return None
         q, dq, tau = self._slices
         time = struct.pack("<iI", *divmod(stamp, 1_000_000_000))

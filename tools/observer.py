@@ -18,6 +18,7 @@ from typing import Any, TextIO
 from protocol.errors import Hoap3Error
 from protocol.messages import Event
 from protocol.ring import Kind, Record, Ring
+from tools.processes import to_people
 
 POLL_S = 0.005
 LIVE_S = 0.25
@@ -97,6 +98,8 @@ class Observer:
         except subprocess.TimeoutExpired:
             self._process.kill()
             return False
+        finally:
+            os.close(self.ring.fd)
 
 
 class _Reporter:
@@ -147,14 +150,14 @@ class _Reporter:
 
     def _tell(self, news: str, content: dict[str, Any]) -> None:
         if self._status is None:
-            sys.stderr.write(content["text"] + "\n")
-            sys.stderr.flush()
+            to_people(content["text"])
         self.send(news, content)
 
 
 def main() -> int:
     """Run until the ring ends; the order comes on standard input."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the service ends us, after its last record
     order = json.load(sys.stdin)
     from tools.log_writer import LogWriter  # noqa: PLC0415 - after the signals are ignored

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import os
 import signal
 import subprocess
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Callable, Sequence
 from types import FrameType
 
 PARENT = "HOAP3_PARENT"
@@ -15,7 +17,7 @@ _PR_SET_PDEATHSIG = 1
 
 
 class StopFlag:
-    """Set by SIGINT and SIGTERM; a loop asks it between two ticks.
+    """Set by SIGINT, SIGTERM and a terminal that closes; a loop asks it between two ticks.
 
     Args:
         handle: whether to take over the signals now.
@@ -26,13 +28,34 @@ class StopFlag:
         if handle:
             signal.signal(signal.SIGINT, self._note)
             signal.signal(signal.SIGTERM, self._note)
+            if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as under nohup
+                signal.signal(signal.SIGHUP, self._note)
 
     def __call__(self) -> bool:
         """Whether an end was asked for."""
         return self.signal is not None
 
+    def wake(self, action: Callable[[], None]) -> None:
+        """Call `action`, in a thread, when an end is asked for: the loop may be waiting."""
+        reader, writer = os.pipe()
+        os.set_blocking(writer, False)
+        signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+
+        def wait() -> None:
+            while os.read(reader, 1):
+                action()
+
+        threading.Thread(target=wait, name="stop", daemon=True).start()
+
     def _note(self, number: int, _frame: FrameType | None) -> None:
         self.signal = number
+
+
+def to_people(text: str) -> None:
+    """A line on standard error; nobody is waited for, and nothing depends on who reads it."""
+    with contextlib.suppress(OSError):  # the terminal, or the pipe to it, is gone
+        sys.stderr.write(text + "\n")
+        sys.stderr.flush()
 
 
 def die_with_parent() -> None:

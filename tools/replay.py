@@ -38,6 +38,7 @@ class ReplayReport:
         field: what differed there.
         gap: tick beyond which nothing can be verified, or None.
         tolerance: largest difference of a value that counts as equal.
+        missing: what the log has lost, so that it cannot be compared, or "".
     """
 
     setpoints: int = 0
@@ -46,6 +47,7 @@ class ReplayReport:
     field: str = ""
     gap: int | None = None
     tolerance: float = 0.0
+    missing: str = ""
 
     @property
     def identical(self) -> bool:
@@ -63,6 +65,8 @@ class ReplayReport:
             text = "no setpoint to compare"
         if self.first_difference is not None:
             text += f"; first difference at tick {self.first_difference}: {self.field}"
+        if self.missing:
+            text += f"; the log is not whole: {self.missing}"
         if self.gap is not None:
             text += f"; not verifiable beyond tick {self.gap}: records are missing there"
         return text
@@ -93,12 +97,14 @@ def replay(
             "run on the word of a log. If you trust it, add --allow-code"
         )
     try:
-        return replay_records(log.records(), config, tolerance=tolerance, file=file)
+        report = replay_records(log.records(), config, tolerance=tolerance, file=file)
     except (WireError, LookupError, TypeError, ValueError) as error:
         raise LogError(
             f"{path}: holds a record that no service of ours has written "
             f"({type(error).__name__}: {error}). Name a log of a controller"
         ) from error
+    report.missing = log.missing
+    return report
 
 
 def replay_records(

@@ -8,6 +8,7 @@ import selectors
 import signal
 import socket
 import subprocess
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -141,6 +142,9 @@ def run_lockstep(
     robot_log = recorder_for("robot", emulator)
     controller_log = recorder_for("controller", controller)
     os.close(writer)
+    summaries: list[dict[str, Any]] = []
+    listener = threading.Thread(target=_collect_summaries, args=(reader, summaries), daemon=True)
+    listener.start()  # a full pipe would hold up the observers, and they the run
     try:
         lockstep = Lockstep(emulator, controller, robot_log, controller_log, files=files)
         began = time.monotonic()
@@ -148,11 +152,10 @@ def run_lockstep(
         wall = time.monotonic() - began
     finally:
         whole = [observer.close() for observer in observers]
-        with os.fdopen(reader) as stream:
-            news = [json.loads(line) for line in stream]
+        listener.join()
     if not all(whole):
         raise Hoap3Error("an observer died: the log of this run is not whole")
-    summary: dict[str, Any] = next(item["summary"] for item in news if "summary" in item)
+    (summary,) = summaries
     summary["lockstep"] = {
         "wall_s": wall,
         "times_real_time": (lockstep.robot.tick + 1) * description.period_s / wall,
@@ -165,6 +168,15 @@ def run_lockstep(
     summary["transport"] = "in process, virtual time"
     summary["log"] = str(folder) if folder else None
     return Outcome(summary)
+
+
+def _collect_summaries(reader: int, into: list[dict[str, Any]]) -> None:
+    """Read what observers tell until they have ended; keep the summaries."""
+    with os.fdopen(reader) as stream:
+        for line in stream:
+            item = json.loads(line)
+            if "summary" in item:
+                into.append(item["summary"])
 
 
 class _Services:
@@ -213,6 +225,9 @@ class _Services:
             raise Hoap3Error("interrupted before the motion began")
         if failed:
             raise Hoap3Error(self._failure("the controller ended before the robot did"))
+        if emulator.returncode < 0:
+            number = -emulator.returncode
+            raise Hoap3Error(f"the robot was killed by signal {number}: its count is not whole")
         if self.summary is None:
             raise Hoap3Error(self.damage or self._failure("the robot ended without a summary"))
         return Outcome(self.summary, self._stop(), self.said)

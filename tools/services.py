@@ -23,6 +23,7 @@ from robot_emulator.service import describe, serve, serve_lockstep
 from tools.log_format import SIDES, file_name
 from tools.machine import machine_block, versions
 from tools.observer import Observer
+from tools.processes import StopFlag, to_people
 from tools.simulate import emulator_content
 
 NO_REALTIME = {"policy": "none", "cpu": "none", "lock_memory": False}
@@ -170,12 +171,6 @@ def as_yaml(config: Settings) -> str:
     return yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
 
 
-def to_people(text: str) -> None:
-    """A line on standard error."""
-    sys.stderr.write(text + "\n")
-    sys.stderr.flush()
-
-
 def run_emulator(
     config: EmulatorConfig,
     file: str,
@@ -237,7 +232,8 @@ def run_controller(
     hasty = _recorder(observer, lockstep=False)
     patient = _recorder(observer, lockstep=True)
     try:
-        Service(config, hasty, voice.say, should_stop, file, patient).run()
+        on_stop = should_stop.wake if isinstance(should_stop, StopFlag) else None
+        Service(config, hasty, voice.say, should_stop, file, patient, on_stop).run()
     except Hoap3Error as error:
         return voice.fail(error)
     finally:

@@ -75,7 +75,7 @@ def show_summary(summary: dict[str, Any]) -> None:
     table.add_row(
         "setpoints",
         f"duplicate {misses['duplicate']}, out of order {misses['out_of_order']}, "
-        f"rejected {misses['rejected']}",
+        f"rejected {misses['rejected']}" + _kinds(summary.get("rejections", {})),
     )
     if summary.get("safe_stops"):
         table.add_row("safe stops", str(summary["safe_stops"]))
@@ -109,6 +109,10 @@ def show_summary(summary: dict[str, Any]) -> None:
     )
     table.add_row("log", str(summary["log"] or "none"))
     console.print(table)
+
+
+def _kinds(counts: dict[str, int]) -> str:
+    return f" ({', '.join(f'{name} {n}' for name, n in counts.items())})" if counts else ""
 
 
 def _three(figures: dict[str, Any]) -> str:

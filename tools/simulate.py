@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from protocol.clock import VirtualClock
-from protocol.errors import Hoap3Error
+from protocol.errors import ConfigError, Hoap3Error
 from protocol.link import Fate, LockstepLink
 from protocol.messages import Setpoint, State
 from protocol.recorder import MemoryRecorder, Recorder
@@ -117,6 +117,10 @@ class Simulation:
     deadlines: Deadlines
     controller: Controller
 
+    def __repr__(self) -> str:
+        counts = f"{len(self.states)} states, {len(self.setpoints)} setpoints"
+        return f"Simulation({counts}, {self.deadlines.run_rate:.5f} in time)"
+
     @property
     def time(self) -> np.ndarray[Any, np.dtype[np.float64]]:
         """Time of each State [s]."""
@@ -142,6 +146,8 @@ def simulate(
     Raises:
         UsageError: something in the settings is wrong.
     """
+    if not duration > 0.0:
+        raise ConfigError("simulate", "duration", duration, "is not positive", "Give seconds")
     emulator = emulator_settings(robot, seed)
     log, robot_log = MemoryRecorder(), MemoryRecorder()
     lockstep = Lockstep(emulator, controller_settings(controller), robot_log, log, fate)

@@ -18,11 +18,11 @@ what remains of the RTT, both ways together, so no two clocks are ever compared.
 
 _STATE = (
     "tick", "mode", "stamp_intended", "stamp_actual", "skipped", "late", "lost", "duplicate",
-    "out_of_order", "rejected", "success_rate", "session_id",
+    "out_of_order", "rejected", "success_rate", "epoch", "session_id",
 )  # fmt: skip
 _SETPOINT = (
     "tick", "stamp_state", "stamp_received", "stamp_decoded", "stamp_kinematics", "stamp_solved",
-    "stamp_encoded", "stamp_sent_previous", "session_id", "solver_status", "v",
+    "stamp_encoded", "stamp_sent_previous", "epoch", "session_id", "solver_status", "v",
 )  # fmt: skip
 
 
@@ -44,6 +44,7 @@ class RunStatistics:
         self._v = math.nan
         self._jitter = Jitter(period_ns)
         self._skipped = 0
+        self._active_tick = -1
         self._skipped_before: int | None = None
         self._encoded: tuple[int, int] | None = None
         self.rtt, self.wakeup = Durations(), Durations()
@@ -122,16 +123,17 @@ class RunStatistics:
             self._skipped_before = self._skipped
         if self._timing and mode == State.ACTIVE:
             self.wakeup.add(actual - intended, tick)
-            if skipped != self._skipped:
+            if skipped != self._skipped or tick != self._active_tick + 1:
                 self._jitter.skip()
             self._jitter.start(actual)
+            self._active_tick = tick
         self._skipped = skipped
 
     def _add_setpoint(self, record: Record) -> None:
         values = Setpoint.scalars(record.payload, *_SETPOINT)
         tick, sent, received, decoded, kinematics, solved, encoded, sent_previous = values[:8]
-        session, status, v = values[8:]
-        if not self._state or session != self._state[-1] or tick > self._state[0]:
+        whose, status, v = values[8:10], values[10], values[11]
+        if not self._state or whose != self._state[-2:] or tick > self._state[0]:
             return  # an answer to nothing that this robot has asked
         self._v = v if status != _NO_CERTIFICATE else math.nan
         if not self._timing:

@@ -131,3 +131,28 @@ def test_a_signal_brings_the_robot_to_rest_first():
     rate = np.diff([state.reference for state in states], axis=0) / 1e-3
     assert np.abs(np.diff(rate, axis=0)).max() <= 2.0 + 1e-9  # the start is the largest step
     np.testing.assert_array_equal(rate[-1], 0.0)
+
+
+def test_an_answer_to_an_earlier_holder_is_not_followed_under_the_next_one():
+    """It was asked for in time, and comes when somebody else drives."""
+    late: list[bytes] = []
+
+    def fate(tick, answer):
+        if tick == 9:
+            late.append(answer)
+            return []
+        return [] if late else [(1, answer)]
+
+    bench = Bench(fate=fate, grace=5)
+    bench.link.ask("acquire", "alice")
+    bench.speed[:] = 1.0
+    bench.run(10)
+    bench.link.ask("release", "alice")
+    bench.run(50)
+    bench.link.ask("acquire", "bob")
+    bench.run(7)
+    assert bench.robot.mode == State.ACTIVE
+    before = bench.states()[-1].reference.copy()
+    bench.robot.inbox.accept(bench.clock.now(), late[0], bench.robot.tick)
+    bench.run(3)
+    np.testing.assert_array_equal(bench.states()[-1].reference, before)
