@@ -15,7 +15,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib import resources
-from operator import itemgetter
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -231,11 +230,9 @@ class Message(ctypes.LittleEndianStructure):
         Raises:
             WireError: it is too short.
         """
-        layout = cls.schema.scalar_struct
-        if len(payload) < len(CDR_HEADER) + layout.size:
+        if len(payload) < len(CDR_HEADER) + cls.schema.scalar_struct.size:
             raise WireError("size", f"{cls.schema.name}: {len(payload)} bytes are too few")
-        values = layout.unpack_from(payload, len(CDR_HEADER))
-        return _pick(cls.schema.name, names)(values)
+        return _reader(cls.schema.name, names)(payload)
 
 
 class State(Message):
@@ -337,13 +334,19 @@ class Event(Message):
 
 
 @cache
-def _pick(message: str, names: tuple[str, ...]) -> Callable[[tuple[Any, ...]], tuple[Any, ...]]:
-    """Pick some of a message's scalars out of all of them."""
-    places = {name: at for at, name in enumerate(schema(message).scalars)}
-    if len(names) == 1:
-        (place,) = (places[name] for name in names)
-        return lambda values: (values[place],)
-    return itemgetter(*(places[name] for name in names))
+def _reader(message: str, names: tuple[str, ...]) -> Callable[[bytes], tuple[Any, ...]]:
+    """Reads some of a message's scalars out of its payload, and skips the others."""
+    kinds = schema(message).scalars
+    code = "".join(
+        SCALAR_FORMATS[kind] if name in names else f"{struct.calcsize(SCALAR_FORMATS[kind])}x"
+        for name, kind in kinds.items()
+    )
+    read = struct.Struct(f"<{len(CDR_HEADER)}x{code}").unpack_from
+    stand = [name for name in kinds if name in names]
+    if stand == list(names):
+        return read
+    places = [stand.index(name) for name in names]
+    return lambda payload: tuple(map(read(payload).__getitem__, places))
 
 
 def _first_element(place: int, count: int) -> int:
