@@ -190,7 +190,7 @@ class Message(ctypes.LittleEndianStructure):
         message._expected = message._frame.unpack(message._bytes)
         return message
 
-    def __init__(self, *_: int) -> None:  # `allocate` has done it; ctypes would set scalars
+    def __init__(self, *_: int, **__: int) -> None:  # done; ctypes would take them for scalars
         super().__init__()
 
     @property
