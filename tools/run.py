@@ -18,6 +18,7 @@ from typing import Any
 from protocol.errors import Hoap3Error, UsageError
 from protocol.realtime import CpuClaim, claim_cpu, virtual_machine
 from protocol.recorder import NoRecorder, PatientRecorder, Recorder
+from protocol.settings import RealtimeSettings
 from remote_controller.config import ControllerConfig
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.service import describe
@@ -25,7 +26,7 @@ from tools.log import Log, payload_hash
 from tools.machine import machine_block
 from tools.observer import Observer
 from tools.processes import StopFlag, start_service
-from tools.services import as_yaml, observer_for, run_folder
+from tools.services import as_yaml, observer_for, run_folder, watched_cpus
 
 START_TIMEOUT_S = 120.0  # the first start on a machine compiles the kernels
 END_TIMEOUT_S = 60.0
@@ -77,17 +78,22 @@ def run_realtime(
     claims = _claim(emulator, controller)
     cpus = [claim.cpu for claim in claims]
     endpoint = f"tcp/127.0.0.1:{_free_port()}"
+    robots, controllers = (
+        _pinned(emulator.realtime, cpus[:1]),
+        _pinned(controller.realtime, cpus[-1:]),
+    )
+    both = {*watched_cpus(robots), *watched_cpus(controllers)}  # by one observer
     emulator = emulator.model_copy(
         update={
             "link": emulator.link.model_copy(update={"listen": (endpoint,)}),
-            "realtime": _pinned(emulator.realtime, cpus[:1]),
+            "realtime": robots.model_copy(update={"watch_stalls": tuple(sorted(both)) or "none"}),
         }
     )
     controller = controller.model_copy(
         update={
             "robot": description.name,
             "link": controller.link.model_copy(update={"connect": (endpoint,)}),
-            "realtime": _pinned(controller.realtime, cpus[-1:]),
+            "realtime": controllers.model_copy(update={"watch_stalls": "none"}),
             "log": emulator.log,
         }
     )
@@ -289,7 +295,7 @@ def _claim(emulator: EmulatorConfig, controller: ControllerConfig) -> list[CpuCl
     return [claim for _ in range(wanted) if (claim := claim_cpu()) is not None]
 
 
-def _pinned(settings: Any, cpus: list[int]) -> Any:
+def _pinned(settings: RealtimeSettings, cpus: list[int]) -> RealtimeSettings:
     if settings.cpu != "auto" or not cpus:
         return settings  # with none left, the service itself says so
     return settings.model_copy(update={"cpu": cpus[0]})
