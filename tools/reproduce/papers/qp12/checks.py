@@ -26,8 +26,8 @@ _SLOW = (
     "By (16) V falls with a time constant of about 0.85 s: no posture can meet the paper's 400 ms"
 )
 _FAST = (
-    "Without 1/√n in (16) V is down to 2 % after the paper's 400 ms; (17) then only bounds |u_i| by "
-    "√n·u_max"
+    "Without 1/√n in (16) V is down to 2 % after the paper's 400 ms; (17) then bounds |u_i| by "
+    "√n·u_max only"
 )
 _SPARSER = (
     "In SI units 100|∇V| is at most 0.57, so the adaptive γ is at most a third of γ_far; and with "
