@@ -67,7 +67,7 @@ def test_it_says_which_files_it_wrote_and_writes_the_same_bytes_again(tmp_path):
 
 def test_axes_have_labels_and_the_legend_lies_outside_the_data():
     picture = draw(FIGURE)
-    picture.canvas.draw()
+    picture.draw_without_rendering()
     (legend,) = picture.legends
     assert [text.get_text() for text in legend.get_texts()] == ["first", "fast", "slow"]
     box = legend.get_window_extent()
