@@ -36,7 +36,7 @@ STAGES = (
 """In the order of time. RTT is the sum of all from `wait` on, where nothing is unaccounted."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class TickTable:
     """One entry for each tick that asked for an answer, and for each that was skipped meanwhile.
 
@@ -127,6 +127,10 @@ class TickTable:
 
     def __len__(self) -> int:
         return len(self.tick)
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{self.count(place)} {name}" for place, name in enumerate(OUTCOMES))
+        return f"TickTable({counts})"
 
     def count(self, outcome: int) -> int:
         """How many ticks had this outcome."""
@@ -258,7 +262,7 @@ class TickTable:
             {
                 "tick": int(self.tick[place]),
                 "outcome": OUTCOMES[self.outcome[place]],
-                "rtt_us": rtt[place] / 1e3,
+                "rtt_us": float(rtt[place]) / 1e3,
                 "stages_us": {
                     name: float(self.stage(name)[place]) / 1e3
                     for name in (*STAGES, "unaccounted")

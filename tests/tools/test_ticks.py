@@ -117,9 +117,9 @@ WAY_THERE = ("wakeup", "publish", "inbound", "decode", "kinematics", "solve", "e
 
 
 def test_a_waiting_tick_passes_the_blame_on_through_several_cycles(table):
-    story = Story(400).slow("encode", [200], 1900.0)
+    story = Story(400).slow("encode", [200], 1940.0)
     for tick in (201, 202, 203):
-        story.slow("decode", [tick], 400.0)  # slow, but not guilty
+        story.slow("decode", [tick], 450.0)  # slow, but not guilty
     ticks = table(story)
     assert ticks.guilty()[201] == "encode"
     assert set(ticks.guilty().values()) == {"encode"}
