@@ -65,7 +65,8 @@ class Story:
         return self
 
     def of(self, stage: str, tick: int) -> int:
-        return round(self.lengths[stage][tick] * US)
+        """Its length in a tick, or in the one after the last, where the robot rests [ns]."""
+        return round(self.lengths[stage][min(tick, self.count - 1)] * US)
 
     def records(self) -> tuple[list[Record], list[Record]]:
         """Logs of the robot and of the controller."""
@@ -96,12 +97,11 @@ class Story:
             state.tick, state.skipped = tick, skipped
             state.mode = State.ACTIVE if tick < self.count else State.STOPPED
             state.stamp_intended = START + tick * MS
-            last = min(tick, self.count - 1)
-            state.stamp_actual = state.stamp_intended + self.of("wakeup", last)
-            state.stamp_published = state.stamp_actual + self.of("publish", last)
+            state.stamp_actual = state.stamp_intended + self.of("wakeup", tick)
+            state.stamp_published = state.stamp_actual + self.of("publish", tick)
             payload = state.dump()
             records.append(Record(Kind.STATE, state.stamp_published, payload))
-            if tick < self.count and tick not in self.undelivered:
+            if tick not in self.undelivered:
                 arrival = state.stamp_published + self.of("inbound", tick) + self.offset
                 last_arrival = max(last_arrival, arrival)  # a stream keeps the order
                 flying.append((last_arrival, tick, payload))
@@ -134,7 +134,7 @@ class Story:
             setpoint.epoch = EPOCH + (tick in self.refuse)
             setpoint.stamp_state = State.scalars(payload, "stamp_published")[0]
             setpoint.stamp_sent_previous = last_sent
-            if tick not in self.kept_silent:
+            if tick not in self.kept_silent and tick < self.count:
                 answer = setpoint.dump()
                 records.append(Record(Kind.SETPOINT, at, answer))
                 back = at + self.of("send", tick) + self.of("outbound", tick) - self.offset
