@@ -56,6 +56,7 @@ def run_realtime(
     news: News,
     files: tuple[str, str] = ("config", "config"),
     *,
+    links: tuple[dict[str, Any], dict[str, Any]] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> Outcome:
     """Run both services for `duration` [s] of motion on a free port of this machine.
@@ -66,6 +67,7 @@ def run_realtime(
         out: folder of the log, or None for a new one below the configured directory.
         news: takes each piece of news from the services and their observers.
         files: names of both configs, for errors.
+        links: changes of both links; by default they meet at a free TCP port.
         should_stop: asked now and then; by default SIGINT and SIGTERM end the run.
 
     Raises:
@@ -77,16 +79,17 @@ def run_realtime(
     claims = _claim(emulator, controller)
     cpus = [claim.cpu for claim in claims]
     endpoint = f"tcp/127.0.0.1:{_free_port()}"
+    ours, theirs = links or ({"listen": (endpoint,)}, {"connect": (endpoint,)})
     emulator = emulator.model_copy(
         update={
-            "link": emulator.link.model_copy(update={"listen": (endpoint,)}),
+            "link": emulator.link.model_copy(update=ours),
             "realtime": _pinned(emulator.realtime, cpus[:1]),
         }
     )
     controller = controller.model_copy(
         update={
             "robot": description.name,
-            "link": controller.link.model_copy(update={"connect": (endpoint,)}),
+            "link": controller.link.model_copy(update=theirs),
             "realtime": _pinned(controller.realtime, cpus[-1:]),
             "log": emulator.log,
         }
