@@ -91,9 +91,13 @@ def measure_latency(
         folder = plan.out or Path(scratch)
         for block in range(plan.blocks):
             progress(f"block {block + 1} of {plan.blocks}: zenoh over {plan.link}")
-            with link(plan.link, robot) as pair:
-                run = _Run(plan, description, robot, controller, pair)
-                table, said = run.block(folder / f"block{block}", should_stop)
+            try:
+                with link(plan.link, robot) as pair:
+                    run = _Run(plan, description, robot, controller, pair)
+                    table, said = run.block(folder / f"block{block}", should_stop)
+            except Hoap3Error:
+                if not should_stop():
+                    raise
             if should_stop():
                 break
             progress(f"block {block + 1} of {plan.blocks}: bare TCP echo")

@@ -89,6 +89,7 @@ def exchange(peer: Peer, clock: Clock, ticks: int, period_ns: int, size: int) ->
     question = bytearray(size)
     now, send, receive = clock.now, peer.send, peer.receive
     pack, unpack = _TICK.pack_into, _TICK.unpack_from
+    unanswered = 0
     while ticker.tick < ticks - 1:
         ticker.wait()
         tick = ticker.tick
@@ -97,13 +98,12 @@ def exchange(peer: Peer, clock: Clock, ticks: int, period_ns: int, size: int) ->
         pack(question, 0, tick)
         sent[tick] = now()
         send(question)
+        unanswered += 1
         deadline = ticker.intended + period_ns
-        while (answer := receive(deadline)) is not None:
+        while unanswered and (answer := receive(deadline)) is not None:
             stamp = now()
-            (answered,) = unpack(answer)
-            arrival[answered] = stamp
-            if answered == tick:
-                break
+            arrival[unpack(answer)[0]] = stamp
+            unanswered -= 1
     intended = start + period_ns * np.arange(ticks)
     return Exchanges(intended, sent, arrival)
 
