@@ -57,6 +57,7 @@ def run_realtime(
     news: News,
     files: tuple[str, str] = ("config", "config"),
     *,
+    links: tuple[dict[str, Any], dict[str, Any]] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> Outcome:
     """Run both services for `duration` [s] of motion on a free port of this machine.
@@ -67,6 +68,7 @@ def run_realtime(
         out: folder of the log, or None for a new one below the configured directory.
         news: takes each piece of news from the services and their observers.
         files: names of both configs, for errors.
+        links: changes of both links; by default they meet at a free TCP port.
         should_stop: asked now and then; by default SIGINT and SIGTERM end the run.
 
     Raises:
@@ -78,22 +80,16 @@ def run_realtime(
     claims = _claim(emulator, controller)
     cpus = [claim.cpu for claim in claims]
     endpoint = f"tcp/127.0.0.1:{_free_port()}"
-    robots, controllers = (
-        _pinned(emulator.realtime, cpus[:1]),
-        _pinned(controller.realtime, cpus[-1:]),
-    )
-    both = {*watched_cpus(robots), *watched_cpus(controllers)}  # by one observer
+    here, there = links or ({"listen": (endpoint,)}, {"connect": (endpoint,)})
+    ours, theirs = _realtime(emulator.realtime, controller.realtime, cpus)
     emulator = emulator.model_copy(
-        update={
-            "link": emulator.link.model_copy(update={"listen": (endpoint,)}),
-            "realtime": robots.model_copy(update={"watch_stalls": tuple(sorted(both)) or "none"}),
-        }
+        update={"link": emulator.link.model_copy(update=here), "realtime": ours}
     )
     controller = controller.model_copy(
         update={
             "robot": description.name,
-            "link": controller.link.model_copy(update={"connect": (endpoint,)}),
-            "realtime": controllers.model_copy(update={"watch_stalls": "none"}),
+            "link": controller.link.model_copy(update=there),
+            "realtime": theirs,
             "log": emulator.log,
         }
     )
@@ -293,6 +289,18 @@ def _claim(emulator: EmulatorConfig, controller: ControllerConfig) -> list[CpuCl
         return []
     wanted = 1 if virtual_machine() else 2
     return [claim for _ in range(wanted) if (claim := claim_cpu()) is not None]
+
+
+def _realtime(
+    robot: RealtimeSettings, controller: RealtimeSettings, cpus: list[int]
+) -> tuple[RealtimeSettings, RealtimeSettings]:
+    """Settings of both sides: their CPUs, and the robot's observer watches all of them."""
+    robot, controller = _pinned(robot, cpus[:1]), _pinned(controller, cpus[-1:])
+    watched = tuple(sorted({*watched_cpus(robot), *watched_cpus(controller)}))
+    return (
+        robot.model_copy(update={"watch_stalls": watched or "none"}),
+        controller.model_copy(update={"watch_stalls": "none"}),
+    )
 
 
 def _pinned(settings: RealtimeSettings, cpus: list[int]) -> RealtimeSettings:
