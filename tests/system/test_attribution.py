@@ -1,4 +1,4 @@
-"""Whose fault a miss was, over Zenoh: a user's controller that is slow now and then is found out."""
+"""Whose fault a miss was, over Zenoh: a controller that is slow now and then is found out."""
 
 from __future__ import annotations
 
