@@ -56,7 +56,10 @@ def test_each_solver_is_timed_at_each_size():
     }
     keys = {"solver", "n", "samples", "min_us", "mean_us", "p50_us", "p99_us", "max_us"}
     assert all(row.keys() == keys for row in found["rows"])
-    assert [text.split(":")[0] for text in told] == ["7 joints", "14 joints"]
+    assert told == [
+        *(f"setting up {name} for {n} joints" for n in (7, 14) for name in installed()),
+        "timing",
+    ]
     assert found["left_out"] == []
 
 

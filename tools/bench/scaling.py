@@ -17,7 +17,7 @@ SIZES = (7, 14, 21, 32, 50, 100, 200, 500, 1000)
 FIT_FROM = 100
 """Joints from which the slope is fitted: below, the call itself costs more than the joints do."""
 
-BLOCKS = 10
+BLOCKS = 30
 SLOW_S, SLOW_SAMPLES = 2e-3, 5
 """A solver that needs longer for one problem is timed that often only."""
 
@@ -31,7 +31,7 @@ def bench_scaling(
     solvers: Sequence[str] | None = None,
     report: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Any]:
-    """Time solvers over the number of joints, all of them in turn at each size.
+    """Time solvers over the number of joints, all of them and all sizes in turn.
 
     Args:
         samples: single calls of each solver at each size; few of slow ones.
@@ -43,26 +43,30 @@ def bench_scaling(
         `rows` as those of `bench_solvers`; `slopes`, of each solver that has two sizes or more from
         `FIT_FROM` joints on; `left_out`, {solver, n, took_s} of what was too slow.
     """
-    rows: list[dict[str, Any]] = []
-    left_out: list[dict[str, Any]] = []
     names = list(installed() if solvers is None else solvers)
+    found: dict[str, tuple[str, int]] = {}
+    quick: list[Contender] = []
+    slow: list[Contender] = []
+    left_out: list[dict[str, Any]] = []
     for n in sorted(sizes):
-        report(f"{n} joints: {', '.join(names)}")
         problems = gradients(n)
-        quick: list[Contender] = []
-        slow: list[Contender] = []
         for name in list(names):
+            report(f"setting up {name} for {n} joints")
             solver = peer(name, n, GAMMA)
             took = _slowest(solver, problems[:3])
             if took > LONGEST_S:
                 left_out.append({"solver": name, "n": n, "took_s": took})
                 names.remove(name)
-            else:
-                group = slow if took > SLOW_S else quick
-                group.append(contender(name, solver, problems))
-        times = race(quick, samples, BLOCKS, batches=False)
-        times |= race(slow, min(samples, SLOW_SAMPLES), 1, batches=False)
-        rows += [{"solver": name, "n": n, **taken.figures()} for name, taken in times.items()]
+                continue
+            label = f"{name}, {n} joints"
+            found[label] = name, n
+            (slow if took > SLOW_S else quick).append(contender(label, solver, problems))
+    report("timing")
+    times = race(quick, samples, BLOCKS, batches=False)
+    times |= race(slow, min(samples, SLOW_SAMPLES), 1, batches=False)
+    rows = [
+        {"solver": name, "n": n, **times[label].figures()} for label, (name, n) in found.items()
+    ]
     return {"rows": rows, "slopes": slopes(rows), "left_out": left_out}
 
 
