@@ -42,7 +42,7 @@ class Times:
     batch: Array
 
     def figures(self) -> dict[str, Any]:
-        """Row of a benchmark: of single calls, and the median of batches where there are any."""
+        """Row of a benchmark: of single calls, and of batches where there are any."""
         us = self.single.ravel()
         found = {
             "samples": us.size,
@@ -53,7 +53,12 @@ class Times:
             "max_us": float(us.max()),
         }
         if self.batch.size:
-            found |= {"batches": self.batch.size, "batch_mean_us": float(np.median(self.batch))}
+            found |= {
+                "batches": self.batch.size,
+                "batch_min_us": float(self.batch.min()),
+                "batch_mean_us": float(np.median(self.batch)),
+                "batch_max_us": float(self.batch.max()),
+            }
         return found
 
     def times(self, reference: Times) -> float:
