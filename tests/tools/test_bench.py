@@ -25,7 +25,7 @@ ERRORS = {  # what each solver's tolerance allows, relative to the largest speed
     "quadprog": 1e-10,
     "osqp": 1e-3,
     "osqp_bare": 1e-3,
-    "proxqp": 1e-3,
+    "proxqp": 1e-2,
 }
 
 
