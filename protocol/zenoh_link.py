@@ -16,8 +16,9 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 os.environ.setdefault(
-    "ZENOH_RUNTIME",  # read once, at import: one worker for everything costs least
-    "(rx:(handover:app),tx:(handover:app),acc:(handover:app),net:(handover:app),"
+    "ZENOH_RUNTIME",  # read once, at import: one worker for everything costs least, but for
+    # what accepts links: while a frozen peer is closed, nobody could reach the robot for 10 s
+    "(rx:(handover:app),tx:(handover:app),acc:(worker_threads:1),net:(handover:app),"
     "app:(worker_threads:1))",
 )
 
