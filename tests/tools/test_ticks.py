@@ -147,6 +147,11 @@ def test_what_the_robot_refused_is_rejected(table):
     assert (ticks.arrival[[100, 101]] == NEVER).all()
 
 
+def test_a_stage_that_is_always_long_is_not_guilty_of_one_that_is_long_once(table):
+    story = Story(300).slow("solve", np.arange(300), 500.0).slow("encode", [200], 450.0)
+    assert table(story).guilty() == {200: "encode"}
+
+
 def test_where_all_is_slow_the_slowest_stage_is_guilty(table):
     story = Story(300)
     ticks = table(story.slow("kinematics", np.arange(300), 1200.0))
