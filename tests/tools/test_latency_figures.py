@@ -19,6 +19,8 @@ from tools.latency_figures import (
     tick_figures,
     worst_window,
 )
+from tools.outside import OutsideStalls
+from tools.stalls import StallLog
 from tools.statistics import RunStatistics
 from tools.tick_logs import NEVER
 from tools.ticks import IN_TIME, STAGES, TickTable
@@ -160,6 +162,34 @@ def test_counts_and_times_are_those_of_the_summary_of_a_run(tmp_path):
             )
     assert ours["misses"]["late"] == 2
     assert ours["misses"]["lost"] == 1
+
+
+@given(seed=st.integers(0, 10_000))
+@settings(max_examples=25)
+def test_misses_outside_stalls_are_those_of_the_summary_of_a_run(tmp_path_factory, seed):
+    rng = np.random.default_rng(seed)
+    lengths = rng.integers(100 * US, 3 * MS, 12)
+    starts = np.cumsum(lengths + rng.integers(0, 10 * MS, 12)) - lengths
+    story = Story(100, stalls=list(zip(starts.tolist(), lengths.tolist(), strict=True)))
+    fates = rng.choice(3, 100, p=[0.7, 0.2, 0.1])
+    fates[[0, -1]] = 0
+    story.vanished = set(np.flatnonzero(fates == 1).tolist())
+    story.skipped = set(np.flatnonzero(fates == 2).tolist())
+    watched = StallLog()
+    watched.begin()
+    for start, length in story.stalls:
+        watched.note(START + start, START + start + length)
+    outside = OutsideStalls({0: watched})
+    outside.take()
+    statistics = RunStatistics(MS, outside)
+    for record in story.records()[0]:
+        statistics.add(record)
+    run = statistics.summary()
+    ours = tick_figures([TickTable.from_run(story.write(tmp_path_factory.mktemp("run")))])
+    assert ours["misses_outside_stalls"] == run["misses_outside_stalls"]
+    assert ours["host_stalls"] == pytest.approx(run["host_stalls"])
+    assert ours["skipped"] == run["skipped"]
+    assert ours["misses"]["lost"] == run["misses"]["lost"]
 
 
 def test_the_figures_have_the_promised_keys(table):
