@@ -109,7 +109,7 @@ def test_a_robot_that_sleeps_hides_nothing_from_the_response(table):
 
 
 @given(st.lists(st.booleans(), min_size=2, max_size=300), st.integers(0, 100))
-@settings(max_examples=40)
+@settings(max_examples=15)
 def test_runs_and_windows_are_those_that_the_robot_counts(tmp_path_factory, hits, seed):
     story = Story(len(hits), seed, vanished={at for at, hit in enumerate(hits) if not hit})
     table = TickTable.from_run(story.write(tmp_path_factory.mktemp("run")))
@@ -165,7 +165,7 @@ def test_counts_and_times_are_those_of_the_summary_of_a_run(tmp_path):
 
 
 @given(seed=st.integers(0, 10_000))
-@settings(max_examples=25)
+@settings(max_examples=15)
 def test_misses_outside_stalls_are_those_of_the_summary_of_a_run(tmp_path_factory, seed):
     rng = np.random.default_rng(seed)
     lengths = rng.integers(100 * US, 3 * MS, 12)

@@ -206,7 +206,7 @@ def test_skipped_ticks_are_misses_only_outside_stalls(table):
 @given(
     st.lists(st.tuples(st.integers(0, 400), st.integers(1, 30)), max_size=8),
 )
-@settings(max_examples=50)
+@settings(max_examples=20)
 def test_stalled_ticks_are_those_that_a_search_finds(tmp_path_factory, pairs):
     stalls = [(100 * US * start, 100 * US * length) for start, length in pairs]
     folder = tmp_path_factory.mktemp("stalls")
@@ -263,7 +263,7 @@ def test_worst_are_the_longest_round_trips_with_their_stages(table):
 
 
 @given(seed=st.integers(0, 1000))
-@settings(max_examples=15)
+@settings(max_examples=10)
 def test_the_table_agrees_with_numpy_on_random_runs(tmp_path_factory, seed):
     rng = np.random.default_rng(seed)
     story = Story(200, seed, stalls=[])
