@@ -15,6 +15,7 @@ GROUP = "hoap3.controllers"
 BUILTIN = {
     "qp12": "remote_controller.controllers.qp12:Qp12Controller",
     "pinv": "remote_controller.controllers.pinv:PinvController",
+    "osqp": "remote_controller.controllers.osqp:OsqpController",
 }
 
 

@@ -34,7 +34,7 @@ def prepare(report: Callable[[str], None]) -> None:
     """Import and compile whatever is slow to, before anything is real time."""
     import pinocchio  # noqa: F401, PLC0415 - half a second, better now than in the loop
 
-    warm_up(KERNELS, report)
+    warm_up(KERNELS, lambda name: report(f"kernels: {name}"))
 
 
 def rehearse(controller: Controller, description: RobotDescription) -> None:

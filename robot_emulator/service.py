@@ -89,7 +89,7 @@ def serve(
     from protocol.compilation import warm_up  # noqa: PLC0415 - loads numba
     from protocol.zenoh_link import ZenohRobotLink  # noqa: PLC0415 - only where there is a network
 
-    warm_up(KERNELS, report)
+    warm_up(KERNELS, lambda name: report(f"kernels: {name}"))
     measures = [str(measure) for measure in prepare_process(config.realtime)]
     for measure in measures:
         report(measure)

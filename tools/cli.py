@@ -109,6 +109,7 @@ def emulator(
     lockstep: Annotated[bool, typer.Option("--lockstep", help="Virtual time over Zenoh.")] = False,
     duration: Duration = None,
     out: Out = None,
+    as_json: AsJson = False,
     no_realtime: NoRealtime = False,
     sets: Sets = [],  # noqa: B006
     status_fd: StatusFd = None,
@@ -119,9 +120,10 @@ def emulator(
 
     stop = StopFlag()
     from tools.services import emulator_config, run_emulator
+    from tools.show import show_summary
 
     settings, file = emulator_config(config, sets, realtime=not no_realtime, named=named)
-    code = run_emulator(
+    code, summary = run_emulator(
         settings,
         file,
         lockstep=lockstep,
@@ -130,6 +132,10 @@ def emulator(
         status_fd=status_fd,
         should_stop=stop,
     )
+    if summary is not None and as_json:
+        _print_json(summary)
+    elif summary is not None and status_fd is None:
+        show_summary(summary)
     raise typer.Exit(code)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -30,14 +31,57 @@ def doctor(
 @bench_app.command("solvers")
 def bench_solvers(
     joints: Annotated[int, typer.Option("-n", "--joints", min=2, help="Joints.")] = 21,
-    gamma: Annotated[float, typer.Option(min=0.0, max=1.0, help="Of QP12.")] = 0.5,
+    gamma: Annotated[float, typer.Option(min=0.0, max=0.999, help="Of QP12.")] = 0.5,
     samples: Samples = 10_000,
     as_json: AsJson = False,
 ) -> None:
     """Time QP12 beside its peers: daqp, OSQP, PINV, and quadprog and ProxQP where installed."""
+    from tools.bench.peers import missing
+    from tools.bench.show import show_missing, show_rows
     from tools.bench.solvers import bench_solvers as measure
+    from tools.machine import machine_block
 
-    _show(measure(joints, samples, gamma), as_json)
+    machine = machine_block()
+    rows = measure(joints, samples, gamma)
+    if as_json:
+        _write({"rows": rows, "missing": list(missing()), "machine": machine})
+    else:
+        show_rows(rows, machine)
+        show_missing()
+
+
+@bench_app.command("scaling")
+def bench_scaling(
+    samples: Samples = 300,
+    most: Annotated[
+        int, typer.Option("--most", min=7, max=1000, help="Joints of the largest problem.")
+    ] = 1000,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw time over joints into this PNG, SVG or PDF.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Time QP12 and its peers from 7 to 1000 joints, and fit how fast each grows."""
+    from tools.bench.peers import missing
+    from tools.bench.plot import check_picture, plot_scaling
+    from tools.bench.scaling import SIZES
+    from tools.bench.scaling import bench_scaling as measure
+    from tools.bench.show import show_missing, show_scaling
+    from tools.machine import machine_block
+    from tools.show import console
+
+    if plot is not None:
+        check_picture(plot)
+    machine = machine_block()
+    with console.status("") as status:  # silent where standard error is no terminal
+        measured = measure(samples, [n for n in SIZES if n <= most], report=status.update)
+    if plot is not None:
+        plot_scaling(measured, machine, plot)
+    if as_json:
+        _write({**measured, "missing": list(missing()), "machine": machine})
+    else:
+        show_scaling(measured, machine)
+        show_missing()
 
 
 @bench_app.command("cycle")
@@ -48,16 +92,16 @@ def bench_cycle(
 ) -> None:
     """Time one answer: kinematics, solve and integration; and all from bytes to bytes."""
     from tools.bench.cycle import bench_cycle as measure
-
-    _show(measure(controller, samples), as_json)
-
-
-def _show(rows: list[dict[str, Any]], as_json: bool) -> None:
     from tools.bench.show import show_rows
     from tools.machine import machine_block
 
     machine = machine_block()
+    rows = measure(controller, samples)
     if as_json:
-        sys.stdout.write(json.dumps({"rows": rows, "machine": machine}, indent=2) + "\n")
+        _write({"rows": rows, "machine": machine})
     else:
         show_rows(rows, machine)
+
+
+def _write(content: dict[str, Any]) -> None:
+    sys.stdout.write(json.dumps(content, indent=2) + "\n")

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import json
 import os
+import select
 import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -43,6 +45,9 @@ class Observer:
         lockstep: whether stamps are virtual.
         watch: CPUs whose stalls are noted and count as the host's.
         status_fd: open file that takes a JSON line for every piece of news, or None for people.
+
+    Attributes:
+        final: what it told at its end: `paths`, `dropped`, and of the robot its `summary`.
     """
 
     def __init__(
@@ -60,6 +65,8 @@ class Observer:
         status_fd: int | None = None,
     ) -> None:
         self.ring = Ring()
+        self.final: dict[str, Any] = {}
+        self._last_words, last_words = os.pipe()
         order = {
             "fd": self.ring.fd,
             "side": side,
@@ -72,9 +79,10 @@ class Observer:
             "lockstep": lockstep,
             "watch": watch,
             "status_fd": status_fd,
+            "last_words_fd": last_words,
             "parent": os.getpid(),
         }
-        fds = [self.ring.fd] + ([status_fd] if status_fd is not None else [])
+        fds = [self.ring.fd, last_words] + ([status_fd] if status_fd is not None else [])
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", "tools.observer"],
             stdin=subprocess.PIPE,
@@ -86,6 +94,7 @@ class Observer:
             raise Hoap3Error("the observer process has no standard input")
         self._process.stdin.write(json.dumps(order).encode())
         self._process.stdin.close()
+        os.close(last_words)
 
     @property
     def pid(self) -> int:
@@ -100,12 +109,25 @@ class Observer:
         """Say that nothing follows, and wait until all of it is on disk; False where it is not."""
         self.ring.close()
         try:
+            self._listen()
             return self._process.wait(timeout=DRAIN_S) == 0
         except subprocess.TimeoutExpired:
             self._process.kill()
             return False
         finally:
             os.close(self.ring.fd)
+            os.close(self._last_words)
+
+    def _listen(self) -> None:
+        """Take its last words; without waiting for ever, should it never say them."""
+        data, limit = b"", time.monotonic() + DRAIN_S
+        while select.select([self._last_words], [], [], max(0.0, limit - time.monotonic()))[0]:
+            more = os.read(self._last_words, 65536)
+            if not more:
+                break
+            data += more
+        with suppress(ValueError):  # it was killed in the midst of it
+            self.final = json.loads(data or b"{}")
 
 
 class _Reporter:
@@ -212,6 +234,7 @@ class _Watch:
             order["period_ns"], self._stalls, timing=not order["lockstep"]
         )
         self._reporter = _Reporter(order["status_fd"], order["side"])
+        self._last_words_fd = order["last_words_fd"]
 
     def take(self, record: Record) -> None:
         """A record of the loop, or one of our own."""
@@ -254,6 +277,8 @@ class _Watch:
         if self._is_robot:
             final["summary"] = {**self._statistics.summary(), "dropped_records": dropped}
         self._reporter.send("final", final)
+        with os.fdopen(self._last_words_fd, "w") as stream, suppress(BrokenPipeError):
+            json.dump(final, stream)
 
 
 def _event(kind: str, stamp: int, detail: int) -> Record:

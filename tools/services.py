@@ -55,9 +55,10 @@ def emulator_config(
     """
     content, file = _piped(named) if name == STANDARD_INPUT else emulator_content(name)
     content = apply_overrides(content, overrides)
+    label = f"{file} with --set" if overrides else file
     if not realtime:
         content["realtime"] = {**content.get("realtime", {}), **NO_REALTIME}
-    return parse(EmulatorConfig, content, file), file
+    return parse(EmulatorConfig, content, label), file
 
 
 def controller_config(
@@ -66,10 +67,11 @@ def controller_config(
     """Settings of a controller, its parameters checked; arguments as for `emulator_config`."""
     content, file = _piped(named) if name == STANDARD_INPUT else read_controller_config(name)
     content = apply_overrides(content, overrides)
+    label = f"{file} with --set" if overrides else file
     if not realtime:
         content["realtime"] = {**content.get("realtime", {}), **NO_REALTIME}
-    config = parse(ControllerConfig, content, file)
-    check_parameters(config, file)
+    config = parse(ControllerConfig, content, label)
+    check_parameters(config, label)
     return config, file
 
 
@@ -208,8 +210,12 @@ def run_emulator(
     out: Path | None,
     status_fd: int | None,
     should_stop: Callable[[], bool],
-) -> int:
-    """Run a robot until it is told to stop; exit code 0, or 1 after a safe stop."""
+) -> tuple[int, dict[str, Any] | None]:
+    """Run a robot until it is told to stop.
+
+    Returns:
+        Exit code, 0 or 1 after a safe stop, and the summary as `run` has it; None after a failure.
+    """
     description = describe(config, file)
     period_ns = round(description.period_s * 1e9)
     folder = _folder(config.log, out, "robot")
@@ -230,12 +236,17 @@ def run_emulator(
     try:
         loop = run(config, description, recorder, voice.say, should_stop, ticks)
     except Hoap3Error as error:
-        return voice.fail(error)
+        return voice.fail(error), None
     finally:
         _close(observer, voice)
         if claim is not None:
             claim.release()
-    return 1 if loop.safe_stops else 0
+    summary = observer.final.get("summary")
+    if summary is not None:
+        summary["machine"] = machine_block()
+        summary["transport"] = "zenoh, virtual time" if lockstep else "zenoh"
+        summary["log"] = str(folder) if folder else None
+    return 1 if loop.safe_stops else 0, summary
 
 
 def run_controller(
@@ -272,6 +283,7 @@ def run_controller(
         _close(observer, voice)
         if claim is not None:
             claim.release()
+    voice.say(f"log: {folder or 'none'}")
     return 0
 
 

@@ -11,6 +11,7 @@ from pages import table
 
 from protocol.settings import Settings
 from remote_controller.config import CONFIGS, ControllerConfig
+from remote_controller.controllers.osqp import OsqpController
 from remote_controller.controllers.pinv import PinvController
 from remote_controller.controllers.qp12 import Qp12Controller
 from robot_emulator.config import EmulatorConfig
@@ -20,6 +21,7 @@ MODELS: dict[str, type[Settings]] = {
     "Keys of the controller": ControllerConfig,
     "Parameters of qp12": Qp12Controller.Parameters,
     "Parameters of pinv": PinvController.Parameters,
+    "Parameters of osqp": OsqpController.Parameters,
 }
 UNITS = {"_ms": "ms", "_us": "µs", "_mb": "MB", "_rad_s": "rad/s", "_per_s": "1/s", "_m": "m"}
 SUPERSCRIPT = {2**63 - 1: "2⁶³ − 1"}
@@ -104,7 +106,7 @@ def test_a_row_is_as_the_model_has_it(heading, key, kind, default):
         assert row["unit"] == UNITS[suffix[0]]
 
 
-def test_the_shipped_config_of_qp12_says_nothing_but_defaults():
-    content = yaml.safe_load((CONFIGS / "qp12.yaml").read_text(encoding="utf-8"))
-    shipped = Qp12Controller.Parameters(**content["parameters"])
-    assert shipped == Qp12Controller.Parameters()
+@pytest.mark.parametrize(("name", "law"), [("qp12", Qp12Controller), ("osqp", OsqpController)])
+def test_a_shipped_config_says_nothing_but_defaults(name, law):
+    content = yaml.safe_load((CONFIGS / f"{name}.yaml").read_text(encoding="utf-8"))
+    assert law.Parameters(**content["parameters"]) == law.Parameters()

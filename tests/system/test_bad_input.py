@@ -113,7 +113,10 @@ def test_a_wrong_set(set_: str, words: tuple[str, ...]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ((*RUN, "--controller", "qp21"), ("'qp21'", "Did you mean 'qp12'?", "Known: pinv, qp12")),
+        (
+            (*RUN, "--controller", "qp21"),
+            ("'qp21'", "Did you mean 'qp12'?", "Known: osqp, pinv, qp12"),
+        ),
         ((*RUN, "--robot", "hoap4"), ("'hoap4'", "Did you mean 'hoap3'?")),
         ((*RUN, "--robot", "nowhere.yaml"), ("nowhere.yaml", "No such file")),
         ((*RUN, "--controller", "nowhere.yaml"), ("nowhere.yaml", "No such file")),

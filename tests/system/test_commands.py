@@ -60,10 +60,10 @@ def test_list_knows_what_can_be_named() -> None:
     assert found["emulator configs"] == ["hoap3"]
     people = inside("list")
     assert people.stdout == ""
-    assert "controllers: pinv, qp12" in people.stderr
+    assert "controllers: osqp, pinv, qp12" in people.stderr
 
 
-@pytest.mark.parametrize("name", ["hoap3", "qp12", "pinv"])
+@pytest.mark.parametrize("name", ["hoap3", "qp12", "pinv", "osqp"])
 def test_a_shown_config_is_a_config(name: str, tmp_path: Path) -> None:
     shown = inside("config", "show", name)
     assert shown.code == 0
@@ -82,14 +82,14 @@ def test_show_tells_what_a_set_would_do() -> None:
     assert yaml.safe_load(shown.stdout)["parameters"]["gamma"] == 0.25
 
 
-@pytest.mark.parametrize("kind", ["emulator", "controller", "qp12", "pinv"])
+@pytest.mark.parametrize("kind", ["emulator", "controller", "qp12", "pinv", "osqp"])
 def test_a_schema_describes_every_key_of_the_config(kind: str) -> None:
     schema = inside("config", "schema", kind).json()
     name = "hoap3" if kind == "emulator" else "qp12" if kind == "controller" else kind
     content = yaml.safe_load(inside("config", "show", name).stdout)
     assert schema["properties"].keys() == content.keys()
     assert schema["additionalProperties"] is False
-    if kind in {"qp12", "pinv"}:
+    if kind in {"qp12", "pinv", "osqp"}:
         parameters = schema["properties"]["parameters"]
         assert parameters["properties"].keys() == content["parameters"].keys()
 

@@ -5,52 +5,78 @@ from __future__ import annotations
 from typing import Any
 
 from protocol.clock import MonotonicClock
+from protocol.description import RobotDescription
 from protocol.messages import State
 from protocol.recorder import MemoryRecorder, NoRecorder
 from protocol.ring import Kind
-from remote_controller.config import build
+from remote_controller.config import ControllerConfig, build
 from remote_controller.loop import ControllerLoop
-from tools.bench.timing import time_calls
+from tools.bench.reference import reference
+from tools.bench.timing import BATCH, BLOCKS, SETTLE, Contender, race
 from tools.simulate import Lockstep, controller_settings, emulator_settings
 
-WARM_UP = 200
+STATES = 512
 PAPER_US = 272.2
 """CoM 160.95, Jacobian 109.85 and QP12 1.36, as the QP12 paper measured them in section V-B."""
 
 
 def bench_cycle(controller: str = "qp12", samples: int = 5000) -> list[dict[str, Any]]:
-    """Rows {solver, n, samples, min_us, …} of `step`, and of `answer`, over a logged motion.
+    """Rows {solver, n, samples, min_us, …} of `step`, of `answer`, and of the fixed reference.
 
     `step` is kinematics, solve and Euler integration; `answer` is all that the service does
-    between the bytes of a State and the bytes of its Setpoint.
+    between the bytes of a State and the bytes of its Setpoint. Both walk along a motion of HOAP-3.
     """
     config = controller_settings(controller)
+    description, payloads = motion(config, samples + BLOCKS * (SETTLE + BATCH))
+    step = _step(f"{controller} step", config, description, payloads)
+    answer = _answer(f"{controller} answer", config, description, payloads)
+    times = race([step, answer, reference()], samples)
+    return [
+        {
+            "solver": name,
+            "n": description.n,
+            **taken.figures(),
+            "times_reference": taken.times(times["reference"]),
+            "paper": {"mean_us": PAPER_US} if name == step.name else None,
+        }
+        for name, taken in times.items()
+    ]
+
+
+def motion(config: ControllerConfig, ticks: int) -> tuple[RobotDescription, list[bytes]]:
+    """HOAP-3, and at least that many States of a motion of it, as bytes."""
     log = MemoryRecorder()
     lockstep = Lockstep(emulator_settings("hoap3", 0), config, log, NoRecorder())
-    lockstep.run((2 * samples + WARM_UP) * 1e-3)
+    lockstep.run((ticks + 1) * 1e-3)
     payloads = [record.payload for record in log.records if record.kind == Kind.STATE]
-    description = lockstep.controller.description
-    law = build(config, description)
-    state = State(description.n)
-    state.load(payloads[0])
-    law.reset(state, None)
-    step = time_calls(lambda _: law.step(state), samples, WARM_UP)
-    loop = ControllerLoop(law, MonotonicClock(), NoRecorder(), state.session_id)
-    loop.grant(1)
-    following = iter(payloads)
+    return lockstep.controller.description, payloads
 
-    def answer(_: int) -> None:
-        loop.answer(0, next(following))
+
+def _step(
+    name: str, config: ControllerConfig, description: RobotDescription, payloads: list[bytes]
+) -> Contender:
+    law = build(config, description)
+    states = []
+    for payload in payloads[:: max(1, len(payloads) // STATES)]:
+        state = State(description.n, 6 * len(description.wrench_sensors))
+        state.load(payload)
+        states.append((state,))
+    law.reset(states[0][0], None)
+    return Contender(name, law.step, states)
+
+
+def _answer(
+    name: str, config: ControllerConfig, description: RobotDescription, payloads: list[bytes]
+) -> Contender:
+    state = State(description.n, 6 * len(description.wrench_sensors))
+    state.load(payloads[0])
+    loop = ControllerLoop(
+        build(config, description), MonotonicClock(), NoRecorder(), state.session_id
+    )
+    loop.grant(state.epoch)
+
+    def answer(payload: bytes) -> None:
+        loop.answer(0, payload)
         loop.sent()
 
-    whole = time_calls(answer, samples, WARM_UP)
-    rows: list[dict[str, Any]] = [
-        {
-            "solver": f"{controller} step",
-            "n": description.n,
-            **step,
-            "paper": {"mean_us": PAPER_US},
-        },
-        {"solver": f"{controller} answer", "n": description.n, **whole, "paper": None},
-    ]
-    return rows
+    return Contender(name, answer, [(payload,) for payload in payloads])

@@ -1,11 +1,14 @@
-"""QP12 by other people's solvers, each in its best use: set up once, updated, warm-started.
+"""QP12 by us and by other people's solvers, each in its best use: set up once, updated, warm.
 
-All solve the canonical form: min γ·1ᵀx + (1−γ)/2·|x|² such that aᵀx = b, x ≥ 0.
+All solve the canonical form: min γ·1ᵀx + (1−γ)/2·|x|² such that aᵀx = b, x ≥ 0. Peers read the
+equation as (a/b)ᵀx = 1, so that one row is all that changes from call to call.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -13,121 +16,188 @@ from numpy.typing import NDArray
 
 from protocol.errors import UnknownNameError
 from remote_controller.solvers import Qp12
-from remote_controller.solvers.osqp_qp12 import OsqpQp12
 
 Array = NDArray[np.float64]
-Solve = Callable[[Array, float], Array]
-"""Coefficients a, (n,), and b to x, (n,)."""
 
 
-def ours(n: int, gamma: float) -> Solve:
-    """Our compiled kernel, as the loop calls it."""
-    solver, out = Qp12(n), np.zeros(n)
+@dataclass(frozen=True)
+class Peer:
+    """A solver for n joints.
 
-    def solve(a: Array, b: float) -> Array:
-        solver.solve(a, b, gamma, out)
-        return out
+    Attributes:
+        solve: takes a problem, such as a, (n,), and b, and then whatever is in `fixed`.
+        fixed: further arguments, the same for every problem.
+        out: where the answer is; None where `solve` returns it.
+    """
 
-    return solve
+    solve: Callable[..., Any]
+    fixed: tuple[Any, ...] = ()
+    out: Array | None = None
 
-
-def osqp(n: int, gamma: float) -> Solve:
-    """OSQP, polished, from the last solution."""
-    solver, out = OsqpQp12(n), np.zeros(n)
-
-    def solve(a: Array, b: float) -> Array:
-        solver.solve(a, b, gamma, out)
-        return out
-
-    return solve
+    def __call__(self, *problem: Any) -> Array:
+        """The answer x, (n,), or −x: ours are speeds that decrease V."""
+        returned: Array = self.solve(*problem, *self.fixed)
+        return returned if self.out is None else self.out
 
 
-def daqp(n: int, gamma: float) -> Solve:
+def qp12(n: int, gamma: float) -> Peer:
+    """Our solver as a loop uses it: with all checks, and the KKT residual of the answer."""
+    out = np.zeros(n)
+    return Peer(Qp12(n).solve, (gamma, out), out)
+
+
+def daqp(n: int, gamma: float) -> Peer:
     """daqp, a dual active set, from the last active set."""
     import daqp as library  # noqa: PLC0415 - each peer only where it is asked for
 
     model: Any = library.Model()
-    row = np.ones((1, n))
-    upper = np.full(n + 1, 1e30)
-    lower = np.zeros(n + 1)
+    rows = np.ones((1, n))
+    upper, lower = np.full(n + 1, 1e30), np.zeros(n + 1)
     upper[n] = lower[n] = 1.0
     sense = np.zeros(n + 1, np.int32)
     sense[n] = 5  # an equation
-    model.setup((1.0 - gamma) * np.eye(n), np.full(n, gamma), row, upper, lower, sense)
+    model.setup((1.0 - gamma) * np.eye(n), np.full(n, gamma), rows, upper, lower, sense)
+    update, solve_it, row, divide = model.update, model.solve, rows[0], np.divide
 
     def solve(a: Array, b: float) -> Array:
-        row[0] = a
-        upper[n] = lower[n] = b
-        model.update(A=row, bupper=upper, blower=lower)
-        x: Array = model.solve()[0]
+        divide(a, b, row)
+        update(A=rows)
+        x: Array = solve_it()[0]
         return x
 
-    return solve
+    return Peer(solve)
 
 
-def quadprog(n: int, gamma: float) -> Solve:
-    """quadprog, Goldfarb and Idnani; it knows no warm start."""
+def osqp(n: int, gamma: float) -> Peer:
+    """OSQP by its documented Python interface, from the last solution."""
+    model, entries = _osqp_model(n, gamma)
+    update, solve_it, row, divide = model.update, model.solve, np.zeros(n), np.divide
+
+    def solve(a: Array, b: float) -> Array:
+        divide(a, b, row)
+        update(Ax=row, Ax_idx=entries)
+        x: Array = solve_it(raise_error=False).x
+        return x
+
+    return Peer(solve)
+
+
+def osqp_bare(n: int, gamma: float) -> Peer:
+    """OSQP without its Python interface, which takes longer than the solver: as C would call it."""
+    model, entries = _osqp_model(n, gamma)
+    solver = model._solver
+    update, solve_it, row, divide = solver.update_data_mat, solver.solve, np.zeros(n), np.divide
+
+    def solve(a: Array, b: float) -> Array:
+        divide(a, b, row)
+        update(None, None, row, entries)
+        solve_it()
+        x: Array = solver.solution.x
+        return x
+
+    return Peer(solve)
+
+
+def _osqp_model(n: int, gamma: float) -> tuple[Any, NDArray[np.int32]]:
+    """OSQP set up to be quick: for 1e-4 of the largest speed, which leaves polishing out.
+
+    The places of the equation's entries in the matrix, column by column, are given too.
+    """
+    import osqp as library  # noqa: PLC0415
+    from scipy import sparse  # noqa: PLC0415
+
+    lower, upper = np.zeros(n + 1), np.full(n + 1, np.inf)
+    lower[0] = upper[0] = 1.0
+    model: Any = library.OSQP()
+    model.setup(
+        P=(1.0 - gamma) * sparse.eye(n, format="csc"),
+        q=np.full(n, gamma),
+        A=sparse.vstack([sparse.csc_matrix(np.ones((1, n))), sparse.eye(n)], "csc"),
+        l=lower,
+        u=upper,
+        verbose=False,
+        eps_abs=1e-5,
+        eps_rel=1e-5,
+        check_termination=5,
+        scaling=0,
+        polishing=False,
+        warm_starting=True,
+    )
+    return model, 2 * np.arange(n, dtype=np.int32)
+
+
+def quadprog(n: int, gamma: float) -> Peer:
+    """quadprog, Goldfarb and Idnani; it knows no warm start, but takes H already factorised."""
     import quadprog as library  # noqa: PLC0415
 
-    hessian, linear = (1.0 - gamma) * np.eye(n), np.full(n, -gamma)
-    constraints = np.hstack([np.ones((n, 1)), np.eye(n)])
+    root = np.eye(n) / np.sqrt(1.0 - gamma)  # R⁻¹ of H = RᵀR
+    linear, constraints = np.full(n, -gamma), np.hstack([np.ones((n, 1)), np.eye(n)])
     bounds = np.zeros(n + 1)
+    bounds[0] = 1.0
+    row, divide, solve_it = constraints[:, 0], np.divide, library.solve_qp
 
     def solve(a: Array, b: float) -> Array:
-        constraints[:, 0] = a
-        bounds[0] = b
-        x: Array = library.solve_qp(hessian, linear, constraints, bounds, 1)[0]
+        divide(a, b, row)
+        x: Array = solve_it(root, linear, constraints, bounds, 1, True)[0]
         return x
 
-    return solve
+    return Peer(solve)
 
 
-def proxqp(n: int, gamma: float) -> Solve:
+def proxqp(n: int, gamma: float) -> Peer:
     """ProxQP, dense, with bounds as a box, from the last solution."""
     from proxsuite import proxqp as library  # noqa: PLC0415
 
-    solver: Any = library.dense.QP(n, 1, 0, True)
-    solver.settings.eps_abs = 1e-9
+    box, hessian = True, (1.0 - gamma) * np.eye(n)
+    solver: Any = library.dense.QP(n, 1, 0, box, library.dense.HessianType.Diagonal)
+    solver.settings.eps_abs = 1e-5
     solver.settings.initial_guess = library.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
-    row, target = np.ones((1, n)), np.ones(1)
-    far = np.full(n, 1e20)
-    solver.init(
-        (1.0 - gamma) * np.eye(n), np.full(n, gamma), row, target, None, None, None,
-        np.zeros(n), far,
-    )  # fmt: skip
+    rows, target = np.ones((1, n)), np.ones(1)
+    nothing, far = np.zeros(n), np.full(n, 1e20)
+    solver.init(hessian, np.full(n, gamma), rows, target, None, None, None, nothing, far)
     solver.solve()
+    row, divide, results = rows[0], np.divide, solver.results
 
     def solve(a: Array, b: float) -> Array:
-        row[0], target[0] = a, b
-        solver.update(A=row, b=target)
+        divide(a, b, row)
+        solver.update(A=rows, update_preconditioner=False)
         solver.solve()
-        x: Array = solver.results.x
+        x: Array = results.x
         return x
 
-    return solve
+    return Peer(solve)
 
 
-PEERS: dict[str, Callable[[int, float], Solve]] = {
-    "qp12": ours,
+PEERS: dict[str, Callable[[int, float], Peer]] = {
+    "qp12": qp12,
     "daqp": daqp,
     "osqp": osqp,
+    "osqp_bare": osqp_bare,
     "quadprog": quadprog,
     "proxqp": proxqp,
 }
-OPTIONAL = {"quadprog", "proxqp"}
+OPTIONAL = {"quadprog": "quadprog", "proxqp": "proxsuite"}
+"""Peers that need not be installed, and the packages that have them."""
 
 
-def peer(name: str, n: int, gamma: float) -> Solve | None:
-    """A solver by name, or None where an optional one is not installed.
+def missing() -> dict[str, str]:
+    """Optional peers that are not installed, and their packages."""
+    return {name: package for name, package in OPTIONAL.items() if find_spec(package) is None}
+
+
+def installed() -> list[str]:
+    """Names of the solvers that can be raced, ours first."""
+    absent = missing()
+    return [name for name in PEERS if name not in absent]
+
+
+def peer(name: str, n: int, gamma: float) -> Peer:
+    """A solver by name.
 
     Raises:
-        UnknownNameError: there is no such solver.
+        UnknownNameError: there is no such solver, or it is not installed.
     """
-    if name not in PEERS:
-        raise UnknownNameError("solver", name, PEERS)
-    try:
-        return PEERS[name](n, gamma)
-    except ImportError:
-        if name in OPTIONAL:
-            return None
-        raise
+    known = installed()
+    if name not in known:
+        raise UnknownNameError("solver", name, known)
+    return PEERS[name](n, gamma)

@@ -1,4 +1,4 @@
-"""Rows of a benchmark as a table for people."""
+"""What a benchmark measured, as tables for people."""
 
 from __future__ import annotations
 
@@ -6,29 +6,64 @@ from typing import Any
 
 from rich.table import Table
 
+from tools.bench.peers import missing
+from tools.bench.scaling import FIT_FROM
 from tools.show import console
 
 COLUMNS = ("min_us", "mean_us", "p50_us", "p99_us", "max_us", "batch_mean_us")
 
 
 def show_rows(rows: list[dict[str, Any]], machine: dict[str, Any]) -> None:
-    """Print a table on standard error, with the machine below it."""
-    table = Table(title="us per call, single calls; last column: in batches of ten", box=None)
+    """Print a row a solver on standard error, with the machine below it."""
+    table = Table(title="us per call, single calls; batch_mean: median of batches of ten", box=None)
     for name in ("solver", "n", "samples"):
         table.add_column(name, justify="left" if name == "solver" else "right")
-    for name in (*COLUMNS, "times_qp12", "paper_mean_us"):
+    (times,) = rows[0].keys() & {"times_qp12", "times_reference"}
+    for name in (*COLUMNS, times, "paper_mean_us", "worst_error"):
         table.add_column(name.removesuffix("_us"), justify="right")
     for row in rows:
-        paper = row.get("paper") or {}
+        paper, error = row.get("paper") or {}, row.get("worst_error")
         table.add_row(
             row["solver"],
             str(row["n"]),
             str(row["samples"]),
             *(f"{row[name]:.2f}" for name in COLUMNS),
-            f"{row['times_qp12']:.1f}" if "times_qp12" in row else "",
+            f"{row[times]:.2f}",
             f"{paper['mean_us']:.2f}" if paper else "",
+            "" if error is None else f"{error:.0e}",
         )
     console.print(table)
+    _show_machine(machine)
+
+
+def show_scaling(measured: dict[str, Any], machine: dict[str, Any]) -> None:
+    """Print medians, a row a number of joints, and the slopes below them."""
+    rows = measured["rows"]
+    solvers = list(dict.fromkeys(row["solver"] for row in rows))
+    medians = {(row["n"], row["solver"]): f"{row['p50_us']:.2f}" for row in rows}
+    table = Table(title="median us of single calls", box=None)
+    for name in ("n", *solvers):
+        table.add_column(name, justify="right")
+    for n in sorted({row["n"] for row in rows}):
+        table.add_row(str(n), *(medians.get((n, name), "") for name in solvers))
+    slopes = {name: f"{value:.2f}" for name, value in measured["slopes"].items()}
+    table.add_section()
+    table.add_row("slope", *(slopes.get(name, "") for name in solvers))
+    console.print(table)
+    console.print(f"Slopes of log(time) over log(n), from {FIT_FROM} joints on.", style="dim")
+    for out in measured["left_out"]:
+        text = f"Left out from {out['n']} joints on: {out['solver']}, {out['took_s']:.2g} s a call."
+        console.print(text, style="dim")
+    _show_machine(machine)
+
+
+def show_missing() -> None:
+    """Say which solvers are not there, and what to install."""
+    for name, package in missing().items():
+        console.print(f"Not installed: {name} (pip install {package}).", style="dim")
+
+
+def _show_machine(machine: dict[str, Any]) -> None:
     console.print(
         f"{machine['processor']}, {machine['cores']} cores, "
         f"{'virtual' if machine['virtual'] else 'bare metal'}, kernel {machine['kernel']}; "

@@ -1,59 +1,133 @@
-"""Timing of calls: every single one, and in batches as the paper's tool does."""
+"""Timing of calls beside each other: single ones, and batches of ten as the paper's tool does."""
 
 from __future__ import annotations
 
 import gc
+import itertools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+BLOCKS = 100
 BATCH = 10
+SETTLE = 3  # calls that are not counted, after another contender had the caches
+
+Array = NDArray[np.float64]
 
 
-def time_calls(call: Callable[[int], object], samples: int, warm_up: int = 200) -> dict[str, Any]:
-    """Time `call(k)` for k = 0, 1 …, each on its own and then in batches of ten.
+@dataclass(frozen=True)
+class Contender:
+    """Something to be timed: `call(*problem)` for one problem after the other, over and over."""
 
-    The cost of reading the clock, some 0.1 us, is part of single calls and a tenth of that in
-    batches. Garbage collection is off meanwhile. The maximum belongs to the machine, not to the
-    code: look at the median and p99.
+    name: str
+    call: Callable[..., object]
+    problems: Iterable[tuple[Any, ...]]
 
-    Returns:
-        min, mean, p50, p99, max of single calls; least, median and greatest of the batches' means;
-        all in us; `samples` single calls.
+
+@dataclass(frozen=True)
+class Times:
+    """What a contender took [us].
+
+    Attributes:
+        single: of single calls, (blocks, calls).
+        batch: per call, means of batches, (blocks,), or (0,) where there are none.
     """
-    for k in range(warm_up):
-        call(k)
+
+    single: Array
+    batch: Array
+
+    def figures(self) -> dict[str, Any]:
+        """Row of a benchmark: of single calls, and of batches where there are any."""
+        us = self.single.ravel()
+        found = {
+            "samples": us.size,
+            "min_us": float(us.min()),
+            "mean_us": float(us.mean()),
+            "p50_us": float(np.percentile(us, 50)),
+            "p99_us": float(np.percentile(us, 99)),
+            "max_us": float(us.max()),
+        }
+        if self.batch.size:
+            found |= {
+                "batches": self.batch.size,
+                "batch_min_us": float(self.batch.min()),
+                "batch_mean_us": float(np.median(self.batch)),
+                "batch_max_us": float(self.batch.max()),
+            }
+        return found
+
+    def times(self, reference: Times) -> float:
+        """How many times as long as the reference: median of the ratios of each block's medians."""
+        ours, theirs = np.median(self.single, axis=1), np.median(reference.single, axis=1)
+        return float(np.median(ours / theirs))
+
+
+def race(
+    contenders: Sequence[Contender], samples: int, blocks: int = BLOCKS, *, batches: bool = True
+) -> dict[str, Times]:
+    """Time all contenders in turn, block by block, so that a drift of the machine meets them all.
+
+    In each block a contender makes a few calls that are not counted, `samples`/`blocks` single
+    ones and a batch of ten. Reading the clock, some 0.1 us, is part of single calls and a tenth of
+    that in batches. Garbage collection is off meanwhile. The maximum belongs to the machine, not
+    to the code: look at the medians.
+
+    Args:
+        contenders: what to time.
+        samples: single calls of each, rounded down to whole blocks.
+        blocks: at most; fewer where there are fewer samples.
+        batches: whether there are any.
+    """
+    blocks = min(blocks, samples)
+    calls, ten = samples // blocks, BATCH if batches else 0
+    problems = {each.name: itertools.cycle(each.problems) for each in contenders}
+    single = {each.name: np.zeros((blocks, calls), np.int64) for each in contenders}
+    batch = {each.name: np.zeros(blocks if batches else 0, np.int64) for each in contenders}
+    with _undisturbed():
+        for block in range(blocks):
+            for each in contenders:
+                ahead = list(itertools.islice(problems[each.name], SETTLE + calls + ten))
+                _together(each.call, ahead[:SETTLE])
+                single[each.name][block] = _singly(each.call, ahead[SETTLE : SETTLE + calls])
+                if batches:
+                    batch[each.name][block] = _together(each.call, ahead[SETTLE + calls :])
+    return {
+        each.name: Times(single[each.name] / 1e3, batch[each.name] / (1e3 * BATCH))
+        for each in contenders
+    }
+
+
+def _together(call: Callable[..., object], problems: list[tuple[Any, ...]]) -> int:
+    """Nanoseconds of all calls."""
     now = time.perf_counter_ns
-    single = np.zeros(samples, np.int64)
-    batches = np.zeros(max(1, samples // BATCH), np.int64)
+    begin = now()
+    for problem in problems:
+        call(*problem)
+    return now() - begin
+
+
+def _singly(call: Callable[..., object], problems: list[tuple[Any, ...]]) -> list[int]:
+    """Nanoseconds of each call."""
+    now, taken = time.perf_counter_ns, []
+    for problem in problems:
+        begin = now()
+        call(*problem)
+        taken.append(now() - begin)
+    return taken
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
     enabled = gc.isenabled()
     gc.collect()
     gc.disable()
     try:
-        for k in range(samples):
-            start = now()
-            call(k)
-            single[k] = now() - start
-        for batch in range(batches.size):
-            first = batch * BATCH
-            start = now()
-            for k in range(first, first + BATCH):
-                call(k)
-            batches[batch] = now() - start
+        yield
     finally:
         if enabled:
             gc.enable()
-    us = single / 1e3
-    return {
-        "samples": samples,
-        "min_us": float(us.min()),
-        "mean_us": float(us.mean()),
-        "p50_us": float(np.percentile(us, 50)),
-        "p99_us": float(np.percentile(us, 99)),
-        "max_us": float(us.max()),
-        "batch_min_us": float(batches.min()) / BATCH / 1e3,
-        "batch_mean_us": float(np.median(batches)) / BATCH / 1e3,
-        "batch_max_us": float(batches.max()) / BATCH / 1e3,
-    }

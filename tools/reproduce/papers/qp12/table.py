@@ -21,7 +21,7 @@ _WHY = {
     "qp12": f"{_JULIA}. With checks and the KKT residual; the gradient changes at every call",
     "pinv_svd": f"{_JULIA}. Three equations by an SVD, against one equation for QP12",
     "pinv": "The same answer as by SVD, without one: not in the paper",
-    "osqp": f"{_JULIA}. Set up once, updated, warm and polished",
+    "osqp": f"{_JULIA}. Set up once, updated and warm, not polished",
 }
 _MEDIAN = "; the mean is the median of the batches' means"
 

@@ -1,0 +1,60 @@
+"""The picture of `hoap3 bench scaling`: time over joints, both logarithmic."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from protocol.errors import ConfigError
+from tools.bench.scaling import FIT_FROM
+
+FORMATS = (".png", ".svg", ".pdf")
+
+
+def check_picture(path: Path) -> None:
+    """Refuse a picture that could not be written, before anything is measured for it.
+
+    Raises:
+        ConfigError: the name does not end in a format, or its folder does not exist.
+    """
+    if path.suffix.lower() not in FORMATS:
+        allowed = f"End its name in {', '.join(FORMATS)}"
+        raise ConfigError("--plot", "", str(path), "is no name of a picture", allowed)
+    if not path.parent.is_dir():
+        raise ConfigError("--plot", "", str(path), "its folder does not exist", "Make it first")
+
+
+def plot_scaling(measured: dict[str, Any], machine: dict[str, Any], path: Path) -> None:
+    """Draw what `bench_scaling` gives, one line a solver, its slope in the legend.
+
+    Raises:
+        ConfigError: the picture cannot be written.
+    """
+    from matplotlib.figure import Figure  # noqa: PLC0415 - takes half a second
+    from matplotlib.ticker import FuncFormatter  # noqa: PLC0415
+
+    check_picture(path)
+    figure = Figure(figsize=(8, 5.5), layout="constrained")
+    axes = figure.add_subplot()
+    rows, slopes = measured["rows"], measured["slopes"]
+    for name in dict.fromkeys(row["solver"] for row in rows):
+        points = [(row["n"], row["p50_us"]) for row in rows if row["solver"] == name]
+        label = f"{name}, slope {slopes[name]:.2f}" if name in slopes else name
+        axes.loglog(*zip(*points, strict=True), marker="o", markersize=4, label=label)
+    plain = FuncFormatter(lambda value, _: f"{value:g}")
+    axes.set_xticks(sorted({row["n"] for row in rows}), minor=False)
+    axes.xaxis.set_major_formatter(plain)
+    axes.xaxis.set_minor_formatter(FuncFormatter(lambda _, __: ""))
+    axes.yaxis.set_major_formatter(plain)
+    axes.set_xlabel("joints n")
+    axes.set_ylabel("median time of a call from Python [µs]")
+    axes.set_title(f"QP12 by solver\n{machine['processor']}, kernel {machine['kernel']}", size=10)
+    axes.grid(which="both", alpha=0.25)
+    title = f"slopes from {FIT_FROM} joints on"
+    axes.legend(loc="upper left", fontsize=9, title=title, title_fontsize=9)
+    try:
+        figure.savefig(path, dpi=150)
+    except OSError as error:
+        raise ConfigError(
+            "--plot", "", str(path), f"cannot be written: {error.strerror}", "Choose another file"
+        ) from error

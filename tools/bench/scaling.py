@@ -1,0 +1,94 @@
+"""`hoap3 bench scaling`: how the time of each solver grows with the number of joints."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from tools.bench.peers import Peer, installed, peer
+from tools.bench.problems import gradients
+from tools.bench.solvers import GAMMA, contender
+from tools.bench.timing import Contender, race
+
+SIZES = (7, 14, 21, 32, 50, 100, 200, 500, 1000)
+FIT_FROM = 100
+"""Joints from which the slope is fitted: below, the call itself costs more than the joints do."""
+
+BLOCKS = 30
+SLOW_S, SLOW_SAMPLES = 2e-3, 5
+"""A solver that needs longer for one problem is timed that often only."""
+
+LONGEST_S = 1.0
+"""A solver that needs longer than this is left out, also of larger sizes."""
+
+
+def bench_scaling(
+    samples: int = 300,
+    sizes: Iterable[int] = SIZES,
+    solvers: Sequence[str] | None = None,
+    report: Callable[[str], None] = lambda _: None,
+) -> dict[str, Any]:
+    """Time solvers over the number of joints, all of them and all sizes in turn.
+
+    Args:
+        samples: single calls of each solver at each size; few of slow ones.
+        sizes: numbers of joints.
+        solvers: names of `peers.PEERS`; all that are installed by default.
+        report: is told what is timed next.
+
+    Returns:
+        `rows` as those of `bench_solvers`; `slopes`, of each solver that has two sizes or more from
+        `FIT_FROM` joints on; `left_out`, {solver, n, took_s} of what was too slow.
+    """
+    names = list(installed() if solvers is None else solvers)
+    found: dict[str, tuple[str, int]] = {}
+    quick: list[Contender] = []
+    slow: list[Contender] = []
+    left_out: list[dict[str, Any]] = []
+    for n in sorted(sizes):
+        problems = gradients(n)
+        for name in list(names):
+            report(f"setting up {name} for {n} joints")
+            solver = peer(name, n, GAMMA)
+            took = _slowest(solver, problems[:3])
+            if took > LONGEST_S:
+                left_out.append({"solver": name, "n": n, "took_s": took})
+                names.remove(name)
+                continue
+            label = f"{name}, {n} joints"
+            found[label] = name, n
+            (slow if took > SLOW_S else quick).append(contender(label, solver, problems))
+    report("timing")
+    times = race(quick, samples, BLOCKS, batches=False)
+    times |= race(slow, min(samples, SLOW_SAMPLES), 1, batches=False)
+    rows = [
+        {"solver": name, "n": n, **times[label].figures()} for label, (name, n) in found.items()
+    ]
+    return {"rows": rows, "slopes": slopes(rows), "left_out": left_out}
+
+
+def slopes(rows: Iterable[dict[str, Any]]) -> dict[str, float]:
+    """Exponent p of the median time ~ n^p of each solver, for `FIT_FROM` joints and more."""
+    points: dict[str, list[tuple[float, float]]] = {}
+    for row in rows:
+        if row["n"] >= FIT_FROM:
+            points.setdefault(row["solver"], []).append((row["n"], row["p50_us"]))
+    return {name: slope(*zip(*found, strict=True)) for name, found in points.items() if found[1:]}
+
+
+def slope(sizes: Sequence[float], times: Sequence[float]) -> float:
+    """Slope of a straight line through log(time) over log(size), by least squares."""
+    return float(np.polyfit(np.log(sizes), np.log(times), 1)[0])
+
+
+def _slowest(solver: Peer, problems: Sequence[tuple[Any, ...]]) -> float:
+    """Seconds of the slowest of these calls but for the first one, which may set something up."""
+    taken = []
+    for problem in problems:
+        start = time.perf_counter()
+        solver(*problem)
+        taken.append(time.perf_counter() - start)
+    return max(taken[1:])
