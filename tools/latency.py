@@ -33,6 +33,8 @@ from tools.latency_nodes import NullController
 from tools.log import Log
 from tools.machine import machine_block
 from tools.run import run_realtime
+from tools.services import watched_cpus
+from tools.stalls import StallMonitor
 from tools.ticks import TickTable
 
 WARM_UP = 200
@@ -224,7 +226,11 @@ def _echo(
         "period_ns": round(description.period_s * 1e9),
         "sizes": sizes(description),
     }
-    return run_echo(order, robot, controller).after(WARM_UP)
+    monitor = StallMonitor({*watched_cpus(robot), *watched_cpus(controller)})  # as beside the link
+    try:
+        return run_echo(order, robot, controller).after(WARM_UP)
+    finally:
+        monitor.stop()
 
 
 @contextmanager

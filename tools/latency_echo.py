@@ -214,6 +214,9 @@ def main() -> None:
             _answer(stream, question, answer)
             return
         peer = TcpPeer(stream, answer)
+        peer.send(bytearray(question))
+        if peer.receive(MonotonicClock.now() + round(_PATIENCE_S * 1e9)) is None:
+            raise Hoap3Error("the process that answers did not begin")
         found = exchange(peer, MonotonicClock(), order["ticks"], order["period_ns"], question)
     np.save(sys.stdout.buffer, np.stack([found.intended, found.sent, found.arrival]))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import socket
 import struct
 import threading
@@ -12,6 +13,7 @@ import pytest
 from protocol.clock import MonotonicClock, VirtualClock
 from protocol.errors import Hoap3Error
 from protocol.settings import RealtimeSettings
+from tools import latency_echo
 from tools.latency_echo import START_DELAY_NS, TcpPeer, exchange, run_echo
 from tools.latency_figures import percentiles, response
 from tools.tick_logs import NEVER
@@ -133,6 +135,24 @@ def test_two_processes_exchange_what_was_ordered():
     assert (found.sent >= found.intended)[asked].all()
     assert (found.arrival != NEVER).any()
     assert np.nanmin(found.rtt) > 0
+
+
+def test_asking_begins_when_somebody_answers(monkeypatch):
+    started, begin = [], latency_echo._start
+
+    def start_late(order):
+        """Stop the process that answers until the one that asks has been started."""
+        child = begin(order)
+        if order["side"] == "answer":
+            child.send_signal(signal.SIGSTOP)
+        else:
+            threading.Timer(1.0, started[0].send_signal, (signal.SIGCONT,)).start()
+        started.append(child)
+        return child
+
+    monkeypatch.setattr(latency_echo, "_start", start_late)
+    found = run_echo({"ticks": 100, "period_ns": MS, "sizes": (1000, 300)}, ORDINARY, ORDINARY)
+    assert (found.arrival != NEVER).sum() >= (found.sent != NEVER).sum() - 50
 
 
 def test_a_placement_that_cannot_be_had_does_not_hang():
