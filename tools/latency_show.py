@@ -6,11 +6,7 @@ from typing import Any
 
 from rich.table import Table
 
-from tools.show import console
-
-_COLOURS = {"fit": "green", "warn": "yellow", "unfit": "red"}
-_COLUMNS = {"n": "n", "min": "min", "p50": "p50", "p90": "p90", "p99": "p99", "p99_9": "p99.9",
-            "max": "max"}  # fmt: skip
+from tools.show import COLOURS, console, durations_table, machine_line
 
 
 def show_latency(found: dict[str, Any]) -> None:
@@ -19,12 +15,7 @@ def show_latency(found: dict[str, Any]) -> None:
     if "rtt_us" in found:
         console.print(_durations(found))
         console.print(_worst(found["worst"]))
-    machine = found["machine"]
-    console.print(
-        f"{machine.get('kernel', '?')} {machine.get('preemption', '')}, "
-        f"{machine.get('cores', '?')} cores, "
-        f"{'virtual' if machine.get('virtual') else 'bare metal'}; {found['transport']}"
-    )
+    console.print(machine_line(found), markup=False)
     for measure in found.get("realtime", []):
         console.print(f"  {measure}", markup=False)
     if found["log"]:
@@ -34,7 +25,7 @@ def show_latency(found: dict[str, Any]) -> None:
 def _verdict(found: dict[str, Any]) -> Table:
     table = Table(show_header=False, box=None, pad_edge=False)
     rate, misses, verdict = found["success_rate"], found["misses"], found["verdict"]
-    table.add_row("verdict", f"[{_COLOURS[verdict]}]{verdict}[/]")
+    table.add_row("verdict", f"[{COLOURS[verdict]}]{verdict}[/]")
     window = rate["worst_window"]
     table.add_row(
         "success rate",
@@ -71,26 +62,10 @@ def _verdict(found: dict[str, Any]) -> Table:
 
 
 def _durations(found: dict[str, Any]) -> Table:
-    table = Table(box=None, pad_edge=False, title="us", title_justify="left")
-    table.add_column("")
-    for name in _COLUMNS.values():
-        table.add_column(name, justify="right")
     rows = {"RTT": found["rtt_us"], "bare echo": found["echo_rtt_us"] or {"n": 0}}
     rows |= {"response": found["response_us"]}
     rows |= {f"  {name}": stage for name, stage in found["stages_us"].items()}
-    for name, figures in rows.items():
-        if figures["n"]:
-            cells = [f"{figures[key]:.0f}" if key == "n" else f"{figures[key]:.1f}"
-                     for key in _COLUMNS]  # fmt: skip
-            table.add_row(name, *cells)
-    jitter = found["jitter_us"]
-    if jitter["n"] > 1:
-        table.caption = (
-            f"jitter: std {jitter['std']:.1f}, p99.9 - p50 {jitter['p99_9_minus_p50']:.1f}, "
-            f"max {jitter['max']:.1f} us (n {jitter['n']})"
-        )
-        table.caption_justify = "left"
-    return table
+    return durations_table(rows, found["jitter_us"])
 
 
 def _worst(ticks: list[dict[str, Any]]) -> Table:

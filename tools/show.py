@@ -12,7 +12,9 @@ console = Console(stderr=True, highlight=False)
 if not console.is_terminal:
     console = Console(stderr=True, highlight=False, width=200)  # hashes and paths stay whole
 
-_COLOURS = {"fit": "green", "warn": "yellow", "unfit": "red"}
+COLOURS = {"fit": "green", "warn": "yellow", "unfit": "red"}
+_COLUMNS = {"n": "n", "min": "min", "p50": "p50", "p90": "p90", "p99": "p99", "p99_9": "p99.9",
+            "max": "max"}  # fmt: skip
 
 
 class LiveTable:
@@ -61,7 +63,7 @@ def show_summary(summary: dict[str, Any]) -> None:
     verdict = summary["verdict"]
     misses, rate = summary["misses"], summary["success_rate"]
     table = Table(show_header=False, box=None, pad_edge=False)
-    table.add_row("verdict", f"[{_COLOURS[verdict]}]{verdict}[/]")
+    table.add_row("verdict", f"[{COLOURS[verdict]}]{verdict}[/]")
     table.add_row(
         "success rate",
         f"{rate['run']:.5f} of {summary['ticks']} ticks; worst window of 100: "
@@ -87,18 +89,6 @@ def show_summary(summary: dict[str, Any]) -> None:
     )
     if summary.get("safe_stops"):
         table.add_row("safe stops", str(summary["safe_stops"]))
-    for name, label in (("rtt_us", "RTT"), ("wakeup_us", "wake-up")):
-        if name in summary:
-            table.add_row(label, _percentiles(summary[name]))
-    if "jitter_us" in summary and summary["jitter_us"].get("n", 0) > 1:
-        jitter = summary["jitter_us"]
-        table.add_row(
-            "jitter",
-            f"std {jitter['std']:.1f}, p99.9 - p50 {jitter['p99_9_minus_p50']:.1f}, "
-            f"max {jitter['max']:.1f} us (n {jitter['n']})",
-        )
-    for name, stage in summary.get("stages_us", {}).items():
-        table.add_row(f"  {name}", _percentiles(stage))
     if summary["final_error"] is not None:
         table.add_row("final error", f"{summary['final_error']:.3g}, in the unit of the task")
     if "lockstep" in summary:
@@ -109,14 +99,44 @@ def show_summary(summary: dict[str, Any]) -> None:
         )
     for side, value in summary.get("payload_sha256", {}).items():
         table.add_row(f"sha256 {side}", value)
-    machine = summary["machine"]
-    table.add_row(
-        "machine",
-        f"{machine['kernel']} {machine['preemption']}, {machine['cores']} cores, "
-        f"{'virtual' if machine['virtual'] else 'bare metal'}; {summary['transport']}",
-    )
     table.add_row("log", str(summary["log"] or "none"))
     console.print(table)
+    if summary.get("rtt_us", {}).get("n"):
+        rows = {"RTT": summary["rtt_us"], "wake-up": summary["wakeup_us"]}
+        rows |= {f"  {name}": stage for name, stage in summary["stages_us"].items()}
+        console.print(durations_table(rows, summary["jitter_us"]))
+    console.print(machine_line(summary), markup=False)
+
+
+def durations_table(rows: dict[str, dict[str, Any]], jitter: dict[str, Any]) -> Table:
+    """Percentiles of durations [us], one row each, and the jitter below; empty ones left out."""
+    table = Table(box=None, pad_edge=False, title="us", title_justify="left")
+    table.add_column("")
+    for name in _COLUMNS.values():
+        table.add_column(name, justify="right")
+    for name, figures in rows.items():
+        if figures["n"]:
+            cells = [
+                f"{figures[key]:.0f}" if key == "n" else f"{figures[key]:.1f}" for key in _COLUMNS
+            ]
+            table.add_row(name, *cells)
+    if jitter.get("n", 0) > 1:
+        table.caption = (
+            f"jitter: std {jitter['std']:.1f}, p99.9 - p50 {jitter['p99_9_minus_p50']:.1f}, "
+            f"max {jitter['max']:.1f} us (n {jitter['n']})"
+        )
+        table.caption_justify = "left"
+    return table
+
+
+def machine_line(found: dict[str, Any]) -> str:
+    """The machine that figures were measured on, and over what."""
+    machine = found["machine"]
+    return (
+        f"{machine.get('kernel', '?')} {machine.get('preemption', '')}, "
+        f"{machine.get('cores', '?')} cores, "
+        f"{'virtual' if machine.get('virtual') else 'bare metal'}; {found['transport']}"
+    )
 
 
 def _kinds(counts: dict[str, int]) -> str:
@@ -127,11 +147,3 @@ def _three(figures: dict[str, Any]) -> str:
     if not figures.get("n"):
         return "-"
     return f"{figures['p50']:.0f} / {figures['p99']:.0f} / {figures['max']:.0f} us"
-
-
-def _percentiles(figures: dict[str, Any]) -> str:
-    if not figures.get("n"):
-        return "n 0"
-    names = [("min", "min"), ("p50", "p50"), ("p90", "p90"), ("p99", "p99"), ("p99_9", "p99.9")]
-    parts = [f"{label} {figures[name]:.1f}" for name, label in names]
-    return ", ".join([*parts, f"max {figures['max']:.1f} us (n {figures['n']})"])
