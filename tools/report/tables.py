@@ -1,0 +1,156 @@
+"""Tables of a report: percentiles, worst ticks, who is to blame, events, stalls."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tools.report.content import Content
+from tools.report.happenings import MOST
+from tools.report.markup import Markup, element, link, more, table
+from tools.report.numbers import NAMES, count, number, summary
+from tools.report.timing import Timing
+from tools.ticks import STAGES
+
+
+def ticks_section(timing: Timing | None, title: str) -> Markup:
+    """Durations, the worst ten ticks stage by stage, and who is to blame for each miss."""
+    parts: list[Markup] = [element("h2", title)]
+    if timing is None:
+        return element("section", *parts, _said("There are no ticks to show, see above."), id="ticks")
+    if timing.table.lockstep:
+        parts.append(_said("All time is virtual in lockstep: no tick is slower than another."))
+    else:
+        parts += [_worst(timing), _durations(timing)]
+    parts += _guilty(timing)
+    return element("section", *parts, id="ticks")
+
+
+def _worst(timing: Timing) -> Markup:
+    rows = timing.table.worst(10)
+    stages = [name for name in STAGES if any(name in row["stages_us"] for row in rows)]
+    head = ["tick", "outcome", link("word-rtt-word", "RTT"), *stages]
+    head += [link("word-stall", "stall"), link("word-guilty", "to blame")]
+    usual = {name: summary(timing.us(name)).get("p50", 0.0) for name in stages}
+    body = [
+        [
+            row["tick"],
+            row["outcome"],
+            number(row["rtt_us"]),
+            *_stages(row["stages_us"], usual, stages),
+            {None: "unknown", True: "yes", False: "no"}[row["stalled"]],
+            row["guilty"] or "–",
+        ]
+        for row in rows
+    ]
+    note = (
+        f"The ten longest round trips of n {count(summary(timing.us('rtt'))['n'])}, in µs; bold is "
+        "what exceeded its median most. Lost answers have no RTT."
+    )
+    return element("div", _said(note), table(head, body, words=2))
+
+
+def _stages(given: dict[str, float], usual: dict[str, float], names: list[str]) -> list[Any]:
+    excess = {name: given[name] - usual[name] for name in names if name in given}
+    most = max(excess, key=lambda name: excess[name], default=None)
+    cells: list[Any] = []
+    for name in names:
+        shown = number(given[name]) if name in given else "–"
+        cells.append(element("b", shown) if name == most else shown)
+    return cells
+
+
+def _durations(timing: Timing) -> Markup:
+    figures = timing.as_json()
+    sizes: dict[str, dict[str, float]] = {"RTT": figures["rtt_us"], **figures["stages_us"]}
+    keys = ["min", *(key for key in NAMES if any(key in each for each in sizes.values())), "max"]
+    head = [link("word-stage", "µs"), link("word-percentile", "n")]
+    head += [NAMES.get(key, key) for key in keys]
+    body = [
+        [name, count(int(each["n"])), *(number(each[k]) if k in each else "–" for k in keys)]
+        for name, each in sizes.items()
+    ]
+    return element(
+        "div",
+        _said("Every duration of the run. The stages from wait to network make up the RTT."),
+        table(head, body),
+    )
+
+
+def _guilty(timing: Timing) -> list[Markup]:
+    counts = timing.table.guilty_counts()
+    if not counts:
+        return [_said(f"None of n {count(timing.asked)} ticks was missed or skipped.")]
+    total = sum(counts.values())
+    rows = [[name, count(n), f"{100.0 * n / total:.1f} %"] for name, n in counts.items()]
+    head = [link("word-guilty", "to blame"), "ticks", "share"]
+    words = (
+        f"Who is to blame for the {count(total)} ticks that were late, lost or skipped, "
+        f"of n {count(len(timing.table))}."
+    )
+    return [element("div", _said(words), table(head, rows))]
+
+
+def events_section(content: Content, title: str) -> Markup:
+    """What happened, in words, side by side with its tick and time."""
+    happenings = content.happenings
+    main = content.sources.main.side
+    start = content.motion.start_ns if content.motion else None
+    head = ["side", "what", "detail", "times", "tick", "time [s]"]
+    rows = [
+        [
+            item.side,
+            item.name,
+            item.detail or "–",
+            count(item.times),
+            item.tick,
+            f"{(item.stamp - start) / 1e9:.3f}" if item.side == main and start is not None else "–",
+        ]
+        for item in happenings[:MOST]
+    ]
+    parts: list[Markup] = [element("h2", title)]
+    if not rows:
+        return element("section", *parts, _said("No event is in the log."), id="events")
+    parts.append(table(head, rows, words=3))
+    words = [
+        f"Events of the {main} have the time since the first tick that asked. What comes by the "
+        "hundred is one line, with the first tick."
+    ]
+    if len(happenings) > MOST:
+        words.append(f" {count(len(happenings) - MOST)} more are in the log.")
+    parts.append(_said("".join(words)))
+    return element("section", *parts, id="events")
+
+
+def stalls_section(timing: Timing | None, title: str) -> Markup:
+    """When the host took a CPU away."""
+    heading = element("h2", title)
+    stalls = timing.table.stalls if timing else None
+    if timing is None or stalls is None:
+        said = "Nobody watched for stalls, so none can be told from load."
+        return element("section", heading, _said(said), id="stalls")
+    lengths = summary([(stall.end - stall.start) / 1e6 for stall in stalls])
+    if not stalls:
+        said = "A monitor watched, and the host never took the CPU away for more than 0.15 ms."
+        return element("section", heading, _said(said), id="stalls")
+    longest = sorted(stalls, key=lambda stall: stall.start - stall.end)[:10]
+    rows = [
+        [
+            f"{(stall.start - timing.start_ns) / 1e9:.3f}",
+            number((stall.end - stall.start) / 1e6),
+        ]
+        for stall in longest
+    ]
+    total = sum(stall.end - stall.start for stall in stalls) / 1e6
+    words = (
+        f"n {count(len(stalls))} stalls, {number(total)} ms together; length p50 "
+        f"{number(lengths['p50'])}, p90 {number(lengths['p90'])}, p99 {number(lengths['p99'])}, "
+        f"max {number(lengths['max'])} ms."
+    )
+    inside = table(["begin [s]", "length [ms]"], rows)
+    return element(
+        "section", heading, _said(words), more("The ten longest", inside), id="stalls"
+    )
+
+
+def _said(words: str) -> Markup:
+    return element("p", words, class_="sub")
