@@ -7,6 +7,7 @@ page, where they wrap, scale and can be searched.
 from __future__ import annotations
 
 import io
+import itertools
 import math
 import re
 from collections.abc import Iterator
@@ -22,7 +23,7 @@ from tools.report.palette import LIGHT
 WIDTH, HEIGHT = 460, 270  # px; a phone shows it at three quarters of that, a desk at five
 BUCKETS = 700  # across a figure
 
-_STYLE = {
+_STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "report",
     "text.parse_math": False,
@@ -49,6 +50,8 @@ _STYLE = {
     "lines.linewidth": 1.6,
     "lines.solid_capstyle": "round",
     "lines.solid_joinstyle": "round",
+    "figure.constrained_layout.w_pad": 0.03,
+    "figure.constrained_layout.h_pad": 0.03,
     "path.simplify": True,
     "path.simplify_threshold": 0.2,
 }
@@ -71,7 +74,6 @@ class Canvas:
 
         self._name = name
         self.figure = Figure(figsize=(WIDTH / 72, height / 72), dpi=72, layout="constrained")
-        self.figure.get_layout_engine().set(w_pad=0.03, h_pad=0.03)
         self.axes: Any = self.figure.add_subplot()
         for background in (self.figure.patch, self.axes.patch):
             background.set_visible(False)
@@ -81,6 +83,11 @@ class Canvas:
         """Name both axes, with units."""
         self.axes.set_xlabel(x, loc="right")
         self.axes.set_title(y, loc="left", fontsize=11, color=LIGHT["soft"], pad=8)
+
+    def time(self, duration_s: float, y: str) -> None:
+        """Name both axes; x is time, from 0 to the end of the run."""
+        self.label("time since the first tick that asked [s]", y)
+        self.axes.set_xlim(0.0, max(duration_s, 1e-9))
 
     def log_scale(self, axis: str, *, numbers: bool = False) -> None:
         """Make one axis logarithmic, its decades written 10⁻³, or as plain `numbers`."""
@@ -97,7 +104,8 @@ class Canvas:
         from matplotlib.backends.backend_svg import FigureCanvasSVG  # noqa: PLC0415
 
         stream = io.StringIO()
-        FigureCanvasSVG(self.figure).print_svg(stream, metadata=dict.fromkeys(_METADATA))
+        drawing: Any = FigureCanvasSVG(self.figure)
+        drawing.print_svg(stream, metadata=dict.fromkeys(_METADATA))
         self.svg = _for_page(stream.getvalue(), self._name)
 
 
@@ -123,7 +131,7 @@ def thin(x: FloatArray, y: FloatArray, buckets: int = BUCKETS) -> tuple[FloatArr
         return x, y
     edges = np.linspace(0, len(y), buckets + 1).astype(int)
     places: list[int] = []
-    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+    for begin, end in itertools.pairwise(edges.tolist()):
         stretch = y[begin:end]
         places += sorted({begin + int(np.argmin(stretch)), begin + int(np.argmax(stretch))})
     chosen: NDArray[np.intp] = np.array(places, np.intp)

@@ -131,7 +131,6 @@ def _read(sources: Sources) -> Content:
         gaps.append("No tick asked for an answer: there is nothing to be in time for.")
     if timing is not None:
         gaps += _doubts(sources, timing)
-    real = timing is not None and not sources.lockstep
     if sources.lockstep:
         gaps.append(
             "All time of this run is virtual (lockstep): there are no durations, and so no plots "
@@ -148,7 +147,7 @@ def _read(sources: Sources) -> Content:
         timing=timing,
         happenings=tuple(item for log in sources.logs for item in read_happenings(log)),
         motion_drawings=tuple(motion_drawings(motion)) if motion else (),
-        timing_drawings=tuple(timing_drawings(timing)) if real and timing else (),
+        timing_drawings=tuple(timing_drawings(timing)) if timing else (),
         gaps=tuple(gaps),
     )
 
@@ -174,10 +173,8 @@ def _doubts(sources: Sources, timing: Timing) -> list[str]:
     ours = (timing.asked, timing.table.count(0))
     if theirs == ours:
         return []
-    return [
-        f"The robot itself counted {theirs[1]} answers in time of {theirs[0]} ticks, the log "
-        f"shows {ours[1]} of {ours[0]}."
-    ]
+    counted = f"{theirs[1]} answers in time of {theirs[0]} ticks"
+    return [f"The robot itself counted {counted}, the log shows {ours[1]} of {ours[0]}."]
 
 
 def _final_error(motion: Motion | None) -> float | None:

@@ -8,7 +8,8 @@ from typing import Any
 from protocol.errors import LogError
 from tools.report.content import Content
 from tools.report.markup import Markup, element, more, table
-from tools.report.numbers import count, number, rate, summary
+from tools.report.numbers import count, number, rate
+from tools.stalls import figures
 
 Tile = tuple[str, str, str, tuple[str, ...]]
 
@@ -17,58 +18,47 @@ def tiles(content: Content) -> list[Tile]:
     """Anchor of the definition, name, value, and notes of each figure at the head."""
     found: list[Tile] = []
     if content.timing is not None:
-        found += _deadline_tiles(content)
+        found += _deadline_tiles(content, content.timing.as_json())
     motion = content.motion
     if motion is not None and motion.has_certificates:
         errors = 1e3 * (2.0 * motion.v[motion.v >= 0.0]) ** 0.5
-        notes = (f"√(2V) of n {count(len(errors))} answers", f"at first {number(errors[0])} mm")
+        notes = (
+            f"√(2V); at first {number(errors[0])} mm",
+            f"certified {rate(float(motion.certified.mean()))} of n {count(len(motion.v))} answers",
+        )
         found.append(("word-certificate", "error at the end", f"{number(errors[-1])} mm", notes))
-        share = float(motion.certified.mean())
-        given = f"of n {count(len(motion.time_s))} answers"
-        found.append(("word-certificate", "certified", rate(share), (given,)))
     return found
 
 
-def _deadline_tiles(content: Content) -> list[Tile]:
-    assert content.timing is not None  # noqa: S101
-    figures = content.timing.as_json()
-    success, misses = figures["success_rate"], figures["misses"]
+def _deadline_tiles(content: Content, given: dict[str, Any]) -> list[Tile]:
+    success, misses = given["success_rate"], given["misses"]
     worst = success["worst_window"]
-    of_window = "fewer than 100 ticks" if worst is None else f"worst 100 ticks: {rate(worst)}"
-    stalls, outside = figures["host_stalls"], figures["misses_outside_stalls"]
+    of_window = "fewer than 100 ticks" if worst is None else f"worst 100: {number(100.0 * worst)} %"
     found: list[Tile] = [
         (
             "word-success",
             "success rate, raw",
             rate(success["run"]),
-            (f"n {count(figures['ticks'])} ticks", of_window),
+            (f"n {count(given['ticks'])} ticks", of_window),
         ),
-        (
-            "word-stall",
-            "outside stalls",
-            rate(success["outside_stalls"]),
-            ("nobody watched for stalls",)
-            if stalls is None
-            else (
-                f"{count(outside)} missed or skipped",
-                f"{count(stalls['n'])} stalls, {number(stalls['total_ms'])} ms",
-            ),
-        ),
+        ("word-stall", "outside stalls", rate(success["outside_stalls"]), _stalls(content)),
         (
             "word-outcome",
             "misses",
             count(misses["late"] + misses["lost"]),
             (
                 f"late {count(misses['late'])}, lost {count(misses['lost'])}",
-                f"longest run {misses['longest_run']}; skipped {count(figures['skipped'])}",
+                f"longest run {misses['longest_run']}; skipped {count(given['skipped'])}",
             ),
         ),
     ]
+    if content.sources.lockstep:
+        del found[1]  # nobody can take virtual time away
     for key, anchor, name in (
         ("rtt_us", "word-rtt-word", "RTT"),
         ("wakeup_us", "word-wakeup-word", "wake-up"),
     ):
-        sizes = figures.get(key)
+        sizes = given.get(key)
         if sizes and sizes["n"]:
             notes = (
                 f"p99 {number(sizes['p99'])}, p99.9 {number(sizes['p99_9'])}, "
@@ -79,6 +69,18 @@ def _deadline_tiles(content: Content) -> list[Tile]:
     return found
 
 
+def _stalls(content: Content) -> tuple[str, ...]:
+    table = content.timing.table if content.timing else None
+    if table is None or table.stalls is None or table.stalled is None:
+        return ("nobody watched for stalls",)
+    stalls = figures(table.stalls)
+    return (
+        f"n {count(int((~table.stalled).sum()))} ticks, {count(table.misses_outside_stalls or 0)} "
+        "missed or skipped",
+        f"{count(int(stalls['n']))} stalls, {number(stalls['total_ms'])} ms",
+    )
+
+
 def facts_section(content: Content, title: str) -> Markup:
     """Machine block, versions, and the settings of both sides."""
     parts: list[Markup] = []
@@ -86,9 +88,13 @@ def facts_section(content: Content, title: str) -> Markup:
         machine = content.machine(log.side)
         versions = log.metadata.get("versions", {})
         asked = content.sources.summary.get("realtime", []) if log.side == "robot" else []
-        rows = [(key.replace("_", " "), _plain(v)) for key, v in machine.items() if key != "versions"]
+        rows = [
+            (key.replace("_", " "), _plain(v)) for key, v in machine.items() if key != "versions"
+        ]
         rows += [("real-time measures", _plain(asked))] if asked else []
-        rows += [("versions", ", ".join(f"{k} {v}" for k, v in versions.items()))] if versions else []
+        rows += (
+            [("versions", ", ".join(f"{k} {v}" for k, v in versions.items()))] if versions else []
+        )
         rows.append(("log", ", ".join(str(path) for path in log.paths)))
         run = log.metadata.get("run", {})
         rows += [(key, value) for key, value in run.items() if value]
@@ -111,9 +117,3 @@ def _plain(value: Any) -> str:
     if isinstance(value, list):
         return ", ".join(map(_plain, value)) or "none"
     return value if isinstance(value, str) else json.dumps(value)
-
-
-def spread_row(name: Any, sizes: dict[str, float], keys: list[str]) -> list[Any]:
-    """One row of a table of percentiles."""
-    known = sizes or summary([])
-    return [name, count(int(known["n"])), *(number(known[k]) if k in known else "–" for k in keys)]

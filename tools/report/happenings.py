@@ -30,12 +30,12 @@ _SAYING = {
     "REFUSED": "epoch {} holds it",
     "RELEASED": "epoch {}",
     "HOLDER_LOST": "epoch {}",
-    "AT_REST": "after {} ticks of braking",
-    "SKIPPED": "{} periods",
+    "AT_REST": "ticks of braking: {}",
+    "SKIPPED": "periods: {}",
     "RESET": "at tick {}",
     "ROBOT_FOUND": "epoch {}",
     "ROBOT_LOST": "last tick {}",
-    "OVERWRITTEN": "{} States never seen",
+    "OVERWRITTEN": "States never seen: {}",
     "CONTROLLER_FAILED": "at tick {}",
     "STALLS_WATCHED": "CPU {}",
     "STARTED": "",
@@ -84,7 +84,8 @@ def read_happenings(log: Log) -> list[Happening]:
         tick, stamp = first[kind]
         text = in_words(kind, max(details), joints)
         if len(details) > 1:
-            text = f"{in_words(kind, sum(details), joints)} in all, {text} at most"
+            whole = in_words(kind, sum(details), joints)
+            text = f"{whole} in all, {text.rpartition(': ')[2]} at most at once"
         found.append(Happening(log.side, tick, stamp, _NAMES[kind], text, len(details)))
     return sorted(found, key=lambda happening: happening.stamp)
 

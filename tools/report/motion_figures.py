@@ -13,7 +13,8 @@ from tools.report.motion import Motion
 from tools.report.numbers import number, spread, summary
 from tools.report.palette import LIGHT, SERIES
 
-TIME = "time since the first tick that asked [s]"
+ROUNDING = 1e-12  # of the greatest V: less is no rise
+PROPORTION = 1.62  # width to height of a pair of axes
 NAMED = 6  # joints that get a colour of their own
 WINDOWS = 160  # in which means and measured rates are taken
 
@@ -31,11 +32,11 @@ def motion_drawings(motion: Motion) -> list[Drawing]:
 def _sole(motion: Motion) -> Drawing:
     path_mm = 1e3 * motion.path_m[:, :2]
     with canvas("sole", 300) as drawing:
-        if motion.sole_m is not None:
-            corners = 1e3 * motion.sole_m
+        corners = np.empty((0, 2)) if motion.sole_m is None else 1e3 * motion.sole_m
+        if len(corners):
             drawing.axes.fill(*corners.T, facecolor=LIGHT["wash"], edgecolor=LIGHT["faint"])
         _draw_path(drawing, path_mm, motion)
-        drawing.axes.margins(0.08)
+        _fit(drawing.axes, np.vstack([_shown(motion), *corners]))
     keys = [Key("faint", "support polygon", "area")] if motion.sole_m is not None else []
     edge = summary(1e3 * motion.edge_m)
     title = "The centre of mass, seen from above"
@@ -62,7 +63,7 @@ def _close_up(motion: Motion) -> Drawing:
     straight = float(np.linalg.norm(path_mm[-1] - path_mm[0]))
     with canvas("path", 300) as drawing:
         _draw_path(drawing, path_mm, motion)
-        _widen(drawing.axes)
+        _fit(drawing.axes, _shown(motion))
     figures = f"{_points(motion)} · length {number(length)} mm · start to end {number(straight)} mm"
     title = "The way to the target, close up"
     if motion.target_m is not None:
@@ -85,11 +86,11 @@ def _lyapunov(motion: Motion) -> Drawing:
     v = motion.v
     with canvas("v") as drawing:
         drawing.axes.plot(*thin(motion.time_s, v), color=LIGHT["blue"])
-        drawing.label(TIME, "V [m²], logarithmic")
+        drawing.time(motion.duration_s, "V [m²], logarithmic")
         _positive(drawing, v)
     known = v[np.isfinite(v)]
     fallen = f"{number(known[0])} → {number(known[-1])} m²" if len(known) else ""
-    rises = int((np.diff(known) > 0.0).sum())
+    rises = int((np.diff(known) > ROUNDING * known.max(initial=0.0)).sum())
     return Drawing(
         "v",
         "V falls, and never rises" if rises == 0 else f"V falls, but rises at {rises} ticks",
@@ -108,7 +109,7 @@ def _rate(motion: Motion) -> Drawing:
     with canvas("psi") as drawing:
         drawing.axes.plot(time, measured, color=LIGHT["orange"], linewidth=4.0, alpha=0.45)
         drawing.axes.plot(*thin(motion.time_s, motion.psi), color=LIGHT["blue"])
-        drawing.label(TIME, "rate of decrease [m²/s], logarithmic")
+        drawing.time(motion.duration_s, "rate of decrease [m²/s], logarithmic")
         _positive(drawing, motion.psi)
     share = 100.0 * float(motion.certified.mean())
     return Drawing(
@@ -121,7 +122,7 @@ def _rate(motion: Motion) -> Drawing:
         ),
         f"Ψ: {spread(summary(motion.psi), 'm²/s')} · certified {number(share)} % of the answers",
         "Ψ is the least decrease of V per second that the controller had to give, the negative of "
-        "v_rate_required; beside it what V really did, from one window to the next. Paper: Fig. 5b.",
+        "v_rate_required; beside it what V really did, from one window to the next. Paper: Fig. 5.",
         "The wide curve below the thin one: the robot does not do what the model says, for it "
         "lags, clips, or missed setpoints. Windows in which V rose are left out.",
     )
@@ -139,7 +140,7 @@ def _inputs(motion: Motion) -> Drawing:
         for role, joint in reversed(list(zip(SERIES, named, strict=False))):
             points = thin(motion.time_s, motion.inputs[:, joint])
             drawing.axes.plot(*points, color=LIGHT[role], linewidth=1.4)
-        drawing.label(TIME, f"u [{motion.unit}]")
+        drawing.time(motion.duration_s, f"u [{motion.unit}]")
     keys = [
         Key(role, f"{motion.joints[joint]} {number(100 * share[joint])} %")
         for role, joint in zip(SERIES, named, strict=False)
@@ -164,13 +165,13 @@ def _inputs(motion: Motion) -> Drawing:
 
 
 def _active(motion: Motion) -> Drawing:
-    time, mean, window_s = _windows(motion.time_s, motion.active, np.mean)
+    time, mean, window_s = _means(motion.time_s, motion.active)
     with canvas("active") as drawing:
         drawing.axes.plot(*thin(motion.time_s, motion.active), color=LIGHT["faint"], linewidth=0.8)
         drawing.axes.plot(time, mean, color=LIGHT["blue"])
         drawing.axes.set_ylim(0.0, max(4.0, 1.15 * float(motion.active.max())))
         drawing.axes.yaxis.get_major_locator().set_params(integer=True)
-        drawing.label(TIME, "joints with |u| ≥ 0.001 rad/s")
+        drawing.time(motion.duration_s, "joints with |u| ≥ 0.001 rad/s")
     return Drawing(
         "active",
         f"On average {number(float(motion.active.mean()))} of {len(motion.joints)} joints work",
@@ -191,8 +192,13 @@ def _draw_path(drawing: Canvas, path_mm: FloatArray, motion: Motion) -> None:
     if motion.target_m is not None:
         x, y = 1e3 * motion.target_m[:2]
         axes.plot(x, y, "+", color=LIGHT["red"], markersize=14, markeredgewidth=1.6)
-    axes.set_aspect("equal", adjustable="box")
     drawing.label("x [mm]", "y [mm]")
+
+
+def _shown(motion: Motion) -> FloatArray:
+    """Path and target from above, (m, 2) [mm]."""
+    target = [] if motion.target_m is None else [motion.target_m[:2]]
+    return np.asarray(1e3 * np.vstack([motion.path_m[:, :2], *target]), float)
 
 
 def _path_keys(motion: Motion) -> tuple[Key, ...]:
@@ -200,12 +206,14 @@ def _path_keys(motion: Motion) -> tuple[Key, ...]:
     return (*keys, Key("red", "target", "cross")) if motion.target_m is not None else keys
 
 
-def _widen(axes: Any) -> None:
-    """Give a path some room, and one that hardly moves a scale that does not blow it up."""
-    for low, high, put in ((*axes.get_xlim(), axes.set_xlim), (*axes.get_ylim(), axes.set_ylim)):
-        least = 0.35 * max(np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim()), 1.0)
-        middle, half = (low + high) / 2.0, max(high - low, least) / 2.0
-        put(middle - 1.12 * half, middle + 1.12 * half)
+def _fit(axes: Any, points_mm: FloatArray) -> None:
+    """Show these points at one scale for both axes, in as much of the figure as that allows."""
+    low, high = points_mm.min(axis=0), points_mm.max(axis=0)
+    middle, size = (low + high) / 2.0, high - low
+    half = 0.58 * max(size[0], size[1] * PROPORTION, 1.0)
+    axes.set_xlim(middle[0] - half, middle[0] + half)
+    axes.set_ylim(middle[1] - half / PROPORTION, middle[1] + half / PROPORTION)
+    axes.set_aspect("equal", adjustable="box")
 
 
 def _positive(drawing: Canvas, values: FloatArray) -> None:
@@ -220,14 +228,16 @@ def _positive(drawing: Canvas, values: FloatArray) -> None:
         drawing.axes.set_ylim(max(float(positive.min()), 1e-12 * top) / 2.0, 2.0 * top)
 
 
-def _windows(time: FloatArray, values: FloatArray, what: Any) -> tuple[FloatArray, FloatArray, float]:
+def _windows(
+    time: FloatArray, values: FloatArray, what: Any
+) -> tuple[FloatArray, FloatArray, float]:
     """Middle and `what` of each window with values in it, and its length [s]."""
     length = max((time[-1] - time[0]) / WINDOWS, 1e-9)
     place = ((time - time[0]) / length).astype(int).clip(0, WINDOWS - 1)
     begins = np.flatnonzero(np.diff(place, prepend=-1))
     pieces = np.split(values, begins[1:])
     middles = time[0] + (place[begins] + 0.5) * length
-    return middles, np.array([what(piece) for piece in pieces]), float(length)
+    return middles, np.array([piece.mean() for piece in pieces]), float(length)
 
 
 def _measured_fall(motion: Motion) -> tuple[FloatArray, FloatArray, float]:

@@ -20,6 +20,7 @@ LIGHT = {
     "cyan": "#2798ab",
     "olive": "#96811d",
     "pink": "#c0558f",
+    "brown": "#9a6b4f",
     "faint": "#aab3bd",
     "wash": "#e9eff6",
 }
@@ -37,6 +38,7 @@ DARK = {
     "cyan": "#62c4d4",
     "olive": "#ccb650",
     "pink": "#e28fbd",
+    "brown": "#c79a7e",
     "faint": "#57626e",
     "wash": "#1f2a37",
 }

@@ -46,7 +46,9 @@ class Sources:
         logs = {log.side: log for log in found}
         robot, controller = logs.get("robot"), logs.get("controller")
         gaps += [
-            f"The log of the {log.side} is not whole: {log.missing}." for log in found if log.missing
+            f"The log of the {log.side} is not whole: {log.missing}."
+            for log in found
+            if log.missing
         ]
         if robot is None:
             gaps.append(

@@ -76,6 +76,7 @@ summary:hover { color: var(--ink); }
 details.more { margin: 0.8rem 0; }
 .scroll { overflow-x: auto; background: var(--card); border: 1px solid var(--rule);
   border-radius: 0.6rem; margin: 0.8rem 0; }
+.narrow { max-width: 34rem; }
 table { border-collapse: collapse; width: 100%; font-size: 0.87rem;
   font-variant-numeric: tabular-nums; }
 th, td { padding: 0.4rem 0.75rem; text-align: right; white-space: nowrap;

@@ -16,7 +16,9 @@ def ticks_section(timing: Timing | None, title: str) -> Markup:
     """Durations, the worst ten ticks stage by stage, and who is to blame for each miss."""
     parts: list[Markup] = [element("h2", title)]
     if timing is None:
-        return element("section", *parts, _said("There are no ticks to show, see above."), id="ticks")
+        return element(
+            "section", *parts, _said("There are no ticks to show, see above."), id="ticks"
+        )
     if timing.table.lockstep:
         parts.append(_said("All time is virtual in lockstep: no tick is slower than another."))
     else:
@@ -27,7 +29,8 @@ def ticks_section(timing: Timing | None, title: str) -> Markup:
 
 def _worst(timing: Timing) -> Markup:
     rows = timing.table.worst(10)
-    stages = [name for name in STAGES if any(name in row["stages_us"] for row in rows)]
+    names = (*STAGES, "unaccounted")
+    stages = [name for name in names if any(row["stages_us"].get(name) for row in rows)]
     head = ["tick", "outcome", link("word-rtt-word", "RTT"), *stages]
     head += [link("word-stall", "stall"), link("word-guilty", "to blame")]
     usual = {name: summary(timing.us(name)).get("p50", 0.0) for name in stages}
@@ -62,6 +65,8 @@ def _stages(given: dict[str, float], usual: dict[str, float], names: list[str]) 
 def _durations(timing: Timing) -> Markup:
     figures = timing.as_json()
     sizes: dict[str, dict[str, float]] = {"RTT": figures["rtt_us"], **figures["stages_us"]}
+    if not sizes["unaccounted"].get("max"):
+        del sizes["unaccounted"]
     keys = ["min", *(key for key in NAMES if any(key in each for each in sizes.values())), "max"]
     head = [link("word-stage", "µs"), link("word-percentile", "n")]
     head += [NAMES.get(key, key) for key in keys]
@@ -87,7 +92,7 @@ def _guilty(timing: Timing) -> list[Markup]:
         f"Who is to blame for the {count(total)} ticks that were late, lost or skipped, "
         f"of n {count(len(timing.table))}."
     )
-    return [element("div", _said(words), table(head, rows))]
+    return [element("div", _said(words), table(head, rows, class_="narrow"))]
 
 
 def events_section(content: Content, title: str) -> Markup:
@@ -103,7 +108,7 @@ def events_section(content: Content, title: str) -> Markup:
             item.detail or "–",
             count(item.times),
             item.tick,
-            f"{(item.stamp - start) / 1e9:.3f}" if item.side == main and start is not None else "–",
+            _seconds(item.stamp - start) if item.side == main and start is not None else "–",
         ]
         for item in happenings[:MOST]
     ]
@@ -135,7 +140,7 @@ def stalls_section(timing: Timing | None, title: str) -> Markup:
     longest = sorted(stalls, key=lambda stall: stall.start - stall.end)[:10]
     rows = [
         [
-            f"{(stall.start - timing.start_ns) / 1e9:.3f}",
+            _seconds(stall.start - timing.start_ns),
             number((stall.end - stall.start) / 1e6),
         ]
         for stall in longest
@@ -146,10 +151,12 @@ def stalls_section(timing: Timing | None, title: str) -> Markup:
         f"{number(lengths['p50'])}, p90 {number(lengths['p90'])}, p99 {number(lengths['p99'])}, "
         f"max {number(lengths['max'])} ms."
     )
-    inside = table(["begin [s]", "length [ms]"], rows)
-    return element(
-        "section", heading, _said(words), more("The ten longest", inside), id="stalls"
-    )
+    inside = table(["begin [s]", "length [ms]"], rows, words=0, class_="narrow")
+    return element("section", heading, _said(words), more("The ten longest", inside), id="stalls")
+
+
+def _seconds(nanoseconds: int) -> str:
+    return f"{nanoseconds / 1e9:.3f}".replace("-", "−")
 
 
 def _said(words: str) -> Markup:

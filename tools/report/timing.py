@@ -62,6 +62,10 @@ class Timing:
         deviation = np.diff(self.table.actual[asked])[next_] - self.table.period
         return np.asarray(deviation / 1e3, float)
 
+    def recent(self) -> FloatArray:
+        """Success rate of the last 100 ticks, at each tick that asked."""
+        return _recent(_hits(self.table))
+
     def as_json(self) -> dict[str, Any]:
         """The figures, under the names that `run --json` gives them; durations unless virtual."""
         table = self.table
@@ -89,8 +93,12 @@ class Timing:
             sizes = summary(np.abs(jitter))
             result["rtt_us"] = summary(self.us("rtt"))
             result["wakeup_us"] = summary(self.us("wakeup"))
-            result["jitter_us"] = {**sizes, "std": float(jitter.std(ddof=1))} if len(jitter) > 1 else {"n": len(jitter)}
-            result["stages_us"] = {name: summary(self.us(name)) for name in STAGES}
+            result["jitter_us"] = sizes
+            if len(jitter) > 1:
+                sizes["std"] = float(jitter.std(ddof=1))
+                sizes["p99_9_minus_p50"] = sizes["p99_9"] - sizes["p50"]
+            names = (*STAGES, "unaccounted")
+            result["stages_us"] = {name: summary(self.us(name)) for name in names}
         return result
 
 
@@ -112,6 +120,14 @@ def _hits(table: TickTable) -> Any:
     return table.outcome[table.asked] == IN_TIME
 
 
+def _recent(hits: Any) -> FloatArray:
+    """(n,) share of hits among the last 100, or among all so far."""
+    total = np.concatenate([[0], np.cumsum(hits)])
+    end = np.arange(1, len(total))
+    begin = np.maximum(end - WINDOW, 0)
+    return np.asarray((total[end] - total[begin]) / (end - begin), float)
+
+
 def _longest_run(table: TickTable) -> int:
     """Most misses in a row; skipped ticks neither add to it nor end it."""
     ends = np.flatnonzero(np.concatenate([[True], _hits(table), [True]]))
@@ -120,7 +136,5 @@ def _longest_run(table: TickTable) -> int:
 
 def _worst_window(table: TickTable) -> float | None:
     """Least success rate of any 100 ticks in a row that asked; None where there were fewer."""
-    total = np.concatenate([[0], np.cumsum(_hits(table))])
-    if len(total) <= WINDOW:
-        return None
-    return float((total[WINDOW:] - total[:-WINDOW]).min() / WINDOW)
+    full = _recent(_hits(table))[WINDOW - 1 :]
+    return float(full.min()) if len(full) else None

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from protocol.messages import FloatArray
-from tools.report.canvas import canvas
+from protocol.statistics import FIT, WARN, WINDOW
+from tools.report.canvas import canvas, thin
 from tools.report.drawing import Drawing, Key
-from tools.report.motion_figures import TIME
 from tools.report.numbers import count, number, spread, summary
 from tools.report.palette import LIGHT
 from tools.report.timing import Timing
@@ -15,7 +15,7 @@ from tools.ticks import LATE, LOST, SKIPPED, STAGES
 
 STAGE_ROLES = {
     "wakeup": "olive",
-    "publish": "faint",
+    "publish": "brown",
     "wait": "red",
     "decode": "cyan",
     "kinematics": "green",
@@ -30,8 +30,10 @@ BINS = 90
 
 
 def timing_drawings(timing: Timing) -> list[Drawing]:
-    """Every figure about durations; for a run in real time only."""
-    drawings = [_deadlines(timing), _rtt(timing), _wakeup(timing)]
+    """Every figure that this run has the data for: in lockstep there are no durations."""
+    if timing.table.lockstep:
+        return [_success(timing)]
+    drawings = [_deadlines(timing), _success(timing), _rtt(timing), _wakeup(timing)]
     if any(np.isfinite(timing.us(name)).any() for name in STAGES[2:]):
         drawings += [_typical(timing), _tail(timing)]
     return drawings
@@ -65,8 +67,7 @@ def _deadlines(timing: Timing) -> Drawing:
             level = high * (high / low) ** (0.05 * (row + 1))
             axes.plot(at, np.full(len(at), level), "|", color=LIGHT[role], markersize=7)
         axes.set_ylim(low, high * (high / low) ** 0.2)
-        axes.set_xlim(0.0, seconds[-1])
-        drawing.label(TIME, "RTT [µs], logarithmic")
+        drawing.time(seconds[-1], "RTT [µs], logarithmic")
     counts = {name: table.count(outcome) for name, (outcome, _) in missed.items()}
     keys = [
         Key("blue", f"median of {len(seconds) // max(len(windows), 1)} ticks"),
@@ -79,7 +80,9 @@ def _deadlines(timing: Timing) -> Drawing:
     misses = sum(counts.values())
     return Drawing(
         "deadlines",
-        "Every answer came in time" if not misses else f"{count(misses)} ticks without an answer in time",
+        "Every answer came in time"
+        if not misses
+        else f"{count(misses)} ticks without an answer in time",
         drawing.svg,
         tuple(keys),
         f"RTT: {spread(summary(rtt), 'µs')}",
@@ -88,6 +91,35 @@ def _deadlines(timing: Timing) -> Drawing:
         "its RTT is below T: then the robot itself woke late.",
         "Marks in bursts: something else had the CPU. Marks evenly spread, at a fixed distance: "
         "something periodic. Marks only where it is grey: the host, not this software.",
+    )
+
+
+def _success(timing: Timing) -> Drawing:
+    asked = timing.table.asked
+    recent = 100.0 * timing.recent()
+    seconds = timing.seconds[asked]
+    with canvas("success", 300) as drawing:
+        for rate, role in ((FIT, "green"), (WARN, "red")):
+            drawing.axes.axhline(100.0 * rate, color=LIGHT[role], linewidth=1.0, dashes=(4, 3))
+        drawing.axes.plot(*thin(seconds, recent), color=LIGHT["blue"])
+        least = min(float(recent.min()), 100.0 * WARN)
+        drawing.axes.set_ylim(max(least - 0.15 * (100.0 - least), -2.0), 101.0)
+        drawing.time(timing.seconds[-1], f"answers in time [% of the last {WINDOW}]")
+    low = number(float(recent.min()))
+    return Drawing(
+        "success",
+        f"Of any {WINDOW} ticks in a row, at least {low} % were answered in time",
+        drawing.svg,
+        (
+            Key("blue", f"of the last {WINDOW} ticks, or of all before that"),
+            Key("green", "fit from here on", "dash"),
+            Key("red", "unfit below", "dash"),
+        ),
+        f"{spread(summary(recent), '%')}",
+        "Success rate of the last 100 ticks that asked, as the robot publishes it in each State. "
+        "The lines are those of the verdict, which is of the run as a whole.",
+        "Deep, narrow notches: bursts of misses, one cause each. A level below 100 % throughout: "
+        "the controller, or the link, is too slow for this period.",
     )
 
 
@@ -140,8 +172,7 @@ def _typical(timing: Timing) -> Drawing:
         heights = [np.nan_to_num(values) for values in shown.values()]
         colours = [LIGHT[STAGE_ROLES[name]] for name in shown]
         drawing.axes.stackplot(middles, heights, colors=colours, linewidth=0.0, alpha=0.85)
-        drawing.axes.set_xlim(middles[0], middles[-1])
-        drawing.label(TIME, "medians, one upon the other [µs]")
+        drawing.time(timing.seconds[-1], "medians, one upon the other [µs]")
     medians = {name: summary(timing.us(name)) for name in shown}
     longest = max(medians, key=lambda name: medians[name]["p50"])
     return Drawing(
@@ -162,8 +193,7 @@ def _tail(timing: Timing) -> Drawing:
         for name, values in shown.items():
             drawing.axes.plot(middles, values, color=LIGHT[STAGE_ROLES[name]], linewidth=1.3)
         drawing.log_scale("y", numbers=True)
-        drawing.axes.set_xlim(middles[0], middles[-1])
-        drawing.label(TIME, "p99 [µs], logarithmic")
+        drawing.time(timing.seconds[-1], "p99 [µs], logarithmic")
     tails = {name: summary(timing.us(name)) for name in shown}
     longest = max(tails, key=lambda name: tails[name]["p99"])
     return Drawing(
@@ -190,7 +220,8 @@ def _stages(timing: Timing, share: float) -> tuple[FloatArray, dict[str, FloatAr
 
 
 def _stage_keys(shown: dict[str, FloatArray]) -> tuple[Key, ...]:
-    return tuple(Key(STAGE_ROLES[name], name, "area") for name in shown)
+    drawn = [name for name, values in shown.items() if np.nanmax(values) > 0.0]
+    return tuple(Key(STAGE_ROLES[name], name, "area") for name in drawn)
 
 
 def _stage_text(figures: dict[str, dict[str, float]], key: str) -> str:
@@ -216,13 +247,15 @@ def _histogram(
 ) -> tuple[str, tuple[Key, ...]]:
     known = values[np.isfinite(values)]
     figures = summary(known)
-    floor = max(float(known[known > 0.0].min(initial=1.0)), 0.1) if len(known) else 1.0
-    top = max(float(known.max(initial=floor)), 1.3 * period_us)
-    edges = np.geomspace(floor * 0.9, top * 1.1, BINS + 1)
+    top = max(float(known.max(initial=0.0)), 1.3 * period_us)
+    floor = max(float(known.min(initial=top)), 0.1)
+    edges = np.geomspace(0.8 * floor, 1.2 * top, BINS + 1)
     marks = {"p50": "green", "p99": "orange", "p99_9": "red"}
     with canvas(name) as drawing:
         heights, _ = np.histogram(np.clip(known, edges[0], None), edges)
-        drawing.axes.stairs(heights, edges, baseline=0.5, fill=True, color=LIGHT["blue"], alpha=0.75)
+        drawing.axes.stairs(
+            heights, edges, baseline=0.5, fill=True, color=LIGHT["blue"], alpha=0.75
+        )
         drawing.log_scale("x", numbers=True)
         drawing.log_scale("y", numbers=True)
         drawing.axes.set_ylim(0.5, 2.0 * max(heights.max(initial=1), 2))
