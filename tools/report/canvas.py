@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocol.messages import FloatArray
+from tools.report.numbers import count
 from tools.report.palette import LIGHT
 
 WIDTH, HEIGHT = 460, 270  # px; a phone shows it at three quarters of that, a desk at five
@@ -85,7 +86,7 @@ class Canvas:
         self.axes.set_title(y, loc="left", fontsize=11, color=LIGHT["soft"], pad=8)
 
     def time(self, duration_s: float, y: str) -> None:
-        """Name both axes; x is time, from 0 to the end of the run."""
+        """Name both axes; x is time [s], from 0 to the end of the motion."""
         self.label("time since the first tick that asked [s]", y)
         self.axes.set_xlim(0.0, max(duration_s, 1e-9))
 
@@ -95,7 +96,9 @@ class Canvas:
 
         getattr(self.axes, f"set_{axis}scale")("log", nonpositive="clip")
         which = getattr(self.axes, f"{axis}axis")
-        which.set_major_locator(LogLocator(numticks=8))
+        low, high = getattr(self.axes, f"get_{axis}lim")()
+        near = numbers and high < 200.0 * low  # else decades alone are enough
+        which.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if near else (1.0,), numticks=8))
         which.set_major_formatter(FuncFormatter(lambda v, _: plain(v) if numbers else decade(v)))
         which.set_minor_formatter(NullFormatter())
 
@@ -148,9 +151,7 @@ def decade(value: float) -> str:
 
 def plain(value: float) -> str:
     """A number as people write it: 10 000 rather than 1e4."""
-    if value >= 1000.0:
-        return f"{value:,.0f}".replace(",", "\N{NARROW NO-BREAK SPACE}")
-    return f"{value:g}"
+    return count(round(value)) if value >= 1000.0 else f"{value:g}"
 
 
 _METADATA = ("Creator", "Date", "Format", "Type")

@@ -126,9 +126,7 @@ def read_content(path: Path) -> Content:
 def _read(sources: Sources) -> Content:
     gaps = list(sources.gaps)
     motion = _motion(sources, gaps)
-    timing = read_timing(sources)
-    if sources.robot is not None and timing is None:
-        gaps.append("No tick asked for an answer: there is nothing to be in time for.")
+    timing = _timing(sources, gaps)
     if timing is not None:
         gaps += _doubts(sources, timing)
     if sources.lockstep:
@@ -163,6 +161,17 @@ def _motion(sources: Sources, gaps: list[str]) -> Motion | None:
     else:
         gaps += motion.gaps
     return motion
+
+
+def _timing(sources: Sources, gaps: list[str]) -> Timing | None:
+    try:
+        timing = read_timing(sources)
+    except LogError as error:
+        gaps.append(f"Deadlines cannot be judged: {error}.")
+        return None
+    if sources.robot is not None and timing is None:
+        gaps.append("No tick asked for an answer: there is nothing to be in time for.")
+    return timing
 
 
 def _doubts(sources: Sources, timing: Timing) -> list[str]:

@@ -6,6 +6,7 @@ import json
 from typing import Any
 
 from protocol.errors import LogError
+from tools.log import Log
 from tools.report.content import Content
 from tools.report.markup import Markup, element, more, table
 from tools.report.numbers import count, number, rate
@@ -21,12 +22,13 @@ def tiles(content: Content) -> list[Tile]:
         found += _deadline_tiles(content, content.timing.as_json())
     motion = content.motion
     if motion is not None and motion.has_certificates:
-        errors = 1e3 * (2.0 * motion.v[motion.v >= 0.0]) ** 0.5
+        unit = " mm" if motion.target_m is not None else ""
+        errors = (1e3 if unit else 1.0) * (2.0 * motion.v[motion.v >= 0.0]) ** 0.5
         notes = (
-            f"√(2V); at first {number(errors[0])} mm",
+            f"√(2V); at first {number(errors[0])}{unit}",
             f"certified {rate(float(motion.certified.mean()))} of n {count(len(motion.v))} answers",
         )
-        found.append(("word-certificate", "error at the end", f"{number(errors[-1])} mm", notes))
+        found.append(("word-certificate", "error at the end", f"{number(errors[-1])}{unit}", notes))
     return found
 
 
@@ -60,11 +62,8 @@ def _deadline_tiles(content: Content, given: dict[str, Any]) -> list[Tile]:
     ):
         sizes = given.get(key)
         if sizes and sizes["n"]:
-            notes = (
-                f"p99 {number(sizes['p99'])}, p99.9 {number(sizes['p99_9'])}, "
-                f"max {number(sizes['max'])} µs",
-                f"n {count(sizes['n'])}",
-            )
+            tail = f"p99 {number(sizes['p99'])}, p99.9 {number(sizes['p99_9'])}, "
+            notes = (f"{tail}max {number(sizes['max'])} µs", f"n {count(sizes['n'])}")
             found.append((anchor, f"{name}, median", f"{number(sizes['p50'])} µs", notes))
     return found
 
@@ -74,37 +73,35 @@ def _stalls(content: Content) -> tuple[str, ...]:
     if table is None or table.stalls is None or table.stalled is None:
         return ("nobody watched for stalls",)
     stalls = figures(table.stalls)
-    return (
-        f"n {count(int((~table.stalled).sum()))} ticks, {count(table.misses_outside_stalls or 0)} "
-        "missed or skipped",
-        f"{count(int(stalls['n']))} stalls, {number(stalls['total_ms'])} ms",
-    )
+    outside = f"n {count(int((~table.stalled).sum()))}, missed or skipped "
+    outside += count(table.misses_outside_stalls or 0)
+    return (outside, f"{count(int(stalls['n']))} stalls, {number(stalls['total_ms'])} ms")
 
 
 def facts_section(content: Content, title: str) -> Markup:
     """Machine block, versions, and the settings of both sides."""
     parts: list[Markup] = []
     for log in content.sources.logs:
-        machine = content.machine(log.side)
-        versions = log.metadata.get("versions", {})
-        asked = content.sources.summary.get("realtime", []) if log.side == "robot" else []
-        rows = [
-            (key.replace("_", " "), _plain(v)) for key, v in machine.items() if key != "versions"
-        ]
-        rows += [("real-time measures", _plain(asked))] if asked else []
-        rows += (
-            [("versions", ", ".join(f"{k} {v}" for k, v in versions.items()))] if versions else []
-        )
-        rows.append(("log", ", ".join(str(path) for path in log.paths)))
-        run = log.metadata.get("run", {})
-        rows += [(key, value) for key, value in run.items() if value]
+        rows = _facts(content, log)
         parts.append(element("h3", f"Process of the {log.side}"))
-        parts.append(table(("fact", "value"), rows, class_="facts"))
+        parts.append(table((), rows, class_="facts"))
         parts.append(more(f"Settings of the {log.side}", element("pre", _settings(log))))
     return element("section", element("h2", title), *parts, id="machine")
 
 
-def _settings(log: Any) -> str:
+def _facts(content: Content, log: Log) -> list[tuple[str, str]]:
+    machine, versions = content.machine(log.side), log.metadata.get("versions", {})
+    measures = content.sources.summary.get("realtime") if log.side == "robot" else None
+    rows = [(k.replace("_", " "), _plain(v)) for k, v in machine.items() if k != "versions"]
+    if measures:
+        rows.append(("real-time measures", _plain(measures)))
+    if versions:
+        rows.append(("versions", ", ".join(f"{k} {v}" for k, v in versions.items())))
+    rows.append(("log", ", ".join(str(path) for path in log.paths)))
+    return rows + [(k, v) for k, v in log.metadata.get("run", {}).items() if v]
+
+
+def _settings(log: Log) -> str:
     try:
         return str(log.config).rstrip()
     except LogError as error:

@@ -48,14 +48,20 @@ def link(anchor: str, content: object) -> Markup:
 def table(
     head: Sequence[object], rows: Iterable[Sequence[object]], *, words: int = 1, class_: str = ""
 ) -> Markup:
-    """A table that scrolls by itself on a narrow page; the first `words` columns are text."""
-    kinds = ["word" if place < words else "figure" for place in range(len(head))]
-    top = element("tr", *(element("th", c, class_=k) for c, k in zip(head, kinds, strict=True)))
-    body = [
-        element("tr", *(element("td", c, class_=k) for c, k in zip(row, kinds, strict=True)))
-        for row in rows
-    ]
-    whole = element("table", element("thead", top), element("tbody", *body))
+    """A table that scrolls by itself on a narrow page; the first `words` columns are text.
+
+    An empty `head` gives a table without one.
+    """
+
+    def line(tag: str, cells: Sequence[object]) -> Markup:
+        kinds = ("word" if place < words else "figure" for place in range(len(cells)))
+        return element(
+            "tr",
+            *(element(tag, cell, class_=kind) for cell, kind in zip(cells, kinds, strict=True)),
+        )
+
+    top = element("thead", line("th", head)) if head else ""
+    whole = element("table", top, element("tbody", *(line("td", row) for row in rows)))
     return element("div", whole, class_=f"scroll {class_}".strip())
 
 

@@ -10,7 +10,7 @@ from protocol.messages import FloatArray
 from tools.report.canvas import Canvas, canvas, thin
 from tools.report.drawing import Drawing, Key
 from tools.report.motion import Motion
-from tools.report.numbers import number, spread, summary
+from tools.report.numbers import count, number, spread, summary
 from tools.report.palette import LIGHT, SERIES
 
 ROUNDING = 1e-12  # of the greatest V: less is no rise
@@ -83,20 +83,22 @@ def _close_up(motion: Motion) -> Drawing:
 
 
 def _lyapunov(motion: Motion) -> Drawing:
-    v = motion.v
+    v, unit = motion.v, _unit(motion)
     with canvas("v") as drawing:
         drawing.axes.plot(*thin(motion.time_s, v), color=LIGHT["blue"])
-        drawing.time(motion.duration_s, "V [m²], logarithmic")
+        drawing.time(motion.duration_s, f"V [{unit}], logarithmic")
         _positive(drawing, v)
     known = v[np.isfinite(v)]
-    fallen = f"{number(known[0])} → {number(known[-1])} m²" if len(known) else ""
+    fallen = f"{number(known[0])} → {number(known[-1])} {unit}" if len(known) else ""
     rises = int((np.diff(known) > ROUNDING * known.max(initial=0.0)).sum())
     return Drawing(
         "v",
-        "V falls, and never rises" if rises == 0 else f"V falls, but rises at {rises} ticks",
+        f"V rises at {count(rises)} of {count(len(known))} answers"
+        if rises
+        else "V falls at every tick",
         drawing.svg,
         (Key("blue", "V"),),
-        f"{fallen} · {spread(summary(v), 'm²')}",
+        f"{fallen} · {spread(summary(v), unit)}",
         "Lyapunov function V = |e|²/2 of each answer, in the squared unit of the task: m² for the "
         "centre of mass. √(2V) is the error. Paper: Fig. 5a.",
         "A plateau above zero: the motion stalls. A step up: something moved the robot, or a "
@@ -105,22 +107,25 @@ def _lyapunov(motion: Motion) -> Drawing:
 
 
 def _rate(motion: Motion) -> Drawing:
-    time, measured, window_s = _measured_fall(motion)
+    unit, (time, measured, window_s) = _unit(motion), _measured_fall(motion)
     with canvas("psi") as drawing:
-        drawing.axes.plot(time, measured, color=LIGHT["orange"], linewidth=4.0, alpha=0.45)
+        falling = measured > 0.0
+        drawing.axes.plot(
+            time[falling], measured[falling], color=LIGHT["orange"], linewidth=4.0, alpha=0.45
+        )
         drawing.axes.plot(*thin(motion.time_s, motion.psi), color=LIGHT["blue"])
-        drawing.time(motion.duration_s, "rate of decrease [m²/s], logarithmic")
+        drawing.time(motion.duration_s, f"rate of decrease [{unit}/s], logarithmic")
         _positive(drawing, motion.psi)
     share = 100.0 * float(motion.certified.mean())
     return Drawing(
         "psi",
-        "V falls as fast as Ψ asks",
+        _how_fast(motion, time, measured),
         drawing.svg,
         (
             Key("blue", "Ψ, required of each answer"),
             Key("orange", f"measured: fall of V over {number(1e3 * window_s)} ms"),
         ),
-        f"Ψ: {spread(summary(motion.psi), 'm²/s')} · certified {number(share)} % of the answers",
+        f"Ψ: {spread(summary(motion.psi), unit + '/s')} · certified {number(share)} % of the answers",
         "Ψ is the least decrease of V per second that the controller had to give, the negative of "
         "v_rate_required; beside it what V really did, from one window to the next. Paper: Fig. 5.",
         "The wide curve below the thin one: the robot does not do what the model says, for it "
@@ -228,10 +233,8 @@ def _positive(drawing: Canvas, values: FloatArray) -> None:
         drawing.axes.set_ylim(max(float(positive.min()), 1e-12 * top) / 2.0, 2.0 * top)
 
 
-def _windows(
-    time: FloatArray, values: FloatArray, what: Any
-) -> tuple[FloatArray, FloatArray, float]:
-    """Middle and `what` of each window with values in it, and its length [s]."""
+def _means(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Middle and mean of each window with values in it, and its length [s]."""
     length = max((time[-1] - time[0]) / WINDOWS, 1e-9)
     place = ((time - time[0]) / length).astype(int).clip(0, WINDOWS - 1)
     begins = np.flatnonzero(np.diff(place, prepend=-1))
@@ -241,7 +244,7 @@ def _windows(
 
 
 def _measured_fall(motion: Motion) -> tuple[FloatArray, FloatArray, float]:
-    """Rate at which V really fell, between the ends of windows, where it fell."""
+    """Rate at which V really fell between the ends of windows; negative where it rose."""
     known = np.isfinite(motion.v)
     time, v = motion.time_s[known], motion.v[known]
     length = (time[-1] - time[0]) / WINDOWS
@@ -249,11 +252,28 @@ def _measured_fall(motion: Motion) -> tuple[FloatArray, FloatArray, float]:
     ends = ends[ends < len(time)]
     fall = -np.diff(v[ends]) / np.diff(time[ends])
     middle = (time[ends][1:] + time[ends][:-1]) / 2.0
-    return middle[fall > 0.0], fall[fall > 0.0], float(length)
+    return middle, fall, float(length)
+
+
+def _how_fast(motion: Motion, time: FloatArray, measured: FloatArray) -> str:
+    """What the median window says of V beside Ψ."""
+    known = np.isfinite(motion.psi)
+    asked = np.interp(time, motion.time_s[known], motion.psi[known])
+    if not (asked > 0.0).any():
+        return "Nothing is asked of V"
+    share = float(np.median((measured / np.where(asked > 0.0, asked, np.nan))[asked > 0.0]))
+    if share >= 0.95:
+        return "V falls as fast as Ψ asks"
+    return f"V falls at {100.0 * max(share, 0.0):.0f} % of the rate that Ψ asks"
+
+
+def _unit(motion: Motion) -> str:
+    """Of V: that of a centre of mass, where its target is known."""
+    return "m²" if motion.target_m is not None else "unit of the task, squared"
 
 
 def _points(motion: Motion) -> str:
-    return f"n {len(motion.path_m)} States"
+    return f"n {count(len(motion.path_m))} States"
 
 
 def _every(motion: Motion) -> str:

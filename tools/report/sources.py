@@ -61,7 +61,7 @@ class Sources:
                 "stand only there."
             )
         said = {log.side: _inputs(log) for log in found}
-        dropped = sum(int(gap.get("dropped", 0)) for each in said.values() for gap in each["gap"])
+        dropped = sum(gap["dropped"] for each in said.values() for gap in each["gap"])
         if dropped:
             gaps.append(f"{dropped} records came faster than they were written, and are not there.")
         sessions = [session for each in said.values() for session in each["session"]]

@@ -59,7 +59,8 @@ figure svg text { font-family: inherit; }
 .mark.dash { border-top: 2px dashed; }
 .mark.area { height: 0.75rem; border: 0; background: currentColor; opacity: 0.6;
   border-radius: 2px; }
-.mark.dot { width: 0.6rem; height: 0.6rem; border: 0; border-radius: 50%; background: currentColor; }
+.mark.dot { width: 0.6rem; height: 0.6rem; border: 0; border-radius: 50%;
+  background: currentColor; }
 .mark.ring { width: 0.7rem; height: 0.7rem; border: 2px solid; border-radius: 50%; }
 .mark.tick { width: 0; height: 0.8rem; border: 0; border-left: 3px solid; margin: 0 0.3rem; }
 .mark.cross { width: auto; height: auto; border: 0; font-weight: 700; line-height: 1; }
@@ -86,9 +87,9 @@ tbody tr:last-child td { border-bottom: 0; }
 th.word, td.word { text-align: left; }
 .facts td { white-space: normal; overflow-wrap: anywhere; text-align: left; vertical-align: top; }
 .facts td.word { white-space: nowrap; color: var(--soft); width: 1%; }
-td.worst { font-weight: 650; color: var(--red); }
-pre { background: var(--card); border: 1px solid var(--rule); border-radius: 0.6rem; margin: 0.6rem 0;
-  padding: 0.8rem 1rem; overflow-x: auto; font: 0.82rem/1.5 ui-monospace, Menlo, Consolas, monospace; }
+pre { background: var(--card); border: 1px solid var(--rule); border-radius: 0.6rem;
+  margin: 0.6rem 0; padding: 0.8rem 1rem; overflow-x: auto;
+  font: 0.82rem/1.5 ui-monospace, Menlo, Consolas, monospace; }
 dl { display: grid; grid-template-columns: minmax(8rem, 13rem) 1fr; gap: 0.7rem 1.5rem;
   font-size: 0.92rem; max-width: 62rem; }
 dt { font-weight: 600; } dd { margin: 0; color: var(--soft); }

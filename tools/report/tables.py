@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from tools.report.content import Content
 from tools.report.happenings import MOST
 from tools.report.markup import Markup, element, link, more, table
@@ -45,10 +47,9 @@ def _worst(timing: Timing) -> Markup:
         ]
         for row in rows
     ]
-    note = (
-        f"The ten longest round trips of n {count(summary(timing.us('rtt'))['n'])}, in µs; bold is "
-        "what exceeded its median most. Lost answers have no RTT."
-    )
+    n = int(np.isfinite(timing.us("rtt")).sum())
+    note = f"The ten longest round trips of n {count(n)}, in µs. Bold is what exceeded its median "
+    note += "most. Lost answers have no RTT."
     return element("div", _said(note), table(head, body, words=2))
 
 
@@ -68,7 +69,7 @@ def _durations(timing: Timing) -> Markup:
     if not sizes["unaccounted"].get("max"):
         del sizes["unaccounted"]
     keys = ["min", *(key for key in NAMES if any(key in each for each in sizes.values())), "max"]
-    head = [link("word-stage", "µs"), link("word-percentile", "n")]
+    head: list[object] = [link("word-stage", "µs"), link("word-percentile", "n")]
     head += [NAMES.get(key, key) for key in keys]
     body = [
         [name, count(int(each["n"])), *(number(each[k]) if k in each else "–" for k in keys)]
@@ -116,13 +117,11 @@ def events_section(content: Content, title: str) -> Markup:
     if not rows:
         return element("section", *parts, _said("No event is in the log."), id="events")
     parts.append(table(head, rows, words=3))
-    words = [
-        f"Events of the {main} have the time since the first tick that asked. What comes by the "
-        "hundred is one line, with the first tick."
-    ]
+    words = f"Times of the {main} count from the first tick that asked. "
+    words += "What comes by the hundred is one line, with the tick of the first one."
     if len(happenings) > MOST:
-        words.append(f" {count(len(happenings) - MOST)} more are in the log.")
-    parts.append(_said("".join(words)))
+        words += f" {count(len(happenings) - MOST)} more are in the log."
+    parts.append(_said(words))
     return element("section", *parts, id="events")
 
 

@@ -13,6 +13,7 @@ from protocol.statistics import WINDOW, verdict
 from tools.report.numbers import summary
 from tools.report.sources import Sources
 from tools.stalls import figures as stall_figures
+from tools.tick_logs import Cycles, RobotSide
 from tools.ticks import IN_TIME, LATE, LOST, SKIPPED, STAGES, TickTable
 
 _FORCED = ("REASON_MISSES", "REASON_HOLDER_LOST")
@@ -50,6 +51,11 @@ class Timing:
     def seconds(self) -> FloatArray:
         """Intended start of each tick, from the first one on [s]."""
         return np.asarray((self.table.intended - self.start_ns) / 1e9, float)
+
+    @property
+    def duration_s(self) -> float:
+        """From there to the end of the last one."""
+        return float(self.seconds[-1]) + self.table.period / 1e9
 
     def us(self, name: str) -> FloatArray:
         """A stage, or `rtt`, of every tick [µs]; NaN where there is none."""
@@ -103,10 +109,15 @@ class Timing:
 
 
 def read_timing(sources: Sources) -> Timing | None:
-    """What became of the ticks of a run; None without the robot's log, or where nothing asked."""
+    """What became of the ticks of a run; None without the robot's log, or where nothing asked.
+
+    Raises:
+        LogError: it was recorded from outside, or holds no State.
+    """
     if sources.robot is None:
         return None
-    table = TickTable.from_run(sources.path)
+    robot = RobotSide.read(sources.path)
+    table = TickTable.of(robot, Cycles.of(sources.controller, robot))
     if not table.asked.any():
         return None
     _, events = sources.robot.table(Kind.EVENT)

@@ -67,7 +67,7 @@ def _deadlines(timing: Timing) -> Drawing:
             level = high * (high / low) ** (0.05 * (row + 1))
             axes.plot(at, np.full(len(at), level), "|", color=LIGHT[role], markersize=7)
         axes.set_ylim(low, high * (high / low) ** 0.2)
-        drawing.time(seconds[-1], "RTT [µs], logarithmic")
+        drawing.time(timing.duration_s, "RTT [µs], logarithmic")
     counts = {name: table.count(outcome) for name, (outcome, _) in missed.items()}
     keys = [
         Key("blue", f"median of {len(seconds) // max(len(windows), 1)} ticks"),
@@ -104,11 +104,11 @@ def _success(timing: Timing) -> Drawing:
         drawing.axes.plot(*thin(seconds, recent), color=LIGHT["blue"])
         least = min(float(recent.min()), 100.0 * WARN)
         drawing.axes.set_ylim(max(least - 0.15 * (100.0 - least), -2.0), 101.0)
-        drawing.time(timing.seconds[-1], f"answers in time [% of the last {WINDOW}]")
+        drawing.time(timing.duration_s, f"answers in time [% of the last {WINDOW}]")
     low = number(float(recent.min()))
     return Drawing(
         "success",
-        f"Of any {WINDOW} ticks in a row, at least {low} % were answered in time",
+        f"Any {WINDOW} ticks in a row: at least {low} % in time",
         drawing.svg,
         (
             Key("blue", f"of the last {WINDOW} ticks, or of all before that"),
@@ -172,7 +172,7 @@ def _typical(timing: Timing) -> Drawing:
         heights = [np.nan_to_num(values) for values in shown.values()]
         colours = [LIGHT[STAGE_ROLES[name]] for name in shown]
         drawing.axes.stackplot(middles, heights, colors=colours, linewidth=0.0, alpha=0.85)
-        drawing.time(timing.seconds[-1], "medians, one upon the other [µs]")
+        drawing.time(timing.duration_s, "medians, one upon the other [µs]")
     medians = {name: summary(timing.us(name)) for name in shown}
     longest = max(medians, key=lambda name: medians[name]["p50"])
     return Drawing(
@@ -193,7 +193,7 @@ def _tail(timing: Timing) -> Drawing:
         for name, values in shown.items():
             drawing.axes.plot(middles, values, color=LIGHT[STAGE_ROLES[name]], linewidth=1.3)
         drawing.log_scale("y", numbers=True)
-        drawing.time(timing.seconds[-1], "p99 [µs], logarithmic")
+        drawing.time(timing.duration_s, "p99 [µs], logarithmic")
     tails = {name: summary(timing.us(name)) for name in shown}
     longest = max(tails, key=lambda name: tails[name]["p99"])
     return Drawing(
@@ -253,9 +253,8 @@ def _histogram(
     marks = {"p50": "green", "p99": "orange", "p99_9": "red"}
     with canvas(name) as drawing:
         heights, _ = np.histogram(np.clip(known, edges[0], None), edges)
-        drawing.axes.stairs(
-            heights, edges, baseline=0.5, fill=True, color=LIGHT["blue"], alpha=0.75
-        )
+        look = {"color": LIGHT["blue"], "alpha": 0.75}
+        drawing.axes.stairs(heights, edges, baseline=0.5, fill=True, **look)
         drawing.log_scale("x", numbers=True)
         drawing.log_scale("y", numbers=True)
         drawing.axes.set_ylim(0.5, 2.0 * max(heights.max(initial=1), 2))
