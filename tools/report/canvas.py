@@ -21,7 +21,7 @@ from protocol.messages import FloatArray
 from tools.report.numbers import count
 from tools.report.palette import LIGHT
 
-WIDTH, HEIGHT = 460, 270  # px; a phone shows it at three quarters of that, a desk at five
+WIDTH, HEIGHT = 420, 250  # px; a phone shows it at four fifths of that, a desk at five quarters
 BUCKETS = 700  # across a figure
 
 _STYLE: dict[Any, Any] = {
@@ -29,7 +29,7 @@ _STYLE: dict[Any, Any] = {
     "svg.hashsalt": "report",
     "text.parse_math": False,
     "font.family": "sans-serif",
-    "font.size": 11.0,
+    "font.size": 11.5,
     "axes.edgecolor": LIGHT["faint"],
     "axes.labelcolor": LIGHT["soft"],
     "axes.linewidth": 0.8,
@@ -83,7 +83,7 @@ class Canvas:
     def label(self, x: str, y: str) -> None:
         """Name both axes, with units."""
         self.axes.set_xlabel(x, loc="right")
-        self.axes.set_title(y, loc="left", fontsize=11, color=LIGHT["soft"], pad=8)
+        self.axes.set_title(y, loc="left", fontsize=11.5, color=LIGHT["soft"], pad=8)
 
     def time(self, duration_s: float, y: str) -> None:
         """Name both axes; x is time [s], from 0 to the end of the motion."""

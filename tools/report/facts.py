@@ -83,7 +83,7 @@ def facts_section(content: Content, title: str) -> Markup:
     parts: list[Markup] = []
     for log in content.sources.logs:
         rows = _facts(content, log)
-        parts.append(element("h3", f"Process of the {log.side}"))
+        parts.append(element("h3", f"As the service of the {log.side} found it at its start"))
         parts.append(table((), rows, class_="facts"))
         parts.append(more(f"Settings of the {log.side}", element("pre", _settings(log))))
     return element("section", element("h2", title), *parts, id="machine")

@@ -31,7 +31,7 @@ def motion_drawings(motion: Motion) -> list[Drawing]:
 
 def _sole(motion: Motion) -> Drawing:
     path_mm = 1e3 * motion.path_m[:, :2]
-    with canvas("sole", 300) as drawing:
+    with canvas("sole", 275) as drawing:
         corners = np.empty((0, 2)) if motion.sole_m is None else 1e3 * motion.sole_m
         if len(corners):
             drawing.axes.fill(*corners.T, facecolor=LIGHT["wash"], edgecolor=LIGHT["faint"])
@@ -61,7 +61,7 @@ def _close_up(motion: Motion) -> Drawing:
     path_mm = 1e3 * motion.path_m[:, :2]
     length = float(np.linalg.norm(np.diff(path_mm, axis=0), axis=1).sum())
     straight = float(np.linalg.norm(path_mm[-1] - path_mm[0]))
-    with canvas("path", 300) as drawing:
+    with canvas("path", 275) as drawing:
         _draw_path(drawing, path_mm, motion)
         _fit(drawing.axes, _shown(motion))
     figures = f"{_points(motion)} · length {number(length)} mm · start to end {number(straight)} mm"
@@ -90,7 +90,9 @@ def _lyapunov(motion: Motion) -> Drawing:
         _positive(drawing, v)
     known = v[np.isfinite(v)]
     fallen = f"{number(known[0])} → {number(known[-1])} {unit}" if len(known) else ""
-    rises = int((np.diff(known) > ROUNDING * known.max(initial=0.0)).sum())
+    change = np.diff(known) / max(known.max(initial=0.0), 1e-300)
+    rises = int((change > ROUNDING).sum())
+    title = "V falls at every tick" if (change < 0.0).any() else "V stays as it is"
     return Drawing(
         "v",
         f"V rises at {count(rises)} of {count(len(known))} answers"
@@ -107,14 +109,15 @@ def _lyapunov(motion: Motion) -> Drawing:
 
 
 def _rate(motion: Motion) -> Drawing:
-    unit, (time, measured, window_s) = _unit(motion), _measured_fall(motion)
+    rate = f"{_unit(motion)}/s"
+    time, measured, window_s = _measured_fall(motion)
     with canvas("psi") as drawing:
         falling = measured > 0.0
         drawing.axes.plot(
-            time[falling], measured[falling], color=LIGHT["orange"], linewidth=4.0, alpha=0.45
+            time[falling], measured[falling], color=LIGHT["orange"], linewidth=7.0, alpha=0.4
         )
         drawing.axes.plot(*thin(motion.time_s, motion.psi), color=LIGHT["blue"])
-        drawing.time(motion.duration_s, f"rate of decrease [{unit}/s], logarithmic")
+        drawing.time(motion.duration_s, f"rate of decrease [{rate}], logarithmic")
         _positive(drawing, motion.psi)
     share = 100.0 * float(motion.certified.mean())
     return Drawing(
@@ -125,7 +128,7 @@ def _rate(motion: Motion) -> Drawing:
             Key("blue", "Ψ, required of each answer"),
             Key("orange", f"measured: fall of V over {number(1e3 * window_s)} ms"),
         ),
-        f"Ψ: {spread(summary(motion.psi), unit + '/s')} · certified {number(share)} % of the answers",
+        f"Ψ: {spread(summary(motion.psi), rate)} · certified {number(share)} % of the answers",
         "Ψ is the least decrease of V per second that the controller had to give, the negative of "
         "v_rate_required; beside it what V really did, from one window to the next. Paper: Fig. 5.",
         "The wide curve below the thin one: the robot does not do what the model says, for it "
@@ -137,7 +140,8 @@ def _inputs(motion: Motion) -> Drawing:
     share = motion.work
     order = np.argsort(-share, kind="stable")
     named = [int(joint) for joint in order[:NAMED] if share[joint] > 0.0]
-    rest = [int(joint) for joint in order if int(joint) not in named and share[joint] > 0.0]
+    moved = int((share > 0.0).sum())
+    rest = [int(joint) for joint in order[: moved or None] if int(joint) not in named]
     with canvas("u") as drawing:
         for joint in rest:
             points = thin(motion.time_s, motion.inputs[:, joint])
@@ -151,10 +155,9 @@ def _inputs(motion: Motion) -> Drawing:
         for role, joint in zip(SERIES, named, strict=False)
     ]
     others = float(sum(share[joint] for joint in rest))
-    if rest:
+    if rest and moved:
         keys.append(Key("faint", f"{len(rest)} others {number(100 * others)} %"))
     fastest = np.abs(motion.inputs).max(axis=1)
-    moved = len(named) + len(rest)
     return Drawing(
         "u",
         f"{moved} of {len(motion.joints)} joints are told to move",
@@ -269,7 +272,7 @@ def _how_fast(motion: Motion, time: FloatArray, measured: FloatArray) -> str:
 
 def _unit(motion: Motion) -> str:
     """Of V: that of a centre of mass, where its target is known."""
-    return "m²" if motion.target_m is not None else "unit of the task, squared"
+    return "m²" if motion.target_m is not None else "unit²"
 
 
 def _points(motion: Motion) -> str:

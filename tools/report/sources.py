@@ -50,12 +50,12 @@ class Sources:
             for log in found
             if log.missing
         ]
-        if robot is None:
+        if robot is None and not any(path.glob("robot*.mcap")):
             gaps.append(
                 "There is no log of the robot: whether answers were in time, and when it woke, "
                 "stands only there."
             )
-        if controller is None:
+        if controller is None and not any(path.glob("controller*.mcap")):
             gaps.append(
                 "There is no log of the controller: its settings, and States that it never got, "
                 "stand only there."

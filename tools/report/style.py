@@ -45,7 +45,7 @@ nav a:hover { color: var(--ink); }
 .tile span { display: block; color: var(--soft); font-size: 0.83rem; line-height: 1.4; }
 .tile .name { color: var(--ink); }
 .gaps { border-left: 3px solid var(--orange); padding: 0.1rem 0 0.1rem 1rem; margin: 1.4rem 0 0; }
-.grid { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 27rem), 1fr));
+.grid { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 27rem), 1fr));
   gap: 1rem; }
 figure { margin: 0; background: var(--card); border: 1px solid var(--rule); border-radius: 0.6rem;
   padding: 0.95rem 1.05rem; min-width: 0; display: flex; flex-direction: column; }
@@ -85,8 +85,10 @@ th, td { padding: 0.4rem 0.75rem; text-align: right; white-space: nowrap;
 th { color: var(--soft); font-weight: 500; }
 tbody tr:last-child td { border-bottom: 0; }
 th.word, td.word { text-align: left; }
-.facts td { white-space: normal; overflow-wrap: anywhere; text-align: left; vertical-align: top; }
-.facts td.word { white-space: nowrap; color: var(--soft); width: 1%; }
+.facts table { table-layout: fixed; }
+.facts td { white-space: normal; text-align: left; vertical-align: top; }
+.facts td { overflow-wrap: break-word; }
+.facts td.word { color: var(--soft); width: 12rem; }
 pre { background: var(--card); border: 1px solid var(--rule); border-radius: 0.6rem;
   margin: 0.6rem 0; padding: 0.8rem 1rem; overflow-x: auto;
   font: 0.82rem/1.5 ui-monospace, Menlo, Consolas, monospace; }
@@ -98,7 +100,8 @@ footer { color: var(--soft); font-size: 0.85rem; margin-top: 3rem; padding-botto
 @media (max-width: 36rem) {
   dl { grid-template-columns: 1fr; gap: 0.2rem; } dd { margin-bottom: 0.7rem; }
   .tiles { grid-template-columns: 1fr 1fr; gap: 0.6rem; } .tile { padding: 0.6rem 0.7rem; }
-  .tile b { font-size: 1.2rem; } .facts td.word { white-space: normal; }
+  .tile b { font-size: 1.2rem; } .facts td.word { width: 7.5rem; }
+  figure { padding: 0.8rem 0.75rem; }
 }
 @media print { .grid { grid-template-columns: 1fr 1fr; } figure, .tile { break-inside: avoid; } }
 """

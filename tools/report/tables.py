@@ -131,6 +131,8 @@ def stalls_section(timing: Timing | None, title: str) -> Markup:
     stalls = timing.table.stalls if timing else None
     if timing is None or stalls is None:
         said = "Nobody watched for stalls, so none can be told from load."
+        if timing is not None and timing.table.lockstep:
+            said = "All time is virtual in lockstep: nobody can take it away."
         return element("section", heading, _said(said), id="stalls")
     lengths = summary([(stall.end - stall.start) / 1e6 for stall in stalls])
     if not stalls:

@@ -6,7 +6,7 @@ import numpy as np
 
 from protocol.messages import FloatArray
 from protocol.statistics import FIT, WARN, WINDOW
-from tools.report.canvas import canvas, thin
+from tools.report.canvas import BUCKETS, canvas, thin
 from tools.report.drawing import Drawing, Key
 from tools.report.numbers import count, number, spread, summary
 from tools.report.palette import LIGHT
@@ -27,6 +27,7 @@ STAGE_ROLES = {
 PER_WINDOW = 200  # ticks, so that a p99 rests on two of them
 MOST_WINDOWS = 100
 BINS = 90
+MOST_STALLS = 500  # that are drawn, the longest
 
 
 def timing_drawings(timing: Timing) -> list[Drawing]:
@@ -49,9 +50,11 @@ def _deadlines(timing: Timing) -> Drawing:
         "lost": (LOST, "red"),
         "skipped": (SKIPPED, "violet"),
     }
-    with canvas("deadlines", 300) as drawing:
+    with canvas("deadlines", 275) as drawing:
         axes = drawing.axes
-        for stall in table.stalls or ():
+        for stall in sorted(table.stalls or (), key=lambda each: each.start - each.end)[
+            :MOST_STALLS
+        ]:
             begin, end = ((at - timing.start_ns) / 1e9 for at in (stall.start, stall.end))
             if end >= 0.0 and begin <= seconds[-1]:
                 axes.axvspan(begin, end, color=LIGHT["faint"], alpha=0.5, linewidth=0.5)
@@ -63,7 +66,7 @@ def _deadlines(timing: Timing) -> Drawing:
         low, high = axes.get_ylim()
         high = max(high, 1.6 * period_us)
         for row, (outcome, role) in enumerate(missed.values()):
-            at = seconds[table.outcome == outcome]
+            at = _apart(seconds[table.outcome == outcome], timing.duration_s)
             level = high * (high / low) ** (0.05 * (row + 1))
             axes.plot(at, np.full(len(at), level), "|", color=LIGHT[role], markersize=7)
         axes.set_ylim(low, high * (high / low) ** 0.2)
@@ -96,9 +99,10 @@ def _deadlines(timing: Timing) -> Drawing:
 
 def _success(timing: Timing) -> Drawing:
     asked = timing.table.asked
-    recent = 100.0 * timing.recent()
-    seconds = timing.seconds[asked]
-    with canvas("success", 300) as drawing:
+    first = min(WINDOW, timing.asked) - 1  # before, there is no full window
+    recent = 100.0 * timing.recent()[first:]
+    seconds = timing.seconds[asked][first:]
+    with canvas("success", 275) as drawing:
         for rate, role in ((FIT, "green"), (WARN, "red")):
             drawing.axes.axhline(100.0 * rate, color=LIGHT[role], linewidth=1.0, dashes=(4, 3))
         drawing.axes.plot(*thin(seconds, recent), color=LIGHT["blue"])
@@ -111,7 +115,7 @@ def _success(timing: Timing) -> Drawing:
         f"Any {WINDOW} ticks in a row: at least {low} % in time",
         drawing.svg,
         (
-            Key("blue", f"of the last {WINDOW} ticks, or of all before that"),
+            Key("blue", f"of the last {WINDOW} ticks that asked"),
             Key("green", "fit from here on", "dash"),
             Key("red", "unfit below", "dash"),
         ),
@@ -121,6 +125,12 @@ def _success(timing: Timing) -> Drawing:
         "Deep, narrow notches: bursts of misses, one cause each. A level below 100 % throughout: "
         "the controller, or the link, is too slow for this period.",
     )
+
+
+def _apart(times: FloatArray, duration_s: float) -> FloatArray:
+    """As many of these times as can be told apart in a figure."""
+    _, first = np.unique((times * (BUCKETS / duration_s)).astype(int), return_index=True)
+    return times[first]
 
 
 def _rtt(timing: Timing) -> Drawing:
