@@ -22,6 +22,8 @@ from tools.report.numbers import count
 from tools.report.palette import LIGHT
 
 WIDTH, HEIGHT = 420, 250  # px; a phone shows it at four fifths of that, a desk at five quarters
+LEFT, RIGHT, BOTTOM, TOP = 50, 10, 38, 22  # px around the axes, the same in every figure
+BEYOND = 1e100  # what no figure can show
 BUCKETS = 700  # across a figure
 
 _STYLE: dict[Any, Any] = {
@@ -51,8 +53,6 @@ _STYLE: dict[Any, Any] = {
     "lines.linewidth": 1.6,
     "lines.solid_capstyle": "round",
     "lines.solid_joinstyle": "round",
-    "figure.constrained_layout.w_pad": 0.03,
-    "figure.constrained_layout.h_pad": 0.03,
     "path.simplify": True,
     "path.simplify_threshold": 0.2,
 }
@@ -74,16 +74,20 @@ class Canvas:
         from matplotlib.figure import Figure  # noqa: PLC0415 - slow, and only who draws needs it
 
         self._name = name
-        self.figure = Figure(figsize=(WIDTH / 72, height / 72), dpi=72, layout="constrained")
-        self.axes: Any = self.figure.add_subplot()
+        self.figure = Figure(figsize=(WIDTH / 72, height / 72), dpi=72)
+        width, tall = WIDTH - LEFT - RIGHT, height - BOTTOM - TOP
+        place = (LEFT / WIDTH, BOTTOM / height, width / WIDTH, tall / height)
+        self.axes: Any = self.figure.add_axes(place)
+        self._top = 1.0 - 13.0 / height
         for background in (self.figure.patch, self.axes.patch):
             background.set_visible(False)
         self.svg = ""
 
     def label(self, x: str, y: str) -> None:
         """Name both axes, with units."""
-        self.axes.set_xlabel(x, loc="right")
-        self.axes.set_title(y, loc="left", fontsize=11.5, color=LIGHT["soft"], pad=8)
+        look: Any = {"color": LIGHT["soft"], "fontsize": 11.5}
+        self.figure.text(1.0 - RIGHT / WIDTH, 0.01, x, ha="right", va="bottom", **look)
+        self.figure.text(0.01, self._top, y, ha="left", va="baseline", **look)
 
     def time(self, duration_s: float, y: str) -> None:
         """Name both axes; x is time [s], from 0 to the end of the motion."""
@@ -92,7 +96,7 @@ class Canvas:
 
     def log_scale(self, axis: str, *, numbers: bool = False) -> None:
         """Make one axis logarithmic, its decades written 10⁻³, or as plain `numbers`."""
-        from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter  # noqa: PLC0415
+        from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator  # noqa: PLC0415
 
         getattr(self.axes, f"set_{axis}scale")("log", nonpositive="clip")
         which = getattr(self.axes, f"{axis}axis")
@@ -100,7 +104,7 @@ class Canvas:
         near = numbers and high < 200.0 * low  # else decades alone are enough
         which.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if near else (1.0,), numticks=8))
         which.set_major_formatter(FuncFormatter(lambda v, _: plain(v) if numbers else decade(v)))
-        which.set_minor_formatter(NullFormatter())
+        which.set_minor_locator(NullLocator())
 
     def close(self) -> None:
         """Turn the drawing into text."""
@@ -128,7 +132,7 @@ def thin(x: FloatArray, y: FloatArray, buckets: int = BUCKETS) -> tuple[FloatArr
 
     Both are kept in the order in which they stand, so that no spike is lost or invented.
     """
-    keep = np.isfinite(y)
+    keep = np.abs(y) < BEYOND  # not so of NaN
     x, y = x[keep], y[keep]
     if len(y) <= 2 * buckets:
         return x, y

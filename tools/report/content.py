@@ -5,15 +5,16 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from protocol.errors import LogError, WireError
+from protocol.errors import LogError
 from tools.report.drawing import Drawing
 from tools.report.happenings import Happening, read_happenings
 from tools.report.motion import Motion, read_motion
 from tools.report.motion_figures import motion_drawings
-from tools.report.sources import Sources
+from tools.report.sources import Sources, of_ours
 from tools.report.timing import Timing, read_timing
 from tools.report.timing_figures import timing_drawings
 
@@ -27,7 +28,6 @@ class Content:
         motion: what the robot did, or None.
         timing: what became of its ticks, or None.
         happenings: events of both sides, each in order.
-        motion_drawings, timing_drawings: the figures.
         gaps: what is missing, and why, in sentences.
     """
 
@@ -35,9 +35,17 @@ class Content:
     motion: Motion | None
     timing: Timing | None
     happenings: tuple[Happening, ...]
-    motion_drawings: tuple[Drawing, ...]
-    timing_drawings: tuple[Drawing, ...]
     gaps: tuple[str, ...]
+
+    @cached_property
+    def motion_drawings(self) -> tuple[Drawing, ...]:
+        """Figures of the motion; they are drawn when somebody asks."""
+        return tuple(motion_drawings(self.motion)) if self.motion else ()
+
+    @cached_property
+    def timing_drawings(self) -> tuple[Drawing, ...]:
+        """Figures of what became of the ticks, likewise."""
+        return tuple(timing_drawings(self.timing)) if self.timing else ()
 
     @property
     def robot(self) -> str:
@@ -114,13 +122,8 @@ def read_content(path: Path) -> Content:
     Raises:
         LogError: there is no log of ours, or it holds what no service of ours has written.
     """
-    try:
+    with of_ours(path):
         return _read(Sources.open(path))
-    except (WireError, LookupError, TypeError, ValueError, OverflowError) as error:
-        raise LogError(
-            f"{path}: holds a record that no service of ours has written "
-            f"({type(error).__name__}: {error}). Name a log of `hoap3`"
-        ) from error
 
 
 def _read(sources: Sources) -> Content:
@@ -144,8 +147,6 @@ def _read(sources: Sources) -> Content:
         motion=motion,
         timing=timing,
         happenings=tuple(item for log in sources.logs for item in read_happenings(log)),
-        motion_drawings=tuple(motion_drawings(motion)) if motion else (),
-        timing_drawings=tuple(timing_drawings(timing)) if timing else (),
         gaps=tuple(gaps),
     )
 

@@ -26,6 +26,7 @@ class Motion:
     """The active part of one session.
 
     Attributes:
+        side: whose log tells it; the robot's, unless that holds nothing of it.
         start_ns: begin of the first tick that asked for an answer; all times count from there.
         duration_s: from there to the last one.
         joints: names in wire order.
@@ -42,6 +43,7 @@ class Motion:
         gaps: what cannot be shown, and why.
     """
 
+    side: str
     start_ns: int
     duration_s: float
     joints: tuple[str, ...]
@@ -87,21 +89,22 @@ class Motion:
 
 
 def read_motion(sources: Sources) -> Motion | None:
-    """The motion in a log, or None where no State is in it.
+    """The motion in a log, or None where no State asks for an answer.
 
     Raises:
         LogError: the log has no valid description, or Pinocchio cannot build the robot.
     """
-    states = sources.main.states()
-    setpoints = sources.main.setpoints()
-    states, setpoints, gaps = _one_session(states, setpoints)
-    active = states[states["mode"] == State.ACTIVE]
-    if not len(active):
+    for log in sources.logs:
+        states, setpoints, gaps = _one_session(log.states(), log.setpoints())
+        active = states[states["mode"] == State.ACTIVE]
+        if len(active):
+            break
+    else:
         return None
-    description = sources.main.description
+    description = log.description
     if active["q"].shape[1] != description.n:
         raise LogError(
-            f"{sources.main.paths[0]}: its States have {active['q'].shape[1]} joints, its "
+            f"{log.paths[0]}: its States have {active['q'].shape[1]} joints, its "
             f"description {description.n}. Name a log that a service of ours has written"
         )
     parameters = sources.settings("controller").get("parameters")
@@ -127,6 +130,7 @@ def read_motion(sources: Sources) -> Motion | None:
             "no support polygon."
         )
     return Motion(
+        side=log.side,
         start_ns=start,
         duration_s=(int(active["stamp_intended"][-1]) - start) / 1e9 + description.period_s,
         joints=description.joint_names,

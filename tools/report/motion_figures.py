@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from protocol.messages import FloatArray
-from tools.report.canvas import Canvas, canvas, thin
+from tools.report.canvas import BEYOND, Canvas, canvas, thin
 from tools.report.drawing import Drawing, Key
 from tools.report.motion import Motion
 from tools.report.numbers import count, number, spread, summary
 from tools.report.palette import LIGHT, SERIES
 
 ROUNDING = 1e-12  # of the greatest V: less is no rise
-PROPORTION = 1.62  # width to height of a pair of axes
+PROPORTION = 1.7  # width to height of a pair of axes
 NAMED = 6  # joints that get a colour of their own
 WINDOWS = 160  # in which means and measured rates are taken
 
@@ -92,12 +92,12 @@ def _lyapunov(motion: Motion) -> Drawing:
     fallen = f"{number(known[0])} → {number(known[-1])} {unit}" if len(known) else ""
     change = np.diff(known) / max(known.max(initial=0.0), 1e-300)
     rises = int((change > ROUNDING).sum())
-    title = "V falls at every tick" if (change < 0.0).any() else "V stays as it is"
+    title = "V falls, and never rises" if (change < 0.0).any() else "V stays as it is"
+    if rises:
+        title = f"V rises at {count(rises)} of {count(len(known))} answers"
     return Drawing(
         "v",
-        f"V rises at {count(rises)} of {count(len(known))} answers"
-        if rises
-        else "V falls at every tick",
+        title,
         drawing.svg,
         (Key("blue", "V"),),
         f"{fallen} · {spread(summary(v), unit)}",
@@ -229,7 +229,7 @@ def _positive(drawing: Canvas, values: FloatArray) -> None:
 
     Rounding at the target would otherwise take most of the figure.
     """
-    positive = values[np.isfinite(values) & (values > 0.0)]
+    positive = values[(values > 0.0) & (values < BEYOND)]
     if len(positive):
         drawing.log_scale("y")
         top = float(positive.max())
@@ -261,6 +261,8 @@ def _measured_fall(motion: Motion) -> tuple[FloatArray, FloatArray, float]:
 def _how_fast(motion: Motion, time: FloatArray, measured: FloatArray) -> str:
     """What the median window says of V beside Ψ."""
     known = np.isfinite(motion.psi)
+    if not known.any():
+        return "Nobody says how fast V has to fall"
     asked = np.interp(time, motion.time_s[known], motion.psi[known])
     if not (asked > 0.0).any():
         return "Nothing is asked of V"

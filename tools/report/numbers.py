@@ -38,8 +38,7 @@ def number(value: float) -> str:
     if size != 0.0 and (size < 1e-3 or size >= 1e7):
         digits, _, power = f"{value:.2e}".partition("e")
         return f"{digits}·10{str(int(power)).translate(_SUPERSCRIPT)}".replace("-", "−", 1)
-    decimals = 0 if size >= 100 or value == int(value) else 1 if size >= 10 else 2
-    decimals = 3 if 0.0 < size < 0.1 else decimals
+    decimals = 0 if value == int(value) else max(0, 2 - int(np.floor(np.log10(size))))
     return f"{value:,.{decimals}f}".replace(",", "\N{NARROW NO-BREAK SPACE}").replace("-", "−")
 
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from protocol.errors import ConfigError, LogError
+from protocol.errors import ConfigError, LogError, WireError
 from protocol.ring import Kind
 from protocol.settings import parse_yaml
 from tools.log import Log
@@ -88,6 +90,22 @@ class Sources:
             return parse_yaml(log.config, f"config in {log.paths[0]}")
         except (LogError, ConfigError, yaml.YAMLError):
             return {}
+
+
+@contextmanager
+def of_ours(path: Path) -> Iterator[None]:
+    """Turn what a log of ours could never lead to into an error that names the log.
+
+    Raises:
+        LogError: instead of whatever reading or drawing it raised.
+    """
+    try:
+        yield
+    except (WireError, LookupError, TypeError, ValueError, OverflowError) as error:
+        raise LogError(
+            f"{path}: holds a record that no service of ours has written "
+            f"({type(error).__name__}: {error}). Name a log of `hoap3`"
+        ) from error
 
 
 def _logs(path: Path) -> tuple[list[Log], list[str]]:

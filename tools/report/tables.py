@@ -99,7 +99,7 @@ def _guilty(timing: Timing) -> list[Markup]:
 def events_section(content: Content, title: str) -> Markup:
     """What happened, in words, side by side with its tick and time."""
     happenings = content.happenings
-    main = content.sources.main.side
+    main = content.motion.side if content.motion else ""
     start = content.motion.start_ns if content.motion else None
     head = ["side", "what", "detail", "times", "tick", "time [s]"]
     rows = [
@@ -117,7 +117,7 @@ def events_section(content: Content, title: str) -> Markup:
     if not rows:
         return element("section", *parts, _said("No event is in the log."), id="events")
     parts.append(table(head, rows, words=3))
-    words = f"Times of the {main} count from the first tick that asked. "
+    words = f"Times of the {main} count from the first tick that asked. " if main else ""
     words += "What comes by the hundred is one line, with the tick of the first one."
     if len(happenings) > MOST:
         words += f" {count(len(happenings) - MOST)} more are in the log."

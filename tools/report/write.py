@@ -8,6 +8,7 @@ from typing import Any
 from protocol.errors import UsageError
 from tools.report.content import read_content
 from tools.report.page import page
+from tools.report.sources import of_ours
 
 
 def write_report(log: Path, out: Path | None = None) -> dict[str, Any]:
@@ -25,9 +26,11 @@ def write_report(log: Path, out: Path | None = None) -> dict[str, Any]:
         UsageError: `out` cannot be written.
     """
     content = read_content(log)
+    with of_ours(log):
+        drawn = page(content)
     target = out or (log if log.is_dir() else log.parent) / "report.html"
     try:
-        target.write_text(page(content), encoding="utf-8", errors="replace")
+        target.write_text(drawn, encoding="utf-8", errors="replace")
     except OSError as error:
         reason = error.strerror or "no reason given"
         raise UsageError(
