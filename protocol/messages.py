@@ -8,14 +8,14 @@ docs/wire.md gives the offsets.
 
 from __future__ import annotations
 
+import ctypes
 import re
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib import resources
-from operator import attrgetter, itemgetter
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +28,12 @@ WIRE_VERSION = 1
 CDR_HEADER = b"\x00\x01\x00\x00"  # plain CDR, little endian, no options
 MAX_JOINTS = 128
 SCALAR_FORMATS = {"uint32": "I", "uint64": "Q", "int64": "q", "float64": "d"}
+C_TYPES = {
+    "uint32": ctypes.c_uint32,
+    "uint64": ctypes.c_uint64,
+    "int64": ctypes.c_int64,
+    "float64": ctypes.c_double,
+}
 STAMP_FIELDS = frozenset(
     {
         "stamp_received",
@@ -63,6 +69,11 @@ class Schema:
     def scalar_struct(self) -> struct.Struct:
         """Every scalar, without padding: the schemas keep each at its natural alignment."""
         return struct.Struct("<" + "".join(SCALAR_FORMATS[kind] for kind in self.scalars.values()))
+
+    @property
+    def c_fields(self) -> list[tuple[str, Any]]:
+        """The scalars as fields of a C structure, whose layout is the same."""
+        return [(name, C_TYPES[kind]) for name, kind in self.scalars.items()]
 
     def offsets(self, lengths: dict[str, int]) -> tuple[dict[str, int], int]:
         """Byte offsets behind the CDR header: of each array's length, and of the end.
@@ -140,11 +151,11 @@ def schema(name: str) -> Schema:
     return Schema(name, text, scalars, tuple(arrays), constants)
 
 
-class Message:
+class Message(ctypes.LittleEndianStructure):
     """A message in one preallocated, writable buffer, aligned for float64.
 
-    Scalars are plain attributes; arrays are float64 views of the buffer, so writing into them
-    writes the message.
+    The buffer is the message: scalars are attributes that read and write it, arrays are float64
+    views of it, and `dump` copies it out. Integers wrap as they do in C.
 
     Raises:
         WireError: `load` got bytes of another size, header, length or version.
@@ -152,51 +163,65 @@ class Message:
 
     schema: ClassVar[Schema]
     wire_version: int
+    _words: FloatArray
+    _bytes: memoryview
+    _frame: struct.Struct
+    _expected: tuple[Any, ...]
 
-    def __init__(self, **lengths: int) -> None:
-        places, end = self.schema.offsets(lengths)
+    @classmethod
+    def allocate(cls, **lengths: int) -> Self:
+        """A message of zeros whose arrays have these lengths."""
+        places, end = cls.schema.offsets(lengths)
         words = np.zeros(1 + -(-end // 8))
         whole = words.data.cast("B")
-        self._bytes = whole[8 - len(CDR_HEADER) : 8 + end]  # so that the body is aligned
-        self._bytes[: len(CDR_HEADER)] = CDR_HEADER
-        self._struct = self.schema.scalar_struct
-        self._names = tuple(self.schema.scalars)
-        self._scalars = attrgetter(*self._names)
-        self._guards: list[tuple[int, bytes]] = [(0, CDR_HEADER)]
-        for name in self.schema.arrays:
+        message = cls.from_buffer(whole, 8)  # so that both scalars and arrays are aligned
+        message._words = words
+        message._bytes = whole[8 - len(CDR_HEADER) : 8 + end]
+        message._bytes[: len(CDR_HEADER)] = CDR_HEADER
+        message.wire_version = WIRE_VERSION
+        frame, at = "<4sI", 4
+        for name, place in places.items():
             count = lengths[name]
-            at = len(CDR_HEADER) + places[name]
-            self._bytes[at : at + 4] = struct.pack("<I", count)
-            self._guards.append((at, struct.pack("<I", count)))
-            first = (8 + _first_element(places[name], count)) // 8
-            setattr(self, name, words[first : first + count])
-        for name, kind in self.schema.scalars.items():
-            setattr(self, name, 0.0 if kind == "float64" else 0)
-        self.wire_version = WIRE_VERSION
+            struct.pack_into("<I", message._bytes, len(CDR_HEADER) + place, count)
+            frame, at = f"{frame}{place - at}xI", place + 4
+            first = (8 + _first_element(place, count)) // 8
+            setattr(message, name, words[first : first + count])
+        message._frame = struct.Struct(f"{frame}{end - at}x")  # what is the same in all of them
+        message._expected = message._frame.unpack(message._bytes)
+        return message
+
+    def __init__(self, *_: int, **__: int) -> None:  # done; ctypes would take them for scalars
+        super().__init__()
 
     @property
     def size(self) -> int:
         """Bytes on the wire, CDR header included."""
-        return len(self._bytes)
+        return self._frame.size
 
     def load(self, payload: bytes) -> None:
         """Take the content of `payload`. The message is unchanged where that fails."""
-        if len(payload) != len(self._bytes):
-            raise WireError(
-                "size",
-                f"{self.schema.name}: {len(payload)} bytes where {len(self._bytes)} are expected",
-            )
-        for at, expected in self._guards:
-            if payload[at : at + 4] != expected:
-                raise WireError("layout", f"{self.schema.name}: unexpected bytes at offset {at}")
-        values = self._struct.unpack_from(payload, len(CDR_HEADER))
-        if values[0] != WIRE_VERSION:
-            raise WireError(
-                "wire_version",
-                f"{self.schema.name}: wire version {values[0]} where {WIRE_VERSION} is spoken",
-            )
+        if len(payload) != self._frame.size or self._frame.unpack(payload) != self._expected:
+            raise self._refusal(payload)
         self._bytes[:] = payload
-        self.__dict__.update(zip(self._names, values, strict=True))  # half the time of setattr
+
+    def dump(self) -> bytes:
+        """The message as bytes for the wire or the log."""
+        return self._bytes.tobytes()
+
+    def _refusal(self, payload: bytes) -> WireError:
+        name, size = self.schema.name, self._frame.size
+        if len(payload) != size:
+            return WireError("size", f"{name}: {len(payload)} bytes where {size} are expected")
+        header, version, *counts = self._frame.unpack(payload)
+        if header != CDR_HEADER or counts != list(self._expected[2:]):
+            return WireError(
+                "layout",
+                f"{name}: header {header.hex()} and arrays of {counts} elements where "
+                f"{CDR_HEADER.hex()} and {list(self._expected[2:])} are expected",
+            )
+        return WireError(
+            "wire_version", f"{name}: wire version {version} where {WIRE_VERSION} is spoken"
+        )
 
     @classmethod
     def scalars(cls, payload: bytes, *names: str) -> tuple[Any, ...]:
@@ -205,22 +230,16 @@ class Message:
         Raises:
             WireError: it is too short.
         """
-        layout = cls.schema.scalar_struct
-        if len(payload) < len(CDR_HEADER) + layout.size:
+        if len(payload) < len(CDR_HEADER) + cls.schema.scalar_struct.size:
             raise WireError("size", f"{cls.schema.name}: {len(payload)} bytes are too few")
-        values = layout.unpack_from(payload, len(CDR_HEADER))
-        return _pick(cls.schema.name, names)(values)
-
-    def dump(self) -> bytes:
-        """The message as bytes for the wire or the log."""
-        self._struct.pack_into(self._bytes, len(CDR_HEADER), *self._scalars(self))
-        return bytes(self._bytes)
+        return _reader(cls.schema.name, names)(payload)
 
 
 class State(Message):
     """What the robot publishes at each tick; units and meaning stand in `msg/State.msg`."""
 
     schema = schema("State")
+    _fields_ = schema.c_fields
 
     IDLE, ACTIVE, STOPPING, STOPPED = range(4)
 
@@ -246,14 +265,21 @@ class State(Message):
     reference: FloatArray
     wrench: FloatArray
 
-    def __init__(self, joints: int, wrench: int = 0) -> None:
-        super().__init__(q=joints, dq=joints, tau=joints, reference=joints, wrench=wrench)
+    def __new__(cls, joints: int, wrench: int = 0) -> Self:
+        """Of a robot with `joints` joints, and `wrench` figures from its force sensors."""
+        return cls.allocate(q=joints, dq=joints, tau=joints, reference=joints, wrench=wrench)
 
 
 class Setpoint(Message):
-    """The controller's answer to one State; see `msg/Setpoint.msg`."""
+    """The controller's answer to one State; see `msg/Setpoint.msg`.
+
+    Attributes:
+        certificate: view of `v`, `v_rate_required`, `v_rate_predicted`, `rho`, `margin` and
+            `kkt_residual`, (6,), for kernels that write them all.
+    """
 
     schema = schema("Setpoint")
+    _fields_ = schema.c_fields
 
     POSITION, ACCELERATION, TORQUE = range(3)
 
@@ -280,15 +306,21 @@ class Setpoint(Message):
     fallback: int
     values: FloatArray
     extra: FloatArray
+    certificate: FloatArray
 
-    def __init__(self, joints: int, extra: int = 0) -> None:
-        super().__init__(values=joints, extra=extra)
+    def __new__(cls, joints: int, extra: int = 0) -> Self:
+        """For `joints` joints, with `extra` figures that the controller declares."""
+        message = cls.allocate(values=joints, extra=extra)
+        first, last = ((8 + getattr(cls, name).offset) // 8 for name in ("v", "kkt_residual"))
+        message.certificate = message._words[first : last + 1]
+        return message
 
 
 class Event(Message):
     """Something that is not part of every tick; see `msg/Event.msg`."""
 
     schema = schema("Event")
+    _fields_ = schema.c_fields
 
     kind: int
     session_id: int
@@ -296,15 +328,25 @@ class Event(Message):
     stamp: int
     detail: int
 
+    def __new__(cls) -> Self:
+        """Always of one size."""
+        return cls.allocate()
+
 
 @cache
-def _pick(message: str, names: tuple[str, ...]) -> Callable[[tuple[Any, ...]], tuple[Any, ...]]:
-    """Pick some of a message's scalars out of all of them."""
-    places = {name: at for at, name in enumerate(schema(message).scalars)}
-    if len(names) == 1:
-        (place,) = (places[name] for name in names)
-        return lambda values: (values[place],)
-    return itemgetter(*(places[name] for name in names))
+def _reader(message: str, names: tuple[str, ...]) -> Callable[[bytes], tuple[Any, ...]]:
+    """Reads some of a message's scalars out of its payload, and skips the others."""
+    kinds = schema(message).scalars
+    code = "".join(
+        SCALAR_FORMATS[kind] if name in names else f"{struct.calcsize(SCALAR_FORMATS[kind])}x"
+        for name, kind in kinds.items()
+    )
+    read = struct.Struct(f"<{len(CDR_HEADER)}x{code}").unpack_from
+    stand = [name for name in kinds if name in names]
+    if stand == list(names):
+        return read
+    places = [stand.index(name) for name in names]
+    return lambda payload: tuple(map(read(payload).__getitem__, places))
 
 
 def _first_element(place: int, count: int) -> int:

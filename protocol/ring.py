@@ -14,8 +14,6 @@ from collections.abc import Iterator
 from enum import IntEnum
 from typing import NamedTuple
 
-import numpy as np
-
 from protocol.errors import Hoap3Error
 
 SLOTS = 4096
@@ -74,7 +72,7 @@ class Ring:
             os.ftruncate(fd, _HEADER_BYTES + slots * slot_bytes)
         self.fd = fd
         self._memory = mmap.mmap(fd, os.fstat(fd).st_size)
-        self._words = np.frombuffer(self._memory, np.int64, _HEADER_BYTES // 8)
+        self._words = memoryview(self._memory)[:_HEADER_BYTES].cast("q")
         if created:
             self._memory[:] = bytes(len(self._memory))  # every page is there before the loop
             self._set("slots", slots)
@@ -162,7 +160,7 @@ class Ring:
         self._set("dropped", self._dropped)
 
     def _get(self, word: str) -> int:
-        return int(self._words[_WORDS[word]])
+        return self._words[_WORDS[word]]
 
     def _set(self, word: str, value: int) -> None:
         self._words[_WORDS[word]] = value  # one aligned 64-bit store

@@ -47,15 +47,21 @@ class LinkSettings(Settings):
     )
 
 
+CpuNumber = Annotated[int, Field(strict=True, ge=0)]
+
+
 class RealtimeSettings(Settings):
     """What a service asks of the operating system; what is refused is reported, never fatal."""
 
     policy: Literal["auto", "none"] = Field("auto", description="auto: SCHED_FIFO if allowed")
     priority: int = Field(80, strict=True, ge=1, le=98, description="SCHED_FIFO priority")
-    cpu: Literal["auto", "none"] | Annotated[int, Field(strict=True, ge=0)] = Field(
+    cpu: Literal["auto", "none"] | CpuNumber = Field(
         "auto", description="auto: a CPU that no other run has claimed; none; or its number"
     )
     lock_memory: bool = Field(True, strict=True, description="keep pages in memory")
+    watch_stalls: Literal["auto", "none"] | tuple[CpuNumber, ...] = Field(
+        "auto", description="CPUs whose stalls are noted; auto: the one that it is pinned to"
+    )
 
 
 class LogSettings(Settings):

@@ -6,8 +6,6 @@ for one named reason. A tick that asked for an answer got it in time, late, or n
 
 from __future__ import annotations
 
-import numpy as np
-
 from protocol.errors import WireError
 from protocol.messages import Setpoint
 from protocol.statistics import Deadlines
@@ -44,15 +42,17 @@ class Inbox:
     """
 
     def __init__(self, joints: int, session_id: int, command: int) -> None:
+        from robot_emulator.motion_kernels import all_finite  # noqa: PLC0415 - compiles
+
         self.setpoint = Setpoint(joints)
         self._incoming = Setpoint(joints)
         self._joints, self._session_id, self._command = joints, session_id, command
-        self._finite = np.zeros(joints, np.bool_)
-        self._asked = np.full(HISTORY, -1, np.int64)  # the tick that uses this place
-        self._epochs = np.zeros(HISTORY, np.int64)
-        self._deadline = np.zeros(HISTORY, np.int64)
-        self._arrival = np.full(HISTORY, -1, np.int64)
-        self._counted_lost = np.zeros(HISTORY, np.bool_)
+        self._all_finite = all_finite
+        self._asked = [-1] * HISTORY  # the tick that uses this place
+        self._epochs = [0] * HISTORY
+        self._deadline = [0] * HISTORY
+        self._arrival = [-1] * HISTORY
+        self._counted_lost = [False] * HISTORY
         self.fresh = False
         self.newest_tick = -1
         self.duplicate = self.out_of_order = 0
@@ -101,8 +101,8 @@ class Inbox:
     def judge(self, tick: int) -> bool:
         """Count the outcome of `tick`, whose deadline has passed; True where it was in time."""
         place = tick % HISTORY
-        arrival = int(self._arrival[place])
-        if 0 <= arrival <= int(self._deadline[place]):
+        arrival = self._arrival[place]
+        if 0 <= arrival <= self._deadline[place]:
             self.deadlines.hit()
             return True
         self.deadlines.miss(arrived=arrival >= 0)
@@ -135,6 +135,6 @@ class Inbox:
             return "epoch"
         if setpoint.command != self._command:
             return "command"
-        if np.count_nonzero(np.isfinite(setpoint.values, out=self._finite)) < self._joints:
+        if not self._all_finite(setpoint.values):
             return "not_finite"
         return None

@@ -12,8 +12,6 @@ from protocol.errors import DescriptionError
 from protocol.messages import FloatArray
 from robot_emulator.config import PlantSettings
 
-INT16 = np.iinfo(np.int16)
-
 
 class Plant(Protocol):
     """A body that advances by one period at a time.
@@ -44,42 +42,30 @@ class PositionServo:
     """
 
     def __init__(self, description: RobotDescription, settings: PlantSettings) -> None:
+        from robot_emulator.motion_kernels import serve  # noqa: PLC0415 - compiles
+
+        self._serve = serve
         self._time_constant = settings.time_constant_ms * 1e-3 if settings.servo == "lag" else 0.0
-        self._counts = description.counts_per_rad if settings.encoder == "counts" else None
-        if settings.encoder == "counts" and self._counts is None:
-            raise DescriptionError(
-                f"robot {description.name!r} has no encoder scales: give each joint "
-                "`encoder_counts_per_rad`, or set plant.encoder to ideal"
-            )
+        self._counts = np.zeros(description.n)
+        if settings.encoder == "counts":
+            if description.counts_per_rad is None:
+                raise DescriptionError(
+                    f"robot {description.name!r} has no encoder scales: give each joint "
+                    "`encoder_counts_per_rad`, or set plant.encoder to ideal"
+                )
+            self._counts[:] = description.counts_per_rad
         self._position = np.zeros(description.n)
-        self._before = np.zeros(description.n)
         self.q = np.zeros(description.n)
         self.dq = np.zeros(description.n)
         self.tau = np.zeros(description.n)
 
     def reset(self, q: FloatArray) -> None:
         """Be at rest at `q`, (n,) [rad or m]."""
-        self._position[:] = q
+        start = np.array(q, np.float64)  # whatever array it was
+        self._serve(start, 1.0, 1.0, self._counts, self._position, self.q, self.dq)
         self.dq[:] = 0.0
-        self._measure()
 
     def step(self, command: FloatArray, dt: float) -> None:
         """Follow the reference `command`, (n,) [rad or m], for `dt` [s]."""
-        self._before[:] = self.q
-        if self._time_constant:
-            share = -math.expm1(-dt / self._time_constant)
-            self._position += share * (command - self._position)
-        else:
-            self._position[:] = command
-        self._measure()
-        np.subtract(self.q, self._before, out=self.dq)
-        self.dq /= dt
-
-    def _measure(self) -> None:
-        if self._counts is None:
-            self.q[:] = self._position
-        else:
-            np.multiply(self._position, self._counts, out=self.q)
-            np.rint(self.q, out=self.q)
-            np.clip(self.q, INT16.min, INT16.max, out=self.q)
-            self.q /= self._counts
+        share = -math.expm1(-dt / self._time_constant) if self._time_constant else 1.0
+        self._serve(command, share, dt, self._counts, self._position, self.q, self.dq)

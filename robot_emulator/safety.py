@@ -24,17 +24,17 @@ class Reference:
     """
 
     def __init__(self, description: RobotDescription, period_s: float) -> None:
+        from robot_emulator.motion_kernels import approach  # noqa: PLC0415 - compiles
+
         n = description.n
+        self._approach = approach
         self._dt = period_s
         self._usable = description.lower, description.upper
         self._lower, self._upper = self._usable
         self._step = description.velocity * period_s
         self._brake = description.brake_acceleration
         self.value = np.zeros(n)
-        self._before = np.zeros(n)
         self._change = np.zeros(n)
-        self._size = np.zeros(n)
-        self._flags = np.zeros(n, np.bool_)
         self._target = np.zeros(n)
         self._newest, self._earlier = np.zeros(n), np.zeros(n)  # setpoints
         self._newest_tick = -1
@@ -103,19 +103,8 @@ class Reference:
         return share == 0.0
 
     def _apply(self) -> int:
-        """Move towards the target as far as the limits allow; the joint that was held back, or -1.
-
-        A joint whose target is within the limits takes it over bit by bit.
-        """
-        value, before, change, flags = self.value, self._before, self._change, self._flags
-        before[:] = value
-        np.maximum(self._target, self._lower, out=value)
-        np.minimum(value, self._upper, out=value)
-        np.subtract(value, before, out=change)
-        np.abs(change, out=self._size)
-        np.greater(self._size, self._step, out=flags)
-        if np.count_nonzero(flags):
-            np.copysign(self._step, change, out=change, where=flags)
-            np.add(before, change, out=value, where=flags)
-        np.not_equal(value, self._target, out=flags)
-        return int(np.argmax(flags)) if np.count_nonzero(flags) else -1
+        """Move towards the target as far as the limits allow; the joint held back, or -1."""
+        held: int = self._approach(
+            self._target, self._lower, self._upper, self._step, self.value, self._change
+        )
+        return held

@@ -18,6 +18,7 @@ from robot_emulator.loop import GRACE_TICKS, RobotLoop
 from robot_emulator.plant import PositionServo
 from robot_emulator.robots import load
 
+KERNELS = ("robot_emulator.motion_kernels",)
 START_DELAY_NS = 10_000_000
 
 
@@ -85,8 +86,10 @@ def serve(
     Raises:
         NameTakenError, PortInUseError, LinkError: it could not join the network.
     """
+    from protocol.compilation import warm_up  # noqa: PLC0415 - loads numba
     from protocol.zenoh_link import ZenohRobotLink  # noqa: PLC0415 - only where there is a network
 
+    warm_up(KERNELS, report)
     measures = [str(measure) for measure in prepare_process(config.realtime)]
     for measure in measures:
         report(measure)

@@ -15,14 +15,17 @@ from typing import Annotated, Any
 
 import typer
 
+from tools.cli_latency import latency
 from tools.cli_measure import bench_app, doctor
+from tools.cli_reproduce import reproduce
 from tools.rooms import check_rooms
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 config_app = typer.Typer(no_args_is_help=True, help="Look at settings before anything runs.")
 app.add_typer(config_app, name="config")
 app.add_typer(bench_app, name="bench")
-app.command()(doctor)
+for command in (doctor, latency, reproduce):
+    app.command()(command)
 
 ENDPOINT = "tcp/127.0.0.1:7447"
 

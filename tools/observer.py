@@ -18,12 +18,15 @@ from typing import Any, TextIO
 from protocol.errors import Hoap3Error
 from protocol.messages import Event
 from protocol.ring import Kind, Record, Ring
+from tools.outside import OutsideStalls
 from tools.processes import to_people
+from tools.stalls import StallMonitor
 
 POLL_S = 0.005
 LIVE_S = 0.25
 DRAIN_S = 30.0
-_FREQUENT = {Event.schema.constants[name] for name in ("SKIPPED", "OVERWRITTEN")}
+_EVENTS = Event.schema.constants
+_FREQUENT = {_EVENTS[name] for name in ("SKIPPED", "OVERWRITTEN", "HOST_STALL")}
 
 
 class Observer:
@@ -38,6 +41,7 @@ class Observer:
         limits: bytes of the whole log, and of one file.
         period_ns: of the robot.
         lockstep: whether stamps are virtual.
+        watch: CPUs whose stalls are noted and count as the host's.
         status_fd: open file that takes a JSON line for every piece of news, or None for people.
     """
 
@@ -52,6 +56,7 @@ class Observer:
         limits: tuple[int, int],
         period_ns: int,
         lockstep: bool,
+        watch: tuple[int, ...] = (),
         status_fd: int | None = None,
     ) -> None:
         self.ring = Ring()
@@ -65,6 +70,7 @@ class Observer:
             "limits": limits,
             "period_ns": period_ns,
             "lockstep": lockstep,
+            "watch": watch,
             "status_fd": status_fd,
             "parent": os.getpid(),
         }
@@ -160,54 +166,100 @@ def main() -> int:
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the service ends us, after its last record
     order = json.load(sys.stdin)
-    from tools.log_writer import LogWriter  # noqa: PLC0415 - after the signals are ignored
-    from tools.statistics import RunStatistics  # noqa: PLC0415
-
     ring = Ring(order["fd"])
-    writer = None
-    if order["directory"]:
-        cap_bytes, file_bytes = order["limits"]
-        writer = LogWriter(
-            Path(order["directory"]),
-            robot=order["robot"],
-            side=order["side"],
-            attachments={name: text.encode() for name, text in order["attachments"].items()},
-            metadata=order["metadata"],
-            cap_bytes=cap_bytes,
-            file_bytes=file_bytes,
-        )
-    statistics = RunStatistics(order["period_ns"], timing=not order["lockstep"])
-    reporter = _Reporter(order["status_fd"], order["side"])
-    is_robot = order["side"] == "robot"
+    watch = _Watch(order)
     due = time.monotonic() + LIVE_S
     while True:
         ended = ring.closed or os.getppid() != order["parent"]  # asked before the last reading
         for record in ring.read():
-            if writer is not None:
-                writer.add(record)
-            if is_robot:
-                statistics.add(record)
-            if record.kind == Kind.EVENT:
-                reporter.event(record)
-        if writer is not None:
-            writer.flush_due(time.monotonic_ns())
+            watch.take(record)
+        watch.look_for_stalls()
         if ended:
             break
         now = time.monotonic()
-        if is_robot and now >= due:
+        if now >= due:
             due = now + LIVE_S
-            reporter.send("live", statistics.live())
+            watch.tell()
         time.sleep(POLL_S)
-    if writer is not None:
-        writer.close()
-    paths = [str(path) for path in writer.paths] if writer is not None else []
-    final = {"paths": paths, "dropped": ring.dropped}
-    if writer is not None and ring.dropped:
-        reporter.say(f"the log has gaps: {ring.dropped} records came faster than they were written")
-    if is_robot:
-        final["summary"] = statistics.summary()
-    reporter.send("final", final)
+    watch.end(ring.dropped)
     return 0
+
+
+class _Watch:
+    """What an observer does with what it sees: it writes, counts and tells."""
+
+    def __init__(self, order: dict[str, Any]) -> None:
+        from tools.log_writer import LogWriter  # noqa: PLC0415 - after the signals are ignored
+        from tools.statistics import RunStatistics  # noqa: PLC0415
+
+        self._writer = None
+        if order["directory"]:
+            cap_bytes, file_bytes = order["limits"]
+            self._writer = LogWriter(
+                Path(order["directory"]),
+                robot=order["robot"],
+                side=order["side"],
+                attachments={name: text.encode() for name, text in order["attachments"].items()},
+                metadata=order["metadata"],
+                cap_bytes=cap_bytes,
+                file_bytes=file_bytes,
+            )
+        self._monitor = StallMonitor(order["watch"])
+        self._stalls = OutsideStalls(self._monitor.logs)
+        self._said_watched = False
+        self._is_robot = order["side"] == "robot"
+        self._statistics = RunStatistics(
+            order["period_ns"], self._stalls, timing=not order["lockstep"]
+        )
+        self._reporter = _Reporter(order["status_fd"], order["side"])
+
+    def take(self, record: Record) -> None:
+        """A record of the loop, or one of our own."""
+        if self._writer is not None:
+            self._writer.add(record)
+        if self._is_robot:
+            self._statistics.add(record)
+        if record.kind == Kind.EVENT:
+            self._reporter.event(record)
+
+    def look_for_stalls(self) -> None:
+        """Record what the monitors have noted, and let old chunks go to the disk."""
+        if self._stalls.known and not self._said_watched:
+            self._said_watched = True
+            for cpu in self._monitor.logs:
+                self.take(_event("STALLS_WATCHED", time.monotonic_ns(), cpu))
+        for _, stall in self._stalls.take():
+            self.take(_event("HOST_STALL", stall.start, stall.end - stall.start))
+        self._stalls.judge(time.monotonic_ns())
+        if self._writer is not None:
+            self._writer.flush_due(time.monotonic_ns())
+
+    def tell(self) -> None:
+        """What people watch."""
+        if self._is_robot:
+            self._reporter.send("live", self._statistics.live())
+
+    def end(self, dropped: int) -> None:
+        """Finish the log and tell what became of it."""
+        self._monitor.stop()
+        paths = []
+        if self._writer is not None:
+            self._writer.close()
+            paths = [str(path) for path in self._writer.paths]
+            if dropped:
+                self._reporter.say(
+                    f"the log has gaps: {dropped} records came faster than they were written"
+                )
+        final: dict[str, Any] = {"paths": paths, "dropped": dropped}
+        if self._is_robot:
+            final["summary"] = {**self._statistics.summary(), "dropped_records": dropped}
+        self._reporter.send("final", final)
+
+
+def _event(kind: str, stamp: int, detail: int) -> Record:
+    event = Event()
+    event.kind, event.stamp, event.detail = _EVENTS[kind], stamp, detail
+    return Record(Kind.EVENT, stamp, event.dump())
 
 
 if __name__ == "__main__":

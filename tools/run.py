@@ -18,6 +18,7 @@ from typing import Any
 from protocol.errors import Hoap3Error, UsageError
 from protocol.realtime import CpuClaim, claim_cpu, virtual_machine
 from protocol.recorder import NoRecorder, PatientRecorder, Recorder
+from protocol.settings import RealtimeSettings
 from remote_controller.config import ControllerConfig
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.service import describe
@@ -25,7 +26,7 @@ from tools.log import Log, payload_hash
 from tools.machine import machine_block
 from tools.observer import Observer
 from tools.processes import StopFlag, start_service
-from tools.services import as_yaml, observer_for, run_folder
+from tools.services import as_yaml, observer_for, run_folder, watched_cpus
 
 START_TIMEOUT_S = 120.0  # the first start on a machine compiles the kernels
 END_TIMEOUT_S = 60.0
@@ -56,6 +57,7 @@ def run_realtime(
     news: News,
     files: tuple[str, str] = ("config", "config"),
     *,
+    links: tuple[dict[str, Any], dict[str, Any]] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> Outcome:
     """Run both services for `duration` [s] of motion on a free port of this machine.
@@ -66,6 +68,7 @@ def run_realtime(
         out: folder of the log, or None for a new one below the configured directory.
         news: takes each piece of news from the services and their observers.
         files: names of both configs, for errors.
+        links: changes of both links; by default they meet at a free TCP port.
         should_stop: asked now and then; by default SIGINT and SIGTERM end the run.
 
     Raises:
@@ -77,17 +80,16 @@ def run_realtime(
     claims = _claim(emulator, controller)
     cpus = [claim.cpu for claim in claims]
     endpoint = f"tcp/127.0.0.1:{_free_port()}"
+    here, there = links or ({"listen": (endpoint,)}, {"connect": (endpoint,)})
+    ours, theirs = _realtime(emulator.realtime, controller.realtime, cpus)
     emulator = emulator.model_copy(
-        update={
-            "link": emulator.link.model_copy(update={"listen": (endpoint,)}),
-            "realtime": _pinned(emulator.realtime, cpus[:1]),
-        }
+        update={"link": emulator.link.model_copy(update=here), "realtime": ours}
     )
     controller = controller.model_copy(
         update={
             "robot": description.name,
-            "link": controller.link.model_copy(update={"connect": (endpoint,)}),
-            "realtime": _pinned(controller.realtime, cpus[-1:]),
+            "link": controller.link.model_copy(update=there),
+            "realtime": theirs,
             "log": emulator.log,
         }
     )
@@ -289,7 +291,19 @@ def _claim(emulator: EmulatorConfig, controller: ControllerConfig) -> list[CpuCl
     return [claim for _ in range(wanted) if (claim := claim_cpu()) is not None]
 
 
-def _pinned(settings: Any, cpus: list[int]) -> Any:
+def _realtime(
+    robot: RealtimeSettings, controller: RealtimeSettings, cpus: list[int]
+) -> tuple[RealtimeSettings, RealtimeSettings]:
+    """Settings of both sides: their CPUs, and the robot's observer watches all of them."""
+    robot, controller = _pinned(robot, cpus[:1]), _pinned(controller, cpus[-1:])
+    watched = tuple(sorted({*watched_cpus(robot), *watched_cpus(controller)}))
+    return (
+        robot.model_copy(update={"watch_stalls": watched or "none"}),
+        controller.model_copy(update={"watch_stalls": "none"}),
+    )
+
+
+def _pinned(settings: RealtimeSettings, cpus: list[int]) -> RealtimeSettings:
     if settings.cpu != "auto" or not cpus:
         return settings  # with none left, the service itself says so
     return settings.model_copy(update={"cpu": cpus[0]})

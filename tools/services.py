@@ -9,13 +9,21 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
 
 from protocol.errors import ConfigError, Hoap3Error, UsageError
+from protocol.realtime import CpuClaim, claim_cpu
 from protocol.recorder import PatientRecorder, Recorder, RingRecorder
-from protocol.settings import LogSettings, Settings, apply_overrides, parse, parse_yaml
+from protocol.settings import (
+    LogSettings,
+    RealtimeSettings,
+    Settings,
+    apply_overrides,
+    parse,
+    parse_yaml,
+)
 from remote_controller.config import ControllerConfig, check_parameters
 from remote_controller.config import read_config as read_controller_config
 from robot_emulator.config import EmulatorConfig
@@ -30,6 +38,8 @@ NO_REALTIME = {"policy": "none", "cpu": "none", "lock_memory": False}
 
 
 STANDARD_INPUT = "-"
+
+Config = TypeVar("Config", EmulatorConfig, ControllerConfig)
 
 
 def emulator_config(
@@ -162,8 +172,26 @@ def observer_for(
         limits=(log.cap_mb * 1_000_000, log.file_mb * 1_000_000),
         period_ns=period_ns,
         lockstep=lockstep,
+        watch=() if lockstep else watched_cpus(config.realtime),
         status_fd=status_fd,
     )
+
+
+def watched_cpus(realtime: RealtimeSettings) -> tuple[int, ...]:
+    """CPUs whose stalls are noted: with ordinary priority they cannot be told from load."""
+    if isinstance(realtime.watch_stalls, tuple):
+        return realtime.watch_stalls
+    watch = realtime.watch_stalls == "auto" and realtime.policy == "auto"
+    return (realtime.cpu,) if watch and isinstance(realtime.cpu, int) else ()
+
+
+def settled(config: Config) -> tuple[Config, CpuClaim | None]:
+    """The config with the CPU that `auto` gets, where there is one, and the claim that holds it."""
+    claim = claim_cpu() if config.realtime.cpu == "auto" else None
+    if claim is None:
+        return config, None
+    realtime = config.realtime.model_copy(update={"cpu": claim.cpu})
+    return config.model_copy(update={"realtime": realtime}), claim
 
 
 def as_yaml(config: Settings) -> str:
@@ -185,6 +213,7 @@ def run_emulator(
     description = describe(config, file)
     period_ns = round(description.period_s * 1e9)
     folder = _folder(config.log, out, "robot")
+    config, claim = (config, None) if lockstep else settled(config)
     observer = observer_for(
         "robot",
         description.name,
@@ -204,6 +233,8 @@ def run_emulator(
         return voice.fail(error)
     finally:
         _close(observer, voice)
+        if claim is not None:
+            claim.release()
     return 1 if loop.safe_stops else 0
 
 
@@ -219,6 +250,7 @@ def run_controller(
     from remote_controller.service import Service  # noqa: PLC0415 - loads numba and Pinocchio
 
     folder = _folder(config.log, out, "controller")
+    config, claim = settled(config)
     observer = observer_for(
         "controller",
         config.robot,
@@ -238,6 +270,8 @@ def run_controller(
         return voice.fail(error)
     finally:
         _close(observer, voice)
+        if claim is not None:
+            claim.release()
     return 0
 
 

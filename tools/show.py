@@ -44,7 +44,7 @@ class LiveTable:
         rtt, wakeup = item.get("rtt_us", {}), item.get("wakeup_us", {})
         rows = {
             "tick": f"{item['ticks']}",
-            "|e|": f"{1e3 * item['error']:.4f} mm",
+            "|e|": f"{item['error']:.3g}",
             "success, last 100": f"{item.get('success_rate', 1.0):.3f}",
             "late / lost / skipped": f"{item.get('late', 0)} / {item.get('lost', 0)} / "
             f"{item.get('skipped', 0)}",
@@ -72,6 +72,14 @@ def show_summary(summary: dict[str, Any]) -> None:
         f"late {misses['late']}, lost {misses['lost']}, longest run {misses['longest_run']}; "
         f"skipped ticks {summary['skipped']}",
     )
+    if summary["host_stalls"] is not None:
+        stalls = summary["host_stalls"]
+        table.add_row(
+            "outside stalls",
+            f"success rate {rate['outside_stalls']:.5f}, missed or skipped "
+            f"{summary['misses_outside_stalls']}; the host stalled {stalls['n']} times, "
+            f"{stalls['total_ms']:.0f} ms in all, {stalls['longest_ms']:.1f} ms at most",
+        )
     table.add_row(
         "setpoints",
         f"duplicate {misses['duplicate']}, out of order {misses['out_of_order']}, "
@@ -92,7 +100,7 @@ def show_summary(summary: dict[str, Any]) -> None:
     for name, stage in summary.get("stages_us", {}).items():
         table.add_row(f"  {name}", _percentiles(stage))
     if summary["final_error"] is not None:
-        table.add_row("final error", f"{1e3 * summary['final_error']:.4f} mm")
+        table.add_row("final error", f"{summary['final_error']:.3g}, in the unit of the task")
     if "lockstep" in summary:
         lockstep = summary["lockstep"]
         table.add_row(

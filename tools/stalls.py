@@ -29,7 +29,7 @@ from protocol.errors import Hoap3Error
 
 GRID_NS = 500_000
 THRESHOLD_NS = 150_000
-CAPACITY = 65_536  # stalls; an hour of the worst machine seen
+CAPACITY = 65_536  # stalls; what is not taken before so many more is overwritten
 PRIORITY = 99
 LOOK_EVERY = 200  # periods between two looks at whether anybody still wants to know
 _HEADER = 8  # int64 words: how many, whether it runs, then unused
@@ -40,7 +40,10 @@ Words = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Stall:
-    """A time in which a CPU was away, on the monotonic clock [ns]."""
+    """A time in which a CPU was away, on the monotonic clock [ns].
+
+    It is what was seen of it: the CPU may have gone up to one grid period before `start`.
+    """
 
     start: int
     end: int
@@ -60,13 +63,13 @@ class StallLog:
             os.ftruncate(fd, size)
         self.fd = fd
         self._words: Words = np.frombuffer(mmap.mmap(fd, size), np.int64)
+        self._taken = 0
 
     def note(self, start: int, end: int) -> None:
-        """Add a stall; beyond the capacity only the count goes on."""
+        """Add a stall."""
         count = int(self._words[0])
-        if count < CAPACITY:
-            at = _HEADER + 2 * count
-            self._words[at], self._words[at + 1] = start, end
+        at = _HEADER + 2 * (count % CAPACITY)
+        self._words[at], self._words[at + 1] = start, end
         self._words[0] = count + 1  # after its content
 
     def begin(self) -> None:
@@ -78,11 +81,13 @@ class StallLog:
         """Whether the monitor got the rights that it needs."""
         return bool(self._words[1])
 
-    def stalls(self) -> list[Stall]:
-        """Every stall so far."""
-        count = min(int(self._words[0]), CAPACITY)
-        pairs = self._words[_HEADER : _HEADER + 2 * count].reshape(count, 2).tolist()
-        return [Stall(start, end) for start, end in pairs]
+    def take(self) -> list[Stall]:
+        """The stalls since the last call, oldest first."""
+        count = int(self._words[0])
+        new = range(max(self._taken, count - CAPACITY), count)
+        self._taken = count
+        places = [_HEADER + 2 * (number % CAPACITY) for number in new]
+        return [Stall(int(self._words[at]), int(self._words[at + 1])) for at in places]
 
 
 class StallMonitor:
@@ -93,7 +98,7 @@ class StallMonitor:
     """
 
     def __init__(self, cpus: Iterable[int]) -> None:
-        self.logs: list[StallLog] = []
+        self.logs: dict[int, StallLog] = {}
         self._processes: list[subprocess.Popen[bytes]] = []
         for cpu in sorted(set(cpus)):
             log = StallLog()
@@ -109,48 +114,31 @@ class StallMonitor:
             order = {"fd": log.fd, "cpu": cpu, "parent": os.getpid()}
             process.stdin.write(json.dumps(order).encode())
             process.stdin.close()
-            self.logs.append(log)
+            self.logs[cpu] = log
             self._processes.append(process)
 
-    @property
-    def fds(self) -> list[int]:
-        """Shared memory of the logs, for an observer."""
-        return [log.fd for log in self.logs]
-
     def stop(self) -> None:
-        """End the monitors."""
+        """End the monitors; they have nothing to finish."""
         for process in self._processes:
-            process.terminate()
+            process.kill()
         for process in self._processes:
             process.wait()
 
 
 def overlapping(stalls: Sequence[Stall], start: int, end: int) -> bool:
-    """Whether a time [ns] overlaps one of the stalls, which are sorted by start and disjoint."""
+    """Whether a time [ns] overlaps one of the stalls, which are sorted by start and disjoint.
+
+    A stall counts from one grid period before its start: that is when the CPU was last seen.
+    """
     at = bisect.bisect_right(stalls, start, key=lambda stall: stall.start)
     before = at > 0 and stalls[at - 1].end > start
-    return before or (at < len(stalls) and stalls[at].start < end)
-
-
-def merged(logs: Iterable[StallLog]) -> list[Stall]:
-    """Stalls of several CPUs, sorted, with those that overlap made one."""
-    result: list[Stall] = []
-    for stall in sorted((s for log in logs for s in log.stalls()), key=lambda s: s.start):
-        if result and stall.start <= result[-1].end:
-            result[-1] = Stall(result[-1].start, max(result[-1].end, stall.end))
-        else:
-            result.append(stall)
-    return result
+    return before or (at < len(stalls) and stalls[at].start - GRID_NS < end)
 
 
 def figures(stalls: Sequence[Stall]) -> dict[str, float]:
     """How many, how long together, and the longest one."""
     lengths = [(stall.end - stall.start) / 1e6 for stall in stalls]
-    return {
-        "n": len(lengths),
-        "total_ms": sum(lengths),
-        "longest_ms": max(lengths, default=0.0),
-    }
+    return {"n": len(lengths), "total_ms": sum(lengths), "longest_ms": max(lengths, default=0.0)}
 
 
 def main() -> int:

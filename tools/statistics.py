@@ -10,19 +10,21 @@ from protocol.errors import WireError
 from protocol.messages import Setpoint, State
 from protocol.ring import Kind, Record
 from protocol.statistics import Durations, Jitter, verdict
+from tools.outside import OutsideStalls
 
 STAGES = ("decode", "kinematics", "solve", "encode", "send", "network")
 """Parts of the round trip. The first five are the controller's, on its own clock; `network` is
 what remains of the RTT, both ways together, so no two clocks are ever compared."""
 
 
-_STATE = (
-    "tick", "mode", "stamp_intended", "stamp_actual", "skipped", "late", "lost", "duplicate",
-    "out_of_order", "rejected", "success_rate", "epoch", "session_id",
+_STATE = (  # in the order of the schema: quickest to read
+    "mode", "session_id", "tick", "epoch", "stamp_intended", "stamp_actual", "skipped", "late",
+    "lost", "duplicate", "out_of_order", "rejected", "success_rate",
 )  # fmt: skip
 _SETPOINT = (
-    "tick", "stamp_state", "stamp_received", "stamp_decoded", "stamp_kinematics", "stamp_solved",
-    "stamp_encoded", "stamp_sent_previous", "epoch", "session_id", "solver_status", "v",
+    "session_id", "tick", "epoch", "stamp_state", "stamp_received", "stamp_decoded",
+    "stamp_kinematics", "stamp_solved", "stamp_encoded", "stamp_sent_previous", "v",
+    "solver_status",
 )  # fmt: skip
 
 
@@ -34,11 +36,17 @@ class RunStatistics:
 
     Args:
         period_ns: of the robot's schedule.
+        stalls: takes the times of missed and skipped ticks.
         timing: whether durations mean anything; not in lockstep, where all time is virtual.
     """
 
-    def __init__(self, period_ns: int, *, timing: bool = True) -> None:
-        self._timing = timing
+    def __init__(
+        self, period_ns: int, stalls: OutsideStalls | None = None, *, timing: bool = True
+    ) -> None:
+        self._period_ns, self._timing = period_ns, timing
+        self._stalls = stalls or OutsideStalls({})
+        self._missed = 0
+        self._intended: int | None = None  # of the last State, where that was an active one
         self._state: tuple[Any, ...] = ()
         self._summary: dict[str, Any] | None = None
         self._v = math.nan
@@ -82,6 +90,7 @@ class RunStatistics:
         state = dict(zip(_STATE, self._state, strict=False))
         run_rate = robot.get("run_rate", 0.0)
         safe_stops = robot.get("safe_stops", 0)
+        outside, outside_rate = self._outside(robot.get("in_time", 0))
         result: dict[str, Any] = {
             "verdict": verdict(run_rate, safe_stop=safe_stops > 0)
             if robot.get("asked")
@@ -96,11 +105,11 @@ class RunStatistics:
                 "out_of_order": state.get("out_of_order", 0),
                 "longest_run": robot.get("longest_run", 0),
             },
-            "misses_outside_stalls": None,
-            "host_stalls": None,
+            "misses_outside_stalls": outside,
+            "host_stalls": self._stalls.figures() if outside is not None else None,
             "success_rate": {
                 "run": run_rate,
-                "outside_stalls": None,
+                "outside_stalls": outside_rate,
                 "worst_window": robot.get("worst_window"),
             },
             "rejections": robot.get("rejections", {}),
@@ -116,9 +125,34 @@ class RunStatistics:
             result["stages_us"] = {name: stage.summary() for name, stage in self.stages.items()}
         return result
 
+    def _outside(self, in_time: int) -> tuple[int | None, float | None]:
+        """Misses and skipped ticks that no stall excuses, and the success rate without the others.
+
+        None where nothing watched for stalls.
+        """
+        if not self._timing or not self._stalls.known:
+            return None, None
+        self._stalls.judge(1 << 62)
+        outside = self._stalls.outside
+        return outside, in_time / (in_time + outside) if in_time + outside else 1.0
+
+    def _note_failures(self, mode: int, intended: int, actual: int, skipped: int) -> None:
+        """Give the times of missed and skipped ticks to the judge of stalls."""
+        late, lost = self._state[7:9]
+        missed, before, period = late + lost - self._missed, self._intended, self._period_ns
+        self._missed = late + lost
+        if before is not None:
+            if missed > 0:
+                self._stalls.failed(before, before + missed * period, missed)
+            if skipped > self._skipped and mode == State.ACTIVE:
+                self._stalls.failed(before + period, actual, skipped - self._skipped)
+        self._intended = intended if mode == State.ACTIVE else None
+
     def _add_state(self, payload: bytes) -> None:
         self._state = values = State.scalars(payload, *_STATE)
-        tick, mode, intended, actual, skipped = values[:5]
+        mode, _, tick, _, intended, actual, skipped = values[:7]
+        if self._timing:
+            self._note_failures(mode, intended, actual, skipped)
         if self._skipped_before is None and mode == State.ACTIVE:
             self._skipped_before = self._skipped
         if self._timing and mode == State.ACTIVE:
@@ -131,9 +165,9 @@ class RunStatistics:
 
     def _add_setpoint(self, record: Record) -> None:
         values = Setpoint.scalars(record.payload, *_SETPOINT)
-        tick, sent, received, decoded, kinematics, solved, encoded, sent_previous = values[:8]
-        whose, status, v = values[8:10], values[10], values[11]
-        if not self._state or whose != self._state[-2:] or tick > self._state[0]:
+        session, tick, epoch, sent, received, decoded, kinematics, solved = values[:8]
+        encoded, sent_previous, v, status = values[8:]
+        if not self._state or (session, epoch) != self._state[1:4:2] or tick > self._state[2]:
             return  # an answer to nothing that this robot has asked
         self._v = v if status != _NO_CERTIFICATE else math.nan
         if not self._timing:

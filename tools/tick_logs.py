@@ -28,6 +28,8 @@ Flags = npt.NDArray[np.bool_]
 NEVER = -1
 EVENTS = Event.schema.constants
 _KEPT = (Kind.STATE, Kind.SETPOINT, Kind.EVENT)
+_COUNTED = ("rejected", "duplicate", "out_of_order")
+_FAILURES = (EVENTS["REASON_MISSES"], EVENTS["REASON_HOLDER_LOST"])
 _COMMANDS = {
     "position": Setpoint.POSITION,
     "acceleration": Setpoint.ACCELERATION,
@@ -47,6 +49,8 @@ class RobotSide:
         commands: kinds of command that the robot takes.
         stalls: of the host, sorted and disjoint; None where nobody watched.
         lockstep: all stamps are virtual.
+        messages: how many setpoints were `rejected`, `duplicate`, `out_of_order`, as it counted.
+        safe_stops: how often misses, or a holder that vanished, made it stop.
     """
 
     period: int
@@ -56,6 +60,8 @@ class RobotSide:
     commands: tuple[int, ...]
     stalls: list[Stall] | None
     lockstep: bool
+    messages: dict[str, int]
+    safe_stops: int
 
     @classmethod
     def read(cls, path: Path | str) -> RobotSide:
@@ -91,6 +97,8 @@ class RobotSide:
             commands=tuple(_COMMANDS[kind] for kind in description.command_kinds),
             stalls=stalls_of(told.rows(Kind.EVENT)),
             lockstep=told.lockstep,
+            messages={name: int(states[-1][name] - states[0][name]) for name in _COUNTED},
+            safe_stops=_safe_stops(told.rows(Kind.EVENT)),
         )
 
 
@@ -244,6 +252,11 @@ def joined(stalls: Iterable[Stall]) -> list[Stall]:
         else:
             result.append(stall)
     return result
+
+
+def _safe_stops(events: Rows) -> int:
+    stops = events["kind"] == EVENTS["SAFE_STOP"]
+    return int(np.count_nonzero(stops & np.isin(events["detail"], _FAILURES)))
 
 
 class _Told:

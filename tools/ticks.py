@@ -15,7 +15,7 @@ the stage that held up the cycle for which it waited: one slow solve may cost se
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,8 @@ STAGES = (
     "wakeup", "publish", "wait", "decode", "kinematics", "solve", "encode", "send", "network",
 )  # fmt: skip
 """In the order of time. RTT is the sum of all from `wait` on, where nothing is unaccounted."""
+
+_ROWS = ("tick", "intended", "actual", "published", "arrival", "refused", "outcome")
 
 
 @dataclass(frozen=True, repr=False)
@@ -55,6 +57,8 @@ class TickTable:
         cycle: place of the tick in `cycles`, -1 where the controller had none that we know of.
         stalls: of the host, sorted and disjoint; None where nobody watched.
         lockstep: all stamps are virtual, so durations say nothing of this machine.
+        messages: how many setpoints were `rejected`, `duplicate`, `out_of_order`.
+        safe_stops: how often misses, or a holder that vanished, made the robot stop.
     """
 
     period: int
@@ -69,6 +73,8 @@ class TickTable:
     cycle: Stamps
     stalls: list[Stall] | None
     lockstep: bool
+    messages: dict[str, int]
+    safe_stops: int
 
     @classmethod
     def from_run(cls, folder: Path | str) -> TickTable:
@@ -123,7 +129,20 @@ class TickTable:
             cycle=_places(cycles.tick, whole["tick"]),
             stalls=robot.stalls,
             lockstep=robot.lockstep,
+            messages=robot.messages,
+            safe_stops=robot.safe_stops,
         )
+
+    def after(self, warm_up: int) -> TickTable:
+        """Without the first so many ticks; stalls that were over before are left out.
+
+        Messages cannot be told apart by tick, and are counted from the begin all the same.
+        """
+        left = {name: getattr(self, name)[warm_up:] for name in (*_ROWS, "cycle")}
+        stalls = self.stalls
+        if stalls is not None and len(left["tick"]):
+            stalls = [stall for stall in stalls if stall.end > left["intended"][0]]
+        return replace(self, **left, stalls=stalls)
 
     def __len__(self) -> int:
         return len(self.tick)

@@ -51,7 +51,6 @@ class DescentController(VelocityController):
         self._from_reference = parameters.kinematics_from == "reference"
         self._least_margin = -ROUNDING * parameters.u_max_rad_s
         self.u = np.zeros(description.n)
-        self._certificate = np.zeros(6)
 
     def velocity(self, state: State) -> FloatArray:
         """Joint velocities that decrease V, and their certificate."""
@@ -59,16 +58,7 @@ class DescentController(VelocityController):
         self.task.update(self.kinematics)
         command = self.command
         command.stamp_kinematics = self.now()
-        answer = self.descend(self._certificate)
-        (
-            command.v,
-            command.v_rate_required,
-            command.v_rate_predicted,
-            command.rho,
-            command.margin,
-            command.kkt_residual,
-        ) = self._certificate.tolist()
-        command.solver_status = self._verdict(answer)
+        command.solver_status = self._verdict(self.descend(command.certificate))
         return self.u
 
     @abstractmethod

@@ -53,8 +53,16 @@ def test_the_annotations_of_the_class_are_the_fields_of_the_schema(kind):
     cls = type(MAKERS[kind](1))
     hints = typing.get_type_hints(cls)
     expected = {name: PYTHON_TYPES[code] for name, code in FIELDS[kind]}
-    own = {name: hints[name] for name in cls.__annotations__}
+    own = {name: hints[name] for name in cls.__annotations__ if name != "certificate"}  # a view
     assert {"wire_version": hints["wire_version"], **own} == expected
+
+
+def test_the_certificate_is_a_view_of_its_six_scalars():
+    setpoint = Setpoint(3, extra=2)
+    setpoint.certificate[:] = range(1, 7)
+    names = ("v", "v_rate_required", "v_rate_predicted", "rho", "margin", "kkt_residual")
+    assert Setpoint.scalars(setpoint.dump(), *names) == (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    assert [getattr(setpoint, name) for name in names] == setpoint.certificate.tolist()
 
 
 def test_the_constants_of_the_classes_are_those_of_the_schemas():

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import io
-import itertools
 import json
 import os
 import signal
 import sys
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -22,53 +20,62 @@ from tools.stalls import (
     StallLog,
     figures,
     main,
-    merged,
     overlapping,
     watch,
 )
 
-times = st.integers(0, 200)
+
+def disjoint(gaps):
+    """Stalls that do not overlap, from pairs of a pause and a length."""
+    stalls, at = [], 0
+    for pause, length in gaps:
+        start = at + pause
+        at = start + length
+        stalls.append(Stall(start, at))
+    return stalls
 
 
-def stall_logs(groups):
-    logs = []
-    for group in groups:
-        log = StallLog()
-        for start, length in group:
-            log.note(start, start + length)
-        logs.append(log)
-    return logs
+@given(
+    st.lists(st.tuples(st.integers(1, 3 * GRID_NS), st.integers(1, GRID_NS)), max_size=8),
+    st.integers(0, 20 * GRID_NS),
+    st.integers(1, 3 * GRID_NS),
+)
+def test_overlap_equals_a_search_through_all_from_when_the_cpu_was_last_seen(gaps, start, length):
+    stalls, end = disjoint(gaps), start + length
+    expected = any(s.start - GRID_NS < end and s.end > start for s in stalls)
+    assert overlapping(stalls, start, end) == expected
 
 
-@given(st.lists(st.lists(st.tuples(times, st.integers(1, 20)), max_size=8), max_size=3))
-def test_merging_keeps_exactly_the_covered_time(groups):
-    whole = merged(stall_logs(groups))
-    covered = {
-        t for group in groups for start, length in group for t in range(start, start + length)
-    }
-    assert {t for stall in whole for t in range(stall.start, stall.end)} == covered
-    assert all(one.end < other.start for one, other in itertools.pairwise(whole))
-    assert figures(whole)["total_ms"] == pytest.approx(len(covered) / 1e6)
-
-
-@given(st.lists(st.tuples(times, st.integers(1, 20)), max_size=8), times, st.integers(1, 30))
-def test_overlap_equals_a_search_through_all(group, start, length):
-    whole = merged(stall_logs([group]))
-    end = start + length
-    expected = any(stall.start < end and stall.end > start for stall in whole)
-    assert overlapping(whole, start, end) == expected
-
-
-def test_a_log_is_shared_and_its_capacity_is_not_exceeded():
+def test_a_log_is_shared_and_each_stall_is_taken_once():
     log = StallLog()
     other = StallLog(log.fd)
     assert not other.runs
     log.begin()
+    log.note(1, 2)
+    log.note(5, 9)
+    assert other.runs
+    assert other.take() == [Stall(1, 2), Stall(5, 9)]
+    assert other.take() == []
+    log.note(20, 21)
+    assert other.take() == [Stall(20, 21)]
+
+
+def test_of_more_stalls_than_there_is_room_for_the_newest_are_kept():
+    log = StallLog()
     for at in range(CAPACITY + 5):
         log.note(10 * at, 10 * at + 1)
-    assert other.runs
-    assert len(other.stalls()) == CAPACITY
-    assert other.stalls()[-1] == Stall(10 * (CAPACITY - 1), 10 * (CAPACITY - 1) + 1)
+    found = log.take()
+    assert len(found) == CAPACITY
+    assert found[0] == Stall(50, 51)
+    assert found[-1] == Stall(10 * (CAPACITY + 4), 10 * (CAPACITY + 4) + 1)
+
+
+def test_figures_say_how_many_how_long_and_the_longest():
+    assert figures([Stall(0, 2_000_000), Stall(5_000_000, 5_500_000)]) == {
+        "n": 2,
+        "total_ms": 2.5,
+        "longest_ms": 2.0,
+    }
 
 
 def test_without_rights_there_is_no_monitor(monkeypatch):
@@ -103,7 +110,7 @@ def test_what_is_slept_through_is_noted_and_the_grid_is_kept():
     late = [0, THRESHOLD_NS, THRESHOLD_NS + 1, 0, 3 * GRID_NS + 200_000, 0, 10]
     rounds = iter([True, False])
     watch(log, lambda: next(rounds), Sleeper(late))
-    assert log.stalls() == [
+    assert log.take() == [
         Stall(3 * GRID_NS, 3 * GRID_NS + THRESHOLD_NS + 1),
         Stall(5 * GRID_NS, 8 * GRID_NS + 200_000),
     ]

@@ -20,8 +20,8 @@ def time_calls(call: Callable[[int], object], samples: int, warm_up: int = 200) 
     code: look at the median and p99.
 
     Returns:
-        min, mean, p50, p99, max of single calls and the median of the batches' means, all in us;
-        `samples` single calls.
+        min, mean, p50, p99, max of single calls; least, median and greatest of the batches' means;
+        all in us; `samples` single calls.
     """
     for k in range(warm_up):
         call(k)
@@ -53,5 +53,7 @@ def time_calls(call: Callable[[int], object], samples: int, warm_up: int = 200) 
         "p50_us": float(np.percentile(us, 50)),
         "p99_us": float(np.percentile(us, 99)),
         "max_us": float(us.max()),
+        "batch_min_us": float(batches.min()) / BATCH / 1e3,
         "batch_mean_us": float(np.median(batches)) / BATCH / 1e3,
+        "batch_max_us": float(batches.max()) / BATCH / 1e3,
     }

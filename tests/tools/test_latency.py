@@ -1,0 +1,167 @@
+"""`hoap3 latency`: measured for real, with ordinary processes, and again from its own logs."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+import typer
+from log_samples import describe, write
+from tick_story import Story
+from typer.testing import CliRunner
+
+from protocol.errors import Hoap3Error, LogError, UsageError
+from protocol.messages import Setpoint, State
+from tools.cli_latency import latency
+from tools.latency import WARM_UP, Plan, analyse_log, compare, measure_latency
+from tools.latency_echo import Exchanges
+from tools.latency_links import LINKS
+from tools.latency_show import show_latency
+from tools.services import emulator_config
+from tools.tick_logs import NEVER
+from tools.ticks import TickTable
+
+US = 1_000
+PROMISED = {
+    "verdict", "ticks", "skipped", "misses", "misses_outside_stalls", "host_stalls",
+    "success_rate", "echo_rtt_us", "rtt_ratio", "rtt_us", "wakeup_us", "jitter_us", "stages_us",
+    "worst", "guilty_stage", "guilty", "final_error", "machine", "log",
+}  # fmt: skip
+
+
+def plan(**changes):
+    emulator, _ = emulator_config("hoap3", [], realtime=False)
+    return Plan(emulator, **{"blocks": 1, "ticks": 100, "realtime": False, **changes})
+
+
+def command(*words):
+    app = typer.Typer()
+    app.command()(latency)
+    return CliRunner().invoke(app, list(map(str, words)))
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """Two blocks, and where their logs are."""
+    folder = tmp_path_factory.mktemp("latency") / "logs"
+    told = []
+    found = measure_latency(plan(blocks=2, ticks=150, out=folder), told.append)
+    return found, folder, told
+
+
+def test_a_measurement_has_every_promised_figure(measured):
+    found, folder, told = measured
+    assert found.keys() >= PROMISED
+    assert json.loads(json.dumps(found)) == found
+    assert found["bytes"] == {"state": State(21).size, "setpoint": Setpoint(21).size}
+    assert (found["link"], found["warm_up_ticks"], found["period_us"]) == ("tcp", WARM_UP, 1000.0)
+    assert found["log"] == str(folder)
+    assert [line.partition(": ")[2] for line in told] == ["zenoh over tcp", "bare TCP echo"] * 2
+
+
+def test_the_ratio_is_the_median_over_the_blocks(measured):
+    found, _, _ = measured
+    ratios = [block["rtt_p50_us"] / block["echo_rtt_p50_us"] for block in found["blocks"]]
+    assert [block["ratio"] for block in found["blocks"]] == ratios
+    assert found["rtt_ratio"] == np.median(ratios)
+    assert len(ratios) == 2
+
+
+def test_the_null_controllers_stages_make_up_the_round_trip(measured):
+    found, folder, _ = measured
+    assert 0 < found["ticks"] <= 2 * 150
+    assert found["ticks"] + found["skipped"] <= 2 * 150
+    assert found["rtt_us"]["n"] <= found["ticks"]
+    for block in range(2):
+        table = TickTable.from_run(folder / f"block{block}")
+        answered = ~np.isnan(table.stage("rtt"))
+        assert answered.any()
+        assert not np.isnan(table.stage("solve")[answered]).any()
+        assert not table.stage("unaccounted")[answered].any()
+
+
+def test_the_same_figures_come_from_its_logs(measured):
+    found, folder, _ = measured
+    parts = [analyse_log(folder / f"block{block}") for block in range(2)]
+    assert sum(part["ticks"] + part["skipped"] for part in parts) == (
+        found["ticks"] + found["skipped"] + 2 * WARM_UP
+    )
+    for part in parts:
+        assert part.keys() >= PROMISED
+        assert part["echo_rtt_us"] is None
+        assert part["rtt_ratio"] is None
+        assert part["warm_up_ticks"] == 0
+        assert part["machine"]["kernel"] == found["machine"]["kernel"]
+
+
+def test_people_and_programs_are_told_the_same(measured, capsys):
+    found, folder, _ = measured
+    show_latency(found)
+    printed = capsys.readouterr().err
+    assert f"{found['rtt_ratio']:.2f}, median of" in printed
+    assert found["verdict"] in printed
+    done = command("--log", folder / "block0", "--json")
+    assert done.exit_code in {0, 1}
+    assert (done.exit_code == 1) == (json.loads(done.stdout)["verdict"] == "unfit")
+    assert json.loads(done.stdout) == json.loads(json.dumps(analyse_log(folder / "block0")))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("link", LINKS)
+def test_every_link_is_measured(link):
+    found = measure_latency(plan(link=link))
+    assert found["link"] == link
+    assert found["rtt_us"]["n"] > 0
+    assert found["rtt_ratio"] > 0
+
+
+@pytest.mark.parametrize(("lost", "code"), [(0, 0), (60, 1)])
+def test_the_exit_code_is_the_verdict(tmp_path, lost, code):
+    Story(500, vanished=set(range(0, 8 * lost, 8))).write(tmp_path)
+    done = command("--log", tmp_path)
+    assert done.exit_code == code
+
+
+def test_a_log_tells_of_its_worst_ticks(tmp_path, capsys):
+    Story(500, stalls=[]).slow("encode", [100, 300], 1500.0).write(tmp_path)
+    found = analyse_log(tmp_path)
+    assert found["guilty"] == {"encode": 2}
+    assert found["guilty_stage"] == "encode"
+    show_latency(found)
+    printed = capsys.readouterr().err
+    assert "encode 2" in printed
+    assert "encode 1500" in printed
+    assert "0, together 0.0 ms" in printed
+
+
+def test_an_interrupted_measurement_without_a_block_is_an_error():
+    with pytest.raises(Hoap3Error, match="before the first block was complete"):
+        measure_latency(plan(), should_stop=lambda: True)
+
+
+def test_two_measurements_do_not_share_a_cpu(monkeypatch):
+    monkeypatch.setattr("tools.latency.claim_cpu", lambda: None)
+    with pytest.raises(UsageError, match="claimed by another run"):
+        measure_latency(plan(realtime=True))
+
+
+def test_a_robot_that_never_moved_has_no_latency(tmp_path):
+    robot, _ = Story(1).records()
+    at_rest = [record for record in robot if record.kind != 1 or record is robot[-1]]
+    about = {"attachments": {"description.json": describe(1).to_json()}}
+    write(tmp_path / "robot.mcap", at_rest, **about)
+    with pytest.raises(LogError, match="no tick asked"):
+        analyse_log(tmp_path)
+
+
+def test_a_block_without_answers_has_no_ratio(tmp_path):
+    table = TickTable.from_run(Story(100).write(tmp_path))
+    stamps = np.arange(100) * 1000 * US
+    silent = Exchanges(stamps, stamps, np.full(100, NEVER))
+    echo = Exchanges(stamps, stamps, stamps + 20 * US)
+    found = compare([table, table], [silent, echo])
+    assert found["blocks"][0]["ratio"] is None
+    assert found["rtt_ratio"] == found["blocks"][1]["ratio"]
+    assert math.isclose(found["rtt_ratio"], np.sort(table.stage("rtt"))[49] / (20 * US))

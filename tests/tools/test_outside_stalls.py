@@ -1,0 +1,124 @@
+"""Misses and skipped ticks, held against the stalls of the host."""
+
+from __future__ import annotations
+
+import pytest
+
+from protocol.messages import State
+from protocol.ring import Kind, Record
+from tools.outside import PATIENCE_NS, OutsideStalls
+from tools.stalls import GRID_NS, StallLog
+from tools.statistics import RunStatistics
+
+T = 1_000_000
+START = 50 * T
+
+
+def watching(*stalls, runs=True):
+    log = StallLog()
+    if runs:
+        log.begin()
+    for start, end in stalls:
+        log.note(start, end)
+    return OutsideStalls({1: log})
+
+
+def test_a_failure_is_the_hosts_if_it_overlaps_a_stall_and_ours_if_not():
+    stalls = watching((10 * T, 11 * T))
+    stalls.take()
+    stalls.failed(9 * T, 10 * T + 1, 1)
+    stalls.failed(11 * T, 12 * T, 2)
+    stalls.failed(10 * T - GRID_NS - T, 10 * T - GRID_NS, 4)
+    stalls.failed(10 * T - GRID_NS - T, 10 * T - GRID_NS + 1, 8)
+    stalls.judge(20 * T + PATIENCE_NS)
+    assert (stalls.hosts, stalls.outside) == (9, 6)
+    assert stalls.figures() == {"n": 1, "total_ms": 1.0, "longest_ms": 1.0}
+
+
+def test_nothing_is_judged_before_the_monitor_had_time_to_tell():
+    stalls = watching()
+    stalls.failed(0, T, 1)
+    stalls.judge(T + PATIENCE_NS - 1)
+    assert (stalls.hosts, stalls.outside) == (0, 0)
+    stalls.judge(T + PATIENCE_NS)
+    assert (stalls.hosts, stalls.outside) == (0, 1)
+
+
+def test_stalls_are_forgotten_only_when_they_are_old():
+    stalls = watching((T, 2 * T))
+    stalls.take()
+    for minute in range(1, 4):
+        stalls.judge(minute * 60_000 * T)
+    stalls.failed(T, 2 * T, 1)
+    stalls.judge(1 << 62)
+    assert (stalls.hosts, stalls.outside) == (0, 1)
+
+
+def test_it_is_known_only_where_every_cpu_is_watched():
+    assert watching().known
+    assert not watching(runs=False).known
+    assert not OutsideStalls({}).known
+
+
+class Robot:
+    """States of a robot whose ticks fail as the test says."""
+
+    def __init__(self, stalls):
+        self.statistics = RunStatistics(T, stalls)
+        self.state = State(1)
+        self.state.mode = State.ACTIVE
+
+    def tick(self, tick, *, late=0, lost=0, skipped=0, wake=40_000, mode=State.ACTIVE):
+        state = self.state
+        state.tick, state.stamp_intended = tick, START + tick * T
+        state.stamp_actual, state.mode = START + tick * T + wake, mode
+        state.late, state.lost = state.late + late, state.lost + lost
+        state.skipped += skipped
+        self.statistics.add(Record(Kind.STATE, state.stamp_actual, state.dump()))
+
+    def summary(self, in_time):
+        count = b'{"asked": 1, "in_time": %d}' % in_time
+        self.statistics.add(Record(Kind.SUMMARY, 0, count))
+        summary = self.statistics.summary()
+        rate = summary["success_rate"]["outside_stalls"]
+        return summary["misses_outside_stalls"], rate
+
+
+def test_a_miss_belongs_to_the_time_of_the_tick_that_asked():
+    stalls = watching((START + 2 * T + 600_000, START + 2 * T + 900_000))
+    stalls.take()
+    robot = Robot(stalls)
+    robot.tick(0)
+    robot.tick(1)
+    robot.tick(2, late=1)  # tick 1: from 1 to 2 ms, ours
+    robot.tick(3, lost=1)  # tick 2: from 2 to 3 ms, in the stall
+    robot.tick(4)
+    assert robot.summary(in_time=2) == (1, pytest.approx(2 / 3))
+
+
+def test_skipped_ticks_count_as_misses_unless_a_stall_covers_them():
+    stalls = watching((START + 7 * T, START + 9 * T))
+    stalls.take()
+    robot = Robot(stalls)
+    robot.tick(0)
+    robot.tick(4, skipped=3)  # ours
+    robot.tick(5)
+    robot.tick(9, skipped=3)  # the host's
+    robot.tick(10)
+    assert robot.summary(in_time=3) == (3, 0.5)
+
+
+def test_what_is_skipped_while_nothing_is_asked_is_no_miss():
+    robot = Robot(watching())
+    robot.tick(0, mode=State.IDLE)
+    robot.tick(5, skipped=4, mode=State.IDLE)
+    robot.tick(6)
+    robot.tick(7)
+    assert robot.summary(in_time=1) == (0, 1.0)
+
+
+def test_without_a_monitor_nothing_is_said():
+    robot = Robot(watching(runs=False))
+    robot.tick(0)
+    robot.tick(1, late=1)
+    assert robot.summary(in_time=0) == (None, None)

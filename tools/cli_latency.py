@@ -1,0 +1,53 @@
+"""The command `hoap3 latency`: what the link costs, and whose fault a miss was."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+
+def latency(
+    log: Annotated[
+        Path | None, typer.Option(help="Measure nothing: analyse the log of a run.")
+    ] = None,
+    link: Annotated[
+        Literal["tcp", "udp", "tls", "unixsock", "router"], typer.Option(help="What to measure.")
+    ] = "tcp",
+    robot: Annotated[
+        str, typer.Option(help="Robot or emulator config: a name or a path.")
+    ] = "hoap3",
+    blocks: Annotated[int, typer.Option(min=1, help="Blocks of each, Zenoh and echo.")] = 5,
+    ticks: Annotated[int, typer.Option(min=100, help="Ticks of a block.")] = 2000,
+    out: Annotated[
+        Path | None, typer.Option(help="New folder for the logs; default: they are not kept.")
+    ] = None,
+    no_realtime: Annotated[
+        bool, typer.Option("--no-realtime", help="Neither pin nor ask for priority.")
+    ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON object on standard output.")
+    ] = False,
+) -> None:
+    """Measure the link with a controller that computes nothing, beside a bare TCP echo."""
+    from tools.processes import StopFlag, to_people
+
+    stop = StopFlag()
+    from tools.latency import Plan, analyse_log, measure_latency
+    from tools.latency_show import show_latency
+    from tools.services import emulator_config
+
+    if log is not None:
+        found = analyse_log(log)
+    else:
+        emulator, _ = emulator_config(robot, [], realtime=not no_realtime)
+        plan = Plan(emulator, link, blocks, ticks, realtime=not no_realtime, out=out)
+        found = measure_latency(plan, to_people, stop)
+    if as_json:
+        sys.stdout.write(json.dumps(found, indent=2) + "\n")
+    else:
+        show_latency(found)
+    raise typer.Exit(0 if found["verdict"] != "unfit" else 1)

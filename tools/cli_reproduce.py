@@ -1,0 +1,32 @@
+"""The command that re-makes papers: `hoap3 reproduce`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def reproduce(
+    paper: Annotated[str, typer.Argument(help="Its name, such as qp12.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for the files; default: reproduced/PAPER.")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON object on standard output.")
+    ] = False,
+) -> None:
+    """Re-make a paper's figures and tables, and compare them with what its equations give."""
+    from tools.processes import to_people
+    from tools.reproduce.remake import reproduce as remake
+    from tools.reproduce.show import show_rows
+
+    made = remake(paper, out, to_people)
+    if as_json:
+        sys.stdout.write(json.dumps(made.as_json(), indent=2) + "\n")
+    else:
+        show_rows(made)
+    raise typer.Exit(0 if made.passed else 1)

@@ -1,0 +1,226 @@
+"""Figures as data, from which pictures and CSV are made alike.
+
+A paper's module says which curves a panel has; here they are drawn as PNG and SVG, and the very
+arrays that are drawn are written as CSV, one file a panel with one row a point.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442")
+"""Okabe and Ito's, which the colour-blind tell apart."""
+
+INK, PALE = "#222222", "#BBBBBB"
+DPI = 150
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One curve.
+
+    Attributes:
+        label: its name in the CSV.
+        x, y: points, of equal length.
+        colour: of matplotlib.
+        style: steps hold each value until the next point; an area is closed and filled.
+        dash, marker: of matplotlib, "" for none.
+        legend: its name in the legend where that is another, "" for none.
+    """
+
+    label: str
+    x: Array
+    y: Array
+    colour: str = INK
+    style: Literal["line", "steps", "area"] = "line"
+    dash: str = "-"
+    marker: str = ""
+    legend: str | None = None
+
+
+@dataclass(frozen=True)
+class Axis:
+    """An axis.
+
+    Attributes:
+        name: of the column of the CSV.
+        label: with unit.
+        limits: least and greatest value shown.
+        step: between two ticks.
+        log: whether it is logarithmic.
+    """
+
+    name: str
+    label: str
+    limits: tuple[float, float] | None = None
+    step: float | None = None
+    log: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One pair of axes.
+
+    Attributes:
+        name: part of the CSV's name; "" where the figure has no other panel.
+        title: above it.
+        x, y: axes.
+        curves: drawn in this order.
+        square: whether both axes have the same scale.
+        categories: names of x = 0, 1 …, where x counts things.
+        zoom: limits of x and of y that are shown larger in the lower half.
+    """
+
+    name: str
+    title: str
+    x: Axis
+    y: Axis
+    curves: tuple[Curve, ...]
+    square: bool = False
+    categories: tuple[str, ...] = ()
+    zoom: tuple[tuple[float, float], tuple[float, float]] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """Panels in rows, with one legend beside them.
+
+    Attributes:
+        name: of its files.
+        title: above all.
+        rows: of panels.
+        size: width and height [inch].
+    """
+
+    name: str
+    title: str
+    rows: tuple[tuple[Panel, ...], ...]
+    size: tuple[float, float]
+
+    @property
+    def panels(self) -> list[Panel]:
+        """All of them."""
+        return [panel for row in self.rows for panel in row]
+
+
+def save(figure: Figure, folder: Path) -> list[Path]:
+    """Write PNG, SVG and one CSV a panel; the same data gives the same bytes.
+
+    Returns:
+        The files.
+    """
+    import matplotlib  # noqa: PLC0415 - heavy: only who draws needs it
+
+    files = [folder / f"{figure.name}.png", folder / f"{figure.name}.svg"]
+    with matplotlib.rc_context({"svg.hashsalt": figure.name, "svg.fonttype": "none"}):
+        picture = draw(figure)
+        picture.savefig(files[0], dpi=DPI)
+        picture.savefig(files[1], metadata={"Date": None})
+    for panel in figure.panels:
+        path = folder / f"{'_'.join(filter(None, (figure.name, panel.name)))}.csv"
+        write_csv(panel, path)
+        files.append(path)
+    return files
+
+
+def write_csv(panel: Panel, path: Path) -> None:
+    """One row a point: curve, x, y; numbers with all their digits."""
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(["curve", panel.x.name, panel.y.name])
+        for curve in panel.curves:
+            for x, y in zip(curve.x.tolist(), curve.y.tolist(), strict=True):
+                place = panel.categories[round(x)] if panel.categories else repr(x)
+                writer.writerow([curve.label, place, repr(y)])
+
+
+def draw(figure: Figure) -> Any:
+    """Draw a figure without any window; a `matplotlib.figure.Figure`."""
+    from matplotlib.figure import Figure as Picture  # noqa: PLC0415
+
+    picture = Picture(figsize=figure.size, layout="constrained")
+    picture.suptitle(figure.title, fontsize=11, fontweight="bold")
+    columns = max(len(row) for row in figure.rows)
+    axes = picture.subplots(len(figure.rows), columns, squeeze=False)
+    legend: dict[str, Any] = {}
+    for row, places in zip(figure.rows, axes, strict=True):
+        for panel, place in zip(row, places, strict=True):
+            legend = {**_draw_panel(panel, place), **legend}
+    picture.legend(
+        legend.values(), legend.keys(), loc="outside right upper", fontsize=8, frameon=False
+    )
+    return picture
+
+
+def _draw_panel(panel: Panel, axes: Any) -> dict[str, Any]:
+    """Draw one panel; handles of its curves by their names in the legend."""
+    from matplotlib.ticker import MultipleLocator  # noqa: PLC0415
+
+    handles: dict[str, Any] = {}
+    for curve in panel.curves:
+        line = _draw_curve(curve, axes)
+        name = curve.label if curve.legend is None else curve.legend
+        if name:
+            handles.setdefault(name, line)
+    axes.set_title(panel.title, fontsize=9, loc="left")
+    axes.set_xlabel(panel.x.label, fontsize=9)
+    axes.set_ylabel(panel.y.label, fontsize=9)
+    axes.tick_params(labelsize=8)
+    axes.grid(visible=True, color="#E5E5E5", linewidth=0.6)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    axes.set_xscale("log" if panel.x.log else "linear")
+    axes.set_yscale("log" if panel.y.log else "linear")
+    for line, axis in ((axes.xaxis, panel.x), (axes.yaxis, panel.y)):
+        if axis.step:
+            line.set_major_locator(MultipleLocator(axis.step))
+    if panel.x.limits:
+        axes.set_xlim(panel.x.limits)
+    if panel.y.limits:
+        axes.set_ylim(panel.y.limits)
+    if panel.categories:
+        axes.set_xticks(range(len(panel.categories)), panel.categories)
+    if panel.square:
+        axes.set_aspect("equal")
+    if panel.zoom:
+        _draw_zoom(panel, panel.zoom, axes)
+    return handles
+
+
+def _draw_curve(curve: Curve, axes: Any) -> Any:
+    if curve.style == "area":
+        (area,) = axes.fill(
+            curve.x, curve.y, facecolor="#F2F2F2", edgecolor=curve.colour, linewidth=1.0
+        )
+        return area
+    (line,) = axes.plot(
+        curve.x,
+        curve.y,
+        color=curve.colour,
+        linestyle=curve.dash or "none",
+        marker=curve.marker or None,
+        markersize=5,
+        linewidth=1.4,
+        drawstyle="steps-post" if curve.style == "steps" else "default",
+    )
+    return line
+
+
+def _draw_zoom(
+    panel: Panel, limits: tuple[tuple[float, float], tuple[float, float]], axes: Any
+) -> None:
+    """Show a part of a panel larger, in its own lower half."""
+    inset = axes.inset_axes((0.17, 0.14, 0.72, 0.5), xlim=limits[0], ylim=limits[1])
+    for curve in panel.curves:
+        _draw_curve(curve, inset)
+    inset.tick_params(labelsize=7)
+    axes.indicate_inset_zoom(inset, edgecolor="#888888")

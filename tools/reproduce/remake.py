@@ -1,0 +1,106 @@
+"""Finds a paper, has it re-made, and puts everything into a folder."""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import json
+import pkgutil
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from protocol.errors import ConfigError, UnknownNameError
+from tools.machine import machine_block
+from tools.reproduce import papers as shelf
+from tools.reproduce.figures import Figure, save
+from tools.reproduce.rows import Row
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """A paper that was re-made.
+
+    Attributes:
+        rows: what was checked.
+        machine: on what.
+        files: figures, their data, and the rows.
+    """
+
+    rows: list[Row]
+    machine: dict[str, object]
+    files: list[Path]
+
+    @property
+    def passed(self) -> bool:
+        """Whether no row fails."""
+        return all(row.passed is not False for row in self.rows)
+
+    def as_json(self) -> dict[str, Any]:
+        """For `--json`."""
+        return {
+            "rows": [row.as_json() for row in self.rows],
+            "machine": self.machine,
+            "files": [str(path) for path in self.files],
+        }
+
+
+def papers() -> list[str]:
+    """Names of the papers that can be re-made."""
+    return sorted(module.name for module in pkgutil.iter_modules(shelf.__path__))
+
+
+def reproduce(
+    paper: str, out: Path | None = None, say: Callable[[str], None] = lambda _: None
+) -> Reproduction:
+    """Re-make a paper.
+
+    Args:
+        paper: one of `papers()`.
+        out: folder for the files, made where there is none; default: `reproduced/<paper>`. Files
+            of an earlier run are replaced.
+        say: takes what is being done, for people.
+
+    Raises:
+        UnknownNameError: no such paper; carries the nearest name.
+        ConfigError: the folder cannot be written.
+    """
+    if paper not in papers():
+        raise UnknownNameError("paper", paper, papers())
+    folder = Path("reproduced") / paper if out is None else out
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "rows.csv").touch()  # before minutes of work, not after
+    except OSError as error:
+        raise _unwritable(folder, error) from error
+    figures: list[Figure]
+    rows: list[Row]
+    figures, rows = importlib.import_module(f"{shelf.__name__}.{paper}").remake(say)
+    files = []
+    try:
+        for figure in figures:
+            say(f"drawing {figure.name}")
+            files += save(figure, folder)
+        files.append(_write_rows(rows, folder / "rows.csv"))
+        made = Reproduction(rows, machine_block(), [*files, folder / "rows.json"])
+        text = json.dumps(made.as_json(), indent=2) + "\n"
+        (folder / "rows.json").write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise _unwritable(folder, error) from error
+    return made
+
+
+def _write_rows(rows: list[Row], path: Path) -> Path:
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        names = [field.name for field in fields(Row)]
+        writer = csv.DictWriter(stream, [*names, "pass"])
+        writer.writeheader()
+        writer.writerows(row.as_json() for row in rows)
+    return path
+
+
+def _unwritable(folder: Path, error: OSError) -> ConfigError:
+    return ConfigError(
+        "--out", "", str(folder), f"cannot be written: {error.strerror}", "Name another folder"
+    )
