@@ -174,10 +174,9 @@ def _outside_stalls(tables: Sequence[TickTable]) -> dict[str, Any]:
 
 
 def _rate_outside(tables: Sequence[TickTable]) -> float | None:
-    in_time = outside = 0
-    for table in tables:
-        if table.stalled is None:
-            return None
-        outside += int(np.count_nonzero(~table.stalled))
-        in_time += int(np.count_nonzero(~table.stalled & ~table.missed))
-    return in_time / outside if outside else None
+    outside = [table.misses_outside_stalls for table in tables]
+    in_time = sum(table.count(IN_TIME) for table in tables)
+    if any(each is None for each in outside):
+        return None
+    asked = in_time + sum(each or 0 for each in outside)
+    return in_time / asked if asked else None

@@ -7,7 +7,6 @@ are of two clocks, and are never compared with each other; only durations are.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -47,7 +46,7 @@ class RobotSide:
         arrivals: when each of `setpoints` arrived, by the robot's clock [ns].
         setpoints: one row per Setpoint of any length, in the order of arrival.
         commands: kinds of command that the robot takes.
-        stalls: of the host, sorted and disjoint; None where nobody watched.
+        stalls: of the host, of all CPUs, by their begin; None where nobody watched.
         lockstep: all stamps are virtual.
         messages: how many setpoints were `rejected`, `duplicate`, `out_of_order`, as it counted.
         safe_stops: how often misses, or a holder that vanished, made it stop.
@@ -233,25 +232,15 @@ _ANSWER_FIELDS = {
 
 
 def stalls_of(events: Rows) -> list[Stall] | None:
-    """Stalls of the host that a log tells of, those that overlap made one; None if unwatched."""
+    """Stalls of the host that a log tells of, of all CPUs, by their begin; None if unwatched."""
     if not np.any(events["kind"] == EVENTS["STALLS_WATCHED"]):
         return None
     told = events[events["kind"] == EVENTS["HOST_STALL"]]
-    return joined(
+    told = told[np.argsort(told["stamp"], kind="stable")]
+    return [
         Stall(start, start + length)
         for start, length in zip(told["stamp"].tolist(), told["detail"].tolist(), strict=True)
-    )
-
-
-def joined(stalls: Iterable[Stall]) -> list[Stall]:
-    """Stalls sorted, with those that overlap made one."""
-    result: list[Stall] = []
-    for stall in sorted(stalls, key=lambda each: each.start):
-        if result and stall.start <= result[-1].end:
-            result[-1] = Stall(result[-1].start, max(result[-1].end, stall.end))
-        else:
-            result.append(stall)
-    return result
+    ]
 
 
 def _safe_stops(events: Rows) -> int:

@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from protocol.messages import State
-from tools.stalls import Stall
+from tools.stalls import GRID_NS, Stall
 from tools.tick_blame import Blame, Times, between, cycle_stages
 from tools.tick_logs import NEVER, Cycles, Flags, RobotSide, Stamps, answers
 
@@ -35,7 +35,7 @@ STAGES = (
 )  # fmt: skip
 """In the order of time. RTT is the sum of all from `wait` on, where nothing is unaccounted."""
 
-_ROWS = ("tick", "intended", "actual", "published", "arrival", "refused", "outcome")
+_ROWS = ("tick", "intended", "actual", "published", "arrival", "refused", "outcome", "begin", "end")
 
 
 @dataclass(frozen=True, repr=False)
@@ -53,9 +53,11 @@ class TickTable:
         arrival: of the first valid answer; NEVER where none came.
         refused: a setpoint came that names this tick, and the robot did not take it.
         outcome: IN_TIME, LATE, LOST or SKIPPED.
+        begin, end: the time in which a stall of the host makes a miss the host's: from intended
+            start to deadline; for skipped ticks, from the first of them until the robot woke.
         cycles: of the controller.
         cycle: place of the tick in `cycles`, -1 where the controller had none that we know of.
-        stalls: of the host, sorted and disjoint; None where nobody watched.
+        stalls: of the host, of all CPUs, by their begin; None where nobody watched.
         lockstep: all stamps are virtual, so durations say nothing of this machine.
         messages: how many setpoints were `rejected`, `duplicate`, `out_of_order`.
         safe_stops: how often misses, or a holder that vanished, made the robot stop.
@@ -69,6 +71,8 @@ class TickTable:
     arrival: Stamps
     refused: Flags
     outcome: npt.NDArray[np.int64]
+    begin: Stamps
+    end: Stamps
     cycles: Cycles
     cycle: Stamps
     stalls: list[Stall] | None
@@ -107,17 +111,21 @@ class TickTable:
             "arrival": arrival,
             "refused": refused,
             "outcome": outcome,
+            "begin": intended,
+            "end": intended + period,
         }
-        skipped, begun = _skipped(number, states, active, period)
+        skipped, at, back = _skipped(number, states["skipped"], active)
         none = np.full(len(skipped), NEVER)
         more = {
             "tick": skipped,
-            "intended": begun,
+            "intended": states["stamp_intended"][at] - back * period,
             "actual": none,
             "published": none,
             "arrival": none,
             "refused": np.zeros(len(skipped), bool),
             "outcome": np.full(len(skipped), SKIPPED),
+            "begin": states["stamp_intended"][at - 1] + period,
+            "end": states["stamp_actual"][at],
         }
         whole = {name: np.concatenate([rows[name][known], more[name]]) for name in rows}
         order = np.argsort(whole["tick"], kind="stable")
@@ -180,13 +188,16 @@ class TickTable:
 
     @cached_property
     def stalled(self) -> Flags | None:
-        """Which ticks overlap a stall of the host, from intended start to deadline."""
+        """Which ticks overlap a stall of the host between `begin` and `end`.
+
+        A stall counts from one period of the monitor's grid before it was seen.
+        """
         if self.stalls is None:
             return None
-        starts = np.array([stall.start for stall in self.stalls], np.int64)
+        starts = np.array([stall.start for stall in self.stalls], np.int64) - GRID_NS
         ends = np.array([NEVER, *(stall.end for stall in self.stalls)], np.int64)
-        begun_before_deadline = np.searchsorted(starts, self.intended + self.period, "left")
-        stalled: Flags = ends[begun_before_deadline] > self.intended
+        last_end = np.maximum.accumulate(ends)  # CPUs stall independently
+        stalled: Flags = last_end[np.searchsorted(starts, self.end, "left")] > self.begin
         return stalled
 
     @property
@@ -198,13 +209,11 @@ class TickTable:
 
     @property
     def success_rate_outside_stalls(self) -> float | None:
-        """In time among all ticks, skipped ones too, that overlap no stall of the host.
-
-        None where nobody watched, or where every tick overlaps one.
-        """
-        if self.stalled is None or self.stalled.all():
+        """In time ÷ (in time + misses outside stalls); None where nobody watched."""
+        outside, in_time = self.misses_outside_stalls, self.count(IN_TIME)
+        if outside is None or not in_time + outside:
             return None
-        return 1.0 - float(np.mean(self.missed[~self.stalled]))
+        return in_time / (in_time + outside)
 
     def stage(self, name: str) -> Times:
         """Length of a stage of every tick [ns], nan where it is not known.
@@ -309,13 +318,18 @@ def _arrivals(robot: RobotSide, ticks: Stamps) -> tuple[Stamps, Flags]:
     return arrival, refused
 
 
-def _skipped(number: Stamps, states: Any, active: Flags, period: int) -> tuple[Stamps, Stamps]:
-    """Ticks skipped right after an active one, as far as the robot counted them, and starts."""
-    jump = np.diff(states["skipped"].astype(np.int64))
-    jump[(jump != np.diff(number) - 1) | ~active[:-1]] = 0  # else records are missing
+def _skipped(number: Stamps, counted: Any, active: Flags) -> tuple[Stamps, Stamps, Stamps]:
+    """Ticks skipped between two active ones, as far as the robot counted them.
+
+    Returns:
+        their numbers, the places of the States that followed them, and by how many ticks they
+        came before those.
+    """
+    jump = np.diff(counted.astype(np.int64))
+    jump[(jump != np.diff(number) - 1) | ~active[:-1] | ~active[1:]] = 0  # or records are missing
     back = np.concatenate([np.arange(n, 0, -1) for n in jump.tolist()] or [np.empty(0, int)])
     at = np.repeat(np.arange(1, len(number)), jump)
-    return number[at] - back, states["stamp_intended"][at] - back * period
+    return number[at] - back, at, back
 
 
 def _places(ticks: Stamps, wanted: Stamps) -> Stamps:

@@ -27,6 +27,7 @@ STORIES = [
     "new_robot.md",
     "two_machines.md",
     "logs.md",
+    "latency.md",
 ]
 KNOWN = {"", "file", "parsed only", "not run", "exits", "needs", "prints"}
 PLACEHOLDERS = {"emulator …": "emulator hoap3", "controller …": "controller qp12", "PATH": "hoap3"}

@@ -1,4 +1,4 @@
-"""Whose fault a miss was, over Zenoh: a user's controller that is slow now and then is found out."""
+"""Whose fault a miss was, over Zenoh: a controller that is slow now and then is found out."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from command_bench import PATIENT, hoap3, on_path
 
-from tools.ticks import SKIPPED, TickTable
+from tools.ticks import SKIPPED, STAGES, TickTable
 
 HERE = Path(__file__).parent
 
@@ -46,9 +46,11 @@ def test_a_busy_solve_answers_for_the_ticks_that_it_cost(tmp_path):
 
 @pytest.mark.long
 def test_nearly_all_of_many_slow_ticks_are_the_solves(tmp_path):
-    ticks, slow = run(tmp_path / "log", 120, 500, 2.0)
+    ticks, slow = run(tmp_path / "log", 60, 500, 2.0)
     guilty = ticks.guilty()
-    in_answer = set(ticks.tick[~np.isnan(ticks.stage("rtt"))].tolist())
-    named = [guilty.get(tick) for tick in slow if tick in in_answer]
-    assert len(named) > 200
+    others = np.stack([ticks.stage(name) for name in STAGES if name != "solve"])
+    calm = (np.nan_to_num(others) < 1e6).all(axis=0) & ~np.isnan(ticks.stage("rtt"))
+    undisturbed = set(ticks.tick[calm].tolist())  # by other load of more than a period
+    named = [guilty.get(tick) for tick in slow if tick in undisturbed]
+    assert len(named) > 60
     assert named.count("solve") >= 0.99 * len(named)

@@ -95,6 +95,7 @@ class Story:
                 skipped += 1
                 continue
             state.tick, state.skipped = tick, skipped
+            state.lost = sum(lost < tick for lost in self.vanished)  # late ones: nobody counts them
             state.mode = State.ACTIVE if tick < self.count else State.STOPPED
             state.stamp_intended = START + tick * MS
             state.stamp_actual = state.stamp_intended + self.of("wakeup", tick)
