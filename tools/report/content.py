@@ -97,7 +97,7 @@ class Content:
 
     def as_json(self) -> dict[str, Any]:
         """The figures, as `--json` prints them."""
-        timing = self.timing.as_json() if self.timing else {"verdict": None}
+        timing = self.timing.figures if self.timing else {"verdict": None}
         return {
             **timing,
             "robot": self.robot,
@@ -170,6 +170,11 @@ def _timing(sources: Sources, gaps: list[str]) -> Timing | None:
     except LogError as error:
         gaps.append(f"Deadlines cannot be judged: {error}.")
         return None
+    if timing is not None and timing.table.safe_stops:
+        gaps.append(
+            "The robot was brought to a safe stop, after which nothing asks for an answer: that "
+            "alone makes a run unfit."
+        )
     if sources.robot is not None and timing is None:
         gaps.append("No tick asked for an answer: there is nothing to be in time for.")
     return timing

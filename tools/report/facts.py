@@ -11,6 +11,7 @@ from tools.report.content import Content
 from tools.report.markup import Markup, element, more, table
 from tools.report.numbers import count, number, rate
 from tools.stalls import figures
+from tools.ticks import IN_TIME
 
 Tile = tuple[str, str, str, tuple[str, ...]]
 
@@ -19,7 +20,7 @@ def tiles(content: Content) -> list[Tile]:
     """Anchor of the definition, name, value, and notes of each figure at the head."""
     found: list[Tile] = []
     if content.timing is not None:
-        found += _deadline_tiles(content, content.timing.as_json())
+        found += _deadline_tiles(content, content.timing.figures)
     motion = content.motion
     if motion is not None and motion.has_certificates:
         unit = " mm" if motion.target_m is not None else ""
@@ -70,11 +71,11 @@ def _deadline_tiles(content: Content, given: dict[str, Any]) -> list[Tile]:
 
 def _stalls(content: Content) -> tuple[str, ...]:
     table = content.timing.table if content.timing else None
-    if table is None or table.stalls is None or table.stalled is None:
+    if table is None or table.stalls is None:
         return ("nobody watched for stalls",)
     stalls = figures(table.stalls)
-    outside = f"n {count(int((~table.stalled).sum()))}, missed or skipped "
-    outside += count(table.misses_outside_stalls or 0)
+    misses = table.misses_outside_stalls or 0
+    outside = f"n {count(table.count(IN_TIME) + misses)}, missed or skipped {count(misses)}"
     return (outside, f"{count(int(stalls['n']))} stalls, {number(stalls['total_ms'])} ms")
 
 

@@ -30,7 +30,7 @@ def ticks_section(timing: Timing | None, title: str) -> Markup:
 
 
 def _worst(timing: Timing) -> Markup:
-    rows = timing.table.worst(10)
+    rows = timing.figures["worst"]
     names = (*STAGES, "unaccounted")
     stages = [name for name in names if any(row["stages_us"].get(name) for row in rows)]
     head = ["tick", "outcome", link("word-rtt-word", "RTT"), *stages]
@@ -64,7 +64,7 @@ def _stages(given: dict[str, float], usual: dict[str, float], names: list[str]) 
 
 
 def _durations(timing: Timing) -> Markup:
-    figures = timing.as_json()
+    figures = timing.figures
     sizes: dict[str, dict[str, float]] = {"RTT": figures["rtt_us"], **figures["stages_us"]}
     if not sizes["unaccounted"].get("max"):
         del sizes["unaccounted"]
@@ -83,7 +83,7 @@ def _durations(timing: Timing) -> Markup:
 
 
 def _guilty(timing: Timing) -> list[Markup]:
-    counts = timing.table.guilty_counts()
+    counts = timing.figures["guilty"]
     if not counts:
         return [_said(f"None of n {count(timing.asked)} ticks was missed or skipped.")]
     total = sum(counts.values())

@@ -79,7 +79,8 @@ def _deadlines(timing: Timing) -> Drawing:
         *(Key(role, f"{name} {count(counts[name])}", "tick") for name, (_, role) in missed.items()),
     ]
     if table.stalls is not None:
-        keys.append(Key("faint", "the host took the CPU away", "area"))
+        some = f": the {MOST_STALLS} longest" if len(table.stalls) > MOST_STALLS else ""
+        keys.append(Key("faint", f"the host took the CPU away{some}", "area"))
     misses = sum(counts.values())
     return Drawing(
         "deadlines",
@@ -155,13 +156,12 @@ def _wakeup(timing: Timing) -> Drawing:
     name = "wake-up latency [µs], logarithmic"
     svg, keys = _histogram("wakeup", wakeup, timing.table.period / 1e3, name)
     figures = summary(wakeup)
-    jitter = timing.jitter_us()
+    jitter = timing.figures["jitter_us"]
     text = spread(figures, "µs")
-    if len(jitter) > 1:
-        sizes = summary(np.abs(jitter))
+    if "std" in jitter:
         text += (
-            f" · jitter: n {count(len(jitter))}, std {number(float(jitter.std(ddof=1)))}, "
-            f"p99.9 − p50 {number(sizes['p99_9'] - sizes['p50'])}, max {number(sizes['max'])} µs"
+            f" · jitter: n {count(jitter['n'])}, std {number(jitter['std'])}, "
+            f"p99.9 − p50 {number(jitter['p99_9_minus_p50'])}, max {number(jitter['max'])} µs"
         )
     return Drawing(
         "wakeup",

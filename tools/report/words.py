@@ -20,9 +20,9 @@ WORDS = {
     ),
     "success": Word(
         "success rate",
-        "Answers in time among the ticks that asked. Raw: all of them. Outside stalls: skipped "
-        "ticks count as misses too, and whatever overlaps a stall of the host is left out on both "
-        "sides. Worst window: the least of any 100 such ticks in a row.",
+        "Answers in time among the ticks that asked. Raw: all of them. Outside stalls: in "
+        "time ÷ (in time + misses outside stalls), where skipped ticks are misses too. Worst "
+        "window: the least of any 100 ticks in a row that asked.",
     ),
     "verdict": Word(
         "verdict",
@@ -40,7 +40,8 @@ WORDS = {
         "stall of the host",
         "A time in which a monitor of the highest priority, asleep on a grid of 0.5 ms, was woken "
         "more than 0.15 ms late: the CPU itself was away, taken by the hypervisor or the firmware. "
-        "It needs real-time rights; without them a stall cannot be told from load.",
+        "A miss is the host's if it overlaps a stall, or the 0.5 ms before it was seen. Without "
+        "real-time rights nobody watches: a stall could not be told from load.",
     ),
     "guilty": Word(
         "who is to blame",

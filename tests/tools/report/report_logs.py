@@ -62,6 +62,7 @@ def active_log(
         Record(Kind.SESSION, START - 1, json.dumps({"session_id": 7, "lockstep": False}).encode()),
     ]
     same = {"session_id": 7, "epoch": 1, "skipped": 0}
+    same |= dict.fromkeys(("late", "lost", "rejected", "duplicate", "out_of_order"), 0)
     for tick in range(count):
         at = START + tick * MS
         given = {

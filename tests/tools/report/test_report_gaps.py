@@ -13,7 +13,7 @@ from tick_story import Story
 from typer.testing import CliRunner
 
 from protocol.errors import LogError, UsageError
-from protocol.messages import Setpoint
+from protocol.messages import Event, Setpoint
 from tools.cli_report import report
 from tools.log import Log
 from tools.report.content import read_content
@@ -106,6 +106,15 @@ def test_no_stall_monitor_is_said(tmp_path):
     assert "Nobody watched for stalls" in said(content)
     (tile,) = [tile for tile in tiles(content) if tile[1] == "outside stalls"]
     assert tile[2:] == ("–", ("nobody watched for stalls",))
+
+
+def test_a_safe_stop_is_told_before_anything_else(tmp_path):
+    forced = Event.schema.constants["REASON_MISSES"]
+    stop = (Event.schema.constants["SAFE_STOP"], forced)
+    content = read_content(active_log(tmp_path, events=(stop,)))
+    assert "brought to a safe stop" in said(content)
+    assert content.as_json()["safe_stops"] == 1
+    assert content.timing.verdict == "unfit"
 
 
 def test_a_robot_without_soles_has_a_path_and_no_polygon(tmp_path):
