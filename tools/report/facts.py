@@ -70,10 +70,10 @@ def _deadline_tiles(content: Content, given: dict[str, Any]) -> list[Tile]:
 
 
 def _stalls(content: Content) -> tuple[str, ...]:
-    table = content.timing.table if content.timing else None
-    if table is None or table.stalls is None:
+    timing = content.timing
+    if timing is None or timing.table.stalls is None:
         return ("nobody watched for stalls",)
-    stalls = figures(table.stalls)
+    table, stalls = timing.table, figures(timing.stalls)
     misses = table.misses_outside_stalls or 0
     outside = f"n {count(table.count(IN_TIME) + misses)}, missed or skipped {count(misses)}"
     return (outside, f"{count(int(stalls['n']))} stalls, {number(stalls['total_ms'])} ms")

@@ -147,10 +147,13 @@ def stalls_section(timing: Timing | None, title: str) -> Markup:
         for stall in longest
     ]
     total = sum(stall.end - stall.start for stall in stalls) / 1e6
+    meanwhile = timing.stalls
+    moving = sum(stall.end - stall.start for stall in meanwhile) / 1e6
     words = (
-        f"n {count(len(stalls))} stalls, {number(total)} ms together; length p50 "
-        f"{number(lengths['p50'])}, p90 {number(lengths['p90'])}, p99 {number(lengths['p99'])}, "
-        f"max {number(lengths['max'])} ms."
+        f"{count(len(meanwhile))} stalls, {number(moving)} ms together, from the first tick that "
+        f"asked to the last. In the whole log n {count(len(stalls))}, {number(total)} ms; length "
+        f"p50 {number(lengths['p50'])}, p90 {number(lengths['p90'])}, "
+        f"p99 {number(lengths['p99'])}, max {number(lengths['max'])} ms."
     )
     inside = table(["begin [s]", "length [ms]"], rows, words=0, class_="narrow")
     return element("section", heading, _said(words), more("The ten longest", inside), id="stalls")

@@ -12,6 +12,7 @@ from protocol.messages import FloatArray
 from protocol.statistics import WINDOW
 from tools.latency_figures import tick_figures
 from tools.report.sources import Sources
+from tools.stalls import Stall
 from tools.tick_logs import Cycles, RobotSide
 from tools.ticks import IN_TIME, TickTable
 
@@ -55,6 +56,12 @@ class Timing:
     def duration_s(self) -> float:
         """From there to the end of the last one."""
         return float(self.seconds[-1]) + self.table.period / 1e9
+
+    @property
+    def stalls(self) -> list[Stall]:
+        """Of the host, from the first tick to the end of the last; none where nobody watched."""
+        end = int(self.table.intended[-1]) + self.table.period
+        return [s for s in self.table.stalls or () if s.end > self.start_ns and s.start < end]
 
     def us(self, name: str) -> FloatArray:
         """A stage, or `rtt`, of every tick [µs]; NaN where there is none."""

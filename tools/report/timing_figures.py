@@ -52,12 +52,9 @@ def _deadlines(timing: Timing) -> Drawing:
     }
     with canvas("deadlines", 275) as drawing:
         axes = drawing.axes
-        for stall in sorted(table.stalls or (), key=lambda each: each.start - each.end)[
-            :MOST_STALLS
-        ]:
+        for stall in sorted(timing.stalls, key=lambda each: each.start - each.end)[:MOST_STALLS]:
             begin, end = ((at - timing.start_ns) / 1e9 for at in (stall.start, stall.end))
-            if end >= 0.0 and begin <= seconds[-1]:
-                axes.axvspan(begin, end, color=LIGHT["faint"], alpha=0.5, linewidth=0.5)
+            axes.axvspan(begin, end, color=LIGHT["faint"], alpha=0.5, linewidth=0.5)
         greatest, median = ([_of(w, share) for w in windows] for share in (100.0, 50.0))
         axes.fill_between(middles, median, greatest, color=LIGHT["blue"], alpha=0.18, linewidth=0)
         axes.plot(middles, median, color=LIGHT["blue"])
@@ -79,7 +76,7 @@ def _deadlines(timing: Timing) -> Drawing:
         *(Key(role, f"{name} {count(counts[name])}", "tick") for name, (_, role) in missed.items()),
     ]
     if table.stalls is not None:
-        some = f": the {MOST_STALLS} longest" if len(table.stalls) > MOST_STALLS else ""
+        some = f": the {MOST_STALLS} longest" if len(timing.stalls) > MOST_STALLS else ""
         keys.append(Key("faint", f"the host took the CPU away{some}", "area"))
     misses = sum(counts.values())
     return Drawing(

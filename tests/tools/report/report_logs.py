@@ -27,10 +27,13 @@ def lockstep_run(folder: Path) -> tuple[Path, dict]:
 
 
 def story_run(folder: Path) -> tuple[Path, Story]:
-    """Six hundred ticks: slow solves, lost answers, skipped ticks, stalls that somebody watched."""
+    """Six hundred ticks: slow solves, lost answers, skipped ticks, stalls that somebody watched.
+
+    One of the stalls was over before the first tick.
+    """
     story = Story(
         600,
-        stalls=[(300 * MS, 4 * MS), (450 * MS, MS // 2)],
+        stalls=[(300 * MS, 4 * MS), (450 * MS, MS // 2), (-50 * MS, MS)],
         skipped={302, 303},
         vanished={120, 121, 122, 123, 124},
     )

@@ -113,8 +113,15 @@ def test_the_worst_tick_is_the_slow_one_and_its_stage_is_to_blame(live):
 
 def test_stalls_are_listed_with_their_lengths(live):
     rows = live.rows("stalls")
-    assert rows == [["begin [s]", "length [ms]"], ["0.300", "4"], ["0.450", "0.500"]]
-    assert "n 2 stalls, 4.50 ms together" in live.by_id("stalls").text()
+    assert rows == [
+        ["begin [s]", "length [ms]"],
+        ["0.300", "4"],
+        ["−0.050", "1"],
+        ["0.450", "0.500"],
+    ]
+    text = live.by_id("stalls").text()
+    assert "2 stalls, 4.50 ms together, from the first tick that asked to the last" in text
+    assert "In the whole log n 3, 5.50 ms" in text
 
 
 def test_the_success_rate_over_time_is_what_the_robot_counts(story):
