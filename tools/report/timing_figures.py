@@ -52,7 +52,8 @@ def _deadlines(timing: Timing) -> Drawing:
     }
     with canvas("deadlines", 275) as drawing:
         axes = drawing.axes
-        for stall in sorted(timing.stalls, key=lambda each: each.start - each.end)[:MOST_STALLS]:
+        longest = sorted(timing.stalls, key=lambda stall: stall.start - stall.end)
+        for stall in longest[:MOST_STALLS]:
             begin, end = ((at - timing.start_ns) / 1e9 for at in (stall.start, stall.end))
             axes.axvspan(begin, end, color=LIGHT["faint"], alpha=0.5, linewidth=0.5)
         greatest, median = ([_of(w, share) for w in windows] for share in (100.0, 50.0))
