@@ -1,0 +1,207 @@
+"""What is not in a log is said in the report; what is no log of ours is one clear error."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import pytest
+import typer
+from html_page import Page
+from report_logs import active_log
+from tick_story import Story
+from typer.testing import CliRunner
+
+from protocol.errors import LogError, UsageError
+from protocol.messages import Event, Setpoint
+from tools.cli_report import report
+from tools.log import Log
+from tools.report.content import read_content
+from tools.report.facts import tiles
+from tools.report.page import page
+from tools.report.write import write_report
+
+STATUS_NONE = Setpoint.schema.constants["STATUS_NONE"]
+
+
+def motion(content) -> list[str]:
+    """Names of the figures of the motion."""
+    return [drawing.name for drawing in content.motion_drawings]
+
+
+def said(content) -> str:
+    """Everything that the report names as missing."""
+    return " ".join(content.gaps)
+
+
+def tile_names(content) -> set[str]:
+    return {name for _, name, *_ in tiles(content)}
+
+
+@pytest.fixture(scope="module")
+def long_story(tmp_path_factory):
+    return Story(1700).write(tmp_path_factory.mktemp("long"))
+
+
+@pytest.mark.parametrize("share", [0.4, 0.8])
+def test_a_log_that_was_cut_off_is_shown_up_to_there(share, long_story, tmp_path):
+    folder = shutil.copytree(long_story, tmp_path / "cut")
+    for log in ("robot.mcap", "controller.mcap"):
+        written = (folder / log).read_bytes()
+        (folder / log).write_bytes(written[: int(share * len(written))])
+    cut = read_content(folder)
+    assert "The log of the robot is not whole" in said(cut)
+    assert "The log of the controller is not whole" in said(cut)
+    assert "The robot's own final count is not in the log" in said(cut)
+    assert 400 * share < cut.timing.asked < 1700
+    assert cut.motion.duration_s == pytest.approx(cut.timing.duration_s, abs=2e-3)
+    assert {"sole", "u"} <= set(motion(cut))
+
+
+def test_a_robots_log_that_ends_before_the_motion_leaves_it_to_the_controllers(lockstep, tmp_path):
+    folder = shutil.copytree(lockstep[0], tmp_path / "cut")
+    written = (folder / "robot.mcap").read_bytes()
+    (folder / "robot.mcap").write_bytes(written[: len(written) // 3])
+    cut = read_content(folder)
+    assert "Deadlines cannot be judged" in said(cut)
+    assert cut.motion.side == "controller"
+    assert len(cut.motion.v) == 500
+
+
+def test_what_is_missing_stands_at_the_head_of_the_page(tmp_path):
+    content = read_content(active_log(tmp_path, count=3, setpoint={"tick": 999}))
+    named = Page(page(content)).root.all("div", "gaps")[0].text()
+    assert content.gaps
+    assert all(gap in named for gap in content.gaps)
+    assert "Nobody answered" in named
+
+
+def test_only_the_robots_log(story):
+    content = read_content(story[0] / "robot.mcap")
+    assert "There is no log of the controller" in said(content)
+    assert content.timing.asked == read_content(story[0]).timing.asked
+    assert "u" in motion(content)
+
+
+def test_only_the_controllers_log(lockstep):
+    content = read_content(lockstep[0] / "controller.mcap")
+    assert "There is no log of the robot" in said(content)
+    assert motion(content) == ["sole", "path", "v", "psi", "u", "active"]
+    assert content.timing_drawings == ()
+    assert "success rate, raw" not in tile_names(content)
+    assert content.as_json()["verdict"] is None
+
+
+def test_a_damaged_log_of_one_side_does_not_hide_the_other(lockstep, tmp_path):
+    folder = shutil.copytree(lockstep[0], tmp_path / "run")
+    (folder / "robot.mcap").write_bytes(b"\x89MCAP0\r\n")
+    content = read_content(folder)
+    assert said(content).count("The log of the robot cannot be read") == 1
+    assert "There is no log of the robot" not in said(content)
+    assert len(content.motion.v) == 500
+
+
+def test_no_stall_monitor_is_said(tmp_path):
+    content = read_content(active_log(tmp_path))
+    assert "Nobody watched for stalls" in said(content)
+    (tile,) = [tile for tile in tiles(content) if tile[1] == "outside stalls"]
+    assert tile[2:] == ("–", ("nobody watched for stalls",))
+
+
+def test_a_safe_stop_is_told_before_anything_else(tmp_path):
+    forced = Event.schema.constants["REASON_MISSES"]
+    stop = (Event.schema.constants["SAFE_STOP"], forced)
+    content = read_content(active_log(tmp_path, events=(stop,)))
+    assert "brought to a safe stop" in said(content)
+    assert content.as_json()["safe_stops"] == 1
+    assert content.timing.verdict == "unfit"
+
+
+def test_a_robot_without_soles_has_a_path_and_no_polygon(tmp_path):
+    content = read_content(active_log(tmp_path))
+    assert "has no sole in the frame link_0" in said(content)
+    sole = content.motion_drawings[0]
+    assert "support polygon" not in [key.text for key in sole.keys]
+
+
+def test_a_controller_without_certificates_has_inputs_but_no_v(tmp_path):
+    content = read_content(active_log(tmp_path, setpoint={"solver_status": STATUS_NONE}))
+    assert "gives no certificates" in said(content)
+    assert motion(content) == ["sole", "path", "u", "active"]
+    assert "error at the end" not in tile_names(content)
+
+
+def test_accelerations_are_shown_in_their_own_unit(tmp_path):
+    content = read_content(active_log(tmp_path, setpoint={"command": Setpoint.ACCELERATION}))
+    (inputs,) = [drawing for drawing in content.motion_drawings if drawing.name == "u"]
+    assert "u [rad/s²]" in inputs.svg
+    assert content.motion.inputs == pytest.approx(
+        Log.open(content.sources.path, "robot").setpoints()["values"]
+    )
+
+
+def test_a_robot_that_nobody_commands_has_events_and_a_machine(tmp_path):
+    content = read_content(active_log(tmp_path, state={"mode": 0}, events=((1, 0),)))
+    assert "never active" in said(content)
+    read = Page(page(content))
+    assert not read.figures()
+    assert read.rows("events")[1][:2] == ["robot", "started"]
+
+
+def test_a_log_recorded_from_outside_has_no_deadlines(tmp_path):
+    content = read_content(active_log(tmp_path, metadata={"run": {"recorded": "true"}}))
+    assert "recorded from outside" in said(content)
+    assert content.timing is None
+    assert "u" in motion(content)
+
+
+@pytest.mark.parametrize("content", [b"", b"not a log", b"\x89MCAP0\r\n" * 9])
+def test_what_is_no_log_of_ours_is_one_error(content, tmp_path):
+    (tmp_path / "robot.mcap").write_bytes(content)
+    for path in (tmp_path, tmp_path / "robot.mcap"):
+        with pytest.raises(LogError, match=r"robot\.mcap") as caught:
+            read_content(path)
+        assert "\n" not in str(caught.value)
+
+
+def test_a_folder_without_logs_and_a_path_to_nowhere_are_errors(tmp_path):
+    with pytest.raises(LogError, match=r"holds no \w+.mcap"):
+        read_content(tmp_path)
+    with pytest.raises(LogError, match="cannot be read"):
+        read_content(tmp_path / "nowhere")
+
+
+def test_a_page_that_cannot_be_written_is_an_error_that_names_it(story, tmp_path):
+    with pytest.raises(UsageError, match=r"nowhere.*Choose another place with --out"):
+        write_report(story[0], tmp_path / "nowhere" / "report.html")
+
+
+@pytest.fixture
+def command():
+    app = typer.Typer(pretty_exceptions_enable=False)
+    app.command()(report)
+    return lambda *words: CliRunner().invoke(app, [str(word) for word in words])
+
+
+def test_the_command_writes_the_page_and_prints_one_object(command, story, tmp_path):
+    done = command(story[0], "--out", tmp_path / "page.html", "--json")
+    assert done.exit_code == 0
+    figures = json.loads(done.stdout)
+    assert figures["report"] == str(tmp_path / "page.html")
+    assert figures["verdict"] == "fit"
+    assert figures["rtt_us"]["n"] == 600 - 2 - 7  # two skipped, seven lost
+    assert Page((tmp_path / "page.html").read_text(encoding="utf-8")).figures()
+
+
+def test_the_page_lies_beside_the_log_where_nothing_else_is_said(command, lockstep, tmp_path):
+    folder = shutil.copytree(lockstep[0], tmp_path / "run")
+    done = command(folder)
+    assert (done.exit_code, done.stdout) == (0, "")
+    assert str(folder / "report.html") in done.stderr
+    assert (folder / "report.html").is_file()
+    assert command(folder / "controller.mcap").exit_code == 0  # over the old one
+
+
+def test_an_unfit_run_is_a_finding(command, tmp_path):
+    folder = active_log(tmp_path, setpoint={"epoch": 9})  # the robot refuses them all
+    assert command(folder, "--out", tmp_path / "page.html").exit_code == 1

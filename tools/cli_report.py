@@ -1,0 +1,31 @@
+"""The command `hoap3 report`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def report(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="Folder of a run, or one *.mcap.")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", help="HTML file to write; default: report.html beside the log."),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON object on standard output.")
+    ] = False,
+) -> None:
+    """Draw what a log shows, as one HTML file that needs nothing but itself."""
+    from tools.report.write import write_report
+
+    figures = write_report(log, out)
+    if as_json:
+        sys.stdout.write(json.dumps(figures, indent=2) + "\n")
+    else:
+        sys.stderr.write(f"{figures['report']}: {figures['verdict'] or 'no verdict'}\n")
+    raise typer.Exit(1 if figures["verdict"] == "unfit" else 0)

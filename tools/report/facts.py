@@ -1,0 +1,117 @@
+"""The first and the last thing to read: figures at a glance, and what they were measured on."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from protocol.errors import LogError
+from tools.log import Log
+from tools.report.content import Content
+from tools.report.markup import Markup, element, more, table
+from tools.report.numbers import count, number, rate
+from tools.stalls import figures
+from tools.ticks import IN_TIME
+
+Tile = tuple[str, str, str, tuple[str, ...]]
+
+
+def tiles(content: Content) -> list[Tile]:
+    """Anchor of the definition, name, value, and notes of each figure at the head."""
+    found: list[Tile] = []
+    if content.timing is not None:
+        found += _deadline_tiles(content, content.timing.figures)
+    motion = content.motion
+    if motion is not None and motion.has_certificates:
+        unit = " mm" if motion.target_m is not None else ""
+        errors = (1e3 if unit else 1.0) * (2.0 * motion.v[motion.v >= 0.0]) ** 0.5
+        notes = (
+            f"√(2V); at first {number(errors[0])}{unit}",
+            f"certified {rate(float(motion.certified.mean()))} of n {count(len(motion.v))} answers",
+        )
+        found.append(("word-certificate", "error at the end", f"{number(errors[-1])}{unit}", notes))
+    return found
+
+
+def _deadline_tiles(content: Content, given: dict[str, Any]) -> list[Tile]:
+    success, misses = given["success_rate"], given["misses"]
+    worst = success["worst_window"]
+    of_window = "fewer than 100 ticks" if worst is None else f"worst 100: {number(100.0 * worst)} %"
+    found: list[Tile] = [
+        (
+            "word-success",
+            "success rate, raw",
+            rate(success["run"]),
+            (f"n {count(given['ticks'])} ticks", of_window),
+        ),
+        ("word-stall", "outside stalls", rate(success["outside_stalls"]), _stalls(content)),
+        (
+            "word-outcome",
+            "misses",
+            count(misses["late"] + misses["lost"]),
+            (
+                f"late {count(misses['late'])}, lost {count(misses['lost'])}",
+                f"longest run {misses['longest_run']}; skipped {count(given['skipped'])}",
+            ),
+        ),
+    ]
+    if content.sources.lockstep:
+        del found[1]  # nobody can take virtual time away
+    for key, anchor, name in (
+        ("rtt_us", "word-rtt-word", "RTT"),
+        ("wakeup_us", "word-wakeup-word", "wake-up"),
+    ):
+        sizes = given.get(key)
+        if sizes and sizes["n"]:
+            tail = f"p99 {number(sizes['p99'])}, p99.9 {number(sizes['p99_9'])}, "
+            notes = (f"{tail}max {number(sizes['max'])} µs", f"n {count(sizes['n'])}")
+            found.append((anchor, f"{name}, median", f"{number(sizes['p50'])} µs", notes))
+    return found
+
+
+def _stalls(content: Content) -> tuple[str, ...]:
+    timing = content.timing
+    if timing is None or timing.table.stalls is None:
+        return ("nobody watched for stalls",)
+    table, stalls = timing.table, figures(timing.stalls)
+    misses = table.misses_outside_stalls or 0
+    outside = f"n {count(table.count(IN_TIME) + misses)}, missed or skipped {count(misses)}"
+    return (outside, f"{count(int(stalls['n']))} stalls, {number(stalls['total_ms'])} ms")
+
+
+def facts_section(content: Content, title: str) -> Markup:
+    """Machine block, versions, and the settings of both sides."""
+    parts: list[Markup] = []
+    for log in content.sources.logs:
+        rows = _facts(content, log)
+        parts.append(element("h3", f"As the service of the {log.side} found it at its start"))
+        parts.append(table((), rows, class_="facts"))
+        parts.append(more(f"Settings of the {log.side}", element("pre", _settings(log))))
+    return element("section", element("h2", title), *parts, id="machine")
+
+
+def _facts(content: Content, log: Log) -> list[tuple[str, str]]:
+    machine, versions = content.machine(log.side), log.metadata.get("versions", {})
+    measures = content.sources.summary.get("realtime") if log.side == "robot" else None
+    rows = [(k.replace("_", " "), _plain(v)) for k, v in machine.items() if k != "versions"]
+    if measures:
+        rows.append(("real-time measures", _plain(measures)))
+    if versions:
+        rows.append(("versions", ", ".join(f"{k} {v}" for k, v in versions.items())))
+    rows.append(("log", ", ".join(str(path) for path in log.paths)))
+    return rows + [(k, v) for k, v in log.metadata.get("run", {}).items() if v]
+
+
+def _settings(log: Log) -> str:
+    try:
+        return str(log.config).rstrip()
+    except LogError as error:
+        return str(error)
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, list):
+        return ", ".join(map(_plain, value)) or "none"
+    return value if isinstance(value, str) else json.dumps(value)

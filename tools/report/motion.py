@@ -1,0 +1,240 @@
+"""What the robot did: centre of mass, Lyapunov function, control inputs, active joints.
+
+These are the quantities that section V of the QP12 paper shows, of one session of a log.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocol.description import RobotDescription
+from protocol.errors import DescriptionError, LogError
+from protocol.messages import FloatArray, Setpoint, State
+from tools.report.sources import Sources
+
+MOST_POINTS = 20_000  # of the path; more cannot be seen, and each costs a pass of kinematics
+UNITS = {0: "rad/s", 1: "rad/s²", 2: "N m"}
+"""Of the control inputs, by `Setpoint.command`; for a prismatic joint read m for rad."""
+
+
+@dataclass
+class Motion:
+    """The active part of one session.
+
+    Attributes:
+        side: whose log tells it; the robot's, unless that holds nothing of it.
+        start_ns: begin of the first tick that asked for an answer; all times count from there.
+        duration_s: from there to the last one.
+        joints: names in wire order.
+        path_time_s, path_m: (m,) and (m, 3), centre of mass as seen from `frame`.
+        frame: that of the task, or the robot's base.
+        sole_m: (c, 2), support polygon in that frame, or None.
+        target_m: (3,), where the centre of mass shall be, or None.
+        every: one State of so many is in the path.
+        time_s: (k,), of the States that were answered.
+        v, psi, fall: (k,), V, Ψ = −(required V̇), −(predicted V̇); NaN without a certificate.
+        certified: (k,), whether the certificate held.
+        inputs: (k, n), u, in `unit`.
+        active: (k,), joints with 0.001 rad/s or more.
+        gaps: what cannot be shown, and why.
+    """
+
+    side: str
+    start_ns: int
+    duration_s: float
+    joints: tuple[str, ...]
+    path_time_s: FloatArray
+    path_m: FloatArray
+    frame: str
+    sole_m: FloatArray | None
+    target_m: FloatArray | None
+    every: int
+    time_s: FloatArray
+    v: FloatArray
+    psi: FloatArray
+    fall: FloatArray
+    certified: NDArray[np.bool_]
+    inputs: FloatArray
+    unit: str
+    active: FloatArray
+    gaps: list[str] = field(default_factory=list)
+
+    @property
+    def has_certificates(self) -> bool:
+        """Whether any answer says what V is."""
+        return bool(np.isfinite(self.v).any())
+
+    @property
+    def work(self) -> FloatArray:
+        """(n,) share of each joint in Σ|u| over all ticks; zeros where nothing moved."""
+        each = np.abs(self.inputs).sum(axis=0) if len(self.inputs) else np.zeros(len(self.joints))
+        total = each.sum()
+        return np.asarray(each / total if total > 0.0 else each, float)
+
+    @property
+    def edge_m(self) -> FloatArray:
+        """(m,) distance of the centre of mass, seen from above, to the nearest edge, inside > 0."""
+        if self.sole_m is None:
+            return np.empty(0)
+        along = np.roll(self.sole_m, -1, axis=0) - self.sole_m
+        long = np.linalg.norm(along, axis=1)
+        edges, along = self.sole_m[long > 0.0], along[long > 0.0] / long[long > 0.0, None]
+        inward = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        away = (self.path_m[:, None, :2] - edges[None]) * inward[None]
+        return np.asarray(away.sum(axis=2).min(axis=1), float)
+
+
+def read_motion(sources: Sources) -> Motion | None:
+    """The motion in a log, or None where no State asks for an answer.
+
+    Raises:
+        LogError: the log has no valid description, or Pinocchio cannot build the robot.
+    """
+    for log in sources.logs:
+        states, setpoints, gaps = _one_session(log.states(), log.setpoints())
+        active = states[states["mode"] == State.ACTIVE]
+        if len(active):
+            break
+    else:
+        return None
+    description = log.description
+    if active["q"].shape[1] != description.n:
+        raise LogError(
+            f"{log.paths[0]}: its States have {active['q'].shape[1]} joints, its "
+            f"description {description.n}. Name a log that a service of ours has written"
+        )
+    parameters = sources.settings("controller").get("parameters")
+    parameters = parameters if isinstance(parameters, dict) else {}
+    start = int(active["stamp_intended"][0])
+    every = -(-len(active) // MOST_POINTS)
+    frame = _frame(parameters, description)
+    path = _path(active["q"][::every], description, frame)
+    rows, answers = _answered(active, setpoints)
+    if not len(rows):
+        gaps.append("Nobody answered: V, Ψ and the control inputs are not known.")
+    inputs, unit = _inputs(rows, answers, description, parameters)
+    proved = answers["solver_status"] != _STATUS["none"]
+    if len(rows) and not proved.any():
+        gaps.append("This controller gives no certificates: V and Ψ are not known.")
+    joints_active = np.where(
+        proved, answers["active_joints"], (np.abs(inputs) >= 1e-3).sum(axis=1)
+    ).astype(float)
+    sole = _sole(description, frame)
+    if sole is None:
+        gaps.append(
+            f"The description of {description.name} has no sole in the frame {frame}: there is "
+            "no support polygon."
+        )
+    return Motion(
+        side=log.side,
+        start_ns=start,
+        duration_s=(int(active["stamp_intended"][-1]) - start) / 1e9 + description.period_s,
+        joints=description.joint_names,
+        path_time_s=_seconds(active[::every], start),
+        path_m=path,
+        frame=frame,
+        sole_m=sole,
+        target_m=_target(parameters),
+        every=every,
+        time_s=_seconds(rows, start),
+        v=np.where(proved, answers["v"], np.nan),
+        psi=np.where(proved, 0.0 - answers["v_rate_required"], np.nan),
+        fall=np.where(proved, 0.0 - answers["v_rate_predicted"], np.nan),
+        certified=np.isin(answers["solver_status"], (_STATUS["certified"], _STATUS["at_target"])),
+        inputs=inputs,
+        unit=unit,
+        active=joints_active,
+        gaps=gaps,
+    )
+
+
+_STATUS = {
+    name.removeprefix("STATUS_").lower(): value
+    for name, value in Setpoint.schema.constants.items()
+    if name.startswith("STATUS_")
+}
+
+
+def _one_session(states: Any, setpoints: Any) -> tuple[Any, Any, list[str]]:
+    """Rows of the session with most States; what it says of the others."""
+    sessions, counts = np.unique(states["session_id"], return_counts=True)
+    if len(sessions) < 2:
+        chosen = sessions[:1]
+        return states, setpoints[np.isin(setpoints["session_id"], chosen)], []
+    chosen = sessions[int(np.argmax(counts))]
+    gap = (
+        f"The log holds {len(sessions)} sessions of the robot; the motion is that of the longest, "
+        f"{counts.max()} of {len(states)} States."
+    )
+    return (
+        states[states["session_id"] == chosen],
+        setpoints[setpoints["session_id"] == chosen],
+        [gap],
+    )
+
+
+def _answered(states: Any, setpoints: Any) -> tuple[Any, Any]:
+    """The States that have an answer, in order of ticks, and beside each its first answer."""
+    ticks, first = np.unique(setpoints["tick"], return_index=True)
+    _, of_states, of_ticks = np.intersect1d(states["tick"], ticks, return_indices=True)
+    return states[of_states], setpoints[first[of_ticks]]
+
+
+def _seconds(states: Any, start: int) -> FloatArray:
+    return np.asarray((states["stamp_intended"] - start) / 1e9, float)
+
+
+def _frame(parameters: dict[str, Any], description: RobotDescription) -> str:
+    frame = parameters.get("frame")
+    return frame if frame in description.frames else description.base_frame
+
+
+def _target(parameters: dict[str, Any]) -> FloatArray | None:
+    target = parameters.get("target_m")
+    if not isinstance(target, list) or len(target) != 3:
+        return None
+    if not all(isinstance(value, int | float) for value in target):
+        return None
+    return np.array(target, float)
+
+
+def _sole(description: RobotDescription, frame: str) -> FloatArray | None:
+    for sole in description.soles:
+        if sole.frame == frame:
+            return np.array(sole.polygon, float)
+    return None
+
+
+def _path(q: FloatArray, description: RobotDescription, frame: str) -> FloatArray:
+    """Centre of mass of each row of q, seen from a frame, (m, 3) [m]."""
+    from remote_controller.kinematics import Kinematics  # noqa: PLC0415 - loads Pinocchio
+
+    try:
+        kinematics = Kinematics(description)
+    except DescriptionError as error:
+        raise LogError(f"the robot in the log cannot be built: {error}") from error
+    number = kinematics.frame_id(frame)
+    path, jacobian = np.empty((len(q), 3)), np.empty((3, description.n))
+    for row, place in zip(q, path, strict=True):
+        kinematics.update(row)
+        kinematics.com(number, place, jacobian)
+    return path
+
+
+def _inputs(
+    states: Any, answers: Any, description: RobotDescription, parameters: dict[str, Any]
+) -> tuple[FloatArray, str]:
+    """u, (k, n), and its unit: of a position its rate, from where the controller integrates."""
+    values = np.asarray(answers["values"], float)
+    if values.shape[1] != description.n:
+        return np.zeros((len(values), description.n)), UNITS[0]
+    command = int(answers["command"][0]) if len(answers) else Setpoint.POSITION
+    if command != Setpoint.POSITION:
+        return values, UNITS.get(command, "unknown unit")
+    measured = parameters.get("integrate_from") == "measured"
+    before = states["q"] if measured else states["reference"]
+    return np.asarray((values - before) / description.period_s, float), UNITS[0]

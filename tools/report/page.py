@@ -1,0 +1,143 @@
+"""Composes the page: one HTML file that loads nothing and runs nothing.
+
+The content security policy at its head forbids both, so that even a mistake of ours could not let a
+log do what only its reader may.
+"""
+
+from __future__ import annotations
+
+from tools.report.content import Content
+from tools.report.drawing import Drawing, Key
+from tools.report.facts import facts_section, tiles
+from tools.report.markup import Markup, element, join, link, more
+from tools.report.style import STYLE
+from tools.report.tables import events_section, stalls_section, ticks_section
+from tools.report.words import WORDS
+
+POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'"
+SECTIONS = {
+    "motion": "Motion",
+    "time": "Deadlines and time",
+    "ticks": "Worst ticks",
+    "events": "Events",
+    "stalls": "Stalls of the host",
+    "machine": "Machine and settings",
+    "words": "Words",
+}
+
+
+def page(content: Content) -> str:
+    """The whole file."""
+    title = f"{content.robot} · {content.controller}"
+    head = element(
+        "head",
+        Markup('<meta charset="utf-8">'),
+        Markup(f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'),
+        Markup('<meta name="viewport" content="width=device-width, initial-scale=1">'),
+        element("title", f"{title} · report"),
+        Markup(f"<style>{STYLE}</style>"),
+    )
+    body = element(
+        "body",
+        _header(content, title),
+        element(
+            "main",
+            _figures("motion", content.motion_drawings, "No motion can be shown, see above."),
+            _figures("time", content.timing_drawings, _no_times(content)),
+            ticks_section(content.timing, SECTIONS["ticks"]),
+            events_section(content, SECTIONS["events"]),
+            stalls_section(content.timing, SECTIONS["stalls"]),
+            facts_section(content, SECTIONS["machine"]),
+            _words(),
+        ),
+        element(
+            "footer",
+            "Made by hoap3 report from ",
+            element("span", content.sources.path),
+            ". This page loads nothing and runs nothing.",
+        ),
+    )
+    return f'<!DOCTYPE html>\n<html lang="en">{head}{body}</html>\n'
+
+
+def _header(content: Content, title: str) -> Markup:
+    verdict = content.timing.verdict if content.timing else "unknown"
+    seconds = f"{content.duration_s:.1f} s of motion" if content.duration_s is not None else ""
+    facts = [seconds, content.transport, content.date, str(content.sources.path)]
+    return element(
+        "header",
+        element("h1", title, element("span", verdict, class_=f"badge {verdict}")),
+        element("p", " · ".join(filter(None, facts)), class_="sub"),
+        element("nav", *(link(anchor, name) for anchor, name in SECTIONS.items())),
+        element("ul", *(_tile(*tile) for tile in tiles(content)), class_="tiles"),
+        _gaps(content),
+    )
+
+
+def _tile(anchor: str, name: str, value: str, notes: tuple[str, ...]) -> Markup:
+    return element(
+        "li",
+        element("span", link(anchor, name), class_="name"),
+        element("b", value),
+        *(element("span", note) for note in notes),
+        class_="tile",
+    )
+
+
+def _gaps(content: Content) -> Markup:
+    if not content.gaps:
+        return Markup("")
+    return element("div", *(element("p", gap) for gap in content.gaps), class_="gaps")
+
+
+def _figures(anchor: str, drawings: tuple[Drawing, ...], otherwise: str) -> Markup:
+    inside = element("div", *map(_figure, drawings), class_="grid")
+    return element(
+        "section",
+        element("h2", SECTIONS[anchor]),
+        inside if drawings else element("p", otherwise, class_="sub"),
+        id=anchor,
+    )
+
+
+def _figure(drawing: Drawing) -> Markup:
+    return element(
+        "figure",
+        element("h3", drawing.title),
+        Markup(drawing.svg),
+        element("ul", *map(_key, drawing.keys), class_="legend"),
+        element("p", drawing.figures, class_="numbers"),
+        more(
+            "What is this, and how does trouble look?",
+            element("p", drawing.what),
+            element("p", element("b", "Trouble: "), drawing.trouble),
+            class_="what",
+        ),
+        id=f"figure-{drawing.name}",
+        role="group",
+        aria_label=drawing.title,
+    )
+
+
+def _key(key: Key) -> Markup:
+    mark = element("span", class_=f"mark {key.mark}", style=f"color: var(--{key.role})")
+    return element("li", mark, element("span", key.text))
+
+
+def _no_times(content: Content) -> str:
+    if content.sources.lockstep:
+        return "All time is virtual in lockstep: durations would say nothing, so none are drawn."
+    return "No durations can be shown, see above."
+
+
+def _words() -> Markup:
+    entries = join(
+        join([element("dt", word, id=f"word-{anchor}"), element("dd", meaning)])
+        for anchor, (word, meaning) in WORDS.items()
+    )
+    return element(
+        "section",
+        element("h2", SECTIONS["words"]),
+        element("dl", entries),
+        id="words",
+    )

@@ -1,0 +1,140 @@
+"""What a report is made from: the logs of one run, and what they say about themselves."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from protocol.errors import ConfigError, LogError, WireError
+from protocol.ring import Kind
+from protocol.settings import parse_yaml
+from tools.log import Log
+from tools.log_format import SIDES
+
+
+@dataclass
+class Sources:
+    """The logs of one run.
+
+    Attributes:
+        path: what was asked for.
+        robot, controller: the log of each side, or None.
+        lockstep: whether all stamps are virtual.
+        summary: what the robot counted itself, at its end; empty where that is not in its log.
+        gaps: what is missing, in words, each with what follows from it.
+    """
+
+    path: Path
+    robot: Log | None
+    controller: Log | None
+    lockstep: bool
+    summary: dict[str, Any]
+    gaps: list[str] = field(default_factory=list)
+
+    @classmethod
+    def open(cls, path: Path) -> Sources:
+        """Open the folder of a run, or one file.
+
+        Raises:
+            LogError: there is no log of ours.
+        """
+        found, gaps = _logs(path)
+        logs = {log.side: log for log in found}
+        robot, controller = logs.get("robot"), logs.get("controller")
+        gaps += [
+            f"The log of the {log.side} is not whole: {log.missing}."
+            for log in found
+            if log.missing
+        ]
+        if robot is None and not any(path.glob("robot*.mcap")):
+            gaps.append(
+                "There is no log of the robot: whether answers were in time, and when it woke, "
+                "stands only there."
+            )
+        if controller is None and not any(path.glob("controller*.mcap")):
+            gaps.append(
+                "There is no log of the controller: its settings, and States that it never got, "
+                "stand only there."
+            )
+        said = {log.side: _inputs(log) for log in found}
+        dropped = sum(gap["dropped"] for each in said.values() for gap in each["gap"])
+        if dropped:
+            gaps.append(f"{dropped} records came faster than they were written, and are not there.")
+        sessions = [session for each in said.values() for session in each["session"]]
+        lockstep = any(session.get("lockstep") is True for session in sessions)
+        summaries = said.get("robot", {}).get("summary", [])
+        return cls(path, robot, controller, lockstep, summaries[-1] if summaries else {}, gaps)
+
+    @property
+    def logs(self) -> list[Log]:
+        """Those that there are, the robot's first."""
+        return [log for log in (self.robot, self.controller) if log is not None]
+
+    @property
+    def main(self) -> Log:
+        """The robot's log, or what there is."""
+        return self.logs[0]
+
+    def settings(self, side: str) -> dict[str, Any]:
+        """The resolved config of a side; empty where it is not known."""
+        log = self.robot if side == "robot" else self.controller
+        if log is None:
+            return {}
+        try:
+            return parse_yaml(log.config, f"config in {log.paths[0]}")
+        except (LogError, ConfigError, yaml.YAMLError):
+            return {}
+
+
+@contextmanager
+def of_ours(path: Path) -> Iterator[None]:
+    """Turn what a log of ours could never lead to into an error that names the log.
+
+    Raises:
+        LogError: instead of whatever reading or drawing it raised.
+    """
+    try:
+        yield
+    except (WireError, LookupError, TypeError, ValueError, OverflowError) as error:
+        raise LogError(
+            f"{path}: holds a record that no service of ours has written "
+            f"({type(error).__name__}: {error}). Name a log of `hoap3`"
+        ) from error
+
+
+def _logs(path: Path) -> tuple[list[Log], list[str]]:
+    """Every log that can be read, and what is wrong with the others."""
+    if not path.is_dir():
+        return [Log.open(path)], []
+    logs, gaps, last = [], [], None
+    for side in SIDES:
+        try:
+            logs.append(Log.open(path, side))
+        except LogError as error:
+            last = error
+            if any(path.glob(f"{side}*.mcap")):
+                gaps.append(f"The log of the {side} cannot be read: {error}.")
+    if not logs and last is not None:
+        raise last if not gaps else LogError(gaps[0].removesuffix("."))
+    return logs, gaps
+
+
+def _inputs(log: Log) -> dict[str, list[dict[str, Any]]]:
+    """What the JSON records of a log say, by kind."""
+    kinds = {Kind.SESSION: "session", Kind.SUMMARY: "summary", Kind.GAP: "gap"}
+    said: dict[str, list[dict[str, Any]]] = {name: [] for name in kinds.values()}
+    for record in log.records():
+        if record.kind in kinds:
+            try:
+                content = json.loads(record.payload)
+            except (ValueError, RecursionError):
+                continue
+            if isinstance(content, dict):
+                said[kinds[record.kind]].append(content)
+    return said

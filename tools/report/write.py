@@ -1,0 +1,39 @@
+"""Makes a report: reads the logs, computes, draws, and writes the page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from protocol.errors import UsageError
+from tools.report.content import read_content
+from tools.report.page import page
+from tools.report.sources import of_ours
+
+
+def write_report(log: Path, out: Path | None = None) -> dict[str, Any]:
+    """Write the report of a log.
+
+    Args:
+        log: folder of a run, or one `*.mcap`.
+        out: the file; None for `report.html` beside the log, which may exist.
+
+    Returns:
+        its figures, as `--json` prints them, with the path of the page as `report`.
+
+    Raises:
+        LogError: there is no log of ours.
+        UsageError: `out` cannot be written.
+    """
+    content = read_content(log)
+    with of_ours(log):
+        drawn = page(content)
+    target = out or (log if log.is_dir() else log.parent) / "report.html"
+    try:
+        target.write_text(drawn, encoding="utf-8", errors="replace")
+    except OSError as error:
+        reason = error.strerror or "no reason given"
+        raise UsageError(
+            f"{target}: cannot be written ({reason}). Choose another place with --out"
+        ) from error
+    return {**content.as_json(), "report": str(target)}
