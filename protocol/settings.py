@@ -59,6 +59,9 @@ class RealtimeSettings(Settings):
         "auto", description="auto: a CPU that no other run has claimed; none; or its number"
     )
     lock_memory: bool = Field(True, strict=True, description="keep pages in memory")
+    keep_awake: bool = Field(
+        True, strict=True, description="let a watched CPU never fall asleep when it is idle"
+    )
     watch_stalls: Literal["auto", "none"] | tuple[CpuNumber, ...] = Field(
         "auto", description="CPUs whose stalls are noted; auto: the one that it is pinned to"
     )

@@ -226,7 +226,9 @@ def _echo(
         "period_ns": round(description.period_s * 1e9),
         "sizes": sizes(description),
     }
-    monitor = StallMonitor({*watched_cpus(robot), *watched_cpus(controller)})  # as beside the link
+    monitor = StallMonitor(
+        {*watched_cpus(robot), *watched_cpus(controller)}, keep_awake=robot.keep_awake
+    )  # as beside the link
     try:
         return run_echo(order, robot, controller).after(WARM_UP)
     finally:

@@ -44,6 +44,7 @@ class Observer:
         period_ns: of the robot.
         lockstep: whether stamps are virtual.
         watch: CPUs whose stalls are noted and count as the host's.
+        keep_awake: whether these CPUs are kept from falling asleep.
         status_fd: open file that takes a JSON line for every piece of news, or None for people.
 
     Attributes:
@@ -62,6 +63,7 @@ class Observer:
         period_ns: int,
         lockstep: bool,
         watch: tuple[int, ...] = (),
+        keep_awake: bool = False,
         status_fd: int | None = None,
     ) -> None:
         self.ring = Ring()
@@ -78,6 +80,7 @@ class Observer:
             "period_ns": period_ns,
             "lockstep": lockstep,
             "watch": watch,
+            "keep_awake": keep_awake,
             "status_fd": status_fd,
             "last_words_fd": last_words,
             "parent": os.getpid(),
@@ -226,9 +229,10 @@ class _Watch:
                 cap_bytes=cap_bytes,
                 file_bytes=file_bytes,
             )
-        self._monitor = StallMonitor(order["watch"])
+        self._monitor = StallMonitor(order["watch"], keep_awake=order["keep_awake"])
         self._stalls = OutsideStalls(self._monitor.logs)
         self._said_watched = False
+        self._obtained: list[str] = []
         self._is_robot = order["side"] == "robot"
         self._statistics = RunStatistics(
             order["period_ns"], self._stalls, timing=not order["lockstep"]
@@ -249,7 +253,9 @@ class _Watch:
         """Record what the monitors have noted, and let old chunks go to the disk."""
         if self._stalls.known and not self._said_watched:
             self._said_watched = True
-            for cpu in self._monitor.logs:
+            for cpu, log in self._monitor.logs.items():
+                self._obtained.append(f"CPU {cpu}: " + ("kept awake" if log.awake else "may sleep"))
+                self._reporter.say(self._obtained[-1])
                 self.take(_event("STALLS_WATCHED", time.monotonic_ns(), cpu))
         for _, stall in self._stalls.take():
             self.take(_event("HOST_STALL", stall.start, stall.end - stall.start))
@@ -275,7 +281,9 @@ class _Watch:
                 )
         final: dict[str, Any] = {"paths": paths, "dropped": dropped}
         if self._is_robot:
-            final["summary"] = {**self._statistics.summary(), "dropped_records": dropped}
+            summary = self._statistics.summary()
+            summary["realtime"] = [*summary["realtime"], *self._obtained]
+            final["summary"] = {**summary, "dropped_records": dropped}
         self._reporter.send("final", final)
         with os.fdopen(self._last_words_fd, "w") as stream, suppress(BrokenPipeError):
             json.dump(final, stream)

@@ -281,9 +281,11 @@ def _realtime(
 ) -> tuple[RealtimeSettings, RealtimeSettings]:
     """Settings of both sides: their CPUs, and the robot's observer watches all of them."""
     robot, controller = _pinned(robot, cpus[:1]), _pinned(controller, cpus[-1:])
-    watched = tuple(sorted({*watched_cpus(robot), *watched_cpus(controller)}))
+    watched = {*watched_cpus(robot), *watched_cpus(controller)}
+    if robot.watch_stalls == "none" or not watched:
+        return robot, controller.model_copy(update={"watch_stalls": "none"})
     return (
-        robot.model_copy(update={"watch_stalls": watched or "none"}),
+        robot.model_copy(update={"watch_stalls": tuple(sorted(watched))}),
         controller.model_copy(update={"watch_stalls": "none"}),
     )
 

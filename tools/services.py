@@ -175,6 +175,7 @@ def observer_for(
         period_ns=period_ns,
         lockstep=lockstep,
         watch=() if lockstep else watched_cpus(config.realtime),
+        keep_awake=config.realtime.keep_awake,
         status_fd=status_fd,
     )
 

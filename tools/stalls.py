@@ -18,7 +18,9 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,13 +28,14 @@ import numpy.typing as npt
 
 from protocol.clock import Clock, MonotonicClock
 from protocol.errors import Hoap3Error
+from tools.awake import kept_awake
 
 GRID_NS = 500_000
 THRESHOLD_NS = 150_000
 CAPACITY = 65_536  # stalls; what is not taken before so many more is overwritten
 PRIORITY = 99
 LOOK_EVERY = 200  # periods between two looks at whether anybody still wants to know
-_HEADER = 8  # int64 words: how many, whether it runs, then unused
+_HEADER = 8  # int64 words: how many, whether it runs, whether its CPU is awake, then unused
 _PR_SET_TIMERSLACK = 29
 
 Words = npt.NDArray[np.int64]
@@ -72,14 +75,20 @@ class StallLog:
         self._words[at], self._words[at + 1] = start, end
         self._words[0] = count + 1  # after its content
 
-    def begin(self) -> None:
-        """Say that the monitor runs, with the rights that it needs."""
+    def begin(self, *, awake: bool = False) -> None:
+        """Say that the monitor runs, with the rights that it needs, and keeps its CPU awake."""
+        self._words[2] = awake
         self._words[1] = 1
 
     @property
     def runs(self) -> bool:
         """Whether the monitor got the rights that it needs."""
         return bool(self._words[1])
+
+    @property
+    def awake(self) -> bool:
+        """Whether the monitor keeps its CPU awake."""
+        return bool(self._words[2])
 
     def take(self) -> list[Stall]:
         """The stalls since the last call, oldest first."""
@@ -95,9 +104,11 @@ class StallMonitor:
 
     Args:
         cpus: which.
+        keep_awake: whether they never sleep meanwhile. It is up to the monitors since they outlive
+            whoever is killed.
     """
 
-    def __init__(self, cpus: Iterable[int]) -> None:
+    def __init__(self, cpus: Iterable[int], *, keep_awake: bool = False) -> None:
         self.logs: dict[int, StallLog] = {}
         self._processes: list[subprocess.Popen[bytes]] = []
         for cpu in sorted(set(cpus)):
@@ -111,16 +122,16 @@ class StallMonitor:
             )
             if process.stdin is None:
                 raise Hoap3Error("the stall monitor has no standard input")
-            order = {"fd": log.fd, "cpu": cpu, "parent": os.getpid()}
+            order = {"fd": log.fd, "cpu": cpu, "awake": keep_awake, "parent": os.getpid()}
             process.stdin.write(json.dumps(order).encode())
             process.stdin.close()
             self.logs[cpu] = log
             self._processes.append(process)
 
     def stop(self) -> None:
-        """End the monitors; they have nothing to finish."""
+        """End the monitors."""
         for process in self._processes:
-            process.kill()
+            process.terminate()
         for process in self._processes:
             process.wait()
 
@@ -143,12 +154,16 @@ def figures(stalls: Sequence[Stall]) -> dict[str, float]:
 
 def main() -> int:
     """Watch one CPU until told to end, or until whoever asked is gone; exit 3 without rights."""
+    ended = threading.Event()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: ended.set())  # ignored by the observer, and so here
     order = json.load(sys.stdin)
-    log = StallLog(order["fd"])
-    if not _rise_above_all(order["cpu"]):
+    log, cpu = StallLog(order["fd"]), order["cpu"]
+    if not _rise_above_all(cpu):
         return 3
-    log.begin()
-    watch(log, lambda: os.getppid() == order["parent"], MonotonicClock())
+    with kept_awake(cpu) if order["awake"] else nullcontext("not asked for") as refusal:
+        log.begin(awake=not refusal)
+        watch(log, lambda: os.getppid() == order["parent"] and not ended.is_set(), MonotonicClock())
     return 0
 
 
@@ -168,7 +183,6 @@ def watch(log: StallLog, wanted: Callable[[], bool], clock: Clock) -> None:
 
 def _rise_above_all(cpu: int) -> bool:
     """Be the most urgent process of a CPU; False where that is refused."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         os.sched_setaffinity(0, {cpu})
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))

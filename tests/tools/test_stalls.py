@@ -83,7 +83,7 @@ def test_without_rights_there_is_no_monitor(monkeypatch):
         raise PermissionError
 
     log = StallLog()
-    order = {"fd": log.fd, "cpu": 0, "parent": 0}
+    order = {"fd": log.fd, "cpu": 0, "awake": True, "parent": 0}
     monkeypatch.setattr(sys, "stdin", io.StringIO(json.dumps(order)))
     monkeypatch.setattr(signal, "signal", lambda *_: None)
     monkeypatch.setattr(os, "sched_setaffinity", lambda *_: None)
