@@ -8,19 +8,15 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import threading
 import time
 from collections import deque
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-os.environ.setdefault(
-    "ZENOH_RUNTIME",  # read once, at import: one worker for everything costs least, but for
-    # what accepts links: while a frozen peer is closed, nobody could reach the robot for 10 s
-    "(rx:(handover:app),tx:(handover:app),acc:(worker_threads:1),net:(handover:app),"
-    "app:(worker_threads:1))",
-)
+from protocol.zenoh_runtime import choose_workers
+
+choose_workers(1)
 
 import zenoh
 

@@ -20,6 +20,7 @@ from typing import Any, TextIO
 from protocol.errors import Hoap3Error
 from protocol.messages import Event
 from protocol.ring import Kind, Record, Ring
+from tools.event_words import event_name, in_words
 from tools.outside import OutsideStalls
 from tools.processes import to_people
 from tools.stalls import StallMonitor
@@ -139,16 +140,6 @@ class _Reporter:
     def __init__(self, status_fd: int | None, side: str) -> None:
         self._status: TextIO | None = None if status_fd is None else os.fdopen(status_fd, "w")
         self._side = side
-        self._kinds = {
-            value: name
-            for name, value in Event.schema.constants.items()
-            if not name.startswith(("REASON", "WIRE"))
-        }
-        self._reasons = {
-            value: name.removeprefix("REASON_").lower().replace("_", " ")
-            for name, value in Event.schema.constants.items()
-            if name.startswith("REASON")
-        }
 
     def send(self, news: str, content: dict[str, Any]) -> None:
         """One JSON line, where somebody reads them."""
@@ -170,11 +161,9 @@ class _Reporter:
         event.load(record.payload)
         if event.kind in _FREQUENT:
             return  # hundreds on a busy machine; they are counted, and stand in the log
-        name = self._kinds.get(event.kind, str(event.kind)).lower().replace("_", " ")
-        detail = str(event.detail)
-        if event.kind == Event.schema.constants["SAFE_STOP"]:
-            detail = self._reasons.get(event.detail, detail)
-        text = f"{self._side}: tick {event.tick}: {name} ({detail})"
+        name = event_name(event.kind, event.detail)
+        words = in_words(event.kind, event.detail, ())
+        text = f"{self._side}: tick {event.tick}: {name}" + (f" ({words})" if words else "")
         self._tell(
             "event", {"text": text, "kind": name, "tick": event.tick, "detail": event.detail}
         )

@@ -28,6 +28,7 @@ STORIES = [
     "two_machines.md",
     "logs.md",
     "latency.md",
+    "report.md",
 ]
 KNOWN = {"", "file", "parsed only", "not run", "exits", "needs", "prints"}
 PLACEHOLDERS = {"emulator …": "emulator hoap3", "controller …": "controller qp12", "PATH": "hoap3"}

@@ -173,7 +173,7 @@ def test_a_client_without_our_code_drives_the_robot(tmp_path: Path) -> None:
             timeout=120,
         )
         assert client.returncode == 0, client.stderr
-        robot.hear(r"safe stop \(released\)")
+        robot.hear(r"braking \(released\)")
         robot.hear("at rest")
         assert robot.end(15) in {0, 1}
     assert '"released": true' in client.stdout

@@ -57,13 +57,13 @@ def test_one_controller_commands_until_it_gives_authority_back(robot: Command, a
         assert errors == [
             f"error: robot 'hoap3' follows {holder!r} already; stop that controller first"
         ]
-        robot.hear(r"refused \(\d+\)")
+        robot.hear(r"refused \(epoch \d+ holds it\)")
         assert tell("status", at)["holder"] == holder
         assert_stop_latches_until_recover(robot, at)
         assert first.end(signal.SIGTERM) == 0
         assert_no_traceback(first)
         first.assert_no_orphan()
-    robot.hear(r"safe stop \(released\)")
+    robot.hear(r"braking \(released\)")
     assert wait_for_mode("idle", at)["holder"] is None
     with controller("pinv", *QUIET, at=at) as next_one:  # without `recover`
         next_one.hear("following robot")
@@ -74,7 +74,7 @@ def test_one_controller_commands_until_it_gives_authority_back(robot: Command, a
 
 def assert_stop_latches_until_recover(robot: Command, at: str) -> None:
     assert tell("stop", at)["mode"] in {"stopping", "stopped"}
-    robot.hear(r"safe stop \(command\)")
+    robot.hear(r"braking \(command\)")
     wait_for_mode("stopped", at)
     again = hoap3("recover", "--connect", at)
     assert again.end() == 0
@@ -107,7 +107,7 @@ def test_a_frozen_controller_is_stopped_after_so_many_misses(tmp_path: Path) -> 
         wait_for_mode("active", at)
         law.send(signal.SIGSTOP)
         robot.hear(r"safe stop \(misses\)")
-        robot.hear(r"holder lost \(\d+\)")
+        robot.hear(r"holder lost \(epoch \d+\)")
         assert tell("status", at)["holder"] is None
         law.send(signal.SIGCONT)
         law.hear("following robot", 2)

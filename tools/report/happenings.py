@@ -8,41 +8,11 @@ from dataclasses import dataclass
 from protocol.errors import LogError
 from protocol.messages import Event
 from protocol.ring import Kind
-from robot_emulator.inbox import REJECTION_KINDS
+from tools.event_words import event_name, in_words
 from tools.log import Log
-from tools.report.numbers import number
 
 MOST = 200  # rows that a reader is given; the log has all
-_CONSTANTS = Event.schema.constants
-_NAMES = {
-    value: name.lower().replace("_", " ")
-    for name, value in _CONSTANTS.items()
-    if not name.startswith(("REASON_", "WIRE_"))
-}
-_REASONS = {
-    value: name.removeprefix("REASON_").lower().replace("_", " ")
-    for name, value in _CONSTANTS.items()
-    if name.startswith("REASON_")
-}
-_OFTEN = {_CONSTANTS[name] for name in ("SKIPPED", "OVERWRITTEN", "HOST_STALL")}
-_SAYING = {
-    "GRANTED": "epoch {}",
-    "REFUSED": "epoch {} holds it",
-    "RELEASED": "epoch {}",
-    "HOLDER_LOST": "epoch {}",
-    "AT_REST": "ticks of braking: {}",
-    "SKIPPED": "periods: {}",
-    "RESET": "at tick {}",
-    "ROBOT_FOUND": "epoch {}",
-    "ROBOT_LOST": "last tick {}",
-    "OVERWRITTEN": "States never seen: {}",
-    "CONTROLLER_FAILED": "at tick {}",
-    "STALLS_WATCHED": "CPU {}",
-    "STARTED": "",
-    "ENDED": "",
-    "RECOVERED": "",
-}
-_SAYINGS = {_CONSTANTS[name]: text for name, text in _SAYING.items()}
+_OFTEN = {Event.schema.constants[name] for name in ("SKIPPED", "OVERWRITTEN", "HOST_STALL")}
 
 
 @dataclass(frozen=True)
@@ -78,7 +48,7 @@ def read_happenings(log: Log) -> list[Happening]:
             often.setdefault(kind, []).append(detail)
             first.setdefault(kind, (tick, stamp))
         else:
-            name = _NAMES.get(kind, f"unknown event {kind}")
+            name = event_name(kind, detail)
             found.append(Happening(log.side, tick, stamp, name, in_words(kind, detail, joints)))
     for kind, details in often.items():
         tick, stamp = first[kind]
@@ -86,22 +56,8 @@ def read_happenings(log: Log) -> list[Happening]:
         if len(details) > 1:
             whole = in_words(kind, sum(details), joints)
             text = f"{whole} in all, {text.rpartition(': ')[2]} at most at once"
-        found.append(Happening(log.side, tick, stamp, _NAMES[kind], text, len(details)))
+        found.append(Happening(log.side, tick, stamp, event_name(kind, 0), text, len(details)))
     return sorted(found, key=lambda happening: happening.stamp)
-
-
-def in_words(kind: int, detail: int, joints: Sequence[str]) -> str:
-    """What the detail of an event means."""
-    if kind == _CONSTANTS["SAFE_STOP"]:
-        return _REASONS.get(detail, f"reason {detail}")
-    if kind == _CONSTANTS["REJECTED"]:
-        known = 0 <= detail < len(REJECTION_KINDS)
-        return REJECTION_KINDS[detail] if known else f"kind {detail}"
-    if kind == _CONSTANTS["CLIPPED"]:
-        return joints[detail] if 0 <= detail < len(joints) else f"joint {detail}"
-    if kind == _CONSTANTS["HOST_STALL"]:
-        return f"{number(detail / 1e6)} ms"
-    return _SAYINGS.get(kind, "{}").format(detail)
 
 
 def _joints(log: Log) -> Sequence[str]:

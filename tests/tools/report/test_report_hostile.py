@@ -14,10 +14,11 @@ from log_samples import describe
 from report_logs import active_log
 
 from protocol.errors import LogError
+from tools.event_words import in_words
 from tools.log import Log
 from tools.report.content import read_content
 from tools.report.drawing import Drawing, Key
-from tools.report.happenings import in_words, read_happenings
+from tools.report.happenings import read_happenings
 from tools.report.markup import element, table, text
 from tools.report.page import page
 from tools.report.write import write_report

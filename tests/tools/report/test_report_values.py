@@ -144,7 +144,7 @@ def test_events_are_words(lockstep):
     rows = page_.rows("events")
     assert rows[0] == ["side", "what", "detail", "times", "tick", "time [s]"]
     told = {(row[0], row[1]): row[2] for row in rows[1:]}
-    assert told["robot", "safe stop"] == "ended"
+    assert told["robot", "braking"] == "ended"
     assert told["robot", "granted"] == "epoch 1"
     assert told["controller", "reset"].startswith("at tick")
 

@@ -1,0 +1,60 @@
+"""Events in words: what happened, and what the number beside it means."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from protocol.messages import Event
+from robot_emulator.inbox import REJECTION_KINDS
+
+_CONSTANTS = Event.schema.constants
+_NAMES = {
+    value: name.lower().replace("_", " ")
+    for name, value in _CONSTANTS.items()
+    if not name.startswith(("REASON_", "WIRE_"))
+}
+_REASONS = {
+    value: name.removeprefix("REASON_").lower().replace("_", " ")
+    for name, value in _CONSTANTS.items()
+    if name.startswith("REASON_")
+}
+_SAYING = {
+    "GRANTED": "epoch {}",
+    "REFUSED": "epoch {} holds it",
+    "RELEASED": "epoch {}",
+    "HOLDER_LOST": "epoch {}",
+    "AT_REST": "ticks of braking: {}",
+    "SKIPPED": "periods: {}",
+    "RESET": "at tick {}",
+    "ROBOT_FOUND": "epoch {}",
+    "ROBOT_LOST": "last tick {}",
+    "OVERWRITTEN": "States never seen: {}",
+    "CONTROLLER_FAILED": "at tick {}",
+    "STALLS_WATCHED": "CPU {}",
+    "STARTED": "",
+    "ENDED": "",
+    "RECOVERED": "",
+}
+_SAYINGS = {_CONSTANTS[name]: text for name, text in _SAYING.items()}
+_FORCED = {_CONSTANTS["REASON_MISSES"], _CONSTANTS["REASON_HOLDER_LOST"]}
+
+
+def event_name(kind: int, detail: int) -> str:
+    """What happened. A safe stop is one that misses or a lost holder forced; others only brake."""
+    if kind == _CONSTANTS["SAFE_STOP"] and detail not in _FORCED:
+        return "braking"
+    return _NAMES.get(kind, f"unknown event {kind}")
+
+
+def in_words(kind: int, detail: int, joints: Sequence[str]) -> str:
+    """What the detail of an event means."""
+    if kind == _CONSTANTS["SAFE_STOP"]:
+        return _REASONS.get(detail, f"reason {detail}")
+    if kind == _CONSTANTS["REJECTED"]:
+        known = 0 <= detail < len(REJECTION_KINDS)
+        return REJECTION_KINDS[detail] if known else f"kind {detail}"
+    if kind == _CONSTANTS["CLIPPED"]:
+        return joints[detail] if 0 <= detail < len(joints) else f"joint {detail}"
+    if kind == _CONSTANTS["HOST_STALL"]:
+        return f"{detail / 1e6:.3g} ms"
+    return _SAYINGS.get(kind, "{}").format(detail)
