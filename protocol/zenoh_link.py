@@ -8,21 +8,25 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import threading
 import time
 from collections import deque
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from protocol.zenoh_runtime import choose_workers
-
-choose_workers(1)
+os.environ.setdefault(
+    "ZENOH_RUNTIME",  # read once, at import: one pool of one thread for everything costs least
+    "(rx:(handover:app),tx:(handover:app),acc:(handover:app),net:(handover:app),"
+    "app:(worker_threads:1))",
+)
 
 import zenoh
 
 from protocol.errors import LinkError, NameTakenError, PortInUseError
 from protocol.link import Arrival, Request
 from protocol.settings import LinkSettings
+from protocol.zenoh_sockets import forbid_lingering
 
 BACKLOG = 1024
 QUERY_TIMEOUT_S = 2.0
@@ -60,7 +64,7 @@ def open_session(settings: LinkSettings) -> zenoh.Session:
         },
     }
     try:
-        return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+        session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
     except zenoh.ZError as error:
         text = str(error)
         endpoints = ", ".join(settings.listen or settings.connect)
@@ -75,6 +79,8 @@ def open_session(settings: LinkSettings) -> zenoh.Session:
             ) from error
         reason = text.partition(" at /")[0]  # without the place in Zenoh's source
         raise LinkError(f"cannot open {endpoints}: {reason}") from error
+    session.info.declare_link_events_listener(_link_changed, history=True)
+    return session
 
 
 class ZenohRobotLink:
@@ -255,6 +261,12 @@ def _fast_publisher(session: zenoh.Session, expression: str, blocking: bool) -> 
         priority=zenoh.Priority.REAL_TIME,
         congestion_control=control.BLOCK if blocking else control.DROP,
     )
+
+
+def _link_changed(event: zenoh.LinkEvent) -> None:
+    """For each new link, in a thread of Zenoh's."""
+    if event.kind == zenoh.SampleKind.PUT:
+        forbid_lingering()
 
 
 def _nothing() -> None:

@@ -13,7 +13,6 @@ from protocol.link import RobotLink
 from protocol.realtime import prepare_process
 from protocol.recorder import Recorder
 from protocol.ring import Kind
-from protocol.zenoh_runtime import ROBOT_WORKERS, choose_workers
 from robot_emulator.config import EmulatorConfig, check_posture
 from robot_emulator.loop import GRACE_TICKS, RobotLoop
 from robot_emulator.plant import PositionServo
@@ -88,8 +87,6 @@ def serve(
         NameTakenError, PortInUseError, LinkError: it could not join the network.
     """
     from protocol.compilation import warm_up  # noqa: PLC0415 - loads numba
-
-    choose_workers(ROBOT_WORKERS)
     from protocol.zenoh_link import ZenohRobotLink  # noqa: PLC0415 - only where there is a network
 
     warm_up(KERNELS, lambda name: report(f"kernels: {name}"))
