@@ -55,12 +55,17 @@ class CpuClaim:
         self._lock.close()
 
 
-def claim_cpu(allowed: set[int] | None = None) -> CpuClaim | None:
+def claim_cpu(allowed: set[int] | None = None, *, leave: int = 0) -> CpuClaim | None:
     """Claim the highest allowed CPU that nobody has claimed, or None.
 
     The last CPU is left for others by habit: interrupts and services gather on the first.
+
+    Args:
+        allowed: CPUs to choose from, by default those that this process may run on.
+        leave: so many of the last are taken only where no other is free.
     """
-    for cpu in sorted(os.sched_getaffinity(0) if allowed is None else allowed, reverse=True):
+    order = sorted(os.sched_getaffinity(0) if allowed is None else allowed, reverse=True)
+    for cpu in order[leave:] + order[:leave]:
         path = Path(tempfile.gettempdir()) / f"hoap3-cpu{cpu}.lock"
         try:
             lock = os.fdopen(_open_lock(path))

@@ -6,12 +6,18 @@ CPU to others meanwhile: the same tick takes three times as long.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 SYSTEM = Path("/sys/devices/system/cpu")
 NO_LATENCY = "n/a"  # the kernel's word for: not even the shortest sleep
+
+
+def may_keep_awake(system: Path = SYSTEM) -> bool:
+    """Whether every CPU that we may run on can be kept awake."""
+    return all(os.access(_setting(cpu, system), os.W_OK) for cpu in os.sched_getaffinity(0))
 
 
 @contextmanager
@@ -23,7 +29,7 @@ def kept_awake(cpu: int, system: Path = SYSTEM) -> Iterator[str]:
     Yields:
         "" or why it was refused.
     """
-    setting = system / f"cpu{cpu}" / "power" / "pm_qos_resume_latency_us"
+    setting = _setting(cpu, system)
     try:
         before = setting.read_text(encoding="ascii").strip()
         setting.write_text(NO_LATENCY, encoding="ascii")
@@ -35,3 +41,7 @@ def kept_awake(cpu: int, system: Path = SYSTEM) -> Iterator[str]:
     finally:
         if before != NO_LATENCY:
             setting.write_text(before, encoding="ascii")
+
+
+def _setting(cpu: int, system: Path) -> Path:
+    return system / f"cpu{cpu}" / "power" / "pm_qos_resume_latency_us"

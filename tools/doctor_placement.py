@@ -13,13 +13,16 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
 from protocol.clock import Clock, MonotonicClock
-from protocol.realtime import CpuClaim, Ticker, claim_cpu, prepare_process, virtual_machine
+from protocol.realtime import CpuClaim, Ticker, claim_cpu, prepare_process
 from protocol.settings import RealtimeSettings
 from protocol.statistics import Durations
+from tools.awake import kept_awake
+from tools.placement import waking_is_dear
 from tools.processes import PARENT, die_with_parent
 
 PERIOD_NS = 1_000_000
@@ -107,7 +110,7 @@ def measure_placement(
     runner: Runner | None = None,
     *,
     claim: Callable[[], CpuClaim | None] = claim_cpu,
-    virtual: bool | None = None,
+    dear: bool | None = None,
     exchanges: int = EXCHANGES,
     policy: str = "auto",
 ) -> dict[str, Any]:
@@ -116,7 +119,8 @@ def measure_placement(
     Args:
         runner: carries the order out; by default processes do.
         claim: gives a CPU that is ours for as long as this takes.
-        virtual: whether this is a virtual machine, on which `realtime.cpu: auto` means one CPU.
+        dear: whether waking another CPU takes so long that `hoap3 run` takes one for both sides;
+            where it does not, the CPUs are kept awake meanwhile, as there.
         exchanges: of each placement.
         policy: "auto" asks for real-time priority, "none" does not.
 
@@ -129,8 +133,12 @@ def measure_placement(
         return {"measured": False, "why": "every allowed CPU is claimed by a run"}
     cpus = [claimed.cpu for claimed in claims]
     echoes = dict(zip(("one_cpu", "two_cpus"), cpus, strict=False))
+    dear = waking_is_dear(RealtimeSettings()) if dear is None else dear
     try:
-        figures = (runner or run_processes)(Order(cpus[0], echoes, exchanges, policy=policy))
+        with ExitStack() as awake:
+            for cpu in () if dear else cpus:
+                awake.enter_context(kept_awake(cpu))
+            figures = (runner or run_processes)(Order(cpus[0], echoes, exchanges, policy=policy))
     except (OSError, ValueError, subprocess.SubprocessError) as error:
         return {"measured": False, "why": f"the processes gave no figures: {error}"}
     finally:
@@ -144,19 +152,19 @@ def measure_placement(
             name: {"cpus": sorted({cpus[0], echo}), "rtt_us": rtt[name]}
             for name, echo in echoes.items()
         },
-        **recommend(rtt, cpus, virtual_machine() if virtual is None else virtual),
+        **recommend(rtt, cpus, dear),
     }
 
 
 def recommend(
-    rtt: Mapping[str, Mapping[str, Any]], cpus: Sequence[int], virtual: bool
+    rtt: Mapping[str, Mapping[str, Any]], cpus: Sequence[int], dear: bool
 ) -> dict[str, Any]:
     """Choose a placement.
 
     Args:
         rtt: figures [us] by placement.
         cpus: that the robot and its controller would have, if they have one each.
-        virtual: whether `hoap3 run` takes one CPU for both by itself, or two.
+        dear: whether `hoap3 run` takes one CPU for both by itself, or two.
 
     Returns:
         `recommended`, a placement, and `why`; `realtime_cpu`, the setting `realtime.cpu` of both
@@ -171,12 +179,12 @@ def recommend(
             why = (
                 f"waking another CPU costs {max(dearer, 0.0):.0f} us, and a tick waits for no solve"
             )
-    controller = cpus[0] if choice == "one_cpu" else cpus[1]
+    robot = cpus[0] if choice == "one_cpu" else cpus[1]
     return {
         "recommended": choice,
         "why": why,
-        "realtime_cpu": {"emulator": cpus[0], "controller": controller},
-        "run_does_it": len(cpus) == 1 or virtual == (choice == "one_cpu"),
+        "realtime_cpu": {"emulator": robot, "controller": cpus[0]},
+        "run_does_it": len(cpus) == 1 or dear == (choice == "one_cpu"),
     }
 
 

@@ -21,7 +21,6 @@ import numpy as np
 from protocol.description import RobotDescription
 from protocol.errors import Hoap3Error, LogError, UsageError
 from protocol.messages import Setpoint, State
-from protocol.realtime import claim_cpu, virtual_machine
 from protocol.settings import RealtimeSettings
 from remote_controller.config import ControllerConfig
 from robot_emulator.config import EmulatorConfig
@@ -32,6 +31,7 @@ from tools.latency_links import LinkPair, link
 from tools.latency_nodes import NullController
 from tools.log import Log
 from tools.machine import machine_block
+from tools.placement import claim_cpus
 from tools.run import run_realtime
 from tools.services import watched_cpus
 from tools.stalls import StallMonitor
@@ -242,8 +242,7 @@ def _placement(plan: Plan) -> Iterator[tuple[RealtimeSettings, RealtimeSettings]
         plain = RealtimeSettings(policy="none", cpu="none", lock_memory=False)
         yield plain, plain
         return
-    wanted = 1 if virtual_machine() else 2
-    claims = [claim for _ in range(wanted) if (claim := claim_cpu()) is not None]
+    claims = claim_cpus(plan.emulator.realtime, RealtimeSettings())
     try:
         if not claims:
             allowed = sorted(os.sched_getaffinity(0))

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 from protocol.errors import Hoap3Error, UsageError
-from protocol.realtime import CpuClaim, claim_cpu, virtual_machine
 from protocol.recorder import NoRecorder, PatientRecorder, Recorder
 from protocol.settings import RealtimeSettings
 from remote_controller.config import ControllerConfig
@@ -24,6 +23,7 @@ from robot_emulator.service import describe
 from tools.log import Log, payload_hash
 from tools.machine import machine_block
 from tools.observer import Observer
+from tools.placement import claim_cpus
 from tools.processes import StopFlag, start_service
 from tools.services import as_yaml, observer_for, run_folder, watched_cpus
 
@@ -76,7 +76,7 @@ def run_realtime(
     description = describe(emulator, files[0])
     log = emulator.log if out is None else emulator.log.model_copy(update={"directory": str(out)})
     folder = run_folder(log, exact=out is not None)
-    claims = _claim(emulator, controller)
+    claims = claim_cpus(emulator.realtime, controller.realtime)
     cpus = [claim.cpu for claim in claims]
     endpoint = f"tcp/127.0.0.1:{_free_port()}"
     here, there = links or ({"listen": (endpoint,)}, {"connect": (endpoint,)})
@@ -266,14 +266,6 @@ class _Services:
 
     def _failure(self, what: str) -> str:
         return f"{what}; last heard: {self.said[-1]}" if self.said else what
-
-
-def _claim(emulator: EmulatorConfig, controller: ControllerConfig) -> list[CpuClaim]:
-    """CPUs for both sides: one on a virtual machine, where waking another CPU is dear; else two."""
-    if "auto" not in {emulator.realtime.cpu, controller.realtime.cpu}:
-        return []
-    wanted = 1 if virtual_machine() else 2
-    return [claim for _ in range(wanted) if (claim := claim_cpu()) is not None]
 
 
 def _realtime(

@@ -190,7 +190,8 @@ def watched_cpus(realtime: RealtimeSettings) -> tuple[int, ...]:
 
 def settled(config: Config) -> tuple[Config, CpuClaim | None]:
     """The config with the CPU that `auto` gets, where there is one, and the claim that holds it."""
-    claim = claim_cpu() if config.realtime.cpu == "auto" else None
+    leave = 1 if isinstance(config, EmulatorConfig) else 0  # the last is for its controller
+    claim = claim_cpu(leave=leave) if config.realtime.cpu == "auto" else None
     if claim is None:
         return config, None
     realtime = config.realtime.model_copy(update={"cpu": claim.cpu})

@@ -143,6 +143,16 @@ def test_the_highest_free_cpu_of_those_allowed_is_claimed(locks):
     assert claim_cpu(set()) is None
 
 
+def test_the_last_can_be_left_to_others_while_another_is_free(locks):
+    claims = [claim_cpu({0, 2, 5}, leave=1) for _ in range(4)]
+    assert [claim.cpu if claim else None for claim in claims] == [2, 0, 5, None]
+    for claim in claims[:3]:
+        claim.release()
+    alone = claim_cpu({4}, leave=1)
+    assert alone.cpu == 4
+    alone.release()
+
+
 def test_without_a_list_the_cpus_of_this_process_are_allowed(locks):
     claim = claim_cpu()
     assert claim.cpu == max(os.sched_getaffinity(0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tools.awake import kept_awake
+from tools.awake import kept_awake, may_keep_awake
 
 
 @pytest.fixture
@@ -41,3 +41,14 @@ def test_a_refusal_says_what_it_takes(tmp_path):
     with kept_awake(7, tmp_path) as refusal:
         assert "No such file" in refusal
         assert "takes root" in refusal
+
+
+def test_it_can_be_asked_for_where_every_allowed_cpu_lets_us(monkeypatch, tmp_path):
+    for cpu in (1, 3):
+        path = tmp_path / f"cpu{cpu}" / "power" / "pm_qos_resume_latency_us"
+        path.parent.mkdir(parents=True)
+        path.write_text("0\n")
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {1, 3})
+    assert may_keep_awake(tmp_path)
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {1, 2, 3})
+    assert not may_keep_awake(tmp_path)

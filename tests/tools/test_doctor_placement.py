@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import tempfile
+from contextlib import contextmanager
 from itertools import pairwise
 
 import pytest
@@ -74,21 +75,50 @@ def figures(one: float, two: float | None = None) -> dict[str, dict[str, float]]
 
 
 @pytest.mark.parametrize(
-    ("one", "two", "virtual", "choice", "cpus", "run_does_it"),
+    ("one", "two", "dear", "choice", "cpus", "run_does_it"),
     [
         (15.0, 81.0, True, "one_cpu", (3, 3), True),
         (15.0, 81.0, False, "one_cpu", (3, 3), False),
-        (15.0, 35.0, False, "two_cpus", (3, 2), True),
-        (15.0, 35.0, True, "two_cpus", (3, 2), False),
+        (15.0, 35.0, False, "two_cpus", (2, 3), True),
+        (15.0, 35.0, True, "two_cpus", (2, 3), False),
         (15.0, 35.1, False, "one_cpu", (3, 3), False),
-        (40.0, 15.0, False, "two_cpus", (3, 2), True),
+        (40.0, 15.0, False, "two_cpus", (2, 3), True),
     ],
 )
-def test_a_second_cpu_is_taken_where_it_costs_little(one, two, virtual, choice, cpus, run_does_it):
-    said = recommend(figures(one, two), (3, 2), virtual)
+def test_a_second_cpu_is_taken_where_it_costs_little(one, two, dear, choice, cpus, run_does_it):
+    said = recommend(figures(one, two), (3, 2), dear)
     assert said["recommended"] == choice
     assert said["realtime_cpu"] == {"emulator": cpus[0], "controller": cpus[1]}
     assert said["run_does_it"] == run_does_it
+
+
+@pytest.fixture(autouse=True)
+def awake(monkeypatch):
+    """CPUs that are kept awake, by word only."""
+    cpus: list[int] = []
+
+    @contextmanager
+    def kept_awake(cpu):
+        cpus.append(cpu)
+        yield ""
+        cpus.remove(cpu)
+
+    monkeypatch.setattr("tools.doctor_placement.kept_awake", kept_awake)
+    return cpus
+
+
+@pytest.mark.parametrize(("dear", "expected"), [(True, []), (False, [7, 4])])
+def test_cpus_are_kept_awake_where_a_run_would_do_so(awake, dear, expected):
+    seen = []
+
+    def run(_: Order) -> dict:
+        seen.extend(awake)
+        return {"rtt_us": figures(15.0, 20.0)}
+
+    free = [7, 4]
+    measure_placement(run, claim=lambda: Claim(free.pop(0), []), dear=dear)
+    assert seen == expected
+    assert awake == []
 
 
 class Claim:
@@ -121,7 +151,7 @@ def measured(free: list[int], rtt=None, **options: object) -> tuple[dict, list[O
 
 
 def test_both_placements_are_measured_on_claimed_cpus_that_are_given_back():
-    outcome, orders, held = measured([7, 4, 2], virtual=True, exchanges=30, policy="none")
+    outcome, orders, held = measured([7, 4, 2], dear=True, exchanges=30, policy="none")
     assert orders == [Order(7, {"one_cpu": 7, "two_cpus": 4}, 30, policy="none")]
     assert outcome["one_cpu"] == {"cpus": [7], "rtt_us": {"p50": 15.0, "p99": 45.0}}
     assert outcome["two_cpus"] == {"cpus": [4, 7], "rtt_us": {"p50": 80.0, "p99": 240.0}}
@@ -130,7 +160,7 @@ def test_both_placements_are_measured_on_claimed_cpus_that_are_given_back():
 
 
 def test_with_one_free_cpu_only_one_placement_is_measured():
-    outcome, orders, _ = measured([7], figures(15.0), virtual=False)
+    outcome, orders, _ = measured([7], figures(15.0), dear=False)
     assert orders[0].echoes == {"one_cpu": 7}
     assert "two_cpus" not in outcome
     assert outcome["recommended"] == "one_cpu"
@@ -138,7 +168,7 @@ def test_with_one_free_cpu_only_one_placement_is_measured():
 
 
 def test_a_running_robot_is_not_disturbed():
-    outcome, orders, _ = measured([], virtual=True)
+    outcome, orders, _ = measured([], dear=True)
     assert not outcome["measured"]
     assert "claimed" in outcome["why"]
     assert orders == []
@@ -154,25 +184,25 @@ def test_processes_that_fail_are_reported_and_cpus_given_back(error):
     def run(_: Order) -> dict:
         raise error
 
-    outcome = measure_placement(run, claim=lambda: Claim(1, held), virtual=True)
+    outcome = measure_placement(run, claim=lambda: Claim(1, held), dear=True)
     assert not outcome["measured"]
     assert str(error) in outcome["why"]
     assert held == []
 
 
 @pytest.mark.parametrize(
-    ("one", "two", "virtual", "level", "remedy"),
+    ("one", "two", "dear", "level", "remedy"),
     [
         (15.0, 81.0, True, OK, "services on their own: realtime.cpu=3"),
         (15.0, 20.0, False, OK, ""),
         (15.0, 81.0, False, ADVICE, "emulator.realtime.cpu=3 controller.realtime.cpu=3"),
-        (15.0, 20.0, True, ADVICE, "emulator.realtime.cpu=3 controller.realtime.cpu=2"),
+        (15.0, 20.0, True, ADVICE, "emulator.realtime.cpu=2 controller.realtime.cpu=3"),
         (400.0, 600.0, True, ADVICE, "priority"),
         (501.0, 600.0, True, PROBLEM, "findings above"),
     ],
 )
-def test_a_placement_is_judged(one, two, virtual, level, remedy):
-    outcome, _, _ = measured([3, 2], figures(one, two), virtual=virtual)
+def test_a_placement_is_judged(one, two, dear, level, remedy):
+    outcome, _, _ = measured([3, 2], figures(one, two), dear=dear)
     finding = judge_placement(outcome)
     assert finding.level == level
     assert remedy in finding.remedy
