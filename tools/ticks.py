@@ -256,7 +256,8 @@ class TickTable:
         Returns:
             for each tick that is late, lost or skipped, the first of these that applies:
 
-            `host`: it overlaps a stall of the host.
+            `host`: it overlaps a stall of the host, and no stage of the controller would have
+                exceeded its usual length by a whole period without the stalls.
             `wakeup`: it was skipped; the robot itself slept or worked through it.
             `rejected`: an answer came, and the robot refused it.
             a stage: for a late one, that which exceeded its median over the ticks in time by

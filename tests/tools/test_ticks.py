@@ -13,6 +13,7 @@ from tick_story import MS, START, US, USUAL_US, Story
 
 from protocol.errors import LogError
 from tools.stalls import Stall, overlapping
+from tools.tick_blame import Away
 from tools.tick_logs import NEVER
 from tools.ticks import IN_TIME, LATE, LOST, SKIPPED, STAGES, TickTable
 
@@ -178,6 +179,40 @@ def test_a_host_stall_is_not_ours(table):
         1 - len(outside) / (1000 - len(guilty) + len(outside))
     )
     assert ticks.success_rate == pytest.approx(1 - len(guilty) / 1000)
+
+
+@pytest.mark.parametrize(
+    ("stall_us", "guilty"), [(200, "solve"), (900, "solve"), (1100, "host"), (2000, "host")]
+)
+def test_a_stage_that_cost_the_tick_by_itself_cannot_blame_a_stall(table, stall_us, guilty):
+    story = Story(1000, stalls=[(500 * MS + 200 * US, stall_us * US)]).slow("solve", [500], 2060.0)
+    ticks = table(story)
+    assert ticks.stalled[500]
+    assert ticks.guilty()[500] == guilty
+
+
+def test_a_tick_that_was_never_seen_for_a_slow_solve_cannot_blame_a_stall_either(table):
+    story = Story(1000, stalls=[(501 * MS, 200 * US), (502 * MS, 200 * US)])
+    ticks = table(story.slow("solve", [500], 3300.0))
+    missed = [int(tick) for tick in ticks.tick[ticks.missed]]
+    assert missed[:3] == [500, 501, 502]
+    assert np.isnan(ticks.stage("rtt")[501])
+    assert ticks.stalled[501]
+    assert ticks.stalled[502]
+    assert set(ticks.guilty().values()) == {"solve"}
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 3000), st.integers(1, 400)), max_size=12),
+    st.integers(0, 3000),
+    st.integers(0, 3000),
+)
+def test_time_away_is_that_of_the_union_of_all_stalls(pairs, begin, end):
+    away = Away(sorted((Stall(start, start + n) for start, n in pairs), key=lambda s: s.start))
+    gone = np.zeros(4000, bool)
+    for start, length in pairs:
+        gone[start : start + length] = True
+    assert away.between(begin, end) == gone[begin:end].sum()
 
 
 def test_without_a_monitor_nothing_is_said_of_stalls(table):
