@@ -5,11 +5,12 @@ from __future__ import annotations
 import signal
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command_bench import PATIENT, controller, emulator, endpoint, hoap3, on_path, wait_for_mode
 from holding_link import HoldingLink
 
-from tools.ticks import TickTable
+from tools.ticks import STAGES, TickTable
 
 HERE = Path(__file__).parent
 MS = 1_000_000
@@ -49,14 +50,15 @@ def test_a_busy_stage_answers_for_the_ticks_that_it_cost(tmp_path, stage):
 @pytest.mark.long
 @pytest.mark.parametrize("stage", ["solve", "encode"])
 def test_nearly_all_of_many_slow_ticks_are_that_stages(tmp_path, stage):
-    """Every miss of a cycle that met the delay, and of the tick after it: nothing is left out."""
+    """Of all misses that met the delay, but for those that met a longer one elsewhere."""
     ticks = run(tmp_path / "log", 60, 500, 2.0, stage)
     guilty, slow = ticks.guilty(), slow_cycles(ticks, stage, 2.0)
     assert len(slow) > 100
-    named = [guilty[tick] for tick in slow]
+    others = np.stack([ticks.stage(name) for name in STAGES if name != stage])
+    longer = set(ticks.tick[(np.nan_to_num(others) >= 2.0 * MS).any(axis=0)].tolist())
+    named = [guilty[tick] for tick in slow if tick not in longer]
+    assert len(named) > 0.9 * len(slow)
     assert named.count(stage) >= 0.99 * len(named)
-    cost = [guilty[tick + 1] for tick in slow if tick + 1 in guilty]
-    assert cost.count(stage) >= 0.9 * len(cost)  # some of them had troubles of their own
 
 
 def held_up(folder: Path, seconds: float) -> list[str]:
