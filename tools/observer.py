@@ -23,12 +23,13 @@ from protocol.ring import Kind, Record, Ring
 from tools.event_words import event_name, in_words
 from tools.outside import OutsideStalls
 from tools.processes import to_people
-from tools.stalls import StallMonitor
+from tools.stalls import PRIORITY, StallMonitor
 
 POLL_S = 0.005
 LIVE_S = 0.25
 DRAIN_S = 30.0
 _EVENTS = Event.schema.constants
+UNWATCHED = f"which takes SCHED_FIFO {PRIORITY} there: `ulimit -r {PRIORITY}`, or root"
 _FREQUENT = {_EVENTS[name] for name in ("SKIPPED", "OVERWRITTEN", "HOST_STALL")}
 
 
@@ -221,6 +222,7 @@ class _Watch:
         self._monitor = StallMonitor(order["watch"], keep_awake=order["keep_awake"])
         self._stalls = OutsideStalls(self._monitor.logs)
         self._said_watched = False
+        self._unwatched: set[int] = set()
         self._obtained: list[str] = []
         self._is_robot = order["side"] == "robot"
         self._statistics = RunStatistics(
@@ -246,6 +248,10 @@ class _Watch:
                 self._obtained.append(f"CPU {cpu}: " + ("kept awake" if log.awake else "may sleep"))
                 self._reporter.say(self._obtained[-1])
                 self.take(_event("STALLS_WATCHED", time.monotonic_ns(), cpu))
+        for cpu in {*self._monitor.refused()} - self._unwatched:
+            self._unwatched.add(cpu)
+            self._obtained.append(f"CPU {cpu}: stalls are not watched, {UNWATCHED}")
+            self._reporter.say(self._obtained[-1])
         for _, stall in self._stalls.take():
             self.take(_event("HOST_STALL", stall.start, stall.end - stall.start))
         self._stalls.judge(time.monotonic_ns())

@@ -9,6 +9,7 @@ from typing import Any
 from tools.stalls import Stall, StallLog, overlapping
 
 PATIENCE_NS = 1_000_000_000  # until a time is judged: the monitor has told of its stalls by then
+FOREVER = 1 << 62
 MEMORY_NS = 60_000_000_000  # for how long a stall is remembered
 
 
@@ -31,7 +32,8 @@ class OutsideStalls:
 
     Attributes:
         outside, hosts: ticks judged so far: ours, and the host's.
-        n, total_ns, longest_ns: of the stalls, each CPU's on its own.
+        begin, end: stalls between them are counted [ns], all of them by default.
+        n, total_ns, longest_ns: of these stalls, each CPU's on its own.
     """
 
     def __init__(self, logs: dict[int, StallLog]) -> None:
@@ -39,6 +41,7 @@ class OutsideStalls:
         self._recent: dict[int, list[Stall]] = {cpu: [] for cpu in logs}
         self._failures: deque[_Failure] = deque()
         self.outside = self.hosts = 0
+        self.begin, self.end = 0, FOREVER
         self.n = self.total_ns = self.longest_ns = 0
 
     @property
@@ -50,10 +53,11 @@ class OutsideStalls:
         """Stalls that were noted since the last call, each with its CPU."""
         found = [(cpu, stall) for cpu, log in self._logs.items() for stall in log.take()]
         for cpu, stall in found:
-            length = stall.end - stall.start
-            self.n, self.total_ns = self.n + 1, self.total_ns + length
-            self.longest_ns = max(self.longest_ns, length)
             self._recent[cpu].append(stall)
+            if stall.end > self.begin and stall.start < self.end:
+                length = stall.end - stall.start
+                self.n, self.total_ns = self.n + 1, self.total_ns + length
+                self.longest_ns = max(self.longest_ns, length)
         return found
 
     def failed(self, start: int, end: int, ticks: int) -> None:

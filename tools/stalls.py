@@ -128,6 +128,11 @@ class StallMonitor:
             self.logs[cpu] = log
             self._processes.append(process)
 
+    def refused(self) -> list[int]:
+        """CPUs whose monitors have ended by themselves: they did not get what they need."""
+        pairs = zip(self.logs, self._processes, strict=True)
+        return [cpu for cpu, process in pairs if process.poll() is not None]
+
     def stop(self) -> None:
         """End the monitors."""
         for process in self._processes:

@@ -10,7 +10,7 @@ from protocol.errors import WireError
 from protocol.messages import Setpoint, State
 from protocol.ring import Kind, Record
 from protocol.statistics import Durations, Jitter, verdict
-from tools.outside import OutsideStalls
+from tools.outside import FOREVER, OutsideStalls
 
 STAGES = ("decode", "kinematics", "solve", "encode", "send", "network")
 """Parts of the round trip. The first five are the controller's, on its own clock; `network` is
@@ -45,6 +45,7 @@ class RunStatistics:
     ) -> None:
         self._period_ns, self._timing = period_ns, timing
         self._stalls = stalls or OutsideStalls({})
+        self._stalls.begin = FOREVER  # until it moves
         self._missed = 0
         self._intended: int | None = None  # of the last State, where that was an active one
         self._state: tuple[Any, ...] = ()
@@ -132,7 +133,7 @@ class RunStatistics:
         """
         if not self._timing or not self._stalls.known:
             return None, None
-        self._stalls.judge(1 << 62)
+        self._stalls.judge(FOREVER)
         outside = self._stalls.outside
         return outside, in_time / (in_time + outside) if in_time + outside else 1.0
 
@@ -148,11 +149,20 @@ class RunStatistics:
                 self._stalls.failed(before + period, actual, skipped - self._skipped)
         self._intended = intended if mode == State.ACTIVE else None
 
+    def _note_motion(self, moves: bool, intended: int) -> None:
+        """Let stalls count from the first active tick until the robot rests."""
+        if moves:
+            self._stalls.begin = min(self._stalls.begin, intended)
+            self._stalls.end = FOREVER
+        elif self._stalls.end == FOREVER:
+            self._stalls.end = intended
+
     def _add_state(self, payload: bytes) -> None:
         self._state = values = State.scalars(payload, *_STATE)
         mode, _, tick, _, intended, actual, skipped = values[:7]
         if self._timing:
             self._note_failures(mode, intended, actual, skipped)
+            self._note_motion(mode == State.ACTIVE, intended)
         if self._skipped_before is None and mode == State.ACTIVE:
             self._skipped_before = self._skipped
         if self._timing and mode == State.ACTIVE:

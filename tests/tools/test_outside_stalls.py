@@ -108,6 +108,27 @@ def test_skipped_ticks_count_as_misses_unless_a_stall_covers_them():
     assert robot.summary(in_time=3) == (3, 0.5)
 
 
+def test_only_stalls_of_the_motion_are_counted():
+    stalls = watching(
+        (START - 3 * T, START - 2 * T),
+        (START - T, START + 1),  # into the motion
+        (START + 2 * T, START + 3 * T),
+        (START + 3 * T - 1, START + 5 * T),  # out of it
+        (START + 3 * T, START + 5 * T),
+    )
+    robot = Robot(stalls)
+    for tick in (0, 1, 2):
+        robot.tick(tick)
+    robot.tick(3, mode=State.STOPPED)
+    robot.tick(4, mode=State.STOPPED)
+    stalls.take()
+    assert stalls.n == 3
+    robot.tick(5)  # it was recovered, and moves again
+    stalls._logs[1].note(START + 5 * T, START + 6 * T)
+    stalls.take()
+    assert stalls.n == 4
+
+
 def test_what_is_skipped_while_nothing_is_asked_is_no_miss():
     robot = Robot(watching())
     robot.tick(0, mode=State.IDLE)

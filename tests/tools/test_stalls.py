@@ -18,6 +18,7 @@ from tools.stalls import (
     THRESHOLD_NS,
     Stall,
     StallLog,
+    StallMonitor,
     figures,
     main,
     overlapping,
@@ -90,6 +91,16 @@ def test_without_rights_there_is_no_monitor(monkeypatch):
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
     assert main() == 3
     assert not log.runs
+
+
+def test_a_cpu_that_cannot_be_watched_is_told():
+    monitor = StallMonitor([1023])  # no such CPU
+    try:
+        monitor._processes[0].wait()
+        assert monitor.refused() == [1023]
+        assert not monitor.logs[1023].runs
+    finally:
+        monitor.stop()
 
 
 class Sleeper(VirtualClock):
