@@ -8,7 +8,6 @@ is the way there and back alone: no Zenoh, no controller.
 from __future__ import annotations
 
 import json
-import os
 import socket
 import subprocess
 import sys
@@ -23,7 +22,7 @@ from protocol.settings import RealtimeSettings
 from protocol.statistics import Durations
 from tools.awake import kept_awake
 from tools.placement import waking_is_dear
-from tools.processes import PARENT, die_with_parent
+from tools.processes import die_with_parent, start_module, tcp_pair
 
 PERIOD_NS = 1_000_000
 EXCHANGES = 1000  # of each placement
@@ -194,22 +193,23 @@ def run_processes(order: Order) -> dict[str, Any]:
     Raises:
         OSError, ValueError, subprocess.SubprocessError: a process did not do its part.
     """
-    ends = {name: _tcp_pair() for name in order.echoes}
+    ends = {name: tcp_pair(_TIMEOUT_S) for name in order.echoes}
     settings = {"policy": order.policy, "lock_memory": False}
-    children: list[subprocess.Popen[str]] = []
+    children: list[subprocess.Popen[bytes]] = []
     try:
         for name, cpu in order.echoes.items():
             fds = {name: ends[name][1].fileno()}
-            children.append(_start({"echo": fds, "realtime": {**settings, "cpu": cpu}}))
+            children.append(_start(fds, {"echo": fds, "realtime": {**settings, "cpu": cpu}}))
         fds = {name: pair[0].fileno() for name, pair in ends.items()}
         children.append(
             _start(
+                fds,
                 {
                     "ask": fds,
                     "realtime": {**settings, "cpu": order.cpu},
                     "exchanges": order.exchanges,
                     "period_ns": order.period_ns,
-                }
+                },
             )
         )
         for pair in ends.values():
@@ -218,7 +218,7 @@ def run_processes(order: Order) -> dict[str, Any]:
         planned = (order.exchanges + TURN) * len(order.echoes) * order.period_ns * 1e-9
         out, errors = children[-1].communicate(timeout=2 * planned + 2 * _TIMEOUT_S)
         if children[-1].returncode:
-            raise ValueError(errors.strip().rpartition("\n")[2])
+            raise ValueError(errors.decode(errors="replace").strip().rpartition("\n")[2])
         figures: dict[str, Any] = json.loads(out)
         return figures
     finally:
@@ -227,33 +227,9 @@ def run_processes(order: Order) -> dict[str, Any]:
             child.communicate()
 
 
-def _tcp_pair() -> tuple[socket.socket, socket.socket]:
-    """Two ends of a TCP connection over loopback."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        near = socket.create_connection(server.getsockname(), timeout=_TIMEOUT_S)
-        far, _ = server.accept()
-    for end in (near, far):
-        end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        end.settimeout(None)
-    return near, far
-
-
-def _start(order: dict[str, Any]) -> subprocess.Popen[str]:
-    child = subprocess.Popen(
-        [sys.executable, "-P", "-m", "tools.doctor_placement"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        pass_fds=list((order.get("echo") or order["ask"]).values()),
-        start_new_session=True,
-        env={**os.environ, PARENT: str(os.getpid())},
-        text=True,
-    )
-    if child.stdin is not None:
-        child.stdin.write(json.dumps(order))
-        child.stdin.close()
-        child.stdin = None
-    return child
+def _start(fds: Mapping[str, int], order: dict[str, Any]) -> subprocess.Popen[bytes]:
+    ends = list(fds.values())
+    return start_module("tools.doctor_placement", order, ends, stderr=subprocess.PIPE)
 
 
 def main() -> None:

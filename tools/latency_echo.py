@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import socket
 import struct
 import subprocess
@@ -23,7 +22,7 @@ from protocol.clock import Clock, MonotonicClock
 from protocol.errors import Hoap3Error
 from protocol.realtime import Ticker, prepare_process
 from protocol.settings import RealtimeSettings
-from tools.processes import PARENT, die_with_parent
+from tools.processes import die_with_parent, start_module, tcp_pair
 from tools.tick_logs import NEVER
 
 Stamps = npt.NDArray[np.int64]
@@ -152,13 +151,13 @@ def run_echo(order: dict[str, Any], asks: RealtimeSettings, answers: RealtimeSet
     Raises:
         Hoap3Error: one of them did not do its part.
     """
-    near, far = _tcp_pair()
+    near, far = tcp_pair(_PATIENCE_S)
     children: list[subprocess.Popen[bytes]] = []
     try:
         for side, end, realtime in (("answer", far, answers), ("ask", near, asks)):
-            children.append(
-                _start({**order, "side": side, "fd": end.fileno(), "realtime": _plain(realtime)})
-            )
+            fd = end.fileno()
+            whole = {**order, "side": side, "fd": fd, "realtime": _plain(realtime)}
+            children.append(start_module("tools.latency_echo", whole, [fd]))
             end.close()
         planned = order["ticks"] * order["period_ns"] * 1e-9
         out, _ = children[-1].communicate(timeout=2 * planned + _PATIENCE_S)
@@ -175,32 +174,6 @@ def run_echo(order: dict[str, Any], asks: RealtimeSettings, answers: RealtimeSet
 
 def _plain(settings: RealtimeSettings) -> dict[str, Any]:
     return settings.model_dump(mode="json")
-
-
-def _tcp_pair() -> tuple[socket.socket, socket.socket]:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        near = socket.create_connection(server.getsockname(), timeout=_PATIENCE_S)
-        far, _ = server.accept()
-    for end in (near, far):
-        end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        end.settimeout(None)
-    return near, far
-
-
-def _start(order: dict[str, Any]) -> subprocess.Popen[bytes]:
-    child = subprocess.Popen(
-        [sys.executable, "-P", "-m", "tools.latency_echo"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        pass_fds=[order["fd"]],
-        start_new_session=True,
-        env={**os.environ, PARENT: str(os.getpid())},
-    )
-    if child.stdin is not None:
-        child.stdin.write(json.dumps(order).encode())
-        child.stdin.close()
-        child.stdin = None
-    return child
 
 
 def main() -> None:

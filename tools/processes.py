@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import FrameType
+from typing import Any
 
 PARENT = "HOAP3_PARENT"
 _PR_SET_PDEATHSIG = 1
@@ -66,6 +69,45 @@ def die_with_parent() -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
     if os.getppid() != int(parent):  # it died before we asked
         os.kill(os.getpid(), signal.SIGTERM)
+
+
+def start_module(
+    module: str, order: Mapping[str, Any], pass_fds: Sequence[int], *, stderr: int | None = None
+) -> subprocess.Popen[bytes]:
+    """Start one of our modules as a child that ends with us; `order` is its input, as JSON.
+
+    Its standard output is a pipe.
+
+    Args:
+        module: it calls `die_with_parent` first.
+        pass_fds: files that it takes over.
+        stderr: as for `subprocess.Popen`.
+    """
+    child = subprocess.Popen(
+        [sys.executable, "-P", "-m", module],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=stderr,
+        pass_fds=tuple(pass_fds),
+        start_new_session=True,
+        env={**os.environ, PARENT: str(os.getpid())},
+    )
+    if child.stdin is not None:
+        child.stdin.write(json.dumps(order).encode())
+        child.stdin.close()
+        child.stdin = None  # or `communicate` would close it again
+    return child
+
+
+def tcp_pair(timeout_s: float) -> tuple[socket.socket, socket.socket]:
+    """Two ends of a TCP connection over loopback, without delay."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        near = socket.create_connection(server.getsockname(), timeout=timeout_s)
+        far, _ = server.accept()
+    for end in (near, far):
+        end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        end.settimeout(None)
+    return near, far
 
 
 def start_service(

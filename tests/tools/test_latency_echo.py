@@ -138,11 +138,11 @@ def test_two_processes_exchange_what_was_ordered():
 
 
 def test_asking_begins_when_somebody_answers(monkeypatch):
-    started, begin = [], latency_echo._start
+    started, begin = [], latency_echo.start_module
 
-    def start_late(order):
+    def start_late(module, order, fds):
         """Stop the process that answers until the one that asks has been started."""
-        child = begin(order)
+        child = begin(module, order, fds)
         if order["side"] == "answer":
             child.send_signal(signal.SIGSTOP)
         else:
@@ -150,7 +150,7 @@ def test_asking_begins_when_somebody_answers(monkeypatch):
         started.append(child)
         return child
 
-    monkeypatch.setattr(latency_echo, "_start", start_late)
+    monkeypatch.setattr(latency_echo, "start_module", start_late)
     found = run_echo({"ticks": 100, "period_ns": MS, "sizes": (1000, 300)}, ORDINARY, ORDINARY)
     assert (found.arrival != NEVER).sum() >= (found.sent != NEVER).sum() - 50
 
