@@ -22,6 +22,8 @@ from protocol.errors import ConfigError
 MAX_CONFIG_BYTES = 1 << 20
 NAME_PATTERN = r"^[a-z][a-z0-9_]{0,31}$"
 RobotName = Annotated[str, Field(pattern=NAME_PATTERN)]
+ENDPOINT_PATTERN = r"^[a-z][a-z-]*/\S+$"
+Endpoint = Annotated[str, Field(pattern=ENDPOINT_PATTERN)]
 
 Model = TypeVar("Model", bound="Settings")
 
@@ -39,8 +41,8 @@ class LinkSettings(Settings):
     an endpoint says so; nothing is discovered by itself.
     """
 
-    listen: tuple[str, ...] = Field((), description="endpoints to listen on")
-    connect: tuple[str, ...] = Field((), description="endpoints to connect to")
+    listen: tuple[Endpoint, ...] = Field((), description="endpoints to listen on")
+    connect: tuple[Endpoint, ...] = Field((), description="endpoints to connect to")
     mode: Literal["peer", "client"] = Field("peer", description="client: everything by a router")
     lease_ms: int = Field(
         1000, strict=True, ge=100, le=60_000, description="silence after which a peer is gone"
@@ -172,6 +174,16 @@ class _Loader(yaml.SafeLoader):
             mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
             raise yaml.composer.ComposerError(None, None, "aliases are not taken", mark)
         return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen: set[Any] = set()
+        for key, _ in node.value:
+            if key.value in seen:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"the key {key.value!r} stands there twice", key.start_mark
+                )
+            seen.add(key.value)
+        return super().construct_mapping(node, deep)
 
 
 def _read_yaml(text: bytes | str) -> Any:

@@ -107,7 +107,7 @@ def verdict(run_rate: float, *, safe_stop: bool) -> str:
 class Durations:
     """A histogram of durations, 1 ns to `highest`, with the worst ones and their ticks.
 
-    Three significant digits: a percentile is known to 0.1 %.
+    Percentiles are those of the nearest rank, to three significant digits.
 
     Args:
         highest: longest duration that is resolved [ns]; longer ones are counted as overflows.
@@ -149,7 +149,8 @@ class Durations:
             percentiles["p99_99"] = 99.99
         result["min"] = self._min / 1e3
         for name, share in percentiles.items():
-            value = self._histogram.get_value_at_percentile(share)
+            rank = -(-self.n * round(share * 100) // 10_000)  # the nearest rank, never rounded down
+            value = self._histogram.get_value_at_percentile(100.0 * rank / self.n)
             result[name] = min(max(value, self._min), self._max) / 1e3
         result["max"] = self._max / 1e3
         result["worst"] = [

@@ -11,6 +11,7 @@ from pydantic import Field
 from protocol.description import RobotDescription
 from protocol.errors import ConfigError, FrameNotFoundError, Hoap3Error, UnknownNameError
 from protocol.settings import (
+    Endpoint,
     LinkSettings,
     LogSettings,
     RealtimeSettings,
@@ -26,7 +27,9 @@ CONFIGS = Path(__file__).parent / "configs"
 class ControllerLink(LinkSettings):
     """Where the robot is."""
 
-    connect: tuple[str, ...] = Field(("tcp/127.0.0.1:7447",), description="endpoints to connect to")
+    connect: tuple[Endpoint, ...] = Field(
+        ("tcp/127.0.0.1:7447",), description="endpoints to connect to"
+    )
 
 
 class ControllerConfig(Settings):
@@ -101,7 +104,7 @@ def build(config: ControllerConfig, description: RobotDescription, file: str = "
         ) from error
     except Hoap3Error:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:  # nobody else may end us
         raise ConfigError(
             file,
             "controller",

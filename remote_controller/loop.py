@@ -16,7 +16,7 @@ from remote_controller.registry import blame
 EVENTS = Event.schema.constants
 
 
-def failure(controller: Controller, what: str, error: Exception) -> Hoap3Error:
+def failure(controller: Controller, what: str, error: BaseException) -> Hoap3Error:
     """One clear error for whatever a controller raised; wrong usage stays what it is."""
     if isinstance(error, UsageError):
         return error
@@ -112,7 +112,7 @@ class ControllerLoop:
                 self._engaged = asked
             command = controller.step(state)
             command.stamp_solved = self._clock.now()
-        except Exception as error:
+        except (Exception, SystemExit) as error:  # nobody else may end us
             self.announce("CONTROLLER_FAILED", state.tick)  # and the log has what it failed on
             raise failure(controller, f"failed at tick {state.tick}", error) from error
         if not asked:

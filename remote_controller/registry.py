@@ -53,7 +53,7 @@ def find(name: str, file: str = "config", key: str = "controller") -> type[Contr
         raise UnknownNameError("controller", name, known, hint)
     try:
         loaded = point.load()
-    except Exception as error:
+    except (Exception, SystemExit) as error:  # nobody else may end us
         raise ConfigError(
             file,
             key,
@@ -85,7 +85,7 @@ def _checked(loaded: object, name: str, file: str, key: str) -> type[Controller]
     return loaded
 
 
-def blame(error: Exception, controller: type | None = None) -> str:
+def blame(error: BaseException, controller: type | None = None) -> str:
     """What somebody else's code raised, and where, in one line; rather in the controller's file."""
     home = inspect.getmodule(controller)
     frames = [

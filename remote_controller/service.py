@@ -50,7 +50,7 @@ def rehearse(controller: Controller, description: RobotDescription) -> None:
         for tick in range(REHEARSALS):
             state.tick = tick
             controller.step(state)
-    except Exception as error:
+    except (Exception, SystemExit) as error:  # nobody else may end us
         what = f"failed when it rehearsed with robot {description.name!r}, {description.n} joints"
         raise failure(controller, what, error) from error
 

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from protocol.errors import ConfigError, UnknownNameError
 from protocol.settings import (
+    Endpoint,
     LinkSettings,
     LogSettings,
     RealtimeSettings,
@@ -39,7 +40,9 @@ class LockstepSettings(Settings):
 class EmulatorLink(LinkSettings):
     """Where controllers find the robot."""
 
-    listen: tuple[str, ...] = Field(("tcp/127.0.0.1:7447",), description="endpoints to listen on")
+    listen: tuple[Endpoint, ...] = Field(
+        ("tcp/127.0.0.1:7447",), description="endpoints to listen on"
+    )
 
 
 class EmulatorRealtime(RealtimeSettings):

@@ -349,7 +349,11 @@ def _tell(robot: str, verb: str, connect: str, as_json: bool) -> None:
         _print_json(answer)
     else:
         typer.echo(f"{robot}: {answer['mode']}, follows {answer['holder'] or 'nobody'}", err=True)
-    raise typer.Exit(1 if answer.get("recovered") is False else 0)
+    if answer.get("recovered") is False:
+        from tools.processes import to_people
+
+        to_people(f"error: {robot} is {answer['mode']}: only a stopped robot can be recovered")
+        raise typer.Exit(1)
 
 
 def _print_json(content: Any) -> None:

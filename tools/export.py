@@ -19,6 +19,7 @@ from protocol.errors import LogError, UsageError
 from protocol.messages import Schema, Setpoint, State
 from protocol.ring import Kind
 from tools.log import Log
+from tools.whole_file import whole_file
 
 BLOCK = 1024  # rows of a CSV that exist as text at a time
 PER_JOINT = {"q", "dq", "tau", "reference", "values"}
@@ -66,7 +67,7 @@ def export_npz(log: Log, out: Path) -> int:
         arrays[f"{prefix}.log_time"] = stamps
         arrays |= {f"{prefix}.{name}": rows[name] for name in rows.dtype.names or ()}
     try:
-        with out.open("wb") as stream:
+        with whole_file(out) as draft, draft.open("wb") as stream:
             np.savez(stream, allow_pickle=False, **arrays)
     except OSError as error:
         raise _unwritable(out, error) from error
@@ -94,7 +95,7 @@ def export_csv(log: Log, out: Path) -> int:
     left = _Table("", state_stamps, states, names, [])
     right = _Table("setpoint.", setpoint_stamps, setpoints, names, _extra_names(log))
     try:
-        with out.open("w", encoding="utf-8", newline="") as stream:
+        with whole_file(out) as draft, draft.open("w", encoding="utf-8", newline="") as stream:
             stream.writelines(f"# {line}\n" for line in _legend())
             writer = csv.writer(stream, lineterminator="\n")
             writer.writerow([*left.header, *right.header])

@@ -33,7 +33,7 @@ def tick_figures(tables: Sequence[TickTable]) -> dict[str, Any]:
     in_time = np.concatenate([table.outcome == IN_TIME for table in tables])
     asked = np.concatenate([table.asked for table in tables])
     ticks = int(np.count_nonzero(asked))
-    rate = float(np.mean(in_time[asked])) if ticks else 0.0
+    rate = float(np.mean(in_time[asked])) if ticks else None
     longest = max((longest_run(table) for table in tables), default=0)
     stopped = longest >= MISSES_TO_STOP or any(table.safe_stops for table in tables)
     windows = [found for table in tables if (found := worst_window(table)) is not None]
@@ -42,7 +42,7 @@ def tick_figures(tables: Sequence[TickTable]) -> dict[str, Any]:
         guilty.update(table.guilty_counts())
     ours = [name for name, _ in guilty.most_common() if name != "host"]
     return {
-        "verdict": verdict(rate, safe_stop=stopped) if ticks else "unfit",
+        "verdict": "unfit" if rate is None else verdict(rate, safe_stop=stopped),
         "ticks": ticks,
         "skipped": sum(table.count(SKIPPED) for table in tables),
         "misses": {
@@ -75,7 +75,7 @@ def _durations(tables: Sequence[TickTable]) -> dict[str, Any]:
     def of(name: str) -> dict[str, Any]:
         return percentiles(np.concatenate([table.stage(name) for table in tables]), numbers)
 
-    answered = [response(table.intended, table.arrival) for table in tables]
+    answered = [response(table.intended, table.arrival, _last(table)) for table in tables]
     worst = [
         {"block": block, **tick} for block, table in enumerate(tables) for tick in table.worst()
     ]
@@ -111,19 +111,26 @@ def percentiles(values: Times, ticks: Stamps | None = None) -> dict[str, Any]:
     return result
 
 
-def response(intended: Stamps, arrival: Stamps) -> Times:
+def response(intended: Stamps, arrival: Stamps, until: int) -> Times:
     """From the intended start of each tick until an answer to it, or to a later one, was there.
 
     Skipped and lost ticks count too: a sender that stalls must not hide how long everybody waited
-    (coordinated omission). nan where no later answer came at all.
+    (coordinated omission). Where none came, they waited until the end at least.
 
     Args:
         intended: of ticks in ascending order, skipped ones too [ns].
         arrival: of their answers [ns], NEVER where none came.
+        until: the last that is known [ns].
     """
     came = np.where(arrival == NEVER, np.inf, arrival.astype(float))
     first = np.minimum.accumulate(came[::-1])[::-1]
-    return np.where(np.isinf(first), np.nan, first - intended)
+    waited: Times = np.where(np.isinf(first), float(until), first) - intended
+    return waited
+
+
+def _last(table: TickTable) -> int:
+    """Until when anything is known of a run: an answer, or a deadline without one [ns]."""
+    return int(np.concatenate([table.arrival, table.end]).max(initial=0))
 
 
 def jitter(tables: Sequence[TickTable]) -> dict[str, Any]:
@@ -165,7 +172,7 @@ def worst_window(table: TickTable) -> float | None:
 
 def _outside_stalls(tables: Sequence[TickTable]) -> dict[str, Any]:
     outside = [table.misses_outside_stalls for table in tables]
-    stalls = [stall for table in tables for stall in table.stalls or ()]
+    stalls = [stall for table in tables for stall in table.stalls_of_motion or ()]
     known = all(each is not None for each in outside)
     return {
         "misses_outside_stalls": sum(each or 0 for each in outside) if known else None,

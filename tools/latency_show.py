@@ -6,7 +6,7 @@ from typing import Any
 
 from rich.table import Table
 
-from tools.show import COLOURS, console, durations_table, machine_line
+from tools.show import COLOURS, console, durations_table, known, machine_line
 
 
 def show_latency(found: dict[str, Any]) -> None:
@@ -26,11 +26,10 @@ def _verdict(found: dict[str, Any]) -> Table:
     table = Table(show_header=False, box=None, pad_edge=False)
     rate, misses, verdict = found["success_rate"], found["misses"], found["verdict"]
     table.add_row("verdict", f"[{COLOURS[verdict]}]{verdict}[/]")
-    window = rate["worst_window"]
     table.add_row(
         "success rate",
-        f"{rate['run']:.5f} of {found['ticks']} ticks; worst window of 100: "
-        f"{'-' if window is None else format(window, '.2f')}",
+        f"{known(rate['run'], '.5f')} of {found['ticks']} ticks; worst window of 100: "
+        f"{known(rate['worst_window'], '.2f')}",
     )
     table.add_row(
         "misses",
@@ -45,7 +44,7 @@ def _verdict(found: dict[str, Any]) -> Table:
             "host stalls",
             f"{stalls['n']}, together {stalls['total_ms']:.1f} ms, longest "
             f"{stalls['longest_ms']:.1f} ms; outside them {found['misses_outside_stalls']} misses, "
-            f"rate {'-' if outside is None else format(outside, '.5f')}",
+            f"rate {known(outside, '.5f')}",
         )
     guilty = ", ".join(f"{name} {count}" for name, count in found["guilty"].items())
     table.add_row("guilty", guilty or "nobody: no miss")

@@ -280,7 +280,7 @@ class _Watch:
             summary["realtime"] = [*summary["realtime"], *self._obtained]
             final["summary"] = {**summary, "dropped_records": dropped}
         self._reporter.send("final", final)
-        with os.fdopen(self._last_words_fd, "w") as stream, suppress(BrokenPipeError):
+        with suppress(BrokenPipeError), os.fdopen(self._last_words_fd, "w") as stream:
             json.dump(final, stream)
 
 

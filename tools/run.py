@@ -97,6 +97,7 @@ def run_realtime(
         work.start("emulator", as_yaml(emulator), files[0], folder, duration)
         work.start("controller", as_yaml(controller), files[1], folder, None)
         outcome = work.watch(duration)
+        outcome.summary |= {"interrupted": outcome.interrupted, "duration_s": duration}
     finally:
         work.stop()
         for claim in claims:
@@ -162,8 +163,10 @@ def run_lockstep(
         }
     summary["machine"] = machine_block()
     summary["transport"] = "in process, virtual time"
+    interrupted = should_stop is not None and should_stop()
+    summary |= {"interrupted": interrupted, "duration_s": duration}
     summary["log"] = str(folder) if folder else None
-    return Outcome(summary)
+    return Outcome(summary, interrupted)
 
 
 class _Services:

@@ -66,8 +66,8 @@ def show_summary(summary: dict[str, Any]) -> None:
     table.add_row("verdict", f"[{COLOURS[verdict]}]{verdict}[/]")
     table.add_row(
         "success rate",
-        f"{rate['run']:.5f} of {summary['ticks']} ticks; worst window of 100: "
-        f"{'-' if rate['worst_window'] is None else format(rate['worst_window'], '.2f')}",
+        f"{known(rate['run'], '.5f')} of {summary['ticks']} ticks; worst window of 100: "
+        f"{known(rate['worst_window'], '.2f')}",
     )
     table.add_row(
         "misses",
@@ -78,7 +78,7 @@ def show_summary(summary: dict[str, Any]) -> None:
         stalls = summary["host_stalls"]
         table.add_row(
             "outside stalls",
-            f"success rate {rate['outside_stalls']:.5f}, missed or skipped "
+            f"success rate {known(rate['outside_stalls'], '.5f')}, missed or skipped "
             f"{summary['misses_outside_stalls']}; the host stalled {stalls['n']} times, "
             f"{stalls['total_ms']:.0f} ms in all, {stalls['longest_ms']:.1f} ms at most",
         )
@@ -97,10 +97,12 @@ def show_summary(summary: dict[str, Any]) -> None:
             "lockstep",
             f"{lockstep['wall_s']:.2f} s, {lockstep['times_real_time']:.0f} times real time",
         )
-    for side, value in summary.get("payload_sha256", {}).items():
-        table.add_row(f"sha256 {side}", value)
+    if summary.get("interrupted"):
+        table.add_row("ended", f"by the user, before {summary['duration_s']:g} s had passed")
     table.add_row("log", str(summary["log"] or "none"))
     console.print(table)
+    for side, value in summary.get("payload_sha256", {}).items():
+        console.print(f"sha256 {side} {value}", soft_wrap=True)
     if summary.get("rtt_us", {}).get("n"):
         rows = {"RTT": summary["rtt_us"], "wake-up": summary["wakeup_us"]}
         rows |= {f"  {name}": stage for name, stage in summary["stages_us"].items()}
@@ -113,7 +115,7 @@ def durations_table(rows: dict[str, dict[str, Any]], jitter: dict[str, Any]) -> 
     table = Table(box=None, pad_edge=False, title="us", title_justify="left")
     table.add_column("")
     for name in _COLUMNS.values():
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", overflow="fold")
     for name, figures in rows.items():
         if figures["n"]:
             cells = [
@@ -141,6 +143,11 @@ def machine_line(found: dict[str, Any]) -> str:
 
 def _kinds(counts: dict[str, int]) -> str:
     return f" ({', '.join(f'{name} {n}' for name, n in counts.items())})" if counts else ""
+
+
+def known(value: float | None, form: str) -> str:
+    """A figure, or - where there is none."""
+    return "-" if value is None else format(value, form)
 
 
 def _three(figures: dict[str, Any]) -> str:

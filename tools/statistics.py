@@ -89,13 +89,11 @@ class RunStatistics:
         """The whole, as `run --json` prints it."""
         robot = self._summary or {}
         state = dict(zip(_STATE, self._state, strict=False))
-        run_rate = robot.get("run_rate", 0.0)
+        run_rate = robot.get("run_rate") if robot.get("asked") else None
         safe_stops = robot.get("safe_stops", 0)
         outside, outside_rate = self._outside(robot.get("in_time", 0))
         result: dict[str, Any] = {
-            "verdict": verdict(run_rate, safe_stop=safe_stops > 0)
-            if robot.get("asked")
-            else "unfit",
+            "verdict": "unfit" if run_rate is None else verdict(run_rate, safe_stop=safe_stops > 0),
             "ticks": robot.get("asked", 0),
             "skipped": self._skipped - (self._skipped_before or 0),
             "misses": {
@@ -135,7 +133,7 @@ class RunStatistics:
             return None, None
         self._stalls.judge(FOREVER)
         outside = self._stalls.outside
-        return outside, in_time / (in_time + outside) if in_time + outside else 1.0
+        return outside, in_time / (in_time + outside) if in_time + outside else None
 
     def _note_failures(self, mode: int, intended: int, actual: int, skipped: int) -> None:
         """Give the times of missed and skipped ticks to the judge of stalls."""

@@ -201,6 +201,14 @@ class TickTable:
         return stalled
 
     @property
+    def stalls_of_motion(self) -> list[Stall] | None:
+        """Stalls from the first tick that asked to the end of the last; None if unwatched."""
+        if self.stalls is None or not len(self):
+            return self.stalls
+        begin, end = int(self.intended[0]), int(self.end.max())
+        return [stall for stall in self.stalls if stall.end > begin and stall.start < end]
+
+    @property
     def misses_outside_stalls(self) -> int | None:
         """Ticks late, lost or skipped that overlap no stall of the host; None if unwatched."""
         if self.stalled is None:

@@ -103,22 +103,22 @@ class VelocityController(Controller):
         """Integrate `velocity` over one period.
 
         Raises:
-            BadProblemError: it has another length than the robot has joints.
+            BadProblemError: it is no array of float64 with as many values as the robot has joints.
         """
         command = self.command
         command.stamp_kinematics = self.now()
         u = self.velocity(state)
         start = state.q if self._from_measured else state.reference
-        active, beyond = self._euler_step(
-            start,
-            u,
-            self._dt,
-            self._lower,
-            self._upper,
-            self._fastest,
-            ACTIVE_SPEED,
-            command.values,
-        )
+        limits = self._lower, self._upper, self._fastest
+        try:
+            active, beyond = self._euler_step(
+                start, u, self._dt, *limits, ACTIVE_SPEED, command.values
+            )
+        except TypeError as error:
+            name = type(self).__name__
+            raise BadProblemError(
+                f"{name}.velocity gave {u!r:.60}, not a contiguous array of float64"
+            ) from error
         if active < 0:
             name, n = type(self).__name__, self.description.n
             raise BadProblemError(f"{name}.velocity gave {u.size} values for {n} joints")

@@ -19,6 +19,7 @@ from protocol.settings import (
     apply_overrides,
     load_yaml,
     parse,
+    parse_yaml,
 )
 
 
@@ -292,3 +293,20 @@ def test_an_override_that_cannot_be_is_told(override, key, problem):
     assert (caught.value.file, caught.value.key) == ("--set", key)
     assert problem in str(caught.value)
     assert caught.value.remedy
+
+
+@pytest.mark.parametrize(
+    "text", ["gamma: 0.1\ngamma: 0.9\n", "a: {b: 1, b: 2}\n", "'a': 1\na: 2\n"]
+)
+def test_a_key_that_stands_there_twice_is_refused_by_its_line(text):
+    with pytest.raises(ConfigError, match="stands there twice") as caught:
+        parse_yaml(text, "mine.yaml")
+    assert "line" in str(caught.value)
+    assert "mine.yaml" in str(caught.value)
+
+
+@pytest.mark.parametrize("endpoint", ["bar", "tcp/", "/127.0.0.1:7447", "tcp/a b", ""])
+def test_what_is_no_endpoint_is_refused(endpoint):
+    with pytest.raises(ConfigError, match=r"connect"):
+        parse(LinkSettings, {"connect": [endpoint]}, "mine.yaml")
+    parse(LinkSettings, {"connect": ["unixsock-stream//tmp/x", "tcp/[::1]:7447"]}, "mine.yaml")

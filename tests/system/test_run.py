@@ -96,7 +96,8 @@ def test_counts_are_those_of_the_log(run: Command, folder: Path) -> None:
     last = log.states()[-1]
     for name in ("late", "lost", "rejected", "duplicate", "out_of_order"):
         assert summary["misses"][name] == last[name]
-    assert summary["rtt_us"]["n"] == len(log.setpoints())
+    if not summary["safe_stops"]:  # after one, answers that nothing asked for are still recorded
+        assert summary["rtt_us"]["n"] == len(log.setpoints())
     assert summary["complete"]
 
 

@@ -9,6 +9,7 @@ from protocol.errors import UsageError
 from tools.report.content import read_content
 from tools.report.page import page
 from tools.report.sources import of_ours
+from tools.whole_file import whole_file
 
 
 def write_report(log: Path, out: Path | None = None) -> dict[str, Any]:
@@ -30,7 +31,8 @@ def write_report(log: Path, out: Path | None = None) -> dict[str, Any]:
         drawn = page(content)
     target = out or (log if log.is_dir() else log.parent) / "report.html"
     try:
-        target.write_text(drawn, encoding="utf-8", errors="replace")
+        with whole_file(target) as draft:
+            draft.write_text(drawn, encoding="utf-8", errors="replace")
     except OSError as error:
         reason = error.strerror or "no reason given"
         raise UsageError(
