@@ -135,7 +135,10 @@ def analyse_log(path: Path) -> dict[str, Any]:
     table = TickTable.from_run(path)
     log = Log.open(path, side="robot") if path.is_dir() else Log.open(path)
     if not table.asked.any():
-        raise LogError(f"{path}: no tick asked for an answer. Name the log of a robot that moved")
+        cut = f" The log is not complete: {log.missing}" if log.missing else ""
+        raise LogError(
+            f"{path}: no tick asked for an answer.{cut} Name the log of a robot that moved"
+        )
     machine = {name: json.loads(value) for name, value in log.metadata.get("machine", {}).items()}
     return {
         **tick_figures([table]),

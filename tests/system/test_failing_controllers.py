@@ -64,6 +64,23 @@ def test_a_controller_that_raises(tmp_path: Path, mode: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("failure", "error"),
+    [
+        ("raise SystemExit(0)", "SystemExit: 0 (failing_law.py, line 12)"),
+        ("return None", "Fails.velocity gave None, not a contiguous array of float64"),
+    ],
+)
+def test_a_controller_that_ends_everything_or_gives_nothing(
+    tmp_path: Path, failure: str, error: str
+) -> None:
+    controller = law(tmp_path, failure)
+    run = hoap3("run", "--lockstep", "--controller", controller, "--out", tmp_path / "log")
+    assert run.end() == 1
+    assert error in run.stderr
+    assert_at_rest(Log.open(tmp_path / "log", side="robot"))
+
+
+@pytest.mark.parametrize(
     "mode", ["--lockstep", pytest.param("--no-realtime", marks=pytest.mark.long)]
 )
 def test_a_controller_that_answers_nan(tmp_path: Path, mode: str) -> None:
