@@ -36,7 +36,7 @@ def slow_cycles(ticks: TickTable, stage: str, busy_ms: float) -> list[int]:
     return [int(tick) for tick in ticks.tick[met & ticks.missed]]
 
 
-@pytest.mark.parametrize("stage", ["solve", "encode"])
+@pytest.mark.parametrize("stage", ["solve", pytest.param("encode", marks=pytest.mark.long)])
 def test_a_busy_stage_answers_for_the_ticks_that_it_cost(tmp_path, stage):
     ticks = run(tmp_path / "log", 2, 250, 5.0, stage)
     guilty, slow = ticks.guilty(), slow_cycles(ticks, stage, 5.0)
@@ -86,8 +86,8 @@ def held_up(folder: Path, seconds: float) -> list[str]:
 
 
 def test_a_link_that_delivers_late_answers_for_what_it_held(tmp_path):
-    named = held_up(tmp_path / "log", 3.0)
-    assert len(named) > 3
+    named = held_up(tmp_path / "log", 1.5)
+    assert len(named) > 1
     assert named.count("network") > len(named) / 2
 
 
