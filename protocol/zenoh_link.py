@@ -13,6 +13,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterable, Sequence
+from queue import SimpleQueue
 from typing import Any
 
 os.environ.setdefault(
@@ -30,6 +31,8 @@ from protocol.zenoh_sockets import forbid_lingering
 
 BACKLOG = 1024
 QUERY_TIMEOUT_S = 2.0
+DROP_US = 100
+"""How long a State waits for room on its way to a peer that takes nothing: at each tick."""
 
 
 def key(robot: str, leaf: str) -> str:
@@ -60,7 +63,12 @@ def open_session(settings: LinkSettings) -> zenoh.Session:
         },
         "transport": {
             "shared_memory": {"enabled": False},
-            "link": {"tx": {"lease": settings.lease_ms}},
+            "link": {
+                "tx": {
+                    "lease": settings.lease_ms,
+                    "queue": {"congestion_control": {"drop": {"wait_before_drop": DROP_US}}},
+                }
+            },
         },
     }
     try:
@@ -88,6 +96,7 @@ class ZenohRobotLink:
 
     One thread of Python's blocks in `recv` and stamps what arrives; everything else happens in
     the loop, which polls. A query or a vanished client costs the loop nothing until it comes.
+    Answers are sent by a thread of their own: who asks and then freezes, holds up that one alone.
 
     Args:
         robot: name of the robot.
@@ -126,8 +135,13 @@ class ZenohRobotLink:
             session.close()
             raise
         self._arrived: deque[Arrival] = deque(maxlen=BACKLOG)
-        self._thread = threading.Thread(target=self._receive, name="receive", daemon=True)
-        self._thread.start()
+        self._answers: SimpleQueue[tuple[zenoh.Query, bytes] | None] = SimpleQueue()
+        self._threads = [
+            threading.Thread(target=work, name=work.__name__.strip("_"), daemon=True)
+            for work in (self._receive, self._answer)
+        ]
+        for thread in self._threads:
+            thread.start()
 
     def publish(self, state: bytes) -> None:
         """Send a State."""
@@ -143,18 +157,21 @@ class ZenohRobotLink:
         return [arrived.popleft() for _ in range(len(arrived))]
 
     def requests(self) -> Iterable[Request]:
-        """Queries and vanished clients."""
-        while (query := self._queries.try_recv()) is not None:
-            yield _request(query)
+        """Vanished clients, then queries."""
         while (sample := self._clients.try_recv()) is not None:
             if sample.kind == zenoh.SampleKind.DELETE:
                 who = _identity(_leaf(sample.key_expr).encode())
                 yield Request("gone", who, lambda _: None)
+        while (query := self._queries.try_recv()) is not None:
+            yield self._request(query)
 
     def close(self) -> None:
-        """Leave the network; the receive thread ends with the session."""
+        """Leave the network, after the answers that are due; the threads end with it."""
+        self._answers.put(None)
+        self._threads[1].join(timeout=0.5)  # it may wait for somebody who froze
         self._session.close()
-        self._thread.join(timeout=2.0)
+        for thread in self._threads:
+            thread.join(timeout=2.0)
 
     def _receive(self) -> None:
         receive, arrived, now = self._setpoints.recv, self._arrived.append, time.monotonic_ns
@@ -166,6 +183,24 @@ class ZenohRobotLink:
                 signal()
         except zenoh.ZError:
             return  # the session was closed
+
+    def _answer(self) -> None:
+        while (due := self._answers.get()) is not None:
+            with contextlib.suppress(zenoh.ZError):  # who asked may be gone
+                self._reply(*due)
+
+    @staticmethod
+    def _reply(query: zenoh.Query, payload: bytes) -> None:
+        with query:
+            query.reply(query.key_expr, payload)
+
+    def _request(self, query: zenoh.Query) -> Request:
+        def answer(content: dict[str, Any] | bytes) -> None:
+            payload = content if isinstance(content, bytes) else json.dumps(content).encode()
+            self._answers.put((query, payload))
+
+        who = _identity(query.payload.to_bytes()) if query.payload else ""
+        return Request(_leaf(query.key_expr), who, answer)
 
 
 class ZenohControllerLink:
@@ -286,13 +321,3 @@ def _leaf(expression: Any) -> str:
 def _identity(name: bytes) -> str:
     """Name of a client, cut alike wherever it comes from."""
     return name[:64].decode("utf-8", "replace")
-
-
-def _request(query: zenoh.Query) -> Request:
-    def answer(content: dict[str, Any] | bytes) -> None:
-        payload = content if isinstance(content, bytes) else json.dumps(content).encode()
-        with query:
-            query.reply(query.key_expr, payload)
-
-    who = _identity(query.payload.to_bytes()) if query.payload else ""
-    return Request(_leaf(query.key_expr), who, answer)

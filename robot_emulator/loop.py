@@ -189,6 +189,8 @@ class RobotLoop:
             return
         in_time = self.inbox.judge(self._asked_tick)
         self._asked_tick = -1
+        if self.mode != State.ACTIVE:
+            return  # it was told to stop in this very tick
         if not in_time and self.inbox.deadlines.run >= self._config.misses_to_stop:
             self.stop("REASON_MISSES")
 

@@ -31,7 +31,7 @@ from tools.latency_links import LinkPair, link
 from tools.latency_nodes import NullController
 from tools.log import Log
 from tools.machine import machine_block
-from tools.placement import claim_cpus
+from tools.placement import placed
 from tools.run import run_realtime
 from tools.services import watched_cpus
 from tools.stalls import StallMonitor
@@ -245,17 +245,15 @@ def _placement(plan: Plan) -> Iterator[tuple[RealtimeSettings, RealtimeSettings]
         plain = RealtimeSettings(policy="none", cpu="none", lock_memory=False)
         yield plain, plain
         return
-    claims = claim_cpus(plan.emulator.realtime, RealtimeSettings())
+    robot, controller, claims = placed(plan.emulator.realtime, RealtimeSettings())
     try:
-        if not claims:
+        if controller.cpu == "auto":
             allowed = sorted(os.sched_getaffinity(0))
             raise UsageError(
                 f"every allowed CPU ({', '.join(map(str, allowed))}) is claimed by another run: "
                 "the figures would be those of both. Wait for its end, or use --no-realtime"
             )
-        emulator = plan.emulator.realtime.model_copy(update={"cpu": claims[0].cpu})
-        controller = RealtimeSettings(cpu=claims[-1].cpu)
-        yield emulator, controller
+        yield robot, controller
     finally:
         for claim in claims:
             claim.release()

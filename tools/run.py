@@ -23,7 +23,7 @@ from robot_emulator.service import describe
 from tools.log import Log, payload_hash
 from tools.machine import machine_block
 from tools.observer import Observer
-from tools.placement import claim_cpus
+from tools.placement import placed
 from tools.processes import StopFlag, start_service
 from tools.services import as_yaml, observer_for, run_folder, watched_cpus
 
@@ -76,11 +76,10 @@ def run_realtime(
     description = describe(emulator, files[0])
     log = emulator.log if out is None else emulator.log.model_copy(update={"directory": str(out)})
     folder = run_folder(log, exact=out is not None)
-    claims = claim_cpus(emulator.realtime, controller.realtime)
-    cpus = [claim.cpu for claim in claims]
+    ours, theirs, claims = placed(emulator.realtime, controller.realtime)
+    ours, theirs = _watched(ours, theirs)
     endpoint = f"tcp/127.0.0.1:{_free_port()}"
     here, there = links or ({"listen": (endpoint,)}, {"connect": (endpoint,)})
-    ours, theirs = _realtime(emulator.realtime, controller.realtime, cpus)
     emulator = emulator.model_copy(
         update={"link": emulator.link.model_copy(update=here), "realtime": ours}
     )
@@ -271,11 +270,10 @@ class _Services:
         return f"{what}; last heard: {self.said[-1]}" if self.said else what
 
 
-def _realtime(
-    robot: RealtimeSettings, controller: RealtimeSettings, cpus: list[int]
+def _watched(
+    robot: RealtimeSettings, controller: RealtimeSettings
 ) -> tuple[RealtimeSettings, RealtimeSettings]:
-    """Settings of both sides: their CPUs, and the robot's observer watches all of them."""
-    robot, controller = _pinned(robot, cpus[:1]), _pinned(controller, cpus[-1:])
+    """Settings of both sides: the robot's observer watches the CPUs of both."""
     watched = {*watched_cpus(robot), *watched_cpus(controller)}
     if robot.watch_stalls == "none" or not watched:
         return robot, controller.model_copy(update={"watch_stalls": "none"})
@@ -283,12 +281,6 @@ def _realtime(
         robot.model_copy(update={"watch_stalls": tuple(sorted(watched))}),
         controller.model_copy(update={"watch_stalls": "none"}),
     )
-
-
-def _pinned(settings: RealtimeSettings, cpus: list[int]) -> RealtimeSettings:
-    if settings.cpu != "auto" or not cpus:
-        return settings  # with none left, the service itself says so
-    return settings.model_copy(update={"cpu": cpus[0]})
 
 
 def _free_port() -> int:

@@ -91,11 +91,16 @@ class RunStatistics:
         state = dict(zip(_STATE, self._state, strict=False))
         run_rate = robot.get("run_rate") if robot.get("asked") else None
         safe_stops = robot.get("safe_stops", 0)
+        skipped = self._skipped - (self._skipped_before or 0)
         outside, outside_rate = self._outside(robot.get("in_time", 0))
         result: dict[str, Any] = {
-            "verdict": "unfit" if run_rate is None else verdict(run_rate, safe_stop=safe_stops > 0),
+            "verdict": "unfit"
+            if run_rate is None
+            else verdict(
+                robot.get("in_time", 0) / (robot["asked"] + skipped), safe_stop=safe_stops > 0
+            ),
             "ticks": robot.get("asked", 0),
-            "skipped": self._skipped - (self._skipped_before or 0),
+            "skipped": skipped,
             "misses": {
                 "late": state.get("late", 0),
                 "lost": state.get("lost", 0),
@@ -144,7 +149,10 @@ class RunStatistics:
             if missed > 0:
                 self._stalls.failed(before, before + missed * period, missed)
             if skipped > self._skipped and mode == State.ACTIVE:
-                self._stalls.failed(before + period, actual, skipped - self._skipped)
+                more = skipped - self._skipped
+                for tick in range(1, more):
+                    self._stalls.failed(before + tick * period, before + (tick + 1) * period, 1)
+                self._stalls.failed(before + more * period, actual, 1)
         self._intended = intended if mode == State.ACTIVE else None
 
     def _note_motion(self, moves: bool, intended: int) -> None:
@@ -190,3 +198,9 @@ class RunStatistics:
         if self._encoded is not None and self._encoded[0] == tick - 1:
             self.stages["send"].add(sent_previous - self._encoded[1], tick - 1)
         self._encoded = (tick, encoded)
+
+
+def _share(robot: dict[str, Any], skipped: int) -> float:
+    """In time among the ticks that asked and those that were slept through."""
+    scheduled = robot.get("asked", 0) + skipped
+    return float(robot.get("in_time", 0) / scheduled) if robot.get("asked") else 0.0

@@ -54,7 +54,7 @@ class TickTable:
         refused: a setpoint came that names this tick, and the robot did not take it.
         outcome: IN_TIME, LATE, LOST or SKIPPED.
         begin, end: the time in which a stall of the host makes a miss the host's: from intended
-            start to deadline; for skipped ticks, from the first of them until the robot woke.
+            start to deadline; for the last of several that were skipped, until the robot woke.
         cycles: of the controller.
         cycle: place of the tick in `cycles`, -1 where the controller had none that we know of.
         stalls: of the host, of all CPUs, by their begin; None where nobody watched.
@@ -124,8 +124,12 @@ class TickTable:
             "arrival": none,
             "refused": np.zeros(len(skipped), bool),
             "outcome": np.full(len(skipped), SKIPPED),
-            "begin": states["stamp_intended"][at - 1] + period,
-            "end": states["stamp_actual"][at],
+            "begin": states["stamp_intended"][at] - back * period,
+            "end": np.where(
+                back > 1,
+                states["stamp_intended"][at] - (back - 1) * period,
+                states["stamp_actual"][at],
+            ),
         }
         whole = {name: np.concatenate([rows[name][known], more[name]]) for name in rows}
         order = np.argsort(whole["tick"], kind="stable")

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from robot_bench import Bench
 
 from protocol.messages import State
+from robot_emulator.loop import REQUESTS_PER_TICK
 
 
 def test_a_grant_holds_from_its_tick_on_and_the_second_asker_is_told_the_holder():
@@ -156,3 +158,57 @@ def test_an_answer_to_an_earlier_holder_is_not_followed_under_the_next_one():
     bench.robot.inbox.accept(bench.clock.now(), late[0], bench.robot.tick)
     bench.run(3)
     np.testing.assert_array_equal(bench.states()[-1].reference, before)
+
+
+def test_after_a_recovery_the_holder_is_followed_once_the_grace_period_is_over():
+    bench = Bench(grace=20)
+    bench.link.ask("acquire", "alice")
+    bench.run(40)
+    bench.link.ask("stop", "operator")
+    bench.run(10)
+    bench.link.ask("recover", "operator")
+    recovered = bench.run(1).tick
+    bench.run(30)
+    active = [state.tick for state in bench.states() if state.mode == State.ACTIVE]
+    assert min(tick for tick in active if tick > recovered) == recovered + 20
+
+
+def test_no_more_than_some_requests_are_served_in_a_tick():
+    bench = Bench()
+    bench.robot._requests_per_tick = REQUESTS_PER_TICK  # as in real time
+    answers = [bench.link.ask("status", "many") for _ in range(3 * REQUESTS_PER_TICK)]
+    bench.run(1)
+    assert sum(map(bool, answers)) == REQUESTS_PER_TICK
+
+
+def test_a_release_in_the_tick_of_the_last_miss_is_a_release():
+    bench = Bench(lambda tick, answer: [] if tick >= 50 else [(1000, answer)], misses_to_stop=20)
+    bench.link.ask("acquire", "alice")
+    bench.speed[:] = 1.0
+    bench.run(70)
+    bench.link.ask("release", "alice")
+    state = bench.run(100)
+    assert state.mode == State.IDLE
+    assert bench.robot.safe_stops == 0
+
+
+@pytest.mark.parametrize("policy", ["hold", "extrapolate"])
+def test_after_a_recovery_nothing_is_remembered_of_the_motion_before(policy):
+    """Also where not one answer comes any more: the old target is not gone on to."""
+    lost = {"from": 10**9}
+    bench = Bench(
+        lambda tick, answer: [] if tick >= lost["from"] else [(1000, answer)],
+        loss_policy=policy,
+        misses_to_stop=1000,
+    )
+    bench.link.ask("acquire", "alice")
+    bench.speed[:] = 1.0
+    bench.run(50)
+    bench.link.ask("stop", "operator")
+    stopped = bench.run(100)
+    assert stopped.epoch == 0
+    lost["from"] = stopped.tick
+    bench.link.ask("recover", "operator")
+    state = bench.run(50)
+    assert state.mode == State.ACTIVE
+    np.testing.assert_array_equal(state.reference, stopped.reference)

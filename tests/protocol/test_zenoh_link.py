@@ -7,6 +7,7 @@ import os
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -264,11 +265,33 @@ def test_no_robot_is_no_presence_and_no_answer(network):
     assert link.ask("description", timeout_s=0.05) is None
 
 
-def test_closing_the_robot_ends_its_receive_thread(network):
+def test_closing_the_robot_ends_its_threads(network):
     robot, _ = network.pair()
-    assert robot._thread.is_alive()
+    assert all(thread.is_alive() for thread in robot._threads)
     robot.close()
-    assert not robot._thread.is_alive()
+    assert not any(thread.is_alive() for thread in robot._threads)
+
+
+def test_who_asks_and_takes_no_answer_holds_nobody_up(network, monkeypatch):
+    """The loop hands an answer over; who waits for it to leave is another thread."""
+    robot, controller = network.pair()
+    held, free = threading.Event(), threading.Event()
+    reply = robot._reply
+
+    def stuck(query, payload):
+        held.set()
+        free.wait(PATIENCE_S)
+        reply(query, payload)
+
+    monkeypatch.setattr(robot, "_reply", stuck)
+    asked = network.start(controller.ask, "status", PATIENCE_S)
+    request = eventually(lambda: next(iter(robot.requests()), None))
+    request.answer({"mode": "idle"})
+    assert held.wait(PATIENCE_S)
+    robot.publish(b"state")
+    assert next_state(controller)[1] == b"state"
+    free.set()
+    assert json.loads(asked.result(PATIENCE_S)) == {"mode": "idle"}
 
 
 def test_a_second_robot_of_the_same_name_is_refused_and_leaves_nothing_behind(network):

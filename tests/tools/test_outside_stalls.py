@@ -108,6 +108,26 @@ def test_skipped_ticks_count_as_misses_unless_a_stall_covers_them():
     assert robot.summary(in_time=3) == (3, 0.5)
 
 
+def test_a_short_stall_does_not_excuse_a_long_sleep():
+    stalls = watching((START + 2000 * T + 600_000, START + 2000 * T + 800_000))
+    stalls.take()
+    robot = Robot(stalls)
+    robot.tick(0)
+    robot.tick(5001, skipped=5000)
+    assert robot.summary(in_time=1)[0] == 4999
+
+
+def test_skipped_ticks_count_in_the_verdict():
+    robot = Robot(watching())
+    robot.tick(0)
+    robot.tick(20, skipped=19)
+    count = b'{"asked": 100, "in_time": 100, "run_rate": 1.0}'
+    robot.statistics.add(Record(Kind.SUMMARY, 0, count))
+    summary = robot.statistics.summary()
+    assert summary["success_rate"]["run"] == 1.0
+    assert summary["verdict"] == "unfit"  # 100 of 119
+
+
 def test_only_stalls_of_the_motion_are_counted():
     stalls = watching(
         (START - 3 * T, START - 2 * T),
