@@ -65,8 +65,13 @@ class OutsideStalls:
         self._failures.append(_Failure(start, end, ticks))
 
     def judge(self, now: int) -> None:
-        """Judge what ended long enough before `now` [ns]."""
-        while self._failures and self._failures[0].end + PATIENCE_NS <= now:
+        """Judge what ended long enough before `now` [ns]; a CPU that is still away is waited for.
+
+        `FOREVER` ends all waiting.
+        """
+        known = min((log.seen for log in self._logs.values()), default=now)
+        limit = now if now == FOREVER else min(now - PATIENCE_NS, known - PATIENCE_NS)
+        while self._failures and self._failures[0].end <= limit:
             time = self._failures.popleft()
             if any(overlapping(found, time.start, time.end) for found in self._recent.values()):
                 self.hosts += time.ticks

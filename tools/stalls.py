@@ -35,7 +35,7 @@ THRESHOLD_NS = 150_000
 CAPACITY = 65_536  # stalls; what is not taken before so many more is overwritten
 PRIORITY = 99
 LOOK_EVERY = 200  # periods between two looks at whether anybody still wants to know
-_HEADER = 8  # int64 words: how many, whether it runs, whether its CPU is awake, then unused
+_HEADER = 8  # int64 words: how many, whether it runs, is kept awake, last seen; then unused
 _PR_SET_TIMERSLACK = 29
 
 Words = npt.NDArray[np.int64]
@@ -74,6 +74,15 @@ class StallLog:
         at = _HEADER + 2 * (count % CAPACITY)
         self._words[at], self._words[at + 1] = start, end
         self._words[0] = count + 1  # after its content
+
+    def see(self, now: int) -> None:
+        """Say that the CPU was there, and that all before is noted."""
+        self._words[3] = now
+
+    @property
+    def seen(self) -> int:
+        """Until when the stalls are known [ns]."""
+        return int(self._words[3])
 
     def begin(self, *, awake: bool = False) -> None:
         """Say that the monitor runs, with the rights that it needs, and keeps its CPU awake."""
@@ -184,6 +193,7 @@ def watch(log: StallLog, wanted: Callable[[], bool], clock: Clock) -> None:
                 log.note(due, woke)
                 due += (woke - due) // GRID_NS * GRID_NS
             due += GRID_NS
+            log.see(woke)
 
 
 def _rise_above_all(cpu: int) -> bool:

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 
 from tools.awake import kept_awake, may_keep_awake
+
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
@@ -15,30 +21,55 @@ def setting(tmp_path):
     return path
 
 
+def awake(folder):
+    return kept_awake(3, folder, folder)
+
+
 def test_it_is_awake_for_so_long_and_what_was_set_before_comes_back(setting, tmp_path):
-    with kept_awake(3, tmp_path) as refusal:
+    with awake(tmp_path) as refusal:
         assert refusal == ""
         assert setting.read_text() == "n/a"
     assert setting.read_text() == "40"
 
 
 def test_it_comes_back_after_an_error_too(setting, tmp_path):
-    with pytest.raises(RuntimeError), kept_awake(3, tmp_path):
+    with pytest.raises(RuntimeError), awake(tmp_path):
         raise RuntimeError
     assert setting.read_text() == "40"
 
 
-def test_of_two_that_overlap_the_last_leaves_what_the_first_found(setting, tmp_path):
-    first, second = kept_awake(3, tmp_path), kept_awake(3, tmp_path)
+def test_of_two_that_overlap_the_last_one_lets_it_sleep(setting, tmp_path):
+    first, second = awake(tmp_path), awake(tmp_path)
     first.__enter__()
     second.__enter__()
     first.__exit__(None, None, None)
+    assert setting.read_text() == "n/a"
     second.__exit__(None, None, None)
     assert setting.read_text() == "40"
 
 
+def test_what_a_killed_one_left_is_mended_by_the_next(setting, tmp_path):
+    code = (
+        "import os, pathlib, signal, sys\n"
+        "from tools.awake import kept_awake\n"
+        "folder = pathlib.Path(sys.argv[1])\n"
+        "held = kept_awake(3, folder, folder)\n"
+        "held.__enter__()\n"
+        "os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=False, cwd=ROOT)
+    assert setting.read_text() == "n/a"
+    with awake(tmp_path):
+        assert setting.read_text() == "n/a"
+    assert setting.read_text() == "40"
+    setting.write_text("7")  # and it is not remembered for ever
+    with awake(tmp_path):
+        pass
+    assert setting.read_text() == "7"
+
+
 def test_a_refusal_says_what_it_takes(tmp_path):
-    with kept_awake(7, tmp_path) as refusal:
+    with kept_awake(7, tmp_path, tmp_path) as refusal:
         assert "No such file" in refusal
         assert "takes root" in refusal
 

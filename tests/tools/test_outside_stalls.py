@@ -6,7 +6,7 @@ import pytest
 
 from protocol.messages import State
 from protocol.ring import Kind, Record
-from tools.outside import PATIENCE_NS, OutsideStalls
+from tools.outside import FOREVER, PATIENCE_NS, OutsideStalls
 from tools.stalls import GRID_NS, StallLog
 from tools.statistics import RunStatistics
 
@@ -14,10 +14,11 @@ T = 1_000_000
 START = 50 * T
 
 
-def watching(*stalls, runs=True):
+def watching(*stalls, runs=True, seen=FOREVER):
     log = StallLog()
     if runs:
         log.begin()
+        log.see(seen)
     for start, end in stalls:
         log.note(start, end)
     return OutsideStalls({1: log})
@@ -44,13 +45,26 @@ def test_nothing_is_judged_before_the_monitor_had_time_to_tell():
     assert (stalls.hosts, stalls.outside) == (0, 1)
 
 
+def test_a_cpu_that_is_away_is_waited_for_however_long():
+    stalls = watching(seen=T)
+    for tick in range(1, 3001):
+        stalls.failed(tick * T, (tick + 1) * T, 1)
+    stalls.judge(10_000 * T)
+    assert (stalls.hosts, stalls.outside) == (0, 0)
+    stalls._logs[1].note(T, 3001 * T)  # it is back, and tells
+    stalls._logs[1].see(10_000 * T)
+    stalls.take()
+    stalls.judge(10_000 * T)
+    assert (stalls.hosts, stalls.outside) == (3000, 0)
+
+
 def test_stalls_are_forgotten_only_when_they_are_old():
     stalls = watching((T, 2 * T))
     stalls.take()
     for minute in range(1, 4):
         stalls.judge(minute * 60_000 * T)
     stalls.failed(T, 2 * T, 1)
-    stalls.judge(1 << 62)
+    stalls.judge(FOREVER)
     assert (stalls.hosts, stalls.outside) == (0, 1)
 
 
