@@ -16,6 +16,10 @@ from remote_controller.registry import blame
 EVENTS = Event.schema.constants
 
 
+DOUBTS = 100
+"""States in a row that do not fit what was agreed, after which it is agreed anew."""
+
+
 def failure(controller: Controller, what: str, error: BaseException) -> Hoap3Error:
     """One clear error for whatever a controller raised; wrong usage stays what it is."""
     if isinstance(error, UsageError):
@@ -38,7 +42,8 @@ class ControllerLoop:
     Attributes:
         epoch: authority under which it answers, 0 for none.
         answered, overwritten, repeated, rejected: counts of States.
-        stale: a State of another session came: the robot has been started anew.
+        stale: the robot has been started anew, or no longer follows us, or its ticks have gone
+            back: it is to be asked anew.
     """
 
     def __init__(
@@ -54,6 +59,7 @@ class ControllerLoop:
         self.epoch = 0
         self.answered = self.overwritten = self.repeated = self.rejected = 0
         self.stale = False
+        self._strange = 0  # States in a row that do not fit what was agreed
         self._last_tick = -1
         self._last_answer: bytes | None = None
         self._engaged = self._started = False
@@ -98,11 +104,13 @@ class ControllerLoop:
             return None
         if state.tick <= self._last_tick:
             self.repeated += 1
+            self._doubt(state.tick < self._last_tick)
             return self._last_answer if state.tick == self._last_tick else None
         if isinstance(self._clock, VirtualClock):  # lockstep: the robot's time is the time
             self._clock.sleep_until(state.stamp_published)
             received = self._clock.now()
         decoded = self._clock.now()
+        self._doubt(self._forgotten(state))
         self._note_gap(state.tick)
         self._unrecorded.append((Kind.STATE, received, payload))
         asked = state.mode == State.ACTIVE and state.epoch == self.epoch != 0
@@ -127,6 +135,17 @@ class ControllerLoop:
         self._unrecorded.append((Kind.SETPOINT, command.stamp_encoded, self._last_answer))
         self.answered += 1
         return self._last_answer
+
+    def _forgotten(self, state: State) -> bool:
+        """Whether the robot follows nobody, or somebody else, though it granted us authority."""
+        if state.epoch == self.epoch or not self.epoch:
+            return False
+        return state.epoch != 0 or state.epoch_from_tick == 0
+
+    def _doubt(self, strange: bool) -> None:
+        """One such State may be old, or forged; many in a row are not."""
+        self._strange = self._strange + 1 if strange else 0
+        self.stale = self.stale or self._strange >= DOUBTS
 
     def sent(self) -> None:
         """The answer is on its way: now there is time to record what was done."""

@@ -170,4 +170,5 @@ class Service:
         else:
             return
         loop.announce("ROBOT_LOST", loop.last_tick)
-        self._report(f"robot {link.robot!r} is gone")
+        gone = "no longer follows us" if loop.stale else "is gone"
+        self._report(f"robot {link.robot!r} {gone}")

@@ -14,7 +14,7 @@ from protocol.recorder import MemoryRecorder
 from protocol.ring import Kind
 from protocol.settings import Settings
 from remote_controller.controllers.controller import Controller
-from remote_controller.loop import ControllerLoop
+from remote_controller.loop import DOUBTS, ControllerLoop
 
 SESSION = 7
 RESET = Event.schema.constants["RESET"]
@@ -115,6 +115,35 @@ def test_a_state_of_another_session_makes_the_loop_stale():
     assert bench.answer(bench.state(6, session_id=8)) is None
     assert bench.loop.stale
     assert bench.controller.steps == [5]
+
+
+def test_ticks_that_stay_behind_a_forged_one_make_the_loop_stale():
+    bench = Bench()
+    bench.answer(bench.state(5))
+    bench.answer(bench.state(1 << 40))
+    for tick in range(6, 6 + DOUBTS - 1):
+        assert bench.answer(bench.state(tick)) is None
+        assert not bench.loop.stale
+    bench.answer(bench.state(6 + DOUBTS))
+    assert bench.loop.stale
+
+
+@pytest.mark.parametrize("changes", [{"epoch": 0, "mode": State.IDLE}, {"epoch": 2}])
+def test_a_robot_that_follows_us_no_longer_makes_the_loop_stale(changes):
+    bench = Bench()
+    bench.answer(bench.state(5))
+    for tick in range(6, 6 + DOUBTS - 1):
+        bench.answer(bench.state(tick, **changes))
+        assert not bench.loop.stale
+    bench.answer(bench.state(6 + DOUBTS, **changes))
+    assert bench.loop.stale
+
+
+def test_a_robot_that_stands_still_for_us_is_waited_for():
+    bench = Bench()
+    for tick in range(5, 5 + 3 * DOUBTS):
+        bench.answer(bench.state(tick, epoch=0, epoch_from_tick=5, mode=State.STOPPED))
+    assert not bench.loop.stale
 
 
 def test_states_that_never_came_are_counted():
