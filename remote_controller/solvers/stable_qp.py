@@ -12,7 +12,8 @@ solve. The way to the answer, cheapest first:
    rows, it is the answer.
 2. The QP with ρ = 1, by daqp.
 3. If that has no solution, the LP (7), which is then bounded, and the QP with ρ a little below ρ*
-   (by 1e-9 of it): at ρ* itself the feasible set is a point, which rounding may remove.
+   (by 1e-9 of it): at ρ* itself the feasible set is a point, which rounding may remove. While ρ
+   stays below 1, the LP comes first at the next solves: that changes their time, not their answer.
 
 Each answer comes with a KKT residual that is computed from the multipliers, not by the solver.
 
@@ -55,6 +56,7 @@ RHO, RESIDUAL = 1, 3  # places in the results of `stable_kernels`
 NO_BOUND = 1e30
 ROUNDING = 1e-14  # of ρ
 PROXIMAL_STEPS = 10
+CLOSE = 1e-9  # rates, divided by top, that rounding may take for each other
 ATTEMPTS = ((1e-9, 1e-11), (1e-9, 1e-8), (1e-7, 1e-8), (1e-5, 1e-8), (1e-3, 1e-8))
 """How far to stay inside the feasible rates, relative, and daqp's tolerance, in units of W u."""
 
@@ -136,6 +138,7 @@ class StableQp:
         self._keep_rho, self._kept = keep_rho, 1.0
         self._rho, self._box = kernels.find_rho_kernel, box_rho_kernel
         self._result, self._reached = np.zeros(4), False
+        self._limited = False  # whether the last QP had to go below the ρ it was asked for
         self._size = np.array([n, m, k])
         self.u = np.zeros(n)
         self.path, self.status = STILL, status.UNSOLVED
@@ -301,11 +304,16 @@ class StableQp:
                 self._give_up(self._steepest.fall()[0])
             return
         wanted = asked / top
-        if abs(wanted) < NO_BOUND and self._run(wanted, ATTEMPTS[0][1]):
+        possible = abs(wanted) < NO_BOUND
+        if possible and not self._limited and self._run(wanted, ATTEMPTS[0][1]):
             self._reached = self._equality
             return
         found, best = self._steepest.fall()
-        inwards = -1.0
+        enough = best >= wanted - CLOSE * (1.0 + abs(wanted))
+        if possible and self._limited and enough and self._run(wanted, ATTEMPTS[0][1]):
+            self._reached, self._limited = self._equality, False
+            return
+        self._limited, inwards = True, -1.0
         if best >= wanted:  # rounding misled the QP, or the rates end on the other side
             reserve = best - wanted
             found, rise = self._steepest.fall(-1.0)
