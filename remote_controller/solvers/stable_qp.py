@@ -42,20 +42,22 @@ from numpy.typing import ArrayLike, NDArray
 from protocol.errors import BadProblemError
 from remote_controller.solvers import status
 from remote_controller.solvers.arrays import KERNEL_ARRAYS
-from remote_controller.solvers.qp_backends import EQUATION, Program, backend
+from remote_controller.solvers.stable_program import (
+    MOST_GAMMA,
+    NO_BOUND,
+    NORM,
+    SQUARES,
+    StableProgram,
+    kind_of,
+)
 from remote_controller.solvers.steepest import Steepest
 
 Array = NDArray[np.float64]
 
 PATHS = ("still", "free", "clamped", "qp")
 STILL, FREE, CLAMPED, QP = range(4)
-NORM, MAXIMUM, SQUARES = range(3)
-SMALL_SQUARES = 1e-6  # weight of ½|u|² beside ℓ1, ℓ∞ and least squares: makes u unique
-MOST_GAMMA = 1.0 / (1.0 + SMALL_SQUARES)
 RHO, RESIDUAL = 1, 3  # places in the results of `stable_kernels`
-NO_BOUND = 1e30
 ROUNDING = 1e-14  # of ρ
-PROXIMAL_STEPS = 10
 CLOSE = 1e-9  # rates, divided by top, that rounding may take for each other
 ATTEMPTS = ((1e-9, 1e-11), (1e-9, 1e-8), (1e-7, 1e-8), (1e-5, 1e-8), (1e-3, 1e-8))
 """How far to stay inside the feasible rates, relative, and daqp's tolerance, in units of W u."""
@@ -111,10 +113,10 @@ class StableQp:
         from remote_controller.solvers import stable_kernels as kernels  # noqa: PLC0415 (compiles)
         from remote_controller.solvers.bounded_qp12_kernels import box_rho_kernel  # noqa: PLC0415
 
-        self._cheap, self._residual = kernels.cheap_kernel, kernels.residual_kernel
+        self._cheap = kernels.cheap_kernel
         self._finish, self._verdict = kernels.finish_kernel, kernels.rate_status_kernel
         self.n, self.m, self.k = n, m, k
-        self._kind, gamma = _kind(objective, gamma)
+        self._kind, gamma = kind_of(objective, gamma)
         self.gamma = gamma
         if lyapunov not in ("equality", "descent"):
             raise BadProblemError(f"lyapunov must be 'equality' or 'descent' (found {lyapunov!r}).")
@@ -131,9 +133,9 @@ class StableQp:
         self.weights = self._work[0]
         self.weights[:] = self._steepest.weights
         self._steepest.weights = self.weights
-        self._program = _program(self._kind, self._steepest)
-        self._attempt = backend(solver, self._program)
-        self._y, self._pull, self._wanted = np.zeros(n), np.zeros(n), np.zeros(n)
+        self._program = StableProgram(
+            self._kind, self._steepest, equality=self._equality, solver=solver
+        )
         self._none_C, self._none_c = np.zeros((0, n)), np.zeros(0)
         self._keep_rho, self._kept = keep_rho, 1.0
         self._rho, self._box = kernels.find_rho_kernel, box_rho_kernel
@@ -212,14 +214,16 @@ class StableQp:
             raise BadProblemError(f"stable QP: wrong type of argument. {KERNEL_ARRAYS}") from error
         if self.path == QP:
             self._steepest.fill(gradient, A, b, equal, values, lower, upper)
-            if self._kind == SQUARES and not self._weigh(M, y):
+            if self._kind == SQUARES and not self._program.weigh(M, y):
                 return self._refuse(status.BAD_INPUT)
-            self._search(drift, ceiling * psi + drift)
+            self._search(gamma, drift, ceiling * psi + drift)
             if self.status == status.STATIONARY or self.path == STILL:
-                self._y[:], self.path = 0.0, STILL
+                self._program.y[:], self.path = 0.0, STILL
                 self._result[RESIDUAL] = 0.0 if self.status == status.STATIONARY else math.inf
+            else:
+                self._result[RESIDUAL] = self._program.residual
             self._finish(
-                self._y,
+                self._program.y,
                 gradient,
                 psi,
                 drift,
@@ -294,23 +298,23 @@ class StableQp:
         verdict = self._verdict(fall, wanted, drift / top, 1.0, can_rest)
         return verdict, 0.0 if verdict == status.STATIONARY else self._rho(fall * top, psi, drift)
 
-    def _search(self, drift: float, asked: float) -> None:
+    def _search(self, gamma: float, drift: float, asked: float) -> None:
         """Solve the QP, with a lower ρ if need be; sets status, path and y."""
-        top, self._reached = self._steepest.top, False
+        top, run, self._reached = self._steepest.top, self._program.run, False
         if top == 0.0:  # V̇ is the drift, whatever u
             if not self._equality and drift <= 0.0:
                 self.status = status.OK
-            if not any(self._run(None, tolerance) for _, tolerance in ATTEMPTS):
+            if not any(run(gamma, None, tolerance) for _, tolerance in ATTEMPTS):
                 self._give_up(self._steepest.fall()[0])
             return
         wanted = asked / top
         possible = abs(wanted) < NO_BOUND
-        if possible and not self._limited and self._run(wanted, ATTEMPTS[0][1]):
+        if possible and not self._limited and run(gamma, wanted, ATTEMPTS[0][1]):
             self._reached = self._equality
             return
         found, best = self._steepest.fall()
         enough = best >= wanted - CLOSE * (1.0 + abs(wanted))
-        if possible and self._limited and enough and self._run(wanted, ATTEMPTS[0][1]):
+        if possible and self._limited and enough and run(gamma, wanted, ATTEMPTS[0][1]):
             self._reached, self._limited = self._equality, False
             return
         self._limited, inwards = True, -1.0
@@ -329,78 +333,12 @@ class StableQp:
         if self.status == status.STATIONARY:
             return
         for inside, tolerance in ATTEMPTS:
-            if self._run(best + inwards * inside * abs(best), tolerance):
+            if run(gamma, best + inwards * inside * abs(best), tolerance):
                 return
         self._give_up(status.UNSOLVED)
 
     def _give_up(self, why: int) -> None:
         self.status, self.path = (why if why != status.OK else status.UNSOLVED), STILL
-
-    def _run(self, fall: float | None, tolerance: float) -> bool:
-        """Solve the QP with −s·y = fall (or ≥), or without; keep y and its residual."""
-        program, rows = self._program, self._steepest
-        row = program.f.size + self.m
-        target = NO_BOUND if fall is None else -fall
-        equation = fall is not None and self._equality
-        program.most[row] = target
-        program.least[row] = target if equation else -NO_BOUND
-        program.sense[row] = EQUATION if equation else 0
-        kappa = 0.0
-        if self._kind == NORM:
-            kappa = (
-                self.gamma / (1.0 - self.gamma) if self.gamma < MOST_GAMMA else 1.0 / SMALL_SQUARES
-            )
-            program.f[:] = kappa
-        elif self._kind == MAXIMUM:
-            kappa = program.f[-1] = 1.0 / SMALL_SQUARES
-        solved, x, multipliers = self._attempt(tolerance)
-        if solved and self._kind == MAXIMUM:  # which has no square of its own
-            solved, x, multipliers = self._settle(tolerance, x, multipliers)
-        if not solved:
-            return False
-        if self._kind == NORM:
-            np.subtract(x[: self.n], x[self.n :], out=self._y)
-        else:
-            self._y[:] = x[: self.n]
-        if self._kind == SQUARES:
-            self._pull[:] = self._y - (program.H @ self._y + program.f)
-        own = np.ascontiguousarray(multipliers[: self.m + 1 + self.k])
-        self._result[RESIDUAL] = self._residual(
-            self._y,
-            self._pull,
-            own,
-            rows.rows,
-            rows.least,
-            rows.most,
-            self.m,
-            target,
-            self._kind,
-            kappa,
-            self._equality,
-            self._wanted,
-        )
-        return True
-
-    def _settle(self, tolerance: float, x: Array, multipliers: Array) -> tuple[bool, Array, Array]:
-        """Proximal steps for max|y|: its square is added around its last value until it stays."""
-        solved, f = True, self._program.f
-        for _ in range(PROXIMAL_STEPS):
-            last = -f[-1] + 1.0 / SMALL_SQUARES
-            if not solved or abs(x[-1] - last) <= 1e-9 * abs(x[-1]):
-                break
-            f[-1] = 1.0 / SMALL_SQUARES - x[-1]
-            solved, x, multipliers = self._attempt(tolerance)
-        return solved, x, multipliers
-
-    def _weigh(self, M: Array | None, y: Array | None) -> bool:
-        """Set the objective ½|M u − y|² + ½·1e-6·|u|²; False if that cannot be done."""
-        if M is None or y is None or M.ndim != 2 or M.shape != (y.size, self.n):
-            return False
-        program = self._program
-        np.matmul(M.T, M, out=program.H)
-        program.H.flat[:: self.n + 1] += SMALL_SQUARES
-        np.matmul(-y, M, out=program.f)
-        return bool(np.isfinite(program.H).all() and np.isfinite(program.f).all())
 
     def _refuse(self, why: int) -> int:
         """A problem that cannot be read: u = 0, and nothing is known of it."""
@@ -408,34 +346,3 @@ class StableQp:
         self.status, self.path = why, STILL
         self.rate, self.rho, self.margin, self.kkt_residual = 0.0, 0.0, -math.inf, math.inf
         return why
-
-
-def _kind(objective: str | float, gamma: float) -> tuple[int, float]:
-    """Kind of objective, and the γ that makes QP12 of it."""
-    kinds = {
-        "qp12": (NORM, gamma),
-        1: (NORM, MOST_GAMMA),
-        2: (NORM, 0.0),
-        math.inf: (MAXIMUM, 0.0),
-        "least_squares": (SQUARES, 0.0),
-    }
-    if objective not in kinds:
-        raise BadProblemError(
-            f"the objective {objective!r} is not supported with constraints. Choose 'qp12', an ℓp "
-            "norm with p = 1, 2 or inf, or 'least_squares'."
-        )
-    if not 0.0 <= gamma <= 1.0:
-        raise BadProblemError(f"gamma must be within [0, 1] (found {gamma}).")
-    return kinds[objective]
-
-
-def _program(kind: int, scaled: Steepest) -> Program:
-    """The QP of a kind of objective, over the rows that `scaled` writes."""
-    size = scaled.qp_rows.shape[1]
-    H, f = np.eye(size), np.zeros(size)
-    if kind == MAXIMUM:
-        f[-1] = 1.0 / SMALL_SQUARES
-    sense = np.zeros(scaled.qp_most.size, np.int32)
-    first, last = size + scaled.m + 1, size + scaled.rows.shape[0]
-    sense[first:last] = EQUATION
-    return Program(H, f, scaled.qp_rows, scaled.qp_least, scaled.qp_most, sense)

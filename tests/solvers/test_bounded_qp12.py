@@ -171,6 +171,7 @@ class TestCertificate:
         assert self.residual([-0.2, 0.2, -0.2], gamma=1.0) > 0.01
 
 
+limits = st.one_of(st.floats(1e-9, 10), st.just(0.0))
 numbers = st.one_of(st.floats(1e-9, 100), st.floats(-100, -1e-9), st.just(0.0))
 
 
@@ -178,8 +179,8 @@ numbers = st.one_of(st.floats(1e-9, 100), st.floats(-100, -1e-9), st.just(0.0))
 def test_promises(data: st.DataObject, n: int, gamma: float, share: float, sign: int) -> None:
     """Bounds to the last bit, the decrease, downhill only, a small residual; or a clear refusal."""
     gradient = data.draw(arrays(np.float64, n, elements=numbers))
-    upper = data.draw(arrays(np.float64, n, elements=st.floats(0, 10)))
-    lower = -data.draw(arrays(np.float64, n, elements=st.floats(0, 10)))
+    upper = data.draw(arrays(np.float64, n, elements=limits))
+    lower = -data.draw(arrays(np.float64, n, elements=limits))
     possible = most(gradient, lower, upper, sign)
     decrease = sign * share * possible
     solver, u = BoundedQp12(n), np.full(n, np.nan)

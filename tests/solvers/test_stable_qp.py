@@ -396,10 +396,11 @@ class TestFunctions:
             lyapunov_qp([1.0, math.nan], 1.0, 0.5)
 
 
+limits = st.one_of(st.floats(1e-6, 2), st.just(0.0))
 values = st.floats(-3, 3).map(lambda x: 0.0 if abs(x) < 1e-3 else x)
 
 
-@settings(max_examples=150)
+@settings(max_examples=100)
 @given(
     st.data(),
     st.integers(1, 5),
@@ -415,8 +416,8 @@ def test_promises(
     gradient = data.draw(arrays(np.float64, n, elements=values))
     A = data.draw(arrays(np.float64, (m, n), elements=values))
     b = data.draw(arrays(np.float64, m, elements=st.floats(-0.5, 2)))
-    upper = data.draw(arrays(np.float64, n, elements=st.floats(0, 2)))
-    lower = -data.draw(arrays(np.float64, n, elements=st.floats(0, 2)))
+    upper = data.draw(arrays(np.float64, n, elements=limits))
+    lower = -data.draw(arrays(np.float64, n, elements=limits))
     s = StableQp(n, m, objective=objective)
     found = s.solve(gradient, psi, drift, A, b, lower, upper)
     assert found in range(len(status.NAMES))
@@ -428,7 +429,7 @@ def test_promises(
     assert not math.isnan(s.kkt_residual)
     if found in (status.OK, status.BEHIND, status.AHEAD, status.STATIONARY):
         assert s.margin >= -1e-7
-        assert s.rate <= max(drift, -psi) + 1e-6 or found == status.BEHIND
+        assert s.rate <= 1e-9 or found == status.BEHIND
         if psi > 1e-3:
             assert s.rate == pytest.approx(-s.rho * psi, abs=1e-9)
     else:
