@@ -19,7 +19,7 @@ from tools.bench.timing import Contender, race
 Array = NDArray[np.float64]
 Problem = tuple[Array, float, float, Array, Array, Array, Array]
 
-GAMMA, ROWS, STREAM = 0.5, 5, 256
+GAMMA, ROWS, STREAM, AT_LIMIT = 0.5, 5, 256, 32
 CLOSE = 1e-6
 """An answer that far from ours, relative to the largest speed, or farther, is a failure."""
 
@@ -42,7 +42,8 @@ def bench_general(
 
     Returns:
         The rows; `failures` are answers out of `problems` that were not found or differ from
-        ours by 1e-6 of the largest speed, `times_daqp` the ratio to daqp's bare call in this run.
+        ours by 1e-6 of the largest speed, `failures_at_limit` those with ρ at 1 − 1e-9 of ρ*,
+        `times_daqp` the ratio to daqp's bare call in this run.
     """
     problems = {kind: stream(n, gamma, kind) for kind in ("feasible", *kinds)}
     bounded, out = BoundedQp12(n), np.zeros(n)
@@ -56,17 +57,13 @@ def bench_general(
             for each in problems[kind]
         )
         contenders.append(Contender(name, solver.solve, problems[kind]))
-    ours = StableQp(n, ROWS, gamma=gamma)
-    exact, prepared = [], []
-    for each in problems["feasible"]:
-        ours.solve(*each)
-        exact.append(ours.u.copy())
-        prepared.append(ready(each, gamma))
+    feasible = [_judged(each, gamma) for each in problems["feasible"]]
+    at_limit = [_judged(each, gamma) for each in stream(n, gamma, "limited", count=AT_LIMIT)]
+    failures_at_limit: dict[str, int] = {}
     for name, call in peers().items():
-        failures[name] = sum(
-            not _close(call(*program), u) for program, u in zip(prepared, exact, strict=True)
-        )
-        contenders.append(Contender(name, call, prepared))
+        failures[name] = sum(not _close(call(program), u) for program, u in feasible)
+        failures_at_limit[name] = sum(not _close(call(program), u) for program, u in at_limit)
+        contenders.append(Contender(name, call, [(program,) for program, _ in feasible]))
     times = race([*contenders, reference()], samples)
     return [
         {
@@ -75,18 +72,22 @@ def bench_general(
             **taken.figures(),
             "problems": STREAM,
             "failures": failures.get(name),
+            "problems_at_limit": AT_LIMIT,
+            "failures_at_limit": failures_at_limit.get(name),
             "times_daqp": taken.times(times["daqp"]),
         }
         for name, taken in times.items()
     ]
 
 
-def stream(n: int, gamma: float, kind: str = "feasible", seed: int = 0) -> list[Problem]:
+def stream(
+    n: int, gamma: float, kind: str = "feasible", seed: int = 0, count: int | None = None
+) -> list[Problem]:
     """Random problems for `StableQp.solve` that need its QP; with "limited" ρ* is 0.3 to 0.99."""
     rng = np.random.default_rng(seed)
     solver = StableQp(n, ROWS, gamma=gamma)
     found: list[Problem] = []
-    while len(found) < STREAM:
+    while len(found) < (STREAM if count is None else count):
         gradient, A = rng.normal(size=n), rng.normal(size=(ROWS, n))
         upper, lower = rng.uniform(0.1, 1, n), -rng.uniform(0.1, 1, n)
         inside = rng.uniform(lower, upper) * rng.random()
@@ -116,7 +117,15 @@ def clamped_stream(n: int, gamma: float, out: Array, seed: int = 1) -> list[tupl
     return found
 
 
-def ready(problem: Problem, gamma: float) -> tuple[qp_backends.Program]:
+def _judged(problem: Problem, gamma: float) -> tuple[qp_backends.Program, Array]:
+    """The QP for others, with the ρ that we found, and our answer."""
+    gradient, psi, drift, A, b, lower, upper = problem
+    solver = StableQp(gradient.size, ROWS, gamma=gamma)
+    solver.solve(*problem)
+    return ready((gradient, solver.rho * psi, drift, A, b, lower, upper), gamma), solver.u
+
+
+def ready(problem: Problem, gamma: float) -> qp_backends.Program:
     """The QP of a problem in p and m, u = p − m, as one would write it down for a solver."""
     gradient, psi, drift, A, b, lower, upper = problem
     n, top = gradient.size, float(np.abs(gradient).max())
@@ -124,15 +133,13 @@ def ready(problem: Problem, gamma: float) -> tuple[qp_backends.Program]:
     target = -(psi + drift) / top
     sense = np.zeros(2 * n + rows.shape[0], np.int32)
     sense[-1] = qp_backends.EQUATION
-    return (
-        qp_backends.Program(
-            np.eye(2 * n),
-            np.full(2 * n, gamma / (1.0 - gamma)),
-            np.ascontiguousarray(np.hstack([rows, -rows])),
-            np.concatenate([np.zeros(2 * n), np.full(b.size, -1e30), [target]]),
-            np.concatenate([upper, -lower, b, [target]]),
-            sense,
-        ),
+    return qp_backends.Program(
+        np.eye(2 * n),
+        np.full(2 * n, gamma / (1.0 - gamma)),
+        np.ascontiguousarray(np.hstack([rows, -rows])),
+        np.concatenate([np.zeros(2 * n), np.full(b.size, -1e30), [target]]),
+        np.concatenate([upper, -lower, b, [target]]),
+        sense,
     )
 
 
