@@ -73,7 +73,7 @@ class StableQp:
         objective: `"qp12"`: γ|W u|₁ + (1−γ)/2·|W u|²; 1, 2 or inf: |W u|_p, to which ½·1e-6·|W u|²
             is added for 1 and inf, which makes u unique; `"least_squares"`: ½|M u − y|² +
             ½·1e-6·|u|² with M and y given to each solve.
-        gamma: γ of `"qp12"`. 1 − γ counts as 1e-6 at least where the QP solver is needed.
+        gamma: γ of `"qp12"`. 1 − γ counts as 1e-6 at least.
         weights: of the joints, (n,), positive; all 1 by default.
         lyapunov: `"equality"` as above, or `"descent"`: ∇V·u + ∂V/∂t ≤ 0, whatever Ψ (Remark 1).
         keep_rho: keep the last ρ while the problem is feasible with it, as the end of section
@@ -290,7 +290,7 @@ class StableQp:
         found, fall = self._steepest.fall(1.0, wanted)
         if found != status.OK:
             return found, 0.0
-        if fall >= wanted * (1.0 - ROUNDING):
+        if fall >= wanted - ROUNDING * abs(wanted):
             return found, 1.0
         least, most, row = self._steepest.least, self._steepest.most, self.n + self.m
         least[row], most[row] = -NO_BOUND, NO_BOUND
@@ -323,7 +323,7 @@ class StableQp:
             found, rise = self._steepest.fall(-1.0)
             best = max(wanted, -rise)
             inwards = 1.0 if wanted + rise < reserve else -1.0
-        if found != status.OK or not abs(best) < NO_BOUND:
+        if found not in (status.OK, status.UNBOUNDED) or not abs(best) < NO_BOUND:
             self._give_up(found)
             return
         least, most, row = self._steepest.least, self._steepest.most, self.n + self.m

@@ -242,6 +242,13 @@ class TestWhatCannotBeDone:
         assert s.rho == pytest.approx(2.5, rel=1e-6)
         np.testing.assert_allclose(s.u, [0.5, -1.0], atol=1e-6)
 
+    def test_unbounded(self) -> None:
+        """More than any u of a sensible size, and nothing in its way but a row that looks away."""
+        given = problem([1e-200, 0.0], [[0.0, 1.0]], [-1.0], limit=math.inf)
+        s = solved(given, 1e80)
+        assert (s.status, s.path) == (status.UNBOUNDED, STILL)
+        np.testing.assert_array_equal(s.u, 0.0)
+
     def test_a_row_that_forces_v_to_rise(self) -> None:
         s = solved(problem([1.0, 0.0], [[-1.0, 0.0]], [-0.3]), 1.0)
         assert s.status == status.BEHIND
