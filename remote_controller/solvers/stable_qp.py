@@ -59,7 +59,10 @@ STILL, FREE, CLAMPED, QP = range(4)
 RHO, RESIDUAL = 1, 3  # places in the results of `stable_kernels`
 ROUNDING = 1e-14  # of ρ
 CLOSE = 1e-9  # rates, divided by top, that rounding may take for each other
-ATTEMPTS = ((1e-9, 1e-11), (1e-9, 1e-8), (1e-7, 1e-8), (1e-5, 1e-8), (1e-3, 1e-8))
+ATTEMPTS = (
+    *((1e-9, 1e-11), (1e-9, 1e-8), (1e-7, 1e-8), (1e-5, 1e-8)),
+    *((1e-9, 1e-6), (1e-5, 1e-6), (1e-3, 1e-6)),  # where constraints leave no room at all
+)
 """How far to stay inside the feasible rates, relative, and daqp's tolerance, in units of W u."""
 
 

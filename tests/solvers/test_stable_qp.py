@@ -436,7 +436,7 @@ def test_promises(
     assert not math.isnan(s.kkt_residual)
     if found in (status.OK, status.BEHIND, status.AHEAD, status.STATIONARY):
         assert s.margin >= -1e-7
-        assert s.rate <= 1e-9 or found == status.BEHIND
+        assert s.rate <= 1e-6 or found == status.BEHIND
         if psi > 1e-3:
             assert s.rate == pytest.approx(-s.rho * psi, abs=1e-9)
     else:
