@@ -1,4 +1,4 @@
-"""What a solver's kernel says of its work.
+"""What a solver says of its work.
 
 Kernels take these numbers as constants, so this file counts as one of their sources.
 """
@@ -10,5 +10,25 @@ INFEASIBLE = 1
 BAD_INPUT = 2
 BAD_SHAPE = 3
 OUT_OF_RANGE = 4
+STATIONARY = 5  # the constraints let V fall no further (ρ* = 0): u = 0 is the answer
+FLAT = 6  # ∇V = 0, yet V should change: no u does that
+CONTRADICTORY = 7  # no u satisfies the constraints, whatever V does
+UNBOUNDED = 8  # V can fall as fast as one likes: no largest ρ
+BEHIND = 9  # V has to rise (ρ < 0); u makes it rise as little as possible
+AHEAD = 10  # V falls faster than asked (ρ > 1); u slows it as far as possible
+UNSOLVED = 11  # the QP solver gave up
 
-NAMES = ("ok", "infeasible", "bad_input", "bad_shape", "out_of_range")
+NAMES = (
+    "ok",
+    "infeasible",
+    "bad_input",
+    "bad_shape",
+    "out_of_range",
+    "stationary",
+    "flat",
+    "contradictory",
+    "unbounded",
+    "behind",
+    "ahead",
+    "unsolved",
+)

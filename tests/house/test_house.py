@@ -87,7 +87,14 @@ def test_the_public_interface_stays_put():
     from robot_emulator.robots import load
     from tools.simulate import simulate
 
-    assert set(solvers.__all__) == {"Pinv", "Qp12", "pinv", "pinv_plain", "qp12"}
+    assert set(solvers.__all__) == {
+        *("BoundedQp12", "DescentRate", "LpNorm", "Pinv", "Qp12", "StableQp"),
+        *("feasible_rate", "lp_norm", "lyapunov_qp", "pinv", "pinv_plain", "qp12", "qp12_bounded"),
+    }
+    bounds = {"lower", "upper"}
+    assert solvers.qp12_bounded.__annotations__.keys() >= {"gradient", "decrease", "gamma", *bounds}
+    assert solvers.lyapunov_qp.__annotations__.keys() >= {"gamma", "A", "b", *bounds}
+    assert solvers.feasible_rate.__annotations__.keys() >= {"gradient", "psi", "A", "b", *bounds}
     assert solvers.qp12.__annotations__.keys() >= {"gradient", "decrease", "gamma", "out"}
     assert simulate.__annotations__.keys() >= {"robot", "controller", "duration", "seed"}
     assert load("hoap3").name == "hoap3"

@@ -1,0 +1,260 @@
+"""QP12 with bounds, without a QP solver: joints beyond their limits are clamped, exactly.
+
+    min  γ|W u|₁ + (1−γ)/2 |W u|²   subject to   gradient·u = −decrease,  lower ≤ u ≤ upper
+
+with W = diag(weights) > 0 and 0 within the bounds. Without bounds this is QP12 of Gonçalves et al.,
+IEEE T-RO 2020, (26), in y = W u and with the gradient W⁻¹∇V: a weight of 2 makes a speed count
+twice in both norms, which is why both norms carry W.
+
+QP12 is solved for the free joints; those beyond their limit are clamped to it, what they deliver
+is taken off the decrease, and the rest is solved again. A clamped joint delivers less than it
+would have, so the multiplier of the equation can only rise: no clamp is ever taken back, and the
+set is exact after at most n rounds, usually one or two.
+
+As a joint moves only down the gradient (Lemma 4; up for a negative decrease), only one of its
+limits counts. The most that the bounds allow is Σ |gradient_i|·limit_i, the closed form of (7).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocol.compilation import inlined, kernel
+from remote_controller.solvers.qp12_kernels import solve_qp12
+from remote_controller.solvers.scaling_kernels import MAX, TINY
+from remote_controller.solvers.status import (
+    BAD_INPUT,
+    BAD_SHAPE,
+    INFEASIBLE,
+    OK,
+)
+
+ROUNDING = 1e-15  # a decrease beyond the largest possible one by n times this is still that one
+
+
+def work_shape(n: int) -> tuple[int, int]:
+    """Shape of the work array for n joints: [weights | a | limit | x], of which one sets the first.
+
+    The rest is scratch: a = W⁻¹∇V, the limit of W u that counts, and W u of a round.
+    """
+    return 4, n
+
+
+@inlined
+def bounds_fit(lower: NDArray[np.float64], upper: NDArray[np.float64]) -> bool:
+    """Whether 0 is within all bounds; ±inf is no bound, NaN never fits."""
+    fit = True
+    for i in range(lower.size):
+        fit &= lower[i] <= 0.0 <= upper[i]
+    return fit
+
+
+@inlined
+def most_decrease(
+    gradient: NDArray[np.float64],
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+    downhill: bool,
+) -> float:
+    """Largest −gradient·u (`downhill`), or largest gradient·u, within the bounds; may be inf."""
+    most = 0.0
+    for i in range(gradient.size):
+        if gradient[i] != 0.0:
+            limit = -lower[i] if (gradient[i] > 0.0) == downhill else upper[i]
+            if limit > 0.0:
+                most += abs(gradient[i]) * limit
+    return most
+
+
+@inlined
+def solve_bounded_qp12(
+    gradient: NDArray[np.float64],
+    decrease: float,
+    gamma: float,
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+    work: NDArray[np.float64],
+    out: NDArray[np.float64],
+) -> tuple[int, int]:
+    """Solve one QP12 within bounds; for other kernels to call.
+
+    Args:
+        gradient: ∇V, shape (n,).
+        decrease: −V̇ to be reached; any sign.
+        gamma: 0 (even) to 1 (sparse, the limit: joints with equal |gradient|/weight share evenly).
+        lower: ≤ 0, (n,), −inf where there is none.
+        upper: ≥ 0, (n,), inf where there is none.
+        work: shape `work_shape(n)`; its first row holds the weights, positive.
+        out: u, (n,), not `gradient`. Zeros where the status is not `OK`, untouched where it is
+            `BAD_SHAPE`.
+
+    Returns:
+        Status, and the number of joints that were clamped. `INFEASIBLE`: the bounds, or a zero
+        gradient, do not allow that decrease; `BAD_INPUT`: something is not finite, γ not in
+        [0, 1], a weight not positive, 0 not within the bounds; `BAD_SHAPE`; `OUT_OF_RANGE`.
+    """
+    n = gradient.size
+    if not (out.size == n and lower.size == n and upper.size == n and work.shape == (4, n)):
+        return BAD_SHAPE, 0
+    weights, a, limit, step = work[0], work[1], work[2], work[3]
+    down = -1.0 if decrease < 0.0 else 1.0
+    fit = True
+    for i in range(n):
+        out[i] = 0.0
+        fit &= TINY <= weights[i] <= MAX and lower[i] <= 0.0 <= upper[i]
+        a[i] = gradient[i] / weights[i]
+        limit[i] = (-lower[i] if a[i] * down > 0.0 else upper[i]) * weights[i]
+        if limit[i] == 0.0 and abs(a[i]) <= MAX:
+            a[i] = 0.0
+    if not fit:
+        return BAD_INPUT, 0
+    demand, clamped = abs(decrease), 0
+    rest = demand
+    while True:
+        status = solve_qp12(a, rest, gamma, step)
+        if status == INFEASIBLE and rest <= n * ROUNDING * demand:
+            status = OK  # all joints are at their limits, and that is all there is
+        if status != OK:
+            out[:] = 0.0
+            return status, 0
+        before = clamped
+        for i in range(n):
+            if abs(step[i]) > limit[i]:
+                rest -= abs(a[i]) * limit[i]
+                out[i] = math.copysign(limit[i], step[i])
+                a[i] = 0.0
+                clamped += 1
+        if clamped == before:
+            break
+        rest = max(rest, 0.0)
+    for i in range(n):
+        y = out[i] if out[i] != 0.0 else step[i]
+        if y != 0.0:  # the division may miss a bound by one bit
+            out[i] = min(max(y * down / weights[i], lower[i]), upper[i])
+    return OK, clamped
+
+
+@inlined
+def bounded_kkt_residual(  # noqa: PLR0912 - three cases, in two passes
+    gradient: NDArray[np.float64],
+    decrease: float,
+    gamma: float,
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+    u: NDArray[np.float64],
+    work: NDArray[np.float64],
+) -> float:
+    """How far u is from optimal, relative and without units; for other kernels to call.
+
+    With x_i = ∓sign(gradient_i) w_i u_i, a_i = |gradient_i|/w_i, the limit l_i in that direction
+    and κ = γ/(1−γ), optimality means that there is one multiplier for all joints:
+
+        x_i = min(l_i, max(0, (a_i t − κ (A − a_i)) / A)),   a·x = |decrease|
+
+    where A and t are a and x of any joint that moves below its limit. The one with the largest a
+    is taken; where there is none, the joint at its limit that needs the largest multiplier. The
+    residual is the larger of the relative error of the equation and the largest deviation of an
+    x_i from its right side, relative to the largest x. inf where nothing can be judged, never NaN.
+    """
+    n = gradient.size
+    if not (0.0 <= gamma <= 1.0 and abs(decrease) <= MAX):
+        return math.inf
+    weights, a, limit, x = work[0], work[1], work[2], work[3]
+    down = -1.0 if decrease < 0.0 else 1.0
+    kappa = gamma / (1.0 - gamma) if gamma < 1.0 else 0.0
+    A, t, need, free, fits = 0.0, 0.0, -1.0, False, True
+    span, power, effort = 0.0, -abs(decrease), abs(decrease)
+    for i in range(n):
+        a[i] = abs(gradient[i]) / weights[i]
+        x[i] = -math.copysign(1.0, gradient[i]) * down * u[i] * weights[i]
+        limit[i] = (-lower[i] if gradient[i] * down > 0.0 else upper[i]) * weights[i]
+        fits &= a[i] <= MAX and abs(x[i]) <= MAX
+        span = max(span, abs(x[i]))
+        power += a[i] * x[i]
+        effort += a[i] * abs(x[i])
+        if a[i] == 0.0 or x[i] <= 0.0:
+            continue
+        if x[i] < limit[i]:
+            if not free or a[i] > A:
+                free, A, t = True, a[i], x[i]
+        elif not free:
+            needed = (kappa + x[i]) / a[i] if gamma < 1.0 else 1.0 / a[i]
+            if needed > need:
+                need, A, t = needed, a[i], x[i]
+    if not fits:
+        return math.inf
+    slope, price = (t / A, kappa / A) if A > 0.0 else (0.0, 0.0)
+    deviation = 0.0
+    for i in range(n):
+        if a[i] == 0.0 or A == 0.0:
+            wanted = 0.0
+        elif gamma < 1.0:
+            wanted = min(limit[i], max(0.0, a[i] * slope - price * (A - a[i])))
+        elif a[i] == A:
+            wanted = min(limit[i], max(0.0, x[i]))
+        else:
+            wanted = limit[i] if a[i] > A else 0.0
+        deviation = max(deviation, abs(x[i] - wanted))
+    if effort == 0.0 and deviation == 0.0:
+        return 0.0
+    residual = max(abs(power) / max(effort, TINY), deviation / max(span, TINY))
+    return residual if residual <= MAX else math.inf
+
+
+@kernel("Tuple((i8, i8, f8))(i8, f8[::1], f8, f8, f8[::1], f8[::1], f8[:,::1], f8[::1])")
+def bounded_qp12_kernel(
+    n: int,
+    gradient: NDArray[np.float64],
+    decrease: float,
+    gamma: float,
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+    work: NDArray[np.float64],
+    out: NDArray[np.float64],
+) -> tuple[int, int, float]:
+    """`solve_bounded_qp12` for n joints: status, joints clamped, KKT residual (inf if not `OK`)."""
+    if gradient.size != n:
+        return BAD_SHAPE, 0, math.inf
+    status, clamped = solve_bounded_qp12(gradient, decrease, gamma, lower, upper, work, out)
+    if status != OK:
+        return status, 0, math.inf
+    residual = bounded_kkt_residual(gradient, decrease, gamma, lower, upper, out, work)
+    return status, clamped, residual
+
+
+@kernel("f8(f8[::1], f8, f8, f8[::1], f8[::1], f8[::1], f8[:,::1])")
+def bounded_residual_kernel(
+    gradient: NDArray[np.float64],
+    decrease: float,
+    gamma: float,
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+    u: NDArray[np.float64],
+    work: NDArray[np.float64],
+) -> float:
+    """`bounded_kkt_residual` of any u; arrays (n,), work with the weights in its first row."""
+    return bounded_kkt_residual(gradient, decrease, gamma, lower, upper, u, work)
+
+
+@kernel("Tuple((i8, f8))(f8[::1], f8, f8[::1], f8[::1])")
+def box_rho_kernel(
+    gradient: NDArray[np.float64],
+    psi: float,
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+) -> tuple[int, float]:
+    """Status and min(1, ρ*), where only bounds limit the decrease ρΨ of V; closed form of (6)."""
+    n = gradient.size
+    if not (lower.size == n and upper.size == n):
+        return BAD_SHAPE, 0.0
+    finite = 0.0 <= psi <= MAX
+    for i in range(n):
+        finite = finite and abs(gradient[i]) <= MAX
+    if not (finite and bounds_fit(lower, upper)):
+        return BAD_INPUT, 0.0
+    if psi == 0.0:
+        return OK, 1.0
+    return OK, min(1.0, most_decrease(gradient, lower, upper, True) / psi)

@@ -1,0 +1,189 @@
+"""QP solvers behind one call: daqp, which loops use, and peers to compare it with.
+
+    min  ½ xᵀH x + fᵀx   subject to   least ≤ (x, A x) ≤ most
+
+Each answers (solved, x, multipliers of the rows of A): H x + f + Aᵀ·multipliers + those of the
+bounds = 0, so a multiplier is positive where the upper side holds x back. None is warm-started: an
+answer depends on its problem alone, whatever was solved before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocol.errors import UnknownNameError
+
+Array = NDArray[np.float64]
+Answer: TypeAlias = tuple[bool, Array, Array]
+Backend: TypeAlias = Callable[[float], Answer]
+
+EQUATION = 5  # daqp's word for it
+
+
+@dataclass(frozen=True)
+class Program:
+    """The arrays of a QP, written to in place from solve to solve.
+
+    Attributes:
+        H: (v, v), positive semidefinite, and definite but for one variable at most.
+        f: (v,).
+        A: (r, v).
+        least: of the variables and the rows, (v + r,); −1e30 is no bound.
+        most: likewise, 1e30.
+        sense: 0, or 5 where least = most; (v + r,), int32.
+    """
+
+    H: Array
+    f: Array
+    A: Array
+    least: Array
+    most: Array
+    sense: NDArray[np.int32]
+
+
+def daqp(program: Program) -> Backend:
+    """A dual active set (MIT licence): exact, and the only one that no vertex confuses."""
+    import daqp as library  # noqa: PLC0415 - each solver only where it is asked for
+
+    solve_it, variables = library.solve, program.f.size
+
+    def solve(tolerance: float) -> Answer:
+        x, _, flag, info = solve_it(
+            program.H,
+            program.f,
+            program.A,
+            program.most,
+            program.least,
+            program.sense,
+            primal_tol=tolerance,
+        )
+        return flag == 1, x, info["lam"][variables:]
+
+    return solve
+
+
+def osqp(program: Program) -> Backend:
+    """Operator splitting (Apache), polished; set up anew, as its answers depend on the past."""
+    import osqp as library  # noqa: PLC0415
+    from scipy import sparse  # noqa: PLC0415 - comes with osqp
+
+    variables = program.f.size
+    solved = library.SolverStatus.OSQP_SOLVED
+
+    def solve(tolerance: float) -> Answer:
+        model: Any = library.OSQP()
+        model.setup(
+            P=sparse.csc_matrix(np.triu(program.H)),
+            q=program.f,
+            A=sparse.vstack([sparse.eye(variables), sparse.csc_matrix(program.A)], "csc"),
+            l=np.where(program.least <= -1e30, -np.inf, program.least),
+            u=np.where(program.most >= 1e30, np.inf, program.most),
+            verbose=False,
+            eps_abs=max(tolerance, 1e-7),
+            eps_rel=max(tolerance, 1e-7),
+            polishing=True,
+            max_iter=20_000,
+        )
+        result = model.solve(raise_error=False)
+        fine = result.info.status_val == solved
+        return fine, np.asarray(result.x), np.asarray(result.y)[variables:]
+
+    return solve
+
+
+def proxqp(program: Program) -> Backend:
+    """Proximal augmented Lagrangian (BSD), dense, with bounds as a box."""
+    from proxsuite import proxqp as library  # noqa: PLC0415
+
+    variables, rows = program.f.size, program.A.shape[0]
+    solved = library.QPSolverOutput.PROXQP_SOLVED
+
+    def solve(tolerance: float) -> Answer:
+        equal = program.sense[variables:] == EQUATION
+        least, most = program.least, program.most
+        model: Any = library.dense.QP(variables, int(equal.sum()), int((~equal).sum()), True)
+        model.settings.eps_abs, model.settings.eps_rel = max(tolerance, 1e-9), 0.0
+        model.init(
+            program.H,
+            program.f,
+            program.A[equal],
+            most[variables:][equal],
+            program.A[~equal],
+            least[variables:][~equal],
+            most[variables:][~equal],
+            least[:variables],
+            most[:variables],
+        )
+        model.solve()
+        multipliers = np.zeros(rows)
+        multipliers[equal] = model.results.y
+        multipliers[~equal] = np.asarray(model.results.z)[: int((~equal).sum())]
+        return model.results.info.status == solved, np.asarray(model.results.x), multipliers
+
+    return solve
+
+
+def piqp(program: Program) -> Backend:
+    """Proximal interior point (BSD), dense."""
+    import piqp as library  # noqa: PLC0415
+
+    variables, rows = program.f.size, program.A.shape[0]
+
+    def solve(tolerance: float) -> Answer:
+        equal = program.sense[variables:] == EQUATION
+        least = np.where(program.least <= -1e30, -np.inf, program.least)
+        most = np.where(program.most >= 1e30, np.inf, program.most)
+        model: Any = library.DenseSolver()
+        model.settings.eps_abs, model.settings.eps_rel = max(tolerance, 1e-10), 0.0
+        model.setup(
+            program.H,
+            program.f,
+            program.A[equal],
+            most[variables:][equal],
+            program.A[~equal],
+            least[variables:][~equal],
+            most[variables:][~equal],
+            least[:variables],
+            most[:variables],
+        )
+        status = model.solve()
+        multipliers = np.zeros(rows)
+        multipliers[equal] = model.result.y
+        multipliers[~equal] = np.asarray(model.result.z_u) - np.asarray(model.result.z_l)
+        return status == library.PIQP_SOLVED, np.asarray(model.result.x), multipliers
+
+    return solve
+
+
+BACKENDS: dict[str, Callable[[Program], Backend]] = {
+    "daqp": daqp,
+    "osqp": osqp,
+    "proxqp": proxqp,
+    "piqp": piqp,
+}
+PACKAGES = {"daqp": "daqp", "osqp": "osqp", "proxqp": "proxsuite", "piqp": "piqp"}
+
+
+def installed() -> list[str]:
+    """Names of the solvers that can be used, daqp first."""
+    return [name for name in BACKENDS if find_spec(PACKAGES[name]) is not None]
+
+
+def backend(name: str, program: Program) -> Backend:
+    """A solver by name, for one program.
+
+    Raises:
+        UnknownNameError: there is no such solver, or it is not installed.
+    """
+    if name not in BACKENDS:
+        raise UnknownNameError("QP solver", name, BACKENDS)
+    if name not in installed():
+        hint = f" {name!r} is not installed: pip install {PACKAGES[name]}."
+        raise UnknownNameError("QP solver", name, installed(), hint)
+    return BACKENDS[name](program)

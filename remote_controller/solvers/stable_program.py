@@ -1,0 +1,151 @@
+"""The QP of the general problem (3), for each objective Φ: set up once, solved for a rate of V.
+
+In the variables y = W u: for QP12, ℓ1 and ℓ2 y = p − m with p, m ≥ 0, which is strictly convex and
+exact (p·m = 0 at the optimum); for ℓ∞ y and max|y|; for least squares y alone.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocol.errors import BadProblemError
+from remote_controller.solvers.qp_backends import EQUATION, Program, backend
+from remote_controller.solvers.steepest import Steepest
+
+Array = NDArray[np.float64]
+
+NORM, MAXIMUM, SQUARES = range(3)
+SMALL_SQUARES = 1e-6  # weight of ½|u|² beside ℓ1, ℓ∞ and least squares: makes u unique
+MOST_GAMMA = 1.0 / (1.0 + SMALL_SQUARES)
+NO_BOUND = 1e30
+PROXIMAL_STEPS = 10
+
+
+class StableProgram:
+    """The QP over the rows that a `Steepest` writes.
+
+    Args:
+        kind: `NORM`, `MAXIMUM` or `SQUARES`.
+        scaled: the rows.
+        equality: whether V has to fall as fast as asked, or at least so.
+        solver: name of a backend.
+
+    Attributes:
+        y: the last answer, W u, (n,).
+        residual: its KKT residual, see `proof_kernels`.
+
+    Raises:
+        UnknownNameError: no such solver, or it is not installed.
+    """
+
+    def __init__(self, kind: int, scaled: Steepest, *, equality: bool, solver: str) -> None:
+        from remote_controller.solvers import proof_kernels  # noqa: PLC0415 (compiles)
+
+        self._prove = proof_kernels.residual_kernel
+        self._kind, self._scaled, self._equality = kind, scaled, equality
+        self._program = _program(kind, scaled)
+        self._attempt = backend(solver, self._program)
+        self._count, self._kappa = scaled.rows.shape[0], 0.0
+        self._pull, self._wanted = np.zeros(scaled.n), np.zeros(scaled.n)
+        self.y, self.residual = np.zeros(scaled.n), math.inf
+
+    def run(self, gamma: float, fall: float | None, tolerance: float) -> bool:
+        """Solve the QP with −s·y = fall (or ≥), or without; False where the solver gave up.
+
+        γ, at most `MOST_GAMMA`, is QP12's, and without effect for other kinds.
+        """
+        program, rows, n = self._program, self._scaled, self._scaled.n
+        row = program.f.size + rows.m
+        target = NO_BOUND if fall is None else -fall
+        equation = fall is not None and self._equality
+        program.most[row] = target
+        program.least[row] = target if equation else -NO_BOUND
+        program.sense[row] = EQUATION if equation else 0
+        kappa = 0.0
+        if self._kind == NORM:
+            kappa = gamma / (1.0 - gamma)
+            if kappa != self._kappa:
+                program.f[:] = self._kappa = kappa
+        elif self._kind == MAXIMUM:
+            kappa = program.f[-1] = 1.0 / SMALL_SQUARES
+        solved, x, multipliers = self._attempt(tolerance)
+        if solved and self._kind == MAXIMUM:  # which has no square of its own
+            solved, x, multipliers = self._settle(tolerance, x, multipliers)
+        if not solved:
+            return False
+        if self._kind == NORM:
+            np.subtract(x[:n], x[n:], out=self.y)
+        else:
+            self.y[:] = x[:n]
+        if self._kind == SQUARES:
+            self._pull[:] = self.y - (program.H @ self.y + program.f)
+        self.residual = self._prove(
+            self.y,
+            self._pull,
+            multipliers[: self._count],
+            rows.rows,
+            rows.least,
+            rows.most,
+            rows.m,
+            target,
+            self._kind,
+            kappa,
+            self._equality,
+            self._wanted,
+        )
+        return True
+
+    def _settle(self, tolerance: float, x: Array, multipliers: Array) -> tuple[bool, Array, Array]:
+        """Proximal steps for max|y|: its square is added around its last value until it stays."""
+        solved, f = True, self._program.f
+        for _ in range(PROXIMAL_STEPS):
+            last = -f[-1] + 1.0 / SMALL_SQUARES
+            if not solved or abs(x[-1] - last) <= 1e-9 * abs(x[-1]):
+                break
+            f[-1] = 1.0 / SMALL_SQUARES - x[-1]
+            solved, x, multipliers = self._attempt(tolerance)
+        return solved, x, multipliers
+
+    def weigh(self, M: Array | None, y: Array | None) -> bool:
+        """Set the objective ½|M u − y|² + ½·1e-6·|u|²; False if shapes or numbers forbid it."""
+        if M is None or y is None or M.ndim != 2 or M.shape != (y.size, self._scaled.n):
+            return False
+        program = self._program
+        np.matmul(M.T, M, out=program.H)
+        program.H.flat[:: self._scaled.n + 1] += SMALL_SQUARES
+        np.matmul(-y, M, out=program.f)
+        return bool(np.isfinite(program.H).all() and np.isfinite(program.f).all())
+
+
+def kind_of(objective: str | float, gamma: float) -> tuple[int, float]:
+    """Kind of objective, and the γ that makes QP12 of it."""
+    kinds = {
+        "qp12": (NORM, gamma),
+        1: (NORM, MOST_GAMMA),
+        2: (NORM, 0.0),
+        math.inf: (MAXIMUM, 0.0),
+        "least_squares": (SQUARES, 0.0),
+    }
+    if objective not in kinds:
+        raise BadProblemError(
+            f"the objective {objective!r} is not supported with constraints. Choose 'qp12', an ℓp "
+            "norm with p = 1, 2 or inf, or 'least_squares'."
+        )
+    if not 0.0 <= gamma <= 1.0:
+        raise BadProblemError(f"gamma must be within [0, 1] (found {gamma}).")
+    return kinds[objective]
+
+
+def _program(kind: int, scaled: Steepest) -> Program:
+    """The QP of a kind of objective, over the rows that `scaled` writes."""
+    size = scaled.qp_rows.shape[1]
+    H, f = np.eye(size), np.zeros(size)
+    if kind == MAXIMUM:
+        f[-1] = 1.0 / SMALL_SQUARES
+    sense = np.zeros(scaled.qp_most.size, np.int32)
+    first, last = size + scaled.m + 1, size + scaled.rows.shape[0]
+    sense[first:last] = EQUATION
+    return Program(H, f, scaled.qp_rows, scaled.qp_least, scaled.qp_most, sense)

@@ -1,0 +1,240 @@
+"""QP12 with bounds: exact, odd, certified, and the limits of what it accepts."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+import quadprog
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
+
+from protocol.errors import BadProblemError, InfeasibleError
+from remote_controller.solvers import qp12
+from remote_controller.solvers.bounded_qp12 import BoundedQp12, qp12_bounded
+from remote_controller.solvers.bounded_qp12_kernels import (
+    bounded_residual_kernel,
+    box_rho_kernel,
+    work_shape,
+)
+
+Array = NDArray[np.float64]
+GAMMAS = (0.0, 0.1, 0.5, 0.9, 0.99)
+
+
+def most(gradient: Array, lower: Array, upper: Array, sign: float = 1.0) -> float:
+    """Largest decrease within the bounds (largest rise for sign −1)."""
+    return float(np.sum(np.abs(gradient) * np.where(gradient * sign > 0, -lower, upper)))
+
+
+def random_problem(rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
+    n = int(rng.choice([1, 2, 3, 7, 21]))
+    gradient = rng.normal(size=n) * (rng.random(n) < 0.9)
+    gradient[0] = 1.0
+    lower = -rng.uniform(0.01, 1, n) * (rng.random(n) < 0.9)
+    upper = rng.uniform(0.01, 1, n)
+    lower[0] = -0.5
+    return gradient, lower, upper, rng.uniform(0.3, 3, n)
+
+
+def quadprog_answer(
+    gradient: Array, decrease: float, gamma: float, lower: Array, upper: Array, w: Array
+) -> Array | None:
+    """In the variables p − m; None where it calls a problem inconsistent that is not."""
+    n, both = gradient.size, np.concatenate([w, w])
+    try:
+        x = quadprog.solve_qp(
+            (1 - gamma) * np.diag(both * both),
+            -gamma * both,
+            np.column_stack([np.concatenate([gradient, -gradient]), np.eye(2 * n), -np.eye(2 * n)]),
+            np.concatenate([[-decrease], np.zeros(2 * n), -upper, lower]),
+            meq=1,
+        )[0]
+    except ValueError:
+        return None
+    return np.asarray(x[:n] - x[n:])
+
+
+def test_agrees_with_quadprog() -> None:
+    rng = np.random.default_rng(1)
+    clamped, judged = 0, 0
+    for _ in range(400):
+        gradient, lower, upper, w = random_problem(rng)
+        n, gamma, sign = gradient.size, float(rng.choice(GAMMAS)), float(rng.choice([-1, 1]))
+        decrease = sign * most(gradient, lower, upper, sign) * rng.choice([0.1, 0.5, 0.9, 0.99])
+        solver, u = BoundedQp12(n, w), np.zeros(n)
+        solver.solve(gradient, decrease, gamma, lower, upper, u)
+        clamped += solver.clamped > 0
+        assert solver.kkt_residual < 1e-14
+        x = quadprog_answer(gradient, decrease, gamma, lower, upper, w)
+        if x is not None:
+            np.testing.assert_allclose(u, x, atol=1e-9)
+            judged += 1
+    assert judged > 380
+    assert clamped > 100
+
+
+@pytest.mark.parametrize("gamma", GAMMAS)
+def test_no_grid_point_is_better(gamma: float) -> None:
+    """Brute force: two joints move freely, the third fulfils the equation."""
+    gradient, lower, upper = np.array([1.0, -0.8, 0.5]), np.full(3, -0.4), np.array([0.4, 0.2, 1])
+    decrease = 0.62
+    u = qp12_bounded(gradient, decrease, gamma, lower, upper)
+
+    def cost(v: Array) -> float:
+        return float(gamma * np.sum(np.abs(v)) + (1 - gamma) / 2 * np.sum(v * v))
+
+    found = math.inf
+    for first, second in itertools.product(
+        np.linspace(-0.4, 0.4, 161), np.linspace(-0.4, 0.2, 121)
+    ):
+        third = (-decrease - gradient[0] * first - gradient[1] * second) / gradient[2]
+        if lower[2] <= third <= upper[2]:
+            found = min(found, cost(np.array([first, second, third])))
+    assert cost(u) <= found + 1e-12
+    assert found < cost(u) + 0.02
+
+
+def test_is_qp12_to_the_bit_where_no_bound_matters() -> None:
+    rng = np.random.default_rng(2)
+    for gamma in (*GAMMAS, 1.0):
+        gradient = rng.normal(size=21)
+        far = np.full(21, np.inf)
+        u = qp12_bounded(gradient, 0.3, gamma, -far, far)
+        np.testing.assert_array_equal(u, qp12(gradient, 0.3, gamma))
+
+
+def test_gamma_1_fills_the_steepest_joints_one_after_the_other() -> None:
+    gradient, limit = np.array([1.0, -2.0, 2.0, 0.5]), np.array([1.0, 0.3, 0.1, 1.0])
+    u = qp12_bounded(gradient, 1.0, 1.0, -limit, limit)
+    np.testing.assert_allclose(u, [-0.2, 0.3, -0.1, 0.0], rtol=1e-15)
+    solver, out = BoundedQp12(4), np.zeros(4)
+    solver.solve(gradient, 1.0, 1.0, -limit, limit, out)
+    assert solver.kkt_residual < 1e-15
+
+
+def test_weights_are_a_change_of_units() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        gradient, lower, upper, w = random_problem(rng)
+        decrease = 0.7 * most(gradient, lower, upper)
+        weighted = qp12_bounded(gradient, decrease, 0.5, lower, upper, weights=w)
+        plain = qp12_bounded(gradient / w, decrease, 0.5, lower * w, upper * w)
+        np.testing.assert_allclose(weighted * w, plain, rtol=1e-12, atol=1e-14)
+
+
+def test_the_most_that_the_bounds_allow_is_reached_and_no_more() -> None:
+    rng = np.random.default_rng(4)
+    for _ in range(200):
+        gradient, lower, upper, w = random_problem(rng)
+        limit = most(gradient, lower, upper)
+        status, rho = box_rho_kernel(gradient, 2 * limit, lower, upper)
+        assert status == 0
+        assert rho == pytest.approx(0.5, rel=1e-14)
+        u = qp12_bounded(gradient, rho * 2 * limit, 0.5, lower, upper, weights=w)
+        corner = np.where(gradient > 0, lower, upper) * (gradient != 0)
+        np.testing.assert_allclose(u, corner, atol=1e-12)
+        with pytest.raises(InfeasibleError):
+            qp12_bounded(gradient, limit * 1.001, 0.5, lower, upper)
+
+
+def test_rho_is_1_where_nothing_is_asked_or_nothing_limits() -> None:
+    slope, far = np.array([1.0, 2.0]), np.full(2, np.inf)
+    assert box_rho_kernel(slope, 1.0, -far, far) == (0, 1.0)
+    assert box_rho_kernel(slope, 0.0, np.zeros(2), np.zeros(2)) == (0, 1.0)
+    assert box_rho_kernel(slope, 1.0, np.zeros(2), np.zeros(2)) == (0, 0.0)
+    assert box_rho_kernel(slope, math.nan, -far, far)[0] != 0
+    assert box_rho_kernel(slope, 1.0, far, far)[0] != 0
+
+
+class TestCertificate:
+    def residual(self, u: list[float], gamma: float = 0.5) -> float:
+        gradient, limit = np.array([2.0, -1.0, 1.0]), np.full(3, 0.3)
+        work = np.ones(work_shape(3))
+        return bounded_residual_kernel(gradient, 0.8, gamma, -limit, limit, np.array(u), work)
+
+    def test_tells_the_optimum_from_the_rest(self) -> None:
+        assert self.residual([-0.3, 0.1, -0.1]) < 1e-15
+        assert self.residual([-0.3, 0.2, 0.0]) > 0.01  # the same decrease, uneven
+        assert self.residual([-0.2, 0.2, -0.2]) > 0.01  # the limit is not used
+        assert self.residual([-0.4, 0.0, 0.0]) > 0.01  # beyond the limit
+        assert self.residual([-0.3, 0.0, 0.0]) > 0.01  # too little
+        assert self.residual([0.0, 0.0, 0.0]) == 1.0
+        assert self.residual([math.nan, 0.0, 0.0]) == math.inf
+
+    def test_accepts_any_share_of_tied_joints_at_gamma_1(self) -> None:
+        assert self.residual([-0.3, 0.2, 0.0], gamma=1.0) < 1e-15
+        assert self.residual([-0.2, 0.2, -0.2], gamma=1.0) > 0.01
+
+
+limits = st.one_of(st.floats(1e-9, 10), st.just(0.0))
+numbers = st.one_of(st.floats(1e-9, 100), st.floats(-100, -1e-9), st.just(0.0))
+
+
+@given(st.data(), st.integers(1, 25), st.floats(0, 1), st.floats(0, 1.2), st.sampled_from([-1, 1]))
+def test_promises(data: st.DataObject, n: int, gamma: float, share: float, sign: int) -> None:
+    """Bounds to the last bit, the decrease, downhill only, a small residual; or a clear refusal."""
+    gradient = data.draw(arrays(np.float64, n, elements=numbers))
+    upper = data.draw(arrays(np.float64, n, elements=limits))
+    lower = -data.draw(arrays(np.float64, n, elements=limits))
+    possible = most(gradient, lower, upper, sign)
+    decrease = sign * share * possible
+    solver, u = BoundedQp12(n), np.full(n, np.nan)
+    if share > 1 + 1e-9 and possible > 1e-300:
+        with pytest.raises(InfeasibleError):
+            solver.solve(gradient, decrease, gamma, lower, upper, u)
+        np.testing.assert_array_equal(u, 0.0)
+        return
+    if share > 1 - 1e-9:
+        return
+    solver.solve(gradient, decrease, gamma, lower, upper, u)
+    assert np.all((lower <= u) & (u <= upper))
+    assert np.all(u * gradient * sign <= 0.0)
+    assert abs(gradient @ u + decrease) <= 1e-13 * n * possible
+    assert solver.kkt_residual <= 1e-9
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"gradient": [1.0, math.nan]},
+        {"decrease": math.inf},
+        {"gamma": 1.5},
+        {"gamma": math.nan},
+        {"lower": [0.1, -1.0]},
+        {"upper": [math.nan, 1.0]},
+        {"lower": [-1.0]},
+        {"weights": [1.0, 0.0]},
+        {"weights": [1.0, -1.0]},
+        {"weights": [1.0]},
+        {"upper": [1j, 1.0]},
+    ],
+)
+def test_refuses_what_is_no_problem(change: dict[str, object]) -> None:
+    given = {
+        "gradient": [1.0, 2.0],
+        "decrease": 0.1,
+        "gamma": 0.5,
+        "lower": [-1.0, -1.0],
+        "upper": [1.0, 1.0],
+    }
+    with pytest.raises(BadProblemError):
+        qp12_bounded(**{**given, **change})  # type: ignore[arg-type]
+
+
+def test_zero_gradient() -> None:
+    one = np.ones(2)
+    np.testing.assert_array_equal(qp12_bounded(0 * one, 0.0, 0.5, -one, one), 0.0)
+    with pytest.raises(InfeasibleError):
+        qp12_bounded(0 * one, 0.1, 0.5, -one, one)
+
+
+def test_wrong_types_never_compile_anything() -> None:
+    solver, one = BoundedQp12(2), np.ones(2)
+    with pytest.raises(BadProblemError, match="float64"):
+        solver.solve(np.array([1, 2]), 0.1, 0.5, -one, one, np.zeros(2))  # type: ignore[arg-type]
+    assert solver.kkt_residual == math.inf

@@ -1,0 +1,443 @@
+"""The general problem: what each path, objective, status and option does."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
+from stable_problems import M, N, generic, most_descent
+
+from protocol.errors import BadProblemError, InfeasibleError, UnknownNameError
+from remote_controller.solvers import qp_backends, status
+from remote_controller.solvers.bounded_qp12 import qp12_bounded
+from remote_controller.solvers.lyapunov import feasible_rate, lyapunov_qp
+from remote_controller.solvers.stable_qp import CLAMPED, FREE, PATHS, QP, STILL, StableQp
+
+Array = NDArray[np.float64]
+FAR = 1e3
+
+
+def problem(
+    gradient: list[float],
+    rows: list[list[float]],
+    sides: list[float],
+    limit: float = 1.0,
+) -> tuple[Array, Array, Array, Array, Array]:
+    """∇V, A, b, lower, upper."""
+    n = len(gradient)
+    A = np.array(rows, dtype=float).reshape(len(sides), n)
+    return np.array(gradient), A, np.array(sides), np.full(n, -limit), np.full(n, limit)
+
+
+def solved(given: tuple[Array, ...], psi: float, drift: float = 0.0, **options: object) -> StableQp:
+    gradient, A, *rest = given
+    solver = StableQp(gradient.size, A.shape[0], **options)  # type: ignore[arg-type]
+    solver.solve(gradient, psi, drift, A, *rest)
+    assert np.all(np.isfinite(solver.u))
+    assert not any(math.isnan(x) for x in (solver.rho, solver.rate, solver.kkt_residual))
+    return solver
+
+
+class TestPaths:
+    """Cheapest first, and each is the optimum."""
+
+    given_2 = ([2.0, -1.0], [[1.0, 1.0]], [0.5])
+
+    def test_free(self) -> None:
+        s = solved(problem(*self.given_2), 0.5, objective=2)
+        assert (s.status, s.path, s.rho) == (status.OK, FREE, 1.0)
+        np.testing.assert_allclose(s.u, [-0.2, 0.1], rtol=1e-14)
+        assert s.rate == pytest.approx(s.required) == pytest.approx(-0.5)
+        assert s.margin == pytest.approx(0.6)
+        assert s.kkt_residual < 1e-15
+
+    def test_clamped(self) -> None:
+        s = solved(problem(*self.given_2, limit=0.15), 0.4, objective=2)
+        assert (s.status, s.path, s.rho) == (status.OK, CLAMPED, 1.0)
+        np.testing.assert_allclose(s.u, [-0.15, 0.1], rtol=1e-14)
+        assert s.margin == 0.0
+
+    def test_clamped_with_the_rho_that_the_bounds_allow(self) -> None:
+        s = solved(problem(*self.given_2, limit=0.1), 0.6, objective=2)
+        assert (s.status, s.path) == (status.OK, CLAMPED)
+        assert s.rho == pytest.approx(0.5)
+        np.testing.assert_allclose(s.u, [-0.1, 0.1])
+
+    def test_a_row_that_matters(self) -> None:
+        s = solved(problem([1.0, 1.0], [[-1.0, 0.0]], [0.1]), 0.5, objective=2)
+        assert (s.status, s.path, s.rho) == (status.OK, QP, 1.0)
+        np.testing.assert_allclose(s.u, [-0.1, -0.4], atol=1e-12)
+        assert s.kkt_residual < 1e-10
+        assert abs(s.margin) < 1e-12
+
+    def test_rows_that_leave_less_than_psi(self) -> None:
+        s = solved(problem([1.0, 1.0], [[-1.0, -1.0]], [0.25]), 0.5, objective=2)
+        assert (s.status, s.path) == (status.OK, QP)
+        assert s.rho == pytest.approx(0.5, rel=1e-6)
+        assert s.rho <= 0.5
+        np.testing.assert_allclose(s.u, [-0.125, -0.125], atol=1e-8)
+
+    def test_a_row_is_switched_off_by_infinity_whatever_stands_in_it(self) -> None:
+        gradient, A, b, lower, upper = problem([1.0, 1.0], [[-1.0, 0.0], [0.0, 0.0]], [0.1, 0.0])
+        A[0], b[0] = math.nan, math.inf
+        s = solved((gradient, A, b, lower, upper), 0.5, objective=2)
+        assert (s.status, s.path) == (status.OK, FREE)
+        forced = solved((gradient, A, b, lower + 1.1, upper), 0.5, objective=2)
+        assert forced.path == QP  # u = 0 is not within the bounds
+        assert forced.status == status.BEHIND
+
+    def test_equations(self) -> None:
+        gradient, A, b, lower, upper = problem([1.0, 1.0, 0.0], [], [])
+        s = StableQp(3, 0, 1, objective=2)
+        s.solve(gradient, 0.5, 0.0, A, b, lower, upper, np.array([[1.0, 0.0, -1.0]]), np.zeros(1))
+        assert (s.status, s.path) == (status.OK, QP)
+        assert s.u[0] == pytest.approx(s.u[2])
+        np.testing.assert_allclose(s.u, np.array([-1, -2, -1]) / 6, atol=1e-12)
+
+    def test_names(self) -> None:
+        assert PATHS == ("still", "free", "clamped", "qp")
+
+
+COST: dict[object, Callable[[Array], Array]] = {
+    1: lambda u: np.abs(u).sum(-1) + 0.5e-6 * (u * u).sum(-1),
+    2: lambda u: 0.5 * (u * u).sum(-1),
+    math.inf: lambda u: np.abs(u).max(-1) + 0.5e-6 * (u * u).sum(-1),
+    "qp12": lambda u: 0.5 * np.abs(u).sum(-1) + 0.25 * (u * u).sum(-1),
+}
+
+
+class TestObjectives:
+    """Each is least among everything nearby that is feasible."""
+
+    @pytest.mark.parametrize("objective", [1, 2, math.inf, "qp12"])
+    def test_no_neighbour_is_better(self, objective: str | float) -> None:
+        cost = COST[objective]
+        rng = np.random.default_rng(1)
+        compared = 0
+        for each in generic(seed=2, count=30, n=4, m=2):
+            s = StableQp(4, 2, objective=objective)
+            assert s.solve(*each.arguments) == status.OK
+            assert s.kkt_residual <= 1e-8
+            assert s.margin >= -1e-9
+            steps = rng.normal(size=(3000, 4)) * 10.0 ** rng.uniform(-4, 0, (3000, 1))
+            steps -= np.outer(steps @ each.gradient, each.gradient) / (
+                each.gradient @ each.gradient
+            )
+            others = s.u + steps
+            fine = np.all(others @ each.A.T <= each.b, 1)
+            fine &= np.all((others >= each.lower) & (others <= each.upper), 1)
+            assert np.all(cost(others[fine]) >= cost(s.u) - 1e-10)
+            compared += fine.sum()
+        assert compared > 1000
+
+    @pytest.mark.parametrize("objective", [1, 2, math.inf, "qp12"])
+    def test_weights_are_a_change_of_units(self, objective: str | float) -> None:
+        w = np.array([0.5, 2.0, 1.0, 3.0])
+        for each in generic(seed=3, count=20, n=4, m=2):
+            weighted = StableQp(4, 2, objective=objective, weights=w)
+            plain = StableQp(4, 2, objective=objective)
+            weighted.solve(*each.arguments)
+            plain.solve(
+                each.gradient / w, each.psi, 0.0, each.A / w, each.b, each.lower * w, each.upper * w
+            )
+            np.testing.assert_allclose(weighted.u * w, plain.u, atol=1e-8)
+            assert weighted.kkt_residual <= 1e-8
+
+    def test_infinity_is_democratic_and_one_is_sparse(self) -> None:
+        given = problem([1.0, -0.9, 0.5], [[0.0, 1.0, 0.0]], [0.2])
+        even = solved(given, 0.5, objective=math.inf)
+        np.testing.assert_allclose(
+            np.abs(even.u), [0.3 / 1.5 + 0.0133333, 0.2, 0.2133333], atol=1e-5
+        )
+        sparse = solved(given, 0.5, objective=1)
+        np.testing.assert_allclose(sparse.u, [-0.5, 0.0, 0.0], atol=1e-9)
+
+    def test_least_squares(self) -> None:
+        given = problem([1.0, 0.0], [[0.0, 1.0]], [0.3])
+        s = StableQp(2, 1, objective="least_squares")
+        s.solve(given[0], 0.2, 0.0, *given[1:], M=np.eye(2), y=np.array([0.5, 0.5]))
+        assert (s.status, s.path) == (status.OK, QP)
+        np.testing.assert_allclose(s.u, [-0.2, 0.3], atol=1e-9)
+        assert s.kkt_residual < 1e-9
+
+    def test_remark_1_follows_a_wish_that_lowers_v_and_refuses_one_that_does_not(self) -> None:
+        given = problem([1.0, 0.0], [[0.0, 1.0]], [0.3])
+        s = StableQp(2, 1, objective="least_squares", lyapunov="descent")
+        s.solve(given[0], 0.0, 0.0, *given[1:], M=np.eye(2), y=np.array([-0.5, 0.1]))
+        np.testing.assert_allclose(s.u, [-0.5, 0.1], atol=1e-6)
+        s.solve(given[0], 0.0, 0.0, *given[1:], M=np.eye(2), y=np.array([0.5, 0.1]))
+        np.testing.assert_allclose(s.u, [0.0, 0.1], atol=1e-6)
+        assert s.status == status.OK
+        assert s.kkt_residual < 1e-9
+        s.solve(given[0], 0.0, 5.0, *given[1:], M=np.eye(2), y=np.array([0.5, 0.1]))
+        assert s.status == status.BEHIND
+        np.testing.assert_allclose(s.u, [-1.0, 0.1], atol=1e-6)
+
+    def test_refusals(self) -> None:
+        for wrong in (3, 1.5, 0.5, "l1", None):
+            with pytest.raises(BadProblemError, match="1, 2 or inf"):
+                StableQp(3, objective=wrong)  # type: ignore[arg-type]
+        for norm in ("qp12", 1, 2, math.inf):
+            with pytest.raises(BadProblemError, match="never moves"):
+                StableQp(3, objective=norm, lyapunov="descent")
+        with pytest.raises(BadProblemError, match="descent"):
+            StableQp(3, lyapunov="up")  # type: ignore[arg-type]
+        for gamma in (-0.1, 1.1, math.nan):
+            with pytest.raises(BadProblemError, match="gamma"):
+                StableQp(3, gamma=gamma)
+        for weights in ([1.0, 1.0], [1.0, 0.0, 1.0], [1.0, math.inf, 1.0]):
+            with pytest.raises(BadProblemError, match="weights"):
+                StableQp(3, weights=weights)
+        with pytest.raises(BadProblemError, match="weights"):
+            StableQp(3, objective="least_squares", weights=[1.0, 2.0, 1.0])
+
+
+class TestWhatCannotBeDone:
+    """Statuses, and what u is then."""
+
+    def test_stationary(self) -> None:
+        s = solved(problem([1.0, 1.0], [[-1.0, -1.0]], [0.0]), 0.5)
+        assert (s.status, s.path, s.rho) == (status.STATIONARY, STILL, 0.0)
+        np.testing.assert_array_equal(s.u, 0.0)
+        locked = solved(problem([1.0, 1.0], [], [], limit=0.0), 0.5)
+        assert (locked.status, locked.rho) == (status.STATIONARY, 0.0)
+
+    def test_flat(self) -> None:
+        given = problem([0.0, 0.0], [[1.0, 0.0]], [0.1])
+        s = solved(given, 0.0, drift=0.3)
+        assert (s.status, s.path, s.rate) == (status.FLAT, STILL, 0.3)
+        np.testing.assert_array_equal(s.u, 0.0)
+        moved = solved(problem([0.0, 0.0], [[1.0, 0.0]], [-0.1]), 0.0, drift=0.3)
+        assert moved.status == status.FLAT
+        np.testing.assert_allclose(moved.u, [-0.1, 0.0], atol=1e-9)
+        at_rest = solved(given, 0.0)
+        assert (at_rest.status, at_rest.rho) == (status.OK, 1.0)
+
+    @pytest.mark.parametrize("gradient", [[1.0, 1.0], [0.0, 0.0]])
+    def test_contradictory(self, gradient: list[float]) -> None:
+        s = solved(problem(gradient, [[1.0, 0.0], [-1.0, 0.0]], [-0.5, 0.2]), 0.5)
+        assert (s.status, s.path) == (status.CONTRADICTORY, STILL)
+        np.testing.assert_array_equal(s.u, 0.0)
+        assert s.margin == pytest.approx(-0.5)
+        assert s.kkt_residual == math.inf
+        empty = solved(problem(gradient, [[0.0, 0.0]], [-1.0]), 0.5)
+        assert empty.status == status.CONTRADICTORY
+
+    def test_behind_a_target_that_is_too_fast(self) -> None:
+        s = solved(problem([1.0, -1.0], [[0.0, 1.0]], [0.5]), 1.0, drift=4.0)
+        assert s.status == status.BEHIND
+        assert s.rho == pytest.approx(-2.5, rel=1e-6)
+        assert s.rate == pytest.approx(2.5, rel=1e-6)
+        np.testing.assert_allclose(s.u, [-1.0, 0.5], atol=1e-6)
+
+    def test_ahead_of_what_is_asked(self) -> None:
+        s = solved(problem([1.0, -1.0], [[1.0, 0.0]], [0.5]), 1.0, drift=-4.0)
+        assert s.status == status.AHEAD
+        assert s.rho == pytest.approx(2.5, rel=1e-6)
+        np.testing.assert_allclose(s.u, [0.5, -1.0], atol=1e-6)
+
+    def test_unbounded(self) -> None:
+        """More than any u of a sensible size, and nothing in its way but a row that looks away."""
+        given = problem([1e-200, 0.0], [[0.0, 1.0]], [-1.0], limit=math.inf)
+        s = solved(given, 1e80)
+        assert (s.status, s.path) == (status.UNBOUNDED, STILL)
+        np.testing.assert_array_equal(s.u, 0.0)
+
+    def test_a_row_that_forces_v_to_rise(self) -> None:
+        s = solved(problem([1.0, 0.0], [[-1.0, 0.0]], [-0.3]), 1.0)
+        assert s.status == status.BEHIND
+        assert s.rho == pytest.approx(-0.3, rel=1e-6)
+        np.testing.assert_allclose(s.u, [0.3, 0.0], atol=1e-8)
+
+    @pytest.mark.parametrize("where", ["gradient", "A", "b", "lower", "upper", "psi", "drift"])
+    @pytest.mark.parametrize("value", [math.nan, -math.inf])
+    def test_bad_numbers(self, where: str, value: float) -> None:
+        if (where, value) == ("lower", -math.inf):
+            return
+        names = ("gradient", "A", "b", "lower", "upper")
+        given = dict(zip(names, problem([1.0, -1.0], [[0.0, 1.0]], [0.5]), strict=True))
+        numbers = {"psi": 1.0, "drift": 0.0}
+        if where in numbers:
+            numbers[where] = value
+        else:
+            given[where].flat[0] = value
+        s = StableQp(2, 1)
+        s.u[:] = 7.0
+        rest = [given[name] for name in names[1:]]
+        found = s.solve(given["gradient"], numbers["psi"], numbers["drift"], *rest)
+        assert found == s.status == status.BAD_INPUT
+        np.testing.assert_array_equal(s.u, 0.0)
+        assert s.kkt_residual == math.inf
+        assert (s.rate, s.margin) == (0.0, -math.inf)
+
+    def test_bad_shapes_and_types(self) -> None:
+        gradient, A, b, lower, upper = problem([1.0, -1.0], [[0.0, 1.0]], [0.5])
+        s = StableQp(2, 1)
+        assert s.solve(gradient, 1.0, 0.0, A, b[:0], lower, upper) == status.BAD_SHAPE
+        assert s.solve(gradient, 1.0, 0.0, A[:, :1].copy(), b, lower, upper) == status.BAD_SHAPE
+        assert s.solve(np.ones(3), 1.0, 0.0, A, b, lower, upper) == status.BAD_SHAPE
+        assert StableQp(2, 1, 1).solve(gradient, 1.0, 0.0, A, b, lower, upper) == status.BAD_SHAPE
+        with pytest.raises(BadProblemError, match="float64"):
+            s.solve(gradient, 1.0, 0.0, A.astype(int), b, lower, upper)
+        fit = StableQp(2, 1, objective="least_squares")
+        assert fit.solve(gradient, 1.0, 0.0, A, b, lower, upper) == status.BAD_INPUT
+
+
+def test_keep_rho_keeps_it_until_forget() -> None:
+    gradient, A, b, lower, upper = problem([1.0, 1.0], [[-1.0, -1.0]], [0.25])
+    s = StableQp(2, 1, keep_rho=True)
+    s.solve(gradient, 0.5, 0.0, A, b, lower, upper)
+    kept = s.rho
+    assert kept == pytest.approx(0.5)
+    b[0] = FAR
+    s.solve(gradient, 0.5, 0.0, A, b, lower, upper)
+    assert s.rho == kept
+    assert s.required == pytest.approx(-kept * 0.5)
+    s.forget()
+    s.solve(gradient, 0.5, 0.0, A, b, lower, upper)
+    assert s.rho == 1.0
+
+
+def test_the_first_limited_answer_and_the_next_have_the_same_bits() -> None:
+    """After a limited problem the LP comes first: that saves a QP, and changes nothing else."""
+    s = StableQp(N, M)
+    for each in generic(seed=11, count=30):
+        limited = (each.gradient, 4 * most_descent(each), *each.arguments[2:])
+        s.solve(*limited)
+        first = (s.u.copy(), s.rho, s.kkt_residual)
+        s.solve(*limited)
+        np.testing.assert_array_equal(s.u, first[0])
+        assert (s.rho, s.kkt_residual) == first[1:]
+        assert s.rho == pytest.approx(0.25, rel=1e-8)
+        s.solve(*each.arguments)
+        once = s.u.copy()
+        s.solve(*each.arguments)
+        np.testing.assert_array_equal(s.u, once)
+
+
+def test_the_same_problem_gives_the_same_bits_whatever_came_before() -> None:
+    s, fresh = StableQp(N, M), {}
+    for seed in (1, 2):
+        for index, each in enumerate(generic(seed=7, count=30)):
+            s.solve(*each.arguments)
+            assert np.array_equal(fresh.setdefault(index, s.u.copy()), s.u)
+        for other in generic(seed=seed, count=10):
+            s.solve(*other.arguments)
+
+
+class TestBackends:
+    """Peers agree; names that nobody knows are refused."""
+
+    @pytest.mark.parametrize("name", qp_backends.installed())
+    def test_agree(self, name: str) -> None:
+        ours, peer = StableQp(N, M), StableQp(N, M, solver=name)
+        compared = 0
+        for each in generic(seed=8, count=12):
+            ours.solve(*each.arguments)
+            peer.solve(*each.arguments)
+            if ours.path == QP:
+                np.testing.assert_allclose(peer.u, ours.u, atol=1e-3)
+                assert peer.kkt_residual < 1e-2
+                compared += 1
+        assert compared > 3
+
+    def test_unknown(self) -> None:
+        with pytest.raises(UnknownNameError, match="daqp") as error:
+            StableQp(2, solver="dapq")
+        assert error.value.nearest == "daqp"
+
+    def test_not_installed(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(qp_backends, "find_spec", lambda name: None if name == "piqp" else 1)
+        with pytest.raises(UnknownNameError, match="pip install piqp"):
+            StableQp(2, solver="piqp")
+
+
+class TestFunctions:
+    """The convenient face."""
+
+    def test_feasible_rate_agrees_with_highs(self) -> None:
+        for each in generic(seed=9, count=40):
+            most = most_descent(each)
+            rest = (each.A, each.b, each.lower, each.upper)
+            rho = feasible_rate(each.gradient, 2 * most, *rest)
+            assert rho == pytest.approx(0.5, rel=1e-9)
+            assert feasible_rate(each.gradient, most / 2, *rest) == 1.0
+
+    def test_feasible_rate_at_its_ends(self) -> None:
+        assert feasible_rate([1.0, 2.0], 5.0) == 1.0  # unbounded but for ρ ≤ 1
+        assert feasible_rate([1.0, 2.0], 0.0, lower=[0, 0], upper=[0, 0]) == 1.0
+        assert feasible_rate([1.0, 2.0], 1.0, lower=[0, 0], upper=[0, 0]) == 0.0
+        assert feasible_rate([0.0, 0.0], 0.0) == 1.0
+        assert feasible_rate([1.0], 1.0, lower=[-1], upper=[1], drift=3.0) == pytest.approx(-2.0)
+        assert feasible_rate([1.0], 0.0, lower=[-1], upper=[1], drift=3.0) == -1e9
+        with pytest.raises(InfeasibleError, match="contradict"):
+            feasible_rate([1.0], 1.0, A=[[1.0], [-1.0]], b=[-1.0, 0.0])
+        with pytest.raises(InfeasibleError, match="drift"):
+            feasible_rate([0.0], 0.0, drift=1.0)
+        with pytest.raises(BadProblemError):
+            feasible_rate([1.0], -1.0)
+
+    def test_lyapunov_qp(self) -> None:
+        for each in generic(seed=10, count=20):
+            rest = (each.A, each.b, each.lower, each.upper)
+            u = lyapunov_qp(each.gradient, each.psi, 0.5, *rest)
+            assert each.gradient @ u == pytest.approx(-each.psi, rel=1e-8)
+            free = lyapunov_qp(each.gradient, each.psi, 0.5, lower=each.lower, upper=each.upper)
+            bounded = qp12_bounded(each.gradient, each.psi, 0.5, each.lower, each.upper)
+            np.testing.assert_allclose(free, bounded, atol=1e-14)
+            with pytest.raises(InfeasibleError):
+                lyapunov_qp(each.gradient, most_descent(each) * 1.01, 0.5, *rest)
+
+    def test_refusals(self) -> None:
+        with pytest.raises(InfeasibleError):
+            lyapunov_qp([0.0, 0.0], 1.0, 0.5)
+        with pytest.raises(BadProblemError):
+            lyapunov_qp([1.0, 0.0], 1.0, 0.5, A=[[1.0]], b=[1.0])
+        with pytest.raises(BadProblemError):
+            lyapunov_qp([1.0, math.nan], 1.0, 0.5)
+
+
+limits = st.one_of(st.floats(1e-6, 2), st.just(0.0))
+values = st.floats(-3, 3).map(lambda x: 0.0 if abs(x) < 1e-3 else x)
+
+
+@settings(max_examples=100)
+@given(
+    st.data(),
+    st.integers(1, 5),
+    st.integers(0, 4),
+    st.floats(0, 5),
+    st.floats(-3, 3),
+    st.sampled_from(["qp12", 1, 2, math.inf]),
+)
+def test_promises(
+    data: st.DataObject, n: int, m: int, psi: float, drift: float, objective: str | float
+) -> None:
+    """Whatever is asked: finite answers within the bounds, a true certificate, a named status."""
+    gradient = data.draw(arrays(np.float64, n, elements=values))
+    A = data.draw(arrays(np.float64, (m, n), elements=values))
+    b = data.draw(arrays(np.float64, m, elements=st.floats(-0.5, 2)))
+    upper = data.draw(arrays(np.float64, n, elements=limits))
+    lower = -data.draw(arrays(np.float64, n, elements=limits))
+    s = StableQp(n, m, objective=objective)
+    found = s.solve(gradient, psi, drift, A, b, lower, upper)
+    assert found in range(len(status.NAMES))
+    assert np.all((lower <= s.u) & (s.u <= upper))
+    assert s.rate == pytest.approx(gradient @ s.u + drift, abs=1e-12)
+    slack = np.concatenate([b - A @ s.u, upper - s.u, s.u - lower])
+    assert s.margin == pytest.approx(slack.min(), abs=1e-12)
+    assert not math.isnan(s.rho)
+    assert not math.isnan(s.kkt_residual)
+    if found in (status.OK, status.BEHIND, status.AHEAD, status.STATIONARY):
+        assert s.margin >= -1e-7
+        assert s.rate <= 1e-6 or found == status.BEHIND
+        if psi > 1e-3:
+            assert s.rate == pytest.approx(-s.rho * psi, abs=1e-9)
+    else:
+        assert found in (status.FLAT, status.CONTRADICTORY)

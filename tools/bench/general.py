@@ -1,0 +1,194 @@
+"""`hoap3 bench solvers`, constrained: QP12 with bounds, and the general problem (3)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from remote_controller.solvers import qp_backends, status
+from remote_controller.solvers.bounded_qp12 import BoundedQp12
+from remote_controller.solvers.stable_qp import QP, StableQp
+from tools.bench.reference import reference
+from tools.bench.timing import Contender, race
+
+Array = NDArray[np.float64]
+Problem = tuple[Array, float, float, Array, Array, Array, Array]
+
+GAMMA, ROWS, STREAM, AT_LIMIT = 0.5, 5, 256, 32
+CLOSE = 1e-6
+"""An answer that far from ours, relative to the largest speed, or farther, is a failure."""
+
+
+def bench_general(
+    n: int = 21, samples: int = 2000, gamma: float = GAMMA, kinds: tuple[str, ...] = ("feasible",)
+) -> list[dict[str, Any]]:
+    """Rows {solver, n, samples, min_us, …, failures, times_daqp}, timed in turn.
+
+    "bounded qp12" is exact clamping; "stable_qp …" are whole solves, all checks and certificate
+    included, of problems that need the QP ("feasible": ρ = 1 is) or the LP and a second QP
+    ("limited": ρ < 1). The others get one of the former, ready-made, as their arrays and solve it
+    once, cold: "daqp" is what `stable_qp` calls, timed bare.
+
+    Args:
+        n: joints, each with two bounds; 5 rows and the Lyapunov equality come on top.
+        samples: single calls of each.
+        gamma: of the objective.
+        kinds: of the streams for `stable_qp`: "feasible", "limited".
+
+    Returns:
+        The rows; `failures` are answers out of `problems` that were not found or differ from
+        ours by 1e-6 of the largest speed, `failures_at_limit` those with ρ at 1 − 1e-9 of ρ*,
+        `times_daqp` the ratio to daqp's bare call in this run.
+    """
+    problems = {kind: stream(n, gamma, kind) for kind in ("feasible", *kinds)}
+    bounded, out = BoundedQp12(n), np.zeros(n)
+    contenders = [Contender("bounded qp12", bounded.solve, clamped_stream(n, gamma, out))]
+    failures: dict[str, int] = {}
+    for kind in dict.fromkeys(kinds):
+        solver = StableQp(n, ROWS, gamma=gamma)
+        name = f"stable_qp, {kind}"
+        failures[name] = sum(
+            solver.solve(*each) != status.OK or not solver.kkt_residual <= 1e-8
+            for each in problems[kind]
+        )
+        contenders.append(Contender(name, solver.solve, problems[kind]))
+    feasible = [_judged(each, gamma) for each in problems["feasible"]]
+    at_limit = [_judged(each, gamma) for each in stream(n, gamma, "limited", count=AT_LIMIT)]
+    failures_at_limit: dict[str, int] = {}
+    for name, call in peers().items():
+        failures[name] = sum(not _close(call(program), u) for program, u in feasible)
+        failures_at_limit[name] = sum(not _close(call(program), u) for program, u in at_limit)
+        contenders.append(Contender(name, call, [(program,) for program, _ in feasible]))
+    times = race([*contenders, reference()], samples)
+    return [
+        {
+            "solver": name,
+            "n": n,
+            **taken.figures(),
+            "problems": STREAM,
+            "failures": failures.get(name),
+            "problems_at_limit": AT_LIMIT,
+            "failures_at_limit": failures_at_limit.get(name),
+            "times_daqp": taken.times(times["daqp"]),
+        }
+        for name, taken in times.items()
+    ]
+
+
+def stream(
+    n: int, gamma: float, kind: str = "feasible", seed: int = 0, count: int | None = None
+) -> list[Problem]:
+    """Random problems for `StableQp.solve` that need its QP; with "limited" ρ* is 0.3 to 0.99."""
+    rng = np.random.default_rng(seed)
+    solver = StableQp(n, ROWS, gamma=gamma)
+    found: list[Problem] = []
+    while len(found) < (STREAM if count is None else count):
+        gradient, A = rng.normal(size=n), rng.normal(size=(ROWS, n))
+        upper, lower = rng.uniform(0.1, 1, n), -rng.uniform(0.1, 1, n)
+        inside = rng.uniform(lower, upper) * rng.random()
+        if gradient @ inside > 0.0:
+            gradient = -gradient
+        b = np.maximum(0.0, A @ inside) + rng.uniform(0, 0.3, ROWS) * (rng.random(ROWS) < 0.7)
+        psi = float(-gradient @ inside)
+        if kind == "limited":
+            psi = 1e6
+            _, rho = solver.rho_star(gradient, psi, 0.0, A, b, lower, upper)
+            psi *= rho / rng.uniform(0.3, 0.99)
+        each = (gradient, psi, 0.0, A, b, lower, upper)
+        if solver.solve(*each) == status.OK and solver.path == QP:
+            found.append(each)
+    return found
+
+
+def clamped_stream(n: int, gamma: float, out: Array, seed: int = 1) -> list[tuple[Any, ...]]:
+    """Problems for `BoundedQp12.solve`: 0 to all joints but one are clamped."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for share in np.linspace(0.05, 0.95, STREAM):
+        gradient, upper = rng.normal(size=n), rng.uniform(0.1, 1, n)
+        lower = -rng.uniform(0.1, 1, n)
+        most = float(np.sum(np.abs(gradient) * np.where(gradient > 0, -lower, upper)))
+        found.append((gradient, share * most, gamma, lower, upper, out))
+    return found
+
+
+def _judged(problem: Problem, gamma: float) -> tuple[qp_backends.Program, Array]:
+    """The QP for others, with the ρ that we found, and our answer."""
+    gradient, psi, drift, A, b, lower, upper = problem
+    solver = StableQp(gradient.size, ROWS, gamma=gamma)
+    solver.solve(*problem)
+    return ready((gradient, solver.rho * psi, drift, A, b, lower, upper), gamma), solver.u
+
+
+def ready(problem: Problem, gamma: float) -> qp_backends.Program:
+    """The QP of a problem in p and m, u = p − m, as one would write it down for a solver."""
+    gradient, psi, drift, A, b, lower, upper = problem
+    n, top = gradient.size, float(np.abs(gradient).max())
+    rows = np.vstack([A, gradient / top])
+    target = -(psi + drift) / top
+    sense = np.zeros(2 * n + rows.shape[0], np.int32)
+    sense[-1] = qp_backends.EQUATION
+    return qp_backends.Program(
+        np.eye(2 * n),
+        np.full(2 * n, gamma / (1.0 - gamma)),
+        np.ascontiguousarray(np.hstack([rows, -rows])),
+        np.concatenate([np.zeros(2 * n), np.full(b.size, -1e30), [target]]),
+        np.concatenate([upper, -lower, b, [target]]),
+        sense,
+    )
+
+
+def peers() -> dict[str, Callable[[qp_backends.Program], Array]]:
+    """Solvers that are installed, daqp first: from a program to u, NaN where it gave up."""
+    import daqp as library  # noqa: PLC0415
+
+    def bare_daqp(program: qp_backends.Program) -> Array:
+        x, _, flag, _ = library.solve(
+            program.H, program.f, program.A, program.most, program.least, program.sense
+        )
+        return _answer(flag == 1, x)
+
+    def by(name: str) -> Callable[[qp_backends.Program], Array]:
+        def solve(program: qp_backends.Program) -> Array:
+            solved, x, _ = qp_backends.backend(name, program)(1e-7)
+            return _answer(solved, x)
+
+        return solve
+
+    found: dict[str, Callable[[qp_backends.Program], Array]] = {"daqp": bare_daqp}
+    found |= {name: by(name) for name in qp_backends.installed() if name != "daqp"}
+    if find_spec("quadprog") is not None:
+        found["quadprog"] = _quadprog
+    return found
+
+
+def _quadprog(program: qp_backends.Program) -> Array:
+    import quadprog as library  # noqa: PLC0415
+
+    variables = program.f.size
+    one, rows = np.eye(variables), program.A.T
+    try:
+        x = library.solve_qp(
+            program.H,
+            -program.f,
+            np.hstack([rows[:, -1:], one, -one, -rows[:, :-1]]),
+            np.concatenate([program.least[-1:], program.least[:variables], -program.most[:-1]]),
+            1,
+        )[0]
+    except ValueError:  # "constraints are inconsistent"
+        return np.full(variables // 2, math.nan)
+    return _answer(True, x)
+
+
+def _answer(solved: bool, x: Array) -> Array:
+    half = x.size // 2
+    return x[:half] - x[half:] if solved else np.full(half, math.nan)
+
+
+def _close(u: Array, exact: Array) -> bool:
+    return bool(np.abs(u - exact).max() <= CLOSE * np.abs(exact).max())
