@@ -73,6 +73,10 @@ class Kinematics:
         self._q[self._order] = q
         self._pass(self._model, self._data, self._q, False)
 
+    def joints(self, position_out: FloatArray) -> None:
+        """Write the joint positions that `update` took, (n,) [rad or m]."""
+        np.take(self._q, self._order, out=position_out)
+
     def com(self, frame: int, position_out: FloatArray, jacobian_out: FloatArray) -> None:
         """Centre of mass, (3,) [m], and its Jacobian, (3, n) [m/rad], as seen from a frame.
 
