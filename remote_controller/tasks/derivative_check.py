@@ -70,15 +70,16 @@ def _check_at(
             raise refuse(f"{component} is {number}", "Make it a finite number everywhere")
     if here < 0.0:
         raise refuse(f"value is {here:.6g}", "V ≥ 0 is needed, and 0 at the target only")
-    slopes = [
-        _slope(value(q + shift, time_s), value(q - shift, time_s))
-        for shift in STEP * np.eye(len(joints))
+    ends = [
+        (value(q + shift, time_s), value(q - shift, time_s)) for shift in STEP * np.eye(len(joints))
     ]
-    slopes.append(_slope(value(q, time_s + STEP), value(q, time_s - STEP)))
+    ends.append((value(q, time_s + STEP), value(q, time_s - STEP)))
+    ahead, behind = np.array(ends).T
+    slopes = (ahead - behind) / (2.0 * STEP)
+    bend = (ahead - 2.0 * here + behind) / (2.0 * STEP)  # where V is least, q's rounding shows
     given = np.append(gradient, rate)
-    spread = TOLERANCE * max(np.max(np.abs(slopes)), np.max(np.abs(given)))
-    allowed = spread + ROUNDING * abs(here) / STEP
-    wrong = np.abs(given - slopes) - allowed
+    largest = np.max(np.abs([slopes, bend, given]))
+    wrong = np.abs(given - slopes) - TOLERANCE * largest - ROUNDING * abs(here) / STEP
     if not np.all(wrong <= 0.0):
         worst = int(np.argmax(wrong))
         component = "rate (∂V/∂t)"
@@ -89,7 +90,3 @@ def _check_at(
             f"{slopes[worst]:.6g}",
             "Correct the one or the other",
         )
-
-
-def _slope(ahead: float, behind: float) -> float:
-    return (ahead - behind) / (2.0 * STEP)
