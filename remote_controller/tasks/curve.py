@@ -69,8 +69,8 @@ class Curve(ABC):
 class Ellipse(Curve):
     """An ellipse in a plane, all other coordinates at their centre.
 
-    α_1 = ½r·((d_a/r_a)² + (d_b/r_b)² − 1) with r = √(r_a·r_b) and d = x − centre, and α_k = d_k for
-    the others.
+    α_1 = ±½r·((d_a/r_a)² + (d_b/r_b)² − 1) with r = √(r_a·r_b) and d = x − centre, and α_k = d_k
+    for the others. The sign is such that forward is from a to b.
 
     Args:
         center: (m,).
@@ -85,8 +85,10 @@ class Ellipse(Curve):
         self._center, self._d = center, np.zeros(len(center))
         self._first, self._second = first, second
         self._squares = radii[0] ** 2, radii[1] ** 2
-        self._scale = math.sqrt(radii[0] * radii[1])
-        self._others = np.array([k for k in range(len(center)) if k not in {first, second}], int)
+        others = [k for k in range(len(center)) if k not in {first, second}]
+        self._others = np.array(others, int)
+        handed = np.linalg.det(np.eye(len(center))[[first, *others, second]])
+        self._scale = math.copysign(math.sqrt(radii[0] * radii[1]), handed)
         for row, column in enumerate(self._others):
             self.gradients[1 + row, column] = 1.0
 

@@ -23,7 +23,7 @@ from remote_controller.tasks.lyapunov import LyapunovFunction, Site
 from remote_controller.tasks.targets.target import smooth_step
 
 HELD = 1e-3  # independence of the gradients up to which nothing moves along the curve,
-FREE = 1e-2  # and from which on motion is not slowed down
+FREE = 0.1  # and from which on motion is not slowed down
 LEAST_COSINE = 0.5  # of the turn of the tangent between two ticks
 
 
@@ -197,7 +197,9 @@ def check_curve(motion: PersistentMotion, name: str, site: Site) -> None:
 
 class _MotionSettings(Settings):
     direction: Literal["forward", "backward"] = Field(
-        "forward", description="forward: gradients of α and tangent have a positive determinant"
+        "forward",
+        description="forward: gradients of α, then the tangent, have a positive determinant; "
+        "of an ellipse: from its first axis to its second",
     )
     objective_weights: tuple[float, ...] = Field(
         (), description="w of φ = ½ Σ w·(dα/dt)²: one number, or one for each α; empty: 1"
