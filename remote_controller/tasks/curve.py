@@ -27,7 +27,7 @@ CURVES = Family(
         "ellipse": "remote_controller.tasks.curve:SpaceEllipse",
     },
     ("remote_controller.tasks.curve:Curve",),
-    "docs/writing_a_controller.md",
+    "docs/writing_a_task.md",
 )
 
 

@@ -33,7 +33,7 @@ TASKS = Family(
         "remote_controller.tasks.lyapunov:LyapunovFunction",
         "remote_controller.tasks.task:Task",
     ),
-    "docs/writing_a_controller.md",
+    "docs/writing_a_task.md",
 )
 
 
