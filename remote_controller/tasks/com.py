@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from pydantic import Field
 
 from protocol.messages import FloatArray
 from remote_controller.kinematics import Kinematics
+from remote_controller.tasks.lyapunov import Site, TaskFunction
+from remote_controller.tasks.targets.settings import TargetSettings
 from remote_controller.tasks.task import Task
 
 
@@ -21,12 +24,24 @@ class ComTask(Task):
         FrameNotFoundError: the robot has no such frame.
     """
 
+    class Parameters(Task.Parameters):
+        """Where the centre of mass shall be."""
+
+        frame: str = Field("r_sole", description="frame that it is seen from")
+        target: TargetSettings = Field(description="where it shall be, in that frame")
+
     def __init__(self, kinematics: Kinematics, frame: str, target: FloatArray) -> None:
         super().__init__(3, kinematics.n)
         self._frame = kinematics.frame_id(frame)
         self._scratch = np.zeros_like(self.jacobian)
         self.position = np.zeros(3)
         self.target[:] = target
+
+    @classmethod
+    def configured(cls, site: Site, parameters: Parameters) -> TaskFunction:
+        """V of this task."""
+        task = cls(site.kinematics, parameters.frame, np.zeros(3))
+        return TaskFunction(task, parameters.target.build(site.folder), parameters.weights)
 
     def update(self, kinematics: Kinematics) -> None:
         """Recompute e [m] and J [m/rad]."""

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydantic import Field
 
 from protocol.messages import FloatArray
+from protocol.settings import Settings
 from remote_controller.kinematics import Kinematics
+from remote_controller.tasks import status
+
+if TYPE_CHECKING:
+    from remote_controller.tasks.lyapunov import LyapunovFunction, Site
 
 
 class Task(ABC):
@@ -19,7 +26,15 @@ class Task(ABC):
         drift: dJ/dt · dq, (m,).
         target: what is aimed at, (m,), and
         target_rate: its velocity, (m,).
+        status: one of `tasks.status`.
     """
+
+    class Parameters(Settings):
+        """Settings that every task has."""
+
+        weights: tuple[float, ...] = Field(
+            (), description="W of V = ½ eᵀWe: one number, or one for each component of e; empty: 1"
+        )
 
     def __init__(self, dimension: int, joints: int) -> None:
         self.error = np.zeros(dimension)
@@ -27,6 +42,12 @@ class Task(ABC):
         self.drift = np.zeros(dimension)
         self.target = np.zeros(dimension)
         self.target_rate = np.zeros(dimension)
+        self.status = status.OK
+
+    @classmethod
+    @abstractmethod
+    def configured(cls, site: Site, parameters: Any) -> LyapunovFunction:
+        """V of this task as its `Parameters` have it, for the robot at `site`."""
 
     @abstractmethod
     def update(self, kinematics: Kinematics) -> None:
@@ -35,3 +56,10 @@ class Task(ABC):
     @abstractmethod
     def read(self, kinematics: Kinematics, out: FloatArray) -> None:
         """Write the quantity that is aimed at the target, (m,), into `out`."""
+
+    def explicit_rate(self, out: FloatArray) -> None:
+        """Write ∂e/∂t, (m,), which the target's motion makes, for the last `update`.
+
+        It is −`target_rate`, unless a subclass knows better.
+        """
+        np.negative(self.target_rate, out=out)

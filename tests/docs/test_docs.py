@@ -24,6 +24,7 @@ STORIES = [
     "concepts.md",
     "configuration.md",
     "writing_a_controller.md",
+    "writing_a_task.md",
     "new_robot.md",
     "two_machines.md",
     "logs.md",

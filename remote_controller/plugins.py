@@ -1,0 +1,112 @@
+"""Classes by name: ours, those of installed packages, and the user's own by dotted path."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any
+
+from protocol.errors import ConfigError, UnknownNameError
+
+
+@dataclass(frozen=True)
+class Family:
+    """Classes that share an entry-point group and a base.
+
+    Attributes:
+        kind: what one of them is called in errors.
+        group: entry-point group that installed packages register theirs in.
+        builtin: ours, name to `module:Class`.
+        bases: dotted paths of the classes that one of them must derive from; resolved on use.
+        guide: the page that shows how to write one.
+    """
+
+    kind: str
+    group: str
+    builtin: Mapping[str, str]
+    bases: tuple[str, ...]
+    guide: str
+
+    def registered(self) -> dict[str, EntryPoint]:
+        """Everything that can be named: ours, then those of installed packages."""
+        found = {name: EntryPoint(name, value, self.group) for name, value in self.builtin.items()}
+        for point in entry_points(group=self.group):
+            found.setdefault(point.name, point)
+        return found
+
+    def find(self, name: str, file: str, key: str) -> type[Any]:
+        """A class of this family.
+
+        Args:
+            name: registered, or a dotted path `package.module:Class`.
+            file, key: where it was named, for errors.
+
+        Raises:
+            UnknownNameError: nobody registered it.
+            ConfigError: it cannot be imported, or does not belong to the family.
+        """
+        known = self.registered()
+        if name in known:
+            point = known[name]
+        elif ":" in name:
+            point = EntryPoint(name, name, self.group)
+        else:
+            hint = f" ({file}: {key}; your own is named package.module:Class)"
+            raise UnknownNameError(self.kind, name, known, hint)
+        try:
+            loaded = point.load()
+        except (Exception, SystemExit) as error:  # nobody else may end us
+            raise ConfigError(
+                file,
+                key,
+                name,
+                f"cannot be imported: {blame(error)}",
+                "Install its package, or keep its module beside the config file",
+            ) from error
+        return self._checked(loaded, name, file, key)
+
+    def _checked(self, loaded: Any, name: str, file: str, key: str) -> type[Any]:
+        bases = tuple(EntryPoint("", base, self.group).load() for base in self.bases)
+        if not (inspect.isclass(loaded) and issubclass(loaded, bases)):
+            raise ConfigError(
+                file,
+                key,
+                name,
+                f"is not a {self.kind} class",
+                f"Derive it from {' or '.join(self.bases).replace(':', '.')}",
+            )
+        missing = sorted(getattr(loaded, "__abstractmethods__", ()))
+        if missing:
+            raise ConfigError(
+                file,
+                key,
+                name,
+                f"lacks the method {', '.join(missing)}",
+                f"Define it; {self.guide} has an example",
+            )
+        return loaded
+
+
+def blame(error: BaseException, owner: type | None = None) -> str:
+    """What somebody else's code raised, and where, in one line; rather in the owner's file."""
+    home = inspect.getmodule(owner)
+    frames = [
+        frame
+        for frame in traceback.extract_tb(error.__traceback__)
+        if frame.filename != __file__ and "importlib" not in frame.filename
+    ]
+    at_home = [frame for frame in frames if frame.filename == getattr(home, "__file__", None)]
+    place = "".join(
+        f" ({Path(frame.filename).name}, line {frame.lineno})" for frame in (at_home or frames)[-1:]
+    )
+    return " ".join(f"{type(error).__name__}: {error}{place}".split())
+
+
+def module_of(found: type) -> str:
+    """Where a class comes from, for the log."""
+    return f"{importlib.import_module(found.__module__).__name__}:{found.__qualname__}"

@@ -1,0 +1,103 @@
+"""A frame at a pose: position and orientation."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import Field
+
+from protocol.messages import FloatArray
+from remote_controller.kinematics import Kinematics
+from remote_controller.tasks.lyapunov import Site, TaskFunction
+from remote_controller.tasks.targets.settings import TargetSettings
+from remote_controller.tasks.targets.target import Approach, Joined, Point
+from remote_controller.tasks.task import Task
+
+
+class FramePoseTask(Task):
+    """e = log(M_d⁻¹M) in SE(3): pose M(q) of a frame, in the axes of its target M_d.
+
+    e = (ρ, φ): φ [rad] is the rotation vector from target to frame, |φ| ≤ π, and ρ = Jl⁻¹(φ)·t
+    [m] with t the frame's origin in the target's axes. J is exactly ∂e/∂q: the frame's twist,
+    in the target's axes, taken through the derivative of the logarithm, Jlog(e). The geometric
+    Jacobian, which many use instead, agrees with it only where e = 0; with it V̇ would not be
+    what the certificate says. The target's motion enters alike, as ∂e/∂t.
+
+    The logarithm comes from the quaternion and J from cot(|φ|/2), so both are accurate up to half
+    a turn. Exactly there e is one of two opposites: V is continuous, ∇V points either way, and
+    status says `at_antipode`.
+
+    Args:
+        kinematics: of the robot.
+        frame, reference: names.
+        target: (6,) p_d [m] and the rotation vector of R_d (axis × angle [rad]), both in the
+            reference's axes.
+
+    Raises:
+        FrameNotFoundError: the robot has no such frame.
+    """
+
+    class Parameters(Task.Parameters):
+        """Which frame, and where it shall be; the last three weights are in m²/rad²."""
+
+        frame: str = Field(description="frame that shall get there")
+        reference: str = Field(description="frame that it is seen from")
+        target: TargetSettings = Field(description="where its origin shall be, in that frame")
+        rotation_rad: tuple[float, float, float] = Field(
+            (0.0, 0.0, 0.0), description="axis × angle of its orientation, in that frame [rad]"
+        )
+        turn_s: float = Field(
+            0.0, ge=0, description="duration of the turn from where it is [s]; 0: at once"
+        )
+
+    def __init__(
+        self, kinematics: Kinematics, frame: str, reference: str, target: FloatArray
+    ) -> None:
+        from remote_controller.tasks.pose_kernels import (  # noqa: PLC0415 - compiles
+            pose_error,
+            rotation_vector,
+        )
+
+        super().__init__(6, kinematics.n)
+        self._pose_error, self._rotation_vector = pose_error, rotation_vector
+        self._frame, self._reference = kinematics.frame_id(frame), kinematics.frame_id(reference)
+        self._twist = np.zeros((6, kinematics.n))
+        self._work = np.zeros((2, 3, 3))
+        self._error_rate = np.zeros(6)
+        self.position, self.rotation = np.zeros(3), np.eye(3)
+        self.target[:] = target
+
+    @classmethod
+    def configured(cls, site: Site, parameters: Parameters) -> TaskFunction:
+        """V of this task."""
+        task = cls(site.kinematics, parameters.frame, parameters.reference, np.zeros(6))
+        turn = Approach(Point(np.array(parameters.rotation_rad)), parameters.turn_s)
+        target = Joined(parameters.target.build(site.folder), turn)
+        return TaskFunction(task, target, parameters.weights)
+
+    def update(self, kinematics: Kinematics) -> None:
+        """Recompute e, J = ∂e/∂q, and ∂e/∂t from `target_rate`."""
+        self._see(kinematics)
+        self.status = self._pose_error(
+            self.position,
+            self.rotation,
+            self._twist,
+            self.target,
+            self.target_rate,
+            self._work,
+            self.error,
+            self.jacobian,
+            self._error_rate,
+        )
+
+    def explicit_rate(self, out: FloatArray) -> None:
+        """Write ∂e/∂t, (6,)."""
+        out[:] = self._error_rate
+
+    def read(self, kinematics: Kinematics, out: FloatArray) -> None:
+        """Write p, and of both rotation vectors of R the one nearer to the target's, (6,)."""
+        self._see(kinematics)
+        out[:3] = self.position
+        self._rotation_vector(self.rotation, self.target[3:], out[3:])
+
+    def _see(self, kinematics: Kinematics) -> None:
+        kinematics.frame(self._frame, self._reference, self.position, self.rotation, self._twist)

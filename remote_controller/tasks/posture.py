@@ -1,0 +1,93 @@
+"""The joints in a posture."""
+
+from __future__ import annotations
+
+from typing import Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from protocol.errors import ConfigError
+from protocol.messages import FloatArray
+from remote_controller.kinematics import Kinematics
+from remote_controller.tasks.lyapunov import Site, TaskFunction
+from remote_controller.tasks.targets.target import Approach, Point
+from remote_controller.tasks.task import Task
+
+
+class PostureTask(Task):
+    """e = q − q_d, of all joints or of some [rad or m]; J = I, or its rows of these joints.
+
+    Args:
+        kinematics: of the robot.
+        joints: (m,) places of the joints in wire order.
+        target: q_d, (m,) [rad or m].
+    """
+
+    class Parameters(Task.Parameters):
+        """Which posture."""
+
+        posture: str | None = Field(None, description="one of the robot's description")
+        target_rad: tuple[float, ...] = Field((), description="instead: q_d of `joints` [rad or m]")
+        joints: tuple[str, ...] = Field((), description="which joints; empty: all, in wire order")
+        approach_s: float = Field(
+            0.0, ge=0, description="duration of the way there [s]; 0: at once"
+        )
+
+        @model_validator(mode="after")
+        def _one_posture(self) -> Self:
+            if (self.posture is None) == (not self.target_rad):
+                raise ValueError("should have either posture or target_rad")
+            return self
+
+    def __init__(self, kinematics: Kinematics, joints: list[int], target: FloatArray) -> None:
+        super().__init__(len(joints), kinematics.n)
+        self._all = np.zeros(kinematics.n)
+        self._joints = np.array(joints, np.intp)
+        self.jacobian[np.arange(len(joints)), self._joints] = 1.0
+        self.target[:] = target
+
+    @classmethod
+    def configured(cls, site: Site, parameters: Parameters) -> TaskFunction:
+        """V of this task."""
+        joints = _places(site, parameters.joints)
+        target = _positions(site, parameters, joints)
+        task = cls(site.kinematics, joints, target)
+        return TaskFunction(
+            task, Approach(Point(target), parameters.approach_s), parameters.weights
+        )
+
+    def update(self, kinematics: Kinematics) -> None:
+        """Recompute e [rad or m]."""
+        self.read(kinematics, self.error)
+        np.subtract(self.error, self.target, out=self.error)
+
+    def read(self, kinematics: Kinematics, out: FloatArray) -> None:
+        """Write q of the joints, (m,) [rad or m]."""
+        kinematics.joints(self._all)
+        np.take(self._all, self._joints, out=out)
+
+
+def _places(site: Site, names: tuple[str, ...]) -> list[int]:
+    known = list(site.description.joint_names)
+    for name in names:
+        if name not in known or names.count(name) > 1:
+            problem = "is named twice" if name in known else "is no joint of this robot"
+            remedy = f"Its joints: {', '.join(known)}"
+            raise ConfigError(site.file, f"{site.key}.joints", name, problem, remedy)
+    return [known.index(name) for name in names or known]
+
+
+def _positions(site: Site, parameters: PostureTask.Parameters, joints: list[int]) -> FloatArray:
+    postures = site.description.postures
+    if parameters.posture is not None:
+        if parameters.posture not in postures:
+            remedy = f"Its postures: {', '.join(sorted(postures))}"
+            problem = "the robot has no such posture"
+            raise ConfigError(site.file, f"{site.key}.posture", parameters.posture, problem, remedy)
+        return np.array(postures[parameters.posture])[joints]
+    target = np.array(parameters.target_rad)
+    if len(target) != len(joints):
+        problem, remedy = f"has {len(target)} values", f"Give {len(joints)}, one for each joint"
+        raise ConfigError(site.file, f"{site.key}.target_rad", None, problem, remedy)
+    return target

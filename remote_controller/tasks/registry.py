@@ -1,0 +1,130 @@
+"""Tasks by name: ours, those of installed packages, and the user's own by dotted path."""
+
+from __future__ import annotations
+
+from importlib.metadata import EntryPoint
+from typing import Any
+
+from pydantic import Field
+
+from protocol.description import RobotDescription
+from protocol.errors import BadProblemError, ConfigError, FrameNotFoundError, Hoap3Error
+from protocol.settings import Settings, parse
+from remote_controller.kinematics import Kinematics
+from remote_controller.plugins import Family, blame
+from remote_controller.tasks.derivative_check import check_derivatives
+from remote_controller.tasks.lyapunov import LyapunovFunction, Site
+
+GROUP = "hoap3.tasks"
+BUILTIN = {
+    "com": "remote_controller.tasks.com:ComTask",
+    "frame_position": "remote_controller.tasks.frame_position:FramePositionTask",
+    "frame_pose": "remote_controller.tasks.frame_pose:FramePoseTask",
+    "posture": "remote_controller.tasks.posture:PostureTask",
+    "weighted_sum": "remote_controller.tasks.weighted_sum:WeightedSum",
+    "joint_curve": "remote_controller.tasks.persistent_motion:JointCurve",
+    "task_curve": "remote_controller.tasks.persistent_motion:TaskCurve",
+}
+TASKS = Family(
+    "task",
+    GROUP,
+    BUILTIN,
+    (
+        "remote_controller.tasks.lyapunov:LyapunovFunction",
+        "remote_controller.tasks.task:Task",
+    ),
+    "docs/writing_a_task.md",
+)
+
+
+class TaskSettings(Settings):
+    """Which task, and its settings."""
+
+    task: str = Field(description="registered name, or package.module:Class")
+    parameters: dict[str, Any] = Field({}, description="settings of the task itself")
+
+
+def registered() -> dict[str, EntryPoint]:
+    """Every task that can be named: ours, then those of installed packages."""
+    return TASKS.registered()
+
+
+def find(name: str, file: str = "config", key: str = "task") -> Any:
+    """The class of a task: a `Task`, or a `LyapunovFunction`.
+
+    Args:
+        name: registered, or a dotted path `package.module:Class`.
+        file, key: where it was named, for errors.
+
+    Raises:
+        UnknownNameError: nobody registered it.
+        ConfigError: it cannot be imported, or is no task.
+    """
+    return TASKS.find(name, file, key)
+
+
+def check_parameters(settings: TaskSettings, file: str = "config", key: str = "task") -> Any:
+    """The parsed parameters of a task; refuses what is wrong for any robot.
+
+    Raises:
+        UnknownNameError, ConfigError: see `find`; or a parameter is wrong.
+    """
+    found = find(settings.task, file, f"{key}.task")
+    return parse(found.Parameters, settings.parameters, file, f"{key}.parameters")
+
+
+def build(
+    settings: TaskSettings,
+    description: RobotDescription,
+    kinematics: Kinematics,
+    file: str = "config",
+    key: str = "task",
+) -> LyapunovFunction:
+    """The configured task for a robot; of somebody else's, the derivatives are checked as well.
+
+    Args:
+        settings: what is wanted.
+        description, kinematics: of the robot; a checked task leaves `kinematics` at its initial
+            posture.
+        file, key: where the settings stand, for errors. Other files are sought beside `file`.
+
+    Raises:
+        UnknownNameError, ConfigError: it cannot be found, its parameters are wrong, the robot
+            lacks a frame that they name, it cannot be built for this robot, or its gradient is
+            not that of its value.
+    """
+    parameters = check_parameters(settings, file, key)
+    found = find(settings.task, file, f"{key}.task")
+    site = Site(description, kinematics, file, f"{key}.parameters")
+    checked = settings.task not in BUILTIN
+    try:
+        function: LyapunovFunction = found.configured(site, parameters)
+        if checked:
+            at_name = Site(description, kinematics, file, f"{key}.task")
+            check_derivatives(function, at_name, settings.task)
+    except FrameNotFoundError as error:
+        name = next(
+            (name for name, value in parameters.model_dump().items() if value == error.frame), ""
+        )
+        raise ConfigError(
+            file,
+            f"{key}.parameters.{name}".rstrip("."),
+            error.frame,
+            f"robot {description.name!r} has no such frame",
+            f"Its frames: {', '.join(error.known)}",
+        ) from error
+    except BadProblemError as error:
+        where = f"{key}.parameters"
+        raise ConfigError(file, where, None, str(error), "Correct them") from error
+    except Hoap3Error:
+        raise
+    except Exception as error:
+        raise ConfigError(
+            file,
+            f"{key}.task",
+            settings.task,
+            f"cannot be built for robot {description.name!r} with {description.n} joints: "
+            f"{blame(error, found)}",
+            "Correct it, or choose a robot that it is made for",
+        ) from error
+    return function

@@ -1,0 +1,127 @@
+"""What every target gives to a task, a point, and the approach to what moves."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from protocol.messages import FloatArray
+
+
+class Target(ABC):
+    """A position x_d(t) and its velocity dx_d/dt.
+
+    Time is the robot's tick × its period [s], never a wall clock. A target moves from the moment
+    of its `start`; the velocity is continuous, and exactly the derivative of the position.
+
+    Args:
+        dimension: m, of the position.
+    """
+
+    def __init__(self, dimension: int) -> None:
+        self.dimension = dimension
+        self._begin = 0.0
+
+    def start(self, present: FloatArray | None, time_s: float) -> None:
+        """Begin to move.
+
+        Args:
+            present: where the robot is, (m,); None where nobody knows.
+            time_s: now [s].
+        """
+        del present
+        self._begin = time_s
+
+    def at(self, time_s: float, position_out: FloatArray, velocity_out: FloatArray) -> None:
+        """Write x_d and dx_d/dt at a time [s], both (m,); before the start it is the start."""
+        self.follow(max(0.0, time_s - self._begin), position_out, velocity_out)
+
+    @abstractmethod
+    def follow(self, elapsed_s: float, position_out: FloatArray, velocity_out: FloatArray) -> None:
+        """Write x_d and dx_d/dt for a time since the start [s], both (m,)."""
+
+
+class Point(Target):
+    """x_d = const."""
+
+    def __init__(self, position: FloatArray) -> None:
+        super().__init__(len(position))
+        self._position = np.array(position, float)
+
+    def follow(self, elapsed_s: float, position_out: FloatArray, velocity_out: FloatArray) -> None:
+        """Write the point, and no velocity."""
+        del elapsed_s
+        position_out[:] = self._position
+        velocity_out[:] = 0.0
+
+
+class Approach(Target):
+    """Another target c(t), reached smoothly from where the robot is.
+
+    x_d = x_0 + s·(c − x_0), with s from 0 to 1 within the approach (`smooth_step`): x_d starts at
+    x_0 at rest, moves along with c all the while, and is c from then on, without a jump in
+    velocity or acceleration.
+
+    Args:
+        target: c.
+        duration_s: of the approach [s]; 0 is none.
+    """
+
+    def __init__(self, target: Target, duration_s: float) -> None:
+        super().__init__(target.dimension)
+        self._target, self._duration = target, duration_s
+        self._from = np.zeros(target.dimension)
+        self._blends = False
+
+    def start(self, present: FloatArray | None, time_s: float) -> None:
+        """Begin at `present`."""
+        super().start(present, time_s)
+        self._target.start(present, time_s)
+        self._blends = present is not None and self._duration > 0.0
+        if present is not None:
+            self._from[:] = present
+
+    def follow(self, elapsed_s: float, position_out: FloatArray, velocity_out: FloatArray) -> None:
+        """Write x_d and its velocity."""
+        self._target.follow(elapsed_s, position_out, velocity_out)
+        if not self._blends or elapsed_s >= self._duration:
+            return
+        s, slope = smooth_step(elapsed_s / self._duration)
+        slope /= self._duration
+        for i in range(self.dimension):
+            x, start = position_out[i], self._from[i]
+            velocity_out[i] = slope * (x - start) + s * velocity_out[i]
+            position_out[i] = start + s * (x - start)
+
+
+class Joined(Target):
+    """Two targets one below the other, such as a position and a rotation vector: a pose."""
+
+    def __init__(self, first: Target, second: Target) -> None:
+        super().__init__(first.dimension + second.dimension)
+        self._first, self._second = first, second
+
+    def start(self, present: FloatArray | None, time_s: float) -> None:
+        """Begin both."""
+        super().start(present, time_s)
+        m = self._first.dimension
+        self._first.start(None if present is None else present[:m], time_s)
+        self._second.start(None if present is None else present[m:], time_s)
+
+    def follow(self, elapsed_s: float, position_out: FloatArray, velocity_out: FloatArray) -> None:
+        """Write both positions, and both velocities."""
+        m = self._first.dimension
+        self._first.follow(elapsed_s, position_out[:m], velocity_out[:m])
+        self._second.follow(elapsed_s, position_out[m:], velocity_out[m:])
+
+
+def smooth_step(x: float) -> tuple[float, float]:
+    """Give s = 10x³ − 15x⁴ + 6x⁵ and ds/dx: from 0 to 1, with ds = d²s = 0 at both ends.
+
+    Outside 0 … 1 it stays. The steepest slope is 15/8, at x = ½.
+    """
+    if not 0.0 < x < 1.0:
+        return (1.0, 0.0) if x >= 1.0 else (0.0, 0.0)
+    rest = 1.0 - x
+    return x * x * x * (10.0 + x * (6.0 * x - 15.0)), 30.0 * x * x * rest * rest

@@ -1,0 +1,94 @@
+"""Several Lyapunov functions at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Self
+
+import numpy as np
+from pydantic import Field
+
+from protocol.settings import Settings
+from remote_controller.kinematics import Kinematics
+from remote_controller.tasks import status
+from remote_controller.tasks.lyapunov import LyapunovFunction, Site
+
+
+class TermSettings(Settings):
+    """A task of the sum."""
+
+    weight: float = Field(1.0, gt=0, description="w of w·V")
+    task: str = Field(description="registered name, or package.module:Class")
+    parameters: dict[str, Any] = Field({}, description="settings of the task itself")
+
+
+class WeightedSum(LyapunovFunction):
+    """V = Σ w_i·V_i: a trade-off, which no term need reach on its own.
+
+    V vanishes only where all terms do. Where they contradict each other V has a minimum above 0,
+    at which the robot stops.
+
+    Args:
+        terms: any Lyapunov functions of the same robot.
+        weights: w_i > 0, one for each.
+    """
+
+    class Parameters(Settings):
+        """The terms."""
+
+        terms: tuple[TermSettings, ...] = Field(min_length=1, description="tasks, with weights")
+
+    def __init__(self, terms: Sequence[LyapunovFunction], weights: Sequence[float]) -> None:
+        n = len(terms[0].gradient)
+        sizes = [len(term.error) for term in terms]
+        super().__init__(n, sum(sizes) if all(sizes) else 0)
+        ends = np.cumsum(sizes)
+        self._terms = [
+            (
+                term,
+                weight,
+                math.sqrt(weight),
+                self.error[end - size : end],
+                self.jacobian[end - size : end],
+            )
+            for term, weight, size, end in zip(terms, weights, sizes, ends, strict=True)
+        ]
+        self._scaled = np.zeros(n)
+
+    @classmethod
+    def configured(cls, site: Site, parameters: Any) -> Self:
+        """The sum of its terms, each built for the robot at `site`."""
+        from remote_controller.tasks.registry import TaskSettings, build  # noqa: PLC0415 - a cycle
+
+        terms = [
+            build(
+                TaskSettings(task=term.task, parameters=term.parameters),
+                site.description,
+                site.kinematics,
+                site.file,
+                f"{site.key}.terms.{number}",
+            )
+            for number, term in enumerate(parameters.terms)
+        ]
+        return cls(terms, [term.weight for term in parameters.terms])
+
+    def reset(self, kinematics: Kinematics, time_s: float) -> None:
+        """Reset each term."""
+        for term, *_ in self._terms:
+            term.reset(kinematics, time_s)
+
+    def update(self, kinematics: Kinematics, time_s: float) -> None:
+        """Recompute V, ∇V and ∂V/∂t; the status is that of the first term that has one to tell."""
+        self.value, self.rate, self.status = 0.0, 0.0, status.OK
+        self.gradient[:] = 0.0
+        for term, weight, root, error, jacobian in self._terms:
+            term.update(kinematics, time_s)
+            self.value += weight * term.value
+            self.rate += weight * term.rate
+            np.multiply(term.gradient, weight, out=self._scaled)
+            np.add(self.gradient, self._scaled, out=self.gradient)
+            if len(self.error):
+                np.multiply(term.error, root, out=error)
+                np.multiply(term.jacobian, root, out=jacobian)
+            self.status = self.status or term.status

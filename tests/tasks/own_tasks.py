@@ -1,0 +1,114 @@
+"""Tasks and curves as users write them: right ones, and wrong ones to be caught."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from pydantic import Field
+
+from protocol.settings import Settings
+from remote_controller.tasks.curve import Curve
+from remote_controller.tasks.lyapunov import LyapunovFunction
+
+
+class Sway(LyapunovFunction):
+    """V = ½|q − a·sin(ωt)·1|², by hand."""
+
+    class Parameters(Settings):
+        a_rad: float = Field(0.1, ge=0)
+        fault: str = ""
+
+    def __init__(self, description, kinematics, parameters):
+        super().__init__(description.n)
+        self.q, self.parameters = np.zeros(description.n), parameters
+
+    def update(self, kinematics, time_s):
+        a, fault = self.parameters.a_rad, self.parameters.fault
+        kinematics.joints(self.q)
+        away = self.q - a * math.sin(3.0 * time_s)
+        self.value = 0.5 * float(away @ away)
+        self.gradient[:] = away
+        self.rate = -3.0 * a * math.cos(3.0 * time_s) * float(away.sum())
+        if fault == "gradient":
+            self.gradient[1] *= 1.01
+        elif fault == "rate":
+            self.rate = 0.0
+        elif fault == "shape":
+            self.gradient = np.zeros(2)
+        elif fault == "nan":
+            self.gradient[2] = math.nan
+        elif fault == "negative":
+            self.value -= 100.0
+        elif fault == "raises":
+            raise ZeroDivisionError("my own mistake")
+
+
+class NoUpdate(LyapunovFunction):
+    """Forgets what it is for."""
+
+
+class NotATask:
+    """Something else."""
+
+
+class Eight(Curve):
+    """Gerono's lemniscate of the elbow and the wrist: x⁴ = r²(x² − y²), singular in its middle."""
+
+    class Parameters(Settings):
+        r: float = 0.4
+        flips: bool = False
+        wrong: bool = False
+
+    def __init__(self, description, parameters):
+        super().__init__(description.n)
+        self.p, self.calls = parameters, 0
+        self.center = np.array(description.initial_position)
+
+    def evaluate(self, x):
+        d, r = x - self.center, self.p.r
+        self.alpha[:] = d[0], 0.5 * (d[1] ** 4 / r**3 - (d[1] ** 2 - d[2] ** 2) / r)
+        self.gradients[:] = 0.0
+        self.gradients[0, 0] = 1.0
+        self.gradients[1, 1] = 2.0 * d[1] ** 3 / r**3 - d[1] / r
+        self.gradients[1, 2] = d[2] / r * (1.1 if self.p.wrong else 1.0)
+        self.calls += 1
+        if self.p.flips and self.calls % 2:
+            self.alpha[1] *= -1.0
+            self.gradients[1] *= -1.0
+
+
+class Helix(Curve):
+    """An endless curve that twists, of three joints; no gradient ever vanishes."""
+
+    def __init__(self, description, parameters):
+        super().__init__(3)
+
+    def evaluate(self, x):
+        self.alpha[:] = x[0] - 0.2 * math.cos(5 * x[2]), x[1] - 0.2 * math.sin(5 * x[2])
+        self.gradients[:] = [[1, 0, math.sin(5 * x[2])], [0, 1, -math.cos(5 * x[2])]]
+
+    def pace(self, x):
+        return 1.0 + 0.5 * math.sin(x[2])
+
+
+class Flat(Curve):
+    """Lies in another space than it should."""
+
+    def __init__(self, description, parameters):
+        super().__init__(2)
+
+    def evaluate(self, x):
+        self.alpha[0] = x[0]
+
+
+class Turning(Curve):
+    """A broken one: from one tick to the next its tangent is along another joint."""
+
+    def __init__(self, description, parameters):
+        super().__init__(3)
+        self.axis = 0
+
+    def evaluate(self, x):
+        self.gradients[:] = np.delete(np.eye(3), self.axis, axis=0)
+        self.alpha[:] = self.gradients @ x

@@ -1,0 +1,83 @@
+"""Bad targets and bad CSV files: one error that names the place, the value and the remedy."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from task_cases import HOAP3, kinematics_of
+
+from protocol.errors import ConfigError
+from remote_controller.tasks.registry import TaskSettings, build
+
+GOOD = "t,x,y,z\n0,0,0,0.3\n1,0.1,0,0.3\n"
+CSV = {
+    "another header": ("t;x;y;z\n", "line 1: is another header (found 't;x;y;z')"),
+    "no header": ("", "line 1: is another header (found '')"),
+    "no number": (GOOD + "2,0.1,zero,0.3\n", "line 4: y is not a number (found 'zero')"),
+    "not finite": (GOOD + "2,0.1,0,nan\n", "line 4: z is not a number (found 'nan')"),
+    "a value too few": (GOOD + "2,0.1,0\n", "line 4: has 3 values (found '2,0.1,0')"),
+    "time stands": (GOOD + "1,0.1,0,0\n", "line 4: t does not increase (found '1')"),
+    "time before 0": ("t,x,y,z\n-1,0,0,0\n", "line 2: t is negative (found '-1')"),
+    "one row": ("t,x,y,z\n0,0,0,0.3\n", "has too few rows (found 1)"),
+    "not text": (b"t,x,y,z\n\xff\xfe", "is not CSV"),
+}
+
+
+def build_com(tmp_path, target):
+    settings = TaskSettings(task="com", parameters={"target": target})
+    file = str(tmp_path / "mine.yaml")
+    return build(settings, HOAP3, kinematics_of("hoap3"), file, "v")
+
+
+@pytest.mark.parametrize("case", CSV)
+def test_a_bad_csv(case, tmp_path):
+    content, message = CSV[case]
+    raw = content if isinstance(content, bytes) else content.encode()
+    (tmp_path / "path.csv").write_bytes(raw)
+    with pytest.raises(ConfigError, match=re.escape(message)) as caught:
+        build_com(tmp_path, {"kind": "spline", "file": "path.csv"})
+    assert caught.value.file == str(tmp_path / "path.csv")
+    assert caught.value.remedy
+
+
+def test_a_csv_that_is_not_there(tmp_path):
+    with pytest.raises(ConfigError, match=r"nothing\.csv: No such file"):
+        build_com(tmp_path, {"kind": "spline", "file": "nothing.csv"})
+
+
+def test_a_curve_that_repeats_must_be_closed(tmp_path):
+    (tmp_path / "path.csv").write_text(GOOD)
+    with pytest.raises(ConfigError, match="ends elsewhere than it begins"):
+        build_com(tmp_path, {"kind": "spline", "file": "path.csv", "repeat": True})
+
+
+def test_a_good_csv_beside_the_config(tmp_path):
+    (tmp_path / "path.csv").write_text("\ufeff" + GOOD + "\n")  # with a mark, as spreadsheets save
+    assert build_com(tmp_path, {"kind": "spline", "file": "path.csv"}).target.dimension == 3
+
+
+POINTS = [[0, 0, 0.3], [0, 0.1, 0.3]]
+SETTINGS = [
+    ({"kind": "square"}, "target", "square"),
+    ({"kind": "point", "position_m": [0, 0, 0.3], "positon_m": 1}, "positon_m", "unknown key"),
+    ({"kind": "point", "position_m": [0, 0]}, "position_m", "is missing"),
+    ({"kind": "point", "position_m": [0, 0, float("inf")]}, "position_m.2", "finite"),
+    ({"kind": "waypoints", "points_m": POINTS}, "target", "either times_s or speed_m_s"),
+    ({"kind": "waypoints", "points_m": POINTS, "times_s": [1]}, "target", "1 times_s, 2 points_m"),
+    ({"kind": "waypoints", "points_m": POINTS, "times_s": [2, 1]}, "target", "increasing times_s"),
+    ({"kind": "waypoints", "points_m": POINTS, "speed_m_s": 0}, "speed_m_s", "greater than 0"),
+    (
+        {"kind": "circle", "center_m": [0, 0, 0], "radius_m": -1, "period_s": 1},
+        "radius_m",
+        "greater than 0",
+    ),
+]
+
+
+@pytest.mark.parametrize(("target", "key", "problem"), SETTINGS)
+def test_bad_settings_name_the_key(target, key, problem, tmp_path):
+    with pytest.raises(ConfigError, match=problem) as caught:
+        build_com(tmp_path, target)
+    assert key in str(caught.value)
+    assert str(caught.value).startswith(f"{tmp_path / 'mine.yaml'}: v.parameters.target")
