@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import importlib
-import inspect
-import traceback
-from importlib.metadata import EntryPoint, entry_points
-from pathlib import Path
+from importlib.metadata import EntryPoint
 
-from protocol.errors import ConfigError, UnknownNameError
 from remote_controller.controllers.controller import Controller
+from remote_controller.plugins import Plugins, blame
+
+__all__ = ["BUILTIN", "GROUP", "blame", "find", "is_registered", "module_of", "registered"]
 
 GROUP = "hoap3.controllers"
 BUILTIN = {
@@ -17,14 +16,18 @@ BUILTIN = {
     "pinv": "remote_controller.controllers.pinv:PinvController",
     "osqp": "remote_controller.controllers.osqp:OsqpController",
 }
+CONTROLLERS: Plugins[Controller] = Plugins(
+    GROUP,
+    "controller",
+    Controller,  # type: ignore[type-abstract]
+    BUILTIN,
+    "; docs/writing_a_controller.md has an example",
+)
 
 
 def registered() -> dict[str, EntryPoint]:
     """Every controller that can be named: ours, then those of installed packages."""
-    found = {name: EntryPoint(name, value, GROUP) for name, value in BUILTIN.items()}
-    for point in entry_points(group=GROUP):
-        found.setdefault(point.name, point)
-    return found
+    return CONTROLLERS.registered()
 
 
 def is_registered(name: str) -> bool:
@@ -43,61 +46,7 @@ def find(name: str, file: str = "config", key: str = "controller") -> type[Contr
         UnknownNameError: nobody registered it.
         ConfigError: it cannot be imported, or is not a controller.
     """
-    known = registered()
-    if name in known:
-        point = known[name]
-    elif ":" in name:
-        point = EntryPoint(name, name, GROUP)
-    else:
-        hint = f" ({file}: {key}; your own is named package.module:Class)"
-        raise UnknownNameError("controller", name, known, hint)
-    try:
-        loaded = point.load()
-    except Exception as error:
-        raise ConfigError(
-            file,
-            key,
-            name,
-            f"cannot be imported: {blame(error)}",
-            "Install its package, or keep its module beside the config file",
-        ) from error
-    return _checked(loaded, name, file, key)
-
-
-def _checked(loaded: object, name: str, file: str, key: str) -> type[Controller]:
-    if not (inspect.isclass(loaded) and issubclass(loaded, Controller)):
-        raise ConfigError(
-            file,
-            key,
-            name,
-            "is not a controller class",
-            "Derive it from remote_controller.controllers.controller.Controller",
-        )
-    missing = sorted(loaded.__abstractmethods__)
-    if missing:
-        raise ConfigError(
-            file,
-            key,
-            name,
-            f"lacks the method {', '.join(missing)}",
-            "Define it; docs/writing_a_controller.md has an example",
-        )
-    return loaded
-
-
-def blame(error: Exception, controller: type | None = None) -> str:
-    """What somebody else's code raised, and where, in one line; rather in the controller's file."""
-    home = inspect.getmodule(controller)
-    frames = [
-        frame
-        for frame in traceback.extract_tb(error.__traceback__)
-        if frame.filename != __file__ and "importlib" not in frame.filename
-    ]
-    at_home = [frame for frame in frames if frame.filename == getattr(home, "__file__", None)]
-    place = "".join(
-        f" ({Path(frame.filename).name}, line {frame.lineno})" for frame in (at_home or frames)[-1:]
-    )
-    return " ".join(f"{type(error).__name__}: {error}{place}".split())
+    return CONTROLLERS.find(name, file, key)
 
 
 def module_of(controller: type[Controller]) -> str:
