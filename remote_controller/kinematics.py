@@ -35,9 +35,12 @@ class Kinematics:
     def __init__(self, description: RobotDescription) -> None:
         import pinocchio  # noqa: PLC0415 - heavy: whoever only checks a config does not need it
 
-        from remote_controller.kinematics_kernels import com_in_frame  # noqa: PLC0415 - compiles
+        from remote_controller.kinematics_kernels import (  # noqa: PLC0415 - compiles
+            com_in_frame,
+            frame_in_frame,
+        )
 
-        self._com_in_frame = com_in_frame
+        self._com_in_frame, self._frame_in_frame = com_in_frame, frame_in_frame
         self.robot = build_model(description)
         self.n = description.n
         self._model, self._data = self.robot.model, self.robot.data
@@ -90,6 +93,43 @@ class Kinematics:
             self._moving_share,
             self._order,
             position_out,
+            jacobian_out,
+        )
+
+    def frame(
+        self,
+        frame: int,
+        reference: int,
+        position_out: FloatArray,
+        rotation_out: FloatArray,
+        jacobian_out: FloatArray,
+    ) -> None:
+        """Where a frame is, as seen from another, and how it moves with the joints.
+
+        The first three rows of the Jacobian are the velocity of the frame's origin relative to
+        the reference, dp/dq [m/rad], and the last three the relative angular velocity ω, both in
+        the reference's axes: dR/dt = ω × R.
+
+        Args:
+            frame, reference: what `frame_id` gave.
+            position_out: written, p, (3,) [m].
+            rotation_out: written, R, (3, 3); its columns are the frame's axes.
+            jacobian_out: written, (6, n).
+        """
+        self._place(self._model, self._data, frame)
+        self._place(self._model, self._data, reference)
+        seen, seen_from = self._frames[frame], self._frames[reference]
+        self._frame_in_frame(
+            self._joint_jacobian,
+            seen.origin,
+            seen.rotation,
+            seen.moved_by,
+            seen_from.origin,
+            seen_from.rotation,
+            seen_from.moved_by,
+            self._order,
+            position_out,
+            rotation_out,
             jacobian_out,
         )
 

@@ -66,6 +66,70 @@ def com_in_frame(
             )
 
 
+@kernel(
+    "void(f8[:,:], f8[::1], f8[:,:], b1[::1], f8[::1], f8[:,:], b1[::1], i8[::1], f8[::1],"
+    " f8[:,::1], f8[:,::1])"
+)
+def frame_in_frame(
+    joint_jacobian: FloatArray,
+    origin: FloatArray,
+    rotation: FloatArray,
+    moved_by: NDArray[np.bool_],
+    reference_origin: FloatArray,
+    reference_rotation: FloatArray,
+    reference_moved_by: NDArray[np.bool_],
+    order: NDArray[np.int64],
+    position_out: FloatArray,
+    rotation_out: FloatArray,
+    jacobian_out: FloatArray,
+) -> None:
+    """Placement and Jacobian of a frame, as seen from another frame of the robot.
+
+    With o, R of the frame and s, S of the reference in the root frame, p = Sᵀ(o − s) and the
+    rotation is SᵀR. A joint gives everything beyond it the twist (v, ω) at the root's origin, so
+    that o moves with v + ω × o. Joints before both frames carry them alike and give exactly 0;
+    those before the frame alone give Sᵀ(v + ω × o) and Sᵀω, and those before the reference alone
+    minus that.
+
+    Args:
+        joint_jacobian: (6, n) v and ω of what each joint moves, at the root's origin.
+        origin, rotation, moved_by: o (3,) [m], R (3, 3), and (n,) whether a joint moves the frame.
+        reference_origin, reference_rotation, reference_moved_by: those of the reference.
+        order: (n,) column of each joint of the wire in Pinocchio's order.
+        position_out: (3,) p [m].
+        rotation_out: (3, 3) SᵀR.
+        jacobian_out: (6, n) dp/dq [m/rad] over the angular velocity in the reference's axes
+            [rad/rad], columns in wire order.
+    """
+    S = reference_rotation
+    ox, oy, oz = origin[0], origin[1], origin[2]
+    dx, dy, dz = ox - reference_origin[0], oy - reference_origin[1], oz - reference_origin[2]
+    for row in range(3):
+        position_out[row] = S[0, row] * dx + S[1, row] * dy + S[2, row] * dz
+        for column in range(3):
+            rotation_out[row, column] = (
+                S[0, row] * rotation[0, column]
+                + S[1, row] * rotation[1, column]
+                + S[2, row] * rotation[2, column]
+            )
+    for joint in range(order.size):
+        i = order[joint]
+        if moved_by[i] == reference_moved_by[i]:
+            for row in range(6):
+                jacobian_out[row, joint] = 0.0
+            continue
+        sign = 1.0 if moved_by[i] else -1.0
+        wx = sign * joint_jacobian[3, i]
+        wy = sign * joint_jacobian[4, i]
+        wz = sign * joint_jacobian[5, i]
+        x = sign * joint_jacobian[0, i] + wy * oz - wz * oy
+        y = sign * joint_jacobian[1, i] + wz * ox - wx * oz
+        z = sign * joint_jacobian[2, i] + wx * oy - wy * ox
+        for row in range(3):
+            jacobian_out[row, joint] = S[0, row] * x + S[1, row] * y + S[2, row] * z
+            jacobian_out[3 + row, joint] = S[0, row] * wx + S[1, row] * wy + S[2, row] * wz
+
+
 @kernel("Tuple((i8, i8))(f8[::1], f8[::1], f8, f8[::1], f8[::1], f8[::1], f8, f8[::1])")
 def euler_step(
     start: FloatArray,
