@@ -10,9 +10,11 @@ from protocol.messages import FloatArray
 def hull(points: FloatArray) -> FloatArray:
     """Convex hull of points (k, 2), counter-clockwise, without corners on straight edges.
 
-    Monotone chain; corners that stick out by less than 1e-9 of the extent are left out.
+    Monotone chain on points rounded to 1 nm: its order must not hang on the last bits of
+    corners that stand one above the other.
     """
-    slack = 1e-9 * float(np.ptp(points, axis=0).max()) ** 2
+    points = np.round(points, 9)
+    slack = 1e-14 * float(np.ptp(points, axis=0).max()) ** 2
     ordered = points[np.lexsort((points[:, 1], points[:, 0]))]
 
     def chain(candidates: FloatArray) -> list[FloatArray]:
