@@ -54,7 +54,7 @@ class Distance(Constraint):
         spread_m: float = Field(
             5e-4, gt=0, description="how much further than the nearest point others may be [m]"
         )
-        rows: int = Field(60, ge=3, description="most rows, three for each near pair")
+        rows: int = Field(150, ge=3, description="most rows, three for each near pair")
         eta_per_s: float = Field(10.0, gt=0, description="η of (25), at most 1/period [1/s]")
         reserve_m: float = Field(
             1e-5, ge=0, description="kept for the curvature that one Euler step does not see [m]"
