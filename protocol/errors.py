@@ -46,7 +46,8 @@ class ConfigError(UsageError):
     """
 
     def __init__(self, file: str, key: str, value: object, problem: str, remedy: str) -> None:
-        self.file, self.key, self.value, self.problem, self.remedy = file, key, value, problem, remedy
+        self.file, self.key, self.value = file, key, value
+        self.problem, self.remedy = problem, remedy
         where = f"{file}: {key}" if key else file
         found = "" if value is None else f" (found {_short(value)})"
         super().__init__(f"{where}: {problem}{found}. {remedy}")

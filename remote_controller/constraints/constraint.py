@@ -37,7 +37,7 @@ class Constraint:
         names: (rows,) what each row is for.
         margins: of the last update, one for each of `margin_names`; what is negative lies
             outside. In the unit that the class states; inf for what is switched off. Constraints
-            on the velocity alone have none.
+            on the velocity alone, and equations, have none.
         margin_names: what each margin is of.
         events: how often something happened, by name. All have `outside` (updates with a margin
             below −1e-9) and `started_outside` (first updates after a reset that had one).
@@ -97,6 +97,10 @@ class Constraint:
     def margin(self) -> float:
         """Smallest true margin of the last update; inf where there is none."""
         return float(self.margins.min()) if self.margins.size else np.inf
+
+    def drift(self) -> float:
+        """Largest error of the last update that equations shall keep at 0; 0 where none is."""
+        return 0.0
 
     def tightest(self) -> str:
         """What has the smallest margin; "" where there is none."""

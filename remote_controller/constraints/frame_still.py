@@ -22,7 +22,8 @@ class FrameStill(Constraint):
     J and the error e are as seen from the reference frame, in its axes: e is the displacement [m]
     and the rotation vector, as long as it is small [rad]. η = 0 gives J·u = 0, which Euler steps
     of length T leave by about |d²x/dt²|·T²/2 each; with η > 0 the error stays near
-    |d²x/dt²|·T/(2η) instead. Margins are −|e|.
+    |d²x/dt²|·T/(2η) instead. `drift` is the largest |e|. Choose no more axes than the joints
+    between both frames can move: equations that ask for more have no answer once e ≠ 0.
     """
 
     class Parameters(Constraint.Parameters):
@@ -51,13 +52,11 @@ class FrameStill(Constraint):
         self._seen_from = kinematics.frame_id(parameters.reference or description.base_frame)
         self._axes = np.array([AXES.index(axis) for axis in dict.fromkeys(parameters.axes)])
         self.rows = len(self._axes)
-        self.names = self.margin_names = tuple(
-            f"{parameters.frame} {AXES[axis]}" for axis in self._axes
-        )
-        self.margins = np.zeros(self.rows)
+        self.names = tuple(f"{parameters.frame} {AXES[axis]}" for axis in self._axes)
         self._position, self._rotation = np.zeros(3), np.zeros((3, 3))
         self._position_kept, self._rotation_kept = np.zeros(3), np.zeros((3, 3))
         self._jacobian, self._error = np.zeros((6, self.n)), np.zeros(6)
+        self._drift = 0.0
 
     def update(
         self, kinematics: Kinematics, state: State, A_out: FloatArray, b_out: FloatArray
@@ -75,6 +74,10 @@ class FrameStill(Constraint):
         self._error[5] = (turned[1, 0] - turned[0, 1]) / 2
         A_out[:] = self._jacobian[self._axes]
         b_out[:] = self._error[self._axes]
-        np.negative(np.abs(b_out), out=self.margins)
+        self._drift = float(np.abs(b_out).max())
         b_out *= -self._eta
-        self._started = True  # what drifts has left no set: `outside` stays 0
+        self.watch()
+
+    def drift(self) -> float:
+        """Largest |e| of the last update [m or rad]."""
+        return self._drift

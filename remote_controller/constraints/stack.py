@@ -80,8 +80,12 @@ class ConstraintStack:
         return rejected
 
     def margin(self) -> float:
-        """Smallest true margin of the last update; inf where there is none."""
+        """Smallest true margin of the last update, inequalities only; inf where there is none."""
         return min((constraint.margin() for constraint in self.constraints), default=np.inf)
+
+    def drift(self) -> float:
+        """Largest error of the last update that equations shall keep at 0 [m or rad]."""
+        return max((constraint.drift() for constraint in self.constraints), default=0.0)
 
     def tightest(self) -> str:
         """Label and name of what has the smallest margin; "" where there is none."""

@@ -87,11 +87,15 @@ class Bench:
         assert flag > 0, flag
         return np.array(u)
 
-    def walk(self, wanted: FloatArray, steps: int) -> float:
-        """Follow a wanted u for some steps; returns the smallest margin on the way."""
+    def walk(self, wanted: FloatArray, steps: int, noise: float = 0.0) -> float:
+        """Follow a wanted u, with noise, for some steps; returns the smallest margin on the way."""
+        rng = np.random.default_rng(steps)
         least = self.stack.margin()
         for _ in range(steps):
-            self.at(self.state.reference + PERIOD * self.nearest(wanted))
+            self.at(
+                self.state.reference
+                + PERIOD * self.nearest(wanted + noise * rng.normal(size=len(wanted)))
+            )
             least = min(least, self.stack.margin())
         return least
 

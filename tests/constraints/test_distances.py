@@ -10,7 +10,6 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from protocol.errors import ConfigError
-from protocol.messages import FloatArray
 from remote_controller.constraints.bodies import Body, Box, Capsule, Sphere, links
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -142,10 +141,6 @@ def test_between_two_moving_links_too(seed):
     np.testing.assert_allclose(-bench.stack.A[0], expected[0], atol=2e-6)
 
 
-def blocked(bench: Bench, wanted: FloatArray) -> FloatArray:
-    return bench.nearest(wanted)
-
-
 @pytest.mark.parametrize("tilt", [0.0, 1e-15, -1e-15, 1e-9, -1e-9, 1e-6, -1e-6])
 def test_parallel_capsules_give_one_answer_whichever_way_they_tilt(tilt):
     bench = Bench(
@@ -170,7 +165,7 @@ def test_parallel_capsules_give_one_answer_whichever_way_they_tilt(tilt):
                 obstacles=[POLE_BESIDE], obstacle_links=["fore"], clearance_m=0.08, eta_per_s=10.0
             ),
         ).at(np.zeros(3))
-        one, other = blocked(bench, np.array(wanted)), blocked(straight, np.array(wanted))
+        one, other = bench.nearest(np.array(wanted)), straight.nearest(np.array(wanted))
         np.testing.assert_allclose(one, other, atol=1e-3)
 
 
@@ -208,7 +203,7 @@ def test_hoap3_pushed_at_random_keeps_every_distance(seed):
     wanted = rng.normal(0.0, 0.5, 21)
     wanted[:6] = 0.0  # the legs would go on for ever
     wanted[[6, 9, 16, 19]] = np.array([-0.6, -0.4, -0.6, -0.4])  # arms down and forward
-    assert bench.walk(wanted, 350) >= -1e-6
+    assert bench.walk(wanted, 350, noise=0.3) >= -1e-6
     assert bench.stack.events() == {}
 
 
