@@ -2,46 +2,45 @@
 
 from __future__ import annotations
 
+import importlib
 import inspect
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 from protocol.errors import ConfigError, UnknownNameError
 
-Base = TypeVar("Base")
-
 
 @dataclass(frozen=True)
-class Plugins(Generic[Base]):
-    """A kind of classes that configs name.
+class Family:
+    """Classes that share an entry-point group and a base.
 
     Attributes:
-        group: of entry points, such as "hoap3.controllers".
-        kind: in messages, such as "controller".
-        base: what each derives from.
-        builtin: ours, as "module:Class" by name.
-        guide: a page that helps with writing one, as the end of a message; "" for none.
+        kind: what one of them is called in errors.
+        group: entry-point group that installed packages register theirs in.
+        builtin: ours, name to `module:Class`.
+        bases: dotted paths of the classes that one of them must derive from; resolved on use.
+        guide: the page that shows how to write one.
     """
 
-    group: str
     kind: str
-    base: type[Base]
+    group: str
     builtin: Mapping[str, str]
-    guide: str = ""
+    bases: tuple[str, ...]
+    guide: str
 
     def registered(self) -> dict[str, EntryPoint]:
-        """Everything that can be named: ours, then what installed packages offer."""
+        """Everything that can be named: ours, then those of installed packages."""
         found = {name: EntryPoint(name, value, self.group) for name, value in self.builtin.items()}
         for point in entry_points(group=self.group):
             found.setdefault(point.name, point)
         return found
 
-    def find(self, name: str, file: str = "config", key: str = "") -> type[Base]:
-        """A class.
+    def find(self, name: str, file: str, key: str) -> type[Any]:
+        """A class of this family.
 
         Args:
             name: registered, or a dotted path `package.module:Class`.
@@ -49,10 +48,9 @@ class Plugins(Generic[Base]):
 
         Raises:
             UnknownNameError: nobody registered it.
-            ConfigError: it cannot be imported, or is none of this kind.
+            ConfigError: it cannot be imported, or does not belong to the family.
         """
         known = self.registered()
-        key = key or self.kind
         if name in known:
             point = known[name]
         elif ":" in name:
@@ -60,50 +58,38 @@ class Plugins(Generic[Base]):
         else:
             hint = f" ({file}: {key}; your own is named package.module:Class)"
             raise UnknownNameError(self.kind, name, known, hint)
-        return self._checked(_load(point, name, file, key), name, file, key)
+        try:
+            loaded = point.load()
+        except Exception as error:
+            raise ConfigError(
+                file,
+                key,
+                name,
+                f"cannot be imported: {blame(error)}",
+                "Install its package, or keep its module beside the config file",
+            ) from error
+        return self._checked(loaded, name, file, key)
 
-    def _checked(self, loaded: object, name: str, file: str, key: str) -> type[Base]:
-        if not (inspect.isclass(loaded) and issubclass(loaded, self.base)):
+    def _checked(self, loaded: Any, name: str, file: str, key: str) -> type[Any]:
+        bases = tuple(EntryPoint("", base, self.group).load() for base in self.bases)
+        if not (inspect.isclass(loaded) and issubclass(loaded, bases)):
             raise ConfigError(
                 file,
                 key,
                 name,
                 f"is not a {self.kind} class",
-                f"Derive it from {self.base.__module__}.{self.base.__qualname__}",
+                f"Derive it from {' or '.join(self.bases).replace(':', '.')}",
             )
         missing = sorted(getattr(loaded, "__abstractmethods__", ()))
         if missing:
             raise ConfigError(
-                file, key, name, f"lacks the method {', '.join(missing)}", f"Define it{self.guide}"
+                file,
+                key,
+                name,
+                f"lacks the method {', '.join(missing)}",
+                f"Define it; {self.guide} has an example",
             )
         return loaded
-
-
-def load_function(name: str, file: str, key: str) -> Callable[..., Any]:
-    """A user's function by dotted path `package.module:function`.
-
-    Raises:
-        ConfigError: it cannot be imported, or cannot be called.
-    """
-    if ":" not in name:
-        raise ConfigError(file, key, name, "is no dotted path", "Write package.module:function")
-    loaded: Callable[..., Any] = _load(EntryPoint(name, name, ""), name, file, key)
-    if not callable(loaded):
-        raise ConfigError(file, key, name, "cannot be called", "Name a function")
-    return loaded
-
-
-def _load(point: EntryPoint, name: str, file: str, key: str) -> Any:
-    try:
-        return point.load()
-    except Exception as error:
-        raise ConfigError(
-            file,
-            key,
-            name,
-            f"cannot be imported: {blame(error)}",
-            "Install its package, or keep its module beside the config file",
-        ) from error
 
 
 def blame(error: Exception, owner: type | None = None) -> str:
@@ -119,3 +105,8 @@ def blame(error: Exception, owner: type | None = None) -> str:
         f" ({Path(frame.filename).name}, line {frame.lineno})" for frame in (at_home or frames)[-1:]
     )
     return " ".join(f"{type(error).__name__}: {error}{place}".split())
+
+
+def module_of(found: type) -> str:
+    """Where a class comes from, for the log."""
+    return f"{importlib.import_module(found.__module__).__name__}:{found.__qualname__}"

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import importlib
 from importlib.metadata import EntryPoint
 
 from remote_controller.controllers.controller import Controller
-from remote_controller.plugins import Plugins, blame
+from remote_controller.plugins import Family, blame, module_of
 
 __all__ = ["BUILTIN", "GROUP", "blame", "find", "is_registered", "module_of", "registered"]
 
@@ -16,12 +15,12 @@ BUILTIN = {
     "pinv": "remote_controller.controllers.pinv:PinvController",
     "osqp": "remote_controller.controllers.osqp:OsqpController",
 }
-CONTROLLERS: Plugins[Controller] = Plugins(
-    GROUP,
+CONTROLLERS = Family(
     "controller",
-    Controller,  # type: ignore[type-abstract]
+    GROUP,
     BUILTIN,
-    "; docs/writing_a_controller.md has an example",
+    ("remote_controller.controllers.controller:Controller",),
+    "docs/writing_a_controller.md",
 )
 
 
@@ -47,8 +46,3 @@ def find(name: str, file: str = "config", key: str = "controller") -> type[Contr
         ConfigError: it cannot be imported, or is not a controller.
     """
     return CONTROLLERS.find(name, file, key)
-
-
-def module_of(controller: type[Controller]) -> str:
-    """Where a controller comes from, for the log."""
-    return f"{importlib.import_module(controller.__module__).__name__}:{controller.__qualname__}"

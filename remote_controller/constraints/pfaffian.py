@@ -11,8 +11,8 @@ from protocol.description import RobotDescription
 from protocol.errors import ConfigError
 from protocol.messages import FloatArray, State
 from remote_controller.constraints.constraint import Constraint, PositionSource, positions
+from remote_controller.constraints.user_function import load_function
 from remote_controller.kinematics import Kinematics
-from remote_controller.plugins import load_function
 
 
 class Pfaffian(Constraint):
@@ -48,7 +48,7 @@ class Pfaffian(Constraint):
         if parameters.function is None:
             key, found = "matrix", _as_array(parameters.matrix)
         else:
-            self._function = load_function(parameters.function, "", "function")
+            self._function = load_function(parameters.function, "function")
             key, found = "function", _as_array(self._function(description.initial_position.copy()))
         if found is None or found.ndim != 2 or found.shape[1] != self.n or not len(found):
             shape = "no numbers" if found is None else f"shape {found.shape}"

@@ -7,13 +7,15 @@ from dataclasses import dataclass
 from importlib.metadata import EntryPoint
 from typing import Any
 
+from pydantic import Field
+
 from protocol.description import RobotDescription
 from protocol.errors import ConfigError, FrameNotFoundError, Hoap3Error
 from protocol.settings import Settings, parse
 from remote_controller.constraints.constraint import Constraint
 from remote_controller.constraints.stack import ConstraintStack
 from remote_controller.kinematics import Kinematics
-from remote_controller.plugins import Plugins, blame
+from remote_controller.plugins import Family, blame
 
 GROUP = "hoap3.constraints"
 _OURS = "remote_controller.constraints"
@@ -28,7 +30,23 @@ BUILTIN = {
     "minimum_speed": f"{_OURS}.minimum_speed:MinimumSpeed",
     "pfaffian": f"{_OURS}.pfaffian:Pfaffian",
 }
-CONSTRAINTS: Plugins[Constraint] = Plugins(GROUP, "constraint", Constraint, BUILTIN)
+CONSTRAINTS = Family(
+    "constraint",
+    GROUP,
+    BUILTIN,
+    ("remote_controller.constraints.constraint:Constraint",),
+    "docs/writing_a_controller.md",
+)
+
+
+class ConstraintSettings(Settings):
+    """One entry of a config's list of constraints."""
+
+    constraint: str = Field(description="registered name, or package.module:Class")
+    name: str | None = Field(
+        None, min_length=1, description="in rows and events; none: the constraint's own"
+    )
+    parameters: dict[str, Any] = Field({}, description="settings of the constraint itself")
 
 
 @dataclass(frozen=True)
@@ -64,15 +82,14 @@ def find(name: str, file: str = "config", key: str = "constraint") -> type[Const
 
 
 def read(
-    entries: Sequence[Mapping[str, Any]],
+    entries: Sequence[ConstraintSettings],
     file: str = "config",
     key: str = "parameters.constraints",
 ) -> list[Entry]:
-    """Check a list of constraints.
+    """Check a list of constraints, as far as it can be without a robot.
 
     Args:
-        entries: mappings of `constraint`, a registered name or `package.module:Class`; `name`,
-            optional; and the settings of that constraint.
+        entries: what is wanted.
         file, key: where the list stands, for errors.
 
     Raises:
@@ -81,21 +98,18 @@ def read(
     found: list[Entry] = []
     for place, given in enumerate(entries):
         here = f"{key}.{place}"
-        kind = given.get("constraint")
-        if not isinstance(kind, str):
-            remedy = f"Write one of {', '.join(registered())}, or package.module:Class"
-            raise ConfigError(file, f"{here}.constraint", kind, "names no constraint", remedy)
-        constraint = find(kind, file, f"{here}.constraint")
-        settings = {
-            name: value for name, value in given.items() if name not in {"constraint", "name"}
-        }
-        parameters = parse(constraint.Parameters, settings, file, here)
-        found.append(Entry(here, _label(given, kind, found, file, here), constraint, parameters))
+        constraint = find(given.constraint, file, f"{here}.constraint")
+        parameters = parse(constraint.Parameters, given.parameters, file, f"{here}.parameters")
+        taken = {entry.label for entry in found}
+        if given.name in taken:
+            raise ConfigError(file, f"{here}.name", given.name, "is taken", "Choose another name")
+        label = given.name or _numbered(given.constraint, taken)
+        found.append(Entry(here, label, constraint, parameters))
     return found
 
 
 def build(
-    entries: Sequence[Mapping[str, Any]],
+    entries: Sequence[ConstraintSettings],
     description: RobotDescription,
     kinematics: Kinematics,
     period_s: float,
@@ -131,17 +145,17 @@ def _made(
         path = _path_to(error.frame, entry.parameters.model_dump())
         problem = f"robot {description.name!r} has no such frame"
         remedy = f"Its frames: {', '.join(error.known)}"
-        place = ".".join([entry.key, *path])
+        place = ".".join([entry.key, "parameters", *path])
         raise ConfigError(file, place, error.frame, problem, remedy) from error
     except ConfigError as error:
-        place = f"{entry.key}.{error.key}".rstrip(".")
+        place = f"{entry.key}.parameters.{error.key}".rstrip(".")
         raise ConfigError(file, place, error.value, error.problem, error.remedy) from error
     except Hoap3Error:
         raise
     except Exception as error:
         raise ConfigError(
             file,
-            entry.key,
+            f"{entry.key}.constraint",
             entry.label,
             f"cannot be built for robot {description.name!r} with {description.n} joints: "
             f"{blame(error, entry.constraint)}",
@@ -149,21 +163,13 @@ def _made(
         ) from error
 
 
-def _label(
-    given: Mapping[str, Any], kind: str, before: Sequence[Entry], file: str, key: str
-) -> str:
-    taken = {entry.label for entry in before}
-    name = given.get("name")
-    if name is None:
-        name, number = kind, 1
-        while name in taken:
-            number += 1
-            name = f"{kind} {number}"
-    if not isinstance(name, str) or not name:
-        raise ConfigError(file, f"{key}.name", name, "is no name", "Write some text")
-    if name in taken:
-        raise ConfigError(file, f"{key}.name", name, "is taken", "Choose another name")
-    return name
+def _numbered(name: str, taken: set[str]) -> str:
+    """The name, with a number if it is taken."""
+    label, number = name, 1
+    while label in taken:
+        number += 1
+        label = f"{name} {number}"
+    return label
 
 
 def _path_to(value: object, content: object) -> list[str]:

@@ -11,7 +11,7 @@ from small_arm import URDF, arm
 
 from protocol.description import RobotDescription, Sole
 from protocol.messages import FloatArray, State
-from remote_controller.constraints.registry import build
+from remote_controller.constraints.registry import ConstraintSettings, build
 from remote_controller.constraints.stack import ConstraintStack
 from remote_controller.kinematics import Kinematics
 from robot_emulator.robots import load
@@ -50,12 +50,22 @@ def hoap3() -> RobotDescription:
 ROBOTS = {"hoap3": hoap3, "small": small}
 
 
+def entry(given: dict[str, Any]) -> ConstraintSettings:
+    """A config's entry from its constraint, its name, and its settings beside them."""
+    rest = {key: value for key, value in given.items() if key not in {"constraint", "name"}}
+    return ConstraintSettings(
+        constraint=given["constraint"], name=given.get("name"), parameters=rest
+    )
+
+
 class Bench:
     """Constraints of a robot, moved by Euler steps."""
 
     def __init__(self, robot: RobotDescription, *entries: dict[str, Any]) -> None:
         self.robot, self.kinematics = robot, Kinematics(robot)
-        self.stack: ConstraintStack = build(entries, robot, self.kinematics, PERIOD)
+        self.stack: ConstraintStack = build(
+            [entry(each) for each in entries], robot, self.kinematics, PERIOD
+        )
         self.state = State(robot.n, 0)
         self.at(robot.initial_position)
 

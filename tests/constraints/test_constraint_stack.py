@@ -6,11 +6,19 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from constraint_bench import PERIOD, Bench, hoap3, small
+from constraint_bench import PERIOD, Bench, entry, hoap3, small
 
 from protocol.errors import ConfigError, UnknownNameError
+from protocol.settings import parse
 from remote_controller.constraints.constraint import Constraint
-from remote_controller.constraints.registry import BUILTIN, build, find, read, registered
+from remote_controller.constraints.registry import (
+    BUILTIN,
+    ConstraintSettings,
+    build,
+    find,
+    read,
+    registered,
+)
 from remote_controller.kinematics import Kinematics
 
 ALL = [
@@ -50,8 +58,8 @@ def test_every_kind_has_settings_that_refuse_unknown_keys():
     assert set(registered()) >= set(BUILTIN)
     needed = {"half_space": ALL[5], "frame_still": ALL[2], "minimum_speed": ALL[8]}
     for name in BUILTIN:
-        with pytest.raises(ConfigError, match=r"constraints\.0\.speling: unknown key"):
-            read([{"constraint": name, **needed.get(name, {}), "speling": 1}])
+        with pytest.raises(ConfigError, match=r"constraints\.0\.parameters\.speling: unknown key"):
+            read([entry({"constraint": name, **needed.get(name, {}), "speling": 1})])
 
 
 def test_rows_names_and_arrays_agree():
@@ -78,8 +86,8 @@ def test_rows_names_and_arrays_agree():
 def test_each_writes_its_own_rows_only():
     """Every entry alone gives what it gives in the stack."""
     together, rows, equalities = Bench(hoap3(), *ALL).stack, 0, 0
-    for entry in ALL:
-        alone = Bench(hoap3(), entry).stack
+    for each in ALL:
+        alone = Bench(hoap3(), each).stack
         count = len(alone.b)
         np.testing.assert_array_equal(together.A[rows : rows + count], alone.A)
         np.testing.assert_array_equal(together.b[rows : rows + count], alone.b)
@@ -136,18 +144,32 @@ def test_a_users_own_class_is_found_by_dotted_path():
 @pytest.mark.parametrize(
     ("entries", "error", "words"),
     [
-        ([{}], ConfigError, r"rules\.0\.constraint: names no constraint"),
         ([{"constraint": "zpm"}], UnknownNameError, r"Did you mean 'zmp'"),
         ([{"constraint": "json:loads"}], ConfigError, r"is not a constraint class"),
         ([{"constraint": "nowhere:Thing"}], ConfigError, r"cannot be imported"),
         ([{"constraint": f"{__name__}:Sloppy"}], ConfigError, r"ZeroDivisionError: none of these"),
         ([ALL[0], {**ALL[1], "name": "joint_position"}], ConfigError, r"1\.name: is taken"),
-        ([{**ALL[0], "name": ""}], ConfigError, r"0\.name: is no name"),
-        ([ALL[0], {**ALL[5], "frame": "nose"}], ConfigError, r"mine\.yaml: rules\.1\.frame"),
-        ([{**ALL[0], "eta_per_s": "fast"}], ConfigError, r"mine\.yaml: rules\.0\.eta_per_s"),
+        (
+            [ALL[0], {**ALL[5], "frame": "nose"}],
+            ConfigError,
+            r"mine\.yaml: rules\.1\.parameters\.frame",
+        ),
+        (
+            [{**ALL[0], "eta_per_s": "fast"}],
+            ConfigError,
+            r"mine\.yaml: rules\.0\.parameters\.eta_per_s",
+        ),
     ],
 )
 def test_wrong_entries_are_named(entries, error, words):
     kinematics = Kinematics(hoap3())
     with pytest.raises(error, match=words):
-        build(entries, hoap3(), kinematics, PERIOD, "mine.yaml", "rules")
+        build([entry(each) for each in entries], hoap3(), kinematics, PERIOD, "mine.yaml", "rules")
+
+
+@pytest.mark.parametrize(
+    "given", [{}, {"constraint": "zmp", "name": ""}, {"constraint": "zmp", "eta_per_s": 1.0}]
+)
+def test_an_entry_has_a_constraint_maybe_a_name_and_parameters(given):
+    with pytest.raises(ConfigError):
+        parse(ConstraintSettings, given, "mine.yaml")

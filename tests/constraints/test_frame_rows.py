@@ -220,8 +220,11 @@ def test_a_constant_matrix_gives_the_rows():
     ("entry", "words"),
     [
         ({**HEAD, "normal": [0, 0, 0]}, r"normal: has no direction"),
-        ({**HEAD, "frame": "hed"}, r"constraints\.0\.frame: robot 'hoap3' has no such frame"),
-        ({**HEAD, "reference": "floor"}, r"constraints\.0\.reference: .*no such frame"),
+        (
+            {**HEAD, "frame": "hed"},
+            r"constraints\.0\.parameters\.frame: robot 'hoap3' has no such frame",
+        ),
+        ({**HEAD, "reference": "floor"}, r"constraints\.0\.parameters\.reference: .*no such frame"),
         ({**PINNED, "axes": ["up"]}, r"axes\.0"),
         ({**PINNED, "axes": []}, r"axes"),
         ({"constraint": "minimum_speed", "speed": 1.0}, r"not exactly one direction"),

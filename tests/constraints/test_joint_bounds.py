@@ -39,7 +39,7 @@ def test_bounds_are_those_of_equation_25():
 
 def test_a_rate_that_oversteps_is_refused_with_the_largest_that_does_not():
     with pytest.raises(
-        ConfigError, match=r"constraints\.0\.eta_per_s.*At most 1/T = 1000"
+        ConfigError, match=r"constraints\.0\.parameters\.eta_per_s.*At most 1/T = 1000"
     ) as caught:
         Bench(hoap3(), {"constraint": "joint_position", "eta_per_s": 1000.1})
     assert caught.value.value == 1000.1
