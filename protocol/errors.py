@@ -41,11 +41,13 @@ class ConfigError(UsageError):
         file: where it was read, or the command-line option that set it.
         key: dotted path inside the file, "" for the file as a whole.
         value: what was found.
+        problem: what is wrong with it.
         remedy: what is allowed, or what to do.
     """
 
     def __init__(self, file: str, key: str, value: object, problem: str, remedy: str) -> None:
-        self.file, self.key, self.value, self.remedy = file, key, value, remedy
+        self.file, self.key, self.value = file, key, value
+        self.problem, self.remedy = problem, remedy
         where = f"{file}: {key}" if key else file
         found = "" if value is None else f" (found {_short(value)})"
         super().__init__(f"{where}: {problem}{found}. {remedy}")

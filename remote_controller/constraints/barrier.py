@@ -1,0 +1,71 @@
+"""Quantities that shall not become negative, by equation (25)."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import Field
+
+from protocol.description import RobotDescription
+from protocol.messages import FloatArray
+from remote_controller.constraints.constraint import Constraint, check_rate
+from remote_controller.kinematics import Kinematics
+
+STILL = 1e-12  # of a gradient's largest element [m/rad]: no joint moves it
+
+
+class Barrier(Constraint):
+    """Rows that keep margins m(q) = −h(q) ≥ 0 [m]: −∇m·u ≤ b, where for m ≥ 0 b = η·m.
+
+    (25) in discrete time: for an m that is linear in q, ηT ≤ 1 keeps it. A curved one loses up to
+    cT² more in an Euler step of length T, with c = max |d²m/dt²|/2 along the step. A reserve r is
+    kept for this: b = η·max(m − r, 0) where m ≥ 0, so u = 0 is allowed inside and on the limit.
+    The reserve lasts for r/(cT²) periods at the limit; after that m ≥ −cT/η − cT².
+
+    Outside, m < 0, the row asks for the way back, −∇m·u ≤ max(η·m, −return speed), and events
+    count it. Where no joint moves m, such a row would have no answer: it is switched off, and the
+    event `immovable` counts it; its margin stays negative for all to see.
+    """
+
+    class Parameters(Constraint.Parameters):
+        """How fast limits may be approached, and how fast one returns behind them."""
+
+        eta_per_s: float = Field(10.0, gt=0, description="η of (25), at most 1/period [1/s]")
+        reserve_m: float = Field(
+            1e-5, ge=0, description="kept for the curvature that one Euler step does not see [m]"
+        )
+        return_speed_m_s: float = Field(
+            0.05, gt=0, description="fastest return from outside that is asked for [m/s]"
+        )
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        description: RobotDescription,
+        kinematics: Kinematics,
+        period_s: float,
+    ) -> None:
+        super().__init__(parameters, description, kinematics, period_s)
+        check_rate(parameters.eta_per_s, period_s)
+        self._eta, self._reserve = parameters.eta_per_s, parameters.reserve_m
+        self._return_speed = parameters.return_speed_m_s
+        self.events["immovable"] = 0
+
+    def name_rows(self, names: tuple[str, ...]) -> None:
+        """One row and one margin for each name."""
+        self.rows, self.names, self.margin_names = len(names), names, names
+        self.margins = np.full(self.rows, np.inf)
+
+    def limit(self, A_out: FloatArray, b_out: FloatArray) -> None:
+        """Finish rows whose A_out holds −∇m already, from `self.margins`."""
+        np.subtract(self.margins, self._reserve, out=b_out)
+        np.maximum(b_out, 0.0, out=b_out)
+        if self.margin() < 0.0:
+            np.minimum(b_out, self.margins, out=b_out)
+        b_out *= self._eta
+        np.maximum(b_out, -self._return_speed, out=b_out)
+        if self.margin() < 0.0:
+            for row in np.flatnonzero(b_out < 0.0):
+                if np.abs(A_out[row]).max() < STILL:
+                    A_out[row], b_out[row] = 0.0, np.inf
+                    self.events["immovable"] += 1
+        self.watch()

@@ -1,0 +1,80 @@
+"""A point on one side of a plane."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import Field
+
+from protocol.description import RobotDescription
+from protocol.errors import ConfigError
+from protocol.messages import FloatArray, State
+from remote_controller.constraints.barrier import Barrier
+from remote_controller.kinematics import Kinematics
+
+Triple = tuple[float, float, float]
+
+
+class HalfSpace(Barrier):
+    """n·p(q) ≥ offset [m] for a point p that is fixed to a frame; m(q) = n·p − offset.
+
+    p, the unit normal n and the offset are as seen from the reference frame.
+    """
+
+    class Parameters(Barrier.Parameters):
+        """Point and plane."""
+
+        frame: str = Field(description="frame that the point is fixed to")
+        point_m: Triple = Field((0.0, 0.0, 0.0), description="the point in that frame [m]")
+        reference: str | None = Field(None, description="the plane's frame; none: the base frame")
+        normal: Triple = Field(description="towards the allowed side, of any length")
+        offset_m: float = Field(0.0, description="n·p of the plane, n of length 1 [m]")
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        description: RobotDescription,
+        kinematics: Kinematics,
+        period_s: float,
+    ) -> None:
+        super().__init__(parameters, description, kinematics, period_s)
+        self._normal = unit(parameters.normal, "normal")
+        self._offset = parameters.offset_m
+        self._point = np.array(parameters.point_m)
+        self._frame = kinematics.frame_id(parameters.frame)
+        self._seen_from = kinematics.frame_id(parameters.reference or description.base_frame)
+        self._position, self._rotation = np.zeros(3), np.zeros((3, 3))
+        self._jacobian = np.zeros((6, self.n))
+        self._arm, self._coefficients = np.zeros(3), np.zeros(6)
+        self.name_rows((parameters.frame,))
+
+    def update(
+        self, kinematics: Kinematics, state: State, A_out: FloatArray, b_out: FloatArray
+    ) -> None:
+        """Write the row: n·dp/dt = n·v + (r × n)·ω with r from the frame's origin to p."""
+        kinematics.frame(
+            self._frame, self._seen_from, self._position, self._rotation, self._jacobian
+        )
+        np.dot(self._rotation, self._point, out=self._arm)
+        x, y, z = self._arm
+        nx, ny, nz = self._normal
+        self.margins[0] = self._normal @ self._position + self._normal @ self._arm - self._offset
+        self._coefficients[:] = (
+            *(-nx, -ny, -nz),
+            *(z * ny - y * nz, x * nz - z * nx, y * nx - x * ny),
+        )
+        np.dot(self._coefficients, self._jacobian, out=A_out[0])
+        self.limit(A_out, b_out)
+
+
+def unit(vector: Triple, key: str) -> FloatArray:
+    """A direction at length 1, (3,).
+
+    Raises:
+        ConfigError: it has no length.
+    """
+    direction = np.array(vector)
+    largest = float(np.abs(direction).max())
+    if largest == 0.0:
+        raise ConfigError("", key, list(vector), "has no direction", "Write a vector, not 0")
+    direction /= largest
+    return np.asarray(direction / np.linalg.norm(direction))

@@ -1,0 +1,189 @@
+"""Constraints by name, and the stack that a config lists."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint
+from typing import Any
+
+from pydantic import Field
+
+from protocol.description import RobotDescription
+from protocol.errors import ConfigError, FrameNotFoundError, Hoap3Error
+from protocol.settings import Settings, parse
+from remote_controller.constraints.constraint import Constraint
+from remote_controller.constraints.stack import ConstraintStack
+from remote_controller.kinematics import Kinematics
+from remote_controller.plugins import Family, blame
+
+GROUP = "hoap3.constraints"
+_OURS = "remote_controller.constraints"
+BUILTIN = {
+    "joint_speed": f"{_OURS}.joint_speed:JointSpeed",
+    "joint_position": f"{_OURS}.joint_position:JointPosition",
+    "support_polygon": f"{_OURS}.support_polygon:SupportPolygon",
+    "zmp": f"{_OURS}.zmp:Zmp",
+    "distance": f"{_OURS}.distance:Distance",
+    "frame_still": f"{_OURS}.frame_still:FrameStill",
+    "half_space": f"{_OURS}.half_space:HalfSpace",
+    "minimum_speed": f"{_OURS}.minimum_speed:MinimumSpeed",
+    "pfaffian": f"{_OURS}.pfaffian:Pfaffian",
+}
+CONSTRAINTS = Family(
+    "constraint",
+    GROUP,
+    BUILTIN,
+    ("remote_controller.constraints.constraint:Constraint",),
+    "docs/writing_a_controller.md",
+)
+
+
+class ConstraintSettings(Settings):
+    """One entry of a config's list of constraints."""
+
+    constraint: str = Field(description="registered name, or package.module:Class")
+    name: str | None = Field(
+        None, min_length=1, description="in rows and events; none: the constraint's own"
+    )
+    parameters: dict[str, Any] = Field({}, description="settings of the constraint itself")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One line of a config's list of constraints, checked as far as it can be without a robot.
+
+    Attributes:
+        key: where it stands, such as "parameters.constraints.0".
+        label: its `name`, else the constraint's own, with a number from the second one on.
+        constraint: its class.
+        parameters: a `Parameters` of that class.
+    """
+
+    key: str
+    label: str
+    constraint: type[Constraint]
+    parameters: Settings
+
+
+def registered() -> dict[str, EntryPoint]:
+    """Every constraint that can be named: ours, then those of installed packages."""
+    return CONSTRAINTS.registered()
+
+
+def find(name: str, file: str = "config", key: str = "constraint") -> type[Constraint]:
+    """The class of a constraint.
+
+    Raises:
+        UnknownNameError: nobody registered it.
+        ConfigError: it cannot be imported, or is not a constraint.
+    """
+    return CONSTRAINTS.find(name, file, key)
+
+
+def read(
+    entries: Sequence[ConstraintSettings],
+    file: str = "config",
+    key: str = "parameters.constraints",
+) -> list[Entry]:
+    """Check a list of constraints, as far as it can be without a robot.
+
+    Args:
+        entries: what is wanted.
+        file, key: where the list stands, for errors.
+
+    Raises:
+        UnknownNameError, ConfigError: naming the entry, the key and the value.
+    """
+    found: list[Entry] = []
+    for place, given in enumerate(entries):
+        here = f"{key}.{place}"
+        constraint = find(given.constraint, file, f"{here}.constraint")
+        parameters = parse(constraint.Parameters, given.parameters, file, f"{here}.parameters")
+        taken = {entry.label for entry in found}
+        if given.name in taken:
+            raise ConfigError(file, f"{here}.name", given.name, "is taken", "Choose another name")
+        label = given.name or _numbered(given.constraint, taken)
+        found.append(Entry(here, label, constraint, parameters))
+    return found
+
+
+def build(
+    entries: Sequence[ConstraintSettings],
+    description: RobotDescription,
+    kinematics: Kinematics,
+    period_s: float,
+    file: str = "config",
+    key: str = "parameters.constraints",
+) -> ConstraintStack:
+    """The constraints of a list, for a robot.
+
+    Args:
+        entries, file, key: as for `read`.
+        description, kinematics: of the robot; `kinematics` may be moved.
+        period_s: T, for which u is held [s].
+
+    Raises:
+        UnknownNameError, ConfigError: what `read` refuses, or what does not fit the robot or the
+            period.
+    """
+    checked = read(entries, file, key)
+    made = [_made(entry, description, kinematics, period_s, file) for entry in checked]
+    return ConstraintStack(made, [entry.label for entry in checked], description.n)
+
+
+def _made(
+    entry: Entry,
+    description: RobotDescription,
+    kinematics: Kinematics,
+    period_s: float,
+    file: str,
+) -> Constraint:
+    try:
+        return entry.constraint(entry.parameters, description, kinematics, period_s)
+    except FrameNotFoundError as error:
+        path = _path_to(error.frame, entry.parameters.model_dump())
+        problem = f"robot {description.name!r} has no such frame"
+        remedy = f"Its frames: {', '.join(error.known)}"
+        place = ".".join([entry.key, "parameters", *path])
+        raise ConfigError(file, place, error.frame, problem, remedy) from error
+    except ConfigError as error:
+        place = f"{entry.key}.parameters.{error.key}".rstrip(".")
+        raise ConfigError(file, place, error.value, error.problem, error.remedy) from error
+    except Hoap3Error:
+        raise
+    except Exception as error:
+        raise ConfigError(
+            file,
+            f"{entry.key}.constraint",
+            entry.label,
+            f"cannot be built for robot {description.name!r} with {description.n} joints: "
+            f"{blame(error, entry.constraint)}",
+            "Correct it, or choose a robot that it is made for",
+        ) from error
+
+
+def _numbered(name: str, taken: set[str]) -> str:
+    """The name, with a number if it is taken."""
+    label, number = name, 1
+    while label in taken:
+        number += 1
+        label = f"{name} {number}"
+    return label
+
+
+def _path_to(value: object, content: object) -> list[str]:
+    """Keys under which a value stands in nested settings; none if it does not."""
+    if isinstance(content, Mapping):
+        parts = [(str(key), inner) for key, inner in content.items()]
+    elif isinstance(content, list | tuple):
+        parts = [(str(place), inner) for place, inner in enumerate(content)]
+    else:
+        return []
+    for key, inner in parts:
+        if inner == value:
+            return [key]
+        path = _path_to(value, inner)
+        if path:
+            return [key, *path]
+    return []

@@ -1,0 +1,113 @@
+"""Several constraints as one problem's A u ≤ b, C u = c and lower ≤ u ≤ upper."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from protocol.messages import FloatArray, State
+from remote_controller.constraints.constraint import Constraint
+from remote_controller.constraints.joint_speed import JointSpeed
+from remote_controller.kinematics import Kinematics
+
+
+class ConstraintStack:
+    """Constraints one below the other, in preallocated arrays that every update rewrites.
+
+    Bounds on the speed of joints come first, whatever the order, so no other entry can ask a
+    joint for more than it can do.
+
+    Args:
+        constraints: of one robot.
+        labels: what each is called; the names of rows and margins begin with it.
+        n: number of joints.
+
+    Attributes:
+        A, b: (s, n), (s,) A·u ≤ b; unused rows are 0·u ≤ inf.
+        C, c: (k, n), (k,) C·u = c; unused rows are 0·u = 0.
+        lower, upper: (n,) of u [rad/s or m/s]; ∓inf where nothing bounds a joint.
+        names, equality_names: of the rows of A and of C.
+    """
+
+    def __init__(self, constraints: Sequence[Constraint], labels: Sequence[str], n: int) -> None:
+        self.constraints, self.labels = tuple(constraints), tuple(labels)
+        self.names = self._row_names(equality=False)
+        self.equality_names = self._row_names(equality=True)
+        self.A, self.b = np.zeros((len(self.names), n)), np.full(len(self.names), np.inf)
+        self.C, self.c = np.zeros((len(self.equality_names), n)), np.zeros(len(self.equality_names))
+        self.lower, self.upper = np.full(n, -np.inf), np.full(n, np.inf)
+        self._views: list[tuple[Constraint, FloatArray, FloatArray]] = []
+        taken = {False: 0, True: 0}
+        for constraint in self.constraints:
+            kind = constraint.equality
+            rows = slice(taken[kind], taken[kind] + constraint.rows)
+            matrix, vector = (self.C, self.c) if kind else (self.A, self.b)
+            self._views.append((constraint, matrix[rows], vector[rows]))
+            taken[kind] += constraint.rows
+        self._bounding = sorted(
+            self.constraints, key=lambda constraint: not isinstance(constraint, JointSpeed)
+        )
+
+    def reset(self) -> None:
+        """Forget what was kept from earlier states."""
+        for constraint in self.constraints:
+            constraint.reset()
+
+    def update(self, kinematics: Kinematics, state: State) -> None:
+        """Rewrite all arrays for a state; `kinematics` is up to date."""
+        self.lower[:], self.upper[:] = -np.inf, np.inf
+        for constraint in self._bounding:
+            constraint.bounds(state, self.lower, self.upper)
+        for constraint, matrix, vector in self._views:
+            if constraint.rows:
+                constraint.update(kinematics, state, matrix, vector)
+
+    def reject(self, gradient: FloatArray) -> str:
+        """Switch off the rows under which V cannot be promised to decrease, after `update`.
+
+        Args:
+            gradient: ∇V, (n,).
+
+        Returns:
+            Label of the first constraint that was switched off; "" if none was.
+        """
+        rejected = ""
+        for label, (constraint, matrix, vector) in zip(self.labels, self._views, strict=True):
+            if not constraint.accepts(gradient):
+                matrix[:], vector[:] = 0.0, 0.0 if constraint.equality else np.inf
+                rejected = rejected or label
+        return rejected
+
+    def margin(self) -> float:
+        """Smallest true margin of the last update, inequalities only; inf where there is none."""
+        return min((constraint.margin() for constraint in self.constraints), default=np.inf)
+
+    def drift(self) -> float:
+        """Largest error of the last update that equations shall keep at 0 [m or rad]."""
+        return max((constraint.drift() for constraint in self.constraints), default=0.0)
+
+    def tightest(self) -> str:
+        """Label and name of what has the smallest margin; "" where there is none."""
+        least = self.margin()
+        for label, constraint in zip(self.labels, self.constraints, strict=True):
+            if constraint.margins.size and constraint.margin() == least:
+                return f"{label}: {constraint.tightest()}"
+        return ""
+
+    def events(self) -> dict[str, int]:
+        """How often something happened, as `label: event`; what never did is left out."""
+        return {
+            f"{label}: {event}": count
+            for label, constraint in zip(self.labels, self.constraints, strict=True)
+            for event, count in constraint.events.items()
+            if count
+        }
+
+    def _row_names(self, equality: bool) -> tuple[str, ...]:
+        return tuple(
+            f"{label}: {name}"
+            for label, constraint in zip(self.labels, self.constraints, strict=True)
+            if constraint.equality == equality
+            for name in constraint.names
+        )

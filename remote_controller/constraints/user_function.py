@@ -1,0 +1,37 @@
+"""Functions that users name by dotted path."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib.metadata import EntryPoint
+from typing import Any
+
+from protocol.errors import ConfigError
+from remote_controller.plugins import blame
+
+
+def load_function(name: str, key: str) -> Callable[..., Any]:
+    """A function by dotted path `package.module:function`.
+
+    Args:
+        name: the dotted path.
+        key: where it was named, for errors.
+
+    Raises:
+        ConfigError: with file "": it cannot be imported, or cannot be called.
+    """
+    if ":" not in name:
+        raise ConfigError("", key, name, "is no dotted path", "Write package.module:function")
+    try:
+        loaded: Callable[..., Any] = EntryPoint(name, name, "").load()
+    except Exception as error:
+        raise ConfigError(
+            "",
+            key,
+            name,
+            f"cannot be imported: {blame(error)}",
+            "Install its package, or keep its module beside the config file",
+        ) from error
+    if not callable(loaded):
+        raise ConfigError("", key, name, "cannot be called", "Name a function")
+    return loaded
