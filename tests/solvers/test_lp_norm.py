@@ -24,7 +24,7 @@ gradients = arrays(np.float64, st.integers(1, 21), elements=numbers).filter(lamb
 powers = st.one_of(st.floats(0.1, 1.0), st.floats(1.0, 3.0), st.floats(1, 100), st.just(math.inf))
 
 
-@given(gradients, st.floats(-5, 5), powers)
+@given(gradients, st.one_of(st.just(0.0), st.floats(1e-100, 5), st.floats(-5, -1e-100)), powers)
 def test_decreases_as_asked_and_is_certified(gradient: Array, decrease: float, p: float) -> None:
     solver, u = LpNorm(gradient.size), np.full(gradient.size, np.nan)
     solver.solve(gradient, decrease, p, u)
