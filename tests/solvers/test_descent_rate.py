@@ -109,9 +109,13 @@ def test_refusals() -> None:
         (0.0, one * math.inf, 0.0),
         (0.0, one, -0.1),
         (0.0, one, math.nan),
-        (0.0, [1.0, 2.0], 0.1),
     ):
         with pytest.raises(BadProblemError):
             rate(V, gradient, error)  # type: ignore[arg-type]
     with pytest.raises(BadProblemError):
         DescentRate("exponential", eta=1e300)(1e300, one, 0.0)
+
+
+def test_wrong_shapes_and_types_are_refused() -> None:
+    with pytest.raises(BadProblemError):
+        DescentRate()(0.0, [1.0, 2.0], 0.1)  # type: ignore[arg-type]

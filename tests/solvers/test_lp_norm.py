@@ -131,5 +131,8 @@ def test_refuses_what_a_flat_v_cannot_give() -> None:
         lp_norm([0.0, 0.0], 1.0, 2.0)
     with pytest.raises(BadProblemError):
         LpNorm(2).solve(np.ones(3), 1.0, 2.0, np.zeros(3))
+
+
+def test_wrong_shapes_and_types_are_refused() -> None:
     with pytest.raises(BadProblemError):
         LpNorm(2).solve([1.0, 2.0], 1.0, 2.0, np.zeros(2))  # type: ignore[arg-type]

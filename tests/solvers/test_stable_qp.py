@@ -276,7 +276,7 @@ class TestWhatCannotBeDone:
         assert s.kkt_residual == math.inf
         assert (s.rate, s.margin) == (0.0, -math.inf)
 
-    def test_bad_shapes_and_types(self) -> None:
+    def test_wrong_shapes_and_types(self) -> None:
         gradient, A, b, lower, upper = problem([1.0, -1.0], [[0.0, 1.0]], [0.5])
         s = StableQp(2, 1)
         assert s.solve(gradient, 1.0, 0.0, A, b[:0], lower, upper) == status.BAD_SHAPE

@@ -85,6 +85,7 @@ def held_up(folder: Path, seconds: float) -> list[str]:
     return names
 
 
+@pytest.mark.long
 def test_a_link_that_delivers_late_answers_for_what_it_held(tmp_path):
     named = held_up(tmp_path / "log", 1.5)
     assert len(named) > 1

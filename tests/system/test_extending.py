@@ -75,6 +75,7 @@ def test_an_installed_controller_is_found_by_its_name(tmp_path: Path) -> None:
     assert "speed_rad_s" in schema["properties"]["parameters"]["properties"]
 
 
+@pytest.mark.long
 def test_a_controller_beside_its_config_is_found_by_its_path(tmp_path: Path) -> None:
     (tmp_path / "beside_its_config.py").write_text(CONTROLLER)
     law = tmp_path / "law.yaml"

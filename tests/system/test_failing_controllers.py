@@ -67,7 +67,11 @@ def test_a_controller_that_raises(tmp_path: Path, mode: str) -> None:
     ("failure", "error"),
     [
         ("raise SystemExit(0)", "SystemExit: 0 (failing_law.py, line 12)"),
-        ("return None", "Fails.velocity gave None, not a contiguous array of float64"),
+        pytest.param(
+            "return None",
+            "Fails.velocity gave None, not a contiguous array of float64",
+            marks=pytest.mark.long,
+        ),
     ],
 )
 def test_a_controller_that_ends_everything_or_gives_nothing(

@@ -76,6 +76,7 @@ def test_states_are_those_of_one_process(pair: object, folder: Path) -> None:
     assert Log.open(folder, side="robot").states().tobytes() == alone.states.tobytes()
 
 
+@pytest.mark.long
 def test_a_robot_without_end_waits_for_the_next_controller(tmp_path: Path) -> None:
     """A holder that leaves is noticed while its answer is waited for, however it leaves."""
     at, out = endpoint(), tmp_path / "robot"

@@ -83,6 +83,7 @@ def assert_stop_latches_until_recover(robot: Command, at: str) -> None:
     assert inside("recover", "--connect", at).code == 1  # nothing was latched
 
 
+@pytest.mark.long
 def test_a_second_robot_of_the_name_is_refused(robot: Command, at: str) -> None:
     ports = hoap3("emulator", "hoap3", *QUIET, "--set", f"link.listen=[{at}]")
     linked = ("--set", f"link.listen=[{endpoint()}]", "--set", f"link.connect=[{at}]")
