@@ -8,6 +8,7 @@ from pathlib import Path
 
 import arm3
 import numpy as np
+import pytest
 import yaml
 from command_bench import (
     PATIENT,
