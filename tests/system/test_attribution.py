@@ -36,28 +36,29 @@ def slow_cycles(ticks: TickTable, stage: str, busy_ms: float) -> list[int]:
     return [int(tick) for tick in ticks.tick[met & ticks.missed]]
 
 
-@pytest.mark.parametrize("stage", ["solve", pytest.param("encode", marks=pytest.mark.long)])
-def test_a_busy_stage_answers_for_the_ticks_that_it_cost(tmp_path, stage):
-    ticks = run(tmp_path / "log", 2, 250, 5.0, stage)
-    guilty, slow = ticks.guilty(), slow_cycles(ticks, stage, 5.0)
-    assert slow
-    named = [guilty[tick] for tick in slow]
-    assert named.count(stage) > len(named) / 2  # the rest: a busy machine was slower still
-    cost = [guilty.get(tick + 1) for tick in slow if tick + 1 in ticks.tick]
-    assert cost.count(stage) > len(cost) / 2  # overwritten, or waited: not its own fault
+def named_and_met(ticks: TickTable, stage: str, busy_ms: float) -> tuple[list[str], int]:
+    """Who is guilty of each miss that met the delay, but for those that met a longer one elsewhere.
+
+    And how many there are with those.
+    """
+    guilty, slow = ticks.guilty(), slow_cycles(ticks, stage, busy_ms)
+    others = np.stack([ticks.stage(name) for name in STAGES if name != stage])
+    longer = set(ticks.tick[(np.nan_to_num(others) >= busy_ms * MS).any(axis=0)].tolist())
+    return [guilty[tick] for tick in slow if tick not in longer], len(slow)
+
+
+def test_a_busy_stage_answers_for_the_ticks_that_it_cost(tmp_path):
+    named, met = named_and_met(run(tmp_path / "log", 2, 250, 5.0, "solve"), "solve", 5.0)
+    assert met > 0
+    assert named.count("solve") >= 0.7 * len(named)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("stage", ["solve", "encode"])
 def test_nearly_all_of_many_slow_ticks_are_that_stages(tmp_path, stage):
-    """Of all misses that met the delay, but for those that met a longer one elsewhere."""
-    ticks = run(tmp_path / "log", 60, 500, 2.0, stage)
-    guilty, slow = ticks.guilty(), slow_cycles(ticks, stage, 2.0)
-    assert len(slow) > 100
-    others = np.stack([ticks.stage(name) for name in STAGES if name != stage])
-    longer = set(ticks.tick[(np.nan_to_num(others) >= 2.0 * MS).any(axis=0)].tolist())
-    named = [guilty[tick] for tick in slow if tick not in longer]
-    assert len(named) > 0.9 * len(slow)
+    named, met = named_and_met(run(tmp_path / "log", 60, 500, 2.0, stage), stage, 2.0)
+    assert met > 100
+    assert len(named) > 0.9 * met
     assert named.count(stage) >= 0.99 * len(named)
 
 

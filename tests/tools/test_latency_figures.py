@@ -182,10 +182,10 @@ def test_misses_outside_stalls_are_those_of_the_summary_of_a_run(tmp_path_factor
     for start, length in story.stalls:
         watched.note(START + start, START + start + length)
     outside = OutsideStalls({0: watched})
-    outside.take()
     statistics = RunStatistics(MS, outside)
     for record in story.records()[0]:
         statistics.add(record)
+    outside.take()
     run = statistics.summary()
     ours = tick_figures([TickTable.from_run(story.write(tmp_path_factory.mktemp("run")))])
     assert ours["misses_outside_stalls"] == run["misses_outside_stalls"]
