@@ -210,6 +210,8 @@ def _config_error(
         return ConfigError(file, key, error["input"], "unknown key", remedy)
     if error["type"] == "missing":
         return ConfigError(file, key, None, "is missing", "Add it")
+    if error["type"] == "union_tag_not_found":
+        return ConfigError(file, f"{key}.kind", None, "is missing", "Add it")
     members = [_plain(each["msg"]) for each in errors if _written(content, each) == path]
     return ConfigError(file, key, error["input"], ", or ".join(members), "Change the value")
 

@@ -90,7 +90,7 @@ def build(config: ControllerConfig, description: RobotDescription, file: str = "
     controller = find(config.controller, file)
     parameters = parse(controller.Parameters, config.parameters, file, "parameters")
     try:
-        return controller(description, parameters)
+        return controller.configured(description, parameters, file)
     except FrameNotFoundError as error:
         key = next(
             (name for name, value in parameters.model_dump().items() if value == error.frame), ""
@@ -119,4 +119,5 @@ def check_parameters(config: ControllerConfig, file: str) -> None:
     """Refuse a controller or parameters that are wrong for any robot."""
     from remote_controller.registry import find  # noqa: PLC0415
 
-    parse(find(config.controller, file).Parameters, config.parameters, file, "parameters")
+    controller = find(config.controller, file)
+    controller.check(parse(controller.Parameters, config.parameters, file, "parameters"), file)

@@ -64,6 +64,7 @@ class ControllerLoop:
         self._last_answer: bytes | None = None
         self._engaged = self._started = False
         self._sent_previous = 0
+        self._present = 0  # conditions of the last cycle
         self._unrecorded: list[tuple[Kind, int, bytes]] = []
 
     def begin(self, description: RobotDescription, *, lockstep: bool) -> None:
@@ -74,6 +75,7 @@ class ControllerLoop:
             "session_id": self._session_id,
             "lockstep": lockstep,
             "extra": self._controller.extra_names,
+            "conditions": self._controller.conditions,
         }
         self._recorder.record_large(Kind.DESCRIPTION, now, description.to_json())
         self._recorder.record_large(Kind.SESSION, now, json.dumps(session).encode())
@@ -123,6 +125,8 @@ class ControllerLoop:
         except (Exception, SystemExit) as error:  # nobody else may end us
             self.announce("CONTROLLER_FAILED", state.tick)  # and the log has what it failed on
             raise failure(controller, f"failed at tick {state.tick}", error) from error
+        if controller.present != self._present:
+            self._note_conditions(controller.present)
         if not asked:
             self._last_answer = None
             return None
@@ -172,6 +176,13 @@ class ControllerLoop:
         event.kind, event.tick, event.detail = EVENTS[kind], self.last_tick, detail
         event.stamp = self._clock.now()
         self._unrecorded.append((Kind.EVENT, event.stamp, event.dump()))
+
+    def _note_conditions(self, present: int) -> None:
+        for number in range(len(self._controller.conditions)):
+            now, before = present >> number & 1, self._present >> number & 1
+            if now != before:
+                self._note("CONDITION_BEGAN" if now else "CONDITION_ENDED", number)
+        self._present = present
 
     def _note_gap(self, tick: int) -> None:
         missed = tick - self._last_tick - 1

@@ -13,6 +13,7 @@ GROUP = "hoap3.controllers"
 BUILTIN = {
     "qp12": "remote_controller.controllers.qp12:Qp12Controller",
     "pinv": "remote_controller.controllers.pinv:PinvController",
+    "stable_qp": "remote_controller.controllers.stable_qp:StableQpController",
     "osqp": "remote_controller.controllers.osqp:OsqpController",
 }
 CONTROLLERS = Family(

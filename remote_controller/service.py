@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from protocol.clock import Clock, MonotonicClock, VirtualClock
@@ -19,6 +19,7 @@ from protocol.zenoh_link import ZenohControllerLink
 from remote_controller.config import ControllerConfig, build
 from remote_controller.controllers.controller import Controller
 from remote_controller.loop import ControllerLoop, failure
+from remote_controller.registry import find
 
 KERNELS = (
     "remote_controller.solvers.qp12_kernels",
@@ -30,11 +31,16 @@ REHEARSALS = 200
 RETRY_S = 0.2
 
 
-def prepare(report: Callable[[str], None]) -> None:
-    """Import and compile whatever is slow to, before anything is real time."""
+def prepare(report: Callable[[str], None], own: Sequence[str] = ()) -> None:
+    """Import and compile whatever is slow to, before anything is real time.
+
+    Args:
+        report: takes what is done.
+        own: modules that the controller needs besides.
+    """
     import pinocchio  # noqa: F401, PLC0415 - half a second, better now than in the loop
 
-    warm_up(KERNELS, lambda name: report(f"kernels: {name}"))
+    warm_up((*KERNELS, *own), lambda name: report(f"kernels: {name}"))
 
 
 def rehearse(controller: Controller, description: RobotDescription) -> None:
@@ -96,7 +102,7 @@ class Service:
             AuthorityError: the robot follows another controller.
             ConfigError: the controller does not fit the robot.
         """
-        prepare(self._report)
+        prepare(self._report, find(self._config.controller, self._file).kernels)
         for measure in prepare_process(self._config.realtime):
             self._report(str(measure))
         name = self._config.controller.replace(":", ".").rsplit(".", 1)[-1].lower()

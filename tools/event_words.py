@@ -36,6 +36,7 @@ _SAYING = {
     "RECOVERED": "",
 }
 _SAYINGS = {_CONSTANTS[name]: text for name, text in _SAYING.items()}
+CONDITIONS = {_CONSTANTS["CONDITION_BEGAN"], _CONSTANTS["CONDITION_ENDED"]}
 _FORCED = {_CONSTANTS["REASON_MISSES"], _CONSTANTS["REASON_HOLDER_LOST"]}
 
 
@@ -46,8 +47,17 @@ def event_name(kind: int, detail: int) -> str:
     return _NAMES.get(kind, f"unknown event {kind}")
 
 
-def in_words(kind: int, detail: int, joints: Sequence[str]) -> str:
-    """What the detail of an event means."""
+def in_words(kind: int, detail: int, joints: Sequence[str], conditions: Sequence[str] = ()) -> str:
+    """What the detail of an event means.
+
+    Args:
+        kind, detail: of the event.
+        joints: of the robot.
+        conditions: of the controller, as its session has them.
+    """
+    if kind in CONDITIONS:
+        known = 0 <= detail < len(conditions)
+        return conditions[detail] if known else f"condition {detail}"
     if kind == _CONSTANTS["SAFE_STOP"]:
         return _REASONS.get(detail, f"reason {detail}")
     if kind == _CONSTANTS["REJECTED"]:

@@ -7,7 +7,6 @@ are made block by block.
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -93,7 +92,7 @@ def export_csv(log: Log, out: Path) -> int:
     first, answers = _join(states, setpoints)
     names = _joint_names(log)
     left = _Table("", state_stamps, states, names, [])
-    right = _Table("setpoint.", setpoint_stamps, setpoints, names, _extra_names(log))
+    right = _Table("setpoint.", setpoint_stamps, setpoints, names, log.names("extra"))
     try:
         with whole_file(out) as draft, draft.open("w", encoding="utf-8", newline="") as stream:
             stream.writelines(f"# {line}\n" for line in _legend())
@@ -161,14 +160,6 @@ def _joint_names(log: Log) -> list[str]:
         return list(log.description.joint_names)
     except LogError:
         return []  # a log that was cut off before its first record has no names
-
-
-def _extra_names(log: Log) -> list[str]:
-    """What the controller calls its additional columns, where this is the controller's log."""
-    for record in log.records():
-        if record.kind == Kind.SESSION:
-            return [str(name) for name in json.loads(record.payload).get("extra", [])]
-    return []
 
 
 def _legend() -> Iterator[str]:

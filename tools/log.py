@@ -6,6 +6,7 @@ What a log says about files or code is never followed; names in it are keys, no 
 from __future__ import annotations
 
 import hashlib
+import json
 import re
 import struct
 from array import array
@@ -94,6 +95,17 @@ class Log:
             LogError: the log encloses none, or no text.
         """
         return self._attachment("config.yaml").decode(errors="replace")
+
+    def names(self, key: str) -> list[str]:
+        """Names that its first session gives: `extra` columns, or `conditions`."""
+        for record in self.records():
+            if record.kind == Kind.SESSION:
+                try:
+                    found = json.loads(record.payload).get(key, [])
+                except (ValueError, AttributeError, RecursionError):
+                    return []
+                return [str(name) for name in found] if isinstance(found, list) else []
+        return []
 
     @cached_property
     def description(self) -> RobotDescription:

@@ -20,7 +20,7 @@ from typing import Any, TextIO
 from protocol.errors import Hoap3Error
 from protocol.messages import Event
 from protocol.ring import Kind, Record, Ring
-from tools.event_words import event_name, in_words
+from tools.event_words import CONDITIONS, event_name, in_words
 from tools.outside import OutsideStalls
 from tools.processes import to_people
 from tools.stalls import PRIORITY, StallMonitor
@@ -141,6 +141,8 @@ class _Reporter:
     def __init__(self, status_fd: int | None, side: str) -> None:
         self._status: TextIO | None = None if status_fd is None else os.fdopen(status_fd, "w")
         self._side = side
+        self._conditions: tuple[str, ...] = ()  # names that the controller gives
+        self._told: set[int] = set()
 
     def send(self, news: str, content: dict[str, Any]) -> None:
         """One JSON line, where somebody reads them."""
@@ -156,14 +158,23 @@ class _Reporter:
         """One line for people."""
         self._tell("said", {"text": f"{self._side}: {text}"})
 
+    def session(self, record: Record) -> None:
+        """Learn what the following events are about."""
+        self._conditions = tuple(json.loads(record.payload).get("conditions", ()))
+        self._told.clear()
+
     def event(self, record: Record) -> None:
-        """One line for people."""
+        """One line for people; of a condition, when it holds for the first time."""
         event = Event()
         event.load(record.payload)
         if event.kind in _FREQUENT:
             return  # hundreds on a busy machine; they are counted, and stand in the log
+        if event.kind in CONDITIONS:
+            if event.detail in self._told:
+                return  # it may come and go; the log has it all
+            self._told.add(event.detail)
         name = event_name(event.kind, event.detail)
-        words = in_words(event.kind, event.detail, ())
+        words = in_words(event.kind, event.detail, (), self._conditions)
         text = f"{self._side}: tick {event.tick}: {name}" + (f" ({words})" if words else "")
         self._tell(
             "event", {"text": text, "kind": name, "tick": event.tick, "detail": event.detail}
@@ -239,6 +250,8 @@ class _Watch:
             self._statistics.add(record)
         if record.kind == Kind.EVENT:
             self._reporter.event(record)
+        elif record.kind == Kind.SESSION:
+            self._reporter.session(record)
 
     def look_for_stalls(self) -> None:
         """Record what the monitors have noted, and let old chunks go to the disk."""

@@ -150,7 +150,8 @@ def simulate(
         raise ConfigError("simulate", "duration", duration, "is not positive", "Give seconds")
     emulator = emulator_settings(robot, seed)
     log, robot_log = MemoryRecorder(), MemoryRecorder()
-    lockstep = Lockstep(emulator, controller_settings(controller), robot_log, log, fate)
+    files = "simulate(robot)", controller_file(controller)
+    lockstep = Lockstep(emulator, controller_settings(controller), robot_log, log, fate, files)
     lockstep.run(duration)
     return Simulation(
         states=_table(robot_log.records, Kind.STATE, State),
@@ -193,6 +194,11 @@ def controller_settings(controller: str | Mapping[str, Any] | ControllerConfig) 
         else (dict(controller), "simulate(controller)")
     )
     return parse(ControllerConfig, content, file)
+
+
+def controller_file(controller: str | Mapping[str, Any] | ControllerConfig) -> str:
+    """Where the settings of a controller stand, beside which other files are sought."""
+    return read_controller_config(controller)[1] if isinstance(controller, str) else "simulate"
 
 
 def _table(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field
@@ -39,18 +39,45 @@ class Controller(ABC):
     Attributes:
         command: the answer; its certificate says what was proved of it.
         now: clock of the loop [ns]; for stamps only, never for control.
+        conditions: names of what may hold in a cycle and people should know, at most 63.
+        present: which of them hold in this cycle: bit i for `conditions[i]`. Where one begins or
+            ends, the log says so.
     """
 
     class Parameters(Settings):
         """Settings of this controller; none here."""
 
     extra_names: ClassVar[tuple[str, ...]] = ()
+    kernels: ClassVar[tuple[str, ...]] = ()
+    """Modules that compile what it needs; a service has them ready before anything else."""
 
     def __init__(self, description: RobotDescription, parameters: Settings) -> None:
+        self.conditions: tuple[str, ...] = ()
+        self.present = 0
         self.description, self.parameters = description, parameters
         self.now: Callable[[], int] = time.monotonic_ns
         self.command = Setpoint(description.n, len(self.extra_names))
         self.command.solver_status = STATUS["none"]
+
+    @classmethod
+    def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Self:
+        """One for a robot; whoever names other files or parts in its parameters builds them here.
+
+        Args:
+            description: of the robot.
+            parameters: a `Parameters` of this class.
+            file: where they stand, for errors. Other files are sought beside it.
+        """
+        del file
+        return cls(description, parameters)
+
+    @classmethod  # noqa: B027 - most have nothing to add
+    def check(cls, parameters: Any, file: str) -> None:
+        """Refuse what `Parameters` cannot see to be wrong, and what needs no robot to be so.
+
+        Raises:
+            ConfigError, UnknownNameError: naming the file, the key and the value.
+        """
 
     @abstractmethod
     def reset(self, state: State, last_command: FloatArray | None) -> None:

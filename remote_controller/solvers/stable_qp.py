@@ -151,8 +151,8 @@ class StableQp:
         self.margin, self.kkt_residual = -math.inf, math.inf
 
     def forget(self) -> None:
-        """Let ρ rise to 1 again, where it is kept from solve to solve."""
-        self._kept = 1.0
+        """Let ρ rise to 1 again, where it is kept from solve to solve; look for it anew."""
+        self._kept, self._limited = 1.0, False
 
     def solve(
         self,

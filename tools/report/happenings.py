@@ -38,7 +38,7 @@ class Happening:
 def read_happenings(log: Log) -> list[Happening]:
     """Events of one side in order; those that come by the hundred are one line a kind."""
     _, events = log.table(Kind.EVENT)
-    joints = _joints(log)
+    joints, conditions = _joints(log), log.names("conditions")
     found: list[Happening] = []
     often: dict[int, list[int]] = {}
     first: dict[int, tuple[int, int]] = {}
@@ -49,7 +49,9 @@ def read_happenings(log: Log) -> list[Happening]:
             first.setdefault(kind, (tick, stamp))
         else:
             name = event_name(kind, detail)
-            found.append(Happening(log.side, tick, stamp, name, in_words(kind, detail, joints)))
+            found.append(
+                Happening(log.side, tick, stamp, name, in_words(kind, detail, joints, conditions))
+            )
     for kind, details in often.items():
         tick, stamp = first[kind]
         text = in_words(kind, max(details), joints)

@@ -1,0 +1,206 @@
+"""The general controller, stable by design: any task, Φ, Ψ and constraints (QP12, problem (3))."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from protocol.description import RobotDescription
+from protocol.errors import ConfigError
+from protocol.messages import FloatArray, State
+from remote_controller.constraints import registry as constraints
+from remote_controller.controllers import stable_qp_settings as settings
+from remote_controller.controllers.controller import STATUS, VelocityController
+from remote_controller.controllers.descent_kernels import GAMMA_SLOPE
+from remote_controller.controllers.objective import check_objective, solver_of
+from remote_controller.controllers.watch import Watch
+from remote_controller.kinematics import Kinematics
+from remote_controller.solvers import status
+from remote_controller.solvers.descent_rate import FORMS
+from remote_controller.solvers.stable_qp import STILL
+from remote_controller.tasks import registry as tasks
+from remote_controller.tasks.persistent_motion import PersistentMotion
+
+PROVEN = (status.OK, status.STATIONARY)
+CERTIFIED_RESIDUAL = 1e-9
+ROUNDING = 1e-9  # of V̇ relative to what is required, and of a speed [rad/s or m/s]
+CURVATURE = 1e-6  # of a margin: what one Euler step of a curved constraint may overstep
+
+
+class StableQpController(VelocityController):
+    """min Φ(u) such that V̇ = −ρΨ within the constraints, ρ ≤ 1 as large as they allow.
+
+    On a curve (`joint_curve`, `task_curve`) the motion along it is one more equation, (23).
+
+    A cycle is certified if V̇ is what is required, −ρΨ with 0 ≤ ρ ≤ 1, the answer is optimal to
+    10⁻⁹ and no constraint is violated. What stands in the way of it is one of `conditions`: the
+    solver's statuses, the task's, and those of each constraint.
+
+    Raises:
+        ConfigError: a task, a constraint or an objective that does not fit the robot.
+    """
+
+    Parameters: ClassVar[Any] = settings.Parameters
+    extra_names = ("psi", "drift", "solver_status")
+    kernels = (
+        "remote_controller.solvers.stable_kernels",
+        "remote_controller.solvers.proof_kernels",
+        "remote_controller.solvers.descent_rate_kernels",
+        "remote_controller.tasks.lyapunov_kernels",
+    )
+
+    def __init__(
+        self, description: RobotDescription, parameters: settings.Parameters, file: str = "config"
+    ) -> None:
+        from remote_controller.solvers.descent_rate_kernels import (  # noqa: PLC0415 - compiles
+            rate_kernel,
+        )
+
+        super().__init__(description, parameters)
+        self.kinematics = Kinematics(description)
+        self.function = tasks.build(
+            parameters.task, description, self.kinematics, file, "parameters.task"
+        )
+        self.stack = constraints.build(
+            parameters.constraints, description, self.kinematics, description.period_s, file
+        )
+        curve = self.function if isinstance(self.function, PersistentMotion) else None
+        self._curve = curve
+        m, k, n = len(self.stack.b), len(self.stack.c), description.n
+        self._C = np.zeros((k + (curve is not None), n))
+        self._c = np.zeros(len(self._C))
+        self._solver = solver_of(parameters, description, m, len(self._C), file)
+        self.u = self._solver.u
+        self._adaptive = getattr(parameters.objective, "adaptive_gamma", False)
+        self._gamma = getattr(parameters.objective, "gamma", 0.0)
+        self._M, self._y = self._squares(parameters, file)
+        self._equality = parameters.lyapunov == "equality"
+        self._gain = getattr(parameters.objective, "gain_per_s", 0.0)
+        self._rate_kernel, psi = rate_kernel, parameters.psi
+        bounded = psi.form not in ("tanh", "exponential")
+        self._psi = (psi.u_max_rad_s, psi.beta) if bounded else (psi.eta_per_s, psi.kappa)
+        self._form = FORMS.index(psi.form)
+        self._from_reference = parameters.kinematics_from == "reference"
+        self._watch = Watch(self.stack)
+        self.conditions = self._watch.names
+
+    @classmethod
+    def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Self:
+        """One for a robot."""
+        return cls(description, parameters, file)
+
+    @classmethod
+    def check(cls, parameters: Any, file: str) -> None:
+        """Refuse parts that are wrong for any robot."""
+        tasks.check_parameters(parameters.task, file, "parameters.task")
+        constraints.read(parameters.constraints, file)
+        check_objective(parameters, file)
+
+    def reset(self, state: State, last_command: FloatArray | None) -> None:
+        """Begin with the task where the robot is, and with ρ = 1."""
+        super().reset(state, last_command)
+        self.kinematics.update(state.reference if self._from_reference else state.q)
+        self.function.reset(self.kinematics, state.tick * self._dt)
+        self.stack.reset()
+        self._solver.forget()
+
+    def velocity(self, state: State) -> FloatArray:
+        """Joint velocities, and their certificate."""
+        function, stack, solver, command = self.function, self.stack, self._solver, self.command
+        self.kinematics.update(state.reference if self._from_reference else state.q)
+        function.update(self.kinematics, state.tick * self._dt)
+        stack.update(self.kinematics, state)
+        command.stamp_kinematics = self.now()
+        V, gradient, drift = function.value, function.gradient, function.rate
+        error = math.sqrt(2.0 * V) if V >= 0.0 else math.nan
+        psi = self._rate_kernel(self._form, V, gradient, error, *self._psi)
+        if self._adaptive:
+            slope = GAMMA_SLOPE * math.sqrt(gradient @ gradient)
+            solver.gamma = 2.0 * self._gamma / math.pi * math.atan(slope)
+        rejected = stack.reject(gradient)
+        self._equations()
+        if self._y is not None and self._curve is None:
+            np.multiply(function.error, -self._gain, out=self._y)
+        found = solver.solve(
+            gradient,
+            psi,
+            drift,
+            stack.A,
+            stack.b,
+            stack.lower,
+            stack.upper,
+            self._C,
+            self._c,
+            self._M,
+            self._y,
+        )
+        self._certify(V, psi, drift, found, bool(rejected))
+        self.present = self._watch.look(found, solver.rho, function.status, gradient, self.u)
+        return self.u
+
+    def _equations(self) -> None:
+        """C u = c of the constraints, and of the motion along a curve."""
+        k, curve = len(self.stack.c), self._curve
+        if k:
+            self._C[:k], self._c[:k] = self.stack.C, self.stack.c
+        if curve is not None:
+            self._C[k], self._c[k] = curve.motion_row, curve.speed
+
+    def _squares(
+        self, parameters: settings.Parameters, file: str
+    ) -> tuple[FloatArray | None, FloatArray | None]:
+        """M and y of ½|M u − y|², or none."""
+        if not isinstance(parameters.objective, settings.LeastSquares):
+            return None, None
+        if self._curve is not None:
+            return self._curve.objective_rows, np.zeros(len(self._curve.objective_rows))
+        if not self.function.error.size:
+            raise ConfigError(
+                file,
+                "parameters.objective.kind",
+                "least_squares",
+                "needs a task with an error e, and this one gives V only",
+                "Choose qp12 or lp, or give the task an error and its Jacobian",
+            )
+        return self.function.jacobian, np.zeros(self.function.error.size)
+
+    def _certify(self, V: float, psi: float, drift: float, found: int, rejected: bool) -> None:
+        """Write what is proved of u."""
+        solver, command = self._solver, self.command
+        share = min(solver.rho, 1.0)
+        command.v, command.rho = V, share
+        required = -share * psi if self._equality else 0.0
+        command.v_rate_required, command.v_rate_predicted = required, solver.rate
+        command.margin = margin = self._least_margin()
+        command.kkt_residual = solver.kkt_residual
+        command.solver_path = solver.path
+        command.extra[:] = psi, drift, found
+        if found not in (*PROVEN, status.BEHIND, status.AHEAD):
+            command.solver_status = STATUS["infeasible"]
+            command.rho = command.v_rate_required = command.v_rate_predicted = 0.0
+            command.kkt_residual = 0.0
+            return
+        if psi == drift == 0.0 and solver.path == STILL and found == status.OK:
+            command.solver_status = STATUS["at_target"]
+            return
+        holds = (
+            found in PROVEN
+            and not rejected
+            and share >= 0.0
+            and solver.rate <= required + ROUNDING * abs(required)
+            and solver.kkt_residual <= CERTIFIED_RESIDUAL
+            and solver.margin >= -ROUNDING
+            and margin >= -CURVATURE
+        )
+        command.solver_status = STATUS["certified" if holds else "uncertified"]
+
+    def _least_margin(self) -> float:
+        """Of the constraints, else of the bounds on u, else of the robot's speed limits."""
+        margin = min(self.stack.margin(), math.inf)
+        if margin == math.inf:
+            margin = self._solver.margin
+        if margin == math.inf:
+            margin = float((self._fastest - np.abs(self.u)).min())
+        return margin if math.isfinite(margin) else 0.0
