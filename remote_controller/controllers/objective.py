@@ -93,6 +93,14 @@ def check_objective(parameters: Parameters, file: str) -> None:
                 "are not supported for lp without constraints",
                 "Take them out, choose kind: qp12, or add the constraint joint_speed",
             )
+    if parameters.keep_rho and parameters.rho != "largest":
+        raise ConfigError(
+            file,
+            "parameters.keep_rho",
+            True,
+            "is not supported with a damped ρ",
+            "Write rho: largest, or keep_rho: false",
+        )
     if parameters.lyapunov == "descent" and not isinstance(objective, LeastSquares):
         raise ConfigError(
             file,
@@ -126,6 +134,7 @@ def solver_of(
             gamma=objective.gamma if isinstance(objective, Qp12Objective) else 0.0,
             weights=_weights(objective, description, file),
             lyapunov=parameters.lyapunov,
+            effort=parameters.effort if parameters.rho == "damped" else 0.0,
             keep_rho=parameters.keep_rho,
             solver=parameters.solver,
         )

@@ -69,8 +69,18 @@ class Parameters(VelocityController.Parameters):
         "equality",
         description="∇V·u + ∂V/∂t = −ρΨ, or ≤ 0 whatever Ψ (Remark 1; not with a norm as Φ)",
     )
+    rho: Literal["damped", "largest"] = Field(
+        "damped",
+        description="share of Ψ where constraints are in the way: what is worth its speed, or (6)",
+    )
+    effort: float = Field(
+        10.0,
+        gt=0,
+        description="of damped: Ψ is asked for in full up to so many times the speed that one "
+        "joint alone would need",
+    )
     keep_rho: bool = Field(
-        False, description="keep ρ while it is feasible: fewer LPs, but it never rises again"
+        False, description="of largest: keep ρ while it is feasible: fewer LPs, but it never rises"
     )
     solver: Literal["daqp", "osqp", "proxqp", "piqp"] = Field(
         "daqp", description="of the QP, where it takes one; others for comparison"

@@ -48,7 +48,7 @@ class StableProgram:
         self._kind, self._scaled, self._equality = kind, scaled, equality
         self._program = _program(kind, scaled)
         self._attempt = backend(solver, self._program)
-        self._count, self._kappa = scaled.rows.shape[0], 0.0
+        self._count = scaled.rows.shape[0]
         self._pull, self._wanted = np.zeros(scaled.n), np.zeros(scaled.n)
         self.y, self.residual = np.zeros(scaled.n), math.inf
 
@@ -57,23 +57,55 @@ class StableProgram:
 
         γ, at most `MOST_GAMMA`, is QP12's, and without effect for other kinds.
         """
-        program, rows, n = self._program, self._scaled, self._scaled.n
-        row = program.f.size + rows.m
+        program, row = self._program, self._program.f.size + self._scaled.m
         target = NO_BOUND if fall is None else -fall
         equation = fall is not None and self._equality
         program.most[row] = target
         program.least[row] = target if equation else -NO_BOUND
         program.sense[row] = EQUATION if equation else 0
-        kappa = 0.0
+        return self._solve(gamma, tolerance, 0.0, target, self._equality)
+
+    def run_damped(self, gamma: float, fall: float, worth: float, tolerance: float) -> bool:
+        """Solve the QP with −s·y ≤ fall and a reward for −s·y; False where the solver gave up.
+
+        The reward is what moving one joint faster costs at the speed `worth`. The answer is the
+        optimum for the fall that it has.
+        """
+        program, n = self._program, self._scaled.n
+        row = program.f.size + self._scaled.m
+        program.most[row], program.least[row], program.sense[row] = NO_BOUND, -fall, 0
+        price = worth
         if self._kind == NORM:
-            kappa = gamma / (1.0 - gamma)
-            if kappa != self._kappa:
-                program.f[:] = self._kappa = kappa
+            price += gamma / (1.0 - gamma)
         elif self._kind == MAXIMUM:
-            kappa = program.f[-1] = 1.0 / SMALL_SQUARES
+            price += 1.0 / SMALL_SQUARES
+        else:
+            price = price * float(program.H.diagonal().max()) + float(np.abs(program.f[:n]).max())
+        return self._solve(gamma, tolerance, price, None, True)
+
+    def _solve(
+        self, gamma: float, tolerance: float, price: float, target: float | None, equality: bool
+    ) -> bool:
+        """Solve, and prove the answer for s·y = target, or for the s·y that it has."""
+        program, rows, n = self._program, self._scaled, self._scaled.n
+        f = program.f
+        slope, kappa = rows.rows[rows.m], 0.0
+        if self._kind == SQUARES:
+            self._pull[:] = f
+            f += price * slope
+        elif self._kind == MAXIMUM:
+            np.multiply(slope, price, out=f[:n])
+            kappa = f[-1] = 1.0 / SMALL_SQUARES
+        else:
+            kappa = gamma / (1.0 - gamma)
+            np.multiply(slope, price, out=f[:n])
+            np.negative(f[:n], out=f[n:])
+            f += kappa
         solved, x, multipliers = self._attempt(tolerance)
         if solved and self._kind == MAXIMUM:  # which has no square of its own
             solved, x, multipliers = self._settle(tolerance, x, multipliers)
+        if self._kind == SQUARES:
+            f[:] = self._pull
         if not solved:
             return False
         if self._kind == NORM:
@@ -81,11 +113,15 @@ class StableProgram:
         else:
             self.y[:] = x[:n]
         if self._kind == SQUARES:
-            self._pull[:] = self.y - (program.H @ self.y + program.f)
+            self._pull[:] = self.y - (program.H @ self.y + f)
+        proof = multipliers[: self._count]
+        if target is None:
+            proof[rows.m] += price  # the reward stands for part of the equation's multiplier
+            target = float(slope @ self.y)
         self.residual = self._prove(
             self.y,
             self._pull,
-            multipliers[: self._count],
+            proof,
             rows.rows,
             rows.least,
             rows.most,
@@ -93,7 +129,7 @@ class StableProgram:
             target,
             self._kind,
             kappa,
-            self._equality,
+            equality,
             self._wanted,
         )
         return True

@@ -62,6 +62,7 @@ CLOSE = 1e-9  # rates, divided by top, that rounding may take for each other
 ATTEMPTS = (
     *((1e-9, 1e-11), (1e-9, 1e-8), (1e-7, 1e-8), (1e-5, 1e-8)),
     *((1e-9, 1e-6), (1e-5, 1e-6), (1e-3, 1e-6)),  # where constraints leave no room at all
+    *((1e-2, 1e-8), (1e-1, 1e-8)),  # where a row is nearly parallel to ∇V
 )
 """How far to stay inside the feasible rates, relative, and daqp's tolerance, in units of W u."""
 
@@ -79,6 +80,9 @@ class StableQp:
         gamma: γ of `"qp12"`. 1 − γ counts as 1e-6 at least.
         weights: of the joints, (n,), positive; all 1 by default.
         lyapunov: `"equality"` as above, or `"descent"`: ∇V·u + ∂V/∂t ≤ 0, whatever Ψ (Remark 1).
+        effort: 0: ρ is the largest feasible one, whatever speed it costs. Above, ρ is damped: where
+            bounds alone are not the answer, V falls as asked only while that costs no more than
+            so many times the speed that one joint alone would need, and else by less.
         keep_rho: keep the last ρ while the problem is feasible with it, as the end of section
             III-A has it: it saves LPs, but ρ can only decrease until `forget`.
         solver: `"daqp"`, or a peer by name.
@@ -110,6 +114,7 @@ class StableQp:
         gamma: float = 0.5,
         weights: ArrayLike | None = None,
         lyapunov: Literal["equality", "descent"] = "equality",
+        effort: float = 0.0,
         keep_rho: bool = False,
         solver: str = "daqp",
     ) -> None:
@@ -140,7 +145,7 @@ class StableQp:
             self._kind, self._steepest, equality=self._equality, solver=solver
         )
         self._none_C, self._none_c = np.zeros((0, n)), np.zeros(0)
-        self._keep_rho, self._kept = keep_rho, 1.0
+        self._keep_rho, self._kept, self._effort = keep_rho, 1.0, effort
         self._rho, self._box = kernels.find_rho_kernel, box_rho_kernel
         self._result, self._reached = np.zeros(4), False
         self._limited = False  # whether the last QP had to go below the ρ it was asked for
@@ -295,10 +300,7 @@ class StableQp:
             return found, 0.0
         if fall >= wanted - ROUNDING * abs(wanted):
             return found, 1.0
-        least, most, row = self._steepest.least, self._steepest.most, self.n + self.m
-        least[row], most[row] = -NO_BOUND, NO_BOUND
-        can_rest = bool(np.all(least <= 0.0) and np.all(most >= 0.0))
-        verdict = self._verdict(fall, wanted, drift / top, 1.0, can_rest)
+        verdict = self._verdict(fall, wanted, drift / top, 1.0, self._forced() <= 0.0)
         return verdict, 0.0 if verdict == status.STATIONARY else self._rho(fall * top, psi, drift)
 
     def _search(self, gamma: float, drift: float, asked: float) -> None:
@@ -311,6 +313,8 @@ class StableQp:
                 self._give_up(self._steepest.fall()[0])
             return
         wanted = asked / top
+        if self._effort and self._equality and self._damped(gamma, drift / top, wanted):
+            return
         possible = abs(wanted) < NO_BOUND
         if possible and not self._limited and run(gamma, wanted, ATTEMPTS[0][1]):
             self._reached = self._equality
@@ -329,16 +333,36 @@ class StableQp:
         if found not in (status.OK, status.UNBOUNDED) or not abs(best) < NO_BOUND:
             self._give_up(found)
             return
-        least, most, row = self._steepest.least, self._steepest.most, self.n + self.m
-        least[row], most[row] = -NO_BOUND, NO_BOUND
-        can_rest = bool(np.all(least <= 0.0) and np.all(most >= 0.0))
-        self.status = self._verdict(best, wanted, drift / top, 1.0, can_rest)
+        self.status = self._verdict(best, wanted, drift / top, 1.0, self._forced() <= 0.0)
         if self.status == status.STATIONARY:
             return
         for inside, tolerance in ATTEMPTS:
             if run(gamma, best + inwards * inside * abs(best), tolerance):
                 return
         self._give_up(status.UNSOLVED)
+
+    def _damped(self, gamma: float, drift: float, wanted: float) -> bool:
+        """Find the answer for a damped ρ; False where there is none."""
+        program, forced = self._program, self._forced()
+        kappa = gamma / (1.0 - gamma) if self._kind == NORM else 0.0
+        worth = self._effort * (kappa + wanted + max(forced, 0.0))
+        if not (0.0 <= wanted < NO_BOUND) or not program.run_damped(
+            gamma, wanted, worth, ATTEMPTS[0][1]
+        ):
+            return False
+        fall = -float(self._steepest.rows[self.m] @ program.y)
+        self._reached = fall >= wanted - ROUNDING * (1.0 + wanted)
+        if not self._reached:
+            self.status = self._verdict(fall, wanted, drift, 1.0, forced <= 0.0)
+            if self.status == status.STATIONARY and self._steepest.fall()[1] > CLOSE:
+                self.status = status.OK  # it could fall, but that is not worth the speed
+        return True
+
+    def _forced(self) -> float:
+        """Fastest speed that a constraint asks for [of W u]; 0 or less: u = 0 keeps them all."""
+        least, most, row = self._steepest.least, self._steepest.most, self.n + self.m
+        least[row], most[row] = -NO_BOUND, NO_BOUND
+        return max(float(least.max()), -float(most.min()))
 
     def _give_up(self, why: int) -> None:
         self.status, self.path = (why if why != status.OK else status.UNSOLVED), STILL
