@@ -166,19 +166,11 @@ def list_all(
     connect: Connect = ENDPOINT,
     as_json: AsJson = False,
 ) -> None:
-    """List robots, controllers and configs that can be named."""
-    from remote_controller.config import available_configs as controllers
-    from remote_controller.registry import registered
-    from robot_emulator.config import available_configs as emulators
-    from robot_emulator.robots import available as robots
+    """List robots, controllers, tasks, curves, constraints and configs that can be named."""
     from tools.control import alive
+    from tools.settings import named
 
-    found: dict[str, list[str]] = {
-        "robots": robots(),
-        "controllers": sorted(registered()),
-        "emulator configs": emulators(),
-        "controller configs": controllers(),
-    }
+    found = named()
     if live:
         found["alive"] = alive(connect)
     if as_json:
@@ -314,12 +306,18 @@ def config_check(
 
 @config_app.command("schema")
 def config_schema(
-    kind: Annotated[str, typer.Argument(help="emulator, controller, or a controller's name.")],
+    kind: Annotated[
+        str,
+        typer.Argument(help="emulator, controller, task, constraint, or a controller's name."),
+    ],
+    name: Annotated[
+        str | None, typer.Argument(help="Of a controller, a task or a constraint.")
+    ] = None,
 ) -> None:
-    """Print the JSON Schema of a config, for editors."""
+    """Print the JSON Schema of a config, or of a task or a constraint in one, for editors."""
     from tools.settings import json_schema
 
-    _print_json(json_schema(kind))
+    _print_json(json_schema(kind, name))
 
 
 def _version(value: bool) -> None:

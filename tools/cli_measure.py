@@ -35,19 +35,23 @@ def bench_solvers(
     samples: Samples = 10_000,
     as_json: AsJson = False,
 ) -> None:
-    """Time QP12 beside its peers: daqp, OSQP, PINV, and quadprog and ProxQP where installed."""
-    from tools.bench.peers import missing
-    from tools.bench.show import show_missing, show_rows
+    """Time QP12 and constrained problems beside daqp, OSQP, PINV, and what else is installed."""
+    from tools.bench import general, peers
+    from tools.bench.show import show_general, show_missing, show_rows
     from tools.bench.solvers import bench_solvers as measure
     from tools.machine import machine_block
 
     machine = machine_block()
     rows = measure(joints, samples, gamma)
+    fewer = max(samples // 5, 10)  # peers take up to milliseconds for each of these
+    constrained = general.bench_general(joints, fewer, gamma, ("feasible", "limited"))
+    missing = {**peers.missing(), **general.missing()}
     if as_json:
-        _write({"rows": rows, "missing": list(missing()), "machine": machine})
+        _write({"rows": rows, "general": constrained, "missing": list(missing), "machine": machine})
     else:
         show_rows(rows, machine)
-        show_missing()
+        show_general(constrained, machine)
+        show_missing(missing)
 
 
 @bench_app.command("scaling")

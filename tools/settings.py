@@ -6,10 +6,15 @@ from pathlib import Path
 from typing import Any
 
 from protocol.errors import UnknownNameError
-from protocol.settings import load_yaml
+from protocol.settings import Settings, load_yaml
+from remote_controller import registry as controllers
 from remote_controller.config import ControllerConfig
 from remote_controller.config import available_configs as controller_configs
-from remote_controller.registry import find, is_registered, registered
+from remote_controller.constraints import registry as constraints
+from remote_controller.constraints.registry import ConstraintSettings
+from remote_controller.tasks import registry as tasks
+from remote_controller.tasks.curve import CURVES
+from remote_controller.tasks.registry import TaskSettings
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.config import available_configs as emulator_configs
 from robot_emulator.robots import available as robots
@@ -24,7 +29,7 @@ def resolved(name: str, overrides: list[str]) -> tuple[str, str]:
         UnknownNameError: nothing has that name.
         UsageError: what it says is wrong.
     """
-    known = {*emulator_configs(), *robots(), *controller_configs(), *registered()}
+    known = {*emulator_configs(), *robots(), *controller_configs(), *controllers.registered()}
     path = Path(name)
     if not (name in known or ":" in name or path.suffix in {".yaml", ".yml"} or path.exists()):
         raise UnknownNameError("config", name, known, " Or name a file.")
@@ -33,25 +38,68 @@ def resolved(name: str, overrides: list[str]) -> tuple[str, str]:
         describe(settings, file)
         return as_yaml(settings), "an emulator"
     config, file = controller_config(name, overrides)
-    parameters = find(config.controller, file).Parameters.model_validate(config.parameters)
+    parameters = controllers.find(config.controller, file).Parameters.model_validate(
+        config.parameters
+    )
     whole = config.model_copy(update={"parameters": parameters.model_dump(mode="json")})
     return as_yaml(whole), "a controller"
 
 
-def json_schema(kind: str) -> dict[str, Any]:
-    """JSON Schema of a side's config, or of a controller's whole config.
+FAMILIES: dict[str, tuple[Any, type[Settings]]] = {
+    "controller": (controllers, ControllerConfig),
+    "task": (tasks, TaskSettings),
+    "constraint": (constraints, ConstraintSettings),
+}
+"""What has parameters of its own: the registry of its names, and what a config says of one."""
+
+
+def json_schema(kind: str, name: str | None = None) -> dict[str, Any]:
+    """JSON Schema of a side's config, of a controller's whole config, or of an entry in one.
+
+    Args:
+        kind: "emulator", one of `FAMILIES`, or a controller's name.
+        name: of one of that family; its parameters are part of the schema then.
 
     Raises:
-        UnknownNameError: neither a side nor a controller.
+        UnknownNameError: nothing is called so.
+        ConfigError: what is called so cannot be imported, or is something else.
     """
+    if name is not None:
+        if kind not in FAMILIES:
+            raise UnknownNameError("kind of config with names", kind, FAMILIES)
+        registry, whole = FAMILIES[kind]
+        return _with_parameters(whole, registry.find(name).Parameters)
     if kind == "emulator":
         return EmulatorConfig.model_json_schema()
-    if kind == "controller":
-        return ControllerConfig.model_json_schema()
-    if not (is_registered(kind) or ":" in kind):
-        raise UnknownNameError("kind of config", kind, ["emulator", "controller", *registered()])
-    schema = ControllerConfig.model_json_schema()
-    parameters = find(kind).Parameters.model_json_schema()
+    if kind in FAMILIES:
+        return FAMILIES[kind][1].model_json_schema()
+    if not (controllers.is_registered(kind) or ":" in kind):
+        known = ["emulator", *FAMILIES, *controllers.registered()]
+        hint = "".join(
+            f" Did you mean: {family} {kind}?"
+            for family, (registry, _) in FAMILIES.items()
+            if kind in registry.registered()
+        )
+        raise UnknownNameError("kind of config", kind, known, hint)
+    return _with_parameters(ControllerConfig, controllers.find(kind).Parameters)
+
+
+def named() -> dict[str, list[str]]:
+    """Everything that a config or a command can name, by what it is."""
+    return {
+        "robots": robots(),
+        "controllers": sorted(controllers.registered()),
+        "tasks": sorted(tasks.registered()),
+        "curves": sorted(CURVES.registered()),
+        "constraints": sorted(constraints.registered()),
+        "emulator configs": emulator_configs(),
+        "controller configs": controller_configs(),
+    }
+
+
+def _with_parameters(whole: type[Settings], own: type[Settings]) -> dict[str, Any]:
+    """Schema of what names something, with that something's own parameters in their place."""
+    schema, parameters = whole.model_json_schema(), own.model_json_schema()
     schema.setdefault("$defs", {}).update(parameters.pop("$defs", {}))
     schema["properties"]["parameters"] = parameters
     return schema

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import re
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 import yaml
-from pages import table
+from pages import page, table
+from pydantic_core import to_jsonable_python
 
 from protocol.settings import Settings
 from remote_controller.config import CONFIGS, ControllerConfig
+from remote_controller.constraints import registry as constraints
+from remote_controller.constraints.bodies import AnyObstacle
 from remote_controller.controllers.osqp import OsqpController
 from remote_controller.controllers.pinv import PinvController
 from remote_controller.controllers.qp12 import Qp12Controller
+from remote_controller.tasks import registry as tasks
+from remote_controller.tasks.curve import CURVES
+from remote_controller.tasks.targets.settings import TargetSettings
 from robot_emulator.config import EmulatorConfig
 
 MODELS: dict[str, type[Settings]] = {
@@ -23,7 +29,44 @@ MODELS: dict[str, type[Settings]] = {
     "Parameters of pinv": PinvController.Parameters,
     "Parameters of osqp": OsqpController.Parameters,
 }
-UNITS = {"_ms": "ms", "_us": "µs", "_mb": "MB", "_rad_s": "rad/s", "_per_s": "1/s", "_m": "m"}
+
+
+def union(annotated: Any, tag: str) -> dict[str, type[Settings]]:
+    """Models of a discriminated union, by the value of its tag."""
+    models = get_args(get_args(annotated)[0])
+    return {get_args(model.model_fields[tag].annotation)[0]: model for model in models}
+
+
+GROUPS: dict[str, dict[str, type[Settings]]] = {
+    "Tasks and constraints": {
+        "task": tasks.TaskSettings,
+        "constraint": constraints.ConstraintSettings,
+    },
+    "Parameters of tasks": {name: tasks.find(name).Parameters for name in tasks.BUILTIN},
+    "Parameters of targets": union(TargetSettings, "kind"),
+    "Parameters of curves": {
+        name: CURVES.find(name, "config", "curve").Parameters for name in CURVES.builtin
+    },
+    "Parameters of constraints": {
+        name: constraints.find(name).Parameters for name in constraints.BUILTIN
+    },
+    "Obstacles": union(AnyObstacle, "shape"),
+}
+"""Tables whose first column names whose key it is: one or more of these."""
+TAGS = {"Parameters of targets": "kind", "Obstacles": "shape"}
+UNITS = {
+    "_ms": "ms",
+    "_us": "µs",
+    "_mb": "MB",
+    "_rad_s": "rad/s",
+    "_m_s": "m/s",
+    "_m_s2": "m/s²",
+    "_per_s": "1/s",
+    "_rad": "rad",
+    "_m": "m",
+    "_s": "s",
+}
+SUFFIX = re.compile("(" + "|".join(sorted(UNITS, key=len, reverse=True)) + ")$")
 SUPERSCRIPT = {2**63 - 1: "2⁶³ − 1"}
 
 
@@ -36,8 +79,13 @@ def flat(schema: dict[str, Any], defaults: dict[str, Any]) -> dict[str, tuple[st
             reference = inner.get("$ref")
             if reference is not None:
                 descend(schema["$defs"][reference.split("/")[-1]], values[name], f"{prefix}{name}.")
-            else:
-                found[prefix + name] = (in_words(inner), values.get(name, "required"))
+                continue
+            found[prefix + name] = (in_words(inner), values.get(name, "required"))
+            of_each = inner.get("items", {}).get("$ref")
+            if of_each is not None:
+                each = schema["$defs"][of_each.split("/")[-1]]
+                given = {k: v["default"] for k, v in each["properties"].items() if "default" in v}
+                descend(each, given, f"{prefix}{name}.N.")
 
     descend(schema, defaults, "")
     return found
@@ -50,6 +98,10 @@ def in_words(node: dict[str, Any]) -> str:
         return f"{', '.join(most)}, or {last}"
     if "enum" in node or "const" in node:
         return ", ".join(f"`{value}`" for value in node.get("enum", [node.get("const")]))
+    if "discriminator" in node:
+        return f"mapping with `{node['discriminator']['propertyName']}`"
+    if "$ref" in node:
+        return "mapping"
     kind = node["type"]
     if kind in {"integer", "number"}:
         return kind + limits(node)
@@ -57,8 +109,11 @@ def in_words(node: dict[str, Any]) -> str:
         return "text" + (f" `{node['pattern']}`" if "pattern" in node else "")
     if kind == "array":
         if "prefixItems" in node:
-            return f"list of {len(node['prefixItems'])} {in_words(node['prefixItems'][0])}s"
+            what, *rest = in_words(node["prefixItems"][0]).split(" ")
+            return " ".join(["list of", str(len(node["prefixItems"])), f"{what}s", *rest])
         return f"list of {in_words(node['items'])}"
+    if isinstance(node.get("additionalProperties"), dict):
+        return f"mapping to {in_words(node['additionalProperties'])}"
     return {"boolean": "true or false", "null": "null", "object": "mapping"}[kind]
 
 
@@ -67,6 +122,8 @@ def limits(node: dict[str, Any]) -> str:
     if "exclusiveMinimum" in node:
         return f" > {node['exclusiveMinimum']:g}"
     least, most = node.get("minimum"), node.get("maximum")
+    if "exclusiveMaximum" in node and node["type"] == "number":
+        return f", {least:g} to below {node['exclusiveMaximum']:g}"
     if most is None and "exclusiveMaximum" in node:
         most = node["exclusiveMaximum"] - 1
     if most is None:
@@ -74,36 +131,70 @@ def limits(node: dict[str, Any]) -> str:
     return f", {least:g} to {SUPERSCRIPT.get(most) or format(most, 'g')}"
 
 
-def models() -> list[tuple[str, str, str, Any]]:
-    """Heading, key, type and default of every setting."""
-    rows = []
-    for heading, model in MODELS.items():
-        needed = {name: "x" for name, f in model.model_fields.items() if f.is_required()}
-        defaults = model(**needed).model_dump(mode="json")
-        for name in needed:
-            del defaults[name]
-        for key, (kind, default) in flat(model.model_json_schema(), defaults).items():
-            rows.append((heading, key, kind, default))
-    return rows
+def keys(model: type[Settings]) -> dict[str, tuple[str, Any]]:
+    """Dotted key → type in words and default of every setting of a model."""
+    defaults = {
+        name: to_jsonable_python(field.get_default(call_default_factory=True))
+        for name, field in model.model_fields.items()
+        if not field.is_required()
+    }
+    return flat(model.model_json_schema(), defaults)
 
 
-@pytest.mark.parametrize("heading", MODELS)
+def models() -> list[tuple[str, str, str, str, Any]]:
+    """Heading, whose, key, type and default of every setting; whose is "" where all have one."""
+    rows = [
+        (heading, "", key, *about)
+        for heading, model in MODELS.items()
+        for key, about in keys(model).items()
+    ]
+    return rows + [
+        (heading, name, key, *about)
+        for heading, group in GROUPS.items()
+        for name, model in group.items()
+        for key, about in keys(model).items()
+        if key != TAGS.get(heading)
+    ]
+
+
+def written(heading: str) -> list[tuple[str, str, dict[str, str]]]:
+    """Whose, key, and the whole of each row; a row that several share counts for each."""
+    rows = table("configuration.md", heading)
+    if heading in MODELS:
+        return [("", row["key"].strip("`"), row) for row in rows]
+    return [
+        (name.strip("` "), row["key"].strip("`"), row)
+        for row in rows
+        for name in next(iter(row.values())).split(",")
+    ]
+
+
+@pytest.mark.parametrize("heading", [*MODELS, *GROUPS])
 def test_a_table_has_every_key_and_no_other(heading):
-    written = [row["key"].strip("`") for row in table("configuration.md", heading)]
-    assert sorted(written) == sorted(key for where, key, _, _ in models() if where == heading)
+    found = sorted((name, key) for name, key, _ in written(heading))
+    assert found == sorted((name, key) for where, name, key, *_ in models() if where == heading)
 
 
-@pytest.mark.parametrize(("heading", "key", "kind", "default"), models())
-def test_a_row_is_as_the_model_has_it(heading, key, kind, default):
-    (row,) = [r for r in table("configuration.md", heading) if r["key"] == f"`{key}`"]
+@pytest.mark.parametrize(("heading", "name", "key", "kind", "default"), models())
+def test_a_row_is_as_the_model_has_it(heading, name, key, kind, default):
+    (row,) = [row for whose, which, row in written(heading) if (whose, which) == (name, key)]
     assert row["type"] == kind
-    written = row["default"].strip("`")
-    assert (default if default == "required" else yaml.safe_load(written)) == default
-    assert written == "required" or default != "required"
+    given = row["default"].strip("`")
+    assert (default if default == "required" else yaml.safe_load(given)) == default
+    assert given == "required" or default != "required"
     assert len(row["meaning"]) > 5
-    suffix = re.search(r"_(ms|us|mb|rad_s|per_s|m)$", key)
+    suffix = SUFFIX.search(key)
     if suffix:
         assert row["unit"] == UNITS[suffix[0]]
+
+
+@pytest.mark.parametrize("heading", GROUPS)
+def test_everything_that_a_table_is_about_stands_before_it(heading):
+    """Also what has no key of its own."""
+    _, _, rest = page("configuration.md").partition(f"# {heading}\n")
+    text = rest.partition("\n#")[0]
+    for name in GROUPS[heading]:
+        assert f"`{name}`" in text
 
 
 @pytest.mark.parametrize(("name", "law"), [("qp12", Qp12Controller), ("osqp", OsqpController)])

@@ -45,12 +45,16 @@ def test_what_a_page_shows_works_word_for_word(name, tmp_path, monkeypatch):
         story.play(block)
 
 
-def test_the_controller_of_the_page_passes_the_property_suite(tmp_path):
-    Story(tmp_path).write_files("writing_a_controller.md")
-    suite = HOUSE / "tests" / "controllers" / "test_controller_properties.py"
+@pytest.mark.parametrize(
+    ("kind", "name", "file"),
+    [("controller", "controllers", "posture.yaml"), ("task", "tasks", "sway.yaml")],
+)
+def test_what_a_page_has_written_passes_the_property_suite(kind, name, file, tmp_path):
+    Story(tmp_path).write_files(f"writing_a_{kind}.md")
+    suite = HOUSE / "tests" / name / f"test_{kind}_properties.py"
     ended = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(suite)],
-        env={**os.environ, "HOAP3_TEST_CONTROLLERS": str(tmp_path / "posture.yaml")},
+        env={**os.environ, f"HOAP3_TEST_{name.upper()}": str(tmp_path / file)},
         cwd=HOUSE,
         capture_output=True,
         text=True,

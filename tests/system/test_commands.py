@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import signal
 from importlib import metadata
 from pathlib import Path
@@ -26,7 +27,12 @@ from command_bench import (
 )
 
 from protocol.messages import State
+from remote_controller import registry as controllers
+from remote_controller.constraints import registry as constraints
+from remote_controller.tasks import registry as tasks
 from tools.log import Log
+
+TASKS, CONSTRAINTS = sorted(tasks.BUILTIN), sorted(constraints.BUILTIN)
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +64,9 @@ def test_list_knows_what_can_be_named() -> None:
     assert set(found["controllers"]) >= {"qp12", "pinv"}
     assert set(found["controller configs"]) >= {"qp12", "pinv"}
     assert found["emulator configs"] == ["hoap3"]
+    assert set(found["tasks"]) >= set(TASKS)
+    assert set(found["constraints"]) >= set(CONSTRAINTS)
+    assert set(found["curves"]) >= {"ellipse", "joint_ellipse"}
     people = inside("list")
     assert people.stdout == ""
     assert "controllers: osqp, pinv, qp12" in people.stderr
@@ -92,6 +101,26 @@ def test_a_schema_describes_every_key_of_the_config(kind: str) -> None:
     if kind in {"qp12", "pinv", "osqp"}:
         parameters = schema["properties"]["parameters"]
         assert parameters["properties"].keys() == content["parameters"].keys()
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [
+        ("controller", "qp12"),
+        *(("task", t) for t in TASKS),
+        *(("constraint", c) for c in CONSTRAINTS),
+    ],
+)
+def test_a_schema_of_an_entry_has_its_own_parameters(kind: str, name: str) -> None:
+    schema = inside("config", "schema", kind, name).json()
+    whole = inside("config", "schema", kind).json()
+    assert schema["properties"].keys() == whole["properties"].keys()
+    parameters = schema["properties"]["parameters"]
+    assert parameters["additionalProperties"] is False
+    family = {"controller": controllers, "task": tasks, "constraint": constraints}[kind]
+    assert parameters["properties"].keys() == family.find(name).Parameters.model_fields.keys()
+    named = set(re.findall(r'"#/\$defs/(\w+)"', json.dumps(schema)))
+    assert named <= schema.get("$defs", {}).keys()
 
 
 def test_csv_has_a_row_a_tick(folder: Path, tmp_path: Path) -> None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from remote_controller.solvers import StableQp, status
 from remote_controller.solvers.stable_qp import QP
 from tools.bench import general
+from tools.cli import app
 
 
 @pytest.fixture(autouse=True)
@@ -25,10 +29,13 @@ def test_rows() -> None:
     for row in rows:
         assert row["n"] == 21
         assert row["samples"] == 12
+        assert row["problems"] == 6
+        assert row["problems_at_limit"] == 2
         assert 0.0 < row["min_us"] <= row["p50_us"] <= row["max_us"]
     assert by_name["daqp"]["times_daqp"] == 1.0
-    for name in (*ours[1:], "daqp", "quadprog"):
+    for name in (*ours, "daqp", "quadprog"):
         assert by_name[name]["failures"] == 0
+    assert by_name["reference"]["failures"] is None
     assert by_name["daqp"]["failures_at_limit"] == 0
 
 
@@ -39,6 +46,49 @@ def test_streams_need_the_qp(kind: str) -> None:
         assert solver.solve(*problem) == status.OK
         assert solver.path == QP
         assert (solver.rho == 1.0) == (kind == "feasible")
+
+
+@pytest.fixture
+def only_daqp(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = {"daqp": general.peers()["daqp"]}
+    monkeypatch.setattr(general, "peers", lambda: found)
+
+
+@pytest.mark.usefixtures("only_daqp")
+def test_fewer_samples_than_problems_make_fewer_problems() -> None:
+    for row in general.bench_general(samples=1):
+        assert row["problems"] == row["problems_at_limit"] == row["samples"] == 1
+
+
+@pytest.mark.usefixtures("only_daqp")
+def test_an_answer_of_ours_without_proof_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(general, "CERTAIN", -1.0)
+    rows = {row["solver"]: row for row in general.bench_general(samples=6)}
+    assert rows["bounded qp12"]["failures"] == rows["stable_qp, feasible"]["failures"] == 6
+    assert rows["daqp"]["failures"] == 0
+
+
+def test_the_command_has_them_as_a_second_table() -> None:
+    done = CliRunner().invoke(app, ["bench", "solvers", "--samples", "10"])
+    assert done.exit_code == 0
+    for words in ("times_qp12", "stable_qp, limited", "times_daqp", "0 of 6", "failures_at_limit"):
+        assert words in done.stderr
+
+
+def test_the_command_has_them_in_its_json_whole() -> None:
+    done = CliRunner().invoke(app, ["bench", "solvers", "--samples", "60", "-n", "5", "--json"])
+    rows = {row["solver"]: row for row in json.loads(done.stdout)["general"]}
+    assert {"bounded qp12", "stable_qp, feasible", "stable_qp, limited", "daqp"} <= rows.keys()
+    for row in rows.values():
+        assert row["samples"] == 12  # a fifth
+        assert row["n"] == 5
+        figures = {"min_us", "mean_us", "p50_us", "p99_us", "max_us", "times_daqp", "failures"}
+        assert figures <= row.keys()
+
+
+def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(general, "find_spec", lambda name: None if name == "piqp" else name)
+    assert general.missing() == {"piqp": "piqp"}
 
 
 def test_a_peer_that_is_wrong_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 from rich.table import Table
 
-from tools.bench.peers import missing
+from tools.bench.peers import missing as missing_peers
 from tools.bench.scaling import FIT_FROM
 from tools.show import console
 
@@ -36,6 +36,30 @@ def show_rows(rows: list[dict[str, Any]], machine: dict[str, Any]) -> None:
     _show_machine(machine)
 
 
+def show_general(rows: list[dict[str, Any]], machine: dict[str, Any]) -> None:
+    """Print bounded and general solves, a row a solver, with how often each failed."""
+    table = Table(title="us per call, single calls; constrained problems", box=None)
+    failures = ("failures", "failures_at_limit")
+    for name in ("solver", "n", "samples", *COLUMNS, "times_daqp", *failures):
+        justify: Any = "left" if name == "solver" else "right"
+        table.add_column(name.removesuffix("_us"), justify=justify)
+    for row in rows:
+        table.add_row(
+            row["solver"],
+            str(row["n"]),
+            str(row["samples"]),
+            *(f"{row[name]:.2f}" for name in COLUMNS),
+            f"{row['times_daqp']:.2f}",
+            *(_of(row[name], row[name.replace("failures", "problems")]) for name in failures),
+        )
+    console.print(table)
+    _show_machine(machine)
+
+
+def _of(failures: int | None, problems: int) -> str:
+    return "" if failures is None else f"{failures} of {problems}"
+
+
 def show_scaling(measured: dict[str, Any], machine: dict[str, Any]) -> None:
     """Print medians, a row a number of joints, and the slopes below them."""
     rows = measured["rows"]
@@ -57,9 +81,9 @@ def show_scaling(measured: dict[str, Any], machine: dict[str, Any]) -> None:
     _show_machine(machine)
 
 
-def show_missing() -> None:
-    """Say which solvers are not there, and what to install."""
-    for name, package in missing().items():
+def show_missing(missing: dict[str, str] | None = None) -> None:
+    """Say which solvers are not there, and what to install; by default of the peers of QP12."""
+    for name, package in (missing_peers() if missing is None else missing).items():
         console.print(f"Not installed: {name} (pip install {package}).", style="dim")
 
 

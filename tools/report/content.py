@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from protocol.errors import LogError
+from tools.report.certificate_figures import certificate_drawings
+from tools.report.certificates import Certificates
 from tools.report.drawing import Drawing
 from tools.report.happenings import Happening, read_happenings
 from tools.report.motion import Motion, read_motion
@@ -41,6 +43,16 @@ class Content:
     def motion_drawings(self) -> tuple[Drawing, ...]:
         """Figures of the motion; they are drawn when somebody asks."""
         return tuple(motion_drawings(self.motion)) if self.motion else ()
+
+    @property
+    def certificates(self) -> Certificates | None:
+        """What the answers prove, or None."""
+        return self.motion.certificates if self.motion else None
+
+    @cached_property
+    def certificate_drawings(self) -> tuple[Drawing, ...]:
+        """Figures of what the answers prove, likewise."""
+        return tuple(certificate_drawings(self.certificates)) if self.certificates else ()
 
     @cached_property
     def timing_drawings(self) -> tuple[Drawing, ...]:
@@ -106,7 +118,16 @@ class Content:
             "transport": self.transport,
             "lockstep": self.sources.lockstep,
             "final_error": _final_error(self.motion),
-            "figures": [d.name for d in (*self.motion_drawings, *self.timing_drawings)],
+            "certificates": self.certificates.as_json() if self.certificates else None,
+            "figures": [
+                drawing.name
+                for drawings in (
+                    self.motion_drawings,
+                    self.certificate_drawings,
+                    self.timing_drawings,
+                )
+                for drawing in drawings
+            ],
             "gaps": list(self.gaps),
             "machine": self.machine(self.sources.main.side),
             "log": str(self.sources.path),

@@ -7,6 +7,7 @@ from typing import Any
 
 from protocol.errors import LogError
 from tools.log import Log
+from tools.report.certificates import Certificates
 from tools.report.content import Content
 from tools.report.markup import Markup, element, more, table
 from tools.report.numbers import count, number, rate
@@ -30,7 +31,18 @@ def tiles(content: Content) -> list[Tile]:
             f"certified {rate(float(motion.certified.mean()))} of n {count(len(motion.v))} answers",
         )
         found.append(("word-certificate", "error at the end", f"{number(errors[-1])}{unit}", notes))
+    if content.certificates is not None:
+        found.append(_uncertified(content.certificates))
     return found
+
+
+def _uncertified(certificates: Certificates) -> Tile:
+    notes: tuple[str, ...] = (f"of n {count(certificates.n)} answers",)
+    if certificates.longest is not None:
+        first = f"{certificates.stretches[0].begin_s:.3f}".replace("-", "−")
+        longest = count(certificates.longest.answers)
+        notes = (*notes, f"first at {first} s, longest stretch {longest}")
+    return ("certificates", "without certificate", count(certificates.without), notes)
 
 
 def _deadline_tiles(content: Content, given: dict[str, Any]) -> list[Tile]:

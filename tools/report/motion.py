@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from protocol.description import RobotDescription
 from protocol.errors import DescriptionError, LogError
 from protocol.messages import FloatArray, Setpoint, State
+from tools.report.certificates import PROVED, STATUS, Certificates
 from tools.report.sources import Sources
 
 MOST_POINTS = 20_000  # of the path; more cannot be seen, and each costs a pass of kinematics
@@ -40,6 +41,7 @@ class Motion:
         certified: (k,), whether the certificate held.
         inputs: (k, n), u, in `unit`.
         active: (k,), joints with 0.001 rad/s or more.
+        certificates: of the answers, or None where no answer has one.
         gaps: what cannot be shown, and why.
     """
 
@@ -61,6 +63,7 @@ class Motion:
     inputs: FloatArray
     unit: str
     active: FloatArray
+    certificates: Certificates | None = None
     gaps: list[str] = field(default_factory=list)
 
     @property
@@ -117,12 +120,15 @@ def read_motion(sources: Sources) -> Motion | None:
     if not len(rows):
         gaps.append("Nobody answered: V, Ψ and the control inputs are not known.")
     inputs, unit = _inputs(rows, answers, description, parameters)
-    proved = answers["solver_status"] != _STATUS["none"]
+    proved = answers["solver_status"] != STATUS["none"]
     if len(rows) and not proved.any():
         gaps.append("This controller gives no certificates: V and Ψ are not known.")
     joints_active = np.where(
         proved, answers["active_joints"], (np.abs(inputs) >= 1e-3).sum(axis=1)
     ).astype(float)
+    duration_s = (int(active["stamp_intended"][-1]) - start) / 1e9 + description.period_s
+    certificates = _certificates(rows[proved], answers[proved], start, duration_s)
+    gaps += certificates.gaps if certificates else []
     sole = _sole(description, frame)
     if sole is None:
         gaps.append(
@@ -132,7 +138,7 @@ def read_motion(sources: Sources) -> Motion | None:
     return Motion(
         side=log.side,
         start_ns=start,
-        duration_s=(int(active["stamp_intended"][-1]) - start) / 1e9 + description.period_s,
+        duration_s=duration_s,
         joints=description.joint_names,
         path_time_s=_seconds(active[::every], start),
         path_m=path,
@@ -144,19 +150,13 @@ def read_motion(sources: Sources) -> Motion | None:
         v=np.where(proved, answers["v"], np.nan),
         psi=np.where(proved, 0.0 - answers["v_rate_required"], np.nan),
         fall=np.where(proved, 0.0 - answers["v_rate_predicted"], np.nan),
-        certified=np.isin(answers["solver_status"], (_STATUS["certified"], _STATUS["at_target"])),
+        certified=np.isin(answers["solver_status"], [STATUS[name] for name in PROVED]),
         inputs=inputs,
         unit=unit,
         active=joints_active,
+        certificates=certificates,
         gaps=gaps,
     )
-
-
-_STATUS = {
-    name.removeprefix("STATUS_").lower(): value
-    for name, value in Setpoint.schema.constants.items()
-    if name.startswith("STATUS_")
-}
 
 
 def _one_session(states: Any, setpoints: Any) -> tuple[Any, Any, list[str]]:
@@ -182,6 +182,20 @@ def _answered(states: Any, setpoints: Any) -> tuple[Any, Any]:
     ticks, first = np.unique(setpoints["tick"], return_index=True)
     _, of_states, of_ticks = np.intersect1d(states["tick"], ticks, return_indices=True)
     return states[of_states], setpoints[first[of_ticks]]
+
+
+def _certificates(states: Any, answers: Any, start: int, duration_s: float) -> Certificates | None:
+    """Of these answers, or None where there is none."""
+    if not len(answers):
+        return None
+    return Certificates(
+        tick=answers["tick"],
+        time_s=_seconds(states, start),
+        status=answers["solver_status"],
+        rho=np.asarray(answers["rho"], float),
+        margin=np.asarray(answers["margin"], float),
+        duration_s=duration_s,
+    )
 
 
 def _seconds(states: Any, start: int) -> FloatArray:

@@ -11,12 +11,18 @@ from tools.report.drawing import Drawing, Key
 from tools.report.facts import facts_section, tiles
 from tools.report.markup import Markup, element, join, link, more
 from tools.report.style import STYLE
-from tools.report.tables import events_section, stalls_section, ticks_section
+from tools.report.tables import (
+    certificates_section,
+    events_section,
+    stalls_section,
+    ticks_section,
+)
 from tools.report.words import WORDS
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'"
 SECTIONS = {
     "motion": "Motion",
+    "certificates": "Certificates",
     "time": "Deadlines and time",
     "ticks": "Worst ticks",
     "events": "Events",
@@ -43,6 +49,11 @@ def page(content: Content) -> str:
         element(
             "main",
             _figures("motion", content.motion_drawings, "No motion can be shown, see above."),
+            certificates_section(
+                content.certificates,
+                SECTIONS["certificates"],
+                *map(_figure, content.certificate_drawings),
+            ),
             _figures("time", content.timing_drawings, _no_times(content)),
             ticks_section(content.timing, SECTIONS["ticks"]),
             events_section(content, SECTIONS["events"]),

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from tools.report.certificates import Certificates
 from tools.report.content import Content
 from tools.report.happenings import MOST
 from tools.report.markup import Markup, element, link, more, table
@@ -96,6 +97,39 @@ def _guilty(timing: Timing) -> list[Markup]:
     return [element("div", _said(words), table(head, rows, class_="narrow"))]
 
 
+def certificates_section(certificates: Certificates | None, title: str, *figures: Markup) -> Markup:
+    """How many answers proved what, and where they did not."""
+    heading = element("h2", title)
+    if certificates is None:
+        said = "No answer came with a certificate: nothing is known of what was proved."
+        return element("section", heading, _said(said), id="certificates")
+    total = certificates.n
+    rows = [
+        [name.replace("_", " "), count(n), f"{100.0 * n / total:.3f} %"]
+        for name, n in certificates.counts.items()
+    ]
+    head = [link("word-certificate", "answers"), "n", "share"]
+    longest = certificates.longest
+    words = f"Every one of n {count(total)} answers has been proved."
+    if longest is not None:
+        first = certificates.stretches[0]
+        words = (
+            f"{count(certificates.without)} of n {count(total)} answers came without a "
+            f"certificate, in {count(len(certificates.stretches))} stretches. The first began at "
+            f"{_at(first.begin_s)} s (tick {first.tick}), the longest at {_at(longest.begin_s)} s "
+            f"(tick {longest.tick}): {count(longest.answers)} answers, until "
+            f"{_at(longest.end_s)} s."
+        )
+    return element(
+        "section",
+        heading,
+        _said(words) if longest is None else element("div", element("p", words), class_="gaps"),
+        table(head, rows, class_="narrow"),
+        element("div", *figures, class_="grid") if figures else "",
+        id="certificates",
+    )
+
+
 def events_section(content: Content, title: str) -> Markup:
     """What happened, in words, side by side with its tick and time."""
     happenings = content.happenings
@@ -160,7 +194,11 @@ def stalls_section(timing: Timing | None, title: str) -> Markup:
 
 
 def _seconds(nanoseconds: int) -> str:
-    return f"{nanoseconds / 1e9:.3f}".replace("-", "−")
+    return _at(nanoseconds / 1e9)
+
+
+def _at(seconds: float) -> str:
+    return f"{seconds:.3f}".replace("-", "−")
 
 
 def _said(words: str) -> Markup:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -48,14 +49,14 @@ def active_log(
     description: RobotDescription | None = None,
     events: tuple[tuple[int, int], ...] = (),
     state: dict | None = None,
-    setpoint: dict | None = None,
+    setpoint: dict | Callable[[int], dict] | None = None,
     **options,
 ) -> Path:
     """A robot's log of active ticks with random joint positions.
 
     Args:
         events: pairs of kind and detail.
-        state, setpoint: fields of every such message.
+        state, setpoint: fields of every such message; of setpoints, also by their tick.
         options: of the log writer.
     """
     description = description or chain(2)
@@ -78,7 +79,8 @@ def active_log(
             **(state or {}),
         }
         records.append(Record(Kind.STATE, at + 9, fill(State(n), rng, **given)))
-        given = {**same, "tick": tick, "stamp_state": at + 9, "command": 0, **(setpoint or {})}
+        fields = setpoint(tick) if callable(setpoint) else setpoint or {}
+        given = {**same, "tick": tick, "stamp_state": at + 9, "command": 0, **fields}
         records.append(Record(Kind.SETPOINT, at + 99, fill(Setpoint(n), rng, **given)))
     for place, (kind, detail) in enumerate(events):
         event, at = Event(), START + place

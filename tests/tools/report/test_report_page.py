@@ -11,6 +11,7 @@ from tools.report.content import read_content
 from tools.report.page import POLICY, SECTIONS, page
 
 MOTION = ["sole", "path", "v", "psi", "u", "active"]
+CERTIFICATES = ["rho", "margin"]
 TIMES = ["deadlines", "success", "rtt", "wakeup", "typical", "tail"]
 LOADING = {"script", "link", "img", "iframe", "object", "embed", "base", "form", "audio", "video"}
 LOADING |= {"image", "feimage", "foreignobject", "animate", "set", "source", "track", "input"}
@@ -74,19 +75,19 @@ def test_every_section_is_there_and_says_something(shown):
 
 
 def test_a_run_in_lockstep_shows_the_motion_and_says_that_there_are_no_times(still):
-    assert list(still.figures()) == [*MOTION, "success"]
+    assert list(still.figures()) == [*MOTION, "margin", "success"]  # ρ is 1
     assert "virtual" in still.by_id("ticks").text()
     assert "RTT, median" not in still.tiles()
 
 
 def test_a_run_in_real_time_shows_every_figure(live):
-    assert list(live.figures()) == MOTION + TIMES
+    assert list(live.figures()) == MOTION + CERTIFICATES + TIMES
     assert {"RTT, median", "wake-up, median", "outside stalls"} <= live.tiles().keys()
 
 
 def test_every_figure_has_a_drawing_units_a_legend_its_n_and_a_definition(still, live):
     figures = {**live.figures(), **still.figures()}
-    assert figures.keys() == {*MOTION, *TIMES}
+    assert figures.keys() == {*MOTION, *CERTIFICATES, *TIMES}
     for name, figure in figures.items():
         (svg,) = figure.all("svg")
         drawn = svg.text()

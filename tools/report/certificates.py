@@ -1,0 +1,137 @@
+"""Which answers came with a certificate, and where they did not: counts, first, longest stretch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocol.messages import FloatArray, Setpoint
+from tools.report.numbers import count
+
+STATUS = {
+    name.removeprefix("STATUS_").lower(): value
+    for name, value in Setpoint.schema.constants.items()
+    if name.startswith("STATUS_")
+}
+PROVED = ("certified", "at_target")
+NAMES = ("certified", "at_target", "uncertified", "infeasible")
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Answers without certificate, one after the other.
+
+    Attributes:
+        answers: how many.
+        tick, begin_s: of the State that the first one answers.
+        end_s: of the State that the last one answers; times as in `Certificates`.
+    """
+
+    answers: int
+    tick: int
+    begin_s: float
+    end_s: float
+
+    def as_json(self) -> dict[str, Any]:
+        """Under the names that `--json` has."""
+        return {
+            "answers": self.answers,
+            "tick": self.tick,
+            "begin_s": self.begin_s,
+            "end_s": self.end_s,
+        }
+
+
+@dataclass(frozen=True)
+class Certificates:
+    """What the answers of one session prove; those of a controller that proves nothing are out.
+
+    Attributes:
+        tick: (k,), of the States that were answered.
+        time_s: (k,), when, since the first tick that asked.
+        status: (k,), one of `STATUS`; a log may hold other numbers, which prove nothing.
+        rho: (k,), ρ.
+        margin: (k,), smallest true margin, in the unit of its constraint.
+        duration_s: of the motion.
+    """
+
+    tick: NDArray[np.uint64]
+    time_s: FloatArray
+    status: NDArray[np.uint32]
+    rho: FloatArray
+    margin: FloatArray
+    duration_s: float
+
+    @property
+    def n(self) -> int:
+        """Answers that could have had one, k."""
+        return len(self.status)
+
+    @cached_property
+    def counts(self) -> dict[str, int]:
+        """Answers by the name of their status; "unknown" where there are any of that kind."""
+        found = {name: int(np.count_nonzero(self.status == STATUS[name])) for name in NAMES}
+        unknown = self.n - sum(found.values())
+        return {**found, "unknown": unknown} if unknown else found
+
+    @property
+    def without(self) -> int:
+        """Answers without certificate."""
+        return self.n - sum(self.counts[name] for name in PROVED)
+
+    @cached_property
+    def stretches(self) -> tuple[Stretch, ...]:
+        """Where there was none, in order."""
+        missing = ~np.isin(self.status, [STATUS[name] for name in PROVED])
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], missing.astype(np.int8), [0]])))
+        return tuple(
+            Stretch(
+                int(end - begin),
+                int(self.tick[begin]),
+                float(self.time_s[begin]),
+                float(self.time_s[end - 1]),
+            )
+            for begin, end in edges.reshape(-1, 2)
+        )
+
+    @property
+    def longest(self) -> Stretch | None:
+        """The stretch with most answers, of several the first; None where all have one."""
+        return max(self.stretches, key=lambda stretch: stretch.answers, default=None)
+
+    @property
+    def gaps(self) -> list[str]:
+        """What the head of the page has to say of it."""
+        longest = self.longest
+        if longest is None:
+            return []
+        first, seconds = self.stretches[0], f"{longest.begin_s:.3f}".replace("-", "−")
+        said = (
+            f"{count(self.without)} of {count(self.n)} answers came without a certificate, the "
+            f"first at tick {first.tick}; the longest stretch has {count(longest.answers)}, from "
+            f"{seconds} s on. What V and the constraints do there, nobody has proved."
+        )
+        return [said]
+
+    def as_json(self) -> dict[str, Any]:
+        """Counts, first and longest stretch, least ρ and margin, as `--json` prints them."""
+        longest = self.longest
+        return {
+            "n": self.n,
+            **self.counts,
+            "without": self.without,
+            "stretches": len(self.stretches),
+            "first": self.stretches[0].as_json() if longest else None,
+            "longest": longest.as_json() if longest else None,
+            "least_rho": _least(self.rho),
+            "least_margin": _least(self.margin),
+        }
+
+
+def _least(values: FloatArray) -> float | None:
+    known = values[np.isfinite(values)]
+    return float(known.min()) if len(known) else None
