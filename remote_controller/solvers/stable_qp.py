@@ -65,6 +65,7 @@ ATTEMPTS = (
     *((1e-2, 1e-8), (1e-1, 1e-8)),  # where a row is nearly parallel to ∇V
 )
 """How far to stay inside the feasible rates, relative, and daqp's tolerance, in units of W u."""
+DAMPED_TOLERANCES = (1e-13, 1e-11, 1e-8)  # of daqp; the tighter, the better the proof
 
 
 class StableQp:
@@ -346,8 +347,8 @@ class StableQp:
         program, forced = self._program, self._forced()
         kappa = gamma / (1.0 - gamma) if self._kind == NORM else 0.0
         worth = self._effort * (kappa + wanted + max(forced, 0.0))
-        if not (0.0 <= wanted < NO_BOUND) or not program.run_damped(
-            gamma, wanted, worth, ATTEMPTS[0][1]
+        if not (0.0 <= wanted < NO_BOUND) or not any(
+            program.run_damped(gamma, wanted, worth, tolerance) for tolerance in DAMPED_TOLERANCES
         ):
             return False
         fall = -float(self._steepest.rows[self.m] @ program.y)
