@@ -21,7 +21,7 @@ def compare(
     controllers: Annotated[
         list[str],
         typer.Argument(
-            metavar="[LABEL=]CONTROLLER[@KEY=VALUE,…] …",
+            metavar="[LABEL=]CONTROLLER[@KEY=VALUE,…]",
             help="At least two: what `run --controller` takes, with changed parameters.",
         ),
     ],

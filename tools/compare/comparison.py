@@ -161,7 +161,8 @@ def _open(
         with _naming(each.label):
             answers.append(loop.run())
     facts = {"mode": "open loop", **_robot(answers[0])}
-    duration = len(asked.payloads) * asked.description.period_s
+    stamps, period = answers[0].states["stamp_intended"], asked.description.period_s
+    duration = max(0.0, float(stamps[-1] - stamps[0]) / 1e9) + period
     return {**facts, "duration_s": duration, "seed": None, "log": str(log)}, answers
 
 

@@ -5,6 +5,7 @@ Whatever only a closed loop has is None in an open one; so is what a controller 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -91,7 +92,7 @@ def figures(
         closed_loop: whether its answers moved the robot.
         success_rate: share of answers in time.
     """
-    return {
+    found = {
         "answers": len(series),
         "success_rate": success_rate,
         "error": _error(series) if closed_loop else _none("start", "end", "settled_s", "integral"),
@@ -113,6 +114,7 @@ def figures(
         "rho_min": _least(series.rho[series.proved]),
         "u_difference": None if closed_loop else _u_difference(series, first),
     }
+    return _known(found)
 
 
 def value(found: Figures, key: str) -> Any:
@@ -133,6 +135,18 @@ def findings(label: str, found: Figures) -> list[str]:
         "certificates have a margin below zero": found["violations"]["margin"],
     }
     return [f"{label}: {n} of {k} {what}" for what, n in counts.items() if n]
+
+
+def _known(found: Figures) -> Figures:
+    """The same with None for what is no number, as a log with nan in its States leads to."""
+    return {
+        key: _known(each)
+        if isinstance(each, dict)
+        else None
+        if isinstance(each, float) and not math.isfinite(each)
+        else each
+        for key, each in found.items()
+    }
 
 
 def _none(*keys: str) -> Figures:

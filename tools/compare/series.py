@@ -105,8 +105,9 @@ def read_series(answers: Answers, parameters: dict[str, Any]) -> Series:
         parameters: its own, which say where its setpoints are integrated from.
     """
     description, states, setpoints = answers.description, answers.states, answers.setpoints
-    inputs, unit = control_inputs(states, setpoints, description, parameters)
-    position, speed = _beyond(description, states, setpoints, inputs, unit)
+    with np.errstate(invalid="ignore", over="ignore"):  # whatever a log has in its States
+        inputs, unit = control_inputs(states, setpoints, description, parameters)
+        position, speed = _beyond(description, states, setpoints, inputs, unit)
     moved = answers.closed_loop and len(states) > 0
     reference = np.array(states["reference"]) if moved else EMPTY
     stamps = states["stamp_intended"]

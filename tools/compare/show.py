@@ -35,7 +35,7 @@ def show(made: Comparison, files: Sequence[Path]) -> None:
 def _times(timing: dict[str, Any], labels: Sequence[str]) -> Table:
     machine = timing["machine"]
     table = Table(box=None, pad_edge=False, title_justify="left", caption_justify="left")
-    table.title = "\nTime of an answer in us, controllers in turn: this differs from run to run"
+    table.title = "\nTime of an answer in us, different in each run"
     _columns(table, labels)
     for key, what in (("step_us", "step"), ("solve_us", "of it, after kinematics")):
         for part in ("n", "p50", "p99", "max"):

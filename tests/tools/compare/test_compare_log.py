@@ -91,13 +91,15 @@ def test_times_are_measured_on_the_states_of_the_log(run):
     assert {row["step_us"]["n"] for row in times.timing["rows"]} == {30 * 7}
 
 
-def active(path, count=20, first=State.ACTIVE):
+def active(path, count=20, first=State.ACTIVE, broken=None):
     """Log of a small chain of joints that nobody shipped, all of it active."""
     state, records = State(2), inputs(describe(2))
     for record in ticks(2, count, extra=0):
         if record.kind == Kind.STATE:
             state.load(record.payload)
             state.mode = first
+            if broken is not None:
+                state.q[:] = state.reference[:] = broken
             records.append(Record(Kind.STATE, record.stamp, state.dump()))
     attached = {"description.json": describe(2).to_json(), "config.yaml": b"robot: sample\n"}
     write(path, records, attachments=attached)
@@ -118,6 +120,17 @@ def test_another_robots_log_is_compared_by_who_can_move_it(tmp_path):
     made = compare([f"qp12@{frames}", f"pinv@{frames}"], log=log, timing=False)
     assert made.facts["robot"] == "sample"
     assert made.figures[0]["answers"] == 20
+
+
+@pytest.mark.parametrize("broken", [None, np.nan, np.inf, 1e300])
+def test_whatever_stands_in_the_states_of_a_log_gives_files(tmp_path, broken):
+    log = active(tmp_path / "robot.mcap", broken=broken)  # stamps are random in any case
+    frames = "frame=link_0,target_m=[0, 0, 0.1]"
+    words = [f"qp12@{frames}", f"pinv@{frames}", "--log", log, "--out", tmp_path / "out"]
+    done = CliRunner().invoke(app, list(map(str, words)))
+    assert isinstance(done.exception, SystemExit | None), done.exception
+    assert json.loads((tmp_path / "out" / "compare.json").read_text(encoding="utf-8"))
+    assert "<svg" in (tmp_path / "out" / "compare.html").read_text(encoding="utf-8")
 
 
 def test_a_log_without_motion_is_refused(tmp_path):
