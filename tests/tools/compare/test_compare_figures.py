@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from remote_controller.controllers.controller import STATUS
@@ -51,6 +51,7 @@ def near(found, expected):
     return found == pytest.approx(expected, rel=1e-12, abs=1e-300)
 
 
+@settings(max_examples=60)
 @given(made_up())
 def test_effort_activity_and_switching(series):
     found = figures(series, series, closed_loop=True)
@@ -82,6 +83,7 @@ def test_effort_activity_and_switching(series):
     assert near(found["switching_per_s"], changes / (k * series.period_s))
 
 
+@settings(max_examples=60)
 @given(made_up())
 def test_error_and_the_time_to_one_per_cent(series):
     found = figures(series, series, closed_loop=True)["error"]
@@ -100,6 +102,7 @@ def test_error_and_the_time_to_one_per_cent(series):
     assert found["settled_s"] == (small[0] if small else None)
 
 
+@settings(max_examples=60)
 @given(made_up())
 def test_paths_are_as_long_as_their_steps(series):
     found = figures(series, series, closed_loop=True)["path"]
@@ -108,6 +111,7 @@ def test_paths_are_as_long_as_their_steps(series):
         assert near(found[key], sum(steps)) if len(points) else found[key] is None
 
 
+@settings(max_examples=60)
 @given(made_up())
 def test_certificates_violations_and_findings_are_counted(series):
     found = figures(series, series, closed_loop=True)
@@ -127,6 +131,7 @@ def test_certificates_violations_and_findings_are_counted(series):
     assert [int(each.split()[1]) for each in findings("x:", found)] == expected
 
 
+@settings(max_examples=60)
 @given(st.integers(1, 8).flatmap(lambda k: st.tuples(made_up(k=k), made_up(k=k))))
 def test_differences_are_those_to_the_first(pair):
     first, second = pair
@@ -147,6 +152,7 @@ def test_differences_are_those_to_the_first(pair):
     assert found == max(differences, default=None)
 
 
+@settings(max_examples=60)
 @given(made_up())
 def test_an_open_loop_has_nothing_of_what_a_robot_would_have_done(series):
     found = figures(series, series, closed_loop=False)
@@ -156,6 +162,7 @@ def test_an_open_loop_has_nothing_of_what_a_robot_would_have_done(series):
     assert found["success_rate"] is None
 
 
+@settings(max_examples=60)
 @given(made_up())
 def test_every_word_is_a_figure_and_every_figure_has_its_word(series):
     found = figures(series, series, closed_loop=True)

@@ -111,6 +111,8 @@ def test_more_controllers_than_colours_are_told_apart_by_dashes(made):
     )
     marks = [(key.role, key.mark) for key in drawings(many)[0].keys]
     assert len(set(marks)) == n
+    for drawing in drawings(many)[:5]:
+        assert drawing.svg.count("stroke-dasharray") == 2, drawing.name
     assert len(Page(page(many)).figures()) == len(PLOTS)
 
 
