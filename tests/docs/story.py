@@ -19,6 +19,7 @@ import typer
 from pages import Block, blocks
 
 from tools.cli import app, main
+from tools.compare.candidates import read_candidates
 from tools.services import controller_config, emulator_config, split_overrides
 
 _ASSIGNMENT = re.compile(r"PYTHONPATH=(\S+)")
@@ -156,6 +157,8 @@ def check(command: str) -> None:
         emulator_config(values["config"], sets)
     elif name == "controller":
         controller_config(values["config"], sets)
+    elif name == "compare":
+        read_candidates(values["controllers"])
 
 
 def subcommands() -> Iterator[str]:

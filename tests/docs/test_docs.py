@@ -30,6 +30,7 @@ STORIES = [
     "logs.md",
     "latency.md",
     "report.md",
+    "compare.md",
 ]
 KNOWN = {"", "file", "parsed only", "not run", "exits", "needs", "prints"}
 PLACEHOLDERS = {"emulator …": "emulator hoap3", "controller …": "controller qp12", "PATH": "hoap3"}

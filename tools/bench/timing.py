@@ -88,7 +88,7 @@ def race(
     problems = {each.name: itertools.cycle(each.problems) for each in contenders}
     single = {each.name: np.zeros((blocks, calls), np.int64) for each in contenders}
     batch = {each.name: np.zeros(blocks if batches else 0, np.int64) for each in contenders}
-    with _undisturbed():
+    with undisturbed():
         for block in range(blocks):
             for each in contenders:
                 ahead = list(itertools.islice(problems[each.name], SETTLE + calls + ten))
@@ -122,7 +122,8 @@ def _singly(call: Callable[..., object], problems: list[tuple[Any, ...]]) -> lis
 
 
 @contextmanager
-def _undisturbed() -> Iterator[None]:
+def undisturbed() -> Iterator[None]:
+    """No garbage collection meanwhile."""
     enabled = gc.isenabled()
     gc.collect()
     gc.disable()

@@ -115,11 +115,11 @@ def read_motion(sources: Sources) -> Motion | None:
     start = int(active["stamp_intended"][0])
     every = -(-len(active) // MOST_POINTS)
     frame = _frame(parameters, description)
-    path = _path(active["q"][::every], description, frame)
+    path = com_path(active["q"][::every], description, frame)
     rows, answers = _answered(active, setpoints)
     if not len(rows):
         gaps.append("Nobody answered: V, Ψ and the control inputs are not known.")
-    inputs, unit = _inputs(rows, answers, description, parameters)
+    inputs, unit = control_inputs(rows, answers, description, parameters)
     proved = answers["solver_status"] != STATUS["none"]
     if len(rows) and not proved.any():
         gaps.append("This controller gives no certificates: V and Ψ are not known.")
@@ -223,7 +223,7 @@ def _sole(description: RobotDescription, frame: str) -> FloatArray | None:
     return None
 
 
-def _path(q: FloatArray, description: RobotDescription, frame: str) -> FloatArray:
+def com_path(q: FloatArray, description: RobotDescription, frame: str) -> FloatArray:
     """Centre of mass of each row of q, seen from a frame, (m, 3) [m]."""
     from remote_controller.kinematics import Kinematics  # noqa: PLC0415 - loads Pinocchio
 
@@ -239,7 +239,7 @@ def _path(q: FloatArray, description: RobotDescription, frame: str) -> FloatArra
     return path
 
 
-def _inputs(
+def control_inputs(
     states: Any, answers: Any, description: RobotDescription, parameters: dict[str, Any]
 ) -> tuple[FloatArray, str]:
     """u, (k, n), and its unit: of a position its rate, from where the controller integrates."""

@@ -87,7 +87,7 @@ def _lyapunov(motion: Motion) -> Drawing:
     with canvas("v") as drawing:
         drawing.axes.plot(*thin(motion.time_s, v), color=LIGHT["blue"])
         drawing.time(motion.duration_s, f"V [{unit}], logarithmic")
-        _positive(drawing, v)
+        positive(drawing, v)
     known = v[np.isfinite(v)]
     fallen = f"{number(known[0])} → {number(known[-1])} {unit}" if len(known) else ""
     change = np.diff(known) / max(known.max(initial=0.0), 1e-300)
@@ -118,7 +118,7 @@ def _rate(motion: Motion) -> Drawing:
         )
         drawing.axes.plot(*thin(motion.time_s, motion.psi), color=LIGHT["blue"])
         drawing.time(motion.duration_s, f"rate of decrease [{rate}], logarithmic")
-        _positive(drawing, motion.psi)
+        positive(drawing, motion.psi)
     share = 100.0 * float(motion.certified.mean())
     return Drawing(
         "psi",
@@ -173,7 +173,7 @@ def _inputs(motion: Motion) -> Drawing:
 
 
 def _active(motion: Motion) -> Drawing:
-    time, mean, window_s = _means(motion.time_s, motion.active)
+    time, mean, window_s = means(motion.time_s, motion.active)
     with canvas("active") as drawing:
         drawing.axes.plot(*thin(motion.time_s, motion.active), color=LIGHT["faint"], linewidth=0.8)
         drawing.axes.plot(time, mean, color=LIGHT["blue"])
@@ -224,7 +224,7 @@ def _fit(axes: Any, points_mm: FloatArray) -> None:
     axes.set_aspect("equal", adjustable="box")
 
 
-def _positive(drawing: Canvas, values: FloatArray) -> None:
+def positive(drawing: Canvas, values: FloatArray) -> None:
     """A logarithmic axis over the positive values; six decades at most below the greatest but one.
 
     Rounding at the target would otherwise take most of the figure.
@@ -236,7 +236,7 @@ def _positive(drawing: Canvas, values: FloatArray) -> None:
         drawing.axes.set_ylim(max(float(positive.min()), 1e-12 * top) / 2.0, 2.0 * top)
 
 
-def _means(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+def means(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     """Middle and mean of each window with values in it, and its length [s]."""
     length = max((time[-1] - time[0]) / WINDOWS, 1e-9)
     place = ((time - time[0]) / length).astype(int).clip(0, WINDOWS - 1)

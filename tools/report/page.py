@@ -1,16 +1,12 @@
-"""Composes the page: one HTML file that loads nothing and runs nothing.
-
-The content security policy at its head forbids both, so that even a mistake of ours could not let a
-log do what only its reader may.
-"""
+"""Composes the page of a report."""
 
 from __future__ import annotations
 
 from tools.report.content import Content
-from tools.report.drawing import Drawing, Key
+from tools.report.document import POLICY, document, figure
+from tools.report.drawing import Drawing
 from tools.report.facts import facts_section, tiles
-from tools.report.markup import Markup, element, join, link, more
-from tools.report.style import STYLE
+from tools.report.markup import Markup, element, join, link
 from tools.report.tables import (
     certificates_section,
     events_section,
@@ -19,7 +15,8 @@ from tools.report.tables import (
 )
 from tools.report.words import WORDS
 
-POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'"
+__all__ = ["POLICY", "SECTIONS", "page"]
+
 SECTIONS = {
     "motion": "Motion",
     "certificates": "Certificates",
@@ -35,16 +32,8 @@ SECTIONS = {
 def page(content: Content) -> str:
     """The whole file."""
     title = f"{content.robot} · {content.controller}"
-    head = element(
-        "head",
-        Markup('<meta charset="utf-8">'),
-        Markup(f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'),
-        Markup('<meta name="viewport" content="width=device-width, initial-scale=1">'),
-        element("title", f"{title} · report"),
-        Markup(f"<style>{STYLE}</style>"),
-    )
-    body = element(
-        "body",
+    return document(
+        f"{title} · report",
         _header(content, title),
         element(
             "main",
@@ -52,7 +41,7 @@ def page(content: Content) -> str:
             certificates_section(
                 content.certificates,
                 SECTIONS["certificates"],
-                *map(_figure, content.certificate_drawings),
+                *map(figure, content.certificate_drawings),
             ),
             _figures("time", content.timing_drawings, _no_times(content)),
             ticks_section(content.timing, SECTIONS["ticks"]),
@@ -68,7 +57,6 @@ def page(content: Content) -> str:
             ". This page loads nothing and runs nothing.",
         ),
     )
-    return f'<!DOCTYPE html>\n<html lang="en">{head}{body}</html>\n'
 
 
 def _header(content: Content, title: str) -> Markup:
@@ -102,37 +90,13 @@ def _gaps(content: Content) -> Markup:
 
 
 def _figures(anchor: str, drawings: tuple[Drawing, ...], otherwise: str) -> Markup:
-    inside = element("div", *map(_figure, drawings), class_="grid")
+    inside = element("div", *map(figure, drawings), class_="grid")
     return element(
         "section",
         element("h2", SECTIONS[anchor]),
         inside if drawings else element("p", otherwise, class_="sub"),
         id=anchor,
     )
-
-
-def _figure(drawing: Drawing) -> Markup:
-    return element(
-        "figure",
-        element("h3", drawing.title),
-        Markup(drawing.svg),
-        element("ul", *map(_key, drawing.keys), class_="legend"),
-        element("p", drawing.figures, class_="numbers"),
-        more(
-            "What is this, and how does trouble look?",
-            element("p", drawing.what),
-            element("p", element("b", "Trouble: "), drawing.trouble),
-            class_="what",
-        ),
-        id=f"figure-{drawing.name}",
-        role="group",
-        aria_label=drawing.title,
-    )
-
-
-def _key(key: Key) -> Markup:
-    mark = element("span", class_=f"mark {key.mark}", style=f"color: var(--{key.role})")
-    return element("li", mark, element("span", key.text))
 
 
 def _no_times(content: Content) -> str:

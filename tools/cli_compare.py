@@ -1,0 +1,72 @@
+"""The command `hoap3 compare`."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def _finite(value: float | None) -> float | None:
+    """Refuse nan and inf, which pass the comparison with a minimum."""
+    if value is not None and not math.isfinite(value):
+        raise typer.BadParameter("is not a finite number")
+    return value
+
+
+def compare(
+    controllers: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="[LABEL=]CONTROLLER[@KEY=VALUE,…]",
+            help="At least two: what `run --controller` takes, with changed parameters.",
+        ),
+    ],
+    log: Annotated[
+        Path | None,
+        typer.Option("--log", metavar="LOG", help="Answer its States, and move nothing."),
+    ] = None,
+    robot: Annotated[
+        str | None, typer.Option(help="Robot or emulator config; default: hoap3.")
+    ] = None,
+    duration: Annotated[
+        float | None,
+        typer.Option(min=0.001, callback=_finite, help="Of the motion [s]; default: 20."),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Of everything random; default: 0.")
+    ] = None,
+    timing: Annotated[
+        bool, typer.Option("--timing/--no-timing", help="Also measure how long answers take.")
+    ] = True,
+    out: Annotated[Path, typer.Option("--out", help="Folder for the files.")] = Path("compared"),
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON object on standard output.")
+    ] = False,
+) -> None:
+    """Set controllers beside each other: on a robot each in lockstep, or on the States of a log."""
+    from tools.compare.comparison import compare as make
+    from tools.compare.show import show
+    from tools.compare.write import as_text, check_folder, write
+    from tools.processes import to_people
+
+    made = make(
+        controllers,
+        robot,
+        duration,
+        seed,
+        log,
+        timing=timing,
+        say=to_people,
+        ready=lambda: check_folder(out),
+    )
+    files = write(made, out)
+    if as_json:
+        names = [str(path) for path in files]
+        sys.stdout.write(as_text({**made.as_json(), "timing": made.timing, "files": names}))
+    else:
+        show(made, files)
+    raise typer.Exit(1 if made.findings else 0)

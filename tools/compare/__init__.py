@@ -1,0 +1,1 @@
+"""Controllers beside each other: on a robot each, or on the states of one log."""

@@ -1,0 +1,53 @@
+"""Closed loop: each controller moves a robot of its own, in lockstep, from the same start."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from protocol.messages import Setpoint, State
+from protocol.ring import Kind
+from robot_emulator.config import EmulatorConfig
+from tools.compare.answers import MOST_TIMED, Answers, Tape, table
+from tools.compare.candidates import Candidate
+from tools.simulate import Lockstep
+
+
+class ClosedLoop:
+    """One controller and its robot.
+
+    Args:
+        candidate: the controller.
+        emulator, file: settings of the robot, its seed included, and where they were read.
+
+    Raises:
+        UsageError: the controller cannot be built for this robot.
+    """
+
+    def __init__(self, candidate: Candidate, emulator: EmulatorConfig, file: str) -> None:
+        self._states, self._setpoints = Tape(Kind.STATE), Tape(Kind.SETPOINT)
+        tapes = self._states, self._setpoints
+        self._lockstep = Lockstep(emulator, candidate.config, *tapes, files=(file, candidate.words))
+
+    def run(self, duration: float) -> Answers:
+        """Move for `duration` [s] of virtual time.
+
+        Raises:
+            Hoap3Error: the controller failed.
+        """
+        lockstep = self._lockstep
+        lockstep.run(duration)
+        states = table(self._states.payloads, State)
+        setpoints = table(self._setpoints.payloads, Setpoint)
+        _, asked, answers = np.intersect1d(
+            states["tick"], setpoints["tick"], assume_unique=True, return_indices=True
+        )
+        return Answers(
+            description=lockstep.controller.description,
+            controller=lockstep.controller,
+            states=states[asked],
+            setpoints=setpoints[answers],
+            asked=[self._states.payloads[place] for place in asked[:MOST_TIMED]],
+            closed_loop=True,
+            success_rate=lockstep.robot.inbox.deadlines.run_rate,
+            safe_stops=lockstep.robot.safe_stops,
+        )

@@ -1,0 +1,186 @@
+"""Compares controllers: runs them, and computes what the table, the page and the files say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from protocol.errors import Hoap3Error, UsageError
+from tools.compare.answers import Answers
+from tools.compare.candidates import Candidate, read_candidates
+from tools.compare.closed_loop import ClosedLoop
+from tools.compare.figures import Figures, figures, findings
+from tools.compare.open_loop import OpenLoop, read_asked
+from tools.compare.series import Series, read_series
+from tools.compare.timing import measure
+from tools.machine import versions
+from tools.simulate import emulator_content, emulator_settings
+
+ROBOT, DURATION_S, SEED = "hoap3", 20.0, 0
+Say = Callable[[str], None]
+Ready = Callable[[], None]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Controllers beside each other.
+
+    Attributes:
+        facts: what they were compared on: mode, robot, joints, period_s, duration_s, seed, log.
+        candidates, series, figures: one each, in the order in which they were named.
+        findings: what is wrong, in words.
+        timing: how long they take, see `timing.measure`; None where nobody asked.
+    """
+
+    facts: dict[str, Any]
+    candidates: list[Candidate]
+    series: list[Series]
+    figures: list[Figures]
+    findings: list[str]
+    timing: dict[str, Any] | None
+
+    @property
+    def closed_loop(self) -> bool:
+        """Whether answers moved robots."""
+        return bool(self.facts["mode"] == "closed loop")
+
+    @property
+    def labels(self) -> list[str]:
+        """What the controllers are called."""
+        return [each.label for each in self.candidates]
+
+    def as_json(self) -> dict[str, Any]:
+        """Everything but the times: the same in every run on the same versions."""
+        return {
+            **self.facts,
+            "controllers": [
+                {
+                    "label": each.label,
+                    "controller": each.config.controller,
+                    "parameters": each.parameters,
+                    **found,
+                }
+                for each, found in zip(self.candidates, self.figures, strict=True)
+            ],
+            "findings": self.findings,
+            "versions": versions(),
+        }
+
+
+def compare(
+    controllers: Sequence[str],
+    robot: str | None = None,
+    duration: float | None = None,
+    seed: int | None = None,
+    log: Path | None = None,
+    *,
+    timing: bool = True,
+    say: Say = lambda _: None,
+    ready: Ready = lambda: None,
+) -> Comparison:
+    """Compare controllers, in closed loop unless there is a log.
+
+    Args:
+        controllers: at least two, `[LABEL=]CONTROLLER[@KEY=VALUE,…]` each.
+        robot, duration, seed: what `hoap3 run` takes; hoap3, 20 s and 0. A log has its own.
+        log: answer its States instead.
+        timing: whether to measure times.
+        say: takes what is being done, for people.
+        ready: called when all is checked, and nothing has run yet.
+
+    Raises:
+        UsageError: a controller, a setting, the robot or the log is wrong.
+        Hoap3Error: a controller failed.
+    """
+    candidates = read_candidates(controllers)
+    if log is None:
+        facts, answers = _closed(
+            candidates,
+            ROBOT if robot is None else robot,
+            DURATION_S if duration is None else duration,
+            SEED if seed is None else seed,
+            say,
+            ready,
+        )
+    else:
+        given = {"--robot": robot, "--duration": duration, "--seed": seed}
+        wrong = [name for name, value in given.items() if value is not None]
+        if wrong:
+            raise UsageError(f"{wrong[0]}: comes from the log {log}. Drop it, or drop --log")
+        facts, answers = _open(candidates, log, say, ready)
+    labels = [each.label for each in candidates]
+    series = [
+        read_series(found, each.parameters) for each, found in zip(candidates, answers, strict=True)
+    ]
+    found = [
+        figures(one, series[0], closed_loop=log is None, success_rate=each.success_rate)
+        for one, each in zip(series, answers, strict=True)
+    ]
+    wrong = [
+        f"{label}: its robot came to a safe stop after {each['answers']} answers"
+        for label, each, answer in zip(labels, found, answers, strict=True)
+        if answer.safe_stops
+    ]
+    for label, each in zip(labels, found, strict=True):
+        wrong += findings(label, each)
+    times = None
+    if timing:
+        say("timing")
+        times = measure(labels, answers)
+    return Comparison(facts, candidates, series, found, wrong, times)
+
+
+def _closed(
+    candidates: list[Candidate], robot: str, duration: float, seed: int, say: Say, ready: Ready
+) -> tuple[dict[str, Any], list[Answers]]:
+    emulator = emulator_settings(robot, seed)
+    file = emulator_content(robot)[1]
+    loops = [ClosedLoop(each, emulator, file) for each in candidates]
+    ready()
+    answers = []
+    for each, loop in zip(candidates, loops, strict=True):
+        say(f"{each.label}: {duration:g} s in lockstep")
+        with _naming(each.label):
+            answers.append(loop.run(duration))
+    facts = {"mode": "closed loop", **_robot(answers[0])}
+    return {**facts, "duration_s": duration, "seed": seed, "log": None}, answers
+
+
+def _open(
+    candidates: list[Candidate], log: Path, say: Say, ready: Ready
+) -> tuple[dict[str, Any], list[Answers]]:
+    asked = read_asked(log)
+    loops = [OpenLoop(each, asked) for each in candidates]
+    ready()
+    answers = []
+    for each, loop in zip(candidates, loops, strict=True):
+        say(f"{each.label}: {len(asked.payloads)} States of {log}")
+        with _naming(each.label):
+            answers.append(loop.run())
+    facts = {"mode": "open loop", **_robot(answers[0])}
+    stamps, period = answers[0].states["stamp_intended"], asked.description.period_s
+    duration = max(0.0, float(stamps[-1] - stamps[0]) / 1e9) + period
+    return {**facts, "duration_s": duration, "seed": None, "log": str(log)}, answers
+
+
+@contextmanager
+def _naming(label: str) -> Iterator[None]:
+    """Say which controller failed; wrong usage names its own place."""
+    try:
+        yield
+    except UsageError:
+        raise
+    except Hoap3Error as error:
+        raise Hoap3Error(f"{label}: {error}") from error
+
+
+def _robot(answers: Answers) -> dict[str, Any]:
+    description = answers.description
+    return {
+        "robot": description.name,
+        "joints": description.n,
+        "period_s": description.period_s,
+    }

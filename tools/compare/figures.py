@@ -1,0 +1,223 @@
+"""The figures of a comparison, one set for each controller, and what each of them means.
+
+Whatever only a closed loop has is None in an open one; so is what a controller does not tell.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from protocol.messages import FloatArray
+from remote_controller.controllers.controller import STATUS
+from tools.compare.series import Series
+
+SETTLED = 0.01  # of the error at the start
+LEAST_MARGIN = -1e-6  # what linearised constraints may miss in one period without a finding
+Figures = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Word:
+    """A figure of the table.
+
+    Attributes:
+        key: dotted path in the JSON of a controller.
+        name, unit: what people call it; "u" stands for the unit of u.
+        meaning: its definition.
+    """
+
+    key: str
+    name: str
+    unit: str
+    meaning: str
+
+
+WORDS = (
+    Word("answers", "answers", "", "States that it answered, k."),
+    Word("success_rate", "answers in time", "", "Share of them by the deadline of their tick."),
+    Word("error.start", "error, start", "unit of the task", "√(2V) at the first answer."),
+    Word("error.end", "error, end", "unit of the task", "√(2V) at the last answer."),
+    Word("error.settled_s", "to 1 % of the start", "s", "Until the error first was that small."),
+    Word("error.integral", "∫ error", "unit of the task · s", "T·Σ√(2V)."),
+    Word(
+        "v_difference",
+        "V, unlike the first",
+        "",
+        "Greatest |V − V₁| of any answer, V₁ of the first controller, divided by V₁ at the start.",
+    ),
+    Word("effort.l1", "∫ |u|₁", "u·s", "T·Σₖ Σᵢ |uᵢ|: how far all joints go together."),
+    Word("effort.l2", "∫ |u|²", "u²·s", "T·Σₖ Σᵢ uᵢ²."),
+    Word("effort.max", "max |u|", "u", "Greatest |uᵢ| of any joint at any answer."),
+    Word("path.com_m", "path of the CoM", "m", "Its length, seen from the robot's base frame."),
+    Word("path.joints_rad", "path of the joints", "rad", "Length of the path in joint space."),
+    Word("active_joints.mean", "active joints, mean", "", "Joints with |uᵢ| ≥ 0.001 rad/s."),
+    Word("active_joints.max", "active joints, most", "", "The most at any answer."),
+    Word("switching_per_s", "switching", "1/s", "Joints that become active, or stop being so."),
+    Word("violations.position", "beyond a position", "", "Setpoints outside of the robot's range."),
+    Word("violations.speed", "beyond a speed", "", "Answers with a joint that is too fast."),
+    Word("violations.margin", "margin below zero", "", "Certificates with a margin < −10⁻⁶."),
+    Word(
+        "margin_min",
+        "smallest margin",
+        "its own unit",
+        "Of any certificate.",
+    ),
+    Word("certificates.certified", "certified", "", "Answers with a certificate that holds."),
+    Word("certificates.at_target", "at target", "", "Nothing was required, or predicted."),
+    Word("certificates.uncertified", "uncertified", "", "Answers whose proof does not hold."),
+    Word("certificates.infeasible", "infeasible", "", "No admissible input: it stays."),
+    Word("certificates.none", "no certificate", "", "The controller gives none."),
+    Word("rho_min", "ρ, least", "", "Least share of Ψ that was asked for."),
+    Word(
+        "u_difference",
+        "u, unlike the first",
+        "u",
+        "Greatest difference of any joint's u to the first controller's, at the same State.",
+    ),
+)
+
+
+def figures(
+    series: Series, first: Series, *, closed_loop: bool, success_rate: float | None = None
+) -> Figures:
+    """All figures of one controller.
+
+    Args:
+        series: what it did.
+        first: what the first controller did, which it is compared with.
+        closed_loop: whether its answers moved the robot.
+        success_rate: share of answers in time.
+    """
+    found = {
+        "answers": len(series),
+        "success_rate": success_rate,
+        "error": _error(series) if closed_loop else _none("start", "end", "settled_s", "integral"),
+        "v_difference": _v_difference(series, first) if closed_loop else None,
+        "effort": _effort(series),
+        "unit": series.unit,
+        "path": _path(series) if closed_loop else _none("com_m", "joints_rad"),
+        "active_joints": _active(series),
+        "switching_per_s": _switching(series),
+        "violations": {
+            "position": int((series.position > 0).sum()),
+            "speed": int((series.speed > 0).sum()),
+            "margin": int((series.margin[series.proved] < LEAST_MARGIN).sum()),
+        },
+        "margin_min": _least(series.margin[series.proved]),
+        "certificates": {
+            name: int((series.status == value).sum()) for name, value in STATUS.items()
+        },
+        "rho_min": _least(series.rho[series.proved]),
+        "u_difference": None if closed_loop else _u_difference(series, first),
+    }
+    return _known(found)
+
+
+def value(found: Figures, key: str) -> Any:
+    """The figure at a dotted path."""
+    for part in key.split("."):
+        found = found[part]
+    return found
+
+
+def findings(label: str, found: Figures) -> list[str]:
+    """What is wrong with a controller, in words."""
+    k = found["answers"]
+    counts = {
+        "answers are uncertified": found["certificates"]["uncertified"],
+        "answers are infeasible": found["certificates"]["infeasible"],
+        "setpoints are beyond a usable position": found["violations"]["position"],
+        "answers have a joint beyond its speed": found["violations"]["speed"],
+        "certificates have a margin below zero": found["violations"]["margin"],
+    }
+    return [f"{label}: {n} of {k} {what}" for what, n in counts.items() if n]
+
+
+def _known(found: Figures) -> Figures:
+    """The same with None for what is no number, as a log with nan in its States leads to."""
+    return {
+        key: _known(each)
+        if isinstance(each, dict)
+        else None
+        if isinstance(each, float) and not math.isfinite(each)
+        else each
+        for key, each in found.items()
+    }
+
+
+def _none(*keys: str) -> Figures:
+    return dict.fromkeys(keys)
+
+
+def _error(series: Series) -> Figures:
+    known = np.isfinite(series.error)
+    if not known.any():
+        return _none("start", "end", "settled_s", "integral")
+    error, time = series.error[known], series.time_s[known]
+    small = np.flatnonzero(error <= SETTLED * error[0])
+    return {
+        "start": float(error[0]),
+        "end": float(error[-1]),
+        "settled_s": float(time[small[0]]) if len(small) else None,
+        "integral": float(series.period_s * error.sum()),
+    }
+
+
+def _v_difference(series: Series, first: Series) -> float | None:
+    k = min(len(series), len(first))
+    ours, theirs = series.lyapunov[:k], first.lyapunov[:k]
+    if not k or not theirs[0] > 0.0:
+        return None
+    return _greatest(np.abs(ours - theirs) / theirs[0])
+
+
+def _effort(series: Series) -> Figures:
+    if not len(series):
+        return _none("l1", "l2", "max")
+    sizes = np.abs(series.inputs)
+    return {
+        "l1": float(series.period_s * series.effort.sum()),
+        "l2": float(series.period_s * (sizes**2).sum()),
+        "max": float(sizes.max()),
+    }
+
+
+def _path(series: Series) -> Figures:
+    return {"com_m": _length(series.com_m), "joints_rad": _length(series.reference)}
+
+
+def _length(points: FloatArray) -> float | None:
+    """Of the straight lines from each point to the next."""
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()) if len(points) else None
+
+
+def _active(series: Series) -> Figures:
+    if series.active is None or not len(series):
+        return _none("mean", "max")
+    return {"mean": float(series.active.mean()), "max": int(series.active.max())}
+
+
+def _switching(series: Series) -> float | None:
+    if series.switched is None or not len(series):
+        return None
+    return float(series.switched.sum() / (len(series) * series.period_s))
+
+
+def _u_difference(series: Series, first: Series) -> float | None:
+    if series.unit != first.unit or not len(series):
+        return None
+    return _greatest(np.abs(series.inputs - first.inputs))
+
+
+def _least(values: FloatArray) -> float | None:
+    known = values[np.isfinite(values)]
+    return float(known.min()) if len(known) else None
+
+
+def _greatest(values: FloatArray) -> float | None:
+    known = values[np.isfinite(values)]
+    return float(known.max()) if known.size else None

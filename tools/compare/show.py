@@ -1,0 +1,53 @@
+"""A comparison as tables for people, on standard error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+from rich.table import Table
+
+from tools.compare.comparison import Comparison
+from tools.compare.words import cell, shown_words, unit
+from tools.report.numbers import number
+from tools.show import console
+
+
+def show(made: Comparison, files: Sequence[Path]) -> None:
+    """Print figures, times, findings, and where the files are."""
+    table = Table(box=None, pad_edge=False)
+    _columns(table, made.labels)
+    for word in shown_words(made):
+        shown = unit(word, made)
+        name = f"{word.name} [{shown}]" if shown else word.name
+        cells = [cell(found, word.key) for found in made.figures]
+        table.add_row(escape(name), *map(escape, cells))
+    console.print(table)
+    if made.timing is not None:
+        console.print(_times(made.timing, made.labels))
+    for each in made.findings:
+        console.print(each, style="yellow", markup=False, soft_wrap=True)
+    console.print(", ".join(map(str, files)), markup=False, soft_wrap=True)
+
+
+def _times(timing: dict[str, Any], labels: Sequence[str]) -> Table:
+    machine = timing["machine"]
+    table = Table(box=None, pad_edge=False, title_justify="left", caption_justify="left")
+    table.title = "\nTime of an answer in us, different in each run"
+    _columns(table, labels)
+    for key, what in (("step_us", "step"), ("solve_us", "of it, after kinematics")):
+        for part in ("n", "p50", "p99", "max"):
+            cells = [number(row[key][part]) if part in row[key] else "–" for row in timing["rows"]]
+            table.add_row(f"{what}, {part}", *cells)
+    ratios = [row["times_first"] for row in timing["rows"]]
+    table.add_row("step, times the first", *("–" if r is None else number(r) for r in ratios))
+    table.caption = f"{machine['processor']}, {machine['cores']} cores, {machine['kernel']}"
+    return table
+
+
+def _columns(table: Table, labels: Sequence[str]) -> None:
+    table.add_column("")
+    for label in labels:
+        table.add_column(escape(label), justify="right", overflow="fold")
