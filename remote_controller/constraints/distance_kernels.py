@@ -207,7 +207,7 @@ def _reach(margins: FloatArray, activation: float, room: int) -> tuple[float, in
         near += margin < activation
     kept = near
     while kept > room:
-        limit, kept = 0.75 * limit - 1e-3, 0
+        limit, kept = limit - 0.25 * abs(limit) - 1e-3, 0
         for margin in margins:
             kept += margin < limit
     return limit, near - kept

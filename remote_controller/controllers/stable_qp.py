@@ -109,6 +109,8 @@ class StableQpController(VelocityController):
     def velocity(self, state: State) -> FloatArray:
         """Joint velocities, and their certificate."""
         function, stack, solver, command = self.function, self.stack, self._solver, self.command
+        if not np.isfinite(state.q @ state.reference):
+            return self._refuse()
         self.kinematics.update(state.reference if self._from_reference else state.q)
         function.update(self.kinematics, state.tick * self._dt)
         stack.update(self.kinematics, state)
@@ -138,6 +140,17 @@ class StableQpController(VelocityController):
         )
         self._certify(V, psi, drift, found, bool(rejected))
         self.present = self._watch.look(found, solver.rho, function.status, gradient, self.u)
+        return self.u
+
+    def _refuse(self) -> FloatArray:
+        """Nothing to follow for a State that is not finite."""
+        command = self.command
+        command.solver_status, command.solver_path = STATUS["infeasible"], STILL
+        command.v = command.v_rate_required = command.v_rate_predicted = command.rho = 0.0
+        command.margin = command.kkt_residual = 0.0
+        command.extra[:] = 0.0, 0.0, status.BAD_INPUT
+        self.u[:] = np.nan
+        self.present = self._watch.look(status.BAD_INPUT, 1.0, 0, self.u, self.u)
         return self.u
 
     def _equations(self) -> None:

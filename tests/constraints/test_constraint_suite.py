@@ -35,6 +35,7 @@ def suite(named: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.long
 def test_the_suite_finds_each_fault():
     assert all(hasattr(bad_constraints, name) for name in FAULTS)
     done = suite(",".join(f"bad_constraints:{name}" for name in FAULTS))
@@ -47,6 +48,7 @@ def test_the_suite_finds_each_fault():
             assert any(fault in test for test, whose in failed if whose == name), (name, failed)
 
 
+@pytest.mark.long
 def test_a_file_says_parameters(tmp_path):
     file = tmp_path / "mine.yaml"
     content = "constraint: bad_constraints:Faultless\nparameters: {eta_per_s: 1001}\n"

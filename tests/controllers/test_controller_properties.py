@@ -15,6 +15,7 @@ from __future__ import annotations
 import gc
 import sys
 import tracemalloc
+from itertools import product
 
 import numpy as np
 import pytest
@@ -110,8 +111,14 @@ def test_it_starts_anywhere_without_a_jump(case, tick, last):
     assert (jump <= allowed * robot().period_s + ULP * np.abs(state.reference)).all()
 
 
-@every_controller
-@pytest.mark.parametrize("successor", CASES)
+NEXT = list(zip(CASES, [*CASES[1:], CASES[0]], strict=True))
+PAIRS = [
+    pytest.param(*pair, marks=() if pair in NEXT else pytest.mark.long)
+    for pair in product(CASES, CASES)
+]
+
+
+@pytest.mark.parametrize(("case", "successor"), PAIRS)
 @pytest.mark.parametrize("warm", [False, True], ids=["cold", "shadowing"])
 @pytest.mark.parametrize("tick", [50, 400, 1000])
 def test_another_takes_over_without_a_jump(case, successor, warm, tick):
@@ -140,7 +147,8 @@ def test_its_certificates_hold(case, posture):
         assert np.isfinite(setpoints[field]).all(), field
     proven = status == STATUS["certified"]
     v = setpoints["v"]
-    assert (np.diff(v)[proven[:-1]] <= 4 * ULP * v[:-1][proven[:-1]]).all()
+    allowed = 4 * ULP * v[:-1] + second_order(case, setpoints)
+    assert (np.diff(v)[proven[:-1]] <= allowed[proven[:-1]]).all()
     certified = setpoints[proven]
     required, predicted = certified["v_rate_required"], certified["v_rate_predicted"]
     assert (v >= 0.0).all()
@@ -151,6 +159,21 @@ def test_its_certificates_hold(case, posture):
     assert (certified["rho"] <= 1.0).all()
     resting = setpoints[status == STATUS["at_target"]]
     assert (resting["v_rate_required"] == 0.0).all()
+
+
+def second_order(case: str, setpoints: np.ndarray) -> float:
+    """By how much V may rise in a tick where its target moves: 0 where it names no `drift`.
+
+    |∂V/∂t| = |e·w| of a target's velocity w, so drift/|e| is at most its speed. Both w and what
+    the robot makes of it move e by w·T, of which V = |e|²/2 predicts the first order only.
+    """
+    names = make(case).extra_names
+    if "drift" not in names:
+        return 0.0
+    drift = np.abs(setpoints["extra"][:, names.index("drift")])
+    moves = drift > 0.0
+    speed = np.max(drift[moves] / np.sqrt(2.0 * setpoints["v"][moves]), initial=0.0)
+    return float((2.0 * speed * robot().period_s) ** 2 / 2.0)
 
 
 @every_controller
@@ -181,7 +204,7 @@ def test_its_prediction_of_v_is_the_derivative_along_the_motion(case, tick):
 @every_controller
 def test_it_keeps_nothing_of_what_it_allocates(case):
     payloads, _ = motion(case)
-    states = [state_of(robot(), payload) for payload in payloads[:1000]]
+    states = [state_of(robot(), payload) for payload in payloads[:400]]
     controller = make(case)
     rehearse(controller, robot())
     controller.reset(states[0], None)
@@ -199,7 +222,7 @@ def test_it_keeps_nothing_of_what_it_allocates(case):
         growth = tracemalloc.get_traced_memory()[0] - before
     finally:
         tracemalloc.stop()
-    assert growth <= 1024  # a few numbers of another size; a float kept per step were 48,000
+    assert growth <= 1024  # a few numbers of another size; a float kept per step were 19,200
 
 
 @every_controller
