@@ -1,0 +1,83 @@
+"""Pictures of Φ: which joints do the work."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from drawing import joints, label, lines, of, panels
+from matplotlib.figure import Figure
+from runs import JOINTS, WITHIN, Run, qp12, run
+
+MOMENT = 100  # tick at which speeds are compared: 0.1 s
+RATE = {"form": "max_norm"}
+
+
+def motion(objective: dict[str, Any], duration: float = 0.5, **parameters: Any) -> Run:
+    """The paper's motion within the joints' limits."""
+    return run(duration, constraints=WITHIN, objective=objective, psi=RATE, **parameters)
+
+
+def gamma() -> Figure:
+    """Few joints or many, at the same V."""
+    runs = {f"γ = {each}": motion(qp12(each), 1.5) for each in (0.0, 0.5, 0.99)}
+    figure, axes = panels(4, left=0.13, height=3.2, gap=0.3)
+    joints(axes[:3], {name: each.u[MOMENT] for name, each in runs.items()}, JOINTS)
+    lines(axes[3], {name: of(each, each["v"] / each["v"][0]) for name, each in runs.items()})
+    axes[3].set_yscale("log")
+    label(axes[3], "V / V(0)", "t [s]", "")
+    return figure
+
+
+def norms() -> Figure:
+    """The other objectives."""
+    kinds: dict[str, dict[str, Any]] = {
+        "p = 1": {"kind": "lp", "p": 1},
+        "p = 2": {"kind": "lp", "p": 2},
+        "p = inf": {"kind": "lp", "p": "inf"},
+        "least_squares": {"kind": "least_squares"},
+    }
+    figure, axes = panels(4, left=0.13, height=3.2, gap=0.2)
+    joints(axes, {name: motion(each, 0.2).u[MOMENT] for name, each in kinds.items()}, JOINTS)
+    return figure
+
+
+def gamma_units() -> Figure:
+    """The same γ moves fewer joints the slower they are."""
+    figure, (speed, time) = panels(2)
+    by_speed, by_time = {}, {}
+    for each in (0.01, 0.1, 0.5):
+        found = motion(qp12(each), 4.0, integrate_from="reference")
+        moving = (np.abs(found.u) > 1e-9).sum(axis=1).astype(float)
+        by_speed[f"γ = {each}"] = (of(found, np.abs(found.u).max(axis=1))[1], of(found, moving)[1])
+        by_time[f"γ = {each}"] = of(found, moving)
+    lines(speed, by_speed)
+    speed.set_xscale("log")
+    label(speed, "the slower, the fewer", "speed of the fastest joint [rad/s]", "joints that move")
+    lines(time, by_time)
+    label(time, "the same, on the way to the target", "t [s]", "joints that move")
+    return figure
+
+
+def adaptive() -> Figure:
+    """A constant γ chatters at the target."""
+    figure, axes = panels(2)
+    for one, (title, choice) in zip(
+        axes, {"γ = 0.5": False, "γ = 0.5, adaptive": True}.items(), strict=True
+    ):
+        found = motion({**qp12(0.5), "adaptive_gamma": choice}, 1.5)
+        busy = np.argsort(-np.abs(found.u[1300:1340]).max(axis=0))[:5]
+        window = {JOINTS[j]: of(found, 1e3 * found.u[:, j], start=1.3, end=1.339) for j in busy}
+        lines(one, window, rough=True, drawstyle="steps-post")
+        label(one, title, "t [s]", "u [mrad/s]")
+    axes[1].set_ylim(axes[0].get_ylim())
+    return figure
+
+
+def weights() -> Figure:
+    """Dear joints rest."""
+    spared = dict.fromkeys((name for name in JOINTS if "ankle" in name), 5.0)
+    kinds = {"no weights": qp12(0.0), "ankles: 5": {**qp12(0.0), "weights": spared}}
+    figure, axes = panels(2, left=0.2, height=3.2, gap=0.1)
+    joints(axes, {name: motion(each, 0.2).u[MOMENT] for name, each in kinds.items()}, JOINTS)
+    return figure
