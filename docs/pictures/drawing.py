@@ -42,9 +42,16 @@ DASHES = ("-", "--", "-.", ":", (0, (1, 1)))
 Curves = Mapping[str, tuple[Array, Array]]
 
 
-def panels(count: int, *, left: float = 0.08, height: float = HEIGHT, gap: float = 0.28) -> Any:
+def panels(
+    count: int,
+    *,
+    left: float = 0.085,
+    width: float = WIDTH,
+    height: float = HEIGHT,
+    gap: float = 0.28,
+) -> Any:
     """A figure and its axes, side by side, at places that depend on no font."""
-    figure = Figure(figsize=(WIDTH, height))
+    figure = Figure(figsize=(width, height))
     margin = 0.5 / height
     figure.subplots_adjust(left=left, right=0.985, bottom=margin, top=1 - margin / 2, wspace=gap)
     return figure, figure.subplots(1, count, squeeze=False)[0]
@@ -57,14 +64,31 @@ def label(axes: Axes, title: str, x: str, y: str) -> None:
     axes.set_ylabel(y)
 
 
-def lines(axes: Axes, curves: Curves, *, rough: bool = False, **style: Any) -> None:
-    """Curves over one another, named in a legend; `rough` ones may differ between machines."""
-    for place, (name, (x, y)) in enumerate(curves.items()):
+def lines(
+    axes: Axes,
+    curves: Curves,
+    *,
+    rough: bool = False,
+    first: int = 0,
+    at: str = "best",
+    **style: Any,
+) -> None:
+    """Curves over one another, named in a legend.
+
+    Args:
+        axes: where.
+        curves: by name; without a legend if they have none.
+        rough: whether they may differ from machine to machine.
+        first: number of the first colour.
+        at: place of the legend, "" for none.
+        style: of matplotlib.
+    """
+    for place, (name, (x, y)) in enumerate(curves.items(), first):
         chosen = {"color": COLOURS[place], "linestyle": DASHES[place % len(DASHES)], **style}
         (line,) = axes.plot(x, y, label=name or None, **chosen)
         line.set_gid(_name(axes, "rough" if rough else "data"))
-    if any(curves):
-        axes.legend()
+    if at and any(curves):
+        axes.legend(loc=at)
 
 
 def area(axes: Axes, corners: Sequence[tuple[float, float]], text: str = "") -> None:
@@ -75,24 +99,23 @@ def area(axes: Axes, corners: Sequence[tuple[float, float]], text: str = "") -> 
         axes.annotate(text, corners[0], xytext=(3, 4), textcoords="offset points", color="#666666")
 
 
-def limit(axes: Axes, y: float, text: str = "") -> None:
-    """A horizontal line that is not to be crossed."""
+def limit(axes: Axes, y: float, text: str = "", *, at: float = 0.99) -> None:
+    """A horizontal line that is not to be crossed; its text ends at a share of the width."""
     axes.axhline(y, color=INK, linewidth=0.8, linestyle=(0, (4, 3)))
     if text:
         place = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
-        axes.annotate(text, (0.99, y), xytext=(0, 2), ha="right", color=INK, **place)
+        axes.annotate(text, (at, y), xytext=(0, 2), ha="right", color=INK, **place)
 
 
 def joints(axes: Sequence[Axes], speeds: Mapping[str, Array], names: Sequence[str]) -> None:
-    """How fast each joint is, one panel a name."""
+    """How fast each joint is, one panel a title."""
     places = np.arange(len(names))
     top = max(float(np.abs(each).max()) for each in speeds.values())
     for one, (title, values) in zip(axes, speeds.items(), strict=True):
-        moving = int((np.abs(values) > 1e-6).sum())
         bars = one.barh(places, np.abs(values), color=COLOURS[0], height=0.7)
         for place, bar in enumerate(bars):
             bar.set_gid(_name(one, f"data-{place}"))
-        label(one, f"{title}: {moving} move", "|u| [rad/s]", "")
+        label(one, title, "|u| [rad/s]", "")
         one.set_xlim(0.0, 1.05 * top)
         one.set_yticks(places, names if one is axes[0] else [""] * len(names), fontsize=6)
         one.invert_yaxis()

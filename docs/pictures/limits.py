@@ -12,13 +12,18 @@ from runs import EDGE, JOINTS, POINTS, SPEEDS, WITHIN, Array, Run, qp12, reach, 
 
 from remote_controller.kinematics import Kinematics
 from robot_emulator.robots import load
+from tools.reproduce.figures import COLOURS
 
 ALL = {"objective": qp12(0.0), "psi": {"form": "max_norm"}}
 BEHIND = reach("r_forearm", 0.06, -0.16, 0.06)
 BALL = {
-    **{"shape": "sphere", "name": "ball", "frame": "pelvis"},
-    **{"center_m": [0.14, -0.14, 0.03], "radius_m": 0.025},
+    "shape": "sphere",
+    "name": "ball",
+    "frame": "pelvis",
+    "center_m": [0.14, -0.14, 0.03],
+    "radius_m": 0.025,
 }
+TIP = (0.19, 0.0, 0.0)  # m, of the forearm, in its frame
 SOLE = ((54, 36.5), (-54, 36.5), (-54, -36.5), (54, -36.5))  # mm
 
 
@@ -30,17 +35,13 @@ def entry(constraint: str, **parameters: Any) -> dict[str, Any]:
 def joint_speed() -> Figure:
     """No joint faster than its limit."""
     figure, axes = panels(2)
-    for one, (title, wanted) in zip(
-        axes,
-        {
-            "without": WITHIN[1:],
-            "limit_rad_s: 0.1": (WITHIN[1], entry("joint_speed", limit_rad_s=0.1)),
-        }.items(),
-        strict=True,
-    ):
-        found = run(1.5, constraints=wanted, **ALL)
-        shown = np.argsort(-np.abs(found.u).max(axis=0))[:5]
-        lines(one, {JOINTS[joint]: of(found, found.u[:, joint]) for joint in shown})
+    slow = entry("joint_speed", limit_rad_s=0.1)
+    kinds = {"without": WITHIN[1:], "limit_rad_s: 0.1": (slow, WITHIN[1])}
+    for one, (title, kept) in zip(axes, kinds.items(), strict=True):
+        found = run(1.0, constraints=kept, **ALL)
+        shown = ("r_ankle_pitch", "r_knee", "r_hip_pitch", "waist_pitch")
+        curves = {name: of(found, found.u[:, JOINTS.index(name)]) for name in shown}
+        lines(one, curves, at="lower right")
         limit(one, 0.1)
         limit(one, -0.1)
         one.set_ylim(-0.2, 0.2)
@@ -90,30 +91,33 @@ def support_polygon() -> Figure:
 
 
 def zmp() -> Figure:
-    """The zero-moment point stays under the sole."""
-    figure, (point, speed) = panels(2)
+    """The zero-moment point stays under the sole; alone that is not enough."""
+    figure, (point, speed, error) = panels(3, gap=0.36)
+    kept = (*WITHIN, EDGE, entry("zmp"))
     runs = {
-        "without": run(0.5, constraints=WITHIN, **ALL),
-        "zmp": run(0.5, constraints=[*WITHIN, EDGE, entry("zmp")], **ALL),
+        "without": run(0.3, constraints=WITHIN, **ALL),
+        "zmp": run(0.3, constraints=kept, **ALL),
     }
-    lines(point, {name: of(each, 1e3 * moment(each)) for name, each in runs.items()})
+    curves = {name: of(each, 1e3 * moment(each), end=0.1) for name, each in runs.items()}
+    lines(point, curves, marker=".", markersize=3)
     limit(point, 36.5, "edge of the sole")
-    limit(point, -36.5)
-    point.set_ylim(-150, 150)
-    label(point, "zero-moment point, sideways", "t [s]", "y [mm]")
-    lines(
-        speed,
-        {
-            name: of(each, 1e3 * np.gradient(each.com()[:, 1], 1e-3), end=0.3)
-            for name, each in runs.items()
-        },
-    )
+    label(point, "zero-moment point", "t [s]", "y [mm]")
+    curves = {
+        name: of(each, 1e3 * np.gradient(each.com()[:, 1], 1e-3)) for name, each in runs.items()
+    }
+    lines(speed, curves)
     label(speed, "speed of the centre of mass", "t [s]", "ẏ [mm/s]")
+    fast = {"objective": qp12(0.0), "psi": {"form": "one", "u_max_rad_s": 1.2}}
+    both = {"zmp alone": (*WITHIN, entry("zmp")), "and support_polygon": kept}
+    runs = {name: run(1.0, to(0.01, 0.0, 0.2869), each, **fast) for name, each in both.items()}
+    curves = {name: of(each, 1e3 * np.sqrt(2 * each["v"])) for name, each in runs.items()}
+    lines(error, curves, rough=True, first=2)
+    label(error, "a fast motion", "t [s]", "|e| [mm]")
     return figure
 
 
 def moment(found: Run, height_m: float = 0.287) -> Array:
-    """y of the cart-table's zero-moment point [m]; at rest before the start."""
+    """Where the cart-table's zero-moment point is, y [m]; at rest before the start."""
     y = found.com()[:, 1]
     speed = np.diff(y, prepend=y[0]) / 1e-3
     acceleration = np.diff(speed, append=speed[-1]) / 1e-3
@@ -131,9 +135,12 @@ def distance() -> Figure:
     }
     path.add_patch(Circle((140, 30), 25, facecolor="#EEEEEE", edgecolor="#888888"))
     for place, (name, each) in enumerate(runs.items()):
-        track = 1e3 * each.frame("r_forearm")
-        lines(path, {name: thin(track[:, 0], track[:, 2])}, color=f"C{place}")
-    label(path, "forearm and ball, from the side", "x [mm]", "z [mm]")
+        elbow, tip = 1e3 * each.frame("r_forearm"), 1e3 * each.frame("r_forearm", at=TIP)
+        lines(path, {name: thin(tip[:, 0], tip[:, 2])}, first=place)
+        for tick in (0, 1500, 2999):
+            ends = np.stack((elbow[tick], tip[tick]))
+            path.plot(ends[:, 0], ends[:, 2], color=COLOURS[place], linewidth=0.7, alpha=0.6)
+    label(path, "forearm, its tip, and the ball, from the side", "x [mm]", "z [mm]")
     path.set_aspect("equal")
     lines(gap, {name: of(each, 1e3 * nearest(each)) for name, each in runs.items()})
     limit(gap, 5.0, "clearance_m: 0.005")
@@ -176,7 +183,7 @@ def frame_still() -> Figure:
     lines(moved, {name: of(runs[name], 1e3 * values) for name, values in shift.items()})
     label(moved, "left sole, moved", "t [s]", "[mm]")
     names = ("η = 0", "η = 10/s")
-    lines(first, {name: of(runs[name], 1e6 * shift[name]) for name in names})
+    lines(first, {name: of(runs[name], 1e6 * shift[name]) for name in names}, first=1)
     label(first, "the same, magnified", "t [s]", "[µm]")
     return figure
 
@@ -230,7 +237,7 @@ def pfaffian() -> Figure:
         found = run(1.5, constraints=[*WITHIN, *kept], **ALL)
         knees = {name: of(found, found.u[:, JOINTS.index(name)]) for name in ("r_knee", "l_knee")}
         lines(one, knees)
-        one.set_ylim(-0.1, 0.15)
+        one.set_ylim(-0.12, 0.02)
         label(one, title, "t [s]", "u [rad/s]")
     return figure
 

@@ -16,8 +16,12 @@ ALL = {"objective": qp12(0.0), "psi": {"form": "max_norm"}}
 def eight(half_width_m: float, period_s: float) -> dict[str, Any]:
     """The centre of mass along a lemniscate above the right sole."""
     target = {
-        **{"kind": "lemniscate", "center_m": [0.0, 0.02, 0.285], "plane": "xy"},
-        **{"half_width_m": half_width_m, "period_s": period_s, "approach_s": 2.0},
+        "kind": "lemniscate",
+        "center_m": [0.0, 0.02, 0.285],
+        "plane": "xy",
+        "half_width_m": half_width_m,
+        "period_s": period_s,
+        "approach_s": 2.0,
     }
     return {"task": "com", "parameters": {"frame": "r_sole", "target": target}}
 
@@ -38,6 +42,7 @@ def lemniscate() -> Figure:
         {name: of(each, 1e6 * np.sqrt(2 * each["v"]), start=0.01) for name, each in runs.items()},
     )
     error.set_yscale("log")
+    error.set_ylim(1.0, 2000.0)
     label(error, "|e|: a floor, not zero", "t [s]", "[µm]")
     return figure
 
@@ -49,15 +54,19 @@ def circulation() -> Figure:
     for direction in ("forward", "backward"):
         for kind in (qp12(0.0), {"kind": "least_squares"}):
             parameters = {
-                **{"point": "com", "reference": "r_sole", "curve": "ellipse"},
+                "point": "com",
+                "reference": "r_sole",
+                "curve": "ellipse",
                 "curve_parameters": {
-                    **{"center_m": [0.0, 0.02, 0.285], "plane": "xy"},
+                    "center_m": [0.0, 0.02, 0.285],
+                    "plane": "xy",
                     "radii_m": [0.015, 0.01],
                 },
-                **{"speed_m_s": 0.01, "direction": direction},
+                "speed_m_s": 0.01,
+                "direction": direction,
             }
             chosen = {"objective": kind, "psi": ALL["psi"]}
-            found = run(6.0, {"task": "task_curve", "parameters": parameters}, WITHIN, **chosen)
+            found = run(9.0, {"task": "task_curve", "parameters": parameters}, WITHIN, **chosen)
             if kind["kind"] == "qp12":
                 track = 1e3 * found.com()
                 tracks[direction] = thin(track[:, 0], track[:, 1])
@@ -95,7 +104,7 @@ def behind() -> Figure:
     lines(error, {"": of(found, 1e3 * np.sqrt(2 * found["v"]))})
     label(error, "distance from the target", "t [s]", "|e| [mm]")
     lines(share, {"": of(found, found["rho"])}, rough=True)
-    limit(share, 0.0, "below: V had to rise")
+    limit(share, 0.0, "below: V had to rise", at=0.4)
     share.set_ylim(-3.0, 1.2)
     label(share, "ρ", "t [s]", "")
     return figure

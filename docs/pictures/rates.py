@@ -32,7 +32,7 @@ def rates() -> Figure:
         soon[name], far[name] = of(found, share, end=1.5), of(found, share)
     lines(early, soon)
     label(early, "V / V(0)", "t [s]", "")
-    lines(late, far)
+    lines(late, far, at="")
     late.set_yscale("log")
     late.set_ylim(1e-12, 2.0)
     label(late, "the same, logarithmic", "t [s]", "")
@@ -82,10 +82,10 @@ def rho() -> Figure:
             axes,
             {f"{joint}": of(found, found.u[:, joint], start=0.15) for joint in shown},
             rough=name == "largest",
+            at="",
             linewidth=0.9,
             linestyle="-",
         )
-        axes.get_legend().remove()
         limit(axes, 0.6)
         limit(axes, -0.6)
         axes.set_ylim(-0.7, 0.7)

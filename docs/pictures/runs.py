@@ -72,25 +72,27 @@ class Run:
         """A field of the setpoints."""
         return np.asarray(self.simulation.setpoints[field])
 
-    def com(self, frame: str = "r_sole", *, every: int = 1) -> Array:
-        """Centre of mass, (ticks, 3) [m]."""
+    def com(self, frame: str = "r_sole") -> Array:
+        """Centre of mass seen from a frame, (ticks, 3) [m]."""
         kinematics, position = Kinematics(load("hoap3")), np.zeros(3)
         jacobian, found = np.zeros((3, self.q.shape[1])), []
-        for q in self.q[::every]:
+        for q in self.q:
             kinematics.update(q)
             kinematics.com(kinematics.frame_id(frame), position, jacobian)
             found.append(position.copy())
         return np.array(found)
 
-    def frame(self, name: str, reference: str = "pelvis", *, every: int = 1) -> Array:
-        """Origin of a frame, (ticks, 3) [m]."""
+    def frame(
+        self, name: str, reference: str = "pelvis", *, at: tuple[float, float, float] = (0, 0, 0)
+    ) -> Array:
+        """A point that is fixed to a frame, seen from another, (ticks, 3) [m]."""
         kinematics, position = Kinematics(load("hoap3")), np.zeros(3)
         rotation, jacobian, found = np.zeros((3, 3)), np.zeros((6, self.q.shape[1])), []
-        for q in self.q[::every]:
+        for q in self.q:
             kinematics.update(q)
             frames = kinematics.frame_id(name), kinematics.frame_id(reference)
             kinematics.frame(*frames, position, rotation, jacobian)
-            found.append(position.copy())
+            found.append(position + rotation @ np.array(at))
         return np.array(found)
 
     def conditions(self) -> list[tuple[float, str, bool]]:
