@@ -88,7 +88,7 @@ def adaptive() -> Figure:
             linewidth=0.9,
             linestyle="-",
         )
-        one.set_ylim(-9.0, 16.0)
+        one.set_ylim(-9.0, 22.0)
         label(one, title, "t [s]", "u [mrad/s]")
     return figure
 
