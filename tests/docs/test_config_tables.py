@@ -17,6 +17,8 @@ from remote_controller.constraints.bodies import AnyObstacle
 from remote_controller.controllers.osqp import OsqpController
 from remote_controller.controllers.pinv import PinvController
 from remote_controller.controllers.qp12 import Qp12Controller
+from remote_controller.controllers.stable_qp import StableQpController
+from remote_controller.controllers.stable_qp_settings import Objective
 from remote_controller.tasks import registry as tasks
 from remote_controller.tasks.curve import CURVES
 from remote_controller.tasks.targets.settings import TargetSettings
@@ -28,6 +30,7 @@ MODELS: dict[str, type[Settings]] = {
     "Parameters of qp12": Qp12Controller.Parameters,
     "Parameters of pinv": PinvController.Parameters,
     "Parameters of osqp": OsqpController.Parameters,
+    "Parameters of stable_qp": StableQpController.Parameters,
 }
 
 
@@ -38,6 +41,7 @@ def union(annotated: Any, tag: str) -> dict[str, type[Settings]]:
 
 
 GROUPS: dict[str, dict[str, type[Settings]]] = {
+    "Objectives": union(Objective, "kind"),
     "Tasks and constraints": {
         "task": tasks.TaskSettings,
         "constraint": constraints.ConstraintSettings,
@@ -53,7 +57,7 @@ GROUPS: dict[str, dict[str, type[Settings]]] = {
     "Obstacles": union(AnyObstacle, "shape"),
 }
 """Tables whose first column names whose key it is: one or more of these."""
-TAGS = {"Parameters of targets": "kind", "Obstacles": "shape"}
+TAGS = {"Objectives": "kind", "Parameters of targets": "kind", "Obstacles": "shape"}
 UNITS = {
     "_ms": "ms",
     "_us": "µs",
@@ -78,14 +82,17 @@ def flat(schema: dict[str, Any], defaults: dict[str, Any]) -> dict[str, tuple[st
         for name, inner in node["properties"].items():
             reference = inner.get("$ref")
             if reference is not None:
-                descend(schema["$defs"][reference.split("/")[-1]], values[name], f"{prefix}{name}.")
+                whole = schema["$defs"][reference.split("/")[-1]]
+                descend(whole, values.get(name, given(whole)), f"{prefix}{name}.")
                 continue
             found[prefix + name] = (in_words(inner), values.get(name, "required"))
             of_each = inner.get("items", {}).get("$ref")
             if of_each is not None:
                 each = schema["$defs"][of_each.split("/")[-1]]
-                given = {k: v["default"] for k, v in each["properties"].items() if "default" in v}
-                descend(each, given, f"{prefix}{name}.N.")
+                descend(each, given(each), f"{prefix}{name}.N.")
+
+    def given(node: dict[str, Any]) -> dict[str, Any]:
+        return {k: v["default"] for k, v in node["properties"].items() if "default" in v}
 
     descend(schema, defaults, "")
     return found

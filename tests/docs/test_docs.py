@@ -21,6 +21,7 @@ from tools.machine import machine_block
 from tools.statistics import RunStatistics
 
 STORIES = [
+    "choosing.md",
     "concepts.md",
     "configuration.md",
     "writing_a_controller.md",
