@@ -139,7 +139,8 @@ class StableQpController(VelocityController):
             self._y,
         )
         self._certify(V, psi, drift, found, bool(rejected))
-        self.present = self._watch.look(found, solver.rho, function.status, gradient, self.u)
+        share = solver.rho if self._equality else 1.0  # V̇ ≤ 0 asks for no share of Ψ
+        self.present = self._watch.look(found, share, function.status, gradient, self.u)
         return self.u
 
     def _refuse(self) -> FloatArray:

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import bad_constraints
+import pytest
 
 SUITE = Path(__file__).with_name("test_constraint_properties.py")
 FAULTS = {

@@ -1,0 +1,17 @@
+"""Lyapunov functions of a user that no joint can change."""
+
+from __future__ import annotations
+
+from protocol.description import RobotDescription
+from remote_controller.kinematics import Kinematics
+from remote_controller.tasks.lyapunov import LyapunovFunction
+
+
+class Clock(LyapunovFunction):
+    """V = 1 + t: it rises, whatever the robot does."""
+
+    def __init__(self, description: RobotDescription, kinematics: Kinematics, _: object) -> None:
+        super().__init__(description.n)
+
+    def update(self, kinematics: Kinematics, time_s: float) -> None:
+        self.value, self.rate = 1.0 + time_s, 1.0

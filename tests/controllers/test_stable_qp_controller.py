@@ -1,0 +1,246 @@
+"""The general controller: what it does where its constraints and its task disagree."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from stable_runs import run, settings
+
+from protocol.errors import ConfigError, UnknownNameError
+from protocol.settings import parse
+from remote_controller.config import ControllerConfig, available_configs, build, check_parameters
+from remote_controller.kinematics import Kinematics
+from robot_emulator.robots import load
+
+STABLE = [name for name in available_configs() if name not in {"qp12", "pinv", "osqp"}]
+OUTSIDE = (0.01, 0.07, 0.2869)  # m: beyond the left edge of the right sole
+SPEED = {"constraint": "joint_speed", "parameters": {"limit_rad_s": 0.6}}
+RANGE = {"constraint": "joint_position", "parameters": {}}
+
+
+@pytest.mark.parametrize("case", STABLE)
+@pytest.mark.parametrize("seconds", [2.0, pytest.param(20.0, marks=pytest.mark.long)])
+def test_every_tick_of_a_shipped_config_is_certified_and_v_falls_as_promised(case, seconds):
+    """V_{k+1} ≤ V_k − T·ρΨ + c·T², c = 2·max|de/dt|²: e = Δx − w·T moves with target and robot."""
+    found = run(case, seconds).setpoints
+    assert set(found["solver_status"]) <= {0, 1}
+    assert (found["margin"] >= -1e-9).all()
+    v, required = found["v"], found["v_rate_required"]
+    e, drift = np.sqrt(2.0 * v), np.abs(found["extra"][:, 1])
+    fastest = max(np.abs(np.diff(e)).max() / 1e-3, (drift[e > 0] / e[e > 0]).max(initial=0.0), 0.02)
+    left = v[:-1] + 1e-3 * required[:-1] + 2.0 * fastest**2 * 1e-6
+    assert (v[1:][e[:-1] > 1e-9] <= left[e[:-1] > 1e-9]).all()
+
+
+def test_the_com_stops_at_the_edge_of_its_support():
+    found = run(settings(target_m=OUTSIDE, objective={"kind": "qp12", "gamma": 0.0}), 4.0)
+    p = found.setpoints
+    assert set(found.statuses) == {"certified"}
+    assert (p["margin"] >= -1e-9).all()
+    assert p["rho"][0] == 1.0
+    assert 0.0 <= p["rho"][-1] < 1e-6
+    edge = 0.0365 - 0.005  # half the sole less the margin of the config
+    assert np.sqrt(2.0 * p["v"][-1]) == pytest.approx(OUTSIDE[1] - edge, abs=2e-5)
+    assert np.abs(found.speeds[-100:]).max() < 1e-3
+    assert found.began["held by support_polygon"] == found.began["slowed"] == 1
+
+
+def test_the_largest_share_races_where_a_damped_one_rests():
+    content = settings(
+        target_m=OUTSIDE,
+        objective={"kind": "qp12", "gamma": 0.0},
+        psi={"form": "one"},
+    )
+    damped = run(content, 1.5)
+    content["parameters"]["rho"] = "largest"
+    largest = run(content, 1.5)
+    assert np.abs(damped.speeds[-100:]).max() < 0.01
+    assert np.abs(largest.speeds[-100:]).max() > 0.3
+    assert (np.diff(damped.setpoints["v"]) <= 1e-15).all()
+
+
+def test_v_falls_no_further_is_said_and_the_robot_is_still():
+    still = {"limit_rad_s": 0.6, "joints_rad_s": dict.fromkeys(load("hoap3").joint_names, 0.0)}
+    found = run(settings(constraints=[{"constraint": "joint_speed", "parameters": still}]))
+    assert found.began["stationary"] == found.began["held by bounds of joints"] == 1
+    assert set(found.statuses) == {"certified"}
+    assert (found.setpoints["rho"] == 0.0).all()
+    assert not found.speeds.any()
+
+
+def test_constraints_that_contradict_each_other_leave_the_robot_still():
+    stuck = {"joints_rad_s": {"r_elbow": 0.0}}
+    moving = {"speed": 0.1, "joints": {"r_elbow": 1.0}, "tolerance": 0.99}
+    found = run(
+        settings(
+            constraints=[
+                {"constraint": "joint_speed", "parameters": stuck},
+                {"constraint": "minimum_speed", "parameters": moving},
+            ]
+        )
+    )
+    assert found.began["contradictory"] == 1
+    assert set(found.statuses) == {"infeasible"}
+    assert not found.speeds.any()
+
+
+@pytest.mark.parametrize("rho", ["damped", "largest"])
+def test_a_target_that_is_too_fast_leaves_rho_below_zero(rho):
+    target = {"kind": "circle", "center_m": [0.0, 0.03, 0.28], "radius_m": 0.03, "period_s": 0.1}
+    task = {"task": "com", "parameters": {"frame": "r_sole", "target": target | {"approach_s": 0}}}
+    slow = {"constraint": "joint_speed", "parameters": {"limit_rad_s": 0.05}}
+    found = run(settings(task=task, constraints=[slow], rho=rho))
+    p = found.setpoints
+    behind = p["rho"] < 0.0
+    assert behind.any()
+    assert (p["solver_status"][behind] == 2).all()
+    assert found.began["behind"] >= 1
+    assert np.abs(found.speeds).max() <= 0.05 * (1 + 1e-9)
+
+
+def test_a_function_that_no_joint_can_change_holds_the_command():
+    found = run(settings(task={"task": "flat_functions:Clock"}, constraints=[]))
+    assert found.began["flat"] == 1
+    assert set(found.statuses) == {"infeasible"}
+    assert not found.speeds.any()
+
+
+def test_a_start_outside_is_named_counted_and_led_back():
+    plane = {"frame": "r_forearm", "normal": [0.0, 0.0, 1.0], "offset_m": 0.302}  # it is at 0.3009
+    found = run(
+        settings(constraints=[SPEED, RANGE, {"constraint": "half_space", "parameters": plane}]), 3.0
+    )
+    margin = found.setpoints["margin"]
+    assert margin[0] < -5e-4
+    assert found.began["half_space: started_outside"] == 1
+    assert found.setpoints["solver_status"][0] == 2
+    assert margin[-1] > -1e-6
+    assert np.abs(found.speeds).max() <= 0.6 * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("direction", ["forward", "backward"])
+@pytest.mark.parametrize("kind", ["qp12", "least_squares"])
+def test_it_circulates_in_the_direction_that_was_asked(direction, kind):
+    content = settings("com_circulation", objective={"kind": kind})
+    content["parameters"]["task"]["parameters"]["direction"] = direction
+    found = run(content, 3.0)
+    assert set(found.statuses) == {"certified"}
+    description = load("hoap3")
+    kinematics = Kinematics(description)
+    sole, J, path = kinematics.frame_id("r_sole"), np.zeros((3, description.n)), []
+    for q in found.simulation.states["reference"][-800::20]:
+        kinematics.update(q.copy())
+        path.append(np.zeros(3))
+        kinematics.com(sole, path[-1], J)
+    x, y = (np.array(path)[:, :2] - (0.0, 0.02)).T
+    turned = x[:-1] * y[1:] - y[:-1] * x[1:]
+    assert ((turned > 0.0) == (direction == "forward")).all()
+    lengths = np.linalg.norm(np.diff(np.array(path), axis=0), axis=1) / 0.02
+    assert np.median(lengths) == pytest.approx(0.01, rel=0.02)
+
+
+def test_v_never_rises_with_remark_1():
+    found = run(
+        settings(lyapunov="descent", objective={"kind": "least_squares", "gain_per_s": 2.0}), 2.0
+    )
+    v = found.setpoints["v"]
+    assert (np.diff(v) <= 4e-16 * v[:-1]).all()
+    assert v[-1] < 0.01 * v[0]
+    assert "slowed" not in found.began
+
+
+@pytest.mark.parametrize(("p", "joints"), [(0.5, 1), (1, 1), (1.5, 20), (2, 20), ("inf", 20)])
+def test_every_norm_without_constraints_gives_the_asked_fall(p, joints):
+    p = run(settings(objective={"kind": "lp", "p": p}, constraints=[]), 0.2).setpoints
+    np.testing.assert_allclose(p["v_rate_predicted"], -p["extra"][:, 0], rtol=1e-9)
+    np.testing.assert_array_equal(p["rho"], 1.0)
+    assert (p["kkt_residual"] <= 1e-9).all()
+    moving = np.median(p["active_joints"])
+    assert moving == 1 if joints == 1 else moving > 5
+
+
+@pytest.mark.parametrize("p", [1, 2, "inf"])
+@pytest.mark.parametrize("rho", ["damped", "largest"])
+def test_norms_keep_constraints(p, rho):
+    polygon = {"constraint": "support_polygon", "parameters": {"margin_m": 0.005}}
+    found = run(
+        settings(
+            target_m=OUTSIDE,
+            objective={"kind": "lp", "p": p},
+            constraints=[SPEED, RANGE, polygon],
+            rho=rho,
+        ),
+        0.6,
+    )
+    assert (found.setpoints["margin"] >= -1e-9).all()
+    assert set(found.statuses) <= {"certified", "uncertified"}
+    assert np.abs(found.speeds).max() <= 0.6 * (1 + 1e-9)
+
+
+def test_a_kept_rho_never_rises_until_a_reset():
+    found = run(settings(rho="largest", keep_rho=True, constraints=[SPEED, RANGE]), 0.5)
+    assert (np.diff(found.setpoints["rho"]) <= 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"objective": {"kind": "lp", "p": 3.0}}, "parameters.objective.p"),
+        (
+            {"objective": {"kind": "lp", "p": 2, "weights": {"r_knee": 2.0}}, "constraints": []},
+            "parameters.objective.weights",
+        ),
+        ({"objective": {"kind": "qp12", "gamma": 1.2}}, "parameters.objective.gamma"),
+        ({"objective": {"gamma": 0.5}}, "parameters.objective.kind"),
+        ({"lyapunov": "descent"}, "parameters.lyapunov"),
+        ({"keep_rho": True}, "parameters.keep_rho"),
+        ({"task": {"task": "comm"}}, "parameters.task.task"),
+        (
+            {"constraints": [{"constraint": "joint_position", "parameters": {"eta": 1.0}}]},
+            "parameters.constraints.0.parameters.eta",
+        ),
+    ],
+)
+def test_what_is_wrong_for_any_robot_is_refused_without_one(changes, key):
+    config = parse(ControllerConfig, settings(**changes), "mine.yaml")
+    with pytest.raises((ConfigError, UnknownNameError)) as caught:
+        check_parameters(config, "mine.yaml")
+    assert key in str(caught.value)
+    assert "mine.yaml" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        (
+            {"objective": {"kind": "qp12", "weights": {"r_kne": 2.0}}},
+            "parameters.objective.weights.r_kne",
+        ),
+        (
+            {"constraints": [{"constraint": "joint_position", "parameters": {"eta_per_s": 1001}}]},
+            "parameters.constraints.0.parameters.eta_per_s",
+        ),
+        (
+            {"constraints": [{"constraint": "distance", "parameters": {"pairs": [["head", "x"]]}}]},
+            "parameters.constraints.0.parameters.pairs",
+        ),
+        (
+            {"constraints": [{"constraint": "frame_still", "parameters": {"frame": "l_hand"}}]},
+            "parameters.constraints.0.parameters.frame",
+        ),
+        (
+            {
+                "task": {"task": "flat_functions:Clock"},
+                "objective": {"kind": "least_squares"},
+                "constraints": [],
+            },
+            "parameters.objective.kind",
+        ),
+    ],
+)
+def test_what_does_not_fit_the_robot_is_refused_by_its_key(changes, key):
+    config = parse(ControllerConfig, settings(**changes), "mine.yaml")
+    with pytest.raises((ConfigError, UnknownNameError)) as caught:
+        build(config, load("hoap3"), "mine.yaml")
+    assert key in str(caught.value)
+    assert "mine.yaml" in str(caught.value)
