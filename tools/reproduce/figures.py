@@ -56,6 +56,7 @@ class Axis:
         limits: least and greatest value shown.
         step: between two ticks.
         log: whether it is logarithmic.
+        names: of the values 0, 1 …, where they mean something.
     """
 
     name: str
@@ -63,6 +64,7 @@ class Axis:
     limits: tuple[float, float] | None = None
     step: float | None = None
     log: bool = False
+    names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,6 +189,8 @@ def _draw_panel(panel: Panel, axes: Any) -> dict[str, Any]:
         axes.set_xlim(panel.x.limits)
     if panel.y.limits:
         axes.set_ylim(panel.y.limits)
+    if panel.y.names:
+        axes.set_yticks(range(len(panel.y.names)), panel.y.names)
     if panel.categories:
         axes.set_xticks(range(len(panel.categories)), panel.categories)
     if panel.square:
