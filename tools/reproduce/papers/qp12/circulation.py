@@ -121,7 +121,7 @@ class Circulation:
         """Of |e| [m], with α̇ as it was."""
         steps = np.diff(self.ellipse.alpha(self.path), axis=0)[self.round] / PERIOD_S
         across = float(np.linalg.norm(steps, axis=1).max())
-        eta, T = self.rate, PERIOD_S  # noqa: N806 - the paper's symbol
+        eta, T = self.rate, PERIOD_S
         return across * math.sqrt(T / (2.0 * eta)) + self.unseen * T / (2.0 * eta)
 
     @property
@@ -247,8 +247,8 @@ def _paths(found: dict[str, Circulation]) -> Panel:
         Curve("ellipse", x, y, INK, dash=":"),
     ]
     for (name, each), colour in zip(found.items(), COLOURS, strict=False):
-        path = 1e3 * each.path[::SHOWN_EVERY]
-        curves.append(Curve(name, path[:, 0], path[:, 1], colour))
+        path, dash = 1e3 * each.path[::SHOWN_EVERY], "-" if each.way > 0.0 else "--"
+        curves.append(Curve(name, path[:, 0], path[:, 1], colour, dash=dash))
     start = 1e3 * next(iter(found.values())).path[:1]
     curves.append(Curve("start", start[:, 0], start[:, 1], INK, dash="", marker="o"))
     return Panel(
@@ -258,4 +258,5 @@ def _paths(found: dict[str, Circulation]) -> Panel:
         Axis("y_mm", "y, left [mm]", (-42.0, 42.0)),
         tuple(curves),
         square=True,
+        zoom=((-18.0, 18.0), (8.0, 32.0)),
     )
