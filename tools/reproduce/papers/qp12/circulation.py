@@ -254,9 +254,8 @@ def _paths(found: dict[str, Circulation]) -> Panel:
     return Panel(
         "path",
         "centre of mass over the right sole",
-        Axis("x_mm", "x, forward [mm]", (-60.0, 60.0)),
-        Axis("y_mm", "y, left [mm]", (-42.0, 42.0)),
+        Axis("x_mm", "x, forward [mm]", (-27.0, 27.0)),
+        Axis("y_mm", "y, left [mm]", (4.0, 40.0)),
         tuple(curves),
         square=True,
-        zoom=((-18.0, 18.0), (8.0, 32.0)),
     )
