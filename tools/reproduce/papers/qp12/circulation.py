@@ -33,7 +33,6 @@ from tools.reproduce.papers.qp12.certified import (
     CertifiedRun,
     certified,
     config,
-    constraint,
     panels,
     run,
 )
@@ -55,13 +54,11 @@ class Ellipse:
         center: (3,) [m].
         radii: along x and y [m].
         speed: ζ [m/s].
-        margin: to the edges of the sole [m].
     """
 
     center: tuple[float, float, float]
     radii: tuple[float, float]
     speed: float
-    margin: float
 
     @property
     def length(self) -> float:
@@ -146,7 +143,6 @@ def circulate(
             tuple(curve["center_m"]),
             tuple(curve["radii_m"]),
             task["speed_m_s"],
-            constraint(content, "support_polygon").get("margin_m", 0.0),
         )
         done = run(content, seconds)
         path = com_path(done.q)
