@@ -16,12 +16,21 @@ ROMAN = ("I", "II", "III", "IV", "V")
 NUMBERED = {"QP12": {"equations": 41, "algorithms": 2, "figures": 8, "tables": 1}}
 """How many of each a paper has, by the heading of its section."""
 
+STATEMENTS = {
+    "QP12": (
+        *("Remark 1", "Example 2", "Definition 3"),
+        *("Lemma 4", "Lemma 5", "Proposition 6", "Remark 7"),
+    )
+}
+"""What else has a number: one count for all kinds, so each number is there once."""
+
 
 def numbered(paper: str) -> list[str]:
     """Everything with a number in a paper, as the page calls it."""
     count = NUMBERED[paper]
     return [
         *(f"({k})" for k in range(1, count["equations"] + 1)),
+        *STATEMENTS[paper],
         *(f"Algorithm {k}" for k in range(1, count["algorithms"] + 1)),
         *(f"Fig. {k}" for k in range(1, count["figures"] + 1)),
         *(f"Table {roman}" for roman in ROMAN[: count["tables"]]),
@@ -74,6 +83,16 @@ def test_every_section_is_a_paper_that_is_known_here():
 @pytest.mark.parametrize("paper", NUMBERED)
 def test_everything_with_a_number_is_there_once_and_in_order(paper):
     assert [row["item"] for row in items(paper)] == numbered(paper)
+
+
+def test_statements_are_counted_without_a_gap():
+    for statements in STATEMENTS.values():
+        assert [int(name.split()[1]) for name in statements] == [*range(1, len(statements) + 1)]
+
+
+@pytest.mark.parametrize("paper", [paper for paper in NUMBERED if paper.lower() in papers()])
+def test_of_a_paper_that_is_made_again_nothing_is_left_to_build(paper):
+    assert [row["item"] for row in items(paper) if row["verdict"] == "not built yet"] == []
 
 
 @pytest.mark.parametrize("paper", NUMBERED)

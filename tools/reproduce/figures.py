@@ -56,6 +56,7 @@ class Axis:
         limits: least and greatest value shown.
         step: between two ticks.
         log: whether it is logarithmic.
+        names: of the values 0, 1 …, where they mean something.
     """
 
     name: str
@@ -63,6 +64,7 @@ class Axis:
     limits: tuple[float, float] | None = None
     step: float | None = None
     log: bool = False
+    names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +77,7 @@ class Panel:
         x, y: axes.
         curves: drawn in this order.
         square: whether both axes have the same scale.
-        categories: names of x = 0, 1 …, where x counts things.
+        categories: names of x = 0, 1 …, where x counts things; lines end at each _.
         zoom: limits of x and of y that are shown larger in the lower half.
     """
 
@@ -173,7 +175,7 @@ def _draw_panel(panel: Panel, axes: Any) -> dict[str, Any]:
     axes.set_title(panel.title, fontsize=9, loc="left")
     axes.set_xlabel(panel.x.label, fontsize=9)
     axes.set_ylabel(panel.y.label, fontsize=9)
-    axes.tick_params(labelsize=8)
+    axes.tick_params(which="both", labelsize=8)
     axes.grid(visible=True, color="#E5E5E5", linewidth=0.6)
     axes.set_axisbelow(True)
     for side in ("top", "right"):
@@ -187,8 +189,11 @@ def _draw_panel(panel: Panel, axes: Any) -> dict[str, Any]:
         axes.set_xlim(panel.x.limits)
     if panel.y.limits:
         axes.set_ylim(panel.y.limits)
+    if panel.y.names:
+        axes.set_yticks(range(len(panel.y.names)), panel.y.names)
     if panel.categories:
-        axes.set_xticks(range(len(panel.categories)), panel.categories)
+        shown = [name.replace("_", "\n") for name in panel.categories]
+        axes.set_xticks(range(len(shown)), shown)
     if panel.square:
         axes.set_aspect("equal")
     if panel.zoom:

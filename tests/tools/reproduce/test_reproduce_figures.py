@@ -81,3 +81,17 @@ def test_axes_have_labels_and_the_legend_lies_outside_the_data():
 def test_steps_hold_a_value_until_the_next_point():
     styles = [line.get_drawstyle() for line in draw(FIGURE).axes[0].get_lines()]
     assert styles == ["default", "steps-post", "default"]
+
+
+def test_values_and_things_with_names_are_named_on_their_axes():
+    status = Panel(
+        "status",
+        "Status",
+        Axis("joint", ""),
+        Axis("status", "", (-0.5, 1.5), names=("good", "bad")),
+        (Curve("status", np.array([0.0, 1.0]), np.array([0.0, 1.0])),),
+        categories=("r_knee", "waist"),
+    )
+    (axes,) = draw(Figure("named", "Named", ((status,),), (4.0, 3.0))).axes
+    assert [text.get_text() for text in axes.get_yticklabels()] == ["good", "bad"]
+    assert [text.get_text() for text in axes.get_xticklabels()] == ["r\nknee", "waist"]

@@ -161,6 +161,14 @@ def test_the_whole_command(tmp_path):
     assert not [row for row in printed["rows"] if row["pass"] is False]
     assert done.exit_code == 0
     names = {path.name for path in tmp_path.iterdir()}
-    pictures = ("fig4", "fig5", "fig6", "fig7", "fig8_A", "fig8_C", "table1")
+    pictures = (
+        *("fig1", "fig4", "fig5", "fig6", "fig7", "fig8_A", "fig8_C", "table1", "example2"),
+        *("circulation", "obstacle", "support_polygon"),
+    )
     assert {f"{name}.{kind}" for name in pictures for kind in ("png", "svg")} <= names
-    assert {"rows.csv", "rows.json", "fig6.csv", "table1.csv"} <= names
+    assert {"rows.csv", "rows.json", "fig6.csv", "table1.csv", "circulation_v.csv"} <= names
+    items = [row["item"] for row in printed["rows"]]
+    assert len(items) == len(set(items))
+    of = ("Fig. 1", "Example 2", "(23): forward", "(23): backward", "(25): obstacle",
+          "(25): support polygon", "Fig. 4", "Table I")  # fmt: skip
+    assert all(any(item.startswith(words) for item in items) for words in of)

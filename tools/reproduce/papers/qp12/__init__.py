@@ -1,7 +1,9 @@
 """Gonçalves, Adorno, Crosnier, Fraisse, "Stable-by-Design Kinematic Control Based on Optimization".
 
-IEEE Transactions on Robotics 36(3), 2020: Figs. 4 to 8 and Table I. Everything is done twice: in
-case A with Ψ as printed, and in case C without its 1/√n, which is what the figures fit.
+IEEE Transactions on Robotics 36(3), 2020. Its experiment, Figs. 4 to 8 and Table I, is done twice:
+in case A with Ψ as printed, and in case C without its 1/√n, which is what the figures fit. Beside
+it stand Fig. 1, Example 2, and what the paper has no experiment of: persistent motion, an obstacle,
+and a target beyond the support polygon, each with its certificates.
 """
 
 from __future__ import annotations
@@ -13,12 +15,30 @@ from tools.reproduce.rows import Row
 
 
 def remake(say: Callable[[str], None]) -> tuple[list[Figure], list[Row]]:
-    """Do the experiments, then the timing of Table I."""
+    """Do the analysis, the experiments, then the timing of Table I."""
     from tools.bench.solvers import bench_solvers  # noqa: PLC0415 - these load numba and Pinocchio
-    from tools.reproduce.papers.qp12 import checks, drawings, experiments, table  # noqa: PLC0415
+    from tools.reproduce.papers.qp12 import (  # noqa: PLC0415
+        checks,
+        circulation,
+        drawings,
+        example2,
+        experiments,
+        fig1,
+        obstacle,
+        support,
+        table,
+    )
 
+    say("Fig. 1 and Example 2")
+    answers = example2.solve()
+    figures = [fig1.draw(), example2.draw(answers)]
+    rows = [*fig1.rows(), *example2.rows(answers)]
+    rounds, ball, edge = circulation.circulate(say), obstacle.go(say), support.go(say)
+    figures += [circulation.draw(rounds), obstacle.draw(ball), support.draw(edge)]
+    rows += [*circulation.rows(rounds), *obstacle.rows(ball), *support.rows(edge)]
     trials = experiments.run_trials(say)
+    figures += drawings.draw_all(trials)
+    rows += checks.check_all(trials, experiments.plain_pinv())
     say("Table I: timing solvers")
     timed = bench_solvers()
-    figures = [*drawings.draw_all(trials), table.draw(timed)]
-    return figures, [*checks.check_all(trials, experiments.plain_pinv()), *table.rows(timed)]
+    return [*figures, table.draw(timed)], [*rows, *table.rows(timed)]

@@ -102,7 +102,7 @@ def move(controller: str, seconds: float, **parameters: object) -> Motion:
     states = run.states[: len(run.setpoints)]
     u = (run.setpoints["values"] - states["reference"]) / PERIOD_S
     return Motion(
-        run.setpoints["v"].copy(), -run.setpoints["v_rate_required"], u, _com(states["q"])
+        run.setpoints["v"].copy(), -run.setpoints["v_rate_required"], u, com_path(states["q"])
     )
 
 
@@ -130,10 +130,10 @@ def plain_pinv() -> Motion:
     return move("pinv", 0.4, law="plain", gain_per_s=10.0)
 
 
-def _com(positions: Array) -> Array:
-    """m(q) for joint positions, (ticks, n) [rad]; (ticks, 3) [m]."""
+def com_path(positions: Array, seen_from: str = FRAME) -> Array:
+    """Centre of mass, (ticks, 3) [m], for joint positions, (ticks, n) [rad]."""
     kinematics = Kinematics(load(ROBOT))
-    frame = kinematics.frame_id(FRAME)
+    frame = kinematics.frame_id(seen_from)
     found, jacobian = np.zeros((len(positions), 3)), np.zeros((3, kinematics.n))
     for q, out in zip(positions, found, strict=True):
         kinematics.update(q)

@@ -1,0 +1,207 @@
+"""Section III-E: the right forearm of HOAP-3 round a ball, by (25).
+
+The shipped config, and the same without its distance constraint, which goes through the ball.
+Distances are found again here, from the ball's centre to the axis of each capsule that stands for
+a link of the arm.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from remote_controller.constraints.bodies import links
+from remote_controller.kinematics import Kinematics
+from robot_emulator.robots import load
+from tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Figure, Panel
+from tools.reproduce.papers.qp12.certified import (
+    SHOWN_EVERY,
+    CertifiedRun,
+    certified,
+    config,
+    constraint,
+    falls,
+    panels,
+    run,
+    time_curve,
+)
+from tools.reproduce.papers.qp12.experiments import ROBOT
+from tools.reproduce.rows import Row, bounded
+
+CONFIG = "obstacle"
+SECONDS = 8.0
+ARM = ("r_forearm", "r_upper_arm", "r_elbow_link")
+CURVED = 1e-6  # m: what one Euler step of a curved constraint may overstep
+ROUND, THROUGH = "round the ball", "without the constraint"
+
+
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """A motion beside a ball.
+
+    Attributes:
+        done: the run.
+        distance: from the ball to the nearest capsule of the arm, (ticks,) [m].
+        nearest: point of the forearm's axis that is nearest to the ball, seen from its centre, in
+            the axes of the ball's frame, (ticks, 3) [m].
+    """
+
+    done: CertifiedRun
+    distance: Array
+    nearest: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacle:
+    """Both motions.
+
+    Attributes:
+        passages: by `ROUND` and `THROUGH`.
+        radius: of the ball [m].
+        thickness: radius of the forearm's capsule [m].
+        clearance: that the config asks for [m].
+    """
+
+    passages: dict[str, Passage]
+    radius: float
+    thickness: float
+    clearance: float
+
+
+def go(say: Callable[[str], None] = lambda _: None, seconds: float = SECONDS) -> Obstacle:
+    """With the constraint, and without."""
+    content, free = config(CONFIG), config(CONFIG)
+    settings = constraint(content, "distance")
+    (ball,) = settings["obstacles"]
+    free["parameters"]["constraints"] = [
+        each for each in free["parameters"]["constraints"] if each["constraint"] != "distance"
+    ]
+    passages = {}
+    for name, each in ((ROUND, content), (THROUGH, free)):
+        say(f"obstacle, {name}: {seconds:g} s")
+        done = run(each, seconds)
+        around = [_from_ball(ball, link, done.q) for link in ARM]
+        passages[name] = Passage(done, np.min([gap for gap, _ in around], axis=0), around[0][1])
+    thickness = links(load(ROBOT))[ARM[0]].as_capsule().radius
+    return Obstacle(passages, ball["radius_m"], thickness, settings["clearance_m"])
+
+
+def _from_ball(ball: dict[str, object], link: str, positions: Array) -> tuple[Array, Array]:
+    """Distance from a ball to a link's capsule, and the nearest point of its axis.
+
+    Args:
+        ball: as configured.
+        link: its name.
+        positions: of the joints, (ticks, n) [rad].
+
+    Returns:
+        (ticks,) [m]; (ticks, 3) [m], seen from the ball's centre.
+    """
+    kinematics = Kinematics(load(ROBOT))
+    capsule = links(load(ROBOT))[link].as_capsule()
+    frame, seen_from = kinematics.frame_id(link), kinematics.frame_id(str(ball["frame"]))
+    centers, axes = np.zeros((2, len(positions), 3))
+    place, turn, jacobian = np.zeros(3), np.zeros((3, 3)), np.zeros((6, kinematics.n))
+    for q, center, axis in zip(positions, centers, axes, strict=True):
+        kinematics.update(q)
+        kinematics.frame(frame, seen_from, place, turn, jacobian)
+        center[:], axis[:] = place + turn @ capsule.center, turn @ capsule.axes[:, 2]
+    offset = np.array(ball["center_m"]) - centers
+    half = float(capsule.half[2])
+    along = np.clip((offset * axes).sum(axis=1), -half, half)
+    nearest = along[:, None] * axes - offset
+    gap = np.linalg.norm(nearest, axis=1) - capsule.radius - float(str(ball["radius_m"]))
+    return np.asarray(gap, np.float64), nearest
+
+
+def rows(found: Obstacle) -> list[Row]:
+    """What (25) promises, and that without it the ball would be hit."""
+    around, through = found.passages[ROUND], found.passages[THROUGH]
+    done, item = around.done, "(25): obstacle"
+    return [
+        bounded(
+            f"{item}, least distance from ball to arm",
+            "at least 0",
+            float(around.distance.min()),
+            (found.clearance - CURVED, None),
+            "Found again from the ball to the axes of the arm's capsules; the config asks for "
+            f"{1e3 * found.clearance:g} mm",
+            unit="m",
+        ),
+        bounded(
+            f"{item}, least distance without the constraint",
+            None,
+            float(through.distance.min()),
+            (None, 0.0),
+            "The same config without it goes through the ball: it is the constraint that leads "
+            "round",
+            unit="m",
+        ),
+        bounded(
+            f"{item}, |e| at the end / |e| at the start",
+            "0 in time",
+            float(done.error[-1] / done.error[0]),
+            (None, 0.1),
+            "Along the ball V falls on as asked, with ρ = 1",
+        ),
+        falls(item, done),
+        *certified(item, done, -CURVED),
+    ]
+
+
+def draw(found: Obstacle) -> Figure:
+    """The forearm's way, distances, and the certificates of both motions."""
+    made = panels({name: each.done for name, each in found.passages.items()})
+    v = made["v"]
+    end = v.x.limits[1] if v.x.limits else 1.0
+    asked = 1e3 * np.full(2, found.clearance)
+    curves = [
+        time_curve(name, each.done, 1e3 * each.distance, colour=colour)
+        for (name, each), colour in zip(found.passages.items(), COLOURS, strict=False)
+    ]
+    done = found.passages[ROUND].done
+    label = f"smallest margin, {ROUND}"
+    distances = Panel(
+        "distance",
+        "distance from the ball to the arm, smallest margin",
+        v.x,
+        Axis("distance_mm", "distance [mm], margin [mm or mrad]"),
+        (
+            *curves,
+            Curve("clearance", np.array([0.0, end]), asked, INK, dash="--"),
+            time_curve(label, done, 1e3 * done.margin, colour=COLOURS[2]),
+        ),
+    )
+    rows = ((_ways(found), distances, v), (made["v_rate"], made["rho"], made["status"]))
+    title = "Section III-E: the right forearm round a ball"
+    return Figure("obstacle", title, rows, (13.0, 6.5))
+
+
+def _ways(found: Obstacle) -> Panel:
+    """Seen along x, which is nearly along the forearm; how far is true, whatever its tilt."""
+    turn = np.linspace(0.0, 2.0 * math.pi, 181)
+    circle = np.stack([np.cos(turn), np.sin(turn)])
+    reach = 1e3 * (found.radius + found.thickness)
+    ball, touch = 1e3 * found.radius * circle, reach * circle
+    clear = touch + 1e3 * found.clearance * circle
+    curves = [
+        Curve("ball", ball[0], ball[1], INK, "area"),
+        Curve("axis where they touch", touch[0], touch[1], INK, dash=":"),
+        Curve("clearance", clear[0], clear[1], INK, dash="--"),
+    ]
+    for (name, each), colour in zip(found.passages.items(), COLOURS, strict=False):
+        away = 1e3 * np.linalg.norm(each.nearest[::SHOWN_EVERY], axis=1)
+        _, y, z = each.nearest[::SHOWN_EVERY].T
+        y, z = away * y / np.hypot(y, z), away * z / np.hypot(y, z)
+        curves.append(Curve(name, y, z, colour))
+    return Panel(
+        "path",
+        "nearest point of the forearm's axis",
+        Axis("y_mm", "y, left, from the ball [mm]"),
+        Axis("z_mm", "z, up [mm]"),
+        tuple(curves),
+        square=True,
+    )
