@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import bad_tasks
+import pytest
 
 SUITE = Path(__file__).with_name("test_task_properties.py")
 FAULTS = {
@@ -22,6 +23,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.long
 def test_the_suite_finds_each_fault():
     assert all(hasattr(bad_tasks, name) for name in FAULTS)
     done = subprocess.run(
@@ -40,6 +42,7 @@ def test_the_suite_finds_each_fault():
             assert any(fault in test for test, whose in failed if whose == name), (name, failed)
 
 
+@pytest.mark.long
 def test_a_file_says_parameters(tmp_path):
     """And a fault that building shows is one as well."""
     file = tmp_path / "mine.yaml"
