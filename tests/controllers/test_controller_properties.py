@@ -87,8 +87,11 @@ def without_stamps(command) -> bytes:
     return command.dump()
 
 
+LATER = [pytest.param(tick, marks=pytest.mark.long) for tick in (1, LENGTH - 1)]
+
+
 @every_controller
-@pytest.mark.parametrize("tick", [0, 1, 250, LENGTH - 1])
+@pytest.mark.parametrize("tick", [0, 250, *LATER])
 @pytest.mark.parametrize("last", ["none", "the last", "zeros", "far"])
 def test_it_starts_anywhere_without_a_jump(case, tick, last):
     payloads, setpoints = motion(case)
