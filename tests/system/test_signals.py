@@ -84,7 +84,7 @@ def end_anyhow(command: str, number: int, after_s: float, twice: bool, folder: P
 
 @pytest.mark.parametrize(
     ("command", "number", "after_s", "twice"),
-    [moment for moment in moments("run", 1, seed=1)],
+    list(moments("run", 1, seed=1)),
 )
 def test_an_end_at_any_moment_is_orderly(
     tmp_path: Path, command: str, number: int, after_s: float, twice: bool
