@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -17,8 +20,29 @@ settings.register_profile(
 settings.load_profile("ci" if os.environ.get("CI") else "local")
 
 
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile all kernels once, before several workers do it at the same time."""
+    if getattr(session.config.option, "dist", "no") == "no" or hasattr(
+        session.config, "workerinput"
+    ):
+        return
+    house = Path(__file__).parent.parent
+    kernels = sorted(
+        ".".join(path.relative_to(house).with_suffix("").parts)
+        for room in ("remote_controller", "robot_emulator")
+        for path in (house / room).rglob("*_kernels.py")
+    )
+    halves = [f"import {', '.join(kernels[start::2])}" for start in range(2)]
+    compilers = [subprocess.Popen([sys.executable, "-c", half], cwd=house) for half in halves]
+    if sum(compiler.wait() for compiler in compilers):  # both, whatever the first one says
+        pytest.exit("kernels do not compile", 1)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let one worker run all that starts services, so that no two robots share the machine."""
+    """Share tests out file by file, and let one worker run all that starts services.
+
+    So no two robots share the machine, and what a file prepares is prepared once.
+    """
     for item in items:
-        if item.path.parent.name in {"system", "docs"}:
-            item.add_marker(pytest.mark.xdist_group("services"))
+        together = item.path.parent.name in {"system", "docs"}
+        item.add_marker(pytest.mark.xdist_group("services" if together else str(item.path)))

@@ -123,7 +123,9 @@ PAIRS = [
 
 @pytest.mark.parametrize(("case", "successor"), PAIRS)
 @pytest.mark.parametrize("warm", [False, True], ids=["cold", "shadowing"])
-@pytest.mark.parametrize("tick", [50, 400, 1000])
+@pytest.mark.parametrize(
+    "tick", [400, *(pytest.param(tick, marks=pytest.mark.long) for tick in (50, 1000))]
+)
 def test_another_takes_over_without_a_jump(case, successor, warm, tick):
     payloads, setpoints = motion(case)
     controller = make(successor)

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from command_bench import (
     PATIENCE_S,
+    PATIENT,
     QUIET,
     STOPS,
     Command,
@@ -105,7 +106,8 @@ def test_an_end_at_any_of_many_moments_is_orderly(
 
 def test_an_end_in_full_motion_is_orderly(tmp_path: Path) -> None:
     folder = tmp_path / "log"
-    with Command("run", "--duration", PATIENCE_S, "--json", "--out", folder) as run:
+    patient = (word.replace("misses", "emulator.misses") for word in PATIENT)
+    with Command("run", "--duration", PATIENCE_S, "--json", "--out", folder, *patient) as run:
         run.hear(r"controller: tick \d+: reset", 2)  # the second one is the first that counts
         code = run.end(signal.SIGINT)
         check(run, code, signal.SIGINT, folder, {0, 1})
