@@ -65,6 +65,7 @@ ATTEMPTS = (
     *((1e-2, 1e-8), (1e-1, 1e-8)),  # where a row is nearly parallel to ∇V
 )
 """How far to stay inside the feasible rates, relative, and daqp's tolerance, in units of W u."""
+LEAST_RHO = 1e-6  # of a damped ρ, where it would be negative
 DAMPED_TOLERANCES = (1e-13, 1e-11, 1e-8)  # of daqp; the tighter, the better the proof
 
 
@@ -351,7 +352,12 @@ class StableQp:
             program.run_damped(gamma, wanted, worth, tolerance) for tolerance in DAMPED_TOLERANCES
         ):
             return False
-        fall = -float(self._steepest.rows[self.m] @ program.y)
+        slope = self._steepest.rows[self.m]
+        fall = -float(slope @ program.y)
+        if fall < drift:  # V would rise: not if that can be helped, whatever it costs
+            if not program.run(gamma, drift + LEAST_RHO * (wanted - drift), ATTEMPTS[0][1]):
+                return False
+            fall = -float(slope @ program.y)
         self._reached = fall >= wanted - ROUNDING * (1.0 + wanted)
         if not self._reached:
             self.status = self._verdict(fall, wanted, drift, 1.0, forced <= 0.0)

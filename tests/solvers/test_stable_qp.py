@@ -7,16 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from stable_problems import M, N, generic, most_descent
 
-from protocol.errors import BadProblemError, InfeasibleError, UnknownNameError
+from protocol.errors import BadProblemError, UnknownNameError
 from remote_controller.solvers import qp_backends, status
-from remote_controller.solvers.bounded_qp12 import qp12_bounded
-from remote_controller.solvers.lyapunov import feasible_rate, lyapunov_qp
 from remote_controller.solvers.stable_qp import CLAMPED, FREE, PATHS, QP, STILL, StableQp
 
 Array = NDArray[np.float64]
@@ -356,88 +351,3 @@ class TestBackends:
         monkeypatch.setattr(qp_backends, "find_spec", lambda name: None if name == "piqp" else 1)
         with pytest.raises(UnknownNameError, match="pip install piqp"):
             StableQp(2, solver="piqp")
-
-
-class TestFunctions:
-    """The convenient face."""
-
-    def test_feasible_rate_agrees_with_highs(self) -> None:
-        for each in generic(seed=9, count=40):
-            most = most_descent(each)
-            rest = (each.A, each.b, each.lower, each.upper)
-            rho = feasible_rate(each.gradient, 2 * most, *rest)
-            assert rho == pytest.approx(0.5, rel=1e-9)
-            assert feasible_rate(each.gradient, most / 2, *rest) == 1.0
-
-    def test_feasible_rate_at_its_ends(self) -> None:
-        assert feasible_rate([1.0, 2.0], 5.0) == 1.0  # unbounded but for ρ ≤ 1
-        assert feasible_rate([1.0, 2.0], 0.0, lower=[0, 0], upper=[0, 0]) == 1.0
-        assert feasible_rate([1.0, 2.0], 1.0, lower=[0, 0], upper=[0, 0]) == 0.0
-        assert feasible_rate([0.0, 0.0], 0.0) == 1.0
-        assert feasible_rate([1.0], 1.0, lower=[-1], upper=[1], drift=3.0) == pytest.approx(-2.0)
-        assert feasible_rate([1.0], 0.0, lower=[-1], upper=[1], drift=3.0) == -1e9
-        with pytest.raises(InfeasibleError, match="contradict"):
-            feasible_rate([1.0], 1.0, A=[[1.0], [-1.0]], b=[-1.0, 0.0])
-        with pytest.raises(InfeasibleError, match="drift"):
-            feasible_rate([0.0], 0.0, drift=1.0)
-        with pytest.raises(BadProblemError):
-            feasible_rate([1.0], -1.0)
-
-    def test_lyapunov_qp(self) -> None:
-        for each in generic(seed=10, count=20):
-            rest = (each.A, each.b, each.lower, each.upper)
-            u = lyapunov_qp(each.gradient, each.psi, 0.5, *rest)
-            assert each.gradient @ u == pytest.approx(-each.psi, rel=1e-8)
-            free = lyapunov_qp(each.gradient, each.psi, 0.5, lower=each.lower, upper=each.upper)
-            bounded = qp12_bounded(each.gradient, each.psi, 0.5, each.lower, each.upper)
-            np.testing.assert_allclose(free, bounded, atol=1e-14)
-            with pytest.raises(InfeasibleError):
-                lyapunov_qp(each.gradient, most_descent(each) * 1.01, 0.5, *rest)
-
-    def test_refusals(self) -> None:
-        with pytest.raises(InfeasibleError):
-            lyapunov_qp([0.0, 0.0], 1.0, 0.5)
-        with pytest.raises(BadProblemError):
-            lyapunov_qp([1.0, 0.0], 1.0, 0.5, A=[[1.0]], b=[1.0])
-        with pytest.raises(BadProblemError):
-            lyapunov_qp([1.0, math.nan], 1.0, 0.5)
-
-
-limits = st.one_of(st.floats(1e-6, 2), st.just(0.0))
-values = st.floats(-3, 3).map(lambda x: 0.0 if abs(x) < 1e-3 else x)
-
-
-@settings(max_examples=100)
-@given(
-    st.data(),
-    st.integers(1, 5),
-    st.integers(0, 4),
-    st.floats(0, 5),
-    st.floats(-3, 3),
-    st.sampled_from(["qp12", 1, 2, math.inf]),
-)
-def test_promises(
-    data: st.DataObject, n: int, m: int, psi: float, drift: float, objective: str | float
-) -> None:
-    """Whatever is asked: finite answers within the bounds, a true certificate, a named status."""
-    gradient = data.draw(arrays(np.float64, n, elements=values))
-    A = data.draw(arrays(np.float64, (m, n), elements=values))
-    b = data.draw(arrays(np.float64, m, elements=st.floats(-0.5, 2)))
-    upper = data.draw(arrays(np.float64, n, elements=limits))
-    lower = -data.draw(arrays(np.float64, n, elements=limits))
-    s = StableQp(n, m, objective=objective)
-    found = s.solve(gradient, psi, drift, A, b, lower, upper)
-    assert found in range(len(status.NAMES))
-    assert np.all((lower <= s.u) & (s.u <= upper))
-    assert s.rate == pytest.approx(gradient @ s.u + drift, abs=1e-12)
-    slack = np.concatenate([b - A @ s.u, upper - s.u, s.u - lower])
-    assert s.margin == pytest.approx(slack.min(), abs=1e-12)
-    assert not math.isnan(s.rho)
-    assert not math.isnan(s.kkt_residual)
-    if found in (status.OK, status.BEHIND, status.AHEAD, status.STATIONARY):
-        assert s.margin >= -1e-7
-        assert s.rate <= 1e-6 or found == status.BEHIND
-        if psi > 1e-3:
-            assert s.rate == pytest.approx(-s.rho * psi, abs=1e-9)
-    else:
-        assert found in (status.FLAT, status.CONTRADICTORY)
