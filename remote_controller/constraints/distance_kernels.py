@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from protocol.compilation import inlined, kernel
 from protocol.messages import FloatArray
 
+ROOM_HALVINGS = 60  # of the search for the margin up to which there is room
 WITNESSES = 3  # rows that a pair can have
 HALVINGS = 32  # of [0, 1], towards the nearest point
 ROUGH_HALVINGS = 20  # towards an end: its row is exact wherever it lies
@@ -200,17 +201,30 @@ def _bound(margin: float, eta: float, reserve: float, return_speed: float) -> fl
 
 
 @inlined
+def _count_below(margins: FloatArray, limit: float) -> int:
+    count = 0
+    for margin in margins:
+        count += margin < limit
+    return count
+
+
+@inlined
 def _reach(margins: FloatArray, activation: float, room: int) -> tuple[float, int]:
     """The margin below which pairs get rows, and how many find no room: the furthest do not."""
-    limit, near, kept = activation, 0, 0
+    near = _count_below(margins, activation)
+    if near <= room:
+        return activation, 0
+    least = activation
     for margin in margins:
-        near += margin < activation
-    kept = near
-    while kept > room:
-        limit, kept = limit - 0.25 * abs(limit) - 1e-3, 0
-        for margin in margins:
-            kept += margin < limit
-    return limit, near - kept
+        least = min(least, margin)
+    limit, beyond = least, activation
+    for _ in range(ROOM_HALVINGS):
+        middle = 0.5 * (limit + beyond)
+        if _count_below(margins, middle) > room:
+            beyond = middle
+        else:
+            limit = middle
+    return limit, near - _count_below(margins, limit)
 
 
 @kernel(

@@ -245,6 +245,18 @@ def test_with_too_few_rows_the_nearest_pairs_have_them():
     assert rows.min() == pytest.approx(10.0 * (closest - 1e-5))
 
 
+@pytest.mark.parametrize("clearance", [2.0, 1e6])
+def test_with_more_pairs_deep_inside_than_rows_the_deepest_has_them(clearance):
+    pairs = [["head", "r_foot"], ["head", "l_foot"], ["r_forearm", "l_foot"], ["pelvis", "r_foot"]]
+    bench = Bench(hoap3(), distance(pairs=pairs, clearance_m=clearance, rows=3))
+    assert (bench.only.margins < -1.0).all()
+    assert bench.only.events["rows_short"] == 3
+    rows = bench.stack.b[np.isfinite(bench.stack.b)]
+    assert 1 <= len(rows) <= 3
+    assert np.isfinite(bench.stack.A).all()
+    assert not np.isnan(bench.stack.b).any()
+
+
 def test_the_links_that_the_initial_posture_has_together_are_no_automatic_pair():
     assert Bench(hoap3(), distance()).stack.margin() > 0.0
     names = Bench(hoap3(), distance(clearance_m=0.0)).only.margin_names
