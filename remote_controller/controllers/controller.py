@@ -39,7 +39,7 @@ class Controller(ABC):
     Attributes:
         command: the answer; its certificate says what was proved of it.
         now: clock of the loop [ns]; for stamps only, never for control.
-        conditions: names of what may hold in a cycle and people should know, at most 63.
+        conditions: names of what may hold in a cycle and people should know.
         present: which of them hold in this cycle: bit i for `conditions[i]`. Where one begins or
             ends, the log says so.
     """

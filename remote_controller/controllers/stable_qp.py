@@ -30,7 +30,10 @@ CURVATURE = 1e-6  # of a margin: what one Euler step of a curved constraint may 
 
 
 class StableQpController(VelocityController):
-    """min Φ(u) such that V̇ = −ρΨ within the constraints, ρ ≤ 1 as large as they allow.
+    """min Φ(u) such that V̇ = −ρΨ within the constraints; ρ ≤ 1 is what they leave of Ψ.
+
+    With `rho: largest` ρ is (6); `damped`, the default, asks for no more of it than is worth its
+    speed (`solvers.stable_qp`), so that the robot comes to rest where V can fall no further.
 
     On a curve (`joint_curve`, `task_curve`) the motion along it is one more equation, (23).
 
@@ -48,7 +51,11 @@ class StableQpController(VelocityController):
         "remote_controller.solvers.stable_kernels",
         "remote_controller.solvers.proof_kernels",
         "remote_controller.solvers.descent_rate_kernels",
+        "remote_controller.solvers.lp_norm_kernels",
+        "remote_controller.constraints.distance_kernels",
         "remote_controller.tasks.lyapunov_kernels",
+        "remote_controller.tasks.pose_kernels",
+        "remote_controller.tasks.curve_kernels",
     )
 
     def __init__(
@@ -85,6 +92,7 @@ class StableQpController(VelocityController):
         self._from_reference = parameters.kinematics_from == "reference"
         self._watch = Watch(self.stack)
         self.conditions = self._watch.names
+        self._begun = False
 
     @classmethod
     def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Self:
@@ -99,12 +107,16 @@ class StableQpController(VelocityController):
         check_objective(parameters, file)
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
-        """Begin with the task where the robot is, and with ρ = 1."""
+        """Begin anew at the next State that is finite."""
         super().reset(state, last_command)
-        self.kinematics.update(state.reference if self._from_reference else state.q)
+        self._begun = False
+
+    def _begin(self, state: State) -> None:
+        """Have the task start where the robot is, and ρ at 1; `kinematics` is up to date."""
         self.function.reset(self.kinematics, state.tick * self._dt)
         self.stack.reset()
         self._solver.forget()
+        self._begun = True
 
     def velocity(self, state: State) -> FloatArray:
         """Joint velocities, and their certificate."""
@@ -112,6 +124,8 @@ class StableQpController(VelocityController):
         if not np.isfinite(state.q @ state.reference):
             return self._refuse()
         self.kinematics.update(state.reference if self._from_reference else state.q)
+        if not self._begun:
+            self._begin(state)
         function.update(self.kinematics, state.tick * self._dt)
         stack.update(self.kinematics, state)
         command.stamp_kinematics = self.now()
