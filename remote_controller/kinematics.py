@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,6 +57,14 @@ class Kinematics:
         self._com_jacobian = self._data.Jcom.reshape(3, self.n)
         self._joint_jacobian = self._data.J.reshape(6, self.n)
         self._frames: dict[int, _Frame] = {}
+        self._place_all = pinocchio.updateFramePlacements
+        placements = self._data.oMf
+        self._all_frames = (
+            stacked([placement.translation for placement in placements]),
+            stacked([placement.rotation for placement in placements]),
+            self._joint_jacobian,
+            self._order,
+        )
 
     def frame_id(self, frame: str) -> int:
         """Number of a frame.
@@ -137,6 +146,22 @@ class Kinematics:
             jacobian_out,
         )
 
+    def frames(self) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.int64]]:
+        """All frames at once, for kernels: views that the next `update` makes stale.
+
+        Returns:
+            Origins (F, 3) [m] and rotations (F, 3, 3) by `frame_id`; the twist that each joint
+            gives what it carries, (6, n): velocity of the point at the root's origin over angular
+            velocity, all in the root's axes and Pinocchio's order; and the column of each joint
+            of the wire in it, (n,).
+        """
+        self._place_all(self._model, self._data)
+        return self._all_frames
+
+    def moved_by(self, frame: int) -> NDArray[np.bool_]:
+        """Whether each joint moves a frame, (n,)."""
+        return self._frames[frame].moved_by[self._order]
+
     def _view(self, number: int) -> _Frame:
         model, placement = self._model, self._data.oMf[number]
         moved_by = np.zeros(self.n, np.bool_)
@@ -144,3 +169,20 @@ class Kinematics:
             if joint > 0:  # 0 is the world
                 moved_by[model.joints[joint].idx_v] = True
         return _Frame(placement.translation, placement.rotation, moved_by)
+
+
+def stacked(arrays: Sequence[FloatArray]) -> FloatArray:
+    """One view of arrays of the same layout that lie in memory at equal distances.
+
+    Raises:
+        ValueError: they do not.
+    """
+    first = arrays[0]
+    addresses = np.array([array.ctypes.data for array in arrays])
+    steps = np.diff(addresses)
+    apart = int(steps[0]) if len(steps) else 0
+    if np.any(steps != apart) or any(array.strides != first.strides for array in arrays):
+        raise ValueError("the arrays do not lie at equal distances")
+    return np.lib.stride_tricks.as_strided(
+        first, (len(arrays), *first.shape), (apart, *first.strides)
+    )

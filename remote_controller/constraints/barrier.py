@@ -10,8 +10,6 @@ from protocol.messages import FloatArray
 from remote_controller.constraints.constraint import Constraint, check_rate
 from remote_controller.kinematics import Kinematics
 
-STILL = 1e-12  # of a gradient's largest element [m/rad]: no joint moves it
-
 
 class Barrier(Constraint):
     """Rows that keep margins m(q) = −h(q) ≥ 0 [m]: −∇m·u ≤ b, where for m ≥ 0 b = η·m.
@@ -44,7 +42,12 @@ class Barrier(Constraint):
         kinematics: Kinematics,
         period_s: float,
     ) -> None:
+        from remote_controller.constraints.limit_kernels import (  # noqa: PLC0415 - compiles
+            limit_rows,
+        )
+
         super().__init__(parameters, description, kinematics, period_s)
+        self._limit_rows = limit_rows
         check_rate(parameters.eta_per_s, period_s)
         self._eta, self._reserve = parameters.eta_per_s, parameters.reserve_m
         self._return_speed = parameters.return_speed_m_s
@@ -57,15 +60,8 @@ class Barrier(Constraint):
 
     def limit(self, A_out: FloatArray, b_out: FloatArray) -> None:
         """Finish rows whose A_out holds −∇m already, from `self.margins`."""
-        np.subtract(self.margins, self._reserve, out=b_out)
-        np.maximum(b_out, 0.0, out=b_out)
-        if self.margin() < 0.0:
-            np.minimum(b_out, self.margins, out=b_out)
-        b_out *= self._eta
-        np.maximum(b_out, -self._return_speed, out=b_out)
-        if self.margin() < 0.0:
-            for row in np.flatnonzero(b_out < 0.0):
-                if np.abs(A_out[row]).max() < STILL:
-                    A_out[row], b_out[row] = 0.0, np.inf
-                    self.events["immovable"] += 1
-        self.watch()
+        least, immovable = self._limit_rows(
+            self.margins, self._eta, self._reserve, self._return_speed, A_out, b_out
+        )
+        self.events["immovable"] += immovable
+        self.watch(least)

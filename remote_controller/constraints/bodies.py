@@ -42,6 +42,11 @@ class Body:
     radius: float
 
     @property
+    def key(self) -> tuple[str, bytes]:
+        """What tells it from the others of a robot: a link may serve as itself and as a capsule."""
+        return self.name, self.half.tobytes()
+
+    @property
     def slenderness(self) -> float:
         """Longest extent relative to the next one; 1 for a sphere."""
         extents = np.sort(self.half + self.radius)

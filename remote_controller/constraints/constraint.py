@@ -67,6 +67,7 @@ class Constraint:
         self.margin_names: tuple[str, ...] = ()
         self.events = {"outside": 0, "started_outside": 0}
         self._started = False
+        self._seen_margin: float | None = None  # margin, where `watch` was told
 
     def reset(self) -> None:
         """Forget what was kept from earlier states; events stay counted."""
@@ -96,7 +97,9 @@ class Constraint:
 
     def margin(self) -> float:
         """Smallest true margin of the last update; inf where there is none."""
-        return float(self.margins.min()) if self.margins.size else np.inf
+        if self._seen_margin is not None:
+            return self._seen_margin
+        return float(np.minimum.reduce(self.margins, initial=np.inf))
 
     def drift(self) -> float:
         """Largest error of the last update that equations shall keep at 0; 0 where none is."""
@@ -106,8 +109,13 @@ class Constraint:
         """What has the smallest margin; "" where there is none."""
         return self.margin_names[int(self.margins.argmin())] if self.margins.size else ""
 
-    def watch(self) -> None:
-        """Count where the margins of this update lie outside; `update` or `bounds` calls it."""
+    def watch(self, least: float | None = None) -> None:
+        """Count where the margins of this update lie outside; `update` or `bounds` calls it.
+
+        Args:
+            least: the smallest margin, where it is known already.
+        """
+        self._seen_margin = least
         if self.margin() < OUTSIDE:
             self.events["outside"] += 1
             self.events["started_outside"] += not self._started

@@ -28,7 +28,8 @@ class Distance(Constraint):
     one kernel does all pairs at once.
 
     Only pairs whose margin is below the activation distance have rows, so it must be so large
-    that none comes from there to 0 faster than at rate η. Reserve and return are those of
+    that none comes from there to 0 faster than at rate η. Margins above it, the smallest one
+    excepted, may be lower bounds. Reserve and return are those of
     `barrier`. Events: `rows_short` (pairs that were near but found no row: the nearest ones have
     them), `crossing` (pairs whose cores cross, where the way out leads through the nearest face),
     `immovable` (rows that no joint can help).
@@ -99,24 +100,24 @@ class Distance(Constraint):
         self, kinematics: Kinematics, state: State, A_out: FloatArray, b_out: FloatArray
     ) -> None:
         """Write rows for the pairs that are near."""
-        _, short, crossing, immovable = self._measure(kinematics, A_out, b_out)
+        least, short, crossing, immovable = self._measure(kinematics, A_out, b_out)
         self.events["rows_short"] += short
         self.events["crossing"] += crossing
         self.events["immovable"] += immovable
-        self.watch()
+        self.watch(least)
 
     def _measure(
         self, kinematics: Kinematics, A_out: FloatArray, b_out: FloatArray
-    ) -> tuple[int, int, int, int]:
-        placed = zip(self._frames, self._origins, self._rotations, self._jacobians, strict=True)
-        for frame, origin, rotation, jacobian in placed:
-            kinematics.frame(frame, self._seen_from, origin, rotation, jacobian)
+    ) -> tuple[float, int, int, int]:
+        origins, rotations, twists, order = kinematics.frames()
         return self._write_rows(
-            self._origins,
-            self._rotations,
-            self._jacobians,
+            origins,
+            rotations,
+            twists,
+            order,
             *self._bodies,
             self._pairs,
+            self._carried,
             self._settings,
             self.margins,
             A_out,
@@ -173,21 +174,25 @@ class Distance(Constraint):
         """Lay out the arrays that the kernel reads."""
         for obstacle in self._obstacles.values():
             kinematics.frame_id(obstacle.frame)
-        bodies = [body for pair in pairs for body in pair]
-        frames = list(dict.fromkeys(body.frame for body in bodies))
-        self._frames = [kinematics.frame_id(frame) for frame in frames]
-        self._seen_from = kinematics.frame_id(self.description.base_frame)
-        self._origins = np.zeros((len(frames), 3))
-        self._rotations = np.zeros((len(frames), 3, 3))
-        self._jacobians = np.zeros((len(frames), 6, self.n))
+        bodies = list({body.key: body for pair in pairs for body in pair}.values())
+        place = {body.key: number for number, body in enumerate(bodies)}
         self._bodies = (
-            np.array([frames.index(body.frame) for body in bodies], np.int64),
+            np.array([kinematics.frame_id(body.frame) for body in bodies], np.int64),
             np.array([body.center for body in bodies]).reshape(-1, 3),
             np.array([body.axes for body in bodies]).reshape(-1, 3, 3),
             np.array([body.half for body in bodies]).reshape(-1, 3),
             np.array([body.radius for body in bodies], np.float64),
         )
-        self._pairs = np.arange(2 * len(pairs), dtype=np.int64).reshape(-1, 2)
+        self._pairs = np.array(
+            [(place[first.key], place[second.key]) for first, second in pairs], np.int64
+        ).reshape(-1, 2)
+        self._carried = np.zeros((len(pairs), self.n))
+        moved_by = {
+            body.frame: kinematics.moved_by(kinematics.frame_id(body.frame)) for body in bodies
+        }
+        for carried, (first, second) in zip(self._carried, pairs, strict=True):
+            carried[moved_by[first.frame] & ~moved_by[second.frame]] = 1.0
+            carried[moved_by[second.frame] & ~moved_by[first.frame]] = -1.0
         self.margins = np.full(len(pairs), np.inf)
         self.margin_names = tuple(f"{first.name} to {second.name}" for first, second in pairs)
 

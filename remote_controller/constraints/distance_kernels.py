@@ -17,177 +17,95 @@ from numpy.typing import NDArray
 
 from protocol.compilation import inlined, kernel
 from protocol.messages import FloatArray
+from remote_controller.constraints.segment_box_kernels import edge, nearest, squared, witness
 
 ROOM_HALVINGS = 60  # of the search for the margin up to which there is room
 WITNESSES = 3  # rows that a pair can have
-HALVINGS = 32  # of [0, 1], towards the nearest point
-ROUGH_HALVINGS = 20  # towards an end: its row is exact wherever it lies
 SAME = 1e-9  # of s: the same point of the segment
+UNKNOWN = -1.0  # s of a pair that was not looked at: its bounding balls are far apart
 IMMOVABLE = 1e-12  # m/rad: no joint changes the distance
 
 
 @inlined
-def _outside(x: float, half: float) -> float:
-    """Signed excess of a coordinate over [−half, half]."""
-    return x - half if x > half else (x + half if x < -half else 0.0)
-
-
-@inlined
-def _gap(a0: FloatArray, d: FloatArray, half: FloatArray, s: float) -> float:
-    """f(s): distance from a(s) to a box, all in the box's axes."""
-    x = _outside(a0[0] + s * d[0], half[0])
-    y = _outside(a0[1] + s * d[1], half[1])
-    z = _outside(a0[2] + s * d[2], half[2])
-    return math.sqrt(x * x + y * y + z * z)
-
-
-@inlined
-def _slope(a0: FloatArray, d: FloatArray, half: FloatArray, s: float) -> float:
-    """d(f²/2)/ds, which never decreases with s."""
-    slope = 0.0
-    for i in range(3):
-        slope += _outside(a0[i] + s * d[i], half[i]) * d[i]
-    return slope
-
-
-@inlined
-def _nearest(a0: FloatArray, d: FloatArray, half: FloatArray) -> float:
-    """The first s in [0, 1] at which f is least."""
-    if _slope(a0, d, half, 0.0) >= 0.0:
-        return 0.0
-    if _slope(a0, d, half, 1.0) < 0.0:
-        return 1.0
-    below, above = 0.0, 1.0
-    for _ in range(HALVINGS):
-        middle = (below + above) / 2
-        if _slope(a0, d, half, middle) < 0.0:
-            below = middle
-        else:
-            above = middle
-    return above
-
-
-@inlined
-def _edge(
-    a0: FloatArray, d: FloatArray, half: FloatArray, inner: float, end: float, level: float
-) -> float:
-    """The s between `inner`, where f ≤ level, and `end` at which f reaches the level."""
-    if _gap(a0, d, half, end) <= level:
-        return end
-    inside, outside = inner, end
-    for _ in range(ROUGH_HALVINGS):
-        middle = (inside + outside) / 2
-        if _gap(a0, d, half, middle) <= level:
-            inside = middle
-        else:
-            outside = middle
-    return inside
-
-
-@inlined
-def _witness(
-    a0: FloatArray, d: FloatArray, half: FloatArray, s: float, normal: FloatArray
-) -> tuple[float, bool]:
-    """Signed distance from a(s) to the box, and its gradient in the box's axes.
-
-    Inside the box it is minus the way to the nearest face.
-
-    Returns:
-        The distance [m], and whether a(s) is inside.
-    """
-    for i in range(3):
-        normal[i] = _outside(a0[i] + s * d[i], half[i])
-    distance = math.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
-    if distance > 1e-12:
-        for i in range(3):
-            normal[i] /= distance
-        return distance, False
-    face, depth = 0, math.inf
-    for i in range(3):
-        normal[i] = 0.0
-        if half[i] - abs(a0[i] + s * d[i]) < depth:
-            face, depth = i, half[i] - abs(a0[i] + s * d[i])
-    normal[face] = 1.0 if a0[face] + s * d[face] >= 0.0 else -1.0
-    return -max(depth, 0.0), True
-
-
-@inlined
-def _relative(
-    origin: FloatArray,
-    rotation: FloatArray,
-    capsule: tuple[FloatArray, FloatArray, FloatArray],
-    box_origin: FloatArray,
-    turn: FloatArray,
-    a0_out: FloatArray,
-    d_out: FloatArray,
-) -> None:
-    """Write a0 and d of a capsule in a box's axes.
-
-    Args:
-        origin, rotation: (3,) [m], (3, 3) of the capsule's frame.
-        capsule: its center, axes and half extents in that frame.
-        box_origin, turn: (3,) [m], (3, 3) of the box's own axes.
-        a0_out, d_out: (3,) [m].
-    """
-    center, axes, half = capsule
-    a0_out[:], d_out[:] = 0.0, 0.0
-    for i in range(3):
-        middle, along = origin[i] - box_origin[i], 0.0
-        for j in range(3):
-            middle += rotation[i, j] * center[j]
-            along += rotation[i, j] * axes[j, 2]
-        for k in range(3):
-            a0_out[k] += turn[i, k] * (middle - half[2] * along)
-            d_out[k] += turn[i, k] * 2.0 * half[2] * along
-
-
-@inlined
-def _pose(
+def _place(
     origin: FloatArray,
     rotation: FloatArray,
     center: FloatArray,
     axes: FloatArray,
-    origin_out: FloatArray,
+    center_out: FloatArray,
     turn_out: FloatArray,
 ) -> None:
-    """Write the origin and the axes of a body that is fixed to a frame, as seen by all."""
+    """Write where a body that is fixed to a frame is in the root's axes."""
     for i in range(3):
-        origin_out[i] = origin[i]
+        center_out[i] = origin[i]
         for j in range(3):
-            origin_out[i] += rotation[i, j] * center[j]
+            center_out[i] += rotation[i, j] * center[j]
             turn_out[i, j] = 0.0
             for k in range(3):
                 turn_out[i, j] += rotation[i, k] * axes[k, j]
 
 
 @inlined
+def _apart(first: FloatArray, second: FloatArray) -> float:
+    """Distance of two points [m]."""
+    x, y, z = first[0] - second[0], first[1] - second[1], first[2] - second[2]
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@inlined
+def _into_box(
+    center: FloatArray,
+    turn: FloatArray,
+    length: float,
+    box_center: FloatArray,
+    box_turn: FloatArray,
+    a0_out: FloatArray,
+    d_out: FloatArray,
+) -> None:
+    """Write a0 and d of a segment along its own z in a box's axes [m]."""
+    for k in range(3):
+        middle, along = 0.0, 0.0
+        for i in range(3):
+            middle += box_turn[i, k] * (center[i] - box_center[i])
+            along += box_turn[i, k] * turn[i, 2]
+        a0_out[k] = middle - 0.5 * length * along
+        d_out[k] = length * along
+
+
+@inlined
 def _approach(
     point: FloatArray,
     normal: FloatArray,
-    first: tuple[FloatArray, FloatArray],
-    second: tuple[FloatArray, FloatArray],
+    twists: FloatArray,
+    carried: FloatArray,
     row_out: FloatArray,
 ) -> float:
     """Write −n·(v_first − v_second) at a point, by joint; return the largest |element|.
 
+    A joint gives what it carries v + ω × p at p, and n·(ω × p) = ω·(p × n).
+
     Args:
-        point: (3,) [m].
-        normal: (3,) unit, from the second body to the first.
-        first, second: origin (3,) [m] and Jacobian (6, n) of their frames.
+        point: (3,) p [m].
+        normal: (3,) n, unit, from the second body to the first.
+        twists: (n, 6) v and ω of each joint.
+        carried: (n,) 1 where a joint carries the first body alone, −1 the second alone, else 0.
         row_out: (n,) [m/rad].
     """
+    nx, ny, nz = normal[0], normal[1], normal[2]
+    mx, my, mz = (
+        point[1] * nz - point[2] * ny,
+        point[2] * nx - point[0] * nz,
+        point[0] * ny - point[1] * nx,
+    )
     top = 0.0
-    origin_a, jacobian_a = first
-    origin_b, jacobian_b = second
-    for joint in range(row_out.size):
-        rate = 0.0
-        for i in range(3):
-            j, k = (i + 1) % 3, (i + 2) % 3
-            arm_a = (point[j] - origin_a[j]) * normal[k] - (point[k] - origin_a[k]) * normal[j]
-            arm_b = (point[j] - origin_b[j]) * normal[k] - (point[k] - origin_b[k]) * normal[j]
-            rate += normal[i] * (jacobian_a[i, joint] - jacobian_b[i, joint])
-            rate += arm_a * jacobian_a[3 + i, joint] - arm_b * jacobian_b[3 + i, joint]
-        row_out[joint] = -rate
+    for joint in range(carried.size):
+        if carried[joint] == 0.0:
+            row_out[joint] = 0.0
+            continue
+        twist = twists[joint]
+        rate = nx * twist[0] + ny * twist[1] + nz * twist[2]
+        rate += mx * twist[3] + my * twist[4] + mz * twist[5]
+        row_out[joint] = -carried[joint] * rate
         top = max(top, abs(rate))
     return top
 
@@ -227,79 +145,157 @@ def _reach(margins: FloatArray, activation: float, room: int) -> tuple[float, in
     return limit, near - _count_below(margins, limit)
 
 
+@inlined
+def _lay_out(
+    frames: tuple[FloatArray, FloatArray],
+    frame_of: NDArray[np.int64],
+    bodies: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    middles_out: FloatArray,
+    turns_out: FloatArray,
+    balls_out: FloatArray,
+) -> None:
+    """Write where all bodies are, and the radii of the balls around them."""
+    origins, rotations = frames
+    centers, axes, halves, radii = bodies
+    for body in range(frame_of.size):
+        x, y, z = halves[body, 0], halves[body, 1], halves[body, 2]
+        balls_out[body] = radii[body] + math.sqrt(x * x + y * y + z * z)
+        frame = frame_of[body]
+        _place(
+            origins[frame],
+            rotations[frame],
+            centers[body],
+            axes[body],
+            middles_out[body],
+            turns_out[body],
+        )
+
+
+@inlined
+def _measure(
+    placed: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
+    pairs: NDArray[np.int64],
+    clearance: float,
+    activation: float,
+    segments_out: tuple[FloatArray, FloatArray, FloatArray],
+    margins_out: FloatArray,
+) -> tuple[float, int]:
+    """Write margins, and the segments of pairs that may be near; the least margin, and crossings.
+
+    Args:
+        placed: middles, turns, balls, halves and radii of the bodies.
+        pairs, clearance, activation, margins_out: as of `distance_rows`.
+        segments_out: a0 (P, 3) and d (P, 3) in the box's axes, and the s that is nearest (P,).
+    """
+    middles, turns, balls, halves, radii = placed
+    a0, d, nearest_s = segments_out
+    normal, least, crossing = np.empty(3), math.inf, 0
+    for p in range(pairs.shape[0]):
+        a, b = pairs[p, 0], pairs[p, 1]
+        nearest_s[p] = UNKNOWN
+        margins_out[p] = _apart(middles[a], middles[b]) - balls[a] - balls[b] - clearance
+    for beyond in (False, True):  # the smallest margin may be beyond the activation
+        for p in range(pairs.shape[0]):
+            if nearest_s[p] != UNKNOWN or margins_out[p] >= (least if beyond else activation):
+                continue
+            a, b = pairs[p, 0], pairs[p, 1]
+            length = 2.0 * halves[a, 2]
+            _into_box(middles[a], turns[a], length, middles[b], turns[b], a0[p], d[p])
+            nearest_s[p] = nearest(a0[p], d[p], halves[b])
+            distance, inside = witness(a0[p], d[p], halves[b], nearest_s[p], normal)
+            crossing += inside
+            margins_out[p] = distance - radii[a] - radii[b] - clearance
+            least = min(least, margins_out[p])
+    return least, crossing
+
+
+@inlined
+def _at(
+    middle: FloatArray,
+    turn: FloatArray,
+    a0: FloatArray,
+    d: FloatArray,
+    s: float,
+    normal: FloatArray,
+    point_out: FloatArray,
+    normal_out: FloatArray,
+) -> None:
+    """Write a(s) and a normal, given in a box's axes, in the root's."""
+    for i in range(3):
+        point_out[i], normal_out[i] = middle[i], 0.0
+        for k in range(3):
+            point_out[i] += turn[i, k] * (a0[k] + s * d[k])
+            normal_out[i] += turn[i, k] * normal[k]
+
+
 @kernel(
-    "Tuple((i8, i8, i8, i8))(f8[:,::1], f8[:,:,::1], f8[:,:,::1], i8[::1], f8[:,::1],"
-    " f8[:,:,::1], f8[:,::1], f8[::1], i8[:,::1], f8[::1], f8[::1], f8[:,::1], f8[::1])"
+    "Tuple((f8, i8, i8, i8))(f8[:,:], f8[:,:,:], f8[:,:], i8[::1], i8[::1], f8[:,::1],"
+    " f8[:,:,::1], f8[:,::1], f8[::1], i8[:,::1], f8[:,::1], f8[::1], f8[::1], f8[:,::1],"
+    " f8[::1])"
 )
 def distance_rows(
     origins: FloatArray,
     rotations: FloatArray,
-    jacobians: FloatArray,
+    twists: FloatArray,
+    order: NDArray[np.int64],
     frame_of: NDArray[np.int64],
     centers: FloatArray,
     axes: FloatArray,
     halves: FloatArray,
     radii: FloatArray,
     pairs: NDArray[np.int64],
+    carried: FloatArray,
     settings: FloatArray,
     margins_out: FloatArray,
     A_out: FloatArray,
     b_out: FloatArray,
-) -> tuple[int, int, int, int]:
+) -> tuple[float, int, int, int]:
     """Write the margin of every pair, and rows for those that are near.
 
     Args:
-        origins, rotations, jacobians: (F, 3) [m], (F, 3, 3), (F, 6, n) of each frame: velocity
-            of the origin, then angular velocity; all as seen from one frame.
+        origins, rotations: (F, 3) [m], (F, 3, 3) of all frames, in the root's axes.
+        twists: (6, n) velocity at the root's origin and angular velocity that each joint gives,
+            in Pinocchio's order.
+        order: (n,) column of each joint of the wire.
         frame_of: (B,) frame of each body.
         centers, axes, halves, radii: (B, 3), (B, 3, 3), (B, 3), (B,) the bodies in their frames.
         pairs: (P, 2) bodies; the first is a capsule or a sphere.
+        carried: (P, n) 1 where a joint carries the first of a pair alone, −1 the second, else 0.
         settings: clearance [m], activation [m], spread [m], η [1/s], reserve [m], return
             speed [m/s].
-        margins_out: (P,) distance less clearance [m].
+        margins_out: (P,) distance less clearance [m]; of pairs further than the activation, the
+            smallest excepted, it may be that of the balls around them, which is less.
         A_out, b_out: (R, n), (R,) −∇m·u ≤ b; unused rows 0·u ≤ inf.
 
     Returns:
-        Rows written, pairs left without rows though near, pairs whose cores cross, and rows
-        left out because no joint moves them though they lie outside.
+        The smallest margin (inf without pairs), pairs left without rows though near, pairs whose
+        cores cross, and rows left out because no joint moves them though they lie outside.
     """
     clearance, activation, spread = settings[0], settings[1], settings[2]
-    count, row, crossing, immovable = pairs.shape[0], 0, 0, 0
-    a0, d, nearest = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
-    centers_b, turns = np.empty((count, 3)), np.empty((count, 3, 3))
-    normal, seen, point = np.empty(3), np.empty(3), np.empty(3)
-    for p in range(count):
-        a, b = pairs[p, 0], pairs[p, 1]
-        fa, fb = frame_of[a], frame_of[b]
-        _pose(origins[fb], rotations[fb], centers[b], axes[b], centers_b[p], turns[p])
-        capsule = (centers[a], axes[a], halves[a])
-        _relative(origins[fa], rotations[fa], capsule, centers_b[p], turns[p], a0[p], d[p])
-        nearest[p] = _nearest(a0[p], d[p], halves[b])
-        distance, inside = _witness(a0[p], d[p], halves[b], nearest[p], normal)
-        crossing += inside
-        margins_out[p] = distance - radii[a] - radii[b] - clearance
+    bodies, count, row, immovable = frame_of.size, pairs.shape[0], 0, 0
+    middles, turns, balls = np.empty((bodies, 3)), np.empty((bodies, 3, 3)), np.empty(bodies)
+    a0, d, nearest_s = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
+    local, seen, point = np.empty(3), np.empty(3), np.empty(3)
+    _lay_out((origins, rotations), frame_of, (centers, axes, halves, radii), middles, turns, balls)
+    placed, segments = (middles, turns, balls, halves, radii), (a0, d, nearest_s)
+    least, crossing = _measure(placed, pairs, clearance, activation, segments, margins_out)
     limit, short = _reach(margins_out, activation, b_out.size // WITNESSES)
+    by_joint = twists.T[order]
     A_out[:, :], b_out[:] = 0.0, math.inf
     for p in range(count):
         if not margins_out[p] < limit:
             continue
         a, b = pairs[p, 0], pairs[p, 1]
-        fa, fb = frame_of[a], frame_of[b]
-        level = _gap(a0[p], d[p], halves[b], nearest[p]) + spread
+        level = (math.sqrt(squared(a0[p], d[p], halves[b], nearest_s[p])) + spread) ** 2
         for w in range(WITNESSES):
-            s = nearest[p]
+            s = nearest_s[p]
             if w > 0:
-                s = _edge(a0[p], d[p], halves[b], nearest[p], w - 1.0, level)
-                if abs(s - nearest[p]) < SAME:
+                s = edge(a0[p], d[p], halves[b], nearest_s[p], w - 1.0, level)
+                if abs(s - nearest_s[p]) < SAME:
                     continue
-            distance, _ = _witness(a0[p], d[p], halves[b], s, normal)
-            for i in range(3):
-                seen[i], point[i] = 0.0, centers_b[p, i]
-                for k in range(3):
-                    seen[i] += turns[p, i, k] * normal[k]
-                    point[i] += turns[p, i, k] * (a0[p, k] + s * d[p, k])
-            first, second = (origins[fa], jacobians[fa]), (origins[fb], jacobians[fb])
-            top = _approach(point, seen, first, second, A_out[row])
+            distance, _ = witness(a0[p], d[p], halves[b], s, local)
+            _at(middles[b], turns[b], a0[p], d[p], s, local, point, seen)
+            top = _approach(point, seen, by_joint, carried[p], A_out[row])
             margin = distance - radii[a] - radii[b] - clearance
             b_out[row] = _bound(margin, settings[3], settings[4], settings[5])
             if top < IMMOVABLE:
@@ -307,4 +303,4 @@ def distance_rows(
                 A_out[row, :], b_out[row] = 0.0, math.inf
             else:
                 row += 1
-    return row, short, crossing, immovable
+    return least, short, crossing, immovable

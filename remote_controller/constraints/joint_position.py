@@ -14,7 +14,6 @@ from remote_controller.constraints.constraint import (
     check_rate,
     positions,
 )
-from remote_controller.constraints.intervals import narrow
 from remote_controller.kinematics import Kinematics
 
 
@@ -48,7 +47,12 @@ class JointPosition(Constraint):
         kinematics: Kinematics,
         period_s: float,
     ) -> None:
+        from remote_controller.constraints.limit_kernels import (  # noqa: PLC0415 - compiles
+            narrow_to_range,
+        )
+
         super().__init__(parameters, description, kinematics, period_s)
+        self._narrow_to_range = narrow_to_range
         check_rate(parameters.eta_per_s, period_s)
         named = description.joint_names if parameters.joints is None else parameters.joints
         kept = self.joint_indices("joints", named)
@@ -72,17 +76,17 @@ class JointPosition(Constraint):
         self.margin_names = tuple(
             f"{name} {end}" for end in ("lower", "upper") for name in description.joint_names
         )
-        self._lower, self._upper = np.zeros(self.n), np.zeros(self.n)
 
     def bounds(self, state: State, lower_out: FloatArray, upper_out: FloatArray) -> None:
         """Narrow by (25)."""
-        q = positions(state, self._source)
-        above, below = self.margins[: self.n], self.margins[self.n :]
-        np.subtract(q, self._least, out=above)
-        np.subtract(self._greatest, q, out=below)
-        np.multiply(above, -self._eta, out=self._lower)
-        np.multiply(below, self._eta, out=self._upper)
-        np.minimum(self._lower, self._return_speed, out=self._lower)
-        np.maximum(self._upper, -self._return_speed, out=self._upper)
-        narrow(lower_out, upper_out, self._lower, self._upper)
-        self.watch()
+        least = self._narrow_to_range(
+            positions(state, self._source),
+            self._least,
+            self._greatest,
+            self._eta,
+            self._return_speed,
+            self.margins,
+            lower_out,
+            upper_out,
+        )
+        self.watch(least)

@@ -9,7 +9,6 @@ from protocol.description import RobotDescription
 from protocol.errors import ConfigError
 from protocol.messages import FloatArray, State
 from remote_controller.constraints.constraint import Constraint
-from remote_controller.constraints.intervals import narrow
 from remote_controller.kinematics import Kinematics
 
 
@@ -33,7 +32,10 @@ class JointSpeed(Constraint):
         kinematics: Kinematics,
         period_s: float,
     ) -> None:
+        from remote_controller.constraints.limit_kernels import narrow  # noqa: PLC0415 - compiles
+
         super().__init__(parameters, description, kinematics, period_s)
+        self._narrow = narrow
         own = parameters.joints_rad_s
         wanted = np.full(self.n, parameters.limit_rad_s or np.inf)
         for name, joint in zip(own, self.joint_indices("joints_rad_s", own), strict=True):
@@ -42,11 +44,9 @@ class JointSpeed(Constraint):
                     "", f"joints_rad_s.{name}", own[name], "is negative", "Write 0 or more"
                 )
             wanted[joint] = own[name]
-        self._limit = np.minimum(wanted, description.velocity)
-        self._lower, self._upper = np.zeros(self.n), np.zeros(self.n)
+        self._upper = np.minimum(wanted, description.velocity)
+        self._lower = -self._upper
 
     def bounds(self, state: State, lower_out: FloatArray, upper_out: FloatArray) -> None:
         """Narrow to [−ω, ω]."""
-        self._upper[:] = self._limit
-        np.negative(self._limit, out=self._lower)
-        narrow(lower_out, upper_out, self._lower, self._upper)
+        self._narrow(self._lower, self._upper, lower_out, upper_out)

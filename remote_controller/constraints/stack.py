@@ -38,15 +38,21 @@ class ConstraintStack:
         self.C, self.c = np.zeros((len(self.equality_names), n)), np.zeros(len(self.equality_names))
         self.lower, self.upper = np.full(n, -np.inf), np.full(n, np.inf)
         self._views: list[tuple[Constraint, FloatArray, FloatArray]] = []
+        self._judges: list[tuple[str, Constraint, FloatArray, FloatArray]] = []
         taken = {False: 0, True: 0}
-        for constraint in self.constraints:
+        for label, constraint in zip(self.labels, self.constraints, strict=True):
             kind = constraint.equality
             rows = slice(taken[kind], taken[kind] + constraint.rows)
             matrix, vector = (self.C, self.c) if kind else (self.A, self.b)
-            self._views.append((constraint, matrix[rows], vector[rows]))
+            if constraint.rows or _overrides(constraint, "update"):
+                self._views.append((constraint, matrix[rows], vector[rows]))
+            if _overrides(constraint, "accepts"):
+                self._judges.append((label, constraint, matrix[rows], vector[rows]))
             taken[kind] += constraint.rows
+        self._with_margins = [each for each in self.constraints if each.margins.size]
         self._bounding = sorted(
-            self.constraints, key=lambda constraint: not isinstance(constraint, JointSpeed)
+            (each for each in self.constraints if _overrides(each, "bounds")),
+            key=lambda constraint: not isinstance(constraint, JointSpeed),
         )
 
     def reset(self) -> None:
@@ -60,8 +66,7 @@ class ConstraintStack:
         for constraint in self._bounding:
             constraint.bounds(state, self.lower, self.upper)
         for constraint, matrix, vector in self._views:
-            if constraint.rows:
-                constraint.update(kinematics, state, matrix, vector)
+            constraint.update(kinematics, state, matrix, vector)
 
     def reject(self, gradient: FloatArray) -> str:
         """Switch off the rows under which V cannot be promised to decrease, after `update`.
@@ -73,7 +78,7 @@ class ConstraintStack:
             Label of the first constraint that was switched off; "" if none was.
         """
         rejected = ""
-        for label, (constraint, matrix, vector) in zip(self.labels, self._views, strict=True):
+        for label, constraint, matrix, vector in self._judges:
             if not constraint.accepts(gradient):
                 matrix[:], vector[:] = 0.0, 0.0 if constraint.equality else np.inf
                 rejected = rejected or label
@@ -81,7 +86,7 @@ class ConstraintStack:
 
     def margin(self) -> float:
         """Smallest true margin of the last update, inequalities only; inf where there is none."""
-        return min((constraint.margin() for constraint in self.constraints), default=np.inf)
+        return min((constraint.margin() for constraint in self._with_margins), default=np.inf)
 
     def drift(self) -> float:
         """Largest error of the last update that equations shall keep at 0 [m or rad]."""
@@ -111,3 +116,8 @@ class ConstraintStack:
             if constraint.equality == equality
             for name in constraint.names
         )
+
+
+def _overrides(constraint: Constraint, method: str) -> bool:
+    """Whether it does something of its own, so that it need not be asked each cycle for nothing."""
+    return getattr(type(constraint), method) is not getattr(Constraint, method)

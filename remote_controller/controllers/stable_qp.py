@@ -52,6 +52,7 @@ class StableQpController(VelocityController):
         "remote_controller.solvers.proof_kernels",
         "remote_controller.solvers.descent_rate_kernels",
         "remote_controller.solvers.lp_norm_kernels",
+        "remote_controller.constraints.limit_kernels",
         "remote_controller.constraints.distance_kernels",
         "remote_controller.tasks.lyapunov_kernels",
         "remote_controller.tasks.pose_kernels",

@@ -62,7 +62,7 @@ def by_coal(bench: Bench, first: Body, second: Body) -> float:
 
 
 def test_margins_are_coals_distances_less_the_clearance():
-    bench = Bench(hoap3(), distance(obstacles=WORLD, clearance_m=0.01))
+    bench = Bench(hoap3(), distance(obstacles=WORLD, clearance_m=0.01, activation_m=10.0))
     bodies = links(hoap3())
     obstacles = {
         each["name"]: kind.model_validate(each).body("r_sole")
@@ -80,6 +80,21 @@ def test_margins_are_coals_distances_less_the_clearance():
             else:
                 assert margin <= -0.01 + 1e-6, name
     assert apart > 700
+
+
+@pytest.mark.parametrize("activation", [1e-6, 0.02, 0.3])
+@settings(max_examples=8)
+@given(seed=SEEDS)
+def test_margins_are_exact_where_they_are_small_and_never_too_large(activation, seed):
+    q = posture(hoap3(), seed)
+    exact = Bench(hoap3(), distance(obstacles=WORLD, activation_m=10.0)).margins(q).copy()
+    bench = Bench(hoap3(), distance(obstacles=WORLD, activation_m=activation))
+    margins = bench.margins(q)
+    near = exact < activation
+    np.testing.assert_array_equal(margins[near], exact[near])
+    assert np.all(margins[~near] >= activation)
+    assert np.all(margins <= exact + 1e-12)
+    assert bench.only.margin() == exact.min()
 
 
 @settings(max_examples=25)

@@ -1,0 +1,107 @@
+"""Limits of speeds and of margins, by equation (25)."""
+
+from __future__ import annotations
+
+import math
+
+from protocol.compilation import inlined, kernel
+from protocol.messages import FloatArray
+
+STILL = 1e-12  # of a gradient's largest element [m/rad]: no joint moves it
+
+
+@inlined
+def _clipped(value: float, lower: float, upper: float) -> float:
+    """The nearest value in an interval; nan stays nan."""
+    if value < lower:
+        return lower
+    return upper if value > upper else value
+
+
+@kernel("void(f8[::1], f8[::1], f8[::1], f8[::1])")
+def narrow(
+    lower: FloatArray, upper: FloatArray, lower_out: FloatArray, upper_out: FloatArray
+) -> None:
+    """Cut intervals down to others; of two that do not meet, the nearest value of the first stays.
+
+    Args:
+        lower, upper: (n,) the others.
+        lower_out, upper_out: (n,) the intervals, changed in place.
+    """
+    for i in range(lower.size):
+        least, most = lower_out[i], upper_out[i]
+        lower_out[i] = _clipped(lower[i], least, most)
+        upper_out[i] = _clipped(upper[i], least, most)
+
+
+@kernel("f8(f8[::1], f8[::1], f8[::1], f8, f8, f8[::1], f8[::1], f8[::1])")
+def narrow_to_range(
+    q: FloatArray,
+    least: FloatArray,
+    greatest: FloatArray,
+    eta: float,
+    return_speed: float,
+    margins_out: FloatArray,
+    lower_out: FloatArray,
+    upper_out: FloatArray,
+) -> float:
+    """Narrow intervals of u by −η(q − q_min) ≤ u ≤ η(q_max − q), as `narrow` does.
+
+    Args:
+        q, least, greatest: (n,) q, q_min, q_max [rad or m].
+        eta: η [1/s].
+        return_speed: fastest return from outside [rad/s or m/s].
+        margins_out: (2n,) q − q_min, then q_max − q.
+        lower_out, upper_out: (n,) of u, changed in place.
+
+    Returns:
+        The smallest margin.
+    """
+    n, smallest = q.size, math.inf
+    for i in range(n):
+        above, below = q[i] - least[i], greatest[i] - q[i]
+        margins_out[i], margins_out[n + i] = above, below
+        smallest = min(smallest, above, below)
+        lower, upper = lower_out[i], upper_out[i]
+        lower_out[i] = _clipped(min(-eta * above, return_speed), lower, upper)
+        upper_out[i] = _clipped(max(eta * below, -return_speed), lower, upper)
+    return smallest
+
+
+@kernel("Tuple((f8, i8))(f8[::1], f8, f8, f8, f8[:,::1], f8[::1])")
+def limit_rows(
+    margins: FloatArray,
+    eta: float,
+    reserve: float,
+    return_speed: float,
+    A_out: FloatArray,
+    b_out: FloatArray,
+) -> tuple[float, int]:
+    """Write the right-hand sides of rows −∇m·u ≤ b, and switch off those that no joint can help.
+
+    Args:
+        margins: (s,) m [m].
+        eta: η [1/s].
+        reserve: kept inside [m].
+        return_speed: fastest return from outside [m/s].
+        A_out: (s, n) −∇m [m/rad].
+        b_out: (s,) [m/s].
+
+    Returns:
+        The smallest margin, and how many rows outside no joint can help.
+    """
+    smallest, immovable = math.inf, 0
+    for row in range(margins.size):
+        margin = margins[row]
+        smallest = min(smallest, margin)
+        if margin >= 0.0:
+            b_out[row] = eta * max(margin - reserve, 0.0)
+            continue
+        b_out[row] = max(eta * margin, -return_speed)
+        top = 0.0
+        for element in A_out[row]:
+            top = max(top, abs(element))
+        if top < STILL:
+            A_out[row, :], b_out[row] = 0.0, math.inf
+            immovable += 1
+    return smallest, immovable
