@@ -56,10 +56,10 @@ def _largest_speed(gradient: NDArray[np.float64], A: float, b: float, kappa: flo
         for i in range(gradient.size):
             a = abs(gradient[i])
             cost = kappa * (A - a)
-            if a * tau > cost:
-                supply += a * cost
-                weight += a * a
-                still_moving += 1
+            moves = a * tau > cost
+            supply += a * cost if moves else 0.0  # no branch: nothing predicts which joints move
+            weight += a * a if moves else 0.0
+            still_moving += moves
         if still_moving >= moving:
             return tau
         moving = still_moving
