@@ -24,6 +24,8 @@ class Barrier(Constraint):
     event `immovable` counts it; its margin stays negative for all to see.
     """
 
+    yields = True
+
     class Parameters(Constraint.Parameters):
         """How fast limits may be approached, and how fast one returns behind them."""
 

@@ -33,6 +33,8 @@ class Constraint:
 
     Attributes:
         equality: whether the rows are equations.
+        yields: whether a row with b < 0 leads back from outside, as fast as the joints' speeds
+            allow, rather than asks for a speed that must be had.
         rows: the most rows that it gives.
         names: (rows,) what each row is for.
         margins: of the last update, one for each of `margin_names`; what is negative lies
@@ -51,6 +53,7 @@ class Constraint:
         """Settings of this constraint; none here."""
 
     equality: ClassVar[bool] = False
+    yields: ClassVar[bool] = False
 
     def __init__(
         self,
@@ -67,7 +70,6 @@ class Constraint:
         self.margin_names: tuple[str, ...] = ()
         self.events = {"outside": 0, "started_outside": 0}
         self._started = False
-        self._seen_margin: float | None = None  # margin, where `watch` was told
 
     def reset(self) -> None:
         """Forget what was kept from earlier states; events stay counted."""
@@ -97,8 +99,6 @@ class Constraint:
 
     def margin(self) -> float:
         """Smallest true margin of the last update; inf where there is none."""
-        if self._seen_margin is not None:
-            return self._seen_margin
         return float(np.minimum.reduce(self.margins, initial=np.inf))
 
     def drift(self) -> float:
@@ -115,8 +115,7 @@ class Constraint:
         Args:
             least: the smallest margin, where it is known already.
         """
-        self._seen_margin = least
-        if self.margin() < OUTSIDE:
+        if (self.margin() if least is None else least) < OUTSIDE:
             self.events["outside"] += 1
             self.events["started_outside"] += not self._started
         self._started = True

@@ -35,6 +35,8 @@ class Distance(Constraint):
     `immovable` (rows that no joint can help).
     """
 
+    yields = True
+
     class Parameters(Constraint.Parameters):
         """Pairs, obstacles, clearance."""
 

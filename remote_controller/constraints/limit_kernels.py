@@ -7,6 +7,7 @@ import math
 from protocol.compilation import inlined, kernel
 from protocol.messages import FloatArray
 
+RETURN_SHARE = 0.5  # of the fastest return that bounds on the joints leave
 STILL = 1e-12  # of a gradient's largest element [m/rad]: no joint moves it
 
 
@@ -57,15 +58,16 @@ def narrow_to_range(
     Returns:
         The smallest margin.
     """
-    n, smallest = q.size, math.inf
+    n, smallest, known = q.size, math.inf, True
     for i in range(n):
         above, below = q[i] - least[i], greatest[i] - q[i]
         margins_out[i], margins_out[n + i] = above, below
         smallest = min(smallest, above, below)
+        known &= not (math.isnan(above) or math.isnan(below))
         lower, upper = lower_out[i], upper_out[i]
         lower_out[i] = _clipped(min(-eta * above, return_speed), lower, upper)
         upper_out[i] = _clipped(max(eta * below, -return_speed), lower, upper)
-    return smallest
+    return smallest if known else math.nan
 
 
 @kernel("Tuple((f8, i8))(f8[::1], f8, f8, f8, f8[:,::1], f8[::1])")
@@ -90,10 +92,11 @@ def limit_rows(
     Returns:
         The smallest margin, and how many rows outside no joint can help.
     """
-    smallest, immovable = math.inf, 0
+    smallest, immovable, known = math.inf, 0, True
     for row in range(margins.size):
         margin = margins[row]
         smallest = min(smallest, margin)
+        known &= not math.isnan(margin)
         if margin >= 0.0:
             b_out[row] = eta * max(margin - reserve, 0.0)
             continue
@@ -104,4 +107,23 @@ def limit_rows(
         if top < STILL:
             A_out[row, :], b_out[row] = 0.0, math.inf
             immovable += 1
-    return smallest, immovable
+    return (smallest if known else math.nan), immovable
+
+
+@kernel("void(f8[:,::1], f8[::1], f8[::1], f8[::1])")
+def slow_returns(A: FloatArray, b: FloatArray, lower: FloatArray, upper: FloatArray) -> None:
+    """Ask for no faster return from outside than half of what the joints can do.
+
+    Args:
+        A: (s, n).
+        b: (s,), changed in place where it is negative.
+        lower, upper: (n,) of u.
+    """
+    for row in range(b.size):
+        if not b[row] < 0.0:
+            continue
+        fastest = 0.0
+        for i in range(lower.size):
+            if A[row, i] != 0.0:
+                fastest += min(A[row, i] * lower[i], A[row, i] * upper[i])
+        b[row] = max(b[row], RETURN_SHARE * fastest)

@@ -31,6 +31,11 @@ class ConstraintStack:
     """
 
     def __init__(self, constraints: Sequence[Constraint], labels: Sequence[str], n: int) -> None:
+        from remote_controller.constraints.limit_kernels import (  # noqa: PLC0415 - compiles
+            slow_returns,
+        )
+
+        self._slow_returns = slow_returns
         self.constraints, self.labels = tuple(constraints), tuple(labels)
         self.names = self._row_names(equality=False)
         self.equality_names = self._row_names(equality=True)
@@ -44,12 +49,14 @@ class ConstraintStack:
             kind = constraint.equality
             rows = slice(taken[kind], taken[kind] + constraint.rows)
             matrix, vector = (self.C, self.c) if kind else (self.A, self.b)
-            if constraint.rows or _overrides(constraint, "update"):
+            if constraint.rows:
                 self._views.append((constraint, matrix[rows], vector[rows]))
             if _overrides(constraint, "accepts"):
                 self._judges.append((label, constraint, matrix[rows], vector[rows]))
             taken[kind] += constraint.rows
-        self._with_margins = [each for each in self.constraints if each.margins.size]
+        self._with_margins = [
+            each for each in self.constraints if each.margins.size or _overrides(each, "margin")
+        ]
         self._bounding = sorted(
             (each for each in self.constraints if _overrides(each, "bounds")),
             key=lambda constraint: not isinstance(constraint, JointSpeed),
@@ -67,6 +74,8 @@ class ConstraintStack:
             constraint.bounds(state, self.lower, self.upper)
         for constraint, matrix, vector in self._views:
             constraint.update(kinematics, state, matrix, vector)
+            if constraint.yields and constraint.margin() < 0.0:
+                self._slow_returns(matrix, vector, self.lower, self.upper)
 
     def reject(self, gradient: FloatArray) -> str:
         """Switch off the rows under which V cannot be promised to decrease, after `update`.

@@ -25,6 +25,7 @@ from remote_controller.tasks.persistent_motion import PersistentMotion
 
 PROVEN = (status.OK, status.STATIONARY)
 CERTIFIED_RESIDUAL = 1e-9
+UNANSWERED = (status.CONTRADICTORY, status.UNBOUNDED, status.UNSOLVED)
 ROUNDING = 1e-9  # of V̇ relative to what is required, and of a speed [rad/s or m/s]
 CURVATURE = 1e-6  # of a margin: what one Euler step of a curved constraint may overstep
 
@@ -40,6 +41,9 @@ class StableQpController(VelocityController):
     A cycle is certified if V̇ is what is required, −ρΨ with 0 ≤ ρ ≤ 1, the answer is optimal to
     10⁻⁹ and no constraint is violated. What stands in the way of it is one of `conditions`: the
     solver's statuses, the task's, and those of each constraint.
+
+    Where no u keeps the constraints, the robot does not jump to rest: all joints brake together,
+    in a straight line, at the braking limit of one, and only then is an answer followed again.
 
     Raises:
         ConfigError: a task, a constraint or an objective that does not fit the robot.
@@ -94,6 +98,8 @@ class StableQpController(VelocityController):
         self._watch = Watch(self.stack)
         self.conditions = self._watch.names
         self._begun = False
+        self._brake_step = description.brake_acceleration * self._dt
+        self._last, self._stopping = np.zeros(n), status.OK
 
     @classmethod
     def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Self:
@@ -111,6 +117,7 @@ class StableQpController(VelocityController):
         """Begin anew at the next State that is finite."""
         super().reset(state, last_command)
         self._begun = False
+        self._last[:], self._stopping = 0.0, status.OK
 
     def _begin(self, state: State) -> None:
         """Have the task start where the robot is, and ρ at 1; `kinematics` is up to date."""
@@ -153,10 +160,23 @@ class StableQpController(VelocityController):
             self._M,
             self._y,
         )
+        if found in UNANSWERED or self._stopping:
+            found = self._brake(found)
+        self._last[:] = self.u
         self._certify(V, psi, drift, found, bool(rejected))
         share = solver.rho if self._equality else 1.0  # V̇ ≤ 0 asks for no share of Ψ
         self.present = self._watch.look(found, share, function.status, gradient, self.u)
         return self.u
+
+    def _brake(self, found: int) -> int:
+        """Come nearer to rest, as far as the bounds allow, and go on until there; why."""
+        why = self._stopping or found
+        periods = float(np.max(np.abs(self._last) / self._brake_step))
+        share = 1.0 - 1.0 / periods if periods > 1.0 else 0.0
+        self._stopping = why if share else status.OK
+        np.multiply(self._last, share, out=self.u)
+        np.clip(self.u, self.stack.lower, self.stack.upper, out=self.u)
+        return why
 
     def _refuse(self) -> FloatArray:
         """Nothing to follow for a State that is not finite."""
@@ -218,12 +238,17 @@ class StableQpController(VelocityController):
             found in PROVEN
             and not rejected
             and share >= 0.0
-            and solver.rate <= required + ROUNDING * abs(required)
+            and self._falls(solver.rate, required)
             and solver.kkt_residual <= CERTIFIED_RESIDUAL
             and solver.margin >= -ROUNDING
             and margin >= -CURVATURE
         )
         command.solver_status = STATUS["certified" if holds else "uncertified"]
+
+    def _falls(self, rate: float, required: float) -> bool:
+        """Whether V̇ is −ρΨ, or with Remark 1 not above 0."""
+        short = rate - required
+        return (abs(short) if self._equality else short) <= ROUNDING * abs(required)
 
     def _least_margin(self) -> float:
         """Of the constraints, else of the bounds on u, else of the robot's speed limits."""

@@ -26,9 +26,9 @@ Backend: TypeAlias = Callable[[float], Answer]
 EQUATION = 5  # daqp's word for it
 
 
-@dataclass(frozen=True)
+@dataclass
 class Program:
-    """The arrays of a QP, written to in place from solve to solve.
+    """The arrays of a QP, which may be written to, or replaced, from solve to solve.
 
     Attributes:
         H: (v, v), positive semidefinite, and definite but for one variable at most.
@@ -101,7 +101,7 @@ def proxqp(program: Program) -> Backend:
     """Proximal augmented Lagrangian (BSD), dense, with bounds as a box."""
     from proxsuite import proxqp as library  # noqa: PLC0415
 
-    variables, rows = program.f.size, program.A.shape[0]
+    variables = program.f.size
     solved = library.QPSolverOutput.PROXQP_SOLVED
 
     def solve(tolerance: float) -> Answer:
@@ -121,7 +121,7 @@ def proxqp(program: Program) -> Backend:
             most[:variables],
         )
         model.solve()
-        multipliers = np.zeros(rows)
+        multipliers = np.zeros(program.A.shape[0])
         multipliers[equal] = model.results.y
         multipliers[~equal] = np.asarray(model.results.z)[: int((~equal).sum())]
         return model.results.info.status == solved, np.asarray(model.results.x), multipliers
@@ -133,7 +133,7 @@ def piqp(program: Program) -> Backend:
     """Proximal interior point (BSD), dense."""
     import piqp as library  # noqa: PLC0415
 
-    variables, rows = program.f.size, program.A.shape[0]
+    variables = program.f.size
 
     def solve(tolerance: float) -> Answer:
         equal = program.sense[variables:] == EQUATION
@@ -153,7 +153,7 @@ def piqp(program: Program) -> Backend:
             most[:variables],
         )
         status = model.solve()
-        multipliers = np.zeros(rows)
+        multipliers = np.zeros(program.A.shape[0])
         multipliers[equal] = model.result.y
         multipliers[~equal] = np.asarray(model.result.z_u) - np.asarray(model.result.z_l)
         return status == library.PIQP_SOLVED, np.asarray(model.result.x), multipliers

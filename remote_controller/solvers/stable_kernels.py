@@ -238,9 +238,26 @@ def cheap_kernel(
     return verdict, CLAMPED if clamped > 0 else FREE
 
 
+@inlined
+def _normalise(row: NDArray[np.float64], euclidean: bool) -> float:
+    """Divide a row by its length, or by its largest entry; that, 0 for a row of zeros."""
+    size = largest(row)
+    if size == 0.0:
+        return 0.0
+    length = size
+    if euclidean:
+        squares = 0.0
+        for i in range(row.size):
+            squares += (row[i] / size) ** 2
+        length = size * math.sqrt(squares)
+    for i in range(row.size):
+        row[i] /= length
+    return length
+
+
 @kernel(
-    "f8(f8[::1], f8[:,::1], f8[::1], f8[:,::1], f8[::1], f8[::1], f8[::1], f8[::1], i8, f8[:,::1],"
-    " f8[::1], f8[::1], f8[:,::1], f8[::1], f8[::1])"
+    "Tuple((f8, i8))(f8[::1], f8[:,::1], f8[::1], f8[:,::1], f8[::1], f8[::1], f8[::1], f8[::1],"
+    " i8, f8[:,::1], f8[::1], f8[::1], f8[:,::1], f8[::1], f8[::1])"
 )
 def fill_kernel(
     gradient: NDArray[np.float64],
@@ -258,11 +275,12 @@ def fill_kernel(
     qp_rows: NDArray[np.float64],
     qp_least: NDArray[np.float64],
     qp_most: NDArray[np.float64],
-) -> float:
+) -> tuple[float, int]:
     """Write the scaled problem for the LP, and once more in the variables of the QP.
 
-    The order of rows is A, s, C. An A row that is switched off, or zero with b ≥ 0, is kept as 0
-    with NO_BOUND. The limits of s are left to others. With kind `NORM` the QP has 2n variables,
+    The order of rows is A, s, C. A rows that are switched off, or zero with b ≥ 0, are left out,
+    but with `MAXIMUM`, whose own rows follow, kept as 0 with NO_BOUND. The limits of s are left to
+    others. With kind `NORM` the QP has 2n variables,
     y = p − m with p, m ≥ 0; with `MAXIMUM` n + 1, the last of them max|y|; else y itself.
 
     Args:
@@ -283,7 +301,7 @@ def fill_kernel(
         qp_most: likewise.
 
     Returns:
-        top = max|W⁻¹∇V|, which s was divided by.
+        top = max|W⁻¹∇V|, which s was divided by, and how many rows of A were written.
     """
     n, m, k = gradient.size, b.size, c.size
     split = kind == NORM
@@ -299,33 +317,31 @@ def fill_kernel(
     top = 0.0
     for i in range(n):
         top = max(top, abs(gradient[i] / weights[i]))
+    row, used = 0, 0
     for j in range(m + 1 + k):
         side = b[j] if j < m else (c[j - m - 1] if j > m else 0.0)
-        size = 0.0
+        if j < m and not side <= MAX and kind != MAXIMUM:
+            continue
         for i in range(n):
             entry = A[j, i] if j < m else (C[j - m - 1, i] if j > m else gradient[i])
-            rows[j, i] = entry / weights[i] if side <= MAX else 0.0
-            size = max(size, abs(rows[j, i]))
-        length = size
-        if j != m and size > 0.0:
-            squares = 0.0
-            for i in range(n):
-                squares += (rows[j, i] / size) ** 2
-            length = size * math.sqrt(squares)
+            rows[row, i] = entry / weights[i] if side <= MAX else 0.0
+        length = _normalise(rows[row], j != m)
         if length > 0.0:
-            for i in range(n):
-                rows[j, i] /= length
             side /= length
-        most[n + j] = min(max(side, -NO_BOUND), NO_BOUND)
-        if j < m and length == 0.0 and side >= 0.0:
-            most[n + j] = NO_BOUND
-        least[n + j] = most[n + j] if j > m else -NO_BOUND
-        qp_most[variables + j], qp_least[variables + j] = most[n + j], least[n + j]
+        elif j < m and side >= 0.0:
+            if kind != MAXIMUM:
+                continue
+            side = NO_BOUND
+        most[n + row] = min(max(side, -NO_BOUND), NO_BOUND)
+        least[n + row] = most[n + row] if j > m else -NO_BOUND
+        qp_most[variables + row], qp_least[variables + row] = most[n + row], least[n + row]
         for i in range(n):
-            qp_rows[j, i] = rows[j, i]
+            qp_rows[row, i] = rows[row, i]
             if split:
-                qp_rows[j, n + i] = -rows[j, i]
-    return top
+                qp_rows[row, n + i] = -rows[row, i]
+        row += 1
+        used += j < m
+    return top, used
 
 
 @kernel(

@@ -48,16 +48,15 @@ class StableProgram:
         self._kind, self._scaled, self._equality = kind, scaled, equality
         self._program = _program(kind, scaled)
         self._attempt = backend(solver, self._program)
-        self._count = scaled.rows.shape[0]
         self._pull, self._wanted = np.zeros(scaled.n), np.zeros(scaled.n)
-        self.y, self.residual = np.zeros(scaled.n), math.inf
+        self.y, self.residual, self._held = np.zeros(scaled.n), math.inf, 0.0
 
     def run(self, gamma: float, fall: float | None, tolerance: float) -> bool:
         """Solve the QP with −s·y = fall (or ≥), or without; False where the solver gave up.
 
         γ, at most `MOST_GAMMA`, is QP12's, and without effect for other kinds.
         """
-        program, row = self._program, self._program.f.size + self._scaled.m
+        program, row = self._laid_out(), self._program.f.size + self._scaled.used
         target = NO_BOUND if fall is None else -fall
         equation = fall is not None and self._equality
         program.most[row] = target
@@ -69,11 +68,14 @@ class StableProgram:
         """Solve the QP with −s·y ≤ fall and a reward for −s·y; False where the solver gave up.
 
         The reward is what moving one joint faster costs at the speed `worth`. The answer is the
-        optimum for the fall that it has.
+        optimum for the fall that it has. A negative fall is a rise: −s·y ≥ fall, and the reward
+        is for s·y.
         """
-        program, n = self._program, self._scaled.n
-        row = program.f.size + self._scaled.m
-        program.most[row], program.least[row], program.sense[row] = NO_BOUND, -fall, 0
+        program, n = self._laid_out(), self._scaled.n
+        row = program.f.size + self._scaled.used
+        program.most[row] = -fall if fall < 0.0 else NO_BOUND
+        program.least[row] = -fall if fall >= 0.0 else -NO_BOUND
+        program.sense[row] = 0
         price = worth
         if self._kind == NORM:
             price += gamma / (1.0 - gamma)
@@ -81,7 +83,30 @@ class StableProgram:
             price += 1.0 / SMALL_SQUARES
         else:
             price = price * float(program.H.diagonal().max()) + float(np.abs(program.f[:n]).max())
-        return self._solve(gamma, tolerance, price, None, True)
+        price = math.copysign(price, fall)
+        solved = self._solve(gamma, tolerance, price, None, True)
+        if solved:
+            self.residual = max(self.residual, self._misjudged(price, fall))
+        return solved
+
+    def _misjudged(self, price: float, fall: float) -> float:
+        """How far the fall is from what the price is worth, relative.
+
+        Either its limit holds it back, or the price alone stands for its multiplier.
+        """
+        held = self._held * math.copysign(1.0, fall)  # a multiplier, < 0 where the limit holds
+        short = abs(fall + float(self._scaled.slope @ self.y))
+        wrong = max(held, min(abs(held), short))
+        scale = max(float(np.abs(self.y).max()), 1e-6 * abs(price))
+        return wrong / scale if scale > 0.0 else wrong
+
+    def _laid_out(self) -> Program:
+        """The program over the rows that were written last."""
+        program, scaled = self._program, self._scaled
+        if program.A is not scaled.qp_rows:
+            program.A, program.sense = scaled.qp_rows, scaled.qp_sense
+            program.least, program.most = scaled.qp_least, scaled.qp_most
+        return program
 
     def _solve(
         self, gamma: float, tolerance: float, price: float, target: float | None, equality: bool
@@ -89,7 +114,7 @@ class StableProgram:
         """Solve, and prove the answer for s·y = target, or for the s·y that it has."""
         program, rows, n = self._program, self._scaled, self._scaled.n
         f = program.f
-        slope, kappa = rows.rows[rows.m], 0.0
+        slope, kappa = rows.slope, 0.0
         if self._kind == SQUARES:
             self._pull[:] = f
             f += price * slope
@@ -114,9 +139,10 @@ class StableProgram:
             self.y[:] = x[:n]
         if self._kind == SQUARES:
             self._pull[:] = self.y - (program.H @ self.y + f)
-        proof = multipliers[: self._count]
+        proof = multipliers[: len(rows.rows)]
+        self._held = float(proof[rows.used])
         if target is None:
-            proof[rows.m] += price  # the reward stands for part of the equation's multiplier
+            proof[rows.used] += price  # the reward stands for part of the equation's multiplier
             target = float(slope @ self.y)
         self.residual = self._prove(
             self.y,
@@ -125,7 +151,7 @@ class StableProgram:
             rows.rows,
             rows.least,
             rows.most,
-            rows.m,
+            rows.used,
             target,
             self._kind,
             kappa,
@@ -181,7 +207,4 @@ def _program(kind: int, scaled: Steepest) -> Program:
     H, f = np.eye(size), np.zeros(size)
     if kind == MAXIMUM:
         f[-1] = 1.0 / SMALL_SQUARES
-    sense = np.zeros(scaled.qp_most.size, np.int32)
-    first, last = size + scaled.m + 1, size + scaled.rows.shape[0]
-    sense[first:last] = EQUATION
-    return Program(H, f, scaled.qp_rows, scaled.qp_least, scaled.qp_most, sense)
+    return Program(H, f, scaled.qp_rows, scaled.qp_least, scaled.qp_most, scaled.qp_sense)

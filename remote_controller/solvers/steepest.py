@@ -38,13 +38,16 @@ class Steepest:
 
     Attributes:
         n: number of joints.
-        m: rows of A.
         weights: (n,).
         top: what ∇V was divided by.
-        rows: of A, ∇V and C, (m + 1 + k, n), in y = W u, each of length 1, ∇V of largest entry 1.
-        least: of y and the rows, (n + m + 1 + k,).
+        used: number of rows of A that are in use; only these are written.
+        rows: of A, ∇V and C, (used + 1 + k, n), in y = W u, each of length 1, ∇V of largest
+            entry 1.
+        slope: that of ∇V, (n,).
+        least: of y and the rows, (n + used + 1 + k,).
         most: likewise.
-        qp_rows: of the QP; `qp_least` and `qp_most` are the limits of its variables and rows.
+        qp_rows: of the QP; `qp_least` and `qp_most` are the limits of its variables and rows, and
+            `qp_sense` says which are equations.
         v: where the last LP was solved, W v*, (n,).
 
     Raises:
@@ -62,33 +65,55 @@ class Steepest:
         self.weights = np.ones(n) if weights is None else array("weights", weights, 1).copy()
         if self.weights.shape != (n,) or not np.all((self.weights > 0) & np.isfinite(self.weights)):
             raise BadProblemError(f"weights must be {n} positive numbers, one for each joint.")
-        self.n, self.m, self._kind = n, m, kind
+        self.n, self._kind = n, kind
         count = m + 1 + k
-        self.top, self.v = 0.0, np.zeros(n)
-        self.rows = np.zeros((count, n))
-        self.least, self.most = np.zeros(n + count), np.zeros(n + count)
+        self._k, self.top, self.v = k, 0.0, np.zeros(n)
+        self._multipliers = np.zeros(count)
         extra = 2 * n if kind == kernels.MAXIMUM else 0
         variables = {kernels.NORM: 2 * n, kernels.MAXIMUM: n + 1}.get(kind, n)
-        self.qp_rows = np.zeros((count + extra, variables))
-        self.qp_least = np.full(variables + count + extra, -NO_BOUND)
-        self.qp_most = np.full(variables + count + extra, NO_BOUND)
+        self._variables, self._extra = variables, extra
+        self._rows, self._qp_rows = np.zeros((count, n)), np.zeros((count + extra, variables))
+        self._least, self._most = np.zeros(n + count), np.zeros(n + count)
+        self._qp_least = np.full(variables + count + extra, -NO_BOUND)
+        self._qp_most = np.full(variables + count + extra, NO_BOUND)
         if extra:  # |y_i| ≤ the last variable
             one = np.eye(n)
-            self.qp_rows[count:, :n] = np.vstack([one, -one])
-            self.qp_rows[count:, n] = -1.0
-            self.qp_most[variables + count :] = 0.0
-            self.qp_least[n] = 0.0
+            self._qp_rows[count:, :n] = np.vstack([one, -one])
+            self._qp_rows[count:, n] = -1.0
+            self._qp_most[variables + count :] = 0.0
+            self._qp_least[n] = 0.0
         self._sense = np.zeros(n + count, np.int32)
-        self._sense[n + m + 1 :] = EQUATION
+        self._qp_sense = np.zeros(variables + count + extra, np.int32)
+        self._use(m)
 
     def fill(
         self, gradient: Array, A: Array, b: Array, C: Array, c: Array, lower: Array, upper: Array
     ) -> None:
         """Write the scaled rows of a problem that `cheap_kernel` found no fault with."""
-        self.top = self._fill(
-            gradient, A, b, C, c, lower, upper, self.weights, self._kind, self.rows, self.least,
-            self.most, self.qp_rows, self.qp_least, self.qp_most,
+        self.top, used = self._fill(
+            gradient, A, b, C, c, lower, upper, self.weights, self._kind, self._rows, self._least,
+            self._most, self._qp_rows, self._qp_least, self._qp_most,
         )  # fmt: skip
+        if used != self.used:
+            self._use(used)
+
+    def _use(self, used: int) -> None:
+        """Lay out views of so many rows of A, and what follows them."""
+        n, count = self.n, used + 1 + self._k
+        self.used, self.slope = used, self._rows[used]
+        self.rows, self.least, self.most = (
+            self._rows[:count],
+            self._least[: n + count],
+            self._most[: n + count],
+        )
+        self.sense, first = self._sense[: n + count], n + used + 1
+        self.sense[n:first], self.sense[first:] = 0, EQUATION
+        rows, first = count + self._extra, self._variables + used + 1
+        last = self._variables + rows
+        self.qp_rows, self.qp_least = self._qp_rows[:rows], self._qp_least[:last]
+        self.qp_most, self.qp_sense = self._qp_most[:last], self._qp_sense[:last]
+        self.qp_sense[self._variables :] = 0
+        self.qp_sense[first : first + self._k] = EQUATION
 
     def fall(self, direction: float = 1.0, enough: float = NO_BOUND) -> tuple[int, float]:
         """Largest −s·y, s = W⁻¹∇V/top, up to `enough`; the largest s·y for direction −1.
@@ -96,18 +121,34 @@ class Steepest:
         Returns:
             `OK` and that; `CONTRADICTORY`: no y keeps the constraints; `UNBOUNDED`; `UNSOLVED`.
         """
-        row = self.n + self.m
+        row = self.n + self.used
         self.least[row] = -enough if direction > 0.0 else -NO_BOUND
         self.most[row] = NO_BOUND if direction > 0.0 else enough
-        slope = direction * self.rows[self.m]
+        slope = direction * self.slope
         flag = 0
         for tolerance in TOLERANCES:
-            x, _, flag, _ = self._solve(
-                None, slope, self.rows, self.most, self.least, self._sense, primal_tol=tolerance
+            x, _, flag, info = self._solve(
+                None, slope, self.rows, self.most, self.least, self.sense, primal_tol=tolerance
             )
             if flag == 1:
-                self.v[:] = x
+                self.v[:], self._multipliers = x, info["lam"][self.n :]
                 return OK, -float(slope @ x)
             if flag == BOUNDLESS:
                 return UNBOUNDED, math.inf
         return (CONTRADICTORY if flag == INFEASIBLE else UNSOLVED), 0.0
+
+    def proved(self) -> float:
+        """What no −s·y within the constraints exceeds, by the multipliers of the last LP.
+
+        It is a bound whatever they are, for s·y ≥ min (s + rowsᵀλ)·y − Σ λ_j·(its side). A joint
+        without bounds counts as if it had those of the fastest that was found.
+        """
+        limits, multipliers = slice(self.n, None), self._multipliers
+        reduced = self.slope + self.rows.T @ multipliers
+        span = 1.0 + float(np.abs(self.v).max())
+        least = np.where(self.least[: self.n] <= -NO_BOUND, -span, self.least[: self.n])
+        most = np.where(self.most[: self.n] >= NO_BOUND, span, self.most[: self.n])
+        sides = np.where(multipliers > 0.0, self.most[limits], self.least[limits])
+        held = multipliers != 0.0
+        lowest = np.minimum(reduced * least, reduced * most).sum()
+        return -float(lowest - multipliers[held] @ sides[held])
