@@ -80,6 +80,8 @@ class Constraint:
     ) -> None:
         """Write the rows for a state; those that are not needed become 0·u ≤ inf, or 0·u = 0.
 
+        Called where there are rows; what has none does its work in `bounds`.
+
         Args:
             kinematics: up to date.
             state: the newest one.

@@ -9,8 +9,10 @@ import pytest
 from constraint_bench import PERIOD, Bench, entry, hoap3, small
 
 from protocol.errors import ConfigError, UnknownNameError
+from protocol.messages import State
 from protocol.settings import parse
 from remote_controller.constraints.constraint import Constraint
+from remote_controller.constraints.joint_position import JointPosition
 from remote_controller.constraints.registry import (
     BUILTIN,
     ConstraintSettings,
@@ -19,6 +21,7 @@ from remote_controller.constraints.registry import (
     read,
     registered,
 )
+from remote_controller.constraints.stack import ConstraintStack
 from remote_controller.kinematics import Kinematics
 
 ALL = [
@@ -105,6 +108,43 @@ def test_the_smallest_margin_and_whose_it_is():
     bench = Bench(hoap3(), ALL[0], ALL[9]).at(q)
     assert bench.stack.margin() == pytest.approx(1e-6)
     assert bench.stack.tightest() == "joint_position: r_knee upper"
+
+
+class Tightened(JointPosition):
+    """One's own: what it says last of its margins counts."""
+
+    def bounds(self, state, lower_out, upper_out):
+        super().bounds(state, lower_out, upper_out)
+        self.margins -= 10.0
+
+
+class Spoken(Constraint):
+    """One that says its margin itself."""
+
+    def margin(self):
+        return -1.0
+
+
+@pytest.mark.parametrize("kind", [Tightened, Spoken])
+def test_the_margin_of_ones_own_constraint_is_what_it_says(kind):
+    robot = hoap3()
+    own = kind(kind.Parameters(), robot, Kinematics(robot), PERIOD)
+    stack = ConstraintStack([own], ["mine"], robot.n)
+    state = State(robot.n, 0)
+    state.q[:] = state.reference[:] = robot.initial_position
+    stack.update(Kinematics(robot), state)
+    assert stack.margin() == own.margin() < 0.0
+
+
+def test_only_constraints_with_rows_are_asked_for_rows():
+    class Silent(Constraint):
+        def update(self, kinematics, state, A_out, b_out):
+            raise AssertionError("it has none")
+
+    robot = hoap3()
+    kinematics = Kinematics(robot)
+    silent = Silent(Silent.Parameters(), robot, kinematics, PERIOD)
+    ConstraintStack([silent], ["silent"], robot.n).update(kinematics, State(robot.n, 0))
 
 
 def test_nothing_at_all_is_a_stack_too():

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from protocol.errors import ConfigError
+from remote_controller.constraints.limit_kernels import limit_rows, narrow_to_range
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -117,3 +118,13 @@ def test_what_is_not_named_is_not_bound():
 def test_wrong_settings_are_named(entry, words):
     with pytest.raises(ConfigError, match=words):
         Bench(small(), entry)
+
+
+def test_a_margin_that_is_no_number_is_never_the_smallest_good_one():
+    margins, b = np.array([np.nan, 0.5]), np.zeros(2)
+    assert np.isnan(limit_rows(margins, 10.0, 0.0, 1.0, np.eye(2), b)[0])
+    ends, margins = np.array([1.0, 1.0]), np.zeros(4)
+    least = narrow_to_range(
+        np.array([np.nan, 0.0]), -ends, ends, 1.0, 1.0, margins, -ends, ends.copy()
+    )
+    assert np.isnan(least)

@@ -57,7 +57,14 @@ def beyond_a_limit(controller: Any) -> None:
         wrong("margin", -1e-8),
         beyond_a_limit,
     ],
-    ids=["rho", "too slow", "too fast", "residual", "margin of the answer", "margin of a constraint"],
+    ids=[
+        "rho",
+        "too slow",
+        "too fast",
+        "residual",
+        "margin of the answer",
+        "margin of a constraint",
+    ],
 )
 def test_each_part_alone_refuses_it(spoil):
     assert controller_with(spoil).solver_status == STATUS["uncertified"]

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 import quadprog
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
@@ -238,3 +238,23 @@ def test_wrong_types_never_compile_anything() -> None:
     with pytest.raises(BadProblemError, match="float64"):
         solver.solve(np.array([1, 2]), 0.1, 0.5, -one, one, np.zeros(2))  # type: ignore[arg-type]
     assert solver.kkt_residual == math.inf
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-15, 1e-12, 1e-10, 1e-9, 5e-9, 1e-7])
+@settings(max_examples=10)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_limits_a_hair_from_where_joints_would_go_are_judged_rightly(apart, seed):
+    """The guess that spares rounds must not clamp what stays just below its limit."""
+    rng = np.random.default_rng(seed)
+    gradient, gamma = rng.normal(size=21), float(rng.choice([0.0, 0.3, 0.9, 1 - 1e-6]))
+    free, u = np.zeros(21), np.zeros(21)
+    wide = np.full(21, np.inf)
+    solver = BoundedQp12(21)
+    solver.solve(gradient, 1.0, gamma, -wide, wide, free)
+    near = np.abs(free) * (1.0 + apart * rng.choice([-1.0, 1.0], 21))
+    limits = np.where(rng.random(21) < 0.5, near, np.inf)
+    try:
+        solver.solve(gradient, 1.0, gamma, -limits, limits, u)
+    except InfeasibleError:
+        return
+    assert solver.kkt_residual <= 1e-13

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -200,8 +201,25 @@ class TestWhatCannotBeDone:
         s = solved(problem([1.0, 1.0], [[-1.0, -1.0]], [0.0]), 0.5)
         assert (s.status, s.path, s.rho) == (status.STATIONARY, STILL, 0.0)
         np.testing.assert_array_equal(s.u, 0.0)
+        assert s.kkt_residual <= 1e-12  # proved by the dual of the LP
         locked = solved(problem([1.0, 1.0], [], [], limit=0.0), 0.5)
         assert (locked.status, locked.rho) == (status.STATIONARY, 0.0)
+
+    def test_stationary_is_proved_and_not_believed(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """An LP solver that says that V cannot fall where it can is not taken at its word."""
+        solver = StableQp(2, 1)
+        gradient, *rest = problem([1.0, 0.5], [[-1.0, 0.0]], [0.1])
+        solve = solver._steepest._solve
+
+        def idle(*given: Any, **options: Any) -> Any:
+            x, value, flag, info = solve(*given, **options)
+            return 0.0 * x, value, flag, info | {"lam": 0.0 * info["lam"]}
+
+        monkeypatch.setattr(solver._steepest, "_solve", idle)
+        monkeypatch.setattr(solver._program, "run", lambda *_: False)
+        solver.solve(gradient, 9.0, 0.0, *rest)
+        assert solver.status == status.STATIONARY
+        assert solver.kkt_residual > 0.1
 
     def test_flat(self) -> None:
         given = problem([0.0, 0.0], [[1.0, 0.0]], [0.1])
