@@ -28,6 +28,7 @@ class Motion:
 
     Attributes:
         side: whose log tells it; the robot's, unless that holds nothing of it.
+        session_id: of the session.
         start_ns: begin of the first tick that asked for an answer; all times count from there.
         duration_s: from there to the last one.
         joints: names in wire order.
@@ -46,6 +47,7 @@ class Motion:
     """
 
     side: str
+    session_id: int
     start_ns: int
     duration_s: float
     joints: tuple[str, ...]
@@ -137,6 +139,7 @@ def read_motion(sources: Sources) -> Motion | None:
         )
     return Motion(
         side=log.side,
+        session_id=int(active["session_id"][0]),
         start_ns=start,
         duration_s=duration_s,
         joints=description.joint_names,
