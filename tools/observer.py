@@ -20,6 +20,7 @@ from typing import Any, TextIO
 from protocol.errors import Hoap3Error
 from protocol.messages import Event
 from protocol.ring import Kind, Record, Ring
+from tools.certificate_count import CertificateCount
 from tools.event_words import CONDITIONS, event_name, in_words
 from tools.outside import OutsideStalls
 from tools.processes import to_people
@@ -50,7 +51,8 @@ class Observer:
         status_fd: open file that takes a JSON line for every piece of news, or None for people.
 
     Attributes:
-        final: what it told at its end: `paths`, `dropped`, and of the robot its `summary`.
+        final: what it told at its end: `paths`, `dropped`, of the robot its `summary`, of a
+            controller `certificates`.
     """
 
     def __init__(
@@ -239,6 +241,7 @@ class _Watch:
         self._statistics = RunStatistics(
             order["period_ns"], self._stalls, timing=not order["lockstep"]
         )
+        self._certificates = CertificateCount()
         self._reporter = _Reporter(order["status_fd"], order["side"])
         self._last_words_fd = order["last_words_fd"]
 
@@ -248,6 +251,8 @@ class _Watch:
             self._writer.add(record)
         if self._is_robot:
             self._statistics.add(record)
+        else:
+            self._certificates.add(record)
         if record.kind == Kind.EVENT:
             self._reporter.event(record)
         elif record.kind == Kind.SESSION:
@@ -292,6 +297,8 @@ class _Watch:
             summary = self._statistics.summary()
             summary["realtime"] = [*summary["realtime"], *self._obtained]
             final["summary"] = {**summary, "dropped_records": dropped}
+        else:
+            final["certificates"] = self._certificates.figures()
         self._reporter.send("final", final)
         with suppress(BrokenPipeError), os.fdopen(self._last_words_fd, "w") as stream:
             json.dump(final, stream)

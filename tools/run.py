@@ -15,11 +15,12 @@ from pathlib import Path
 from typing import Any
 
 from protocol.errors import Hoap3Error, UsageError
-from protocol.recorder import NoRecorder, PatientRecorder, Recorder
+from protocol.recorder import PatientRecorder, Recorder
 from protocol.settings import RealtimeSettings
 from remote_controller.config import ControllerConfig
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.service import describe
+from tools.certificate_count import CountingRecorder
 from tools.log import Log, payload_hash
 from tools.machine import machine_block
 from tools.observer import Observer
@@ -122,11 +123,12 @@ def run_lockstep(
     description = describe(emulator, files[0])
     log = emulator.log if out is None else emulator.log.model_copy(update={"directory": str(out)})
     folder = run_folder(log, exact=out is not None)
-    observers: list[Observer] = []
+    observers: dict[str, Observer] = {}
+    unlogged = CountingRecorder()
 
     def recorder_for(side: str, config: EmulatorConfig | ControllerConfig) -> Recorder:
         if folder is None and side == "controller":
-            return NoRecorder()
+            return unlogged
         observer = observer_for(
             side,
             description.name,
@@ -136,7 +138,7 @@ def run_lockstep(
             lockstep=True,
             status_fd=silence.fileno(),
         )
-        observers.append(observer)
+        observers[side] = observer
         return PatientRecorder(observer.ring, observer.alive)
 
     with Path(os.devnull).open("w") as silence:  # events in virtual time go to the log only
@@ -148,10 +150,12 @@ def run_lockstep(
         lockstep.run(duration, should_stop or (lambda: False))
         wall = time.monotonic() - began
     finally:
-        whole = [observer.close() for observer in observers]
+        whole = [observer.close() for observer in observers.values()]
     if not all(whole):
         raise Hoap3Error("an observer died: the log of this run is not whole")
-    summary = observers[0].final["summary"]
+    summary = observers["robot"].final["summary"]
+    theirs = observers["controller"].final["certificates"] if folder else unlogged.count.figures()
+    _give_reasons(summary, theirs)
     summary["lockstep"] = {
         "wall_s": wall,
         "times_real_time": (lockstep.robot.tick + 1) * description.period_s / wall,
@@ -178,6 +182,7 @@ class _Services:
         self._buffers: dict[int, bytes] = {}
         self.said: list[str] = []
         self.summary: dict[str, Any] | None = None
+        self.certificates: dict[str, Any] | None = None  # as the controller counts them
         self.failure: Hoap3Error | None = None
         self.damage = ""
 
@@ -219,6 +224,7 @@ class _Services:
             raise Hoap3Error(f"the robot was killed by signal {number}: its count is not whole")
         if self.summary is None:
             raise Hoap3Error(self.damage or self._failure("the robot ended without a summary"))
+        _give_reasons(self.summary, self.certificates)
         return Outcome(self.summary, self._stop(), self.said)
 
     def stop(self) -> None:
@@ -264,10 +270,18 @@ class _Services:
             self.failure = (UsageError if item["usage"] else Hoap3Error)(item["text"])
         elif item["news"] == "final" and "summary" in item:
             self.summary = item["summary"]
+        elif item["news"] == "final":
+            self.certificates = item.get("certificates")
         self._news(item)
 
     def _failure(self, what: str) -> str:
         return f"{what}; last heard: {self.said[-1]}" if self.said else what
+
+
+def _give_reasons(summary: dict[str, Any], theirs: dict[str, Any] | None) -> None:
+    """Into the count of certificates, which is the robot's, put what the controller alone knows."""
+    if summary["certificates"] and theirs:
+        summary["certificates"]["reasons"] = theirs["reasons"]
 
 
 def _watched(

@@ -110,7 +110,12 @@ def certificates_section(certificates: Certificates | None, title: str, *figures
         [name.replace("_", " "), count(n), f"{100.0 * n / total:.3f} %"]
         for name, n in certificates.counts.items()
     ]
-    head = [link("word-certificate", "answers"), "n", "share"]
+    head: list[object] = [link("word-certificate", "answers"), "n", "share"]
+    if certificates.reasons:
+        head.append(link("conditions", "conditions meanwhile"))
+        for row, name in zip(rows, certificates.counts, strict=True):
+            why = certificates.reasons.get(name, {})
+            row.append(", ".join(f"{each} {count(n)}" for each, n in why.items()) or "–")
     longest = certificates.longest
     words = f"Every one of n {count(total)} answers has been proved."
     if longest is not None:
