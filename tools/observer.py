@@ -51,8 +51,8 @@ class Observer:
         status_fd: open file that takes a JSON line for every piece of news, or None for people.
 
     Attributes:
-        final: what it told at its end: `paths`, `dropped`, of the robot its `summary`, of a
-            controller `certificates`.
+        final: what it told at its end: `paths`, `dropped`, number of `states`, of the robot its
+            `summary`, of a controller `certificates`.
     """
 
     def __init__(
@@ -244,6 +244,7 @@ class _Watch:
         self._certificates = CertificateCount()
         self._reporter = _Reporter(order["status_fd"], order["side"])
         self._last_words_fd = order["last_words_fd"]
+        self._states = 0
 
     def take(self, record: Record) -> None:
         """A record of the loop, or one of our own."""
@@ -253,6 +254,7 @@ class _Watch:
             self._statistics.add(record)
         else:
             self._certificates.add(record)
+        self._states += record.kind == Kind.STATE
         if record.kind == Kind.EVENT:
             self._reporter.event(record)
         elif record.kind == Kind.SESSION:
@@ -292,7 +294,7 @@ class _Watch:
                 self._reporter.say(
                     f"the log has gaps: {dropped} records came faster than they were written"
                 )
-        final: dict[str, Any] = {"paths": paths, "dropped": dropped}
+        final: dict[str, Any] = {"paths": paths, "dropped": dropped, "states": self._states}
         if self._is_robot:
             summary = self._statistics.summary()
             summary["realtime"] = [*summary["realtime"], *self._obtained]

@@ -26,6 +26,7 @@ from tools.machine import machine_block
 from tools.observer import Observer
 from tools.placement import placed
 from tools.processes import StopFlag, start_service
+from tools.refusal import forget, is_new, nothing_happened
 from tools.services import as_yaml, observer_for, run_folder, watched_cpus
 
 START_TIMEOUT_S = 120.0  # the first start on a machine compiles the kernels
@@ -76,6 +77,7 @@ def run_realtime(
     """
     description = describe(emulator, files[0])
     log = emulator.log if out is None else emulator.log.model_copy(update={"directory": str(out)})
+    made = is_new(out)
     folder = run_folder(log, exact=out is not None)
     ours, theirs, claims = placed(emulator.realtime, controller.realtime)
     ours, theirs = _watched(ours, theirs)
@@ -100,6 +102,8 @@ def run_realtime(
         outcome.summary |= {"interrupted": outcome.interrupted, "duration_s": duration}
     finally:
         work.stop()
+        if work.refused:
+            forget(work.finals.values(), folder, made=made)
         for claim in claims:
             claim.release()
     outcome.summary["machine"] = machine_block()
@@ -122,6 +126,7 @@ def run_lockstep(
 
     description = describe(emulator, files[0])
     log = emulator.log if out is None else emulator.log.model_copy(update={"directory": str(out)})
+    made, refused = is_new(out), False
     folder = run_folder(log, exact=out is not None)
     observers: dict[str, Observer] = {}
     unlogged = CountingRecorder()
@@ -149,8 +154,14 @@ def run_lockstep(
         began = time.monotonic()
         lockstep.run(duration, should_stop or (lambda: False))
         wall = time.monotonic() - began
+    except Hoap3Error:
+        refused = True
+        raise
     finally:
         whole = [observer.close() for observer in observers.values()]
+        finals = [observer.final for observer in observers.values()]
+        if refused and all(map(nothing_happened, finals)):
+            forget(finals, folder, made=made)
     if not all(whole):
         raise Hoap3Error("an observer died: the log of this run is not whole")
     summary = observers["robot"].final["summary"]
@@ -182,8 +193,8 @@ class _Services:
         self._buffers: dict[int, bytes] = {}
         self.said: list[str] = []
         self.summary: dict[str, Any] | None = None
-        self.certificates: dict[str, Any] | None = None  # as the controller counts them
         self.failure: Hoap3Error | None = None
+        self.finals: dict[str, dict[str, Any]] = {}  # last words of both observers
         self.damage = ""
 
     def start(
@@ -224,7 +235,7 @@ class _Services:
             raise Hoap3Error(f"the robot was killed by signal {number}: its count is not whole")
         if self.summary is None:
             raise Hoap3Error(self.damage or self._failure("the robot ended without a summary"))
-        _give_reasons(self.summary, self.certificates)
+        _give_reasons(self.summary, self.finals.get("controller", {}).get("certificates"))
         return Outcome(self.summary, self._stop(), self.said)
 
     def stop(self) -> None:
@@ -242,6 +253,12 @@ class _Services:
                 child.wait()
         while self._buffers and self._listen(0.0):
             pass
+
+    @property
+    def refused(self) -> bool:
+        """Whether a service failed before any State had reached the controller."""
+        told = self.finals.get("controller", {"states": 0})
+        return self.failure is not None and nothing_happened(told)
 
     def _listen(self, timeout: float) -> bool:
         heard = False
@@ -268,10 +285,9 @@ class _Services:
             self.damage = item["text"] if item["news"] == "damaged" else self.damage
         elif item["news"] == "failed" and self.failure is None:
             self.failure = (UsageError if item["usage"] else Hoap3Error)(item["text"])
-        elif item["news"] == "final" and "summary" in item:
-            self.summary = item["summary"]
         elif item["news"] == "final":
-            self.certificates = item.get("certificates")
+            self.finals[item["side"]] = item
+            self.summary = item.get("summary", self.summary)
         self._news(item)
 
     def _failure(self, what: str) -> str:
