@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from protocol.errors import UnknownNameError
+from protocol.errors import UnknownNameError, UsageError
 from protocol.settings import Settings, load_yaml
 from remote_controller import registry as controllers
-from remote_controller.config import ControllerConfig
+from remote_controller.config import ControllerConfig, build
 from remote_controller.config import available_configs as controller_configs
 from remote_controller.constraints import registry as constraints
 from remote_controller.constraints.registry import ConstraintSettings
@@ -43,6 +43,36 @@ def resolved(name: str, overrides: list[str]) -> tuple[str, str]:
     )
     whole = config.model_copy(update={"parameters": parameters.model_dump(mode="json")})
     return as_yaml(whole), "a controller"
+
+
+def checked(name: str, overrides: list[str], robot: str | None = None) -> str:
+    """What a config is found to be, in words; a controller is built for its robot.
+
+    Args:
+        name: a config, a robot or a controller; a name or a path.
+        overrides: `dotted.key=value`, each.
+        robot: robot or emulator config to build a controller for; None for the one that its
+            config names.
+
+    Raises:
+        UsageError: what `run` would refuse as well, or a robot for what is none's controller.
+    """
+    side = resolved(name, overrides)[1]
+    if side == "an emulator":
+        if robot is not None:
+            raise UsageError(f"{name}: is the config of an emulator. Leave --robot out")
+        return f"a correct config of {side}"
+    config, file = controller_config(name, overrides)
+    correct = f"a correct config of {side}"
+    if robot is None:
+        unchecked = "so what depends on it was not checked: name one with --robot"
+        if "robot" not in config.model_fields_set:
+            return f"{correct}; it names no robot, {unchecked}"
+        if config.robot not in {*robots(), *emulator_configs()}:
+            return f"{correct}; robot {config.robot} is not known here, {unchecked}"
+    description = describe(*emulator_config(robot or config.robot, []))
+    build(config, description, f"{file} with --set" if overrides else file)
+    return f"{correct} for robot {description.name}"
 
 
 FAMILIES: dict[str, tuple[Any, type[Settings]]] = {
