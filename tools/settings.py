@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
-from protocol.errors import UnknownNameError, UsageError
+from protocol.errors import ConfigError, UnknownNameError, UsageError
 from protocol.settings import Settings, load_yaml
 from remote_controller import registry as controllers
 from remote_controller.config import ControllerConfig, build
@@ -98,7 +99,7 @@ def json_schema(kind: str, name: str | None = None) -> dict[str, Any]:
         if kind not in FAMILIES:
             raise UnknownNameError("kind of config with names", kind, FAMILIES)
         registry, whole = FAMILIES[kind]
-        return _with_parameters(whole, registry.find(name).Parameters)
+        return _with_parameters(whole, _found(registry, name, kind).Parameters)
     if kind == "emulator":
         return EmulatorConfig.model_json_schema()
     if kind in FAMILIES:
@@ -111,7 +112,21 @@ def json_schema(kind: str, name: str | None = None) -> dict[str, Any]:
             if kind in registry.registered()
         )
         raise UnknownNameError("kind of config", kind, known, hint)
-    return _with_parameters(ControllerConfig, controllers.find(kind).Parameters)
+    return _with_parameters(ControllerConfig, _found(controllers, kind, "controller").Parameters)
+
+
+def _found(registry: Any, name: str, family: str) -> Any:
+    """A class of a family; a dotted path may lead into the current folder, as into a config's."""
+    here = str(Path.cwd())
+    if ":" in name and here not in sys.path:
+        sys.path.append(here)
+    try:
+        return registry.find(name, "config schema", family)
+    except ConfigError as error:
+        if error.problem.startswith("cannot be imported"):
+            remedy = f"Install its package, or be in the folder of its module (this is {here})"
+            raise ConfigError(error.file, error.key, name, error.problem, remedy) from error
+        raise
 
 
 def named() -> dict[str, list[str]]:

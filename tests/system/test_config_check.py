@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import sys
 from pathlib import Path
 
 import arm3
@@ -69,6 +71,30 @@ def test_another_robot_can_be_named_and_its_frames_count(tmp_path: Path) -> None
     refused = inside("config", "check", "mine.yaml", "--robot", arm)
     assert refused.code == 2
     assert "r_sole" in refused.stderr
+
+
+def test_a_schema_is_found_beside_the_current_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    missing = inside("config", "schema", "task", "swing_of_mine:Swing")
+    assert missing.code == 2
+    assert f"be in the folder of its module (this is {tmp_path})" in missing.stderr
+    (tmp_path / "swing_of_mine.py").write_text(
+        "from pydantic import Field\n\n"
+        "from protocol.settings import Settings\n"
+        "from remote_controller.tasks.lyapunov import LyapunovFunction\n\n\n"
+        "class Swing(LyapunovFunction):\n"
+        "    class Parameters(Settings):\n"
+        "        swing_rad: float = Field(0.1)\n\n"
+        "    def update(self, kinematics, time_s):\n"
+        "        pass\n"
+    )
+    importlib.invalidate_caches()
+    found = inside("config", "schema", "task", "swing_of_mine:Swing")
+    monkeypatch.delitem(sys.modules, "swing_of_mine", raising=False)
+    assert found.code == 0, found.stderr
+    assert "swing_rad" in found.json()["properties"]["parameters"]["properties"]
 
 
 def test_an_emulator_is_for_no_robot_but_its_own() -> None:
