@@ -4,6 +4,7 @@
     ├── UsageError              the user's words are wrong: exit code 2
     │   ├── ConfigError         a file, a key, a value, and what to write instead
     │   ├── UnknownNameError    a name that nobody registered; carries the nearest ones
+    │   │   └── NotInstalledError  a name that is known, of something that is not installed
     │   ├── DescriptionError    a robot description that cannot be used
     │   ├── FrameNotFoundError  carries the frames that the robot has
     │   ├── NameTakenError      a robot of that name is alive already
@@ -69,6 +70,23 @@ class UnknownNameError(UsageError):
         guess = f" Did you mean {self.nearest!r}?" if self.nearest else ""
         listing = ", ".join(self.known) or "none"
         super().__init__(f"no {kind} is called {name!r}.{guess} Known: {listing}.{hint}")
+
+
+class NotInstalledError(UnknownNameError):
+    """The name is known, but what it names is not installed.
+
+    Attributes:
+        package: what to install.
+    """
+
+    def __init__(self, kind: str, name: str, package: str, installed: Iterable[str]) -> None:
+        UsageError.__init__(
+            self,
+            f"the {kind} {name!r} is known, but not installed: pip install {package} "
+            f"(installed: {', '.join(installed) or 'none'})",
+        )
+        self.kind, self.name, self.known, self.nearest = kind, name, [name], None
+        self.package = package
 
 
 class DescriptionError(UsageError):

@@ -297,12 +297,16 @@ def config_show(
 def config_check(
     names: Annotated[list[str], typer.Argument(help="Configs: names or paths.")],
     sets: Sets = [],  # noqa: B006
+    robot: Annotated[
+        str | None,
+        typer.Option(help="Robot or emulator config that controllers are built for."),
+    ] = None,
 ) -> None:
-    """Check configs."""
-    from tools.settings import resolved
+    """Check configs, those of controllers also against their robots, as a start does."""
+    from tools.settings import checked
 
     for name in names:
-        typer.echo(f"{name}: a correct config of {resolved(name, sets)[1]}", err=True)
+        typer.echo(f"{name}: {checked(name, sets, robot)}", err=True)
 
 
 @config_app.command("schema")

@@ -21,6 +21,7 @@ def report(
     ] = False,
 ) -> None:
     """Draw what a log shows, as one HTML file that needs nothing but itself."""
+    from tools.certificate_count import in_a_line
     from tools.report.write import write_report
 
     figures = write_report(log, out)
@@ -28,4 +29,7 @@ def report(
         sys.stdout.write(json.dumps(figures, indent=2) + "\n")
     else:
         sys.stderr.write(f"{figures['report']}: {figures['verdict'] or 'no verdict'}\n")
+        unproved = in_a_line(figures["certificates"])
+        if unproved is not None:
+            sys.stderr.write(f"certificates: {unproved}\n")
     raise typer.Exit(1 if figures["verdict"] == "unfit" else 0)

@@ -10,7 +10,10 @@ from pathlib import Path
 
 from protocol.realtime import virtual_machine
 
-STACK = ("eclipse-zenoh", "numpy", "numba", "pin", "mcap", "pydantic", "typer", "osqp")
+STACK = (
+    *("eclipse-zenoh", "numpy", "numba", "pin", "coal", "daqp", "osqp"),
+    *("mcap", "pydantic", "typer"),
+)
 
 
 def versions() -> dict[str, str]:

@@ -20,6 +20,7 @@ from typing import Any, TextIO
 from protocol.errors import Hoap3Error
 from protocol.messages import Event
 from protocol.ring import Kind, Record, Ring
+from tools.certificate_count import CertificateCount
 from tools.event_words import CONDITIONS, event_name, in_words
 from tools.outside import OutsideStalls
 from tools.processes import to_people
@@ -50,7 +51,8 @@ class Observer:
         status_fd: open file that takes a JSON line for every piece of news, or None for people.
 
     Attributes:
-        final: what it told at its end: `paths`, `dropped`, and of the robot its `summary`.
+        final: what it told at its end: `paths`, `dropped`, number of `states`, of the robot its
+            `summary`, of a controller `certificates`.
     """
 
     def __init__(
@@ -239,8 +241,10 @@ class _Watch:
         self._statistics = RunStatistics(
             order["period_ns"], self._stalls, timing=not order["lockstep"]
         )
+        self._certificates = CertificateCount()
         self._reporter = _Reporter(order["status_fd"], order["side"])
         self._last_words_fd = order["last_words_fd"]
+        self._states = 0
 
     def take(self, record: Record) -> None:
         """A record of the loop, or one of our own."""
@@ -248,6 +252,9 @@ class _Watch:
             self._writer.add(record)
         if self._is_robot:
             self._statistics.add(record)
+        else:
+            self._certificates.add(record)
+        self._states += record.kind == Kind.STATE
         if record.kind == Kind.EVENT:
             self._reporter.event(record)
         elif record.kind == Kind.SESSION:
@@ -287,11 +294,13 @@ class _Watch:
                 self._reporter.say(
                     f"the log has gaps: {dropped} records came faster than they were written"
                 )
-        final: dict[str, Any] = {"paths": paths, "dropped": dropped}
+        final: dict[str, Any] = {"paths": paths, "dropped": dropped, "states": self._states}
         if self._is_robot:
             summary = self._statistics.summary()
             summary["realtime"] = [*summary["realtime"], *self._obtained]
             final["summary"] = {**summary, "dropped_records": dropped}
+        else:
+            final["certificates"] = self._certificates.figures()
         self._reporter.send("final", final)
         with suppress(BrokenPipeError), os.fdopen(self._last_words_fd, "w") as stream:
             json.dump(final, stream)

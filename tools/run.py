@@ -15,16 +15,18 @@ from pathlib import Path
 from typing import Any
 
 from protocol.errors import Hoap3Error, UsageError
-from protocol.recorder import NoRecorder, PatientRecorder, Recorder
+from protocol.recorder import PatientRecorder, Recorder
 from protocol.settings import RealtimeSettings
 from remote_controller.config import ControllerConfig
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.service import describe
+from tools.certificate_count import CountingRecorder
 from tools.log import Log, payload_hash
 from tools.machine import machine_block
 from tools.observer import Observer
 from tools.placement import placed
 from tools.processes import StopFlag, start_service
+from tools.refusal import forget, is_new, nothing_happened
 from tools.services import as_yaml, observer_for, run_folder, watched_cpus
 
 START_TIMEOUT_S = 120.0  # the first start on a machine compiles the kernels
@@ -75,6 +77,7 @@ def run_realtime(
     """
     description = describe(emulator, files[0])
     log = emulator.log if out is None else emulator.log.model_copy(update={"directory": str(out)})
+    made = is_new(out)
     folder = run_folder(log, exact=out is not None)
     ours, theirs, claims = placed(emulator.realtime, controller.realtime)
     ours, theirs = _watched(ours, theirs)
@@ -99,6 +102,8 @@ def run_realtime(
         outcome.summary |= {"interrupted": outcome.interrupted, "duration_s": duration}
     finally:
         work.stop()
+        if work.refused:
+            forget(work.finals.values(), folder, made=made)
         for claim in claims:
             claim.release()
     outcome.summary["machine"] = machine_block()
@@ -121,12 +126,14 @@ def run_lockstep(
 
     description = describe(emulator, files[0])
     log = emulator.log if out is None else emulator.log.model_copy(update={"directory": str(out)})
+    made, refused = is_new(out), False
     folder = run_folder(log, exact=out is not None)
-    observers: list[Observer] = []
+    observers: dict[str, Observer] = {}
+    unlogged = CountingRecorder()
 
     def recorder_for(side: str, config: EmulatorConfig | ControllerConfig) -> Recorder:
         if folder is None and side == "controller":
-            return NoRecorder()
+            return unlogged
         observer = observer_for(
             side,
             description.name,
@@ -136,7 +143,7 @@ def run_lockstep(
             lockstep=True,
             status_fd=silence.fileno(),
         )
-        observers.append(observer)
+        observers[side] = observer
         return PatientRecorder(observer.ring, observer.alive)
 
     with Path(os.devnull).open("w") as silence:  # events in virtual time go to the log only
@@ -147,11 +154,19 @@ def run_lockstep(
         began = time.monotonic()
         lockstep.run(duration, should_stop or (lambda: False))
         wall = time.monotonic() - began
+    except Hoap3Error:
+        refused = True
+        raise
     finally:
-        whole = [observer.close() for observer in observers]
+        whole = [observer.close() for observer in observers.values()]
+        finals = [observer.final for observer in observers.values()]
+        if refused and all(map(nothing_happened, finals)):
+            forget(finals, folder, made=made)
     if not all(whole):
         raise Hoap3Error("an observer died: the log of this run is not whole")
-    summary = observers[0].final["summary"]
+    summary = observers["robot"].final["summary"]
+    theirs = observers["controller"].final["certificates"] if folder else unlogged.count.figures()
+    _give_reasons(summary, theirs)
     summary["lockstep"] = {
         "wall_s": wall,
         "times_real_time": (lockstep.robot.tick + 1) * description.period_s / wall,
@@ -179,6 +194,7 @@ class _Services:
         self.said: list[str] = []
         self.summary: dict[str, Any] | None = None
         self.failure: Hoap3Error | None = None
+        self.finals: dict[str, dict[str, Any]] = {}  # last words of both observers
         self.damage = ""
 
     def start(
@@ -219,6 +235,7 @@ class _Services:
             raise Hoap3Error(f"the robot was killed by signal {number}: its count is not whole")
         if self.summary is None:
             raise Hoap3Error(self.damage or self._failure("the robot ended without a summary"))
+        _give_reasons(self.summary, self.finals.get("controller", {}).get("certificates"))
         return Outcome(self.summary, self._stop(), self.said)
 
     def stop(self) -> None:
@@ -236,6 +253,12 @@ class _Services:
                 child.wait()
         while self._buffers and self._listen(0.0):
             pass
+
+    @property
+    def refused(self) -> bool:
+        """Whether a service failed before any State had reached the controller."""
+        told = self.finals.get("controller", {"states": 0})
+        return self.failure is not None and nothing_happened(told)
 
     def _listen(self, timeout: float) -> bool:
         heard = False
@@ -262,12 +285,19 @@ class _Services:
             self.damage = item["text"] if item["news"] == "damaged" else self.damage
         elif item["news"] == "failed" and self.failure is None:
             self.failure = (UsageError if item["usage"] else Hoap3Error)(item["text"])
-        elif item["news"] == "final" and "summary" in item:
-            self.summary = item["summary"]
+        elif item["news"] == "final":
+            self.finals[item["side"]] = item
+            self.summary = item.get("summary", self.summary)
         self._news(item)
 
     def _failure(self, what: str) -> str:
         return f"{what}; last heard: {self.said[-1]}" if self.said else what
+
+
+def _give_reasons(summary: dict[str, Any], theirs: dict[str, Any] | None) -> None:
+    """Into the count of certificates, which is the robot's, put what the controller alone knows."""
+    if summary["certificates"] and theirs:
+        summary["certificates"]["reasons"] = theirs["reasons"]
 
 
 def _watched(

@@ -32,6 +32,7 @@ from tools.log_format import SIDES, file_name
 from tools.machine import machine_block, versions
 from tools.observer import Observer
 from tools.processes import StopFlag, to_people
+from tools.refusal import forget, is_new, nothing_happened
 from tools.simulate import emulator_content
 
 NO_REALTIME = {"policy": "none", "cpu": "none", "lock_memory": False}
@@ -220,6 +221,7 @@ def run_emulator(
     """
     description = describe(config, file)
     period_ns = round(description.period_s * 1e9)
+    made, refused = is_new(out), False
     folder = _folder(config.log, out, "robot")
     config, claim = (config, None) if lockstep else settled(config)
     observer = observer_for(
@@ -238,9 +240,12 @@ def run_emulator(
     try:
         loop = run(config, description, recorder, voice.say, should_stop, ticks)
     except Hoap3Error as error:
+        refused = True
         return voice.fail(error), None
     finally:
         _close(observer, voice)
+        if refused and nothing_happened(observer.final):
+            forget([observer.final], folder, made=made)
         if claim is not None:
             claim.release()
     summary = observer.final.get("summary")
@@ -262,6 +267,7 @@ def run_controller(
     """Run a controller until it is told to stop."""
     from remote_controller.service import Service  # noqa: PLC0415 - loads numba and Pinocchio
 
+    made, refused = is_new(out), False
     folder = _folder(config.log, out, "controller")
     config, claim = settled(config)
     observer = observer_for(
@@ -280,9 +286,12 @@ def run_controller(
         on_stop = should_stop.wake if isinstance(should_stop, StopFlag) else None
         Service(config, hasty, voice.say, should_stop, file, patient, on_stop).run()
     except Hoap3Error as error:
+        refused = True
         return voice.fail(error)
     finally:
         _close(observer, voice)
+        if refused and nothing_happened(observer.final):
+            forget([observer.final], folder, made=made)
         if claim is not None:
             claim.release()
     voice.say(f"log: {folder or 'none'}")

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
-from protocol.errors import UnknownNameError
+from protocol.errors import ConfigError, UnknownNameError, UsageError
 from protocol.settings import Settings, load_yaml
 from remote_controller import registry as controllers
-from remote_controller.config import ControllerConfig
+from remote_controller.config import ControllerConfig, build
 from remote_controller.config import available_configs as controller_configs
 from remote_controller.constraints import registry as constraints
 from remote_controller.constraints.registry import ConstraintSettings
@@ -45,6 +46,36 @@ def resolved(name: str, overrides: list[str]) -> tuple[str, str]:
     return as_yaml(whole), "a controller"
 
 
+def checked(name: str, overrides: list[str], robot: str | None = None) -> str:
+    """What a config is found to be, in words; a controller is built for its robot.
+
+    Args:
+        name: a config, a robot or a controller; a name or a path.
+        overrides: `dotted.key=value`, each.
+        robot: robot or emulator config to build a controller for; None for the one that its
+            config names.
+
+    Raises:
+        UsageError: what `run` would refuse as well, or a robot for what is none's controller.
+    """
+    side = resolved(name, overrides)[1]
+    if side == "an emulator":
+        if robot is not None:
+            raise UsageError(f"{name}: is the config of an emulator. Leave --robot out")
+        return f"a correct config of {side}"
+    config, file = controller_config(name, overrides)
+    correct = f"a correct config of {side}"
+    if robot is None:
+        unchecked = "so what depends on it was not checked: name one with --robot"
+        if "robot" not in config.model_fields_set:
+            return f"{correct}; it names no robot, {unchecked}"
+        if config.robot not in {*robots(), *emulator_configs()}:
+            return f"{correct}; robot {config.robot} is not known here, {unchecked}"
+    description = describe(*emulator_config(robot or config.robot, []))
+    build(config, description, f"{file} with --set" if overrides else file)
+    return f"{correct} for robot {description.name}"
+
+
 FAMILIES: dict[str, tuple[Any, type[Settings]]] = {
     "controller": (controllers, ControllerConfig),
     "task": (tasks, TaskSettings),
@@ -68,7 +99,7 @@ def json_schema(kind: str, name: str | None = None) -> dict[str, Any]:
         if kind not in FAMILIES:
             raise UnknownNameError("kind of config with names", kind, FAMILIES)
         registry, whole = FAMILIES[kind]
-        return _with_parameters(whole, registry.find(name).Parameters)
+        return _with_parameters(whole, _found(registry, name, kind).Parameters)
     if kind == "emulator":
         return EmulatorConfig.model_json_schema()
     if kind in FAMILIES:
@@ -81,7 +112,21 @@ def json_schema(kind: str, name: str | None = None) -> dict[str, Any]:
             if kind in registry.registered()
         )
         raise UnknownNameError("kind of config", kind, known, hint)
-    return _with_parameters(ControllerConfig, controllers.find(kind).Parameters)
+    return _with_parameters(ControllerConfig, _found(controllers, kind, "controller").Parameters)
+
+
+def _found(registry: Any, name: str, family: str) -> Any:
+    """A class of a family; a dotted path may lead into the current folder, as into a config's."""
+    here = str(Path.cwd())
+    if ":" in name and here not in sys.path:
+        sys.path.append(here)
+    try:
+        return registry.find(name, "config schema", family)
+    except ConfigError as error:
+        if error.problem.startswith("cannot be imported"):
+            remedy = f"Install its package, or be in the folder of its module (this is {here})"
+            raise ConfigError(error.file, error.key, name, error.problem, remedy) from error
+        raise
 
 
 def named() -> dict[str, list[str]]:

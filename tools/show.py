@@ -6,7 +6,10 @@ from typing import Any
 
 from rich.console import Console
 from rich.live import Live
+from rich.markup import escape
 from rich.table import Table
+
+from tools.certificate_count import in_a_line
 
 console = Console(stderr=True, highlight=False)
 if not console.is_terminal:
@@ -89,6 +92,9 @@ def show_summary(summary: dict[str, Any]) -> None:
     )
     if summary.get("safe_stops"):
         table.add_row("safe stops", str(summary["safe_stops"]))
+    unproved = in_a_line(summary.get("certificates"))
+    if unproved is not None:
+        table.add_row("certificates", f"[{COLOURS['warn']}]{escape(unproved)}[/]")
     if summary["final_error"] is not None:
         table.add_row("final error", f"{summary['final_error']:.3g}, in the unit of the task")
     if "lockstep" in summary:

@@ -10,6 +10,7 @@ from protocol.errors import WireError
 from protocol.messages import Setpoint, State
 from protocol.ring import Kind, Record
 from protocol.statistics import Durations, Jitter, verdict
+from tools.certificate_count import CertificateCount
 from tools.outside import FOREVER, OutsideStalls
 
 STAGES = ("decode", "kinematics", "solve", "encode", "send", "network")
@@ -51,6 +52,7 @@ class RunStatistics:
         self._state: tuple[Any, ...] = ()
         self._summary: dict[str, Any] | None = None
         self._v = math.nan
+        self._certificates, self._answered = CertificateCount(), -1
         self._jitter = Jitter(period_ns)
         self._skipped = 0
         self._active_tick = -1
@@ -119,6 +121,7 @@ class RunStatistics:
             "rejections": robot.get("rejections", {}),
             "safe_stops": safe_stops,
             "final_error": None if math.isnan(self._error) else self._error,
+            "certificates": self._certificates.figures(),
             "complete": self._summary is not None,
             "realtime": robot.get("realtime", []),
         }
@@ -183,8 +186,13 @@ class RunStatistics:
         values = Setpoint.scalars(record.payload, *_SETPOINT)
         session, tick, epoch, sent, received, decoded, kinematics, solved = values[:8]
         encoded, sent_previous, v, status = values[8:]
-        if not self._state or (session, epoch) != self._state[1:4:2] or tick > self._state[2]:
+        if not self._state or session != self._state[1] or tick > self._state[2]:
             return  # an answer to nothing that this robot has asked
+        if tick > self._answered:  # not of duplicates; also of those that came after a stop
+            self._certificates.answer(status)
+            self._answered = tick
+        if epoch != self._state[3]:
+            return
         self._v = v if status != _NO_CERTIFICATE else math.nan
         if not self._timing:
             return

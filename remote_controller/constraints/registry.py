@@ -13,6 +13,7 @@ from protocol.description import RobotDescription
 from protocol.errors import ConfigError, FrameNotFoundError, Hoap3Error
 from protocol.settings import Settings, parse
 from remote_controller.constraints.constraint import Constraint
+from remote_controller.constraints.first_update import check_first_update
 from remote_controller.constraints.stack import ConstraintStack
 from remote_controller.kinematics import Kinematics
 from remote_controller.plugins import Family, blame
@@ -35,7 +36,7 @@ CONSTRAINTS = Family(
     GROUP,
     BUILTIN,
     ("remote_controller.constraints.constraint:Constraint",),
-    "docs/writing_a_controller.md",
+    "docs/writing_a_constraint.md",
 )
 
 
@@ -116,7 +117,7 @@ def build(
     file: str = "config",
     key: str = "parameters.constraints",
 ) -> ConstraintStack:
-    """The constraints of a list, for a robot.
+    """The constraints of a list, for a robot; somebody else's are also tried once.
 
     Args:
         entries, file, key: as for `read`.
@@ -125,9 +126,14 @@ def build(
 
     Raises:
         UnknownNameError, ConfigError: what `read` refuses, or what does not fit the robot or the
-            period.
+            period, or gives no numbers of the right shape in the initial posture.
     """
     checked = read(entries, file, key)
+    for given, entry in zip(entries, checked, strict=True):
+        if given.constraint not in BUILTIN:
+            spare = _made(entry, description, kinematics, period_s, file)
+            place = f"{entry.key}.constraint"
+            check_first_update(spare, description, kinematics, file, place, given.constraint)
     made = [_made(entry, description, kinematics, period_s, file) for entry in checked]
     return ConstraintStack(made, [entry.label for entry in checked], description.n)
 

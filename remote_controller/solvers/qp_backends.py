@@ -17,7 +17,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.errors import UnknownNameError
+from protocol.errors import NotInstalledError, UnknownNameError
 
 Array = NDArray[np.float64]
 Answer: TypeAlias = tuple[bool, Array, Array]
@@ -179,11 +179,11 @@ def backend(name: str, program: Program) -> Backend:
     """A solver by name, for one program.
 
     Raises:
-        UnknownNameError: there is no such solver, or it is not installed.
+        UnknownNameError: there is no such solver.
+        NotInstalledError: there is, but its package is not installed.
     """
     if name not in BACKENDS:
         raise UnknownNameError("QP solver", name, BACKENDS)
     if name not in installed():
-        hint = f" {name!r} is not installed: pip install {PACKAGES[name]}."
-        raise UnknownNameError("QP solver", name, installed(), hint)
+        raise NotInstalledError("QP solver", name, PACKAGES[name], installed())
     return BACKENDS[name](program)

@@ -26,6 +26,7 @@ STORIES = [
     "configuration.md",
     "writing_a_controller.md",
     "writing_a_task.md",
+    "writing_a_constraint.md",
     "new_robot.md",
     "two_machines.md",
     "logs.md",
@@ -49,7 +50,11 @@ def test_what_a_page_shows_works_word_for_word(name, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("kind", "name", "file"),
-    [("controller", "controllers", "posture.yaml"), ("task", "tasks", "sway.yaml")],
+    [
+        ("controller", "controllers", "posture.yaml"),
+        ("task", "tasks", "sway.yaml"),
+        ("constraint", "constraints", "height.yaml"),
+    ],
 )
 def test_what_a_page_has_written_passes_the_property_suite(kind, name, file, tmp_path):
     Story(tmp_path).write_files(f"writing_a_{kind}.md")

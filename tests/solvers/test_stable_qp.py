@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from stable_problems import M, N, generic, most_descent
 
-from protocol.errors import BadProblemError, UnknownNameError
+from protocol.errors import BadProblemError, NotInstalledError, UnknownNameError
 from remote_controller.solvers import qp_backends, status
 from remote_controller.solvers.stable_qp import CLAMPED, FREE, PATHS, QP, STILL, StableQp
 
@@ -367,5 +367,8 @@ class TestBackends:
 
     def test_not_installed(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(qp_backends, "find_spec", lambda name: None if name == "piqp" else 1)
-        with pytest.raises(UnknownNameError, match="pip install piqp"):
+        with pytest.raises(NotInstalledError, match="pip install piqp") as error:
             StableQp(2, solver="piqp")
+        assert "'piqp' is known" in str(error.value)
+        assert "(installed: daqp, osqp, proxqp)" in str(error.value)
+        assert "Did you mean" not in str(error.value)

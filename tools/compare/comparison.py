@@ -15,6 +15,7 @@ from tools.compare.closed_loop import ClosedLoop
 from tools.compare.figures import Figures, figures, findings
 from tools.compare.open_loop import OpenLoop, read_asked
 from tools.compare.series import Series, read_series
+from tools.compare.tasks import other_tasks
 from tools.compare.timing import measure
 from tools.machine import versions
 from tools.simulate import emulator_content, emulator_settings
@@ -32,6 +33,7 @@ class Comparison:
         facts: what they were compared on: mode, robot, joints, period_s, duration_s, seed, log.
         candidates, series, figures: one each, in the order in which they were named.
         findings: what is wrong, in words.
+        other_tasks: labels of those whose task is another than the first one's.
         timing: how long they take, see `timing.measure`; None where nobody asked.
     """
 
@@ -40,6 +42,7 @@ class Comparison:
     series: list[Series]
     figures: list[Figures]
     findings: list[str]
+    other_tasks: list[str]
     timing: dict[str, Any] | None
 
     @property
@@ -51,6 +54,14 @@ class Comparison:
     def labels(self) -> list[str]:
         """What the controllers are called."""
         return [each.label for each in self.candidates]
+
+    @property
+    def notes(self) -> list[str]:
+        """What to know when reading the figures, in words."""
+        if not self.other_tasks:
+            return []
+        whose = f"{', '.join(self.other_tasks)}: another task than {self.labels[0]}"
+        return [f"{whose}; V and the time to 1 % of the start cannot be compared"]
 
     def as_json(self) -> dict[str, Any]:
         """Everything but the times: the same in every run on the same versions."""
@@ -66,6 +77,7 @@ class Comparison:
                 for each, found in zip(self.candidates, self.figures, strict=True)
             ],
             "findings": self.findings,
+            "other_tasks": self.other_tasks,
             "versions": versions(),
         }
 
@@ -115,9 +127,18 @@ def compare(
     series = [
         read_series(found, each.parameters) for each, found in zip(candidates, answers, strict=True)
     ]
+    others = [False] * len(series)
+    if log is None:
+        others = other_tasks([each.parameters for each in candidates], series)
     found = [
-        figures(one, series[0], closed_loop=log is None, success_rate=each.success_rate)
-        for one, each in zip(series, answers, strict=True)
+        figures(
+            one,
+            series[0],
+            closed_loop=log is None,
+            success_rate=each.success_rate,
+            same_task=not other,
+        )
+        for one, each, other in zip(series, answers, others, strict=True)
     ]
     wrong = [
         f"{label}: its robot came to a safe stop after {each['answers']} answers"
@@ -130,7 +151,8 @@ def compare(
     if timing:
         say("timing")
         times = measure(labels, answers)
-    return Comparison(facts, candidates, series, found, wrong, times)
+    differing = [label for label, other in zip(labels, others, strict=True) if other]
+    return Comparison(facts, candidates, series, found, wrong, differing, times)
 
 
 def _closed(

@@ -82,7 +82,12 @@ WORDS = (
 
 
 def figures(
-    series: Series, first: Series, *, closed_loop: bool, success_rate: float | None = None
+    series: Series,
+    first: Series,
+    *,
+    closed_loop: bool,
+    success_rate: float | None = None,
+    same_task: bool = True,
 ) -> Figures:
     """All figures of one controller.
 
@@ -91,12 +96,13 @@ def figures(
         first: what the first controller did, which it is compared with.
         closed_loop: whether its answers moved the robot.
         success_rate: share of answers in time.
+        same_task: as the first; what could not be compared is None otherwise.
     """
-    found = {
+    found: Figures = {
         "answers": len(series),
         "success_rate": success_rate,
         "error": _error(series) if closed_loop else _none("start", "end", "settled_s", "integral"),
-        "v_difference": _v_difference(series, first) if closed_loop else None,
+        "v_difference": _v_difference(series, first) if closed_loop and same_task else None,
         "effort": _effort(series),
         "unit": series.unit,
         "path": _path(series) if closed_loop else _none("com_m", "joints_rad"),
@@ -114,6 +120,8 @@ def figures(
         "rho_min": _least(series.rho[series.proved]),
         "u_difference": None if closed_loop else _u_difference(series, first),
     }
+    if not same_task:
+        found["error"]["settled_s"] = None
     return _known(found)
 
 

@@ -53,6 +53,7 @@ def _header(made: Comparison, title: str) -> Markup:
         else f"each answers the States of {facts['log']}, and none of it is applied"
     )
     found = [element("p", each) for each in made.findings]
+    said = [*(element("p", each) for each in made.notes), *found]
     return element(
         "header",
         element(
@@ -66,7 +67,7 @@ def _header(made: Comparison, title: str) -> Markup:
         ),
         element("p", f"{made.facts['mode']} · {on} · {how}", class_="sub"),
         element("nav", *(link(anchor, name) for anchor, name in SECTIONS.items())),
-        element("div", *found, class_="gaps") if found else "",
+        element("div", *said, class_="gaps") if said else "",
     )
 
 

@@ -27,6 +27,8 @@ def show(made: Comparison, files: Sequence[Path]) -> None:
     console.print(table)
     if made.timing is not None:
         console.print(_times(made.timing, made.labels))
+    for each in made.notes:
+        console.print(each, markup=False, soft_wrap=True)
     for each in made.findings:
         console.print(each, style="yellow", markup=False, soft_wrap=True)
     console.print(", ".join(map(str, files)), markup=False, soft_wrap=True)

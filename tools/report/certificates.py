@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.messages import FloatArray, Setpoint
+from protocol.messages import FloatArray
+from tools.certificate_count import NAMES, PROVED, STATUS
 from tools.report.numbers import count
-
-STATUS = {
-    name.removeprefix("STATUS_").lower(): value
-    for name, value in Setpoint.schema.constants.items()
-    if name.startswith("STATUS_")
-}
-PROVED = ("certified", "at_target")
-NAMES = ("certified", "at_target", "uncertified", "infeasible")
 
 
 @dataclass(frozen=True)
@@ -57,6 +51,8 @@ class Certificates:
         rho: (k,), ρ.
         margin: (k,), smallest true margin, in the unit of its constraint.
         duration_s: of the motion.
+        reasons: by status, conditions that held during answers without certificate, and during
+            how many; as `tools.certificate_count` has them.
     """
 
     tick: NDArray[np.uint64]
@@ -65,6 +61,7 @@ class Certificates:
     rho: FloatArray
     margin: FloatArray
     duration_s: float
+    reasons: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
 
     @property
     def n(self) -> int:
@@ -124,6 +121,7 @@ class Certificates:
             "n": self.n,
             **self.counts,
             "without": self.without,
+            "reasons": {status: dict(found) for status, found in self.reasons.items()},
             "stretches": len(self.stretches),
             "first": self.stretches[0].as_json() if longest else None,
             "longest": longest.as_json() if longest else None,

@@ -12,6 +12,7 @@ from typing import Any
 from protocol.errors import LogError
 from tools.report.certificate_figures import certificate_drawings
 from tools.report.certificates import Certificates
+from tools.report.conditions import Condition, read_conditions
 from tools.report.drawing import Drawing
 from tools.report.happenings import Happening, read_happenings
 from tools.report.motion import Motion, read_motion
@@ -30,6 +31,7 @@ class Content:
         motion: what the robot did, or None.
         timing: what became of its ticks, or None.
         happenings: events of both sides, each in order.
+        conditions: what stood in the controller's way; None without its log.
         gaps: what is missing, and why, in sentences.
     """
 
@@ -37,6 +39,7 @@ class Content:
     motion: Motion | None
     timing: Timing | None
     happenings: tuple[Happening, ...]
+    conditions: tuple[Condition, ...] | None
     gaps: tuple[str, ...]
 
     @cached_property
@@ -119,6 +122,9 @@ class Content:
             "lockstep": self.sources.lockstep,
             "final_error": _final_error(self.motion),
             "certificates": self.certificates.as_json() if self.certificates else None,
+            "conditions": None
+            if self.conditions is None
+            else [condition.as_json() for condition in self.conditions],
             "figures": [
                 drawing.name
                 for drawings in (
@@ -168,6 +174,7 @@ def _read(sources: Sources) -> Content:
         motion=motion,
         timing=timing,
         happenings=tuple(item for log in sources.logs for item in read_happenings(log)),
+        conditions=_conditions(sources, motion),
         gaps=tuple(gaps),
     )
 
@@ -183,6 +190,13 @@ def _motion(sources: Sources, gaps: list[str]) -> Motion | None:
     else:
         gaps += motion.gaps
     return motion
+
+
+def _conditions(sources: Sources, motion: Motion | None) -> tuple[Condition, ...] | None:
+    if sources.controller is None:
+        return None
+    session_id = motion.session_id if motion is not None else None
+    return tuple(read_conditions(sources.controller, session_id))
 
 
 def _timing(sources: Sources, gaps: list[str]) -> Timing | None:

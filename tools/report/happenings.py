@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from protocol.errors import LogError
 from protocol.messages import Event
 from protocol.ring import Kind
-from tools.event_words import event_name, in_words
+from tools.event_words import CONDITIONS, event_name, in_words
 from tools.log import Log
 
 MOST = 200  # rows that a reader is given; the log has all
@@ -36,22 +36,25 @@ class Happening:
 
 
 def read_happenings(log: Log) -> list[Happening]:
-    """Events of one side in order; those that come by the hundred are one line a kind."""
+    """Events of one side in order; those that come by the hundred are one line a kind.
+
+    Conditions are left out: they have a table of their own.
+    """
     _, events = log.table(Kind.EVENT)
-    joints, conditions = _joints(log), log.names("conditions")
+    joints = _joints(log)
     found: list[Happening] = []
     often: dict[int, list[int]] = {}
     first: dict[int, tuple[int, int]] = {}
     for row in events:
         kind, tick, stamp, detail = (int(row[n]) for n in ("kind", "tick", "stamp", "detail"))
+        if kind in CONDITIONS:
+            continue
         if kind in _OFTEN:
             often.setdefault(kind, []).append(detail)
             first.setdefault(kind, (tick, stamp))
         else:
             name = event_name(kind, detail)
-            found.append(
-                Happening(log.side, tick, stamp, name, in_words(kind, detail, joints, conditions))
-            )
+            found.append(Happening(log.side, tick, stamp, name, in_words(kind, detail, joints)))
     for kind, details in often.items():
         tick, stamp = first[kind]
         text = in_words(kind, max(details), joints)

@@ -5,7 +5,7 @@ These are the quantities that section V of the QP12 paper shows, of one session 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from protocol.description import RobotDescription
 from protocol.errors import DescriptionError, LogError
 from protocol.messages import FloatArray, Setpoint, State
-from tools.report.certificates import PROVED, STATUS, Certificates
+from tools.certificate_count import PROVED, STATUS, CertificateCount
+from tools.log import Log
+from tools.report.certificates import Certificates
 from tools.report.sources import Sources
 
 MOST_POINTS = 20_000  # of the path; more cannot be seen, and each costs a pass of kinematics
@@ -28,6 +30,7 @@ class Motion:
 
     Attributes:
         side: whose log tells it; the robot's, unless that holds nothing of it.
+        session_id: of the session.
         start_ns: begin of the first tick that asked for an answer; all times count from there.
         duration_s: from there to the last one.
         joints: names in wire order.
@@ -46,6 +49,7 @@ class Motion:
     """
 
     side: str
+    session_id: int
     start_ns: int
     duration_s: float
     joints: tuple[str, ...]
@@ -128,6 +132,10 @@ def read_motion(sources: Sources) -> Motion | None:
     ).astype(float)
     duration_s = (int(active["stamp_intended"][-1]) - start) / 1e9 + description.period_s
     certificates = _certificates(rows[proved], answers[proved], start, duration_s)
+    session_id = int(active["session_id"][0])
+    if certificates and certificates.without and sources.controller is not None:
+        reasons = _reasons(sources.controller, session_id)
+        certificates = replace(certificates, reasons=reasons)
     gaps += certificates.gaps if certificates else []
     sole = _sole(description, frame)
     if sole is None:
@@ -137,6 +145,7 @@ def read_motion(sources: Sources) -> Motion | None:
         )
     return Motion(
         side=log.side,
+        session_id=session_id,
         start_ns=start,
         duration_s=duration_s,
         joints=description.joint_names,
@@ -196,6 +205,15 @@ def _certificates(states: Any, answers: Any, start: int, duration_s: float) -> C
         margin=np.asarray(answers["margin"], float),
         duration_s=duration_s,
     )
+
+
+def _reasons(log: Log, session_id: int) -> dict[str, dict[str, int]]:
+    """Why answers have no certificate, as far as the controller names it."""
+    count = CertificateCount(session_id)
+    for record in log.records():
+        count.add(record)
+    figures = count.figures()
+    return figures["reasons"] if figures else {}
 
 
 def _seconds(states: Any, start: int) -> FloatArray:

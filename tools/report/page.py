@@ -9,6 +9,7 @@ from tools.report.facts import facts_section, tiles
 from tools.report.markup import Markup, element, join, link
 from tools.report.tables import (
     certificates_section,
+    conditions_section,
     events_section,
     stalls_section,
     ticks_section,
@@ -20,6 +21,7 @@ __all__ = ["POLICY", "SECTIONS", "page"]
 SECTIONS = {
     "motion": "Motion",
     "certificates": "Certificates",
+    "conditions": "Conditions",
     "time": "Deadlines and time",
     "ticks": "Worst ticks",
     "events": "Events",
@@ -43,6 +45,7 @@ def page(content: Content) -> str:
                 SECTIONS["certificates"],
                 *map(figure, content.certificate_drawings),
             ),
+            conditions_section(content.conditions, SECTIONS["conditions"]),
             _figures("time", content.timing_drawings, _no_times(content)),
             ticks_section(content.timing, SECTIONS["ticks"]),
             events_section(content, SECTIONS["events"]),

@@ -1,12 +1,14 @@
-"""Tables of a report: percentiles, worst ticks, who is to blame, events, stalls."""
+"""Tables of a report: percentiles, worst ticks, who is to blame, conditions, events, stalls."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from tools.report.certificates import Certificates
+from tools.report.conditions import Condition
 from tools.report.content import Content
 from tools.report.happenings import MOST
 from tools.report.markup import Markup, element, link, more, table
@@ -108,7 +110,12 @@ def certificates_section(certificates: Certificates | None, title: str, *figures
         [name.replace("_", " "), count(n), f"{100.0 * n / total:.3f} %"]
         for name, n in certificates.counts.items()
     ]
-    head = [link("word-certificate", "answers"), "n", "share"]
+    head: list[object] = [link("word-certificate", "answers"), "n", "share"]
+    if certificates.reasons:
+        head.append(link("conditions", "conditions meanwhile"))
+        for row, name in zip(rows, certificates.counts, strict=True):
+            why = certificates.reasons.get(name, {})
+            row.append(", ".join(f"{each} {count(n)}" for each, n in why.items()) or "–")
     longest = certificates.longest
     words = f"Every one of n {count(total)} answers has been proved."
     if longest is not None:
@@ -128,6 +135,23 @@ def certificates_section(certificates: Certificates | None, title: str, *figures
         element("div", *figures, class_="grid") if figures else "",
         id="certificates",
     )
+
+
+def conditions_section(conditions: Sequence[Condition] | None, title: str) -> Markup:
+    """What stood in the controller's way: how often, for how long, since when."""
+    heading = element("h2", title)
+    if not conditions:
+        said = "No condition of the controller ever held."
+        if conditions is None:
+            said = "There is no log of the controller, which alone has its conditions."
+        return element("section", heading, _said(said), id="conditions")
+    rows = [
+        [each.condition, count(each.times), count(each.ticks), each.first_tick, count(each.longest)]
+        for each in conditions
+    ]
+    head = [link("word-condition", "condition"), "times", "ticks in all", "first tick", "longest"]
+    said = "In ticks of the robot, also of those in which nobody asked for an answer."
+    return element("section", heading, _said(said), table(head, rows), id="conditions")
 
 
 def events_section(content: Content, title: str) -> Markup:

@@ -76,6 +76,11 @@ WORDS = {
         "What the controller proves of each answer: V, the decrease Ψ that was required, the "
         "decrease that the answer gives by the model, and that no limit was broken.",
     ),
+    "condition": Word(
+        "condition",
+        "What the controller itself names, and sees begin and end: what holds it up, or stands in "
+        "the way of a certificate, such as contradictory constraints.",
+    ),
     "soft": Word(
         "soft real time",
         "What an ordinary kernel and CPython give. Nothing here is a bound, or a safety function "

@@ -55,6 +55,7 @@ def test_json_counts_by_status_and_names_the_first_and_the_longest_stretch(conte
         "uncertified": 3,
         "infeasible": 40,
         "without": 43,
+        "reasons": {},
         "stretches": 2,
         "first": {"answers": 3, "tick": 50, "begin_s": 0.05, "end_s": 0.052},
         "longest": {"answers": 40, "tick": 100, "begin_s": 0.1, "end_s": 0.139},

@@ -1,0 +1,52 @@
+"""What the shipped configs say of themselves is so."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+import yaml
+from story import check
+
+from remote_controller.config import CONFIGS
+from remote_controller.kinematics import Kinematics
+from robot_emulator.robots import load
+from tools.settings import json_schema
+from tools.simulate import simulate
+
+NAMES = sorted(path.stem for path in CONFIGS.glob("*.yaml"))
+
+
+def comments(name: str) -> str:
+    text = (CONFIGS / f"{name}.yaml").read_text(encoding="utf-8")
+    return " ".join(re.findall(r"^# (.*)$", text, flags=re.MULTILINE))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_commands_in_their_comments_work(name):
+    for command in re.findall(r"`(hoap3 [^`]+)`", comments(name)):
+        check(command)
+        *_, schema, kind = command.split()
+        assert schema == "schema"
+        content = yaml.safe_load((CONFIGS / f"{name}.yaml").read_text(encoding="utf-8"))
+        assert kind == content["controller"]
+        assert (
+            content["parameters"].keys()
+            <= json_schema(kind)["properties"]["parameters"]["properties"].keys()
+        )
+
+
+@pytest.mark.parametrize("name", ["stable_qp", "com_tracking"])
+def test_the_left_foot_moves_as_their_comments_say(name):
+    robot = load("hoap3")
+    kinematics = Kinematics(robot)
+    left, right = (kinematics.frame_id(f"{side}_sole") for side in "lr")
+    states = simulate("hoap3", name, duration=4.0).states
+    places = np.empty((2, 3))
+    for q, place in zip(states["q"][[0, -1]], places, strict=True):
+        kinematics.update(q)
+        kinematics.frame(left, right, place, np.empty((3, 3)), np.empty((6, robot.n)))
+    moves = np.linalg.norm(places[1] - places[0]) > 1e-3
+    assert moves
+    assert moves == ("Nothing holds the left" in comments(name))

@@ -1,0 +1,56 @@
+"""What must be installed for a solver, the error, the docs and the package say alike."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from protocol.errors import ConfigError
+from protocol.settings import parse
+from remote_controller.config import ControllerConfig, build, read_config
+from remote_controller.solvers import qp_backends
+from robot_emulator.robots import load
+
+HOUSE = Path(__file__).resolve().parents[2]
+PROJECT = tomllib.loads((HOUSE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def named(requirements: list[str]) -> set[str]:
+    """Packages of a list of requirements."""
+    return {re.split("[<>=]", each)[0] for each in requirements}
+
+
+OURS = named(PROJECT["dependencies"])
+PEERS = {name: each for name, each in qp_backends.PACKAGES.items() if each not in OURS}
+
+
+def test_an_extra_brings_every_solver_that_does_not_come_by_itself() -> None:
+    assert named(PROJECT["optional-dependencies"]["peers"]) == set(PEERS.values())
+
+
+def test_the_docs_say_which_need_installing() -> None:
+    text = (HOUSE / "docs" / "configuration.md").read_text(encoding="utf-8")
+    (row,) = re.findall(r"^\| `solver` \|.*$", text, flags=re.MULTILINE)
+    for name, package in PEERS.items():
+        assert f"`{name}` needs `pip install {package}`" in row
+
+
+@pytest.mark.parametrize(("name", "package"), PEERS.items())
+def test_one_that_is_missing_is_said_to_be(
+    name: str, package: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec = qp_backends.find_spec
+    monkeypatch.setattr(
+        qp_backends, "find_spec", lambda each: (each != package and spec(each)) or None
+    )
+    shipped = parse(ControllerConfig, read_config("stable_qp")[0], "shipped")
+    config = shipped.model_copy(update={"parameters": {**shipped.parameters, "solver": name}})
+    with pytest.raises(ConfigError) as error:
+        build(config, load("hoap3"), "mine.yaml")
+    said = str(error.value)
+    assert f"{name!r} is known, but not installed: pip install {package}" in said
+    assert "parameters.solver" in said
+    assert "Did you mean" not in said

@@ -1,0 +1,64 @@
+"""A run whose answers prove nothing says so, however fit it was."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from command_bench import Done, hoap3, inside
+
+FAST = "minimum_speed, parameters: {speed: 9, joints: {l_shoulder_pitch: 1.0}, tolerance: 0.9}"
+CONTRADICTORY = (
+    *("--controller", "stable_qp", "--set"),
+    f"controller.parameters.constraints=[{{constraint: joint_speed}}, {{constraint: {FAST}}}]",
+)
+LINE = "0 of 200 answers certified; 200 infeasible: contradictory"
+
+
+def lockstep(*arguments: object) -> Done:
+    return inside("run", "--lockstep", "--duration", 0.2, *arguments)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("contradictory") / "run"
+
+
+@pytest.fixture(scope="module")
+def run(folder: Path) -> Done:
+    return lockstep(*CONTRADICTORY, "--out", folder)
+
+
+def test_the_terminal_says_it_and_the_verdict_stays(run: Done) -> None:
+    assert run.code == 0
+    assert f"certificates  {LINE}" in run.stderr
+    assert "fit" in run.stderr
+
+
+def test_the_report_says_the_same_in_its_terminal_and_in_json(run: Done, folder: Path) -> None:
+    told = inside("report", folder)
+    assert told.code == 0
+    assert f"certificates: {LINE}" in told.stderr.splitlines()
+    assert "contradictory 200" in (folder / "report.html").read_text(encoding="utf-8")
+    figures = inside("report", folder, "--json").json()["certificates"]
+    again = lockstep(*CONTRADICTORY, "--json", "--set", "emulator.log.record=false")
+    counted = again.json()["certificates"]  # without any log, too
+    assert counted["reasons"]["infeasible"]["contradictory"] == 200
+    assert {name: figures[name] for name in counted} == counted
+
+
+def test_a_proved_run_has_the_counts_and_no_line(tmp_path: Path) -> None:
+    command = lockstep("--out", tmp_path / "run")
+    assert "certificates" not in command.stderr
+    assert "certificates" not in inside("report", tmp_path / "run").stderr
+
+
+def test_in_real_time_it_is_told_as_well(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    command = hoap3("run", "--duration", 0.3, *CONTRADICTORY, "--out", folder, "--json")
+    assert command.end() in {0, 1}, command.stderr  # how fit this machine is, is another matter
+    counted = command.json()["certificates"]
+    assert counted["infeasible"] == counted["n"] > 0
+    assert set(counted["reasons"]["infeasible"]) >= {"contradictory"}
+    figures = inside("report", folder, "--json").json()["certificates"]
+    assert {name: figures[name] for name in counted} == counted

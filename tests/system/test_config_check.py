@@ -1,0 +1,102 @@
+"""`hoap3 config check` refuses what `hoap3 run` refuses, and says what it could not check."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+
+import arm3
+import pytest
+from command_bench import inside
+
+from remote_controller.solvers import qp_backends
+
+TASK = "{task: com, parameters: {target: {kind: point, position_m: [0.01, 0.025, 0.2869]}}}"
+FAST = "{constraint: joint_position, parameters: {eta_per_s: 5000}}"
+ROBOT = "robot: hoap3\n"
+WRONG_FOR_HOAP3 = {
+    "unknown frame": ("controller: qp12\nparameters: {frame: r_soul}\n", "r_soul"),
+    "too fast a rate": (
+        f"controller: stable_qp\nparameters: {{task: {TASK}, constraints: [{FAST}]}}\n",
+        "η·T = 5",
+    ),
+    "solver that is not installed": (
+        f"controller: stable_qp\nparameters: {{task: {TASK}, solver: piqp}}\n",
+        "pip install piqp",
+    ),
+}
+
+
+@pytest.fixture(autouse=True)
+def without_piqp(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    spec = qp_backends.find_spec
+    monkeypatch.setattr(
+        qp_backends, "find_spec", lambda each: (each != "piqp" and spec(each)) or None
+    )
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("case", WRONG_FOR_HOAP3)
+def test_what_a_run_refuses_the_check_refuses_too(case: str) -> None:
+    text, word = WRONG_FOR_HOAP3[case]
+    Path("mine.yaml").write_text(ROBOT + text, encoding="utf-8")
+    Path("nobody.yaml").write_text(text, encoding="utf-8")
+    run = inside("run", "--lockstep", "--duration", 0.1, "--controller", "mine.yaml")
+    for refused in (
+        inside("config", "check", "mine.yaml"),
+        inside("config", "check", "nobody.yaml", "--robot", "hoap3"),
+    ):
+        assert refused.code == run.code == 2
+        assert word in refused.stderr
+    assert inside("config", "check", "mine.yaml").stderr == run.stderr
+    unchecked = inside("config", "check", "nobody.yaml")
+    assert unchecked.code == 0
+    assert "it names no robot, so what depends on it was not checked" in unchecked.stderr
+
+
+@pytest.mark.parametrize("name", ["qp12", "stable_qp"])
+def test_it_says_for_which_robot_it_is_correct(name: str) -> None:
+    done = inside("config", "check", name)
+    assert done.code == 0
+    assert done.stderr == f"{name}: a correct config of a controller for robot hoap3\n"
+
+
+def test_another_robot_can_be_named_and_its_frames_count(tmp_path: Path) -> None:
+    arm = arm3.write(tmp_path)
+    Path("mine.yaml").write_text("controller: qp12\nrobot: my_arm\n", encoding="utf-8")
+    unknown = inside("config", "check", "mine.yaml")
+    assert unknown.code == 0
+    assert "robot my_arm is not known here" in unknown.stderr
+    refused = inside("config", "check", "mine.yaml", "--robot", arm)
+    assert refused.code == 2
+    assert "r_sole" in refused.stderr
+
+
+def test_a_schema_is_found_beside_the_current_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    missing = inside("config", "schema", "task", "swing_of_mine:Swing")
+    assert missing.code == 2
+    assert f"be in the folder of its module (this is {tmp_path})" in missing.stderr
+    (tmp_path / "swing_of_mine.py").write_text(
+        "from pydantic import Field\n\n"
+        "from protocol.settings import Settings\n"
+        "from remote_controller.tasks.lyapunov import LyapunovFunction\n\n\n"
+        "class Swing(LyapunovFunction):\n"
+        "    class Parameters(Settings):\n"
+        "        swing_rad: float = Field(0.1)\n\n"
+        "    def update(self, kinematics, time_s):\n"
+        "        pass\n"
+    )
+    importlib.invalidate_caches()
+    found = inside("config", "schema", "task", "swing_of_mine:Swing")
+    monkeypatch.delitem(sys.modules, "swing_of_mine", raising=False)
+    assert found.code == 0, found.stderr
+    assert "swing_rad" in found.json()["properties"]["parameters"]["properties"]
+
+
+def test_an_emulator_is_for_no_robot_but_its_own() -> None:
+    assert inside("config", "check", "hoap3").stderr == "hoap3: a correct config of an emulator\n"
+    assert inside("config", "check", "hoap3", "--robot", "hoap3").code == 2
