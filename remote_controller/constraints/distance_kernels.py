@@ -7,11 +7,8 @@ be chosen so that one of them lies on an edge (the set of nearest points is a po
 polygon, and its corners are corners of a box or crossings of two edges), and where they overlap,
 some edge of one is partly inside the other.
 
-Rows are written for up to three points of every segment that comes as near as the pair's distance
-and a spread: the nearest one, and both ends of {s: f(s) ≤ distance + spread}. Where the nearest
-points are not unique, as between parallel capsules or faces, the ends are what keeps the pair from
-tilting into each other, and they move continuously with the pair; each row is the exact
-derivative of the distance of one point of the segment.
+Rows are written for up to three points of such a segment, of two boxes for up to four points of all
+(`contact_kernels`); each row is the exact derivative of the distance of one point of the segment.
 """
 
 from __future__ import annotations
@@ -30,70 +27,13 @@ from remote_controller.constraints.box_edges_kernels import (
     beside,
     corners,
     edge_at_least,
-    ends,
     segment,
 )
-from remote_controller.constraints.segment_box_kernels import (
-    edge,
-    nearest,
-    squared,
-    witness,
-)
+from remote_controller.constraints.contact_kernels import WITNESSES, Scratch, witnesses
+from remote_controller.constraints.placement_kernels import apart, into, lay_out, turn_round
+from remote_controller.constraints.segment_box_kernels import nearest, witness
 
-Scratch = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
-
-WITNESSES = 3  # points of a segment that can have rows
-CONTACTS = 4  # points of two boxes that can
-STEEP = 5.0  # spreads: an end nearer than that binds only where the pair turns faster than η/5
-TINY = 1e-12  # m: the length of a point
-SAME = 1e-7  # m: two nearest points are the same where their middles are
 IMMOVABLE = 1e-12  # m/rad: no joint changes the distance
-
-
-@inlined
-def _place(
-    origin: FloatArray,
-    rotation: FloatArray,
-    center: FloatArray,
-    axes: FloatArray,
-    center_out: FloatArray,
-    turn_out: FloatArray,
-) -> None:
-    """Write where a body that is fixed to a frame is in the root's axes."""
-    for i in range(3):
-        center_out[i] = origin[i]
-        for j in range(3):
-            center_out[i] += rotation[i, j] * center[j]
-            turn_out[i, j] = 0.0
-            for k in range(3):
-                turn_out[i, j] += rotation[i, k] * axes[k, j]
-
-
-@inlined
-def _apart(first: FloatArray, second: FloatArray) -> float:
-    """Distance of two points [m]."""
-    x, y, z = first[0] - second[0], first[1] - second[1], first[2] - second[2]
-    return math.sqrt(x * x + y * y + z * z)
-
-
-@inlined
-def _into(
-    placed: tuple[FloatArray, FloatArray],
-    first: int,
-    second: int,
-    center_out: FloatArray,
-    turn_out: FloatArray,
-) -> None:
-    """Write where the first body is in the second one's axes."""
-    middles, turns = placed
-    for k in range(3):
-        center_out[k] = 0.0
-        for i in range(3):
-            center_out[k] += turns[second, i, k] * (middles[first, i] - middles[second, i])
-        for j in range(3):
-            turn_out[k, j] = 0.0
-            for i in range(3):
-                turn_out[k, j] += turns[second, i, k] * turns[first, i, j]
 
 
 @inlined
@@ -154,41 +94,6 @@ def _sort(places: NDArray[np.int64], by: FloatArray) -> None:
 
 
 @inlined
-def _lay_out(
-    frames: tuple[FloatArray, FloatArray],
-    frame_of: NDArray[np.int64],
-    bodies: tuple[FloatArray, FloatArray],
-    middles_out: FloatArray,
-    turns_out: FloatArray,
-) -> None:
-    """Write where all bodies are."""
-    origins, rotations = frames
-    centers, axes = bodies
-    for body in range(frame_of.size):
-        frame = frame_of[body]
-        _place(
-            origins[frame],
-            rotations[frame],
-            centers[body],
-            axes[body],
-            middles_out[body],
-            turns_out[body],
-        )
-
-
-@inlined
-def _turn_round(
-    center: FloatArray, turn: FloatArray, center_out: FloatArray, turn_out: FloatArray
-) -> None:
-    """Write where the second body is in the first one's axes, from the inverse."""
-    for i in range(3):
-        center_out[i] = 0.0
-        for j in range(3):
-            center_out[i] -= turn[j, i] * center[j]
-            turn_out[i, j] = turn[j, i]
-
-
-@inlined
 def _cores(
     placed: tuple[FloatArray, FloatArray],
     halves: FloatArray,
@@ -215,9 +120,9 @@ def _cores(
     centers, turns, points, excess, a0, d, normal = scratch
     edged = pair[2] != 0
     sides = 2 if edged else 1
-    _into(placed, pair[0], pair[1], centers[0], turns[0])
+    into(placed, pair[0], pair[1], centers[0], turns[0])
     if edged:
-        _turn_round(centers[0], turns[0], centers[1], turns[1])
+        turn_round(centers[0], turns[0], centers[1], turns[1])
         bound = 0.0
         for side in range(sides):
             half, other = halves[pair[side]], halves[pair[1 - side]]
@@ -273,7 +178,7 @@ def _measure(
     exact = np.zeros(pairs.shape[0], np.bool_)
     for p in range(pairs.shape[0]):
         a, b = pairs[p, 0], pairs[p, 1]
-        margins_out[p] = _apart(middles[a], middles[b]) - balls[a] - balls[b] - clearance
+        margins_out[p] = apart(middles[a], middles[b]) - balls[a] - balls[b] - clearance
     for beyond in (False, True):  # the smallest margin may be beyond the activation
         for p in range(pairs.shape[0]):
             limit = least if beyond else activation
@@ -288,154 +193,6 @@ def _measure(
                 exact[p], crossings = True, crossings + crossing
                 least = min(least, margins_out[p])
     return least, crossings
-
-
-@inlined
-def _at(
-    middle: FloatArray,
-    turn: FloatArray,
-    a0: FloatArray,
-    d: FloatArray,
-    s: float,
-    normal: FloatArray,
-    point_out: FloatArray,
-    normal_out: FloatArray,
-) -> None:
-    """Write a(s) and a normal, given in a box's axes, in the root's."""
-    for i in range(3):
-        point_out[i], normal_out[i] = middle[i], 0.0
-        for k in range(3):
-            point_out[i] += turn[i, k] * (a0[k] + s * d[k])
-            normal_out[i] += turn[i, k] * normal[k]
-
-
-@inlined
-def _is_known(found: FloatArray, count: int) -> bool:
-    """Whether the nearest points of row `count` of `found` are those of an earlier one."""
-    new = found[count]
-    for i in range(count):
-        old, away = found[i], 0.0
-        for k in range(3):
-            gap = new[k] - old[k] - 0.5 * (new[6] * new[3 + k] - old[6] * old[3 + k])
-            away = max(away, abs(gap))
-        if away < SAME:
-            return True
-    return False
-
-
-@inlined
-def _swap(rows: FloatArray, one: int, other: int) -> None:
-    for k in range(rows.shape[1]):
-        rows[one, k], rows[other, k] = rows[other, k], rows[one, k]
-
-
-@inlined
-def _area(found: FloatArray, i: int) -> float:
-    """Twice the signed area of the points 0, 1 and i, seen along the normal of the first [m²]."""
-    ax, ay, az = (
-        found[1, 0] - found[0, 0],
-        found[1, 1] - found[0, 1],
-        found[1, 2] - found[0, 2],
-    )
-    bx, by, bz = (
-        found[i, 0] - found[0, 0],
-        found[i, 1] - found[0, 1],
-        found[i, 2] - found[0, 2],
-    )
-    nx, ny, nz = found[0, 3], found[0, 4], found[0, 5]
-    area: float = nx * (ay * bz - az * by) + ny * (az * bx - ax * bz) + nz * (ax * by - ay * bx)
-    return area
-
-
-@inlined
-def _reduce(found: FloatArray, count: int) -> int:
-    """Bring the nearest point to the front, and behind it the three that reach farthest around it.
-
-    They are the one farthest from it, and on both sides of the line of these two the one that is
-    farthest from the line. Returns how many remain: four at most.
-    """
-    best = 0
-    for i in range(1, count):
-        if found[i, 6] < found[best, 6]:
-            best = i
-    _swap(found, 0, best)
-    if count <= CONTACTS:
-        return count
-    best, top = 1, -1.0
-    for i in range(1, count):
-        away = _apart(found[i], found[0])
-        if away > top:
-            best, top = i, away
-    _swap(found, 1, best)
-    for place, side in ((2, 1.0), (3, -1.0)):
-        best, top = place, -math.inf
-        for i in range(place, count):
-            area = side * _area(found, i)
-            if area > top:
-                best, top = i, area
-        _swap(found, place, best)
-    return CONTACTS
-
-
-@inlined
-def _witnesses(
-    placed: tuple[FloatArray, FloatArray],
-    halves: FloatArray,
-    pair: NDArray[np.int64],
-    nearest_s: FloatArray,
-    reach: float,
-    spread: float,
-    scratch: Scratch,
-    found_out: FloatArray,
-) -> int:
-    """Write the points of a pair that get rows; return how many.
-
-    Args:
-        placed, halves: of the bodies.
-        pair: as of `distance_rows`.
-        nearest_s: (2, 12, 2) as of `_cores`.
-        reach: how near they come [m].
-        spread: as of `distance_rows` [m].
-        scratch: overwritten.
-        found_out: (at least 72, 7) the point, n from the second core of the pair to the first,
-            and the distance of the cores there; in the root's axes.
-    """
-    middles, turns = placed
-    centers, locals_, points, _, a0, d, normal = scratch
-    count, edged, level = 0, pair[2] != 0, reach * reach
-    for side in range(2 if edged else 1):
-        first, second = pair[side], pair[1 - side]
-        half, outward, ready, seen = halves[second], 1.0 - 2.0 * side, False, 0
-        for number in range(0 if edged else CORE, EDGES if edged else CORE + 1):
-            if nearest_s[side, number, 1] > reach:
-                continue
-            if not ready:
-                _into(placed, first, second, centers[0], locals_[0])
-                corners(centers[0], locals_[0], halves[first], points[0])
-                ready = True
-            inner = nearest_s[side, number, 0]
-            segment(points[0], number, a0, d)
-            away = STEEP * spread / max(math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]), TINY)
-            for w in range(WITNESSES):
-                s = inner
-                if w > 0:
-                    s = min(inner + away, 1.0) if w == 2 else max(inner - away, 0.0)
-                    if s == inner or squared(a0, d, half, s) > level:
-                        continue
-                    s = edge(a0, d, half, inner, w - 1.0, level)
-                if not 0.0 < s < 1.0:  # a corner, which three edges share
-                    corner = 1 << ends(number)[int(s)]
-                    if seen & corner:
-                        continue
-                    seen |= corner
-                new = found_out[count]
-                new[6], _ = witness(a0, d, half, s, normal)
-                _at(middles[second], turns[second], a0, d, s, normal, new[:3], new[3:6])
-                for k in range(3, 6):
-                    new[k] *= outward
-                if not _is_known(found_out, count):
-                    count += 1
-    return _reduce(found_out, count)
 
 
 @kernel(
@@ -493,7 +250,7 @@ def distance_rows(
     )
     nearest_s = np.empty((pairs.shape[0], 2, EDGES, 2))
     found = np.empty((2 * EDGES * WITNESSES, 7))
-    _lay_out((origins, rotations), frame_of, (centers, axes), middles, turns)
+    lay_out((origins, rotations), frame_of, (centers, axes), middles, turns)
     placed, sizes = (middles, turns), (halves, radii, balls)
     least, crossing = _measure(placed, sizes, pairs, settings, scratch, nearest_s, margins_out)
     near = np.nonzero(margins_out < activation)[0]
@@ -506,7 +263,7 @@ def distance_rows(
             reach = max(margins_out[p] + around, 0.0) + spread
             count = 0
             if row < b_out.size:
-                count = _witnesses(
+                count = witnesses(
                     placed, halves, pairs[p], nearest_s[p], reach, spread, scratch, found
                 )
             short += row + count > b_out.size or row == b_out.size
