@@ -20,11 +20,6 @@ from remote_controller.constraints.box_edges_kernels import CORE, EDGES, corners
 from remote_controller.constraints.placement_kernels import apart, into
 from remote_controller.constraints.segment_box_kernels import edge, squared, witness
 
-Scratch = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
-"""Arrays that are written over and over: the places of two bodies in each other's axes, (2, 3) and
-(2, 3, 3), their corners, (2, 8, 3), how far these are beyond the other body, (2, 8, 3), and a0, d
-and the normal of a segment, (3,)."""
-
 WITNESSES = 3  # points of a segment that can have rows
 CONTACTS = 4  # points of two boxes that can
 STEEP = 5.0  # spreads: an end nearer than that binds only where the pair turns faster than η/5
@@ -52,17 +47,24 @@ def _at(
 
 
 @inlined
-def _is_known(found: FloatArray, count: int) -> bool:
-    """Whether the nearest points of row `count` of `found` are those of an earlier one."""
-    new = found[count]
+def _distinct(found: FloatArray, count: int) -> int:
+    """Keep the first of what are the same nearest points; return how many are left."""
+    kept = 0
     for i in range(count):
-        old, away = found[i], 0.0
-        for k in range(3):
-            gap = new[k] - old[k] - 0.5 * (new[6] * new[3 + k] - old[6] * old[3 + k])
-            away = max(away, abs(gap))
-        if away < SAME:
-            return True
-    return False
+        known = False
+        for j in range(kept):
+            away = 0.0
+            for k in range(3):
+                gap = found[i, k] - found[j, k]
+                gap -= 0.5 * (found[i, 6] * found[i, 3 + k] - found[j, 6] * found[j, 3 + k])
+                away = max(away, abs(gap))
+            known |= away < SAME
+        if not known:
+            if kept < i:
+                for k in range(7):
+                    found[kept, k] = found[i, k]
+            kept += 1
+    return kept
 
 
 @inlined
@@ -127,7 +129,7 @@ def witnesses(
     nearest_s: FloatArray,
     reach: float,
     spread: float,
-    scratch: Scratch,
+    scratch: tuple[FloatArray, ...],
     found_out: FloatArray,
 ) -> int:
     """Write the points of a pair that get rows; return how many.
@@ -175,6 +177,5 @@ def witnesses(
                 _at(middles[second], turns[second], a0, d, s, normal, new[:3], new[3:6])
                 for k in range(3, 6):
                     new[k] *= outward
-                if not _is_known(found_out, count):
-                    count += 1
-    return _reduce(found_out, count)
+                count += 1
+    return _distinct(found_out, _reduce(found_out, count))

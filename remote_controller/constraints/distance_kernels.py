@@ -29,7 +29,7 @@ from remote_controller.constraints.box_edges_kernels import (
     edge_at_least,
     segment,
 )
-from remote_controller.constraints.contact_kernels import WITNESSES, Scratch, witnesses
+from remote_controller.constraints.contact_kernels import WITNESSES, witnesses
 from remote_controller.constraints.placement_kernels import apart, into, lay_out, turn_round
 from remote_controller.constraints.segment_box_kernels import nearest, witness
 
@@ -100,7 +100,7 @@ def _cores(
     pair: NDArray[np.int64],
     limit: float,
     spread: float,
-    scratch: Scratch,
+    scratch: tuple[FloatArray, ...],
     nearest_out: FloatArray,
 ) -> tuple[float, bool]:
     """Distance of the cores of a pair, and whether they cross.
@@ -112,7 +112,9 @@ def _cores(
         pair: as of `distance_rows`.
         limit: [m].
         spread: as of `distance_rows` [m].
-        scratch: overwritten.
+        scratch: overwritten: places of two bodies in each other's axes, (2, 3) and (2, 3, 3), their
+            corners, (2, 8, 3), how far these are beyond the other body, (2, 8, 3), and a0, d and
+            the normal of a segment, (3,).
         nearest_out: (2, 12, 2) s at which an edge of the first, or second, body is nearest to the
             other one, and its distance there; a distance of inf where it is greater than that of
             the pair by more than the spread.
@@ -137,11 +139,11 @@ def _cores(
     level = (math.sqrt(top) + spread) ** 2
     least, crossing = math.inf, False
     for side in range(sides):
-        half = halves[pair[1 - side]]
+        half, places, beyond = halves[pair[1 - side]], points[side], excess[side]
         for number in range(0 if edged else CORE, EDGES if edged else CORE + 1):
-            if edge_at_least(excess[side], number) > level:
+            if edge_at_least(beyond, number) > level:
                 continue
-            segment(points[side], number, a0, d)
+            segment(places, number, a0, d)
             s = nearest(a0, d, half)
             distance, inside = witness(a0, d, half, s, normal)
             nearest_out[side, number, 0], nearest_out[side, number, 1] = s, distance
@@ -158,7 +160,7 @@ def _measure(
     bodies: tuple[FloatArray, FloatArray, FloatArray],
     pairs: NDArray[np.int64],
     settings: FloatArray,
-    scratch: Scratch,
+    scratch: tuple[FloatArray, ...],
     nearest_out: FloatArray,
     margins_out: FloatArray,
 ) -> tuple[float, int]:
