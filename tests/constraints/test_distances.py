@@ -295,13 +295,15 @@ def test_only_pairs_that_are_near_have_rows():
 
 
 def balls(count, **given):
-    """Balls around the fore arm, in pairs that have the same place; one row for each."""
-    ends = [{**BALL, "name": f"ball {i}", "center_m": [0.3 + 0.01 * (i // 2), 0.01 * (i // 2), 0.5]}
-            for i in range(count)]  # fmt: skip
+    """Balls on both sides of the upright arm, in pairs equally far; the furthest come first."""
+    ends = [
+        {**BALL, "name": f"ball {i}", "center_m": [(-1) ** i * (0.4 - 0.01 * (i // 2)), 0.0, 0.5]}
+        for i in range(count)
+    ]
     return Bench(
         small(),
         distance(pairs=[], obstacles=ends, obstacle_links=["fore"], activation_m=9.0, **given),
-    ).at(np.array([0.2, -0.1, 0.1]))
+    ).at(np.zeros(3))
 
 
 @pytest.mark.parametrize("rows", [3, 4, 5, 6, 7])
@@ -314,6 +316,9 @@ def test_with_too_few_rows_the_nearest_pairs_have_them_and_of_equal_ones_the_fir
     assert len(np.unique(every.only.margins)) == 4
     nearest = np.argsort(every.only.margins, kind="stable")[:rows]
     assert short.only.events["rows_short"] == 2 * (8 - rows)  # of the start, and here
+    assert (
+        (every.stack.A[0:8:2] != every.stack.A[1:8:2]).any(axis=1).all()
+    )  # which one of equal ones it is shows
     np.testing.assert_array_equal(short.stack.A, every.stack.A[nearest])
     np.testing.assert_array_equal(short.stack.b, every.stack.b[nearest])
 
