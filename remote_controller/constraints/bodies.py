@@ -7,7 +7,7 @@ with an extent along z only.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -21,9 +21,9 @@ Triple = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0)]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Body:
-    """A rounded box that is fixed to a frame.
+    """A rounded box that is fixed to a frame; equal to itself alone.
 
     Attributes:
         name: of the link or of the obstacle.
@@ -42,30 +42,9 @@ class Body:
     radius: float
 
     @property
-    def key(self) -> tuple[str, bytes]:
-        """What tells it from the others of a robot: a link may serve as itself and as a capsule."""
-        return self.name, self.half.tobytes()
-
-    @property
-    def slenderness(self) -> float:
-        """Longest extent relative to the next one; 1 for a sphere."""
-        extents = np.sort(self.half + self.radius)
-        return float(extents[2] / extents[1])
-
-    def as_capsule(self) -> Self:
-        """The capsule along its longest side, as long as the body.
-
-        Its radius is half the larger of the other two sides. Of a box, the edges stick out of
-        it, by up to (√2 − 1) times the radius along the sides, and more at the corners.
-        """
-        if np.count_nonzero(self.half) < 2:
-            return self
-        extents = self.half + self.radius
-        order = np.argsort(extents, kind="stable")
-        longest, radius = int(order[2]), float(extents[order[1]])
-        axes = self.axes[:, [(longest + 1) % 3, (longest + 2) % 3, longest]]
-        half = np.array([0.0, 0.0, float(extents[longest]) - radius])
-        return type(self)(self.name, self.frame, self.center, axes, half, radius)
+    def edged(self) -> bool:
+        """Whether its box has edges: those of a sphere and of a capsule are a point and a core."""
+        return bool(self.half[:2].any())
 
 
 class Obstacle(Settings):
@@ -121,21 +100,23 @@ class Box(Obstacle):
 AnyObstacle = Annotated[Sphere | Capsule | Box, Field(discriminator="shape")]
 
 
-def links(description: RobotDescription) -> dict[str, Body]:
-    """The first <collision> shape of every link of the URDF that has one, by link name.
+def links(description: RobotDescription) -> dict[str, tuple[Body, ...]]:
+    """The <collision> shapes of every link of the URDF that has any, by link name.
 
-    Boxes and spheres are what they are; a cylinder is the capsule of its radius and length.
+    Boxes and spheres are what they are. A cylinder is no rounded box, so a body that contains it
+    stands for it: a capsule about its axis, whose ends stick out by the radius; or, where it is
+    wider than long, the box around it.
     """
     found = {}
     for link in ET.fromstring(description.urdf).findall("link"):  # noqa: S314 - checked before
-        shape = link.find("collision/geometry/*")
-        if shape is not None:
-            name, origin = str(link.get("name")), link.find("collision/origin")
-            given = {} if origin is None else origin.attrib
-            center = _numbers(given.get("xyz", "0 0 0"))
-            axes = rotation(*_numbers(given.get("rpy", "0 0 0")))
-            half, radius = _extent(shape)
-            found[name] = Body(name, name, center, axes, half, radius)
+        name = str(link.get("name"))
+        shapes = tuple(
+            _body(name, shape, collision.find("origin"))
+            for collision in link.iterfind("collision")
+            for shape in collision.iterfind("geometry/*")
+        )
+        if shapes:
+            found[name] = shapes
     return found
 
 
@@ -162,14 +143,24 @@ def rotation(roll: float, pitch: float, yaw: float) -> FloatArray:
     )
 
 
+def _body(link: str, shape: ET.Element, origin: ET.Element | None) -> Body:
+    given = {} if origin is None else origin.attrib
+    center = _numbers(given.get("xyz", "0 0 0"))
+    half, radius = _extent(shape)
+    return Body(link, link, center, rotation(*_numbers(given.get("rpy", "0 0 0"))), half, radius)
+
+
 def _extent(shape: ET.Element) -> tuple[FloatArray, float]:
+    """Half the extents of a shape's box, and the radius around it."""
     if shape.tag == "box":
         return _numbers(str(shape.get("size"))) / 2, 0.0
     radius = float(str(shape.get("radius")))
     if shape.tag == "sphere":
         return np.zeros(3), radius
-    straight = max(float(str(shape.get("length"))) / 2 - radius, 0.0)
-    return np.array([0.0, 0.0, straight]), radius
+    length = float(str(shape.get("length")))
+    if length < 2.0 * radius:
+        return np.array([radius, radius, length / 2]), 0.0
+    return np.array([0.0, 0.0, length / 2]), radius
 
 
 def _numbers(text: str) -> FloatArray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from itertools import combinations, product
 from typing import Literal
 
 import numpy as np
@@ -20,19 +22,25 @@ Pair = tuple[str, str]
 class Distance(Constraint):
     """d(q) ≥ clearance for pairs of bodies, by (25): −∇d·u ≤ η·(d − clearance), margins in m.
 
-    Bodies are the links, with the first <collision> shape that the URDF gives each, and the
-    obstacles. The first of a pair is taken as a capsule: of two links the more slender one, of a
-    link and an obstacle the link; the second is what it is (`bodies`). Closed forms serve here
-    rather than a collision library: GJK gives one pair of nearest points, which jumps from end to
-    end of parallel capsules, whereas three rows a pair stay continuous (`distance_kernels`), and
-    one kernel does all pairs at once.
+    Bodies are the links, with every <collision> shape that the URDF gives them, and the
+    obstacles. Between boxes, spheres and capsules d is their distance, exactly; a cylinder is
+    taken as a capsule or a box that contains it, so that its d is never more than its distance
+    (`bodies`). Closed forms serve here rather than a collision library: GJK gives one pair of
+    nearest points, which jumps from end to end of parallel capsules, whereas rows for every
+    nearly nearest point stay continuous (`distance_kernels`), and one kernel does all pairs.
+
+    Of bodies whose cores cross, only this is said: the margin is below −clearance, less the
+    radii. It counts the deepest middle of an edge's, or a core's, part inside the other, so the
+    way out may be longer. A core is a capsule's segment, a sphere's centre, or the box itself.
 
     Only pairs whose margin is below the activation distance have rows, so it must be so large
-    that none comes from there to 0 faster than at rate η. Margins above it, the smallest one
+    that none comes from there to 0 faster than at rate η. Points that are further than the
+    nearest ones by more than `spread_m` have none either: it must be more than bodies move
+    relative to each other in a period. Margins above the activation, the smallest one
     excepted, may be lower bounds. Reserve and return are those of
-    `barrier`. Events: `rows_short` (pairs that were near but found no row: the nearest ones have
-    them), `crossing` (pairs whose cores cross, where the way out leads through the nearest face),
-    `immovable` (rows that no joint can help).
+    `barrier`. Events: `rows_short` (pairs that were near but found no row for all their points:
+    the nearest pairs have theirs), `crossing` (pairs whose cores cross, where the way out leads
+    through the nearest face), `immovable` (rows that no joint can help).
     """
 
     yields = True
@@ -55,9 +63,13 @@ class Distance(Constraint):
             0.05, gt=0, description="margin from which on a pair has rows [m]"
         )
         spread_m: float = Field(
-            5e-4, gt=0, description="how much further than the nearest point others may be [m]"
+            5e-4,
+            ge=1e-6,
+            description="how much further than the nearest point others may be to get a row [m]",
         )
-        rows: int = Field(150, ge=3, description="most rows, three for each near pair")
+        rows: int = Field(
+            200, ge=3, description="most rows: up to three a near pair, of two boxes four"
+        )
         eta_per_s: float = Field(10.0, gt=0, description="η of (25), at most 1/period [1/s]")
         reserve_m: float = Field(
             1e-5, ge=0, description="kept for the curvature that one Euler step does not see [m]"
@@ -87,12 +99,12 @@ class Distance(Constraint):
             )
         )
         self._links = links(description)
-        self._obstacles: dict[str, Body] = {}
+        self._obstacles: dict[str, tuple[Body, ...]] = {}
         for place, obstacle in enumerate(parameters.obstacles):
             if obstacle.name in self._links or obstacle.name in self._obstacles:
                 key = f"obstacles.{place}.name"
                 raise ConfigError("", key, obstacle.name, "is taken", "Choose another name")
-            self._obstacles[obstacle.name] = obstacle.body(description.base_frame)
+            self._obstacles[obstacle.name] = (obstacle.body(description.base_frame),)
         self.rows = parameters.rows
         self.names = tuple(f"near {row}" for row in range(self.rows))
         self.events.update(rows_short=0, crossing=0, immovable=0)
@@ -127,38 +139,34 @@ class Distance(Constraint):
         )
 
     def _chosen(self, parameters: Parameters, kinematics: Kinematics) -> list[tuple[Body, Body]]:
-        """The pairs that the settings ask for, the capsule first."""
+        """The pairs that the settings ask for."""
         robot = self.description
         bodies = {**self._links, **self._obstacles}
         if parameters.pairs == "auto":
-            names = list(self._links)
             apart = [
-                (first, second)
-                for place, first in enumerate(names)
-                for second in names[place + 1 :]
+                (self._links[first], self._links[second])
+                for first, second in combinations(self._links, 2)
                 if _joints_between(robot, first, second) >= parameters.joints_apart
             ]
-            pairs = [_ordered(bodies[first], bodies[second]) for first, second in apart]
+            pairs = _shapes(apart)
             self._place(pairs, kinematics)
             kinematics.update(robot.initial_position)
             self._measure(kinematics, np.zeros((self.rows, self.n)), np.zeros(self.rows))
             pairs = [pair for pair, margin in zip(pairs, self.margins, strict=True) if margin > 0.0]
         else:
-            pairs = []
+            named = []
             for place, (first, second) in enumerate(parameters.pairs):
                 key = f"pairs.{place}"
-                one, other = _named(bodies, first, key), _named(bodies, second, key)
+                named.append((_named(bodies, first, key), _named(bodies, second, key)))
                 if first == second:
-                    remedy = "Name two bodies"
-                    raise ConfigError("", key, first, "is no pair", remedy)
-                pairs.append(_ordered(one, other))
-        for obstacle in self._obstacles.values():
-            for link in self._exposed(parameters, obstacle):
-                pairs.append((link.as_capsule(), obstacle))
+                    raise ConfigError("", key, first, "is no pair", "Name two bodies")
+            pairs = _shapes(named)
+        for (obstacle,) in self._obstacles.values():
+            pairs += _shapes((link, (obstacle,)) for link in self._exposed(parameters, obstacle))
         return pairs
 
-    def _exposed(self, parameters: Parameters, obstacle: Body) -> list[Body]:
-        """Links that are kept from an obstacle."""
+    def _exposed(self, parameters: Parameters, obstacle: Body) -> list[tuple[Body, ...]]:
+        """Shapes of each link that is kept from an obstacle."""
         if parameters.obstacle_links != "auto":
             return [
                 _named(self._links, name, f"obstacle_links.{place}")
@@ -167,27 +175,34 @@ class Distance(Constraint):
         if obstacle.frame not in self.description.frames:
             return []  # `_place` names the frame
         return [
-            link
-            for name, link in self._links.items()
+            shapes
+            for name, shapes in self._links.items()
             if _joints_between(self.description, name, obstacle.frame) > 0
         ]
 
     def _place(self, pairs: list[tuple[Body, Body]], kinematics: Kinematics) -> None:
         """Lay out the arrays that the kernel reads."""
-        for obstacle in self._obstacles.values():
+        for (obstacle,) in self._obstacles.values():
             kinematics.frame_id(obstacle.frame)
-        bodies = list({body.key: body for pair in pairs for body in pair}.values())
-        place = {body.key: number for number, body in enumerate(bodies)}
+        bodies = list(dict.fromkeys(body for pair in pairs for body in pair))
+        place = {body: number for number, body in enumerate(bodies)}
+        halves = np.array([body.half for body in bodies]).reshape(-1, 3)
+        radii = np.array([body.radius for body in bodies], np.float64)
         self._bodies = (
             np.array([kinematics.frame_id(body.frame) for body in bodies], np.int64),
             np.array([body.center for body in bodies]).reshape(-1, 3),
             np.array([body.axes for body in bodies]).reshape(-1, 3, 3),
-            np.array([body.half for body in bodies]).reshape(-1, 3),
-            np.array([body.radius for body in bodies], np.float64),
+            halves,
+            radii,
+            radii + np.linalg.norm(halves, axis=1),
         )
         self._pairs = np.array(
-            [(place[first.key], place[second.key]) for first, second in pairs], np.int64
-        ).reshape(-1, 2)
+            [
+                (place[first], place[second], first.edged and second.edged)
+                for first, second in pairs
+            ],
+            np.int64,
+        ).reshape(-1, 3)
         self._carried = np.zeros((len(pairs), self.n))
         moved_by = {
             body.frame: kinematics.moved_by(kinematics.frame_id(body.frame)) for body in bodies
@@ -199,14 +214,24 @@ class Distance(Constraint):
         self.margin_names = tuple(f"{first.name} to {second.name}" for first, second in pairs)
 
 
-def _ordered(first: Body, second: Body) -> tuple[Body, Body]:
-    """The more slender one first, as a capsule."""
-    if second.slenderness > first.slenderness:
-        first, second = second, first
-    return first.as_capsule(), second
+def _shapes(pairs: Iterable[tuple[tuple[Body, ...], tuple[Body, ...]]]) -> list[tuple[Body, Body]]:
+    """Every shape of the one with every shape of the other.
+
+    One without edges comes first, of two the shorter one: of its core the nearest points of
+    parallel ones are an end or both.
+    """
+
+    def rank(body: Body) -> tuple[bool, float]:
+        return body.edged, float(body.half[2])
+
+    return [
+        (one, other) if rank(one) <= rank(other) else (other, one)
+        for first, second in pairs
+        for one, other in product(first, second)
+    ]
 
 
-def _named(bodies: dict[str, Body], name: str, key: str) -> Body:
+def _named(bodies: dict[str, tuple[Body, ...]], name: str, key: str) -> tuple[Body, ...]:
     if name not in bodies:
         guess = nearest(name, bodies)
         hint = f"Did you mean {guess!r}? " if guess else ""

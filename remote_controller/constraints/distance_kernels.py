@@ -1,11 +1,14 @@
-"""Distances between capsules and rounded boxes, and the rows that keep them.
+"""Distances between rounded boxes, and the rows that keep them.
 
-Of a pair, the first body's core is a segment a(s) = a0 + s·d, s in [0, 1]; the second one's is a
-box. f(s), the distance from a(s) to the box, is convex. Rows are written for three points of the
-segment: the nearest one, and both ends of {s: f(s) ≤ min f + spread}. Where the nearest points
-are not unique, as between parallel capsules, the ends are what keeps the pair from tilting into
-each other, and they move continuously with the pair; each row is the exact derivative of the
-distance of one point of the segment.
+All is reduced to segments a(s) = a0 + s·d, s in [0, 1], against boxes: f(s), the distance from a(s)
+to the box, is convex. Of a pair with a sphere or a capsule, that one's core is the segment. Of two
+boxes, the edges of each are held against the other: where they are apart, their nearest points can
+be chosen so that one of them lies on an edge (the set of nearest points is a point, a segment or a
+polygon, and its corners are corners of a box or crossings of two edges), and where they overlap,
+some edge of one is partly inside the other.
+
+Rows are written for up to three points of such a segment, of two boxes for up to four points of all
+(`contact_kernels`); each row is the exact derivative of the distance of one point of the segment.
 """
 
 from __future__ import annotations
@@ -17,59 +20,20 @@ from numpy.typing import NDArray
 
 from protocol.compilation import inlined, kernel
 from protocol.messages import FloatArray
-from remote_controller.constraints.segment_box_kernels import edge, nearest, squared, witness
+from remote_controller.constraints.box_edges_kernels import (
+    CORE,
+    EDGES,
+    at_least,
+    beside,
+    corners,
+    edge_at_least,
+    segment,
+)
+from remote_controller.constraints.contact_kernels import WITNESSES, witnesses
+from remote_controller.constraints.placement_kernels import apart, into, lay_out, turn_round
+from remote_controller.constraints.segment_box_kernels import nearest, witness
 
-ROOM_HALVINGS = 60  # of the search for the margin up to which there is room
-WITNESSES = 3  # rows that a pair can have
-SAME = 1e-9  # of s: the same point of the segment
-UNKNOWN = -1.0  # s of a pair that was not looked at: its bounding balls are far apart
 IMMOVABLE = 1e-12  # m/rad: no joint changes the distance
-
-
-@inlined
-def _place(
-    origin: FloatArray,
-    rotation: FloatArray,
-    center: FloatArray,
-    axes: FloatArray,
-    center_out: FloatArray,
-    turn_out: FloatArray,
-) -> None:
-    """Write where a body that is fixed to a frame is in the root's axes."""
-    for i in range(3):
-        center_out[i] = origin[i]
-        for j in range(3):
-            center_out[i] += rotation[i, j] * center[j]
-            turn_out[i, j] = 0.0
-            for k in range(3):
-                turn_out[i, j] += rotation[i, k] * axes[k, j]
-
-
-@inlined
-def _apart(first: FloatArray, second: FloatArray) -> float:
-    """Distance of two points [m]."""
-    x, y, z = first[0] - second[0], first[1] - second[1], first[2] - second[2]
-    return math.sqrt(x * x + y * y + z * z)
-
-
-@inlined
-def _into_box(
-    center: FloatArray,
-    turn: FloatArray,
-    length: float,
-    box_center: FloatArray,
-    box_turn: FloatArray,
-    a0_out: FloatArray,
-    d_out: FloatArray,
-) -> None:
-    """Write a0 and d of a segment along its own z in a box's axes [m]."""
-    for k in range(3):
-        middle, along = 0.0, 0.0
-        for i in range(3):
-            middle += box_turn[i, k] * (center[i] - box_center[i])
-            along += box_turn[i, k] * turn[i, 2]
-        a0_out[k] = middle - 0.5 * length * along
-        d_out[k] = length * along
 
 
 @inlined
@@ -119,119 +83,124 @@ def _bound(margin: float, eta: float, reserve: float, return_speed: float) -> fl
 
 
 @inlined
-def _count_below(margins: FloatArray, limit: float) -> int:
-    count = 0
-    for margin in margins:
-        count += margin < limit
-    return count
+def _sort(places: NDArray[np.int64], by: FloatArray) -> None:
+    """Sort places in `by` by what is there; what is equal keeps its order."""
+    for i in range(1, places.size):
+        moved, j = places[i], i
+        while j > 0 and by[places[j - 1]] > by[moved]:
+            places[j] = places[j - 1]
+            j -= 1
+        places[j] = moved
 
 
 @inlined
-def _reach(margins: FloatArray, activation: float, room: int) -> tuple[float, int]:
-    """The margin below which pairs get rows, and how many find no room: the furthest do not."""
-    near = _count_below(margins, activation)
-    if near <= room:
-        return activation, 0
-    least = activation
-    for margin in margins:
-        least = min(least, margin)
-    limit, beyond = least, activation
-    for _ in range(ROOM_HALVINGS):
-        middle = 0.5 * (limit + beyond)
-        if _count_below(margins, middle) > room:
-            beyond = middle
-        else:
-            limit = middle
-    return limit, near - _count_below(margins, limit)
+def _cores(
+    placed: tuple[FloatArray, FloatArray],
+    halves: FloatArray,
+    pair: NDArray[np.int64],
+    limit: float,
+    spread: float,
+    scratch: tuple[FloatArray, ...],
+    nearest_out: FloatArray,
+) -> tuple[float, bool]:
+    """Distance of the cores of a pair, and whether they cross.
 
-
-@inlined
-def _lay_out(
-    frames: tuple[FloatArray, FloatArray],
-    frame_of: NDArray[np.int64],
-    bodies: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
-    middles_out: FloatArray,
-    turns_out: FloatArray,
-    balls_out: FloatArray,
-) -> None:
-    """Write where all bodies are, and the radii of the balls around them."""
-    origins, rotations = frames
-    centers, axes, halves, radii = bodies
-    for body in range(frame_of.size):
-        x, y, z = halves[body, 0], halves[body, 1], halves[body, 2]
-        balls_out[body] = radii[body] + math.sqrt(x * x + y * y + z * z)
-        frame = frame_of[body]
-        _place(
-            origins[frame],
-            rotations[frame],
-            centers[body],
-            axes[body],
-            middles_out[body],
-            turns_out[body],
-        )
-
-
-@inlined
-def _measure(
-    placed: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
-    pairs: NDArray[np.int64],
-    clearance: float,
-    activation: float,
-    segments_out: tuple[FloatArray, FloatArray, FloatArray],
-    margins_out: FloatArray,
-) -> tuple[float, int]:
-    """Write margins, and the segments of pairs that may be near; the least margin, and crossings.
+    What is found to be more than the limit may be a lower bound.
 
     Args:
-        placed: middles, turns, balls, halves and radii of the bodies.
-        pairs, clearance, activation, margins_out: as of `distance_rows`.
-        segments_out: a0 (P, 3) and d (P, 3) in the box's axes, and the s that is nearest (P,).
+        placed, halves: of the bodies.
+        pair: as of `distance_rows`.
+        limit: [m].
+        spread: as of `distance_rows` [m].
+        scratch: overwritten: places of two bodies in each other's axes, (2, 3) and (2, 3, 3), their
+            corners, (2, 8, 3), how far these are beyond the other body, (2, 8, 3), and a0, d and
+            the normal of a segment, (3,).
+        nearest_out: (2, 12, 2) s at which an edge of the first, or second, body is nearest to the
+            other one, and its distance there; a distance of inf where it is greater than that of
+            the pair by more than the spread.
     """
-    middles, turns, balls, halves, radii = placed
-    a0, d, nearest_s = segments_out
-    normal, least, crossing = np.empty(3), math.inf, 0
-    for p in range(pairs.shape[0]):
-        a, b = pairs[p, 0], pairs[p, 1]
-        nearest_s[p] = UNKNOWN
-        margins_out[p] = _apart(middles[a], middles[b]) - balls[a] - balls[b] - clearance
-    for beyond in (False, True):  # the smallest margin may be beyond the activation
-        for p in range(pairs.shape[0]):
-            if nearest_s[p] != UNKNOWN or margins_out[p] >= (least if beyond else activation):
+    centers, turns, points, excess, a0, d, normal = scratch
+    edged = pair[2] != 0
+    sides = 2 if edged else 1
+    into(placed, pair[0], pair[1], centers[0], turns[0])
+    if edged:
+        turn_round(centers[0], turns[0], centers[1], turns[1])
+        bound = 0.0
+        for side in range(sides):
+            half, other = halves[pair[side]], halves[pair[1 - side]]
+            bound = max(bound, at_least(centers[side], turns[side], half, other))
+        if limit >= 0.0 and bound > limit * limit:
+            return math.sqrt(bound), False
+    nearest_out[:, :, 1] = math.inf
+    top = math.inf
+    for side in range(sides):
+        corners(centers[side], turns[side], halves[pair[side]], points[side])
+        top = min(top, beside(points[side], halves[pair[1 - side]], excess[side]))
+    level = (math.sqrt(top) + spread) ** 2
+    least, crossing = math.inf, False
+    for side in range(sides):
+        half, places, beyond = halves[pair[1 - side]], points[side], excess[side]
+        for number in range(0 if edged else CORE, EDGES if edged else CORE + 1):
+            if edge_at_least(beyond, number) > level:
                 continue
-            a, b = pairs[p, 0], pairs[p, 1]
-            length = 2.0 * halves[a, 2]
-            _into_box(middles[a], turns[a], length, middles[b], turns[b], a0[p], d[p])
-            nearest_s[p] = nearest(a0[p], d[p], halves[b])
-            distance, inside = witness(a0[p], d[p], halves[b], nearest_s[p], normal)
-            crossing += inside
-            margins_out[p] = distance - radii[a] - radii[b] - clearance
-            least = min(least, margins_out[p])
+            segment(places, number, a0, d)
+            s = nearest(a0, d, half)
+            distance, inside = witness(a0, d, half, s, normal)
+            nearest_out[side, number, 0], nearest_out[side, number, 1] = s, distance
+            crossing |= inside
+            if distance < least:
+                least = distance
+                level = min(level, (max(least, 0.0) + spread) ** 2)
     return least, crossing
 
 
 @inlined
-def _at(
-    middle: FloatArray,
-    turn: FloatArray,
-    a0: FloatArray,
-    d: FloatArray,
-    s: float,
-    normal: FloatArray,
-    point_out: FloatArray,
-    normal_out: FloatArray,
-) -> None:
-    """Write a(s) and a normal, given in a box's axes, in the root's."""
-    for i in range(3):
-        point_out[i], normal_out[i] = middle[i], 0.0
-        for k in range(3):
-            point_out[i] += turn[i, k] * (a0[k] + s * d[k])
-            normal_out[i] += turn[i, k] * normal[k]
+def _measure(
+    placed: tuple[FloatArray, FloatArray],
+    bodies: tuple[FloatArray, FloatArray, FloatArray],
+    pairs: NDArray[np.int64],
+    settings: FloatArray,
+    scratch: tuple[FloatArray, ...],
+    nearest_out: FloatArray,
+    margins_out: FloatArray,
+) -> tuple[float, int]:
+    """Write margins; return the least, and how many pairs cross.
+
+    Args:
+        placed: middles and turns of the bodies.
+        bodies: halves, radii and balls.
+        pairs, settings, margins_out: as of `distance_rows`.
+        scratch: overwritten.
+        nearest_out: (P, 2, 12, 2), for each pair as of `_cores`.
+    """
+    middles, _ = placed
+    clearance, activation, spread = settings[0], settings[1], settings[2]
+    halves, radii, balls = bodies
+    least, crossings = math.inf, 0
+    exact = np.zeros(pairs.shape[0], np.bool_)
+    for p in range(pairs.shape[0]):
+        a, b = pairs[p, 0], pairs[p, 1]
+        margins_out[p] = apart(middles[a], middles[b]) - balls[a] - balls[b] - clearance
+    for beyond in (False, True):  # the smallest margin may be beyond the activation
+        for p in range(pairs.shape[0]):
+            limit = least if beyond else activation
+            if exact[p] or margins_out[p] >= limit:
+                continue
+            around = radii[pairs[p, 0]] + radii[pairs[p, 1]] + clearance
+            distance, crossing = _cores(
+                placed, halves, pairs[p], limit + around, spread, scratch, nearest_out[p]
+            )
+            margins_out[p] = distance - around
+            if distance < limit + around:
+                exact[p], crossings = True, crossings + crossing
+                least = min(least, margins_out[p])
+    return least, crossings
 
 
 @kernel(
     "Tuple((f8, i8, i8, i8))(f8[:,:], f8[:,:,:], f8[:,:], i8[::1], i8[::1], f8[:,::1],"
-    " f8[:,:,::1], f8[:,::1], f8[::1], i8[:,::1], f8[:,::1], f8[::1], f8[::1], f8[:,::1],"
-    " f8[::1])"
+    " f8[:,:,::1], f8[:,::1], f8[::1], f8[::1], i8[:,::1], f8[:,::1], f8[::1], f8[::1],"
+    " f8[:,::1], f8[::1])"
 )
 def distance_rows(
     origins: FloatArray,
@@ -243,6 +212,7 @@ def distance_rows(
     axes: FloatArray,
     halves: FloatArray,
     radii: FloatArray,
+    balls: FloatArray,
     pairs: NDArray[np.int64],
     carried: FloatArray,
     settings: FloatArray,
@@ -259,48 +229,56 @@ def distance_rows(
         order: (n,) column of each joint of the wire.
         frame_of: (B,) frame of each body.
         centers, axes, halves, radii: (B, 3), (B, 3, 3), (B, 3), (B,) the bodies in their frames.
-        pairs: (P, 2) bodies; the first is a capsule or a sphere.
+        balls: (B,) radii of the balls around them [m].
+        pairs: (P, 3) two bodies, and whether both have edges; else the first has none.
         carried: (P, n) 1 where a joint carries the first of a pair alone, −1 the second, else 0.
         settings: clearance [m], activation [m], spread [m], η [1/s], reserve [m], return
             speed [m/s].
         margins_out: (P,) distance less clearance [m]; of pairs further than the activation, the
-            smallest excepted, it may be that of the balls around them, which is less.
-        A_out, b_out: (R, n), (R,) −∇m·u ≤ b; unused rows 0·u ≤ inf.
+            smallest excepted, it may be less.
+        A_out, b_out: (R, n), (R,) −∇m·u ≤ b; unused rows 0·u ≤ inf. Where they are too few, the
+            pairs with the smallest margins have them, of equal ones the first.
 
     Returns:
-        The smallest margin (inf without pairs), pairs left without rows though near, pairs whose
-        cores cross, and rows left out because no joint moves them though they lie outside.
+        The smallest margin (inf without pairs), pairs left without some of their rows, pairs
+        whose cores cross, and rows left out because no joint moves them though they lie outside.
     """
     clearance, activation, spread = settings[0], settings[1], settings[2]
-    bodies, count, row, immovable = frame_of.size, pairs.shape[0], 0, 0
-    middles, turns, balls = np.empty((bodies, 3)), np.empty((bodies, 3, 3)), np.empty(bodies)
-    a0, d, nearest_s = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
-    local, seen, point = np.empty(3), np.empty(3), np.empty(3)
-    _lay_out((origins, rotations), frame_of, (centers, axes, halves, radii), middles, turns, balls)
-    placed, segments = (middles, turns, balls, halves, radii), (a0, d, nearest_s)
-    least, crossing = _measure(placed, pairs, clearance, activation, segments, margins_out)
-    limit, short = _reach(margins_out, activation, b_out.size // WITNESSES)
+    bodies = frame_of.size
+    middles, turns = np.empty((bodies, 3)), np.empty((bodies, 3, 3))
+    scratch = (
+        *(np.empty((2, 3)), np.empty((2, 3, 3)), np.empty((2, 8, 3)), np.empty((2, 8, 3))),
+        *(np.empty(3), np.empty(3), np.empty(3)),
+    )
+    nearest_s = np.empty((pairs.shape[0], 2, EDGES, 2))
+    found = np.empty((2 * EDGES * WITNESSES, 7))
+    lay_out((origins, rotations), frame_of, (centers, axes), middles, turns)
+    placed, sizes = (middles, turns), (halves, radii, balls)
+    least, crossing = _measure(placed, sizes, pairs, settings, scratch, nearest_s, margins_out)
+    near = np.nonzero(margins_out < activation)[0]
     by_joint = twists.T[order]
-    A_out[:, :], b_out[:] = 0.0, math.inf
-    for p in range(count):
-        if not margins_out[p] < limit:
-            continue
-        a, b = pairs[p, 0], pairs[p, 1]
-        level = (math.sqrt(squared(a0[p], d[p], halves[b], nearest_s[p])) + spread) ** 2
-        for w in range(WITNESSES):
-            s = nearest_s[p]
-            if w > 0:
-                s = edge(a0[p], d[p], halves[b], nearest_s[p], w - 1.0, level)
-                if abs(s - nearest_s[p]) < SAME:
-                    continue
-            distance, _ = witness(a0[p], d[p], halves[b], s, local)
-            _at(middles[b], turns[b], a0[p], d[p], s, local, point, seen)
-            top = _approach(point, seen, by_joint, carried[p], A_out[row])
-            margin = distance - radii[a] - radii[b] - clearance
-            b_out[row] = _bound(margin, settings[3], settings[4], settings[5])
-            if top < IMMOVABLE:
-                immovable += b_out[row] < 0.0
-                A_out[row, :], b_out[row] = 0.0, math.inf
-            else:
-                row += 1
+    for _ in range(2):  # once more, the nearest first, where the rows are too few
+        row, short, immovable = 0, 0, 0
+        A_out[:, :], b_out[:] = 0.0, math.inf
+        for p in near:
+            around = radii[pairs[p, 0]] + radii[pairs[p, 1]] + clearance
+            reach = max(margins_out[p] + around, 0.0) + spread
+            count = 0
+            if row < b_out.size:
+                count = witnesses(
+                    placed, halves, pairs[p], nearest_s[p], reach, spread, scratch, found
+                )
+            short += row + count > b_out.size or row == b_out.size
+            for point in found[: min(count, b_out.size - row)]:
+                top = _approach(point[:3], point[3:6], by_joint, carried[p], A_out[row])
+                margin = point[6] - around
+                b_out[row] = _bound(margin, settings[3], settings[4], settings[5])
+                if top < IMMOVABLE:
+                    immovable += b_out[row] < 0.0
+                    A_out[row, :], b_out[row] = 0.0, math.inf
+                else:
+                    row += 1
+        if short == 0:
+            break
+        _sort(near, margins_out)
     return least, short, crossing, immovable

@@ -1,8 +1,9 @@
 """The distance of a segment from a box: where it is least, and how it changes along the segment.
 
-The segment is a(s) = a0 + s·d, s in [0, 1], in the box's axes; the box is |x_i| ≤ half_i. f(s), the
-distance from a(s) to the box, is convex, and f² is quadratic between the points where a(s) passes
-the plane of a face: six at most, two of a box with an extent along one axis only.
+A segment is a box's edge or a capsule's core, and a point is one without length. It is
+a(s) = a0 + s·d, s in [0, 1], in the box's axes; the box is |x_i| ≤ half_i. f(s), the distance
+from a(s) to the box, is convex, and f² is quadratic between the points where a(s) passes the
+plane of a face: six at most, two of a box with an extent along one axis only.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ import math
 
 from protocol.compilation import inlined
 from protocol.messages import FloatArray
+
+TOUCHING = 1e-12  # m: what is nearer is inside
 
 
 @inlined
@@ -40,6 +43,20 @@ def _slope(a0: FloatArray, d: FloatArray, half: FloatArray, s: float) -> float:
 
 @inlined
 def nearest(a0: FloatArray, d: FloatArray, half: FloatArray) -> float:
+    """An s in [0, 1] at which f is least: the first one, or the middle of what is in the box."""
+    s = _first(a0, d, half)
+    if squared(a0, d, half, s) > TOUCHING * TOUCHING:
+        return s
+    enter, leave = 0.0, 1.0
+    for i in range(3):
+        if d[i] != 0.0:
+            one, other = (-half[i] - a0[i]) / d[i], (half[i] - a0[i]) / d[i]
+            enter, leave = max(enter, min(one, other)), min(leave, max(one, other))
+    return 0.5 * (enter + leave) if enter < leave else s
+
+
+@inlined
+def _first(a0: FloatArray, d: FloatArray, half: FloatArray) -> float:
     """The first s in [0, 1] at which f is least."""
     below, above = 0.0, 1.0
     falling, rising = _slope(a0, d, half, below), _slope(a0, d, half, above)
@@ -58,7 +75,7 @@ def nearest(a0: FloatArray, d: FloatArray, half: FloatArray) -> float:
                 below, falling = s, slope
             else:
                 above, rising = s, slope
-    return below + (above - below) * falling / (falling - rising)
+    return min(max(below + (above - below) * falling / (falling - rising), 0.0), 1.0)
 
 
 @inlined
@@ -66,7 +83,7 @@ def edge(
     a0: FloatArray, d: FloatArray, half: FloatArray, inner: float, end: float, level: float
 ) -> float:
     """The s between `inner`, where f² ≤ level, and `end` at which f² reaches the level."""
-    if squared(a0, d, half, end) <= level:
+    if inner == end or squared(a0, d, half, end) <= level:
         return end
     inside, outside = inner, end
     for face in range(6):
@@ -98,7 +115,8 @@ def witness(
 ) -> tuple[float, bool]:
     """Signed distance from a(s) to the box, and its gradient in the box's axes.
 
-    Inside the box it is minus the way to the nearest face.
+    Inside the box it is minus the way to the nearest face. Of a segment that crosses the box,
+    `nearest` gives the middle of the part inside, at least half as deep as its deepest point.
 
     Returns:
         The distance [m], and whether a(s) is inside.
@@ -106,7 +124,7 @@ def witness(
     for i in range(3):
         normal[i] = _outside(a0[i] + s * d[i], half[i])
     distance = math.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
-    if distance > 1e-12:
+    if distance > TOUCHING:
         for i in range(3):
             normal[i] /= distance
         return distance, False

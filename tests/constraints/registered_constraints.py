@@ -27,7 +27,7 @@ OURS = {
     "joint_position": {"margin_rad": 0.01},
     "support_polygon": {"margin_m": 0.002},
     "zmp": {},
-    "distance": {"rows": 600, "activation_m": 2.0},  # so that all pairs have rows
+    "distance": {"rows": 800, "activation_m": 2.0},  # so that all pairs have rows
     "frame_still": {"frame": "l_sole", "axes": ["x", "y", "rz"]},
     "half_space": {"frame": "r_forearm", "normal": [0, 1, 1], "offset_m": -0.5},
     "minimum_speed": {"joints": {"waist_pitch": 1.0}, "speed": 0.1},
