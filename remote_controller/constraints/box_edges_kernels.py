@@ -8,11 +8,15 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from protocol.compilation import inlined
 from protocol.messages import FloatArray
 
 EDGES = 12  # of a box: four along x, four along y, four along z
 CORE = 8
+STARTS = np.array([0, 2, 4, 6, 0, 4, 1, 5, 0, 1, 2, 3])  # corners at which edges start
+ENDS = np.array([1, 3, 5, 7, 2, 6, 3, 7, 4, 5, 6, 7])
 
 
 @inlined
@@ -25,12 +29,12 @@ def corners(
         center, turn: (3,) [m], (3, 3) where the box is, in the other one's axes.
         half: (3,) half its extents [m].
     """
-    for number in range(8):
-        for i in range(3):
-            corners_out[number, i] = center[i]
-            for j in range(3):
-                reach = turn[i, j] * half[j]
-                corners_out[number, i] += reach if number >> j & 1 else -reach
+    for i in range(3):
+        x, y, z = turn[i, 0] * half[0], turn[i, 1] * half[1], turn[i, 2] * half[2]
+        for number in range(8):
+            side = x if number & 1 else -x
+            side += y if number & 2 else -y
+            corners_out[number, i] = center[i] + (side + z if number & 4 else side - z)
 
 
 @inlined
@@ -53,17 +57,9 @@ def beside(corners: FloatArray, half: FloatArray, excess_out: FloatArray) -> flo
 
 
 @inlined
-def ends(number: int) -> tuple[int, int]:
-    """Numbers of the corners at which an edge starts and ends."""
-    along = number // 4
-    start = (number & 1) << (along + 1) % 3 | (number >> 1 & 1) << (along + 2) % 3
-    return start, start | 1 << along
-
-
-@inlined
 def edge_at_least(excess: FloatArray, number: int) -> float:
     """A lower bound of the squared distance of an edge: where both ends are beyond a face [m²]."""
-    start, end = ends(number)
+    start, end = STARTS[number], ENDS[number]
     bound = 0.0
     for i in range(3):
         one, other = excess[start, i], excess[end, i]
@@ -75,7 +71,7 @@ def edge_at_least(excess: FloatArray, number: int) -> float:
 @inlined
 def segment(corners: FloatArray, number: int, a0_out: FloatArray, d_out: FloatArray) -> None:
     """Write a0 and d of an edge, a0 + s·d [m]."""
-    start, end = ends(number)
+    start, end = STARTS[number], ENDS[number]
     for i in range(3):
         a0_out[i] = corners[start, i]
         d_out[i] = corners[end, i] - corners[start, i]

@@ -16,7 +16,14 @@ from numpy.typing import NDArray
 
 from protocol.compilation import inlined
 from protocol.messages import FloatArray
-from remote_controller.constraints.box_edges_kernels import CORE, EDGES, corners, ends, segment
+from remote_controller.constraints.box_edges_kernels import (
+    CORE,
+    EDGES,
+    ENDS,
+    STARTS,
+    corners,
+    segment,
+)
 from remote_controller.constraints.placement_kernels import apart, into
 from remote_controller.constraints.segment_box_kernels import edge, squared, witness
 
@@ -168,7 +175,7 @@ def witnesses(
                         continue
                     s = edge(a0, d, half, inner, w - 1.0, level)
                 if not 0.0 < s < 1.0:  # a corner, which three edges share
-                    corner = 1 << ends(number)[int(s)]
+                    corner = 1 << (ENDS[number] if s >= 1.0 else STARTS[number])
                     if seen & corner:
                         continue
                     seen |= corner

@@ -67,6 +67,11 @@ class Distance(Constraint):
             ge=1e-6,
             description="how much further than the nearest point others may be to get a row [m]",
         )
+        contact_m: float = Field(
+            0.02,
+            ge=0,
+            description="margin below which all these points have rows; above, the nearest [m]",
+        )
         rows: int = Field(
             200, ge=3, description="most rows: up to three a near pair, of two boxes four"
         )
@@ -96,6 +101,7 @@ class Distance(Constraint):
             (
                 *(parameters.clearance_m, parameters.activation_m, parameters.spread_m),
                 *(parameters.eta_per_s, parameters.reserve_m, parameters.return_speed_m_s),
+                parameters.contact_m,
             )
         )
         self._links = links(description)

@@ -99,6 +99,7 @@ def _cores(
     halves: FloatArray,
     pair: NDArray[np.int64],
     limit: float,
+    contact: float,
     spread: float,
     scratch: tuple[FloatArray, ...],
     nearest_out: FloatArray,
@@ -111,6 +112,7 @@ def _cores(
         placed, halves: of the bodies.
         pair: as of `distance_rows`.
         limit: [m].
+        contact: distance of the cores below which `nearest_out` is needed up to the spread [m].
         spread: as of `distance_rows` [m].
         scratch: overwritten: places of two bodies in each other's axes, (2, 3) and (2, 3, 3), their
             corners, (2, 8, 3), how far these are beyond the other body, (2, 8, 3), and a0, d and
@@ -136,21 +138,25 @@ def _cores(
     for side in range(sides):
         corners(centers[side], turns[side], halves[pair[side]], points[side])
         top = min(top, beside(points[side], halves[pair[1 - side]], excess[side]))
-    level = (math.sqrt(top) + spread) ** 2
     least, crossing = math.inf, False
-    for side in range(sides):
-        half, places, beyond = halves[pair[1 - side]], points[side], excess[side]
-        for number in range(0 if edged else CORE, EDGES if edged else CORE + 1):
-            if edge_at_least(beyond, number) > level:
-                continue
-            segment(places, number, a0, d)
-            s = nearest(a0, d, half)
-            distance, inside = witness(a0, d, half, s, normal)
-            nearest_out[side, number, 0], nearest_out[side, number, 1] = s, distance
-            crossing |= inside
-            if distance < least:
-                least = distance
-                level = min(level, (max(least, 0.0) + spread) ** 2)
+    for again in (False, True):  # the nearest; then, of pairs in contact, the nearly nearest
+        if again and least >= contact:
+            break
+        level = (max(least, 0.0) + spread) ** 2 if again else top
+        for side in range(sides):
+            half, places, beyond = halves[pair[1 - side]], points[side], excess[side]
+            for number in range(0 if edged else CORE, EDGES if edged else CORE + 1):
+                known = again and nearest_out[side, number, 1] < math.inf
+                if known or edge_at_least(beyond, number) > level:
+                    continue
+                segment(places, number, a0, d)
+                s = nearest(a0, d, half)
+                distance, inside = witness(a0, d, half, s, normal)
+                nearest_out[side, number, 0], nearest_out[side, number, 1] = s, distance
+                crossing |= inside
+                least = min(least, distance)
+                if not again:
+                    level = min(level, max(least, 0.0) ** 2)
     return least, crossing
 
 
@@ -188,7 +194,14 @@ def _measure(
                 continue
             around = radii[pairs[p, 0]] + radii[pairs[p, 1]] + clearance
             distance, crossing = _cores(
-                placed, halves, pairs[p], limit + around, spread, scratch, nearest_out[p]
+                placed,
+                halves,
+                pairs[p],
+                limit + around,
+                settings[6] + around,
+                spread,
+                scratch,
+                nearest_out[p],
             )
             margins_out[p] = distance - around
             if distance < limit + around:
@@ -233,7 +246,7 @@ def distance_rows(
         pairs: (P, 3) two bodies, and whether both have edges; else the first has none.
         carried: (P, n) 1 where a joint carries the first of a pair alone, −1 the second, else 0.
         settings: clearance [m], activation [m], spread [m], η [1/s], reserve [m], return
-            speed [m/s].
+            speed [m/s], and the margin below which points within the spread have rows too [m].
         margins_out: (P,) distance less clearance [m]; of pairs further than the activation, the
             smallest excepted, it may be less.
         A_out, b_out: (R, n), (R,) −∇m·u ≤ b; unused rows 0·u ≤ inf. Where they are too few, the
@@ -243,7 +256,7 @@ def distance_rows(
         The smallest margin (inf without pairs), pairs left without some of their rows, pairs
         whose cores cross, and rows left out because no joint moves them though they lie outside.
     """
-    clearance, activation, spread = settings[0], settings[1], settings[2]
+    clearance, activation, spread, contact = settings[0], settings[1], settings[2], settings[6]
     bodies = frame_of.size
     middles, turns = np.empty((bodies, 3)), np.empty((bodies, 3, 3))
     scratch = (
@@ -262,7 +275,8 @@ def distance_rows(
         A_out[:, :], b_out[:] = 0.0, math.inf
         for p in near:
             around = radii[pairs[p, 0]] + radii[pairs[p, 1]] + clearance
-            reach = max(margins_out[p] + around, 0.0) + spread
+            reach = max(margins_out[p] + around, 0.0)
+            reach += spread if margins_out[p] < contact else 0.0
             count = 0
             if row < b_out.size:
                 count = witnesses(

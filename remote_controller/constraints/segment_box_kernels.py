@@ -66,9 +66,10 @@ def _first(a0: FloatArray, d: FloatArray, half: FloatArray) -> float:
         return 1.0
     for face in range(6):
         i = face % 3
-        if d[i] == 0.0 or half[i] == 0.0:
-            continue
-        s = ((half[i] if face < 3 else -half[i]) - a0[i]) / d[i]
+        room = (half[i] if face < 3 else -half[i]) - a0[i]
+        if half[i] == 0.0 or not 0.0 < room * d[i] < d[i] * d[i]:
+            continue  # no kink, or not between the ends
+        s = room / d[i]
         if below < s < above:
             slope = _slope(a0, d, half, s)
             if slope < 0.0:
