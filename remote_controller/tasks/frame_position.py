@@ -7,9 +7,10 @@ from pydantic import Field
 
 from protocol.messages import FloatArray
 from remote_controller.kinematics import Kinematics
-from remote_controller.tasks.lyapunov import Site, TaskFunction
+from remote_controller.tasks.lyapunov import Site
 from remote_controller.tasks.targets.settings import TargetSettings
 from remote_controller.tasks.task import Task
+from remote_controller.tasks.task_function import TaskFunction
 
 
 class FramePositionTask(Task):

@@ -10,9 +10,10 @@ from pydantic import Field, model_validator
 from protocol.errors import ConfigError
 from protocol.messages import FloatArray
 from remote_controller.kinematics import Kinematics
-from remote_controller.tasks.lyapunov import Site, TaskFunction
+from remote_controller.tasks.lyapunov import Site
 from remote_controller.tasks.targets.target import Approach, Point
 from remote_controller.tasks.task import Task
+from remote_controller.tasks.task_function import TaskFunction
 
 
 class PostureTask(Task):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -12,9 +12,7 @@ from protocol.messages import FloatArray
 from protocol.settings import Settings
 from remote_controller.kinematics import Kinematics
 from remote_controller.tasks import status
-
-if TYPE_CHECKING:
-    from remote_controller.tasks.lyapunov import LyapunovFunction, Site
+from remote_controller.tasks.lyapunov import LyapunovFunction, Site
 
 
 class Task(ABC):
