@@ -86,3 +86,27 @@ def build_model(description: RobotDescription) -> RobotModel:
             name: int(model.getFrameId(name, pin.FrameType.BODY)) for name in description.frames
         },
     )
+
+
+def collision_shapes(
+    description: RobotDescription,
+) -> dict[str, list[tuple[Any, NDArray[np.float64], NDArray[np.float64]]]]:
+    """The <collision> shapes of each link as Pinocchio reads them.
+
+    Returns:
+        By link: Coal's geometry, its centre (3,) [m] and its axes (3, 3) in the link's frame.
+
+    Raises:
+        DescriptionError: Pinocchio or its URDF reader refuses the text.
+    """
+    import pinocchio as pin  # noqa: PLC0415
+
+    model = build_model(description).model
+    found: dict[str, list[tuple[Any, NDArray[np.float64], NDArray[np.float64]]]] = {}
+    shapes = pin.buildGeomFromUrdfString(model, description.urdf, pin.COLLISION)
+    for shape in shapes.geometryObjects:
+        frame = model.frames[shape.parentFrame]
+        here = frame.placement.actInv(shape.placement)
+        placed = (shape.geometry, here.translation.copy(), here.rotation.copy())
+        found.setdefault(frame.name, []).append(placed)
+    return found

@@ -33,6 +33,7 @@ from remote_controller.constraints.contact_kernels import WITNESSES, witnesses
 from remote_controller.constraints.placement_kernels import apart, into, lay_out, turn_round
 from remote_controller.constraints.segment_box_kernels import nearest, witness
 
+ALONE = 1e-12  # m: beyond the nearest point, where it alone gets a row; for rounding
 IMMOVABLE = 1e-12  # m/rad: no joint changes the distance
 
 
@@ -276,7 +277,7 @@ def distance_rows(
         for p in near:
             around = radii[pairs[p, 0]] + radii[pairs[p, 1]] + clearance
             reach = max(margins_out[p] + around, 0.0)
-            reach += spread if margins_out[p] < contact else 0.0
+            reach += spread if margins_out[p] < contact else ALONE
             count = 0
             if row < b_out.size:
                 count = witnesses(

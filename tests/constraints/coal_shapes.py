@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from protocol.description import RobotDescription
 from protocol.messages import FloatArray
+from protocol.model import collision_shapes
 
 FINE = coal.DistanceRequest()
 FINE.gjk_tolerance = 1e-9
@@ -19,13 +20,7 @@ Shape = tuple[Any, FloatArray, FloatArray]  # and its centre and axes in its fra
 
 def of_links(robot: RobotDescription) -> dict[str, list[Shape]]:
     """The <collision> shapes of each link as Pinocchio reads them, in the axes of the link."""
-    model = pin.buildModelFromXML(robot.urdf)
-    found: dict[str, list[Shape]] = {}
-    for each in pin.buildGeomFromUrdfString(model, robot.urdf, pin.COLLISION).geometryObjects:
-        frame = model.frames[each.parentFrame]
-        here = frame.placement.actInv(each.placement)
-        found.setdefault(frame.name, []).append((each.geometry, here.translation, here.rotation))
-    return found
+    return collision_shapes(robot)
 
 
 def of_obstacle(given: dict[str, Any]) -> Shape:

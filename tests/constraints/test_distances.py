@@ -187,6 +187,23 @@ def test_the_first_row_is_the_derivative_of_the_margin(name, obstacle, seed):
     np.testing.assert_allclose(-bench.stack.A[0], expected[0], atol=2e-6)
 
 
+@pytest.mark.parametrize("contact", [0.0, 9.0])
+@pytest.mark.parametrize("obstacle", WORLD, ids=lambda each: each["name"])
+@settings(max_examples=20)
+@given(seed=SEEDS)
+def test_out_of_contact_the_nearest_point_has_its_row(obstacle, contact, seed):
+    links_kept = {"obstacle_links": ["r_forearm"], "activation_m": 9.0, "contact_m": contact}
+    bench = Bench(hoap3(), distance(pairs=[], obstacles=[obstacle], **links_kept))
+    bench.at(posture(hoap3(), seed))
+    bound = bench.stack.b[np.isfinite(bench.stack.b)]
+    assert 1 <= bound.size <= 4
+    margin = bench.only.margins[0]
+    if margin > 1e-4:
+        assert bound.min() == pytest.approx(10.0 * (margin - 1e-5))
+        if contact == 0.0:
+            np.testing.assert_allclose(bound, bound.min(), rtol=0, atol=1e-10)
+
+
 @settings(max_examples=15)
 @given(seed=SEEDS)
 def test_between_two_moving_links_too(seed):

@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from protocol.model import collision_shapes
+from remote_controller.kinematics import Kinematics
 from robot_emulator.robots import load
 from tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Figure, Panel
 from tools.reproduce.papers.qp12.certified import (
@@ -97,29 +99,22 @@ def _from_ball(ball: dict[str, Any], link: str, positions: Array) -> tuple[Array
         (ticks,) [m], negative inside; (ticks, 3) [m], seen from the ball's centre.
     """
     import coal  # type: ignore[import-untyped] # noqa: PLC0415 - only for this
-    import pinocchio as pin  # noqa: PLC0415
 
     robot = load(ROBOT)
-    model = pin.buildModelFromXML(robot.urdf)
-    shapes = pin.buildGeomFromUrdfString(model, robot.urdf, pin.COLLISION)
-    (shape,) = (
-        each
-        for each in shapes.geometryObjects
-        if each.parentFrame == model.getFrameId(link, pin.FrameType.BODY)
-    )
-    data, frame = model.createData(), model.getFrameId(ball["frame"], pin.FrameType.BODY)
-    place = [model.joints[model.getJointId(name)].idx_q for name in robot.joint_names]
+    kinematics = Kinematics(robot)
+    seen, seen_from = kinematics.frame_id(link), kinematics.frame_id(ball["frame"])
+    ((shape, middle, axes),) = collision_shapes(robot)[link]
+    origin, turn, jacobian = np.zeros(3), np.zeros((3, 3)), np.zeros((6, robot.n))
     sphere, center = coal.Sphere(ball["radius_m"]), np.array(ball["center_m"])
-    q, request = np.zeros(model.nq), coal.DistanceRequest()
+    request = coal.DistanceRequest()
     gap, nearest = np.zeros(len(positions)), np.zeros((len(positions), 3))
     for tick, position in enumerate(positions):
-        q[place] = position
-        pin.framesForwardKinematics(model, data, q)
-        seen = data.oMf[frame].actInv(data.oMi[shape.parentJoint].act(shape.placement))
+        kinematics.update(position)
+        kinematics.frame(seen, seen_from, origin, turn, jacobian)
         found = coal.DistanceResult()
         gap[tick] = coal.distance(
-            shape.geometry,
-            coal.Transform3s(seen.rotation, seen.translation),
+            shape,
+            coal.Transform3s(turn @ axes, origin + turn @ middle),
             sphere,
             coal.Transform3s(np.eye(3), center),
             request,
