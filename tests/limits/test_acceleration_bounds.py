@@ -1,0 +1,197 @@
+"""Bounds of the acceleration: exact by brute force, decided where it is hard, refused if wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from viability import allows, random_states
+
+from protocol.errors import BadProblemError
+from protocol.limits import AccelerationBounds, acceleration_bounds
+
+SEEDS = st.integers(0, 2**32 - 1)
+LIMITS = (-2.0, 2.0, 2.0, 12.0)
+T = 0.01
+
+
+def bounds_of(states, **given):
+    bounds = AccelerationBounds(*states.limits, states.T, deceleration=states.down, **given)
+    least, most = np.empty(bounds.n), np.empty(bounds.n)
+    bounds.solve(states.q, states.v, least, most)
+    return least, most
+
+
+@pytest.mark.parametrize("even", [True, False], ids=["symmetric", "asymmetric"])
+@pytest.mark.parametrize("T", [1e-3, 0.01, 0.1])
+def test_they_are_exact_on_20000_states(T, even):
+    """What lies between them can be held, what lies beyond cannot."""
+    states = random_states(np.random.default_rng(1), 20_000, T, even=even)
+    least, most = bounds_of(states)
+    assert np.all(least <= most)
+    largest = np.maximum(states.up, states.down)
+    span = np.maximum(np.abs(states.lower), np.abs(states.upper))
+    close = 1e-9 * np.maximum(1.0, largest) + 16 * np.spacing(span) / T**2
+    wide = most - least > 2 * close
+    assert wide.mean() > 0.6
+    assert np.all(allows(states, most - close)[wide])
+    assert np.all(allows(states, least + close)[wide])
+    assert not np.any(allows(states, most + close))
+    assert not np.any(allows(states, least - close))
+    for share in np.linspace(0.0, 1.0, 41):
+        a = -states.down + share * (states.up + states.down)
+        inside = (a > least + close) & (a < most - close)
+        outside = (a < least - close) | (a > most + close)
+        held = allows(states, a)
+        assert np.all(held[inside])
+        assert not np.any(held[outside])
+
+
+@settings(max_examples=30)
+@given(seed=SEEDS)
+def test_the_lower_side_is_the_upper_one_in_a_mirror(seed):
+    states = random_states(np.random.default_rng(seed), 50, T, even=False)
+    least, most = bounds_of(states)
+    q, v, lower, upper = -states.q, -states.v, -states.upper, -states.lower
+    mirrored = acceleration_bounds(
+        q, v, lower, upper, states.speed, states.down, T, deceleration=states.up
+    )
+    np.testing.assert_array_equal(mirrored[0], -most)
+    np.testing.assert_array_equal(mirrored[1], -least)
+
+
+@settings(max_examples=20)
+@given(seed=SEEDS)
+def test_held_for_any_time_up_to_the_horizon_the_joint_keeps_its_limits(seed):
+    """With random choices between the bounds, and missed ticks."""
+    rng = np.random.default_rng(seed)
+    states = random_states(rng, 40, 0.02)
+    bounds = AccelerationBounds(*states.limits, 0.005, horizon_s=0.02)
+    q, v = states.q.copy(), states.v.copy()
+    least, most = np.empty(40), np.empty(40)
+    slack = 1e-12 * np.maximum(1.0, states.upper - states.lower)
+    for _ in range(200):
+        bounds.solve(q, v, least, most)
+        pick = rng.choice([0.0, 1.0, rng.random()])
+        a, held = least + pick * (most - least), rng.choice([0.005, 0.01, 0.015, 0.02])
+        for part in np.linspace(0.0, held, 6)[1:]:
+            along = q + part * (v + 0.5 * part * a)
+            assert np.all(along <= states.upper + slack)
+            assert np.all(along >= states.lower - slack)
+        q, v = q + held * (v + 0.5 * held * a), v + held * a
+        assert np.all(np.abs(v) <= states.speed * (1 + 1e-12))
+
+
+@pytest.mark.parametrize(
+    ("q", "v", "expected"),
+    [
+        (2.0, 0.0, (-12.0, 0.0)),
+        (-2.0, 0.0, (0.0, 12.0)),
+        (2.0, 0.5, (-12.0, -12.0)),
+        (1.99, 1.9, (-12.0, -12.0)),
+        (0.0, 4.0, (-12.0, -12.0)),
+        (0.0, 2.1, (-12.0, -10.0)),
+        (2.1, 0.0, (-12.0, -12.0)),
+        (2.1, -1.0, (-12.0, -12.0)),
+        (2.1, -2.0, (0.0, 0.0)),
+        (-2.1, 0.0, (12.0, 12.0)),
+        (-2.1, 2.0, (0.0, 0.0)),
+        (0.0, 0.0, (-12.0, 12.0)),
+    ],
+)
+def test_hard_states_are_decided(q, v, expected):
+    least, most = acceleration_bounds(q, v, *LIMITS, T)
+    np.testing.assert_allclose((least[0], most[0]), expected, rtol=0, atol=1e-11)
+    assert least[0] <= most[0]
+
+
+@pytest.mark.parametrize("ulps", [1, 8])
+def test_rounding_outside_does_not_kick_a_joint_that_rests(ulps):
+    q = 2.0 + ulps * np.spacing(2.0)
+    least, most = acceleration_bounds(q, 0.0, *LIMITS, T)
+    assert -1e-10 < most[0] <= 0.0
+    assert least[0] == -12.0
+
+
+def test_without_limits_all_the_joint_has_is_allowed():
+    inf = np.inf
+    least, most = acceleration_bounds([0.0, 1e9], [1.0, -5.0], -inf, inf, inf, 3.0, T)
+    np.testing.assert_array_equal(least, -3.0)
+    np.testing.assert_array_equal(most, 3.0)
+    least, most = acceleration_bounds(0.0, 1.0, -inf, 0.17, inf, 3.0, T)
+    assert (least[0], -3.0 <= most[0] < 0.0) == (-3.0, True)
+    least, most = acceleration_bounds(0.0, 0.0, -inf, inf, inf, inf, T)
+    assert (least[0], most[0]) == (-inf, inf)
+
+
+@settings(max_examples=50)
+@given(seed=SEEDS)
+def test_condition_11_is_what_keeps_the_bounds_apart(seed):
+    """At equality no state has crossing bounds; shrinking gives just that."""
+    rng = np.random.default_rng(seed)
+    n = 200
+    span, speed = 10.0 ** rng.uniform(-2, 1, n), 10.0 ** rng.uniform(-1, 1, n)
+    up, down = 10.0 ** rng.uniform(0, 8, n), 10.0 ** rng.uniform(0, 8, n)
+    bounds = AccelerationBounds(-span, 0.0, speed, up, T, deceleration=down, shrink=True)
+    assert np.all(bounds.up <= up)
+    assert np.all(bounds.down <= down)
+    fast, slow = np.maximum(bounds.up, bounds.down), np.minimum(bounds.up, bounds.down)
+    assert np.all(speed >= T * fast * (1 - 1e-9))
+    assert np.all(span >= 0.5 * T**2 * fast * (1 + fast / slow) * (1 - 1e-9))
+    satisfied = (speed >= T * np.maximum(up, down)) & (
+        span
+        >= 0.5 * T**2 * np.maximum(up, down) * (1 + np.maximum(up, down) / np.minimum(up, down))
+    )
+    np.testing.assert_array_equal(bounds.up[satisfied], up[satisfied])
+    np.testing.assert_array_equal(bounds.down[satisfied], down[satisfied])
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"lower": 3.0}, "joint 0: position limits 3 to 2 leave no room"),
+        ({"lower": np.nan}, "leave no room"),
+        ({"velocity": 0.0}, "greatest speed 0 must be positive"),
+        ({"acceleration": -1.0}, "greatest acceleration -1 must be positive"),
+        ({"acceleration": 300.0}, r"\(11\) is violated: speed 2 is less than T·A = 3"),
+        ({"acceleration": np.inf}, r"\(11\) is violated: speed 2 is less"),
+        ({"upper": -1.999, "velocity": 20.0, "acceleration": 100.0}, "the range 0.001 is less"),
+        ({"period_s": 0.0}, "period 0.0 s"),
+        ({"horizon_s": 0.001}, "no shorter than the period"),
+        ({"lower": "low"}, "must be numbers"),
+    ],
+)
+def test_limits_that_cannot_be_kept_are_named(changed, words):
+    given = {
+        "lower": -2.0, "upper": 2.0, "velocity": 2.0, "acceleration": 12.0, "period_s": T, **changed
+    }  # fmt: skip
+    with pytest.raises(BadProblemError, match=words):
+        AccelerationBounds(**given)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("place", ["q", "dq"])
+def test_what_is_not_finite_is_an_error_and_never_a_number(place, value):
+    bounds = AccelerationBounds(*LIMITS, T, names=["elbow"])
+    state = {"q": np.zeros(1), "dq": np.zeros(1), place: np.full(1, value)}
+    least, most = np.full(1, 7.0), np.full(1, 8.0)
+    with pytest.raises(BadProblemError, match="joint elbow"):
+        bounds.solve(state["q"], state["dq"], least, most)
+    assert (least[0], most[0]) == (7.0, 8.0)
+
+
+@pytest.mark.parametrize("q", [np.zeros(2), [0.0], np.zeros(1, np.float32)])
+def test_wrong_arrays_are_refused(q):
+    bounds = AccelerationBounds(*LIMITS, T)
+    with pytest.raises(BadProblemError, match="contiguous float64 arrays of 1 joints"):
+        bounds.solve(q, np.zeros(1), np.zeros(1), np.zeros(1))
+
+
+def test_the_naive_bounds_are_those_of_2():
+    bounds = AccelerationBounds(*LIMITS, T)
+    least, most = np.empty(1), np.empty(1)
+    bounds.solve_naive(np.array([1.0]), np.array([0.5]), least, most)
+    assert (least[0], most[0]) == (-12.0, 12.0)
+    bounds.solve_naive(np.array([1.9999]), np.array([0.05]), least, most)
+    assert most[0] == pytest.approx(2 * (0.0001 - 0.0005) / T**2)
