@@ -9,10 +9,10 @@ source). The controller and the robot use the same.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from protocol.errors import BadProblemError
 from protocol.messages import FloatArray
@@ -62,8 +62,8 @@ class AccelerationBounds:
     ) -> None:
         from protocol import limits_kernels as kernels  # noqa: PLC0415 - compiles
 
-        given = (lower, upper, velocity, acceleration)
-        given += (acceleration if deceleration is None else deceleration,)
+        down = acceleration if deceleration is None else deceleration
+        given = (lower, upper, velocity, acceleration, down)
         try:
             rows = np.broadcast_arrays(*(np.atleast_1d(np.asarray(row, float)) for row in given))
         except ValueError as error:
@@ -113,14 +113,14 @@ class AccelerationBounds:
 
     def _run(
         self,
-        kernel: object,
+        kernel: Callable[..., tuple[int, int]],
         q: FloatArray,
         dq: FloatArray,
         lower_out: FloatArray,
         upper_out: FloatArray,
     ) -> None:
         try:
-            status, joint = kernel(q, dq, self._limits, self._held, lower_out, upper_out)  # type: ignore[operator]
+            status, joint = kernel(q, dq, self._limits, self._held, lower_out, upper_out)
         except TypeError as error:
             raise BadProblemError(KERNEL_ARRAYS.format(n=self.n) + ".") from error
         if status != self._ok:
@@ -173,7 +173,7 @@ class AccelerationBounds:
         up_is_slow = up <= down
         self.up[:], self.down[:] = np.where(up_is_slow, (slow, fast), (fast, slow))
 
-    def _refuse(self, wrong: np.ndarray, problem: str, *figures: FloatArray) -> None:
+    def _refuse(self, wrong: NDArray[np.bool_], problem: str, *figures: FloatArray) -> None:
         for joint in np.flatnonzero(wrong):
             told = problem.format(*(f"{figure[joint]:.6g}" for figure in figures))
             raise BadProblemError(f"joint {self._names[joint]}: {told}.")
@@ -202,7 +202,8 @@ def acceleration_bounds(
     """
     position, speed = np.atleast_1d(np.array(q, float)), np.atleast_1d(np.array(dq, float))
     bounds = AccelerationBounds(
-        *(np.broadcast_to(np.asarray(limit, float), position.shape) for limit in (lower, upper)),
+        np.broadcast_to(np.asarray(lower, float), position.shape),
+        np.broadcast_to(np.asarray(upper, float), position.shape),
         velocity,
         acceleration,
         period_s,
