@@ -42,11 +42,13 @@ def _most(
         epsilon: of E.
     """
     left = room - T * v / 2.0
-    if left >= -epsilon:
+    if left == math.inf:
+        a = math.inf
+    elif left >= -epsilon:
         w = 2.0 * left / T
         if left > 0.0:
             w = 2.0 * w / (1.0 + math.sqrt(1.0 + 8.0 * left / (brake * T * T)))
-        a = math.inf if left == math.inf else (w - v) / T
+        a = (w - v) / T
     elif v > 0.0:
         a = -v * v / (2.0 * room) if room > 0.0 else -brake
     else:
