@@ -32,7 +32,9 @@ def test_every_tick_of_a_shipped_config_is_certified_and_v_falls_as_promised(cas
     left = v[:-1] + 1e-3 * required[:-1] + 2.0 * fastest**2 * 1e-6
     away = e[:-1] > 1e-9
     assert (v[1:][away] <= left[away]).all()
-    if not drift.any():  # V has nothing to follow: it never rises at all
+    if case == "com_circulation":  # along the curve each step leaves it by (v·T)²/2r
+        assert (e[10_000:] <= 1e-5).all()
+    elif not drift.any():  # V has nothing to follow: it never rises at all
         assert (np.diff(v)[away] <= 4e-16 * v[:-1][away]).all()
 
 
