@@ -33,7 +33,7 @@ def test_every_tick_of_a_shipped_config_is_certified_and_v_falls_as_promised(cas
     away = e[:-1] > 1e-9
     assert (v[1:][away] <= left[away]).all()
     if case == "com_circulation":  # along the curve each step leaves it by (v·T)²/2r
-        assert (e[10_000:] <= 1e-5).all()
+        assert (e[5000:] <= 3e-5).all()  # m
     elif not drift.any():  # V has nothing to follow: it never rises at all
         assert (np.diff(v)[away] <= 4e-16 * v[:-1][away]).all()
 
