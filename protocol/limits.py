@@ -86,7 +86,7 @@ class AccelerationBounds:
         self._check_condition()
         ends = np.abs(self._limits[:2])
         self._limits[5] = np.where(np.isfinite(ends), ends, 0.0).max(axis=0)
-        self._kernel, self._naive = kernels.acceleration_bounds, kernels.naive_acceleration_bounds
+        self._kernel, self._naive = kernels.acceleration_bounds_kernel, kernels.naive_bounds_kernel
         self._ok = kernels.OK
 
     def solve(

@@ -69,8 +69,21 @@ def _agreed(lower: float, upper: float, below: float, above: float) -> tuple[flo
     return middle, middle
 
 
+@inlined
+def _judged(
+    q: FloatArray, dq: FloatArray, n: int, lower_out: FloatArray, upper_out: FloatArray
+) -> tuple[int, int]:
+    """Whether the bounds of a state can be computed, and the joint that is not finite."""
+    if not (q.size == n and dq.size == n and lower_out.size == n and upper_out.size == n):
+        return BAD_SHAPE, -1
+    for i in range(n):
+        if not (math.isfinite(q[i]) and math.isfinite(dq[i])):
+            return NOT_FINITE, i
+    return OK, -1
+
+
 @kernel("Tuple((i8, i8))(f8[::1], f8[::1], f8[:,::1], f8, f8[::1], f8[::1])")
-def acceleration_bounds(
+def acceleration_bounds_kernel(
     q: FloatArray,
     dq: FloatArray,
     limits: FloatArray,
@@ -91,11 +104,9 @@ def acceleration_bounds(
         `OK`, `NOT_FINITE` or `BAD_SHAPE`, and the joint that is not finite.
     """
     n = limits.shape[1]
-    if not (q.size == n and dq.size == n and lower_out.size == n and upper_out.size == n):
-        return BAD_SHAPE, -1
-    for i in range(n):
-        if not (math.isfinite(q[i]) and math.isfinite(dq[i])):
-            return NOT_FINITE, i
+    status, joint = _judged(q, dq, n, lower_out, upper_out)
+    if status != OK:
+        return status, joint
     for i in range(n):
         below, above, speed = q[i] - limits[0, i], limits[1, i] - q[i], limits[2, i]
         up, down = limits[3, i], limits[4, i]
@@ -107,7 +118,7 @@ def acceleration_bounds(
 
 
 @kernel("Tuple((i8, i8))(f8[::1], f8[::1], f8[:,::1], f8, f8[::1], f8[::1])")
-def naive_acceleration_bounds(
+def naive_bounds_kernel(
     q: FloatArray,
     dq: FloatArray,
     limits: FloatArray,
@@ -120,11 +131,9 @@ def naive_acceleration_bounds(
     Where they cross, the upper one wins, cut to what the joint can do.
     """
     n = limits.shape[1]
-    if not (q.size == n and dq.size == n and lower_out.size == n and upper_out.size == n):
-        return BAD_SHAPE, -1
-    for i in range(n):
-        if not (math.isfinite(q[i]) and math.isfinite(dq[i])):
-            return NOT_FINITE, i
+    status, joint = _judged(q, dq, n, lower_out, upper_out)
+    if status != OK:
+        return status, joint
     for i in range(n):
         up, down, speed, v = limits[3, i], limits[4, i], limits[2, i], dq[i]
         most = min((speed - v) / T, 2.0 * (limits[1, i] - q[i] - T * v) / (T * T))

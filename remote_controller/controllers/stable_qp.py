@@ -25,7 +25,8 @@ from remote_controller.tasks.persistent_motion import PersistentMotion
 
 PROVEN = (status.OK, status.STATIONARY)
 CERTIFIED_RESIDUAL = 1e-9
-UNANSWERED = (status.CONTRADICTORY, status.UNBOUNDED, status.UNSOLVED)
+ANSWERED = (*PROVEN, status.BEHIND, status.AHEAD)
+HELD = (*ANSWERED, status.FLAT)  # what the solver gives is followed; else the robot brakes
 ROUNDING = 1e-9  # of V̇ relative to what is required, and of a speed [rad/s or m/s]
 CURVATURE = 1e-6  # of a margin: what one Euler step of a curved constraint may overstep
 
@@ -42,8 +43,9 @@ class StableQpController(VelocityController):
     10⁻⁹ and no constraint is violated. What stands in the way of it is one of `conditions`: the
     solver's statuses, the task's, and those of each constraint.
 
-    Where no u keeps the constraints, the robot does not jump to rest: all joints brake together,
-    in a straight line, at the braking limit of one, and only then is an answer followed again.
+    Where there is no answer, as no u keeps the constraints or a part of them is NaN, the robot
+    does not jump to rest: all joints brake together, in a straight line, at the braking limit of
+    one, and only then is an answer followed again.
 
     Raises:
         ConfigError: a task, a constraint or an objective that does not fit the robot.
@@ -160,7 +162,7 @@ class StableQpController(VelocityController):
             self._M,
             self._y,
         )
-        if found in UNANSWERED or self._stopping:
+        if found not in HELD or self._stopping:
             found = self._brake(found)
         self._last[:] = self.u
         self._certify(V, psi, drift, found, bool(rejected))
@@ -175,7 +177,8 @@ class StableQpController(VelocityController):
         share = 1.0 - 1.0 / periods if periods > 1.0 else 0.0
         self._stopping = why if share else status.OK
         np.multiply(self._last, share, out=self.u)
-        np.clip(self.u, self.stack.lower, self.stack.upper, out=self.u)
+        np.fmax(self.u, self.stack.lower, out=self.u)  # a bound that is NaN is none
+        np.fmin(self.u, self.stack.upper, out=self.u)
         return why
 
     def _refuse(self) -> FloatArray:
@@ -226,7 +229,7 @@ class StableQpController(VelocityController):
         command.kkt_residual = solver.kkt_residual
         command.solver_path = solver.path
         command.extra[:] = psi, drift, found
-        if found not in (*PROVEN, status.BEHIND, status.AHEAD):
+        if found not in ANSWERED:
             command.solver_status = STATUS["infeasible"]
             command.rho = command.v_rate_required = command.v_rate_predicted = 0.0
             command.kkt_residual = 0.0

@@ -77,6 +77,21 @@ def test_a_return_that_joints_are_too_slow_for_is_as_fast_as_half_of_what_they_c
     assert np.abs(found.speeds).max() <= 0.1 * (1 + 1e-9)
 
 
+@pytest.mark.parametrize("kind", ["Clouded", "Blurred"])
+def test_a_constraint_that_is_no_number_for_a_while_stops_the_robot_and_lets_it_go_on(kind):
+    found = run(
+        settings(constraints=[SPEED, RANGE, {"constraint": f"bad_constraints:{kind}"}]), 1.0
+    )
+    assert found.began["bad_input"] == 1
+    assert np.isfinite(found.speeds).all()
+    assert np.abs(found.speeds[150:298]).max() == 0.0
+    begin = int(np.flatnonzero(found.setpoints["solver_status"] == 3)[0])
+    stop = np.abs(found.speeds[begin - 1 : begin + 12]).max(axis=1)
+    assert stop[0] > 0.1
+    assert np.diff(stop).min() >= -0.04 * (1 + 1e-9)  # 40 rad/s² on HOAP-3, and no jump
+    assert found.setpoints["v"][-1] < found.setpoints["v"][290]
+
+
 def test_constraints_that_contradict_each_other_in_motion_are_a_stop_and_no_jump():
     """The ZMP against the polygon's edge: all joints brake together, in a line, until at rest."""
     zmp = {"constraint": "zmp"}
