@@ -80,7 +80,7 @@ def test_a_return_that_joints_are_too_slow_for_is_as_fast_as_half_of_what_they_c
 @pytest.mark.parametrize("kind", ["Clouded", "Blurred"])
 def test_a_constraint_that_is_no_number_for_a_while_stops_the_robot_and_lets_it_go_on(kind):
     found = run(
-        settings(constraints=[SPEED, RANGE, {"constraint": f"bad_constraints:{kind}"}]), 1.0
+        settings(constraints=[SPEED, RANGE, {"constraint": f"nan_constraints:{kind}"}]), 1.0
     )
     assert found.began["bad_input"] == 1
     assert np.isfinite(found.speeds).all()

@@ -151,3 +151,10 @@ def test_the_wheel_is_told_of_every_data_file():
             if path.is_file() and path.suffix not in {".py", ".pyc"}
         }
         assert data <= known, room
+
+
+def test_no_two_helpers_of_the_tests_have_one_name():
+    """Tests import them by their bare names: of two, one worker of pytest may get the other."""
+    helpers = [path for path in (HOUSE / "tests").rglob("*.py") if path.name != "conftest.py"]
+    names = [path.name for path in helpers if path.name != "__init__.py"]
+    assert sorted(names) == sorted(set(names))
