@@ -23,13 +23,14 @@ from protocol.description_parts import Joint, Number, Part, Sole, guess, refuse
 from protocol.errors import DescriptionError
 from protocol.urdf import UrdfStructure, read_urdf
 
-__all__ = ["CommandKind", "Joint", "RobotDescription", "Sole", "Vector"]
+__all__ = ["CommandKind", "Gravity", "Joint", "RobotDescription", "Sole", "Vector"]
 
 MAX_BYTES = 1 << 20
 MAX_JOINTS = 128
 
 Vector = NDArray[np.float64]
 CommandKind = Literal["position", "acceleration", "torque"]
+Gravity = Literal["on", "compensated", "off"]
 
 _ROBOT_NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
 
@@ -47,6 +48,8 @@ class RobotDescription(Part):
         base_frame: the frame that is fixed to the ground.
         period_s: the robot's control period [s].
         command_kinds: what the robot accepts as a setpoint.
+        gravity: `on`, or `compensated` where the robot adds the torques that hold it to commanded
+            ones, or `off` where there is none.
         soles: the frames that can stand, with their support polygons.
         wrench_sensors: frames in which a wrench is measured.
     """
@@ -62,6 +65,7 @@ class RobotDescription(Part):
     base_frame: StrictStr
     period_s: Number = 0.001
     command_kinds: tuple[CommandKind, ...] = ("position",)
+    gravity: Gravity = "on"
     soles: tuple[Sole, ...] = ()
     wrench_sensors: tuple[StrictStr, ...] = ()
 

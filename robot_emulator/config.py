@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from protocol.description import CommandKind, Gravity
 from protocol.errors import ConfigError, UnknownNameError
 from protocol.settings import (
     Endpoint,
@@ -22,12 +23,22 @@ CONFIGS = Path(__file__).parent / "configs"
 
 
 class PlantSettings(Settings):
-    """How the robot's position servos behave."""
+    """How the robot's body behaves."""
 
-    servo: Literal["ideal", "lag"] = Field("ideal", description="lag: first order")
+    servo: Literal["ideal", "lag"] = Field("ideal", description="of positions; lag: first order")
     time_constant_ms: float = Field(20.0, gt=0, description="of the lag")
     encoder: Literal["ideal", "counts"] = Field(
-        "ideal", description="counts: positions are rounded to the encoder's int16 counts"
+        "ideal",
+        description="of position servos; counts: positions are rounded to the encoder's int16 "
+        "counts",
+    )
+    gravity: Gravity = Field(
+        "on",
+        description="where torques are commanded; compensated: the robot adds what holds it",
+    )
+    friction: bool = Field(True, description="where torques are commanded: that of the URDF")
+    substeps: int = Field(
+        4, ge=1, le=100, description="where torques are commanded: integration steps a period"
     )
 
 
@@ -57,9 +68,17 @@ class EmulatorConfig(Settings):
     robot: str = Field("hoap3", description="shipped robot, or path of a description")
     name: RobotName | None = Field(None, description="name on the network; default: the robot's")
     posture: str | None = Field(None, description="start posture; default: the description's")
+    command: CommandKind | None = Field(
+        None, description="what setpoints are; default: the first that the description has"
+    )
     plant: PlantSettings = PlantSettings()
     loss_policy: Literal["hold", "extrapolate"] = Field(
         "hold", description="what the robot does with a missed setpoint"
+    )
+    hold_ticks: int = Field(
+        5,
+        ge=0,
+        description="misses in a row in which an acceleration or torque is held; then it brakes",
     )
     misses_to_stop: int = Field(20, ge=1, description="consecutive misses that end in a safe stop")
     seed: int = Field(0, ge=0, lt=2**63, description="of everything random; names the session")

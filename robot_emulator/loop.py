@@ -15,15 +15,14 @@ import numpy as np
 from protocol.clock import Clock, VirtualClock
 from protocol.description import RobotDescription
 from protocol.link import Request, RobotLink
-from protocol.messages import Event, Setpoint, State
+from protocol.messages import Event, State
 from protocol.realtime import Ticker
 from protocol.recorder import Recorder
 from protocol.ring import Kind
 from robot_emulator.authority import Authority
+from robot_emulator.body import COMMANDS, build_body
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.inbox import REJECTION_KINDS, Inbox
-from robot_emulator.plant import Plant
-from robot_emulator.safety import Reference
 
 GRACE_TICKS = 20
 """Ticks between a grant and the first answer that is asked for, in real time."""
@@ -40,8 +39,7 @@ class RobotLoop:
 
     Args:
         description: of the robot.
-        config: of the emulator.
-        plant: its body.
+        config: of the emulator; with the description it decides about its body.
         clock, link, recorder: what it runs on.
         session_id: new at each start.
         grace_ticks: between a grant and the first answer that is asked for.
@@ -58,7 +56,6 @@ class RobotLoop:
         self,
         description: RobotDescription,
         config: EmulatorConfig,
-        plant: Plant,
         clock: Clock,
         link: RobotLink,
         recorder: Recorder,
@@ -69,13 +66,13 @@ class RobotLoop:
         self._description_json = description.to_json()
         lockstep = isinstance(clock, VirtualClock)
         self._requests_per_tick = None if lockstep else REQUESTS_PER_TICK
-        self._plant, self._clock, self._link, self._recorder = plant, clock, link, recorder
+        self._clock, self._link, self._recorder = clock, link, recorder
         self.period = round(description.period_s * 1e9)
         posture = config.posture or description.initial_posture
         start = np.array(description.postures[posture])
-        plant.reset(start)
-        self._reference = Reference(description, description.period_s)
-        self._reference.reset(start)
+        self._plant, self._gate = build_body(description, config)
+        self._plant.reset(start)
+        self._gate.reset(start)
         self._authority = Authority()
         self._grace_ticks = grace_ticks
         self._epoch = 0
@@ -83,9 +80,10 @@ class RobotLoop:
         self._stop_began = 0
         self._asked_tick = self._first_active_tick = -1
         self._clipped = False
+        self._weak = -1
         self.mode = State.IDLE
         self.safe_stops = self.skipped = 0
-        self.inbox = Inbox(description.n, session_id, Setpoint.POSITION)
+        self.inbox = Inbox(description.n, session_id, COMMANDS[description.command_kinds[0]])
         self._state = State(description.n, 6 * len(description.wrench_sensors))
         self._state.session_id = session_id
         self._event = Event()
@@ -126,6 +124,7 @@ class RobotLoop:
             "longest_run": deadlines.longest_run,
             "worst_window": deadlines.worst_window,
             "safe_stops": self.safe_stops,
+            "torque_limited": self._gate.torque_limited,
             "rejections": {name: n for name, n in self.inbox.rejections.items() if n},
             "realtime": self.realtime,
         }
@@ -142,7 +141,7 @@ class RobotLoop:
         self._judge()
         self._obey_grant()
         self._move()
-        self._plant.step(self._reference.value, self._description.period_s)
+        self._advance()
         if self.mode == State.ACTIVE:
             self._asked_tick = self.tick
             self.inbox.ask(self.tick, self._epoch, ticker.intended + self.period)
@@ -156,7 +155,7 @@ class RobotLoop:
             return
         self._stop_reason = EVENTS[reason]
         if self.mode == State.ACTIVE:
-            self._reference.begin_stop()
+            self._gate.begin_stop()
             self.mode = State.STOPPING
             self._stop_began = self.tick
             self.safe_stops += self._stop_reason in _FAILURES
@@ -199,28 +198,40 @@ class RobotLoop:
         grant = self._authority.grant
         if self.mode == State.IDLE and grant is not None and self.tick >= grant.from_tick:
             self.mode, self._epoch = State.ACTIVE, grant.epoch
-            self._reference.forget()
+            self._gate.forget()
             self.inbox.start_anew(self.tick)
             if self._first_active_tick < 0:
                 self._first_active_tick = self.tick
 
     def _move(self) -> None:
-        """Advance the applied reference by one period."""
-        reference, inbox = self._reference, self.inbox
+        """Decide what drives the body for one period."""
+        gate, inbox = self._gate, self.inbox
         if self.mode == State.ACTIVE:
             if inbox.fresh:
                 inbox.fresh = False
-                clipped = reference.follow(inbox.setpoint.values, inbox.setpoint.tick)
+                clipped = gate.follow(inbox.setpoint.values, inbox.setpoint.tick)
             elif self._config.loss_policy == "extrapolate":
-                clipped = reference.extrapolate()
+                clipped = gate.extrapolate()
             else:
-                clipped = reference.hold()
+                clipped = gate.hold()
             if clipped >= 0 and not self._clipped:
                 self._announce("CLIPPED", clipped)
             self._clipped = clipped >= 0
-        elif self.mode == State.STOPPING and reference.brake():
+        elif self.mode == State.STOPPING and gate.brake():
             self._announce("AT_REST", self.tick - self._stop_began)
             self._come_to_rest()
+
+    def _advance(self) -> None:
+        """The body moves for one period; at rest its brakes hold it."""
+        moving = self.mode in (State.ACTIVE, State.STOPPING)
+        weak = self._gate.weak if moving else -1
+        if weak >= 0 > self._weak:
+            self._announce("TORQUE_LIMITED", weak)
+        self._weak = weak
+        if moving:
+            self._plant.step(self._gate.value, self._description.period_s)
+        else:
+            self._plant.hold(self._description.period_s)
 
     def _publish(self, ticker: Ticker) -> None:
         state, inbox, grant = self._state, self.inbox, self._authority.grant
@@ -232,7 +243,7 @@ class RobotLoop:
         state.duplicate, state.out_of_order = inbox.duplicate, inbox.out_of_order
         state.rejected, state.success_rate = inbox.rejected, deadlines.success_rate
         state.q[:], state.dq[:], state.tau[:] = self._plant.q, self._plant.dq, self._plant.tau
-        state.reference[:] = self._reference.value
+        state.reference[:] = self._gate.reference
         state.stamp_published = self._clock.now()
         payload = state.dump()
         self._link.publish(payload)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from protocol.compilation import kernel
+from protocol.compilation import inlined, kernel
 from protocol.messages import FloatArray
 
 LEAST_COUNT, MOST_COUNT = -32768.0, 32767.0  # of an int16 encoder
@@ -78,6 +78,93 @@ def serve(
             shown = min(max(np.rint(shown * counts[i]), LEAST_COUNT), MOST_COUNT) / counts[i]
         dq[i] = (shown - q[i]) / dt
         q[i] = shown
+
+
+@inlined
+def _stop(i: int, lower: FloatArray, upper: FloatArray, q: FloatArray, dq: FloatArray) -> None:
+    """Hold a joint at its mechanical stop."""
+    if q[i] > upper[i]:
+        q[i], dq[i] = upper[i], min(dq[i], 0.0)
+    elif q[i] < lower[i]:
+        q[i], dq[i] = lower[i], max(dq[i], 0.0)
+
+
+@kernel("void(f8[::1], f8, f8[::1], f8[::1], f8[::1], f8[::1])")
+def accelerate(
+    ddq: FloatArray,
+    dt: float,
+    lower: FloatArray,
+    upper: FloatArray,
+    q: FloatArray,
+    dq: FloatArray,
+) -> None:
+    """Move with constant accelerations for `dt` [s]; all arrays (n,).
+
+    Args:
+        ddq: accelerations [rad/s² or m/s²].
+        dt: duration [s].
+        lower, upper: mechanical stops [rad or m].
+        q, dq: changed in place [rad or m, and per s].
+    """
+    for i in range(q.size):
+        q[i] += dt * dq[i] + 0.5 * dt * dt * ddq[i]
+        dq[i] += dt * ddq[i]
+        _stop(i, lower, upper, q, dq)
+
+
+@kernel("void(f8[::1], f8, f8[::1], f8[::1], f8[::1], f8[::1])")
+def advance(
+    ddq: FloatArray,
+    dt: float,
+    lower: FloatArray,
+    upper: FloatArray,
+    q: FloatArray,
+    dq: FloatArray,
+) -> None:
+    """One step of semi-implicit Euler: the velocity first; arguments as in `accelerate`."""
+    for i in range(q.size):
+        dq[i] += dt * ddq[i]
+        q[i] += dt * dq[i]
+        _stop(i, lower, upper, q, dq)
+
+
+@kernel("void(f8[::1], f8[::1], f8[::1], f8, f8[::1], f8[::1])")
+def resist(
+    dq: FloatArray,
+    viscous: FloatArray,
+    coulomb: FloatArray,
+    sliding: float,
+    slope_out: FloatArray,
+    torque_out: FloatArray,
+) -> None:
+    """Friction of joints, as torque and as its slope over the velocity; all arrays (n,).
+
+    Args:
+        dq: velocities [rad/s or m/s].
+        viscous: [N m s/rad].
+        coulomb: [N m].
+        sliding: speed above which it is Coulomb's.
+        slope_out: B [N m s/rad].
+        torque_out: −B·dq [N m].
+    """
+    for i in range(dq.size):
+        slope_out[i] = viscous[i] + coulomb[i] / max(abs(dq[i]), sliding)
+        torque_out[i] = -slope_out[i] * dq[i]
+
+
+@kernel("i8(f8[::1], f8[::1], f8[::1], f8[::1])")
+def keep_between(wanted: FloatArray, lower: FloatArray, upper: FloatArray, out: FloatArray) -> int:
+    """Cut `wanted` to its bounds; what is within them is copied bit by bit. All arrays (n,).
+
+    Returns:
+        The number of the first joint that was cut, or -1.
+    """
+    cut = -1
+    for i in range(out.size):
+        out[i] = min(max(wanted[i], lower[i]), upper[i])
+        if out[i] != wanted[i] and cut < 0:
+            cut = i
+    return cut
 
 
 @kernel("b1(f8[::1])")

@@ -32,6 +32,9 @@ class Plant(Protocol):
     def step(self, command: FloatArray, dt: float) -> None:
         """Advance by `dt` [s] under `command`, (n,)."""
 
+    def hold(self, dt: float) -> None:
+        """Advance by `dt` [s] at rest, or coming to rest: nobody commands."""
+
 
 class PositionServo:
     """Joints that follow a position reference: at once, or with a first-order lag.
@@ -55,17 +58,23 @@ class PositionServo:
                 )
             self._counts[:] = description.counts_per_rad
         self._position = np.zeros(description.n)
+        self._followed = np.zeros(description.n)
         self.q = np.zeros(description.n)
         self.dq = np.zeros(description.n)
         self.tau = np.zeros(description.n)
 
     def reset(self, q: FloatArray) -> None:
         """Be at rest at `q`, (n,) [rad or m]."""
-        start = np.array(q, np.float64)  # whatever array it was
-        self._serve(start, 1.0, 1.0, self._counts, self._position, self.q, self.dq)
+        self._followed[:] = q
+        self._serve(self._followed, 1.0, 1.0, self._counts, self._position, self.q, self.dq)
         self.dq[:] = 0.0
 
     def step(self, command: FloatArray, dt: float) -> None:
         """Follow the reference `command`, (n,) [rad or m], for `dt` [s]."""
+        np.copyto(self._followed, command)
+        self.hold(dt)
+
+    def hold(self, dt: float) -> None:
+        """Follow the last reference for `dt` [s]."""
         share = -math.expm1(-dt / self._time_constant) if self._time_constant else 1.0
-        self._serve(command, share, dt, self._counts, self._position, self.q, self.dq)
+        self._serve(self._followed, share, dt, self._counts, self._position, self.q, self.dq)

@@ -20,7 +20,9 @@ class Reference:
     setpoint was. A joint that starts outside its usable range may not go further out.
 
     Attributes:
-        value: applied reference, (n,) [rad or m].
+        value, reference: applied reference, (n,) [rad or m].
+        interventions: periods in which some joint was held back.
+        weak, torque_limited: see `Gate`; no torque is commanded here.
     """
 
     def __init__(self, description: RobotDescription, period_s: float) -> None:
@@ -33,7 +35,9 @@ class Reference:
         self._lower, self._upper = self._usable
         self._step = description.velocity * period_s
         self._brake = description.brake_acceleration
-        self.value = np.zeros(n)
+        self.value = self.reference = np.zeros(n)
+        self.interventions = self.torque_limited = 0
+        self.weak = -1
         self._change = np.zeros(n)
         self._target = np.zeros(n)
         self._newest, self._earlier = np.zeros(n), np.zeros(n)  # setpoints

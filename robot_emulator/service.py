@@ -15,10 +15,9 @@ from protocol.recorder import Recorder
 from protocol.ring import Kind
 from robot_emulator.config import EmulatorConfig, check_posture
 from robot_emulator.loop import GRACE_TICKS, RobotLoop
-from robot_emulator.plant import PositionServo
 from robot_emulator.robots import load
 
-KERNELS = ("robot_emulator.motion_kernels",)
+KERNELS = ("robot_emulator.motion_kernels", "protocol.limits_kernels")
 START_DELAY_NS = 10_000_000
 
 
@@ -29,15 +28,29 @@ def describe(config: EmulatorConfig, file: str = "config") -> RobotDescription:
         check_posture(config.posture, list(description.postures), file)
     if config.name is not None:
         description = description.model_copy(update={"name": config.name})
-    if "position" not in description.command_kinds:
-        raise ConfigError(
-            file,
-            "robot",
-            config.robot,
-            "takes no position commands",
-            "This emulator has position servos: give the robot `position` in command_kinds",
-        )
-    return description
+    kind = config.command or description.command_kinds[0]
+    if kind not in description.command_kinds:
+        takes = " or ".join(description.command_kinds)
+        raise ConfigError(file, "command", kind, f"{config.robot} takes {takes}", "Choose that")
+    _check_fit(config, kind, file)
+    return description.model_copy(
+        update={"command_kinds": (kind,), "gravity": config.plant.gravity}
+    )
+
+
+def _check_fit(config: EmulatorConfig, kind: str, file: str) -> None:
+    """Refuse settings of a body that the robot does not have."""
+    if kind == "position":
+        return
+    for key, value, usual in (
+        ("plant.servo", config.plant.servo, "ideal"),
+        ("plant.encoder", config.plant.encoder, "ideal"),
+        ("loss_policy", config.loss_policy, "hold"),
+    ):
+        if value != usual:
+            raise ConfigError(
+                file, key, value, f"is for position commands, not {kind}", f"Write {usual}"
+            )
 
 
 def build_loop(
@@ -57,7 +70,6 @@ def build_loop(
     return RobotLoop(
         description,
         config,
-        PositionServo(description, config.plant),
         clock,
         link,
         recorder,

@@ -15,7 +15,6 @@ from protocol.recorder import MemoryRecorder
 from protocol.ring import Kind
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.loop import RobotLoop
-from robot_emulator.plant import PositionServo
 
 SESSION = 7
 EVENT_NAMES = {
@@ -51,7 +50,6 @@ class Bench:
         self.robot = RobotLoop(
             self.description,
             settings,
-            PositionServo(self.description, settings.plant),
             self.clock,
             self.link,
             self.recorder,

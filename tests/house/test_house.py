@@ -55,6 +55,7 @@ def test_only_its_own_modules_import_zenoh_and_pinocchio():
         if "pinocchio" in names:
             assert where in {
                 "protocol/model.py",
+                "protocol/dynamics.py",
                 "remote_controller/kinematics.py",
                 "remote_controller/service.py",
             }

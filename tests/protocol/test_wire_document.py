@@ -23,7 +23,6 @@ from protocol.zenoh_lockstep import ZenohLockstepLink
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.inbox import HISTORY, MAX_EXTRAS, REJECTION_KINDS
 from robot_emulator.loop import EVENTS, GRACE_TICKS, RobotLoop
-from robot_emulator.plant import PositionServo
 
 PAGE = (Path(__file__).parent.parent.parent / "docs" / "wire.md").read_text(encoding="utf-8")
 
@@ -177,7 +176,6 @@ class Robot:
         self.loop = RobotLoop(
             description,
             settings,
-            PositionServo(description, settings.plant),
             clock,
             link,
             NoRecorder(),

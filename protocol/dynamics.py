@@ -1,0 +1,68 @@
+"""Rigid-body dynamics of a described robot, by Pinocchio, in the joint order of the wire."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from protocol.description import RobotDescription
+from protocol.messages import FloatArray
+from protocol.model import build_model
+
+
+class Dynamics:
+    """M(q)·ddq + h(q, dq) = τ for a robot whose root link stands still.
+
+    All arrays are (n,) in wire order, contiguous float64; those called `out` are written. Read
+    rad, rad/s, rad/s², N m, or for prismatic joints m, m/s, m/s², N. Armatures of the rotors are
+    part of M. Friction is no part of h, nor is gravity where the description has it `off`.
+
+    Args:
+        description: of the robot.
+
+    Attributes:
+        damping: viscous friction of the URDF [N m s/rad].
+        friction: Coulomb friction of the URDF [N m].
+
+    Raises:
+        DescriptionError: Pinocchio cannot build the model.
+    """
+
+    def __init__(self, description: RobotDescription) -> None:
+        import pinocchio  # noqa: PLC0415 - heavy
+
+        self.robot = build_model(description)
+        self.n = description.n
+        self._model, self._data, self._order = self.robot.model, self.robot.data, self.robot.order
+        self._aba, self._rnea = pinocchio.aba, pinocchio.rnea
+        self._gravity_torque = pinocchio.computeGeneralizedGravity
+        if description.gravity == "off":
+            self._model.gravity.setZero()
+        self._armature = np.array(self._model.armature)
+        self.damping = np.array(self._model.damping)[self._order]
+        self.friction = np.array(self._model.friction)[self._order]
+        self._q, self._v, self._x = np.zeros(self.n), np.zeros(self.n), np.zeros(self.n)
+
+    def forward(self, q: FloatArray, dq: FloatArray, tau: FloatArray, out: FloatArray) -> None:
+        """Accelerations that torques `tau` give."""
+        order = self._order
+        self._q[order], self._v[order], self._x[order] = q, dq, tau
+        np.take(self._aba(self._model, self._data, self._q, self._v, self._x), order, out=out)
+
+    def forward_damped(
+        self, q: FloatArray, dq: FloatArray, tau: FloatArray, added: FloatArray, out: FloatArray
+    ) -> None:
+        """Accelerations that torques `tau` give where M has `added`, (n,) ≥ 0, on its diagonal."""
+        self._model.armature[self._order] = self._armature[self._order] + added
+        self.forward(q, dq, tau, out)
+        self._model.armature[:] = self._armature
+
+    def inverse(self, q: FloatArray, dq: FloatArray, ddq: FloatArray, out: FloatArray) -> None:
+        """Torques that accelerations `ddq` need."""
+        order = self._order
+        self._q[order], self._v[order], self._x[order] = q, dq, ddq
+        np.take(self._rnea(self._model, self._data, self._q, self._v, self._x), order, out=out)
+
+    def gravity(self, q: FloatArray, out: FloatArray) -> None:
+        """Torques that hold the robot at rest against gravity."""
+        self._q[self._order] = q
+        np.take(self._gravity_torque(self._model, self._data, self._q), self._order, out=out)

@@ -1,0 +1,36 @@
+"""The body of a robot and the gate before it, for what its setpoints are."""
+
+from __future__ import annotations
+
+from protocol.description import RobotDescription
+from protocol.messages import Setpoint
+from robot_emulator.acceleration_safety import AccelerationGate, TorqueGate
+from robot_emulator.acceleration_servo import AccelerationServo
+from robot_emulator.config import EmulatorConfig
+from robot_emulator.gate import Gate
+from robot_emulator.plant import Plant, PositionServo
+from robot_emulator.rigid_body import RigidBody
+from robot_emulator.safety import Reference
+
+COMMANDS = {
+    "position": Setpoint.POSITION,
+    "acceleration": Setpoint.ACCELERATION,
+    "torque": Setpoint.TORQUE,
+}
+
+
+def build_body(description: RobotDescription, config: EmulatorConfig) -> tuple[Plant, Gate]:
+    """What the first of the description's `command_kinds` needs.
+
+    Raises:
+        DescriptionError: the description lacks what the body needs.
+    """
+    kind = description.command_kinds[0]
+    if kind == "position":
+        servo = PositionServo(description, config.plant)
+        return servo, Reference(description, description.period_s)
+    if kind == "acceleration":
+        joints = AccelerationServo(description)
+        return joints, AccelerationGate(description, joints, config.hold_ticks)
+    body = RigidBody(description, config.plant)
+    return body, TorqueGate(description, body, config.hold_ticks)

@@ -1,0 +1,46 @@
+"""What every gate between setpoints and a body does."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from protocol.messages import FloatArray
+
+
+class Gate(Protocol):
+    """Turns any stream of setpoints, with gaps in it, into commands within the robot's limits.
+
+    Attributes:
+        value: command for the plant, (n,): rad, rad/s² or N m; m, m/s² or N for prismatic joints.
+        reference: where the commanded motion is, (n,) [rad or m].
+        interventions: periods in which some joint was held back.
+        weak: the first joint whose effort is too small to keep the limits in this period, or -1.
+        torque_limited: periods in which there was one.
+    """
+
+    value: FloatArray
+    reference: FloatArray
+    interventions: int
+    weak: int
+    torque_limited: int
+
+    def reset(self, q: FloatArray) -> None:
+        """Be at rest at `q`, (n,)."""
+
+    def forget(self) -> None:
+        """Forget earlier setpoints: there is nothing to hold but the place."""
+
+    def follow(self, setpoint: FloatArray, tick: int) -> int:
+        """Take a setpoint that answers `tick`; the first joint held back, or -1."""
+
+    def hold(self) -> int:
+        """No setpoint: keep to the last one; the first joint held back, or -1."""
+
+    def extrapolate(self) -> int:
+        """No setpoint: go on as the last two did; the first joint held back, or -1."""
+
+    def begin_stop(self) -> None:
+        """Plan to brake to rest."""
+
+    def brake(self) -> bool:
+        """One period of the planned stop; True once at rest."""

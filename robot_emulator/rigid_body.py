@@ -1,0 +1,108 @@
+"""A body whose joints take torques: articulated-body dynamics with friction and end stops."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from protocol.description import RobotDescription
+from protocol.dynamics import Dynamics
+from protocol.messages import FloatArray
+from robot_emulator.config import PlantSettings
+
+SLIDING = 0.01  # rad/s or m/s: above it friction is Coulomb's, below it grows in proportion
+
+
+class RigidBody:
+    """Forward dynamics by Pinocchio's articulated-body algorithm, semi-implicit Euler.
+
+    Each period has `substeps` steps of h: dq ← dq + h·ddq, then q ← q + h·dq. Friction is that of
+    the URDF, viscous and Coulomb, τ_f = (d + c / max(|dq|, `SLIDING`))·dq, taken at the new
+    velocity, so that no friction, however strong, makes it shake: with B = d + c / max(…),
+
+        (M + hB)·ddq = τ − h(q, dq) − B·dq
+
+    A joint in rest under less than c creeps at `SLIDING`·τ/c. A joint that runs into a mechanical
+    stop stays there, without rebound. Torques are cut to the efforts of the description.
+
+    Gravity is the description's: `compensated` means that the robot adds its torque to every
+    command, within the efforts.
+
+    Attributes:
+        q, dq: positions and velocities.
+        tau: torques of the motors, all told; at rest with the brakes on, what these carry.
+    """
+
+    def __init__(self, description: RobotDescription, settings: PlantSettings) -> None:
+        from robot_emulator import motion_kernels as kernels  # noqa: PLC0415 - compiles
+
+        n = description.n
+        self._advance, self._resist = kernels.advance, kernels.resist
+        self._keep_between = kernels.keep_between
+        self._dynamics = Dynamics(description)
+        self._substeps = settings.substeps
+        self._effort, self._least = np.array(description.effort), -description.effort
+        self._stops = np.array(description.lower_hard), np.array(description.upper_hard)
+        self._compensated = description.gravity == "compensated"
+        self._viscous = self._dynamics.damping if settings.friction else np.zeros(n)
+        self._coulomb = self._dynamics.friction if settings.friction else np.zeros(n)
+        self._net, self._ddq, self._added, self._weight, self._needed = np.zeros((5, n))
+        self.q, self.dq, self.tau = np.zeros((3, n))
+
+    def reset(self, q: FloatArray) -> None:
+        """Be at rest at `q`, (n,) [rad or m]."""
+        self.q[:] = q
+        self.hold(0.0)
+
+    def step(self, command: FloatArray, dt: float) -> None:
+        """Move under the torques `command`, (n,) [N m or N], for `dt` [s]."""
+        h = dt / self._substeps
+        for _ in range(self._substeps):
+            self._forward(command, h)
+            self._advance(self._ddq, h, *self._stops, self.q, self.dq)
+
+    def hold(self, dt: float) -> None:
+        """Stand still: the brakes hold it."""
+        del dt
+        self.dq[:] = 0.0
+        self._dynamics.gravity(self.q, self.tau)
+
+    def accelerations(self, command: FloatArray, dt: float, out: FloatArray) -> int:
+        """Write what torques, (n,), would give over `dt` [s], (n,) [rad/s² or m/s²].
+
+        Returns:
+            The number of the first joint whose effort is too small, or -1.
+        """
+        weak = self._forward(command, dt)
+        out[:] = self._ddq
+        return weak
+
+    def torques(self, ddq: FloatArray, dt: float, out: FloatArray) -> int:
+        """Write the command, (n,), that accelerations need over `dt` [s], as far as efforts allow.
+
+        Returns:
+            The number of the first joint whose effort is too small, or -1.
+        """
+        self._dynamics.inverse(self.q, self.dq, ddq, self._needed)
+        self._resist(self.dq, self._viscous, self._coulomb, SLIDING, self._added, self._net)
+        self._needed -= self._net
+        self._added *= dt
+        self._added *= ddq
+        self._needed += self._added
+        short: int = self._keep_between(self._needed, self._least, self._effort, out)
+        if self._compensated:
+            self._dynamics.gravity(self.q, self._weight)
+            out -= self._weight
+        return short
+
+    def _forward(self, command: FloatArray, h: float) -> int:
+        """Accelerations of a step of `h` [s] under a command, and the torques of the motors."""
+        np.copyto(self.tau, command)
+        if self._compensated:
+            self._dynamics.gravity(self.q, self._weight)
+            self.tau += self._weight
+        weak: int = self._keep_between(self.tau, self._least, self._effort, self.tau)
+        self._resist(self.dq, self._viscous, self._coulomb, SLIDING, self._added, self._net)
+        self._net += self.tau
+        self._added *= h
+        self._dynamics.forward_damped(self.q, self.dq, self._net, self._added, self._ddq)
+        return weak
