@@ -171,6 +171,11 @@ class RobotDescription(Part):
         return _read_only(joint.effort for joint in self.joints)
 
     @cached_property
+    def armature(self) -> Vector:
+        """Inertias of the rotors as the joints feel them, (n,) [kg m²; prismatic kg]."""
+        return _read_only(joint.armature for joint in self.joints)
+
+    @cached_property
     def counts_per_rad(self) -> Vector | None:
         """Signed encoder scales, (n,) [1/rad]; None unless every joint has one."""
         scales = [joint.encoder_counts_per_rad for joint in self.joints]

@@ -73,6 +73,8 @@ class Joint(Part):
         brake_acceleration: deceleration to count on in a stop [rad/s²].
         effort, effort_average: peak torque, and torque that can be held [N m].
         encoder_counts_per_rad: signed scale of the encoder, None if the robot speaks rad only.
+        armature: inertia of the rotor as the joint feels it, gear ratio squared [kg m²; prismatic
+            kg].
     """
 
     kind: ClassVar[str] = "joint"
@@ -89,6 +91,7 @@ class Joint(Part):
     effort: Number
     effort_average: Number | None = None
     encoder_counts_per_rad: Number | None = None
+    armature: Number = 0.0
 
     def check(self) -> None:
         """Refuse limits that contradict each other."""
@@ -107,6 +110,8 @@ class Joint(Part):
             refuse("effort_average", self.effort_average, f"Stay between 0 and {self.effort}.")
         if self.encoder_counts_per_rad == 0.0:
             refuse("encoder_counts_per_rad", 0.0, "Write the signed scale, or leave it out.")
+        if self.armature < 0.0:
+            refuse("armature", self.armature, "Write 0 or more.")
 
 
 class Sole(Part):

@@ -21,7 +21,8 @@ class RobotModel:
 
     Attributes:
         description: what the model was built from.
-        model, data: ``pinocchio.Model`` and its ``pinocchio.Data``; nq == nv == n.
+        model, data: ``pinocchio.Model`` and its ``pinocchio.Data``; nq == nv == n. It has the
+            description's armature; ``damping`` and ``friction`` are those of the URDF.
         order: (n,) index into Pinocchio's q and v of each joint in wire order:
             ``q_pinocchio[order] = q_wire``, ``J_wire = J_pinocchio[:, order]``. Read-only.
         root_mass: mass of the root link and all that is fixed to it [kg]; Pinocchio keeps it in
@@ -70,6 +71,7 @@ def build_model(description: RobotDescription) -> RobotModel:
         [model.joints[model.getJointId(name)].idx_q for name in description.joint_names],
         dtype=np.intp,
     )
+    model.armature[order] = description.armature
     root = model.inertias[0]
     root_com = np.array(root.lever, dtype=np.float64)
     for array in (order, root_com):

@@ -42,6 +42,7 @@ _NUMBERS = {  # attributes that must hold that many finite numbers
     ("sphere", "radius"): 1,
     **{("inertia", name): 1 for name in _INERTIA},
     **{("limit", name): 1 for name in ("lower", "upper", "velocity", "effort")},
+    **{("dynamics", name): 1 for name in ("damping", "friction")},
 }
 
 
@@ -151,6 +152,10 @@ def _check_numbers(robot: ET.Element) -> None:
                 count = _NUMBERS.get((element.tag, attribute))
                 if count is not None:
                     _numbers(f"{where}: <{element.tag} {attribute}>", text, count)
+                if element.tag == "dynamics" and count is not None and float(text) < 0.0:
+                    raise DescriptionError(
+                        f"{where}: <dynamics {attribute}> is {text[:60]}. Write 0 or more."
+                    )
             if element.tag == "axis" and not any(map(float, element.get("xyz", "1 0 0").split())):
                 raise DescriptionError(f"{where}: <axis> is zero. Write its direction, as 0 0 1.")
 

@@ -13,6 +13,7 @@ What is not written has a default:
                              velocity: rest within 0.1 s
 `postures`                   `zero` is added: all joints at 0, or at the limit nearest to it
 `initial_posture`            `zero`
+`armature`                   0
 `base_frame`                 the root link of the URDF
 `period_s`                   0.001
 `command_kinds`              position
@@ -60,6 +61,7 @@ class JointEntry(Settings):
     effort: Figure | None = Field(None, description="peak torque [N m]")
     effort_average: Figure | None = Field(None, description="torque that can be held [N m]")
     encoder_counts_per_rad: Figure | None = Field(None, description="signed scale [1/rad]")
+    armature: Figure = Field(0.0, description="inertia of the rotor at the joint [kg m²]")
 
 
 class SoleEntry(Settings):
@@ -174,6 +176,7 @@ def _joint(robot: RobotFile, entry: JointEntry, structure: UrdfStructure) -> dic
         "effort": _given(entry.effort, urdf.effort),
         "effort_average": entry.effort_average,
         "encoder_counts_per_rad": entry.encoder_counts_per_rad,
+        "armature": entry.armature,
     }
 
 

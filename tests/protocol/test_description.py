@@ -120,6 +120,7 @@ REFUSED_JOINTS = {
     "no effort": ({"effort": 0.0}, "positive"),
     "average above peak": ({"effort_average": 21.0}, "between 0 and 20.0"),
     "zero scale": ({"encoder_counts_per_rad": 0.0}, "leave it out"),
+    "negative armature": ({"armature": -0.1}, "0 or more"),
     "NaN": ({"upper": math.nan}, "finite number"),
     "infinite": ({"velocity": math.inf}, "finite number"),
     "text": ({"velocity": "2.0"}, "valid number"),

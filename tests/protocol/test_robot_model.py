@@ -85,6 +85,33 @@ def test_frames_are_found_by_the_name_of_the_link_even_where_a_joint_has_it_too(
     assert frame.name == "hand"
 
 
+def test_armature_and_friction_reach_pinocchio_in_its_order():
+    """Armature as the description has it, in wire order; friction as the URDF has it."""
+    rough = URDF.replace(
+        'velocity="4.0" effort="4"/>',
+        'velocity="4.0" effort="4"/><dynamics damping="0.3" friction="0.7"/>',
+    )
+    armature = {"wrist": 0.01, "shoulder": 0.2, "elbow": 0.05}
+    arm = describe(
+        urdf=rough,
+        joints=tuple(joint(name, armature=value) for name, value in armature.items()),
+        postures={"bent": (-0.5, 0.0, 1.0)},
+    )
+    assert arm.armature.tolist() == [0.01, 0.2, 0.05]
+    model = build_model(arm)
+    assert model.model.armature.tolist() == [0.2, 0.05, 0.01]
+    assert model.model.damping.tolist() == [0.0, 0.0, 0.3]
+    assert model.model.friction.tolist() == [0.0, 0.0, 0.7]
+    bare = build_model(describe(urdf=rough))
+    q, nothing = np.array([0.3, 0.7, -0.4]), np.zeros(3)
+    with_it = pin.crba(model.model, model.data, q).diagonal()
+    without = pin.crba(bare.model, bare.data, q).diagonal()
+    np.testing.assert_allclose(with_it - without, [0.2, 0.05, 0.01], atol=1e-15)
+    felt = pin.rnea(model.model, model.data, q, nothing, np.ones(3))
+    unfelt = pin.rnea(bare.model, bare.data, q, nothing, np.ones(3))
+    np.testing.assert_allclose(felt - unfelt, [0.2, 0.05, 0.01], atol=1e-14)
+
+
 def test_unknown_frame_names_the_known_ones():
     with pytest.raises(FrameNotFoundError, match="Did you mean 'tool'") as caught:
         build_model(describe()).frame_id("tol")
@@ -92,6 +119,6 @@ def test_unknown_frame_names_the_known_ones():
 
 
 def test_what_pinocchio_refuses_is_a_description_error():
-    broken = URDF.replace('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1"/><dynamics damping="much"/>')
+    broken = URDF.replace('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1"/><safety_controller/>')
     with pytest.raises(DescriptionError, match=re.escape("robot 'arm3': Pinocchio cannot")):
         build_model(describe(urdf=broken))

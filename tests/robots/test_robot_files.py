@@ -30,6 +30,7 @@ def test_minimal_arm_outside_the_repository(tmp_path):
     assert arm.setpoint_acceleration_max.tolist() == [500.0, 625.0, 1000.0]
     assert arm.brake_acceleration.tolist() == [20.0, 25.0, 40.0]
     assert arm.counts_per_rad is None
+    assert arm.armature.tolist() == [0.0, 0.0, 0.0]
     assert arm.postures == {"zero": (0.0, 0.1, 0.0)}
     assert arm.initial_position.tolist() == [0.0, 0.1, 0.0]
     assert arm.period_s == 0.001
@@ -56,7 +57,8 @@ brake_acceleration: 15
 joints:
   - wrist
   - {name: shoulder, lower: -2.0, lower_hard: -2.2, upper_hard: 2.6, brake_acceleration: 9.0}
-  - {name: elbow, velocity: 1.0, effort: 10, effort_average: 5.0, encoder_counts_per_rad: -1000.0}
+  - {name: elbow, velocity: 1.0, effort: 10, effort_average: 5.0, encoder_counts_per_rad: -1000.0,
+     armature: 0.02}
 initial_posture: home
 postures:
   home: [0.5, -1.0, 1.0]
@@ -83,6 +85,7 @@ def test_what_the_file_says_comes_before_the_urdf_and_the_defaults(tmp_path):
     assert arm.brake_acceleration.tolist() == [15.0, 9.0, 15.0]
     assert [joint.effort_average for joint in arm.joints] == [None, None, 5.0]
     assert [joint.encoder_counts_per_rad for joint in arm.joints] == [None, None, -1000.0]
+    assert arm.armature.tolist() == [0.0, 0.0, 0.02]
     assert arm.initial_position.tolist() == [0.5, -1.0, 1.0]
     assert arm.postures["zero"] == (0.0, 0.0, 0.2)
     assert arm.period_s == 0.002
@@ -247,7 +250,7 @@ def declare(folder: Path, monkeypatch, target: str) -> None:
 def test_robot_of_another_distribution(tmp_path, monkeypatch, attribute):
     file = write(tmp_path)
     declare(tmp_path, monkeypatch, f"arms_of_a_test:{attribute}")
-    assert available() == ["arm3", "hoap3"]
+    assert set(available()) > {"arm3", "hoap3"}
     assert load("arm3") == (describe() if attribute == "made" else load(file))
 
 
