@@ -37,7 +37,9 @@ class Dynamics:
         self._gravity_torque = pinocchio.computeGeneralizedGravity
         if description.gravity == "off":
             self._model.gravity.setZero()
-        self._armature = np.array(self._model.armature)
+        self._damped = pinocchio.Model(self._model)  # of which `forward_damped` changes the armature
+        self._added = self._damped.armature
+        self._armature = np.array(self._model.armature)[self._order]
         self.damping = np.array(self._model.damping)[self._order]
         self.friction = np.array(self._model.friction)[self._order]
         self._q, self._v, self._x = np.zeros(self.n), np.zeros(self.n), np.zeros(self.n)
@@ -52,9 +54,10 @@ class Dynamics:
         self, q: FloatArray, dq: FloatArray, tau: FloatArray, added: FloatArray, out: FloatArray
     ) -> None:
         """Accelerations that torques `tau` give where M has `added`, (n,) ≥ 0, on its diagonal."""
-        self._model.armature[self._order] = self._armature[self._order] + added
-        self.forward(q, dq, tau, out)
-        self._model.armature[:] = self._armature
+        order = self._order
+        self._q[order], self._v[order], self._x[order] = q, dq, tau
+        self._added[order] = self._armature + added
+        np.take(self._aba(self._damped, self._data, self._q, self._v, self._x), order, out=out)
 
     def inverse(self, q: FloatArray, dq: FloatArray, ddq: FloatArray, out: FloatArray) -> None:
         """Torques that accelerations `ddq` need."""

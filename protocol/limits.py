@@ -33,6 +33,8 @@ class AccelerationBounds:
         deceleration: greatest acceleration down, positive.
         horizon_s: T_b ≥ T: bounds that may be held for any time up to it. (k+1)·T survives k missed
             ticks, and gentle bounds rest at a wall where those for T chatter. None: T.
+        brake_share: of the accelerations that stopping in time counts on, in (0, 1]. Less than 1
+            where what is asked for is not quite what is done.
         shrink: where the limits violate condition (11), lower the accelerations to what satisfies
             it, instead of raising.
         names: of the joints, for errors.
@@ -57,6 +59,7 @@ class AccelerationBounds:
         *,
         deceleration: ArrayLike | None = None,
         horizon_s: float | None = None,
+        brake_share: float = 1.0,
         shrink: bool = False,
         names: Iterable[str] = (),
     ) -> None:
@@ -80,6 +83,9 @@ class AccelerationBounds:
                 f"period {period_s} s and horizon {self._held} s: both must be positive, and the "
                 "horizon no shorter than the period."
             )
+        if not 0.0 < brake_share <= 1.0:
+            raise BadProblemError(f"brake share {brake_share}: it must be in (0, 1].")
+        self._share = brake_share
         self._check_limits()
         if shrink:
             self._shrink()
@@ -103,24 +109,25 @@ class AccelerationBounds:
         Raises:
             BadProblemError: q or dq is not finite, or an array of the wrong type or shape.
         """
-        self._run(self._kernel, q, dq, lower_out, upper_out)
+        self._run(self._kernel, q, dq, (self._held, self._share), lower_out, upper_out)
 
     def solve_naive(
         self, q: FloatArray, dq: FloatArray, lower_out: FloatArray, upper_out: FloatArray
     ) -> None:
         """As `solve`, but by (2): to compare with, for it does not keep the limits."""
-        self._run(self._naive, q, dq, lower_out, upper_out)
+        self._run(self._naive, q, dq, (self._held,), lower_out, upper_out)
 
     def _run(
         self,
         kernel: Callable[..., tuple[int, int]],
         q: FloatArray,
         dq: FloatArray,
+        settings: tuple[float, ...],
         lower_out: FloatArray,
         upper_out: FloatArray,
     ) -> None:
         try:
-            status, joint = kernel(q, dq, self._limits, self._held, lower_out, upper_out)
+            status, joint = kernel(q, dq, self._limits, *settings, lower_out, upper_out)
         except TypeError as error:
             raise BadProblemError(KERNEL_ARRAYS.format(n=self.n) + ".") from error
         if status != self._ok:
@@ -140,7 +147,7 @@ class AccelerationBounds:
     def _check_condition(self) -> None:
         """(11), for limits that may differ up and down."""
         lower, upper, velocity, up, down = self._limits[:5]
-        fast, slow = np.maximum(up, down), np.minimum(up, down)
+        fast, slow = np.maximum(up, down), self._share * np.minimum(up, down)
         free = np.isinf(velocity) & np.isinf(upper - lower)
         needed = np.where(free, 0.0, self._held * fast)
         self._refuse(
@@ -163,7 +170,7 @@ class AccelerationBounds:
 
     def _shrink(self) -> None:
         lower, upper, velocity, up, down = self._limits[:5]
-        span, T = upper - lower, self._held
+        span, T = self._share * (upper - lower), self._held  # less than (11) asks for
         cap = np.minimum(velocity / T, span / T**2)
         slow = np.minimum(np.minimum(up, down), cap)
         with np.errstate(invalid="ignore", over="ignore"):

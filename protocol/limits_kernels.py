@@ -30,7 +30,14 @@ OK, NOT_FINITE, BAD_SHAPE = 0, 1, 2
 
 @inlined
 def _most(
-    room: float, v: float, speed: float, forward: float, brake: float, T: float, epsilon: float
+    room: float,
+    v: float,
+    speed: float,
+    forward: float,
+    brake: float,
+    share: float,
+    T: float,
+    epsilon: float,
 ) -> float:
     """Largest acceleration towards a limit.
 
@@ -38,6 +45,7 @@ def _most(
         room: D ≥ 0 inside.
         v, speed: velocity towards the limit, and the largest one.
         forward, brake: largest acceleration towards the limit, and away from it.
+        share: of `brake` that stopping in time counts on.
         T: for which it is held.
         epsilon: of E.
     """
@@ -47,7 +55,7 @@ def _most(
     elif left >= -epsilon:
         w = 2.0 * left / T
         if left > 0.0:
-            w = 2.0 * w / (1.0 + math.sqrt(1.0 + 8.0 * left / (brake * T * T)))
+            w = 2.0 * w / (1.0 + math.sqrt(1.0 + 8.0 * left / (share * brake * T * T)))
         a = (w - v) / T
     elif v > 0.0:
         a = -v * v / (2.0 * room) if room > 0.0 else -brake
@@ -82,12 +90,13 @@ def _judged(
     return OK, -1
 
 
-@kernel("Tuple((i8, i8))(f8[::1], f8[::1], f8[:,::1], f8, f8[::1], f8[::1])")
+@kernel("Tuple((i8, i8))(f8[::1], f8[::1], f8[:,::1], f8, f8, f8[::1], f8[::1])")
 def acceleration_bounds_kernel(
     q: FloatArray,
     dq: FloatArray,
     limits: FloatArray,
     T: float,
+    share: float,
     lower_out: FloatArray,
     upper_out: FloatArray,
 ) -> tuple[int, int]:
@@ -98,6 +107,7 @@ def acceleration_bounds_kernel(
         limits: (6, n) least and greatest position, greatest speed, greatest acceleration up and
             down (both positive), and the largest of the finite position limits by magnitude.
         T: [s].
+        share: of the accelerations that stopping in time counts on.
         lower_out, upper_out: (n,) [rad/s² or m/s²]; untouched unless `OK`.
 
     Returns:
@@ -111,8 +121,8 @@ def acceleration_bounds_kernel(
         below, above, speed = q[i] - limits[0, i], limits[1, i] - q[i], limits[2, i]
         up, down = limits[3, i], limits[4, i]
         epsilon = ROUNDING * max(limits[5, i], abs(q[i]))
-        most = _most(above, dq[i], speed, up, down, T, epsilon)
-        least = -_most(below, -dq[i], speed, down, up, T, epsilon)
+        most = _most(above, dq[i], speed, up, down, share, T, epsilon)
+        least = -_most(below, -dq[i], speed, down, up, share, T, epsilon)
         lower_out[i], upper_out[i] = _agreed(least, most, below, above)
     return OK, -1
 

@@ -15,8 +15,8 @@ from protocol.limits import AccelerationBounds
 from protocol.messages import FloatArray
 from robot_emulator.plant import Plant
 
-TORQUE_MARGIN = 2e-3, 0.02
-"""Of the range [rad or m] and of the velocity [relative]: under a torque that is held for a period
+TORQUE_MARGIN = 2e-3, 0.02, 0.9
+"""Of the range [rad or m], of the velocity [relative], share of the deceleration: under a torque that is held for a period
 the acceleration changes with the motion, and friction with its direction."""
 
 PERIODS_AHEAD = 2
@@ -49,7 +49,8 @@ class AccelerationGate:
         description: of the robot.
         plant: its body, of which `q` and `dq` are used.
         hold_ticks: see above.
-        margin: of the range [rad or m] and of the velocity [relative].
+        margin: of the range [rad or m], of the velocity [relative], and the share of the
+            deceleration that stopping in time counts on.
 
     Attributes:
         value: command that is given to the plant, (n,) [rad/s² or m/s²].
@@ -64,7 +65,7 @@ class AccelerationGate:
         description: RobotDescription,
         plant: Plant,
         hold_ticks: int,
-        margin: tuple[float, float] = (1e-10, 1e-10),
+        margin: tuple[float, float, float] = (1e-10, 1e-10, 1.0),
     ) -> None:
         from robot_emulator.motion_kernels import keep_between  # noqa: PLC0415 - compiles
 
@@ -91,14 +92,15 @@ class AccelerationGate:
         Raises:
             BadProblemError: limits too narrow for the accelerations, by condition (11).
         """
-        robot, (room, share) = self._description, self._margin
+        robot, (room, slower, brake) = self._description, self._margin
         self._bounds = AccelerationBounds(
             np.minimum(robot.lower + room, q),
             np.maximum(robot.upper - room, q),
-            robot.velocity * (1.0 - share),
+            robot.velocity * (1.0 - slower),
             robot.brake_acceleration,
             self._dt,
             horizon_s=PERIODS_AHEAD * self._dt,
+            brake_share=brake,
             names=robot.joint_names,
         )
         self.forget()
