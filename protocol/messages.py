@@ -316,6 +316,14 @@ class Setpoint(Message):
         return message
 
 
+COMMANDS = {
+    "position": Setpoint.POSITION,
+    "acceleration": Setpoint.ACCELERATION,
+    "torque": Setpoint.TORQUE,
+}
+"""Setpoint.command by the names that descriptions have."""
+
+
 class Event(Message):
     """Something that is not part of every tick; see `msg/Event.msg`."""
 

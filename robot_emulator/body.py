@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from protocol.description import RobotDescription
-from protocol.messages import Setpoint
 from robot_emulator.acceleration_safety import AccelerationGate, TorqueGate
 from robot_emulator.acceleration_servo import AccelerationServo
 from robot_emulator.config import EmulatorConfig
@@ -11,12 +10,6 @@ from robot_emulator.gate import Gate
 from robot_emulator.plant import Plant, PositionServo
 from robot_emulator.rigid_body import RigidBody
 from robot_emulator.safety import Reference
-
-COMMANDS = {
-    "position": Setpoint.POSITION,
-    "acceleration": Setpoint.ACCELERATION,
-    "torque": Setpoint.TORQUE,
-}
 
 
 def build_body(description: RobotDescription, config: EmulatorConfig) -> tuple[Plant, Gate]:

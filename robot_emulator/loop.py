@@ -15,12 +15,12 @@ import numpy as np
 from protocol.clock import Clock, VirtualClock
 from protocol.description import RobotDescription
 from protocol.link import Request, RobotLink
-from protocol.messages import Event, State
+from protocol.messages import COMMANDS, Event, State
 from protocol.realtime import Ticker
 from protocol.recorder import Recorder
 from protocol.ring import Kind
 from robot_emulator.authority import Authority
-from robot_emulator.body import COMMANDS, build_body
+from robot_emulator.body import build_body
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.inbox import REJECTION_KINDS, Inbox
 

@@ -7,14 +7,19 @@ from remote_controller.controllers.controller import Controller
 
 
 class NullController(Controller):
-    """Holds the reference that the robot applies: the same bytes both ways, and no work."""
+    """Holds the robot where it is, with what it sent itself: the same bytes both ways, no work."""
+
+    commands = ("position", "acceleration", "torque")
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Nothing to begin with."""
 
     def step(self, state: State) -> Setpoint:
-        """Answer with the reference."""
+        """Answer with the reference; with what the motors give, or with no acceleration."""
         command = self.command
         command.stamp_kinematics = self.now()
-        command.values[:] = state.reference
+        if self.kind == "position":
+            command.values[:] = state.reference
+        elif self.kind == "torque" and self.description.gravity == "on":
+            command.values[:] = state.tau
         return command

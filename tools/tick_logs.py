@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from protocol.errors import LogError
-from protocol.messages import WIRE_VERSION, Event, Schema, Setpoint, State
+from protocol.messages import COMMANDS, WIRE_VERSION, Event, Schema, Setpoint, State
 from protocol.ring import Kind
 from tools.log import Log
 from tools.stalls import Stall
@@ -29,11 +29,6 @@ EVENTS = Event.schema.constants
 _KEPT = (Kind.STATE, Kind.SETPOINT, Kind.EVENT)
 _COUNTED = ("rejected", "duplicate", "out_of_order")
 _FAILURES = (EVENTS["REASON_MISSES"], EVENTS["REASON_HOLDER_LOST"])
-_COMMANDS = {
-    "position": Setpoint.POSITION,
-    "acceleration": Setpoint.ACCELERATION,
-    "torque": Setpoint.TORQUE,
-}
 
 
 @dataclass(frozen=True)
@@ -93,7 +88,7 @@ class RobotSide:
             states=states,
             arrivals=told.stamps(Kind.SETPOINT),
             setpoints=told.rows(Kind.SETPOINT),
-            commands=tuple(_COMMANDS[kind] for kind in description.command_kinds),
+            commands=tuple(COMMANDS[kind] for kind in description.command_kinds),
             stalls=stalls_of(told.rows(Kind.EVENT)),
             lockstep=told.lockstep,
             messages={name: int(states[-1][name] - states[0][name]) for name in _COUNTED},

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.errors import BadProblemError
-from protocol.messages import FloatArray, Setpoint, State, schema
+from protocol.description import CommandKind, RobotDescription
+from protocol.errors import BadProblemError, DescriptionError
+from protocol.messages import COMMANDS, FloatArray, Setpoint, State, schema
 from protocol.settings import Settings
 
 STATUS = {
@@ -23,6 +23,22 @@ STATUS = {
 """Setpoint.solver_status by name: certified, at_target, uncertified, infeasible, none."""
 
 ACTIVE_SPEED = 1e-3  # rad/s: below it a joint counts as inactive (QP12, section V-C)
+
+
+def agreed(commands: Sequence[CommandKind], description: RobotDescription) -> CommandKind:
+    """What a controller shall give, of what it can, to a robot: the first that this takes.
+
+    Raises:
+        DescriptionError: the robot takes nothing of it.
+    """
+    for kind in description.command_kinds:
+        if kind in commands:
+            return kind
+    takes, gives = " or ".join(description.command_kinds), " or ".join(commands)
+    raise DescriptionError(
+        f"robot {description.name!r} takes {takes}, and the controller gives {gives}. Choose "
+        f"another controller, or start the robot with --set command={commands[0]} if it can"
+    )
 
 
 class Controller(ABC):
@@ -39,6 +55,7 @@ class Controller(ABC):
     Attributes:
         command: the answer; its certificate says what was proved of it.
         now: clock of the loop [ns]; for stamps only, never for control.
+        kind: what its commands are, one of `commands`.
         conditions: names of what may hold in a cycle and people should know.
         present: which of them hold in this cycle: bit i for `conditions[i]`. Where one begins or
             ends, the log says so.
@@ -48,6 +65,8 @@ class Controller(ABC):
         """Settings of this controller; none here."""
 
     extra_names: ClassVar[tuple[str, ...]] = ()
+    commands: ClassVar[tuple[CommandKind, ...]] = ("position",)
+    """What it can give; the robot's description decides which of these its `command` is."""
     kernels: ClassVar[tuple[str, ...]] = ()
     """Modules that compile what it needs; a service has them ready before anything else."""
 
@@ -58,6 +77,8 @@ class Controller(ABC):
         self.now: Callable[[], int] = time.monotonic_ns
         self.command = Setpoint(description.n, len(self.extra_names))
         self.command.solver_status = STATUS["none"]
+        self.kind = agreed(self.commands, description)
+        self.command.command = COMMANDS[self.kind]
 
     @classmethod
     def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Self:
