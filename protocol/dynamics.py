@@ -37,9 +37,7 @@ class Dynamics:
         self._gravity_torque = pinocchio.computeGeneralizedGravity
         if description.gravity == "off":
             self._model.gravity.setZero()
-        self._damped = pinocchio.Model(
-            self._model
-        )  # of which `forward_damped` changes the armature
+        self._damped = pinocchio.Model(self._model)  # `forward_damped` changes its armature
         self._added = self._damped.armature
         self._armature = np.array(self._model.armature)[self._order]
         self.damping = np.array(self._model.damping)[self._order]

@@ -16,8 +16,9 @@ from protocol.messages import FloatArray
 from robot_emulator.plant import Plant
 
 TORQUE_MARGIN = 2e-3, 0.02, 0.9
-"""Of the range [rad or m], of the velocity [relative], share of the deceleration: under a torque that is held for a period
-the acceleration changes with the motion, and friction with its direction."""
+"""Of the range [rad or m], of the velocity [relative], and the share of the deceleration that
+stopping in time counts on: under a torque that is held for a period the acceleration changes with
+the motion, and friction with its direction."""
 
 PERIODS_AHEAD = 2
 """Periods for which an acceleration that is let through could be held without harm."""
