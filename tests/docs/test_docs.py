@@ -28,6 +28,7 @@ STORIES = [
     "writing_a_task.md",
     "writing_a_constraint.md",
     "new_robot.md",
+    "robots.md",
     "two_machines.md",
     "logs.md",
     "latency.md",
