@@ -1,4 +1,4 @@
-"""Robots that take accelerations or torques, with efforts that suffice for what is asked of them."""
+"""Robots that take accelerations or torques, with efforts that suffice for what they do."""
 
 from __future__ import annotations
 
