@@ -8,12 +8,12 @@ from protocol.description import CommandKind, RobotDescription
 from robot_emulator.robots import load
 
 
-def small(kind: CommandKind, gravity: str = "on", **changes: object) -> RobotDescription:
+def small(kind: CommandKind, gravity: str = "full", **changes: object) -> RobotDescription:
     """The arm of three joints."""
     return arm3.describe(command_kinds=(kind,), gravity=gravity, **changes)
 
 
-def strong(kind: CommandKind, gravity: str = "on", times: float = 4.0) -> RobotDescription:
+def strong(kind: CommandKind, gravity: str = "full", times: float = 4.0) -> RobotDescription:
     """Baxter's left arm with motors so much stronger: as it is, gravity may be too much for s1."""
     arm = load("baxter_left_arm")
     joints = tuple(

@@ -183,7 +183,7 @@ def test_a_stop_goes_in_a_straight_line_at_the_braking_limit_of_one(kind: Comman
 
 
 def test_a_robot_that_nobody_has_commanded_yet_stays_where_it_is():
-    for kind, gravity in (("acceleration", "on"), ("torque", "on"), ("torque", "compensated")):
+    for kind, gravity in (("acceleration", "full"), ("torque", "full"), ("torque", "compensated")):
         description = strong(kind, gravity)  # type: ignore[arg-type]
         body, gate = gated(description)
         for _ in range(500):

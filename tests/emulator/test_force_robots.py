@@ -29,7 +29,7 @@ def push(made: Bench, ddq: float) -> None:
     wanted = np.array([ddq, 0.0, 0.0])
     made.values[:] = wanted
     if made.kind == "torque":
-        dynamics = Dynamics(made.description.model_copy(update={"gravity": "off"}))
+        dynamics = Dynamics(made.description.model_copy(update={"gravity": "none"}))
         dynamics.inverse(made.description.initial_position, np.zeros(3), wanted, made.values)
 
 
@@ -82,7 +82,7 @@ def test_silence_is_held_then_braked_then_a_safe_stop_until_recovered(kind: Comm
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_before_anybody_commands_it_the_brakes_are_on(kind: CommandKind):
-    made = Bench(description=small(kind, "on"))
+    made = Bench(description=small(kind, "full"))
     state = made.run(100)
     assert state.mode == State.IDLE
     np.testing.assert_array_equal(state.q, made.description.initial_position)
@@ -91,7 +91,7 @@ def test_before_anybody_commands_it_the_brakes_are_on(kind: CommandKind):
 
 
 def test_efforts_that_do_not_suffice_are_an_event_and_a_count():
-    arm = small("torque", "on")
+    arm = small("torque", "full")
     efforts = (20.0, 0.5, 20.0)
     joints = tuple(
         joint.model_copy(update={"effort": effort})

@@ -24,7 +24,7 @@ def body(description: RobotDescription, **settings: object) -> RigidBody:
 
 
 def rubbed(damping: float, friction: float) -> RobotDescription:
-    arm = small("torque", gravity="off")
+    arm = small("torque", gravity="none")
     dynamics = f'<dynamics damping="{damping}" friction="{friction}"/></joint>\n  <link name="upper'
     return arm.model_copy(
         update={"urdf": arm.urdf.replace('</joint>\n  <link name="upper', dynamics)}
@@ -66,7 +66,7 @@ def test_energy_is_kept_without_friction_the_better_the_smaller_the_steps():
 @given(seed=st.integers(0, 2**32 - 1))
 def test_accelerations_and_torques_undo_each_other(seed: int):
     rng = np.random.default_rng(seed)
-    for gravity in ("on", "compensated", "off"):
+    for gravity in ("full", "compensated", "none"):
         description = strong("torque", gravity, times=1e3)
         arm = body(description)
         arm.q[:] = rng.uniform(description.lower, description.upper)
@@ -95,11 +95,11 @@ def test_a_rotor_adds_its_inertia_to_its_own_joint():
     np.testing.assert_allclose(found, np.linalg.solve(M, pushed), rtol=1e-12)
 
 
-@pytest.mark.parametrize("gravity", ["on", "compensated", "off"])
+@pytest.mark.parametrize("gravity", ["full", "compensated", "none"])
 def test_what_holds_it_holds_it(gravity: str):
     arm = small("torque", gravity)
     held, weight = body(arm), np.zeros(3)
-    if gravity == "on":
+    if gravity == "full":
         Dynamics(arm).gravity(arm.initial_position, weight)
     for _ in range(1000):
         held.step(weight, T)
@@ -147,7 +147,7 @@ def test_a_joint_under_less_than_its_friction_creeps_and_under_more_moves_away()
 
 
 def test_a_mechanical_stop_holds_without_rebound_and_lets_go():
-    arm = small("torque", "off")
+    arm = small("torque", "none")
     joint = body(arm, **FRICTIONLESS)
     push = np.array([20.0, 0.0, 0.0])
     for _ in range(2000):
