@@ -15,6 +15,10 @@ BUILTIN = {
     "pinv": "remote_controller.controllers.pinv:PinvController",
     "stable_qp": "remote_controller.controllers.stable_qp:StableQpController",
     "osqp": "remote_controller.controllers.osqp:OsqpController",
+    "joint_acceleration": (
+        "remote_controller.controllers.joint_acceleration:JointAccelerationController"
+    ),
+    "tsid": "remote_controller.controllers.tsid:TsidController",
 }
 CONTROLLERS = Family(
     "controller",

@@ -47,8 +47,13 @@ class Program:
     sense: NDArray[np.int32]
 
 
-def daqp(program: Program) -> Backend:
-    """A dual active set (MIT licence): exact, and the only one that no vertex confuses."""
+def daqp(program: Program, **settings: float) -> Backend:
+    """A dual active set (MIT licence): exact, and the only one that no vertex confuses.
+
+    Args:
+        program: what is solved.
+        settings: further ones, by daqp's names.
+    """
     import daqp as library  # noqa: PLC0415 - each solver only where it is asked for
 
     solve_it, variables = library.solve, program.f.size
@@ -62,6 +67,7 @@ def daqp(program: Program) -> Backend:
             program.least,
             program.sense,
             primal_tol=tolerance,
+            **settings,
         )
         return flag == 1, x, info["lam"][variables:]
 

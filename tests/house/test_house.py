@@ -56,6 +56,7 @@ def test_only_its_own_modules_import_zenoh_and_pinocchio():
             assert where in {
                 "protocol/model.py",
                 "protocol/dynamics.py",
+                "remote_controller/dynamics.py",
                 "remote_controller/kinematics.py",
                 "remote_controller/service.py",
             }

@@ -1,0 +1,35 @@
+"""A posture that a config names, or writes out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from protocol.description import RobotDescription
+from protocol.errors import ConfigError
+from protocol.messages import FloatArray
+
+
+def posture_of(
+    description: RobotDescription, name: str | None, values: tuple[float, ...], file: str, key: str
+) -> FloatArray:
+    """Joint positions, (n,): the values, or else the posture of that name, or where it starts.
+
+    Args:
+        description: of the robot.
+        name, values: what the config says.
+        file, key: where it stands; `key` without the ending `_rad` of the values.
+
+    Raises:
+        ConfigError: no such posture, or too many values or too few.
+    """
+    if values:
+        if len(values) != description.n:
+            problem = f"has {len(values)} values"
+            remedy = f"Give {description.n}, one for each joint"
+            raise ConfigError(file, f"{key}_rad", None, problem, remedy)
+        return np.array(values)
+    known = description.postures
+    if name is not None and name not in known:
+        remedy = f"Its postures: {', '.join(sorted(known))}"
+        raise ConfigError(file, key, name, "the robot has no such posture", remedy)
+    return np.array(known[name or description.initial_posture])
