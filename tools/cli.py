@@ -17,6 +17,7 @@ import typer
 
 from tools.cli_compare import compare
 from tools.cli_latency import latency
+from tools.cli_limits import limits
 from tools.cli_measure import bench_app, doctor
 from tools.cli_report import report
 from tools.cli_reproduce import reproduce
@@ -26,7 +27,7 @@ app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_mar
 config_app = typer.Typer(no_args_is_help=True, help="Look at settings before anything runs.")
 app.add_typer(config_app, name="config")
 app.add_typer(bench_app, name="bench")
-for command in (compare, doctor, latency, report, reproduce):
+for command in (compare, doctor, latency, limits, report, reproduce):
     app.command()(command)
 
 ENDPOINT = "tcp/127.0.0.1:7447"

@@ -107,5 +107,32 @@ def bench_cycle(
         show_rows(rows, machine)
 
 
+@bench_app.command("limits")
+def bench_limits(
+    samples: Samples = 5000,
+    sampled: Annotated[
+        int, typer.Option("--sampled", min=1, help="States that Algorithm 4 tries.")
+    ] = 1_000_000,
+    as_json: AsJson = False,
+) -> None:
+    """Time bounds of accelerations, the setpoint filter, inverse dynamics, and Algorithm 4."""
+    from tools.bench import limits
+    from tools.bench.show import show_missing, show_rows, show_sampling
+    from tools.machine import machine_block
+    from tools.show import progress
+
+    machine = machine_block()
+    rows = limits.bench_limits(samples)
+    with progress("Algorithm 4") as report:
+        sampling = limits.bench_sampling(sampled, report)
+    missing = limits.missing()
+    if as_json:
+        _write({"rows": rows, "sampling": sampling, "missing": list(missing), "machine": machine})
+    else:
+        show_rows(rows, machine)
+        show_sampling(sampling)
+        show_missing(missing)
+
+
 def _write(content: dict[str, Any]) -> None:
     sys.stdout.write(json.dumps(content, indent=2) + "\n")

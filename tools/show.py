@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from rich.console import Console
 from rich.live import Live
 from rich.markup import escape
+from rich.progress import Progress
 from rich.table import Table
 
 from tools.certificate_count import in_a_line
@@ -18,6 +21,18 @@ if not console.is_terminal:
 COLOURS = {"fit": "green", "warn": "yellow", "unfit": "red"}
 _COLUMNS = {"n": "n", "min": "min", "p50": "p50", "p90": "p90", "p99": "p99", "p99_9": "p99.9",
             "max": "max"}  # fmt: skip
+
+
+@contextmanager
+def progress(title: str) -> Iterator[Callable[[int, int], None]]:
+    """A bar on standard error, of which the caller says how much is done, and of how much."""
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(title, total=None)
+
+        def report(done: int, whole: int) -> None:
+            bar.update(task, completed=done, total=whole)
+
+        yield report
 
 
 class LiveTable:

@@ -60,7 +60,10 @@ class JointAccelerationController(Controller):
         )
 
         super().__init__(description, parameters)
-        self._follow_reference, self._accelerate_to = kernels.follow_reference, kernels.accelerate_to
+        self._follow_reference, self._accelerate_to = (
+            kernels.follow_reference,
+            kernels.accelerate_to,
+        )
         key = "parameters.posture"
         wanted = (parameters.posture, parameters.posture_rad)
         self._target = posture_of(description, *wanted, file, key)

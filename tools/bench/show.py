@@ -81,6 +81,15 @@ def show_scaling(measured: dict[str, Any], machine: dict[str, Any]) -> None:
     _show_machine(machine)
 
 
+def show_sampling(found: dict[str, Any]) -> None:
+    """Say how long Algorithm 4 took."""
+    paper = found["paper_seconds"]
+    console.print(
+        f"Algorithm 4 with {found['samples']:,} states of {found['robot']}: "
+        f"{found['seconds']:.2f} s{f'; in the paper {paper:g} s' if paper else ''}."
+    )
+
+
 def show_missing(missing: dict[str, str] | None = None) -> None:
     """Say which solvers are not there, and what to install; by default of the peers of QP12."""
     for name, package in (missing_peers() if missing is None else missing).items():

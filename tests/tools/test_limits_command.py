@@ -1,0 +1,107 @@
+"""`hoap3 limits` and `hoap3 bench limits`."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from protocol.description import RobotDescription
+from protocol.limits import AccelerationBounds
+from robot_emulator.robots import load
+from tools.bench import limits as bench
+from tools.bench.tsid_peers import PEERS
+from tools.cli import app, main
+
+KEYS = {"solver", "n", "samples", "min_us", "mean_us", "p50_us", "p99_us", "max_us"}
+
+
+def found(*words: str, code: int) -> dict:
+    result = CliRunner().invoke(app, ["limits", *words, "--samples", "20000", "--json"])
+    assert result.exit_code == code
+    return json.loads(result.stdout)
+
+
+def test_a_robot_that_claims_no_more_than_it_has_is_fit():
+    told = found("ur5", code=0)
+    robot: RobotDescription = load("ur5")
+    assert [row["joint"] for row in told["joints"]] == list(robot.joint_names)
+    assert told["findings"] == []
+    for row in told["joints"]:
+        assert row["lower"] < 0.0 < row["upper"]
+        assert row["either_way"] == min(-row["lower"], row["upper"]) >= row["brake_acceleration"]
+
+
+def test_joints_that_cannot_hold_their_load_or_claim_too_much_are_named():
+    assert found("baxter_left_arm", code=1)["findings"] == [
+        "left_s1: in some state it cannot even hold its load"
+    ]
+    told = found("hoap3", code=1)["findings"]
+    assert any(line.startswith("r_hip_yaw: brake_acceleration is 40, and it") for line in told)
+
+
+def test_the_table_has_a_row_a_joint(capsys: pytest.CaptureFixture[str]):
+    with pytest.raises(SystemExit) as end:
+        main(["limits", "baxter", "--samples", "1000"])
+    assert end.value.code == 1
+    text = capsys.readouterr().err
+    assert "rad/s²" in text
+    for name in load("baxter_left_arm").joint_names:
+        assert name in text
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["nosuch"], "nosuch"),
+        (["ur5", "--velocities", "some"], "corners"),
+        (["ur5", "--samples", "0"], "samples"),
+    ],
+)
+def test_wrong_words_are_one_clear_error(words, message, capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["limits", *words])
+    assert end.value.code == 2
+    text = capsys.readouterr().err
+    assert message in text
+    assert "Traceback" not in text
+
+
+def test_the_bench_times_everything_in_turn_and_says_what_sampling_took():
+    result = CliRunner().invoke(
+        app, ["bench", "limits", "--samples", "20", "--sampled", "5000", "--json"]
+    )
+    assert result.exit_code == 0, result.output
+    told = json.loads(result.stdout)
+    timed = {(row["solver"], row["n"]) for row in told["rows"]}
+    assert timed >= {(name, n) for name in ("bounds", "naive bounds") for n in (7, 21, 32)}
+    assert timed >= {("setpoint filter", 21), ("tsid step", 7), ("tsid QP", 7), ("daqp", 7)}
+    assert all(row.keys() >= KEYS for row in told["rows"])
+    assert told["sampling"]["samples"] == 5000
+    assert told["sampling"]["paper_seconds"] is None
+    assert set(told["missing"]) <= set(PEERS)
+
+
+def test_the_peers_solve_what_the_controller_solves():
+    law, states = bench._motion()
+    solver, absent = law.solver, bench.missing()
+    effort = np.array(law.description.effort)
+    for state in states[::40]:
+        given = bench._arguments(law, state)
+        problem = bench.program(given, effort)
+        solver.solve(*given)
+        for name, (_, maker) in PEERS.items():
+            if name not in absent:
+                np.testing.assert_allclose(maker()(problem), solver.ddq, atol=1e-6)
+
+
+def test_the_bounds_that_are_timed_are_those_that_hold():
+    contender = bench._bounds(np.random.default_rng(0), 7)[0]
+    q, dq, least, most = contender.problems[0]
+    contender.call(q, dq, least, most)
+    again = AccelerationBounds(-np.ones(7), np.ones(7), 2.0, 20.0, 1e-3)
+    lower, upper = np.zeros(7), np.zeros(7)
+    again.solve(q, dq, lower, upper)
+    np.testing.assert_array_equal((least, most), (lower, upper))

@@ -1,0 +1,160 @@
+"""`hoap3 bench limits`: bounds of accelerations, the setpoint filter, and inverse dynamics."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+
+from protocol.limits import AccelerationBounds
+from protocol.messages import State
+from protocol.model import build_model
+from protocol.recorder import MemoryRecorder, NoRecorder
+from protocol.ring import Kind
+from protocol.torque_limits import torque_acceleration_bounds
+from remote_controller.config import build
+from remote_controller.controllers.tsid import TsidController
+from robot_emulator.robots import load
+from robot_emulator.safety import Reference
+from tools.bench.reference import reference
+from tools.bench.timing import Contender, race
+from tools.bench.tsid_peers import PEERS, program
+from tools.simulate import Lockstep, controller_settings, emulator_settings
+
+SIZES = (7, 21, 32)
+STATES = 256
+ARM = "baxter_left_arm"
+PAPER_SAMPLING_S = 300.0
+"""Algorithm 4 with a million samples takes 5 minutes in the paper's own implementation."""
+
+
+def bench_limits(samples: int = 5000) -> list[dict[str, Any]]:
+    """Rows {solver, n, samples, min_us, …, times_reference} of what each cycle may call.
+
+    "bounds" and "naive bounds" are `AccelerationBounds`, "setpoint filter" is what the emulator
+    does to a setpoint, "tsid step" a whole cycle of the controller along a motion of Baxter's arm
+    to a limit and along it, "tsid QP" its solver alone with its proof; the others solve the same
+    programs as ready arrays, cold.
+    """
+    rng = np.random.default_rng(0)
+    contenders = [each for n in SIZES for each in _bounds(rng, n)]
+    contenders += [_filter(rng, 21), *_tsid()]
+    times = race([*contenders, reference()], samples)
+    return [
+        {
+            "solver": name.rpartition(" of ")[0] or name,
+            "n": int(name.rpartition(" of ")[2]) if " of " in name else 21,
+            **taken.figures(),
+            "times_reference": taken.times(times["reference"]),
+            "paper": None,
+        }
+        for name, taken in times.items()
+    ]
+
+
+def bench_sampling(
+    samples: int = 1_000_000, report: Callable[[int, int], None] | None = None
+) -> dict[str, Any]:
+    """Algorithm 4 on Baxter's arm: seconds, and samples per second."""
+    robot = build_model(load(ARM))
+    torque_acceleration_bounds(robot, 10)  # compiled, whatever was in the cache
+    begin = time.perf_counter()
+    found = torque_acceleration_bounds(robot, samples, report=report)
+    took = time.perf_counter() - begin
+    return {
+        "robot": ARM,
+        "samples": found.samples,
+        "seconds": took,
+        "samples_per_s": found.samples / took,
+        "paper_seconds": PAPER_SAMPLING_S if samples == 1_000_000 else None,
+    }
+
+
+def missing() -> dict[str, str]:
+    """Peers that are not installed, and their packages."""
+    return {name: package for name, (package, _) in PEERS.items() if find_spec(package) is None}
+
+
+def _bounds(rng: np.random.Generator, n: int) -> list[Contender]:
+    bounds = AccelerationBounds(-np.ones(n), np.ones(n), 2.0, 20.0, 1e-3)
+    least, most = np.zeros(n), np.zeros(n)
+    states = [
+        (rng.uniform(-1.0, 1.0, n), rng.uniform(-2.0, 2.0, n), least, most) for _ in range(STATES)
+    ]
+    return [
+        Contender(f"bounds of {n}", bounds.solve, states),
+        Contender(f"naive bounds of {n}", bounds.solve_naive, states),
+    ]
+
+
+def _filter(rng: np.random.Generator, n: int) -> Contender:
+    """A walk at random on HOAP-3: some steps are within all limits, some are not."""
+    robot = load("hoap3")
+    gate = Reference(robot, robot.period_s)
+    gate.reset(robot.initial_position)
+    steps = 2.0 * rng.uniform(-1.0, 1.0, (STATES, n)) * robot.period_s
+    walk = robot.initial_position + np.cumsum(steps, axis=0)
+    return Contender(
+        f"setpoint filter of {n}", gate.follow, [(each, tick) for tick, each in enumerate(walk)]
+    )
+
+
+def _tsid() -> list[Contender]:
+    law, states = _motion()
+    steps = Contender(f"tsid step of {law.description.n}", law.step, [(each,) for each in states])
+    given = [_arguments(law, state) for state in states]
+    solve = Contender(f"tsid QP of {law.description.n}", law.solver.solve, given)
+    effort = np.array(law.description.effort)
+    programs = [(program(each, effort),) for each in given]
+    absent = missing()
+    return [
+        steps,
+        solve,
+        *(
+            Contender(f"{name} of {law.description.n}", peer(), programs)
+            for name, (_, peer) in PEERS.items()
+            if name not in absent
+        ),
+    ]
+
+
+def _motion() -> tuple[TsidController, list[State]]:
+    """The controller, and States of its motion in lockstep."""
+    log, config = MemoryRecorder(), controller_settings("tsid")
+    lockstep = Lockstep(emulator_settings("baxter", 0), config, log, NoRecorder())
+    lockstep.run(2.0)
+    description = lockstep.controller.description
+    payloads = [record.payload for record in log.records if record.kind == Kind.STATE]
+    states = []
+    for payload in payloads[10 :: max(1, len(payloads) // STATES)]:
+        state = State(description.n, 6 * len(description.wrench_sensors))
+        state.load(payload)
+        states.append(state)
+    law = build(config, description)
+    law.reset(states[0], None)
+    return law, states
+
+
+def _arguments(law: TsidController, state: State) -> tuple[Any, ...]:
+    """What the controller gives its solver at a State, copied."""
+    kept: list[tuple[Any, ...]] = []
+    solver = law.solver
+
+    class Notes:
+        """Stands for the solver, and keeps what it is given."""
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(solver, name)
+
+        def solve(self, *given: Any) -> int:
+            arrays = (np.array(one) if isinstance(one, np.ndarray) else one for one in given)
+            kept.append(tuple(arrays))
+            return solver.solve(*given)
+
+    law.solver = Notes()  # type: ignore[assignment]
+    law.step(state)
+    law.solver = solver
+    return kept[0]

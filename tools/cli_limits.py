@@ -1,0 +1,37 @@
+"""The command `hoap3 limits`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Annotated, Literal
+
+import typer
+
+
+def limits(
+    robot: Annotated[str, typer.Argument(help="Robot or emulator config: a name or a path.")],
+    samples: Annotated[int, typer.Option(min=1, help="States to try.")] = 1_000_000,
+    velocities: Annotated[
+        Literal["corners", "uniform"],
+        typer.Option(help="Of these states: all at their limits, or uniform."),
+    ] = "corners",
+    polish: Annotated[
+        int, typer.Option(min=0, help="Search around so many of the worst states of each bound.")
+    ] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the states.")] = 0,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON object on standard output.")
+    ] = False,
+) -> None:
+    """What the torque limits of a robot leave of its joints' accelerations, in the worst state."""
+    from tools.sampled_limits import sample, show
+    from tools.show import progress
+
+    with progress(f"states of {robot}") as report:
+        found = sample(robot, samples, velocities, polish, seed, report)
+    if as_json:
+        sys.stdout.write(json.dumps(found, indent=2) + "\n")
+    else:
+        show(found)
+    raise typer.Exit(1 if found["findings"] else 0)
