@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from command_bench import inside
 from typer.testing import CliRunner
 
 from protocol.description import RobotDescription
@@ -13,7 +14,7 @@ from protocol.limits import AccelerationBounds
 from robot_emulator.robots import load
 from tools.bench import limits as bench
 from tools.bench.tsid_peers import PEERS
-from tools.cli import app, main
+from tools.cli import app
 
 KEYS = {"solver", "n", "samples", "min_us", "mean_us", "p50_us", "p99_us", "max_us"}
 
@@ -42,11 +43,10 @@ def test_joints_that_cannot_hold_their_load_or_claim_too_much_are_named():
     assert any(line.startswith("r_hip_yaw: brake_acceleration is 40, and it") for line in told)
 
 
-def test_the_table_has_a_row_a_joint(capsys: pytest.CaptureFixture[str]):
-    with pytest.raises(SystemExit) as end:
-        main(["limits", "baxter", "--samples", "1000"])
-    assert end.value.code == 1
-    text = capsys.readouterr().err
+def test_the_table_has_a_row_a_joint():
+    done = inside("limits", "baxter", "--samples", "1000")
+    text = done.stderr
+    assert done.code == 1
     assert "rad/s²" in text
     for name in load("baxter_left_arm").joint_names:
         assert name in text
@@ -60,13 +60,11 @@ def test_the_table_has_a_row_a_joint(capsys: pytest.CaptureFixture[str]):
         (["ur5", "--samples", "0"], "samples"),
     ],
 )
-def test_wrong_words_are_one_clear_error(words, message, capsys):
-    with pytest.raises(SystemExit) as end:
-        main(["limits", *words])
-    assert end.value.code == 2
-    text = capsys.readouterr().err
-    assert message in text
-    assert "Traceback" not in text
+def test_wrong_words_are_one_clear_error(words, message):
+    done = inside("limits", *words)
+    assert done.code == 2
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 def test_the_bench_times_everything_in_turn_and_says_what_sampling_took():
