@@ -18,7 +18,7 @@ from robot_emulator.loop import GRACE_TICKS, RobotLoop
 from robot_emulator.plant import PositionServo
 from robot_emulator.robots import load
 
-KERNELS = ("robot_emulator.motion_kernels",)
+KERNELS = ("robot_emulator.motion_kernels", "robot_emulator.filter_kernels")
 START_DELAY_NS = 10_000_000
 
 

@@ -14,10 +14,10 @@ from robot_emulator.safety import Reference
 
 DT = 1e-3
 ULP = np.finfo(float).eps
-# One joint whose limits are no round numbers, one that is slow, one whose range begins at zero.
+# Accelerations have no say here: tests/limits has them. One joint whose limits are no round numbers, one that is slow, one whose range begins at zero.
 ROBOT: RobotDescription = arm(
     joints=tuple(
-        joint.model_copy(update=changes)
+        joint.model_copy(update={"setpoint_acceleration_max": 1e6, **changes})
         for joint, changes in zip(
             arm().joints,
             (
