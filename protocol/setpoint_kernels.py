@@ -31,8 +31,8 @@ def within(value: float, least: float, most: float) -> float:
 
 @inlined
 def rounding(s: float, q: float, T: float) -> float:
-    """By how much rounding may spoil (s − q) / T, s = q + wT."""
-    return ULP * (max(abs(s), abs(q)) + 3.0 * abs(s - q)) / T
+    """By how much rounding may spoil (s − q) / T, where s was computed as q + wT."""
+    return ULP * (max(abs(s), abs(q)) + abs(s - q)) / T
 
 
 @inlined
@@ -95,7 +95,8 @@ def own_start(before: float, s: float, q: float, speed: float, T: float) -> floa
 
     A jump is what is faster than `speed`, and whatever comes after NaN.
     """
-    return before if abs(s - before) <= (speed + rounding(s, q, T)) * T else s
+    way = abs(s - before)
+    return before if way < math.inf and way <= (speed + rounding(s, q, T)) * T else s
 
 
 @inlined
@@ -123,9 +124,9 @@ def taken_over(
         T: period [s].
     """
     w, change, slack = (s - q) / T, acceleration * T, rounding(s, q, T)
-    if not (lower <= s <= upper and abs(w) <= speed + slack and abs(w - v) <= change + slack):
+    if not (abs(w) < math.inf and lower <= s <= upper and abs(w) <= speed + slack):
         return False
-    if not abs(start - q) <= change * T:
+    if not (abs(w - v) <= change + 0.5 * slack and abs(start - q) <= change * T):
         return False
     brake = INSIDE * acceleration
     if w > 0.0:

@@ -37,7 +37,8 @@ class Reference:
         self._limits = np.array([*self._usable, description.velocity, acceleration])
         self._lower, self._upper = self._limits[0], self._limits[1]
         self._outside = False  # some joint may be beyond its usable range
-        self._brake = np.minimum(description.brake_acceleration, acceleration)
+        passing = acceleration * (1.0 - 1e-9)  # the filter's limit, whatever rounding does
+        self._brake = np.minimum(description.brake_acceleration, passing)
         self.value, self.rate = np.zeros(n), np.zeros(n)
         self.interventions = 0
         self._target, self._before = np.zeros(n), np.zeros(n)

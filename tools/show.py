@@ -92,6 +92,8 @@ def show_summary(summary: dict[str, Any]) -> None:
     )
     if summary.get("safe_stops"):
         table.add_row("safe stops", str(summary["safe_stops"]))
+    if summary.get("interventions"):
+        table.add_row("interventions", f"{summary['interventions']} periods with a joint held back")
     unproved = in_a_line(summary.get("certificates"))
     if unproved is not None:
         table.add_row("certificates", f"[{COLOURS['warn']}]{escape(unproved)}[/]")
