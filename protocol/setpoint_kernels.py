@@ -31,8 +31,12 @@ def within(value: float, least: float, most: float) -> float:
 
 @inlined
 def rounding(s: float, q: float, T: float) -> float:
-    """By how much rounding may spoil (s − q) / T, where s was computed as q + wT."""
-    return ULP * (max(abs(s), abs(q)) + abs(s - q)) / T
+    """By how much rounding may spoil (s − q) / T less that of the period before.
+
+    Each is half a unit of s = q + wT, and of the product, the difference and the quotient. Who
+    goes from −w to w all the time, just as fast as is allowed, is not held back for that.
+    """
+    return ULP * (max(abs(s), abs(q)) + 3.0 * abs(s - q)) / T
 
 
 @inlined
@@ -52,8 +56,7 @@ def stopping_speed(room: float, acceleration: float, T: float) -> float:
     room = min(room, change * T * (0.5 * MOST_STEPS * MOST_STEPS))
     if not room > 0.0:
         return 0.0
-    steps = math.ceil((math.sqrt(1.0 + 8.0 * (room / T / change)) - 1.0) / 2.0)
-    steps = max(1.0, steps)
+    steps = max(1.0, math.ceil((math.sqrt(1.0 + 8.0 * (room / T / change)) - 1.0) / 2.0))
     return (room / T + change * steps * (steps - 1.0) / 2.0) / steps
 
 
@@ -126,7 +129,7 @@ def taken_over(
     w, change, slack = (s - q) / T, acceleration * T, rounding(s, q, T)
     if not (abs(w) < math.inf and lower <= s <= upper and abs(w) <= speed + slack):
         return False
-    if not (abs(w - v) <= change + 0.5 * slack and abs(start - q) <= change * T):
+    if not (abs(w - v) <= change + slack and abs(start - q) <= change * T):
         return False
     brake = INSIDE * acceleration
     if w > 0.0:

@@ -44,9 +44,7 @@ class Attacked:
     def ask(self, setpoint: FloatArray) -> int:
         """One period."""
         asked = np.ascontiguousarray(setpoint, float)
-        held = int(
-            filter_setpoint(asked, self.before, self.limits, T, self.value, self.velocity)
-        )
+        held = int(filter_setpoint(asked, self.before, self.limits, T, self.value, self.velocity))
         self.before = asked
         self.places.append(self.value.copy())
         self.velocities.append(self.velocity.copy())
@@ -61,7 +59,7 @@ class Attacked:
         assert np.all(places <= upper)
         assert np.all(np.abs(own) <= speed)
         assert np.all(np.abs(np.diff(own, axis=0)) <= acceleration * T)
-        ulp = np.spacing(np.maximum(np.abs(places), speed * T))  # near zero that of a step
+        ulp = np.spacing(np.abs(places) + 3 * speed * T)  # of q, near zero that of some steps
         seen = np.diff(places, axis=0)
         assert np.all(np.abs(seen) <= speed * T + 4 * np.maximum(ulp[1:], ulp[:-1]))
         change = np.abs(np.diff(seen, axis=0))

@@ -63,6 +63,22 @@ def test_euler_steps_at_the_greatest_speed_pass_bit_by_bit(seed):
 
 
 @settings(max_examples=20)
+@given(seed=SEEDS, back=st.floats(0.01, 1.0))
+def test_turning_round_as_fast_as_can_be_passes_bit_by_bit(seed, back):
+    """QP12 with a constant γ chatters so, and what HOAP-3 allows is made for it."""
+    rng = np.random.default_rng(seed)
+    start = rng.uniform(-1.0, 1.0, N) * 10.0 ** rng.uniform(-4, 0, N)
+    speed = 0.6 * back
+    limits = np.array([np.full(N, limit) for limit in (-2.0, 2.0, 4.76, 2.0 * speed / T)])
+    robot = Attacked(seed, limits, start)
+    for u in (speed, *[-speed, speed] * 50, 0.0):
+        asked = robot.value + u * T
+        assert robot.ask(asked) == -1
+        np.testing.assert_array_equal(robot.value, asked)
+    robot.check()
+
+
+@settings(max_examples=20)
 @given(seed=SEEDS)
 def test_a_jump_is_reached_in_the_least_time_and_never_passed(seed):
     robot = Attacked(seed)
