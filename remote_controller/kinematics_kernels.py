@@ -7,6 +7,10 @@ from numpy.typing import NDArray
 
 from protocol.compilation import kernel
 from protocol.messages import FloatArray
+from protocol.setpoint_kernels import own_start, taken_over, within
+
+AT_REST, FOLLOWED, UNKNOWN = 0, 1, 2
+"""What is known of the reference: it rests; how it moved since the last State; nothing."""
 
 
 @kernel(  # Pinocchio's matrices are of any layout: with one joint, Fortran's and C's are the same
@@ -130,33 +134,47 @@ def frame_in_frame(
             jacobian_out[3 + row, joint] = S[0, row] * wx + S[1, row] * wy + S[2, row] * wz
 
 
-@kernel("Tuple((i8, i8))(f8[::1], f8[::1], f8, f8[::1], f8[::1], f8[::1], f8, f8[::1])")
+@kernel("Tuple((i8, i8))(f8[::1], f8[::1], f8, f8, i8, f8[::1], f8[:,::1], f8[::1], f8[::1])")
 def euler_step(
     start: FloatArray,
     u: FloatArray,
-    dt: float,
-    lower: FloatArray,
-    upper: FloatArray,
-    velocity: FloatArray,
+    T: float,
     active_speed: float,
+    history: int,
+    reference: FloatArray,
+    limits: FloatArray,
+    earlier: FloatArray,
     out: FloatArray,
 ) -> tuple[int, int]:
-    """Write start + u·dt, (n,) [rad or m].
+    """Write start + u·T, and judge it as the robot will; arrays are (n,) [rad or m].
 
     Args:
-        start, u, out: (n,) positions, velocities, and positions after `dt` [s].
-        lower, upper, velocity: (n,) limits of the robot.
+        start, u: positions, and velocities [rad/s or m/s].
+        T: period [s].
         active_speed: from which on a joint counts as active [rad/s or m/s].
+        history: `AT_REST`, `FOLLOWED` or `UNKNOWN`. In the latter case no joint is sure to be
+            taken over.
+        reference: that the robot applies.
+        limits: (4, n) of the robot: least and greatest position, greatest speed, greatest
+            acceleration.
+        earlier: reference of one period ago; becomes that of now.
+        out: the last answer; becomes the new one.
 
     Returns:
-        How many joints are active, and how many go beyond a limit; -1 and nothing written where
-        the lengths of `start`, `u` and `out` differ.
+        How many joints are active, and how many the robot may hold back; -1 and nothing written
+        where the lengths of `start`, `u` and `out` differ.
     """
     active, beyond = 0, 0
     if start.size != out.size or u.size != out.size:
         return -1, beyond
     for i in range(out.size):
-        out[i] = start[i] + u[i] * dt
+        lower, upper, speed, acceleration = limits[0, i], limits[1, i], limits[2, i], limits[3, i]
+        q, s = reference[i], start[i] + u[i] * T
+        v = (q - earlier[i]) / T if history == FOLLOWED else 0.0
+        before = within(out[i], lower, upper) if history == FOLLOWED else q
+        begin = own_start(before, s, q, speed, T)
+        taken = taken_over(s, begin, q, v, lower, upper, speed, acceleration, T)
+        beyond += not (taken and history != UNKNOWN)
         active += abs(u[i]) >= active_speed
-        beyond += not (lower[i] <= out[i] <= upper[i] and abs(u[i]) <= velocity[i])
+        earlier[i], out[i] = q, s
     return active, beyond

@@ -124,6 +124,7 @@ class RobotLoop:
             "longest_run": deadlines.longest_run,
             "worst_window": deadlines.worst_window,
             "safe_stops": self.safe_stops,
+            "interventions": self._gate.interventions,
             "torque_limited": self._gate.torque_limited,
             "rejections": {name: n for name, n in self.inbox.rejections.items() if n},
             "realtime": self.realtime,

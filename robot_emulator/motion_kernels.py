@@ -12,42 +12,6 @@ from protocol.messages import FloatArray
 LEAST_COUNT, MOST_COUNT = -32768.0, 32767.0  # of an int16 encoder
 
 
-@kernel("i8(f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1])")
-def approach(
-    target: FloatArray,
-    lower: FloatArray,
-    upper: FloatArray,
-    step: FloatArray,
-    value: FloatArray,
-    change_out: FloatArray,
-) -> int:
-    """Move `value` towards `target` as far as the limits allow; all (n,) [rad or m].
-
-    A joint whose target is within the limits takes it over bit by bit.
-
-    Args:
-        target: where to.
-        lower, upper: limits of the position.
-        step: farthest that a joint may go in one period.
-        value: changed in place.
-        change_out: by how much it changed.
-
-    Returns:
-        The number of the first joint that was held back, or -1.
-    """
-    held = -1
-    for i in range(value.size):
-        goal = min(max(target[i], lower[i]), upper[i])
-        change = goal - value[i]
-        if abs(change) > step[i]:
-            change = math.copysign(step[i], change)
-            goal = value[i] + change
-        value[i], change_out[i] = goal, change
-        if goal != target[i] and held < 0:
-            held = i
-    return held
-
-
 @kernel("void(f8[::1], f8, f8, f8[::1], f8[::1], f8[::1], f8[::1])")
 def serve(
     command: FloatArray,

@@ -16,52 +16,58 @@ from protocol.messages import FloatArray
 class Reference:
     """The reference that is applied to the motors, kept inside the limits of the description.
 
-    Every change goes through one gate: usable position limits and joint velocity, whatever the
-    setpoint was. A joint that starts outside its usable range may not go further out.
+    Every change goes through one gate, the safety filter: usable position limits, joint velocity
+    and `setpoint_acceleration_max`, whatever the setpoint was (`filter_kernels`). A joint that
+    starts outside its usable range may not go further out.
 
     Attributes:
         value, reference: applied reference, (n,) [rad or m].
+        rate: its velocity over the last period, (n,) [rad/s or m/s].
         interventions: periods in which some joint was held back.
         weak, torque_limited: see `Gate`; no torque is commanded here.
     """
 
     def __init__(self, description: RobotDescription, period_s: float) -> None:
-        from robot_emulator.motion_kernels import approach  # noqa: PLC0415 - compiles
+        from robot_emulator.filter_kernels import filter_setpoint  # noqa: PLC0415 - compiles
 
         n = description.n
-        self._approach = approach
+        self._filter = filter_setpoint
         self._dt = period_s
         self._usable = description.lower, description.upper
-        self._lower, self._upper = self._usable
-        self._step = description.velocity * period_s
-        self._brake = description.brake_acceleration
-        self.value = self.reference = np.zeros(n)
+        acceleration = description.setpoint_acceleration_max
+        self._limits = np.array([*self._usable, description.velocity, acceleration])
+        self._lower, self._upper = self._limits[0], self._limits[1]
+        self._outside = False  # some joint may be beyond its usable range
+        passing = acceleration * (1.0 - 1e-9)  # the filter's limit, whatever rounding does
+        self._brake = np.minimum(description.brake_acceleration, passing)
+        self.value, self.rate = np.zeros(n), np.zeros(n)
+        self.reference = self.value
         self.interventions = self.torque_limited = 0
         self.weak = -1
-        self._change = np.zeros(n)
-        self._target = np.zeros(n)
+        self._target, self._before = np.zeros(n), np.zeros(n)
         self._newest, self._earlier = np.zeros(n), np.zeros(n)  # setpoints
         self._newest_tick = -1
         self._ticks_between = 0
         self._stop_change = np.zeros(n)
         self._stop_ticks = self._stopped_for = 0
 
-    @property
-    def rate(self) -> FloatArray:
-        """Velocity of the reference over the last period, (n,) [rad/s or m/s]."""
-        return self._change / self._dt
-
     def reset(self, q: FloatArray) -> None:
         """Be at rest at `q`, (n,)."""
         self.value[:] = q
-        self._change[:] = 0.0
-        self._lower = np.minimum(self._usable[0], q)
-        self._upper = np.maximum(self._usable[1], q)
+        self.rate[:] = 0.0
+        self._begin_at_value()
         self.forget()
+
+    def _begin_at_value(self) -> None:
+        """Let the range of a joint end where it is, if that is beyond its usable range."""
+        lower, upper = self._usable
+        np.minimum(lower, self.value, out=self._lower)
+        np.maximum(upper, self.value, out=self._upper)
+        self._outside = bool((self._lower < lower).any() or (self._upper > upper).any())
 
     def forget(self) -> None:
         """Forget earlier setpoints: there is nothing to hold or extrapolate but the place."""
-        self._target[:] = self.value
+        self._target[:] = self._before[:] = self.value
         self._newest_tick = -1
         self._ticks_between = 0
 
@@ -92,7 +98,7 @@ class Reference:
 
     def begin_stop(self) -> None:
         """Plan to brake to rest: all joints together, in a straight line, at the limit of one."""
-        self._stop_change[:] = self._change
+        self._stop_change[:] = self.rate * self._dt
         duration = float(np.max(np.abs(self.rate) / self._brake, initial=0.0))
         self._stop_ticks = max(1, math.ceil(duration / self._dt - 1e-9))
         self._stopped_for = 0
@@ -103,12 +109,17 @@ class Reference:
         share = max(0.0, 1.0 - self._stopped_for / self._stop_ticks)
         np.multiply(self._stop_change, share, out=self._target)
         self._target += self.value
+        self._before[:] = self.value
         self._apply()
-        return share == 0.0
+        return share == 0.0 and not self.rate.any()
 
     def _apply(self) -> int:
         """Move towards the target as far as the limits allow; the joint held back, or -1."""
-        held: int = self._approach(
-            self._target, self._lower, self._upper, self._step, self.value, self._change
+        held: int = self._filter(
+            self._target, self._before, self._limits, self._dt, self.value, self.rate
         )
+        self._before[:] = self._target
+        self.interventions += held >= 0
+        if self._outside:
+            self._begin_at_value()  # what has come in may not go out again
         return held

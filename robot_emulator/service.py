@@ -17,7 +17,11 @@ from robot_emulator.config import EmulatorConfig, check_posture
 from robot_emulator.loop import GRACE_TICKS, RobotLoop
 from robot_emulator.robots import load
 
-KERNELS = ("robot_emulator.motion_kernels", "protocol.limits_kernels")
+KERNELS = (
+    "robot_emulator.motion_kernels",
+    "robot_emulator.filter_kernels",
+    "protocol.limits_kernels",
+)
 START_DELAY_NS = 10_000_000
 
 

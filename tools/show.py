@@ -107,6 +107,13 @@ def show_summary(summary: dict[str, Any]) -> None:
     )
     if summary.get("safe_stops"):
         table.add_row("safe stops", str(summary["safe_stops"]))
+    if summary.get("interventions"):
+        table.add_row(
+            "interventions", f"a joint was held back in {summary['interventions']} periods"
+        )
+    if summary.get("torque_limited"):
+        periods = summary["torque_limited"]
+        table.add_row("torque limited", f"efforts were too small in {periods} periods")
     unproved = in_a_line(summary.get("certificates"))
     if unproved is not None:
         table.add_row("certificates", f"[{COLOURS['warn']}]{escape(unproved)}[/]")

@@ -120,6 +120,8 @@ class RunStatistics:
             },
             "rejections": robot.get("rejections", {}),
             "safe_stops": safe_stops,
+            "interventions": robot.get("interventions", 0),
+            "torque_limited": robot.get("torque_limited", 0),
             "final_error": None if math.isnan(self._error) else self._error,
             "certificates": self._certificates.figures(),
             "complete": self._summary is not None,

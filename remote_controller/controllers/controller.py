@@ -119,8 +119,12 @@ class VelocityController(Controller):
 
     q*_{k+1} = a_k + u_k·T, where a_k is the reference that the robot applies (footnote 11 of
     the QP12 paper has the measured position there; `integrate_from: measured` does that, and
-    stalls on coarse encoders). Where the robot would hold a joint back at a limit, nothing is
-    certified, whatever `velocity` said.
+    stalls on coarse encoders).
+
+    Where the robot would hold a joint back at a limit of position, speed or acceleration, nothing
+    is certified, whatever `velocity` said. How fast the reference moves is known from two States
+    in a row, and where the robot begins to follow: it is at rest then. After a State that was
+    missed one answer is not certified, because nobody knows whether the robot can do it.
     """
 
     class Parameters(Controller.Parameters):
@@ -131,13 +135,23 @@ class VelocityController(Controller):
         )
 
     def __init__(self, description: RobotDescription, parameters: Settings) -> None:
-        from remote_controller.kinematics_kernels import euler_step  # noqa: PLC0415 - compiles
+        from remote_controller import kinematics_kernels as kernels  # noqa: PLC0415 - compiles
 
         super().__init__(description, parameters)
-        self._euler_step = euler_step
+        self._euler_step = kernels.euler_step
+        self._histories = kernels.AT_REST, kernels.FOLLOWED, kernels.UNKNOWN
         self._dt = description.period_s
-        self._lower, self._upper = np.array(description.lower), np.array(description.upper)
-        self._fastest = np.array(description.velocity)
+        self._limits = np.array(
+            [
+                description.lower,
+                description.upper,
+                description.velocity,
+                description.setpoint_acceleration_max,
+            ]
+        )
+        self._fastest = self._limits[2]
+        self._earlier = np.zeros(description.n)  # reference
+        self._periods = -1  # of the last State
         self._from_measured = getattr(parameters, "integrate_from", "reference") == "measured"
 
     @abstractmethod
@@ -157,10 +171,18 @@ class VelocityController(Controller):
         command.stamp_kinematics = self.now()
         u = self.velocity(state)
         start = state.q if self._from_measured else state.reference
-        limits = self._lower, self._upper, self._fastest
+        history = self._history(state)
         try:
             active, beyond = self._euler_step(
-                start, u, self._dt, *limits, ACTIVE_SPEED, command.values
+                start,
+                u,
+                self._dt,
+                ACTIVE_SPEED,
+                history,
+                state.reference,
+                self._limits,
+                self._earlier,
+                command.values,
             )
         except TypeError as error:
             name = type(self).__name__
@@ -174,3 +196,11 @@ class VelocityController(Controller):
         if beyond and command.solver_status == STATUS["certified"]:
             command.solver_status = STATUS["uncertified"]
         return command
+
+    def _history(self, state: State) -> int:
+        """What the States seen so far say of the reference's velocity."""
+        at_rest, followed, unknown = self._histories
+        last, self._periods = self._periods, state.tick - state.skipped
+        if state.mode != State.ACTIVE or state.tick == state.epoch_from_tick:
+            return at_rest
+        return followed if self._periods == last + 1 else unknown

@@ -15,9 +15,10 @@ from robot_emulator.safety import Reference
 DT = 1e-3
 ULP = np.finfo(float).eps
 # One joint whose limits are no round numbers, one that is slow, one whose range begins at zero.
+# No acceleration is too much here: tests/limits has that.
 ROBOT: RobotDescription = arm(
     joints=tuple(
-        joint.model_copy(update=changes)
+        joint.model_copy(update={"setpoint_acceleration_max": 1e6, **changes})
         for joint, changes in zip(
             arm().joints,
             (
@@ -139,6 +140,14 @@ def test_a_robot_that_starts_outside_its_usable_range_is_not_pulled_in():
     inwards = np.array([2.049, -2.099, 0.001])
     assert reference.follow(inwards, 1) == -1
     np.testing.assert_array_equal(reference.value, inwards)
+    assert reference.follow(asked, 2) == 0  # and what has come in does not go out again
+    assert reference.follow(asked, 3) == 0
+    assert 2.0 < reference.value[0] <= 2.049
+    for tick in range(4, 200):
+        reference.follow(np.zeros(3), tick)
+    for tick in range(200, 1000):
+        reference.follow(asked, tick)
+    assert reference.value[0] == 2.0
 
 
 class TestLossOfSetpoints:

@@ -120,6 +120,7 @@ class Content:
             "duration_s": self.duration_s,
             "transport": self.transport,
             "lockstep": self.sources.lockstep,
+            "interventions": self.sources.interventions,
             "final_error": _final_error(self.motion),
             "certificates": self.certificates.as_json() if self.certificates else None,
             "conditions": None
@@ -209,6 +210,12 @@ def _timing(sources: Sources, gaps: list[str]) -> Timing | None:
         gaps.append(
             "The robot was brought to a safe stop, after which nothing asks for an answer: that "
             "alone makes a run unfit."
+        )
+    held_back = sources.interventions
+    if held_back:
+        gaps.append(
+            f"The robot held joints back in {held_back} periods, because what was asked for is "
+            "beyond its limits: there it did not move as the controller meant it to."
         )
     if sources.robot is not None and timing is None:
         gaps.append("No tick asked for an answer: there is nothing to be in time for.")

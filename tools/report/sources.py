@@ -81,6 +81,12 @@ class Sources:
         """The robot's log, or what there is."""
         return self.logs[0]
 
+    @property
+    def interventions(self) -> int | None:
+        """Periods in which the robot held a joint back; None where its log does not say."""
+        found = self.summary.get("interventions")
+        return found if isinstance(found, int) else None
+
     def settings(self, side: str) -> dict[str, Any]:
         """The resolved config of a side; empty where it is not known."""
         log = self.robot if side == "robot" else self.controller

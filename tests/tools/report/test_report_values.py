@@ -38,6 +38,7 @@ def test_the_figures_of_a_run_in_lockstep_are_those_of_its_summary(lockstep):
     figures = read_content(folder).as_json()
     for key in ("verdict", "ticks", "skipped", "safe_stops", "host_stalls", "final_error"):
         assert figures[key] == ended[key], key
+    assert figures["interventions"] == ended["interventions"] == 0
     assert figures["success_rate"]["run"] == ended["success_rate"]["run"]
     assert figures["success_rate"]["worst_window"] == ended["success_rate"]["worst_window"]
     assert figures["misses"].items() <= ended["misses"].items()

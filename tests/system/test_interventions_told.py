@@ -1,0 +1,40 @@
+"""A robot that held joints back says so, at the end of a run and in its report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from command_bench import Done, inside
+
+FAST = ("u_max_rad_s=4.0", "psi_scale=one")  # HOAP-3 gains 1.2 rad/s in a tick
+HASTY = [word for setting in FAST for word in ("--set", f"controller.parameters.{setting}")]
+
+
+def lockstep(*arguments: object) -> Done:
+    done = inside("run", "--lockstep", "--duration", 0.1, *arguments)
+    assert done.code == 0, done.stderr
+    return done
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("hasty") / "run"
+
+
+def test_they_are_counted_told_and_not_certified(folder: Path) -> None:
+    told = lockstep(*HASTY, "--out", folder).stderr
+    counts = lockstep(*HASTY, "--json", "--set", "emulator.log.record=false").json()
+    held_back = counts["interventions"]
+    assert held_back > 0
+    assert f"interventions  a joint was held back in {held_back} periods" in told
+    assert counts["certificates"]["uncertified"] >= held_back - 1  # the stop at the end has none
+    report = inside("report", folder, "--json").json()
+    assert report["interventions"] == held_back
+    assert f"held joints back in {held_back} periods" in " ".join(report["gaps"])
+
+
+def test_without_any_nothing_is_said(tmp_path: Path) -> None:
+    done = lockstep("--out", tmp_path / "run", "--json")
+    assert done.json()["interventions"] == 0
+    assert "interventions" not in lockstep("--out", tmp_path / "again").stderr
