@@ -60,7 +60,10 @@ class JointAccelerationController(Controller):
         )
 
         super().__init__(description, parameters)
-        self._follow_reference, self._accelerate_to = kernels.follow_reference, kernels.accelerate_to
+        self._follow_reference, self._accelerate_to = (
+            kernels.follow_reference,
+            kernels.accelerate_to,
+        )
         key = "parameters.posture"
         wanted = (parameters.posture, parameters.posture_rad)
         self._target = posture_of(description, *wanted, file, key)
@@ -84,6 +87,7 @@ class JointAccelerationController(Controller):
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Begin with the motion that the robot has: its reference, as fast as its joints move."""
+        del last_command
         self._bounds.begin(state.reference)
         self._sent[:], self._tick = np.nan, -1
 

@@ -58,9 +58,7 @@ class PostureSettings(Gains):
 class TsidBounds(BoundSettings):
     """Within which the robot, that keeps bounds of its own, need not intervene."""
 
-    acceleration_share: float = Field(
-        0.95, gt=0, le=1, description="of the greatest acceleration"
-    )
+    acceleration_share: float = Field(0.95, gt=0, le=1, description="of the greatest acceleration")
     margin_rad: float = Field(
         4e-3, ge=0, description="distance from the ends of the usable range [rad or m]"
     )

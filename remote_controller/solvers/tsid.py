@@ -27,7 +27,6 @@ class Tsid:
 
     Args:
         effort: greatest torques, (n,).
-        rows: m, of J.
         scale: of ddq, (n,): what margins are relative to.
 
     Attributes:
@@ -40,7 +39,7 @@ class Tsid:
         held: whether a bound of ddq is reached.
     """
 
-    def __init__(self, effort: Array, rows: int, scale: Array) -> None:
+    def __init__(self, effort: Array, scale: Array) -> None:
         from remote_controller.solvers import tsid_kernels as kernels  # noqa: PLC0415 (compiles)
 
         n = self.n = effort.size

@@ -81,7 +81,7 @@ def _away(value: float, pull: float, least: float, most: float) -> float:
     "Tuple((f8, f8, f8, b1))(f8[::1], f8[::1], f8[:,::1], f8[::1], f8[:,::1], f8[::1], f8[::1],"
     " f8[::1], f8[::1], f8[::1], b1, f8[::1], f8[::1])"
 )
-def prove(  # noqa: PLR0913 - the whole of a QP and of its answer
+def prove(
     x: Array,
     multipliers: Array,
     H: Array,
