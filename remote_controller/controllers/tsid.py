@@ -40,8 +40,8 @@ class TsidController(Controller):
     falls: `v_rate_predicted` is V̇ half a period on, and `v_rate_required` is 0 where V does not
     rise in this period, else how fast it may. `certified` says that the QP was solved, by a
     residual ≤ 10⁻⁹ (`tsid_kernels.prove`), and that its bounds leave each joint able to stop: with
-    `naive` and `none` it is `uncertified`. `margin` is the least distance from a bound, relative to the greatest acceleration or the
-    effort: 0 where one is reached.
+    `naive` and `none` it is `uncertified`. `margin` is the least distance from a bound, relative to
+    the greatest acceleration or the effort: 0 where one is reached.
 
     Raises:
         ConfigError: a goal, a posture or bounds that do not fit the robot.
