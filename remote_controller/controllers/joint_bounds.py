@@ -78,16 +78,15 @@ class JointBounds:
         self._least, self._most = np.array(description.lower), np.array(description.upper)
         self._least += settings.margin_rad
         self._most -= settings.margin_rad
-        self._bounds = self._between(self._least, self._most)
+        self._bounds = self._usual = self._between(self._least, self._most)
         self.greatest = np.minimum(self._bounds.up, self._bounds.down)
 
     def begin(self, q: FloatArray) -> None:
         """A joint that is outside its range here, (n,), may stay, and not go further out."""
+        self._bounds = self._usual
         outside = (q < self._least) | (q > self._most)
         if outside.any() and np.isfinite(q).all():
             self._bounds = self._between(np.minimum(self._least, q), np.maximum(self._most, q))
-        else:
-            self._bounds = self._between(self._least, self._most)
 
     def update(self, q: FloatArray, dq: FloatArray) -> None:
         """Take a state that is finite, (n,) both."""
