@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from protocol.description import CommandKind
 from protocol.errors import ConfigError, UnknownNameError, UsageError
 from protocol.settings import Settings, load_yaml
 from remote_controller import registry as controllers
@@ -19,6 +20,7 @@ from remote_controller.tasks.registry import TaskSettings
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.config import available_configs as emulator_configs
 from robot_emulator.robots import available as robots
+from robot_emulator.robots import load
 from robot_emulator.service import describe
 from tools.services import as_yaml, controller_config, emulator_config
 
@@ -64,6 +66,7 @@ def checked(name: str, overrides: list[str], robot: str | None = None) -> str:
             raise UsageError(f"{name}: is the config of an emulator. Leave --robot out")
         return f"a correct config of {side}"
     config, file = controller_config(name, overrides)
+    file = f"{file} with --set" if overrides else file
     correct = f"a correct config of {side}"
     if robot is None:
         unchecked = "so what depends on it was not checked: name one with --robot"
@@ -71,8 +74,11 @@ def checked(name: str, overrides: list[str], robot: str | None = None) -> str:
             return f"{correct}; it names no robot, {unchecked}"
         if config.robot not in {*robots(), *emulator_configs()}:
             return f"{correct}; robot {config.robot} is not known here, {unchecked}"
-    description = describe(*emulator_config(robot or config.robot, []))
-    build(config, description, f"{file} with --set" if overrides else file)
+    emulator, source = emulator_config(robot or config.robot, [])
+    if robot is None:
+        emulator = _commanded(emulator, controllers.find(config.controller, file).commands)
+    description = describe(emulator, source)
+    build(config, description, file)
     return f"{correct} for robot {description.name}"
 
 
@@ -140,6 +146,13 @@ def named() -> dict[str, list[str]]:
         "emulator configs": emulator_configs(),
         "controller configs": controller_configs(),
     }
+
+
+def _commanded(emulator: EmulatorConfig, commands: tuple[CommandKind, ...]) -> EmulatorConfig:
+    """A robot that is given what a controller gives, if it can and its config leaves it open."""
+    takes = load(emulator.robot).command_kinds
+    kind = emulator.command or next((kind for kind in takes if kind in commands), None)
+    return emulator.model_copy(update={"command": kind})
 
 
 def _with_parameters(whole: type[Settings], own: type[Settings]) -> dict[str, Any]:

@@ -87,6 +87,7 @@ class JointAccelerationController(Controller):
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Begin with the motion that the robot has: its reference, as fast as its joints move."""
+        del last_command
         self._bounds.begin(state.reference)
         self._sent[:], self._tick = np.nan, -1
 

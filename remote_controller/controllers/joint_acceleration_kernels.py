@@ -75,8 +75,8 @@ def accelerate_to(
 
     Returns:
         V, its mean rate in T to first order in T, its whole mean rate, number of joints that move,
-        the least distance from a bound relative to `scale`, at most 1, and whether all is at rest at
-        the target.
+        the least distance from a bound relative to `scale`, at most 1, and whether all rests at the
+        target.
     """
     V, rate, growth, active, margin, resting = 0.0, 0.0, 0.0, 0, 1.0, True
     for i in range(q.size):

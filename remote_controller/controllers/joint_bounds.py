@@ -41,6 +41,9 @@ class BoundSettings(Settings):
     brake_share: float = Field(
         1.0, gt=0, le=1, description="of the acceleration that stopping in time counts on"
     )
+    shrink: bool = Field(
+        False, description="lower greatest accelerations that violate (11), instead of refusing"
+    )
 
 
 class JointBounds:
@@ -75,15 +78,15 @@ class JointBounds:
         self._least, self._most = np.array(description.lower), np.array(description.upper)
         self._least += settings.margin_rad
         self._most -= settings.margin_rad
-        self._bounds = self._between(self._least, self._most)
+        self._bounds = self._usual = self._between(self._least, self._most)
+        self.greatest = np.minimum(self._bounds.up, self._bounds.down)
 
     def begin(self, q: FloatArray) -> None:
         """A joint that is outside its range here, (n,), may stay, and not go further out."""
+        self._bounds = self._usual
         outside = (q < self._least) | (q > self._most)
         if outside.any() and np.isfinite(q).all():
             self._bounds = self._between(np.minimum(self._least, q), np.maximum(self._most, q))
-        else:
-            self._bounds = self._between(self._least, self._most)
 
     def update(self, q: FloatArray, dq: FloatArray) -> None:
         """Take a state that is finite, (n,) both."""
@@ -103,6 +106,7 @@ class JointBounds:
                 robot.period_s,
                 horizon_s=robot.period_s * settings.horizon_periods,
                 brake_share=settings.brake_share,
+                shrink=settings.shrink,
                 names=robot.joint_names,
             )
         except BadProblemError as error:

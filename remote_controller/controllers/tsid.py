@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, ClassVar
+
 import numpy as np
 
 from protocol.description import RobotDescription
@@ -35,18 +37,18 @@ class TsidController(Controller):
     cut to the bounds.
 
     Certificate: V = ½|log(H⁻¹H_d)|² [m², rad²]. A QP of accelerations does not prescribe how fast V
-    falls: `v_rate_predicted` is V̇ half a period on, and `v_rate_required` the same, or 0 where V
-    falls. `certified` says that the QP was solved with a residual ≤ 10⁻⁹ (`tsid_kernels.prove`)
-    and that its bounds leave each joint able to stop: with `naive` and `none` it is `uncertified`.
-    `margin` is the least distance from a bound, relative to the greatest acceleration or the
-    effort: 0 where one is reached.
+    falls: `v_rate_predicted` is V̇ half a period on, and `v_rate_required` is 0 where V does not
+    rise in this period, else how fast it may. `certified` says that the QP was solved, by a
+    residual ≤ 10⁻⁹ (`tsid_kernels.prove`), and that its bounds leave each joint able to stop: with
+    `naive` and `none` it is `uncertified`. `margin` is the least distance from a bound, relative to
+    the greatest acceleration or the effort: 0 where one is reached.
 
     Raises:
         ConfigError: a goal, a posture or bounds that do not fit the robot.
         FrameNotFoundError: the robot has no such frame.
     """
 
-    Parameters = settings.Parameters
+    Parameters: ClassVar[Any] = settings.Parameters
     extra_names = ("largest_torque_share",)
     commands = ("torque", "acceleration")
     kernels = (
@@ -69,8 +71,8 @@ class TsidController(Controller):
         self._not_finite, self._half_a_turn = kernels.NOT_FINITE, kernels.AT_HALF_A_TURN
         self.dynamics = FrameDynamics(description, parameters.frame)
         self.bounds = JointBounds(description, parameters.bounds, file, "parameters.bounds")
-        self.solver = Tsid(np.array(description.effort), 6, self.bounds.greatest)
-        self.goal = self._goal(parameters.goal, file)
+        self.solver = Tsid(np.array(description.effort), self.bounds.greatest)
+        self.goal = self._goal(parameters, file)
         rest = parameters.posture
         self._posture = posture_of(
             description, rest.posture, rest.posture_rad, file, "parameters.posture.posture"
@@ -101,16 +103,16 @@ class TsidController(Controller):
         """One for a robot."""
         return cls(description, parameters, file)
 
-    def _goal(self, goal: settings.GoalSettings, file: str) -> tuple[FloatArray, FloatArray]:
+    def _goal(self, parameters: settings.Parameters, file: str) -> tuple[FloatArray, FloatArray]:
         """H_d in the root's axes: origin (3,) [m] and rotation (3, 3)."""
         from remote_controller.controllers.tsid_kernels import (  # noqa: PLC0415 - compiles
             rotation_of,
         )
 
-        robot, key = self.description, "parameters.goal"
+        robot, goal, key = self.description, parameters.goal, "parameters.goal"
         if goal.position_m is None:
             q = posture_of(robot, goal.posture, goal.posture_rad, file, f"{key}.posture")
-            return self.dynamics.placement(q, self.parameters.frame)
+            return self.dynamics.placement(q, parameters.frame)
         reference = goal.reference or robot.base_frame
         if reference not in robot.frames:
             remedy = f"Its frames: {', '.join(robot.frames)}"
@@ -126,6 +128,7 @@ class TsidController(Controller):
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Nothing to remember; a joint that is outside its bounds here may stay there."""
+        del last_command
         self.bounds.begin(state.q)
 
     def step(self, state: State) -> Setpoint:
@@ -171,7 +174,7 @@ class TsidController(Controller):
             bounds.lower,
             bounds.upper,
         )
-        rate, command.active_joints = self._finish(
+        rate, growth, command.active_joints = self._finish(
             self._slope,
             dynamics.jacobian,
             dynamics.twist,
@@ -189,14 +192,14 @@ class TsidController(Controller):
             | (HELD if solver.held else 0)
             | (HALF_A_TURN if where == self._half_a_turn else 0)
         )
-        self._certify(V, rate, found)
+        self._certify(V, rate, growth, found)
         return command
 
-    def _certify(self, V: float, rate: float, found: int) -> None:
+    def _certify(self, V: float, rate: float, growth: float, found: int) -> None:
         """Write what is proved of the answer."""
         command, solver = self.command, self.solver
         command.v, command.v_rate_predicted = V, rate
-        command.v_rate_required, command.rho = max(rate, 0.0), 1.0
+        command.v_rate_required, command.rho = max(growth, 0.0), 1.0
         command.margin = min(solver.margin, 1.0)
         command.solver_path = command.fallback = FALLBACKS[found]
         command.extra[0] = 1.0 - solver.torque_margin

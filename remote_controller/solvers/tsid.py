@@ -15,7 +15,9 @@ Array = NDArray[np.float64]
 TOLERANCE = 1e-11  # of the solver: rad/s², and what that is as a torque
 SOFT_TOLERANCE = 1e-9
 SINGULAR = 1e-14  # the fallback weighs its squares so differently that daqp takes more for singular
-VIOLATION = 1e4  # weight of a torque's violation, relative to its effort, beside the task's
+VIOLATION = 1e4, 1e2, 1.0
+"""Weight of a torque's violation, relative to its effort, beside the task's; the next one where
+the solver gives up, as it may where all has different scales."""
 
 
 class Tsid:
@@ -27,7 +29,6 @@ class Tsid:
 
     Args:
         effort: greatest torques, (n,).
-        rows: m, of J.
         scale: of ddq, (n,): what margins are relative to.
 
     Attributes:
@@ -40,7 +41,7 @@ class Tsid:
         held: whether a bound of ddq is reached.
     """
 
-    def __init__(self, effort: Array, rows: int, scale: Array) -> None:
+    def __init__(self, effort: Array, scale: Array) -> None:
         from remote_controller.solvers import tsid_kernels as kernels  # noqa: PLC0415 (compiles)
 
         n = self.n = effort.size
@@ -128,13 +129,14 @@ class Tsid:
         soft.H[:n, :n], soft.f[:n] = hard.H, hard.f
         soft.H.flat[n * (2 * n + 1) :: 2 * n + 1] = largest
         soft.A[:, :n] = hard.A
-        soft.A[:, n:].flat[:: n + 1] = -self._effort / math.sqrt(VIOLATION)
         for mine, theirs in ((soft.least, hard.least), (soft.most, hard.most)):
             mine[:n], mine[2 * n :] = theirs[:n], theirs[n:]
         soft.sense[:n] = hard.sense[:n]
-        solved, x, _ = self._soften(SOFT_TOLERANCE)
-        if solved:
-            return status.INFEASIBLE, np.ascontiguousarray(x[:n])
+        for weight in VIOLATION:
+            soft.A.flat[n :: 2 * n + 1] = -self._effort / math.sqrt(weight)
+            solved, x, _ = self._soften(SOFT_TOLERANCE)
+            if solved:
+                return status.INFEASIBLE, np.ascontiguousarray(x[:n])
         return status.UNSOLVED, posture
 
 

@@ -1,8 +1,9 @@
-"""Which controllers the property suite runs over, and a robot for them to move.
+"""Which controllers the property suite runs over, and a robot for each to move.
 
 `CASES` are the shipped configs, or whatever `HOAP3_TEST_CONTROLLERS` names: config files,
-`package.module:Class`, or registered names, separated by commas. `HOAP3_TEST_ROBOT` names another
-robot than HOAP-3, or the path of its description.
+`package.module:Class`, or registered names, separated by commas. The robot of a case is the one
+that its config names, as the shipped emulator config of that robot has it; `HOAP3_TEST_ROBOT` names
+another for all, or the path of its description. `POSITIONS` are the cases whose robot takes these.
 """
 
 from __future__ import annotations
@@ -19,19 +20,30 @@ from protocol.messages import FloatArray, State
 from protocol.settings import parse
 from remote_controller.config import ControllerConfig, available_configs, build, read_config
 from remote_controller.controllers.controller import Controller
-from robot_emulator.config import PlantSettings
-from robot_emulator.plant import PositionServo
-from robot_emulator.robots import load
-from robot_emulator.safety import Reference
+from robot_emulator.body import build_body
+from robot_emulator.config import EmulatorConfig
+from robot_emulator.config import available_configs as emulator_configs
+from robot_emulator.service import describe
+from tools.simulate import emulator_content
 
 _named = os.environ.get("HOAP3_TEST_CONTROLLERS", "")
 CASES = [name.strip() for name in _named.split(",") if name.strip()] or available_configs()
-ROBOT = os.environ.get("HOAP3_TEST_ROBOT", "hoap3")
+ROBOT = os.environ.get("HOAP3_TEST_ROBOT", "")
 
 
 @cache
-def robot() -> RobotDescription:
-    return load(ROBOT)
+def emulator(case: str = "") -> EmulatorConfig:
+    """Settings of the robot of a case; without one HOAP-3."""
+    if ROBOT:
+        return parse(EmulatorConfig, *emulator_content(ROBOT))
+    wanted = config(case).robot if case else "hoap3"
+    shipped = [parse(EmulatorConfig, *emulator_content(name)) for name in emulator_configs()]
+    return next(known for known in shipped if known.robot == wanted)
+
+
+@cache
+def robot(case: str = "") -> RobotDescription:
+    return describe(emulator(case))
 
 
 @cache
@@ -42,34 +54,33 @@ def config(case: str) -> ControllerConfig:
 
 def make(case: str, description: RobotDescription | None = None) -> Controller:
     """A new controller, whose clock stands still."""
-    controller: Controller = build(config(case), description or robot(), case)
+    controller: Controller = build(config(case), description or robot(case), case)
     controller.now = lambda: 0
     return controller
 
 
 class Body:
-    """A robot without loops, links and clocks: applied reference, servos, and its State."""
+    """A robot without loops, links and clocks: its gate, its body, and its State."""
 
     def __init__(self, description: RobotDescription, **plant: object) -> None:
         self._dt = description.period_s
-        self._reference = Reference(description, self._dt)
-        self._plant = PositionServo(description, PlantSettings(**plant))
-        self._reference.reset(description.initial_position)
+        self._plant, self._gate = build_body(description, EmulatorConfig(plant=plant))
         self._plant.reset(description.initial_position)
+        self._gate.reset(description.initial_position)
         self.state = State(description.n, 6 * len(description.wrench_sensors))
         self.state.mode = State.ACTIVE
         self._measure()
 
     def follow(self, setpoint: FloatArray) -> None:
         """Advance by one period."""
-        self._reference.follow(setpoint, self.state.tick)
-        self._plant.step(self._reference.value, self._dt)
+        self._gate.follow(setpoint, self.state.tick)
+        self._plant.step(self._gate.value, self._dt)
         self.state.tick += 1
         self._measure()
 
     def _measure(self) -> None:
         self.state.q[:], self.state.dq[:] = self._plant.q, self._plant.dq
-        self.state.reference[:] = self._reference.value
+        self.state.reference[:] = self._gate.reference
 
 
 def moved(controller: Controller, body: Body, ticks: int) -> Iterator[tuple[bytes, FloatArray]]:
@@ -90,10 +101,13 @@ def state_of(description: RobotDescription, payload: bytes) -> State:
 @cache
 def motion(case: str, ticks: int = 1200) -> tuple[tuple[bytes, ...], FloatArray]:
     """States of a motion of the robot, as payloads, and the setpoints, (ticks, n)."""
-    body, controller = Body(robot()), make(case)
+    body, controller = Body(robot(case)), make(case)
     controller.reset(body.state, None)
     payloads, setpoints = zip(*moved(controller, body, ticks), strict=True)
     return payloads, np.array(setpoints)
+
+
+POSITIONS = [case for case in CASES if robot(case).command_kinds[0] == "position"]
 
 
 def one_joint_arm() -> RobotDescription:

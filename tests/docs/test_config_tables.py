@@ -14,11 +14,13 @@ from protocol.settings import Settings
 from remote_controller.config import CONFIGS, ControllerConfig
 from remote_controller.constraints import registry as constraints
 from remote_controller.constraints.bodies import AnyObstacle
+from remote_controller.controllers.joint_acceleration import JointAccelerationController
 from remote_controller.controllers.osqp import OsqpController
 from remote_controller.controllers.pinv import PinvController
 from remote_controller.controllers.qp12 import Qp12Controller
 from remote_controller.controllers.stable_qp import StableQpController
 from remote_controller.controllers.stable_qp_settings import Objective
+from remote_controller.controllers.tsid import TsidController
 from remote_controller.tasks import registry as tasks
 from remote_controller.tasks.curve import CURVES
 from remote_controller.tasks.targets.settings import TargetSettings
@@ -31,6 +33,8 @@ MODELS: dict[str, type[Settings]] = {
     "Parameters of pinv": PinvController.Parameters,
     "Parameters of osqp": OsqpController.Parameters,
     "Parameters of stable_qp": StableQpController.Parameters,
+    "Parameters of joint_acceleration": JointAccelerationController.Parameters,
+    "Parameters of tsid": TsidController.Parameters,
 }
 
 

@@ -55,6 +55,19 @@ def test_what_a_run_refuses_the_check_refuses_too(case: str) -> None:
     assert "it names no robot, so what depends on it was not checked" in unchecked.stderr
 
 
+def test_a_robot_is_taken_to_be_given_what_the_controller_gives() -> None:
+    done = inside("config", "check", "tsid")
+    assert done.code == 0
+    assert "for robot baxter_left_arm" in done.stderr
+    Path("hoap3.yaml").write_text(
+        "controller: tsid\nrobot: hoap3\nparameters: {frame: l_hand, goal: {posture: q0}}\n",
+        encoding="utf-8",
+    )
+    done = inside("config", "check", "hoap3.yaml")
+    assert done.code == 2
+    assert "takes position, and the controller gives torque" in done.stderr
+
+
 @pytest.mark.parametrize("name", ["qp12", "stable_qp"])
 def test_it_says_for_which_robot_it_is_correct(name: str) -> None:
     done = inside("config", "check", name)

@@ -1,0 +1,173 @@
+"""M, h, and the motion of a frame in its own axes, against differences and Pinocchio itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio
+import pytest
+
+from protocol.dynamics import Dynamics
+from protocol.errors import FrameNotFoundError
+from remote_controller.controllers.tsid_kernels import aim, rotation_of
+from remote_controller.dynamics import FrameDynamics
+from robot_emulator.robots import load
+
+ROBOTS = [
+    ("baxter_left_arm", "left_gripper"),
+    ("ur5", "tool0"),
+    ("humanoid32", "l_hand"),
+    ("hoap3", "l_sole"),
+]
+each_robot = pytest.mark.parametrize(("name", "frame"), ROBOTS)
+
+
+def states(description, count=20):
+    rng = np.random.default_rng(7)
+    for _ in range(count):
+        yield rng.uniform(description.lower, description.upper), 2 * rng.normal(size=description.n)
+
+
+def pose(dynamics, q, frame):
+    return dynamics.placement(q, frame)
+
+
+def cross_vector(skew):
+    return np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
+
+
+@each_robot
+def test_mass_and_bias_are_those_of_the_robot_in_wire_order(name, frame):
+    description = load(name)
+    dynamics, rigid = FrameDynamics(description, frame), Dynamics(description)
+    tau, ddq = np.zeros(description.n), np.random.default_rng(1).normal(size=description.n)
+    for q, dq in states(description):
+        dynamics.update(q, dq)
+        rigid.inverse(q, dq, ddq, tau)
+        np.testing.assert_allclose(dynamics.mass @ ddq + dynamics.bias, tau, atol=1e-11)
+        np.testing.assert_array_equal(dynamics.mass, dynamics.mass.T)
+
+
+@each_robot
+def test_the_jacobian_is_the_twist_of_the_frame_in_its_own_axes(name, frame):
+    description = load(name)
+    dynamics, step = FrameDynamics(description, frame), 1e-6
+    for q, dq in states(description, 5):
+        before, after = (pose(dynamics, q + sign * step * dq, frame) for sign in (-1, 1))
+        origin, rotation = pose(dynamics, q, frame)
+        linear = rotation.T @ (after[0] - before[0]) / (2 * step)
+        angular = cross_vector(rotation.T @ (after[1] - before[1]) / (2 * step))
+        dynamics.update(q, dq)
+        np.testing.assert_allclose(dynamics.origin, origin, atol=1e-14)
+        np.testing.assert_allclose(dynamics.twist, [*linear, *angular], atol=1e-7)
+        np.testing.assert_allclose(dynamics.jacobian @ dq, dynamics.twist, atol=1e-13)
+
+
+@each_robot
+def test_the_drift_is_the_rate_of_the_twist_without_acceleration(name, frame):
+    description = load(name)
+    dynamics, step = FrameDynamics(description, frame), 1e-6
+    for q, dq in states(description, 5):
+        twists = []
+        for sign in (-1, 1):
+            dynamics.update(q + sign * step * dq, dq)
+            twists.append(dynamics.twist.copy())
+        dynamics.update(q, dq)
+        difference = (twists[1] - twists[0]) / (2 * step)
+        np.testing.assert_allclose(dynamics.drift, difference, atol=2e-7)
+
+
+@pytest.mark.parametrize("gravity", ["on", "compensated", "off"])
+def test_gravity_is_what_the_description_says(gravity):
+    description = load("ur5").model_copy(update={"gravity": gravity})
+    dynamics, weight = FrameDynamics(description, "tool0"), np.zeros(6)
+    q = np.array([0.1, -1.0, 0.5, 0.3, 0.2, 0.1])
+    dynamics.update(q, np.zeros(6))
+    Dynamics(load("ur5")).gravity(q, weight)
+    assert np.abs(weight).max() > 10.0
+    expected = np.zeros(6) if gravity == "off" else weight
+    np.testing.assert_allclose(dynamics.bias, expected, atol=1e-12)
+    added = weight if gravity == "compensated" else np.zeros(6)
+    np.testing.assert_allclose(dynamics.weight, added, atol=1e-12)
+
+
+def test_a_frame_that_stands_is_known_from_one_that_moves():
+    dynamics = FrameDynamics(load("ur5"), "tool0")
+    assert dynamics.stands(load("ur5").base_frame)
+    assert not dynamics.stands("tool0")
+    with pytest.raises(FrameNotFoundError):
+        FrameDynamics(load("ur5"), "tool1")
+
+
+def aimed(origin, rotation, goal, turn, twist, drift=None, kp=0.0, kd=0.0):
+    error, wanted, slope = np.zeros((3, 6))
+    drift = np.zeros(6) if drift is None else drift
+    arrays = (np.array(origin), np.array(rotation), np.array(goal), np.ascontiguousarray(turn))
+    V, where = aim(*arrays, twist, drift, kp, kd, np.zeros((3, 3)), error, wanted, slope)
+    return V, where, error, wanted, slope
+
+
+def random_rotation(rng, angle):
+    axis, out = rng.normal(size=3), np.zeros((3, 3))
+    rotation_of(axis / np.linalg.norm(axis) * angle, out)
+    return out
+
+
+def series_exponential(twist):
+    """exp of a twist, (4, 4), by scaling and squaring a Taylor series: no formula of SE(3)."""
+    v, w = twist[:3], twist[3:]
+    skew = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
+    matrix = np.zeros((4, 4))
+    matrix[:3, :3], matrix[:3, 3] = skew / 1024, v / 1024
+    result, term = np.eye(4), np.eye(4)
+    for k in range(1, 12):
+        term = term @ matrix / k
+        result = result + term
+    for _ in range(10):
+        result = result @ result
+    return result
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 0.199, 0.201, 1.0, 2.5, 3.1])
+def test_the_error_is_the_logarithm_of_the_goal_in_the_frame(angle):
+    rng = np.random.default_rng(3)
+    for _ in range(10):
+        rotation = random_rotation(rng, 1.0)
+        turn = rotation @ random_rotation(rng, angle)
+        origin, goal, twist = rng.normal(size=(3, 3))[0], rng.normal(size=3), rng.normal(size=6)
+        V, _, error, *_ = aimed(origin, rotation, goal, turn, twist)
+        here, there = pinocchio.SE3(rotation, origin), pinocchio.SE3(turn, goal)
+        between = here.inverse() * there
+        np.testing.assert_allclose(error, pinocchio.log6(between).vector, atol=1e-7)
+        np.testing.assert_allclose(series_exponential(error), between.homogeneous, atol=1e-11)
+        np.testing.assert_allclose(V, 0.5 * error @ error, rtol=1e-14)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.1, 1.0, 2.5])
+def test_the_slope_is_the_derivative_of_v_while_the_frame_moves(angle):
+    rng, step = np.random.default_rng(4), 1e-6
+    for _ in range(10):
+        rotation = random_rotation(rng, 1.0)
+        turn = rotation @ random_rotation(rng, angle)
+        origin, goal, twist = rng.normal(size=3), rng.normal(size=3), rng.normal(size=6)
+        slope = aimed(origin, rotation, goal, turn, twist)[-1]
+        values = []
+        for sign in (-1, 1):
+            moved = pinocchio.SE3(rotation, origin) * pinocchio.exp6(sign * step * twist)
+            values.append(aimed(moved.translation, moved.rotation, goal, turn, twist)[0])
+        assert slope @ twist == pytest.approx((values[1] - values[0]) / (2 * step), abs=1e-7)
+
+
+def test_what_the_frame_shall_do_is_34():
+    rng = np.random.default_rng(5)
+    rotation, turn = random_rotation(rng, 1.0), random_rotation(rng, 0.5)
+    twist, drift = rng.normal(size=6), rng.normal(size=6)
+    _, _, error, wanted, _ = aimed(np.zeros(3), rotation, np.ones(3), turn, twist, drift, 10.0, 6.0)
+    np.testing.assert_allclose(wanted, 10.0 * error - 6.0 * twist - drift, rtol=1e-14)
+
+
+def test_half_a_turn_is_told():
+    near, at = (np.diag([1.0, np.cos(a), np.cos(a)]) for a in (3.0, np.pi))
+    near[1, 2], near[2, 1] = -np.sin(3.0), np.sin(3.0)
+    origin = np.zeros(3)
+    assert aimed(origin, np.eye(3), origin, near, np.zeros(6))[1] == 0
+    assert aimed(origin, np.eye(3), origin, at, np.zeros(6))[1] == 1

@@ -1,0 +1,155 @@
+"""The QP of task-space inverse dynamics against another solver, and its fallback."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import quadprog
+from hypothesis import given
+from hypothesis import strategies as st
+
+from remote_controller.solvers import status
+from remote_controller.solvers.tsid import Tsid
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+@dataclass
+class Problem:
+    J: np.ndarray
+    y: np.ndarray
+    w: float
+    p: np.ndarray
+    M: np.ndarray
+    h: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    effort: np.ndarray
+
+    def solve(self) -> tuple[int, Tsid]:
+        solver = Tsid(self.effort, np.ones(len(self.p)))
+        arrays = (self.J, self.y, self.w, self.p, self.M, self.h, self.lower, self.upper)
+        return solver.solve(*arrays), solver
+
+
+def problem(seed: int, n: int = 7, strength: float = 3.0) -> Problem:
+    """Of any scale; some bounds meet, and efforts around exp(`strength`) may be too small."""
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(n, n)) * np.exp(rng.normal(size=n))
+    lower, upper = -np.exp(2 * rng.normal(size=n)), np.exp(2 * rng.normal(size=n))
+    meet = rng.random(n) < 0.1
+    lower[meet] = upper[meet]
+    return Problem(
+        J=rng.normal(size=(6, n)),
+        y=10 * rng.normal(size=6),
+        w=10 ** rng.uniform(-4, 0),
+        p=10 * rng.normal(size=n),
+        M=root @ root.T + 0.1 * np.eye(n),
+        h=5 * rng.normal(size=n),
+        lower=lower,
+        upper=upper,
+        effort=np.exp(rng.normal(size=n) + strength),
+    )
+
+
+def by_quadprog(it: Problem) -> np.ndarray | None:
+    """The solution, by Goldfarb and Idnani; None where there is none."""
+    n, meet = len(it.p), it.lower == it.upper
+    one = np.eye(n)
+    H, f = it.J.T @ it.J + it.w * one, it.J.T @ it.y + it.w * it.p
+    rows = np.vstack([one[meet], one[~meet], -one[~meet], it.M, -it.M])
+    least = [it.lower[meet], it.lower[~meet], -it.upper[~meet], -it.effort - it.h, it.h - it.effort]
+    try:
+        return quadprog.solve_qp(H, f, rows.T, np.concatenate(least), int(meet.sum()))[0]
+    except ValueError:  # constraints are inconsistent
+        return None
+
+
+@given(SEEDS, st.sampled_from([1, 3, 7, 12]))
+def test_it_finds_what_another_solver_finds(seed, n):
+    it = problem(seed, n)
+    found, solver = it.solve()
+    expected = by_quadprog(it)
+    assert (found == status.OK) == (expected is not None)
+    if expected is not None:
+        scale = max(1.0, np.abs(expected).max())
+        np.testing.assert_allclose(solver.ddq, expected, rtol=0, atol=1e-8 * scale)
+        np.testing.assert_allclose(solver.tau, it.M @ solver.ddq + it.h, rtol=1e-12, atol=1e-9)
+        assert solver.kkt_residual <= 1e-9
+        assert solver.margin >= -1e-9
+
+
+@given(SEEDS)
+def test_its_residual_tells_a_wrong_answer(seed):
+    it = problem(seed, strength=6.0)
+    solver = Tsid(it.effort, np.ones(7))
+    attempt, nudge = solver._attempt, np.random.default_rng(seed).normal(size=7)
+
+    def wrong(tolerance: float):
+        solved, x, multipliers = attempt(tolerance)
+        return solved, x + 1e-3 * np.abs(x).max() * nudge, multipliers
+
+    solver._attempt = wrong
+    arrays = (it.J, it.y, it.w, it.p, it.M, it.h, it.lower, it.upper)
+    right = by_quadprog(it)
+    if solver.solve(*arrays) == status.OK:
+        off = np.abs(solver.ddq - right).max() / np.abs(right).max()
+        assert off <= 1e-8 or solver.kkt_residual > 1e-9
+
+
+def least_violation(it: Problem) -> float:
+    """Least |s|², s the violation of the efforts relative to them, by quadprog."""
+    n = len(it.p)
+    meet, one, zero = it.lower == it.upper, np.eye(n), np.zeros((n, n))
+    S = np.diag(it.effort)
+    rows = np.vstack(
+        [
+            np.hstack([one[meet], zero[meet]]),
+            np.hstack([one[~meet], zero[~meet]]),
+            np.hstack([-one[~meet], zero[~meet]]),
+            np.hstack([it.M, S]),
+            np.hstack([-it.M, S]),
+        ]
+    )
+    least = [it.lower[meet], it.lower[~meet], -it.upper[~meet], -it.effort - it.h, it.h - it.effort]
+    H = np.diag(np.r_[np.full(n, 1e-10), np.ones(n)])
+    x = quadprog.solve_qp(H, np.zeros(2 * n), rows.T, np.concatenate(least), int(meet.sum()))[0]
+    return float(x[n:] @ x[n:])
+
+
+@given(SEEDS)
+def test_where_efforts_are_too_small_the_bounds_are_kept_and_the_torques_exceeded_least(seed):
+    it = problem(seed, strength=0.5)
+    found, solver = it.solve()
+    assert found in {status.OK, status.INFEASIBLE}
+    assert (solver.ddq >= it.lower).all()
+    assert (solver.ddq <= it.upper).all()
+    if found == status.INFEASIBLE:
+        assert by_quadprog(it) is None
+        beyond = np.maximum(0.0, np.abs(solver.tau) / it.effort - 1.0)
+        assert beyond.max() > 0.0
+        assert solver.torque_margin == pytest.approx(-beyond.max())
+        assert beyond @ beyond <= 1.02 * least_violation(it) + 1e-3
+        assert solver.kkt_residual == np.inf
+
+
+def test_a_solver_that_gives_up_leaves_the_posture_within_its_bounds():
+    it = problem(1)
+    solver = Tsid(it.effort, np.ones(7))
+    solver._attempt = solver._soften = lambda tolerance: (False, np.full(7, np.nan), np.zeros(7))
+    arrays = (it.J, it.y, it.w, it.p, it.M, it.h, it.lower, it.upper)
+    assert solver.solve(*arrays) == status.UNSOLVED
+    np.testing.assert_array_equal(solver.ddq, np.clip(it.p, it.lower, it.upper))
+
+
+def test_without_bounds_and_limits_it_is_the_least_squares_solution():
+    it = problem(4, strength=30.0)
+    it.lower, it.upper = np.full(7, -1e30), np.full(7, 1e30)
+    found, solver = it.solve()
+    assert found == status.OK
+    stacked = np.vstack([it.J, np.sqrt(it.w) * np.eye(7)])
+    wanted = np.concatenate([it.y, np.sqrt(it.w) * it.p])
+    expected = np.linalg.lstsq(stacked, wanted, rcond=None)[0]
+    np.testing.assert_allclose(solver.ddq, expected, rtol=1e-9)
