@@ -30,7 +30,7 @@ MAX_JOINTS = 128
 
 Vector = NDArray[np.float64]
 CommandKind = Literal["position", "acceleration", "torque"]
-Gravity = Literal["on", "compensated", "off"]
+Gravity = Literal["full", "compensated", "none"]
 
 _ROBOT_NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
 
@@ -48,8 +48,8 @@ class RobotDescription(Part):
         base_frame: the frame that is fixed to the ground.
         period_s: the robot's control period [s].
         command_kinds: what the robot accepts as a setpoint.
-        gravity: `on`, or `compensated` where the robot adds the torques that hold it to commanded
-            ones, or `off` where there is none.
+        gravity: `full`, or `compensated` where the robot adds the torques that hold it to commanded
+            ones, or `none`.
         soles: the frames that can stand, with their support polygons.
         wrench_sensors: frames in which a wrench is measured.
     """
@@ -65,7 +65,7 @@ class RobotDescription(Part):
     base_frame: StrictStr
     period_s: Number = 0.001
     command_kinds: tuple[CommandKind, ...] = ("position",)
-    gravity: Gravity = "on"
+    gravity: Gravity = "full"
     soles: tuple[Sole, ...] = ()
     wrench_sensors: tuple[StrictStr, ...] = ()
 

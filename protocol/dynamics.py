@@ -14,7 +14,7 @@ class Dynamics:
 
     All arrays are (n,) in wire order, contiguous float64; those called `out` are written. Read
     rad, rad/s, rad/s², N m, or for prismatic joints m, m/s, m/s², N. Armatures of the rotors are
-    part of M. Friction is no part of h, nor is gravity where the description has it `off`.
+    part of M. Friction is no part of h, nor is gravity where the description has it `none`.
 
     Args:
         description: of the robot.
@@ -35,7 +35,7 @@ class Dynamics:
         self._model, self._data, self._order = self.robot.model, self.robot.data, self.robot.order
         self._aba, self._rnea = pinocchio.aba, pinocchio.rnea
         self._gravity_torque = pinocchio.computeGeneralizedGravity
-        if description.gravity == "off":
+        if description.gravity == "none":
             self._model.gravity.setZero()
         self._damped = pinocchio.Model(self._model)  # `forward_damped` changes its armature
         self._added = self._damped.armature

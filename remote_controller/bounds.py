@@ -1,7 +1,16 @@
-"""Bounds of joint accelerations that keep position and velocity limits; see `protocol.limits`."""
+"""Bounds of joint accelerations that keep position and velocity limits, and what torques leave.
+
+See `protocol.limits` and `protocol.torque_limits`.
+"""
 
 from __future__ import annotations
 
 from protocol.limits import AccelerationBounds, acceleration_bounds
+from protocol.torque_limits import TorqueAccelerationBounds, torque_acceleration_bounds
 
-__all__ = ["AccelerationBounds", "acceleration_bounds"]
+__all__ = [
+    "AccelerationBounds",
+    "TorqueAccelerationBounds",
+    "acceleration_bounds",
+    "torque_acceleration_bounds",
+]

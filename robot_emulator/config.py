@@ -33,7 +33,7 @@ class PlantSettings(Settings):
         "counts",
     )
     gravity: Gravity = Field(
-        "on",
+        "full",
         description="where torques are commanded; compensated: the robot adds what holds it",
     )
     friction: bool = Field(True, description="where torques are commanded: that of the URDF")

@@ -38,6 +38,7 @@ _SAYING = {
 _SAYINGS = {_CONSTANTS[name]: text for name, text in _SAYING.items()}
 CONDITIONS = {_CONSTANTS["CONDITION_BEGAN"], _CONSTANTS["CONDITION_ENDED"]}
 _FORCED = {_CONSTANTS["REASON_MISSES"], _CONSTANTS["REASON_HOLDER_LOST"]}
+_OF_JOINTS = {_CONSTANTS["CLIPPED"], _CONSTANTS["TORQUE_LIMITED"]}
 
 
 def event_name(kind: int, detail: int) -> str:
@@ -63,7 +64,7 @@ def in_words(kind: int, detail: int, joints: Sequence[str], conditions: Sequence
     if kind == _CONSTANTS["REJECTED"]:
         known = 0 <= detail < len(REJECTION_KINDS)
         return REJECTION_KINDS[detail] if known else f"kind {detail}"
-    if kind == _CONSTANTS["CLIPPED"]:
+    if kind in _OF_JOINTS:
         return joints[detail] if 0 <= detail < len(joints) else f"joint {detail}"
     if kind == _CONSTANTS["HOST_STALL"]:
         return f"{detail / 1e6:.3g} ms"

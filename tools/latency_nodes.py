@@ -20,6 +20,6 @@ class NullController(Controller):
         command.stamp_kinematics = self.now()
         if self.kind == "position":
             command.values[:] = state.reference
-        elif self.kind == "torque" and self.description.gravity == "on":
+        elif self.kind == "torque" and self.description.gravity == "full":
             command.values[:] = state.tau
         return command

@@ -8,8 +8,9 @@ import numpy as np
 from small_arm import PERIOD_NS, arm
 
 from protocol.clock import VirtualClock
+from protocol.description import RobotDescription
 from protocol.link import LockstepLink
-from protocol.messages import Event, Setpoint, State
+from protocol.messages import COMMANDS, Event, Setpoint, State
 from protocol.realtime import Ticker
 from protocol.recorder import MemoryRecorder
 from protocol.ring import Kind
@@ -38,14 +39,25 @@ class Oversleeper(VirtualClock):
 
 
 class Bench:
-    """The robot, stepped by hand. `fate(tick, answer)` gives (delay, payload) pairs."""
+    """The robot, stepped by hand. `fate(tick, answer)` gives (delay, payload) pairs.
 
-    def __init__(self, fate: Fate | None = None, grace: int = 0, **config: object) -> None:
+    Setpoints move the joints at `speed`, where the robot takes positions; otherwise they are
+    `values`.
+    """
+
+    def __init__(
+        self,
+        fate: Fate | None = None,
+        grace: int = 0,
+        description: RobotDescription | None = None,
+        **config: object,
+    ) -> None:
         self.clock = Oversleeper()
         self.fate: Fate = fate or (lambda tick, answer: [(1000, answer)])
         self.link = LockstepLink(self._answer, self.clock, fate=self._fates)
         self.recorder = MemoryRecorder()
-        self.description = arm()
+        self.description = description or arm()
+        self.n = self.description.n
         settings = EmulatorConfig(robot="arm", **config)
         self.robot = RobotLoop(
             self.description,
@@ -57,7 +69,8 @@ class Bench:
             grace_ticks=grace,
         )
         self.ticker = Ticker(self.clock, PERIOD_NS, 0)
-        self.speed = np.zeros(3)
+        self.kind = self.description.command_kinds[0]
+        self.speed, self.values = np.zeros(self.n), np.zeros(self.n)
         self.changes: dict[str, object] = {}
         self._tick = 0
 
@@ -72,7 +85,7 @@ class Bench:
         found = []
         for record in self.recorder.records:
             if record.kind == Kind.STATE:
-                state = State(3)
+                state = State(self.n)
                 state.load(record.payload)
                 found.append(state)
         return found
@@ -87,7 +100,7 @@ class Bench:
         return found
 
     def _answer(self, payload: bytes) -> bytes | None:
-        state = State(3)
+        state = State(self.n)
         state.load(payload)
         self._tick = state.tick
         if state.mode != State.ACTIVE:
@@ -95,11 +108,13 @@ class Bench:
         return self.setpoint(state)
 
     def setpoint(self, state: State, **changes: object) -> bytes:
-        """An answer to a State that moves the joints at `self.speed`."""
-        setpoint = Setpoint(3)
+        """An answer to a State."""
+        setpoint = Setpoint(self.n)
         setpoint.session_id, setpoint.tick, setpoint.epoch = SESSION, state.tick, state.epoch
         setpoint.stamp_state = state.stamp_published
-        setpoint.values[:] = state.reference + self.speed * 1e-3
+        setpoint.command = COMMANDS[self.kind]
+        ahead = state.reference + self.speed * 1e-3
+        setpoint.values[:] = ahead if self.kind == "position" else self.values
         for name, value in {**self.changes, **changes}.items():
             setattr(setpoint, name, value)
         return setpoint.dump()

@@ -1,0 +1,223 @@
+"""Any stream of accelerations or torques becomes a motion within the limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from strong_arms import small, strong
+
+from protocol.description import CommandKind, RobotDescription
+from robot_emulator.acceleration_safety import TORQUE_MARGIN, AccelerationGate
+from robot_emulator.body import build_body
+from robot_emulator.config import EmulatorConfig
+from robot_emulator.plant import Plant
+from robot_emulator.rigid_body import RigidBody
+
+T = 0.001
+HOLD_TICKS = 5
+Command = np.ndarray | None  # None: nothing came
+Attack = Callable[[np.random.Generator, int, Plant, np.ndarray], Command]
+
+
+def randomly(rng: np.random.Generator, tick: int, body: Plant, most: np.ndarray) -> Command:
+    return rng.uniform(-3.0, 3.0, most.size) * most
+
+
+def bang_bang(rng: np.random.Generator, tick: int, body: Plant, most: np.ndarray) -> Command:
+    """To one end of all ranges, then to the other, with all there is."""
+    return most * (1.0 if tick // 1500 % 2 else -1.0)
+
+
+def silence(rng: np.random.Generator, tick: int, body: Plant, most: np.ndarray) -> Command:
+    """Bursts, with gaps of all lengths between them."""
+    quiet = tick % 97 > 30 if tick % 7 else True
+    return None if quiet else rng.uniform(-1.0, 1.0, most.size) * most
+
+
+def at_the_wall(rng: np.random.Generator, tick: int, body: Plant, most: np.ndarray) -> Command:
+    """Towards the nearest wall, with doubts."""
+    return np.where(body.q > 0.0, most, -most) * (1.0 if rng.random() < 0.9 else -1.0)
+
+
+def jumps(rng: np.random.Generator, tick: int, body: Plant, most: np.ndarray) -> Command:
+    """Figures as no robot knows them, each for some time."""
+    rng = np.random.default_rng(tick // 40)
+    return rng.choice([-1e300, 1e300, 0.0, 5e-324, 1.0, -1.0], most.size) * most
+
+
+def mixture(rng: np.random.Generator, tick: int, body: Plant, most: np.ndarray) -> Command:
+    attacks = (randomly, bang_bang, silence, at_the_wall, jumps)
+    return attacks[tick // 300 % len(attacks)](rng, tick, body, most)
+
+
+ATTACKS = (randomly, bang_bang, silence, at_the_wall, jumps, mixture)
+
+
+def gated(description: RobotDescription) -> tuple[Plant, AccelerationGate]:
+    config = EmulatorConfig(robot="arm", hold_ticks=HOLD_TICKS)
+    body, gate = build_body(description, config)
+    assert isinstance(gate, AccelerationGate)
+    body.reset(description.initial_position)
+    gate.reset(description.initial_position)
+    return body, gate
+
+
+def most_of(description: RobotDescription, kind: CommandKind) -> np.ndarray:
+    return description.effort if kind == "torque" else 2.0 * description.brake_acceleration
+
+
+def command_for(body: Plant, ddq: np.ndarray) -> np.ndarray:
+    """What the robot takes for these accelerations."""
+    command = ddq.copy()
+    if isinstance(body, RigidBody):
+        body.torques(ddq, T, command)
+    return command
+
+
+def attacked(
+    description: RobotDescription, kind: CommandKind, attack: Attack, periods: int
+) -> tuple[np.ndarray, AccelerationGate]:
+    """Largest excess over the limits: of the position, of the velocity, and accelerations per A."""
+    body, gate = gated(description)
+    rng, most = np.random.default_rng(3), most_of(description, kind)
+    worst = np.full((3, description.n), -np.inf)
+    for tick in range(periods):
+        command = attack(rng, tick, body, most)
+        if command is None:
+            gate.hold()
+        else:
+            gate.follow(command, tick)
+        before = body.dq.copy()
+        body.step(gate.value, T)
+        outside = np.maximum(description.lower - body.q, body.q - description.upper)
+        fast = np.abs(body.dq) - description.velocity
+        asked = np.abs(gate.value if kind == "acceleration" else (body.dq - before) / T)
+        found = (outside, fast, asked / description.brake_acceleration)
+        np.maximum(worst, found, out=worst)
+    return worst.max(axis=1), gate
+
+
+@pytest.mark.parametrize("attack", ATTACKS)
+def test_no_stream_of_accelerations_leaves_the_limits(attack: Attack):
+    worst, gate = attacked(strong("acceleration"), "acceleration", attack, 4000)
+    assert np.all(worst <= (0.0, 0.0, 1.0))
+    assert gate.interventions
+
+
+@pytest.mark.parametrize("attack", ATTACKS)
+def test_no_stream_of_torques_leaves_the_limits_where_efforts_suffice(attack: Attack):
+    """Accelerations change within a period: by no more than a fifth here."""
+    worst, gate = attacked(strong("torque", "compensated"), "torque", attack, 3000)
+    assert gate.torque_limited == 0
+    assert gate.interventions
+    assert np.all(worst <= (-0.9 * TORQUE_MARGIN[0], 0.0, 1.2))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("attack", ATTACKS)
+@pytest.mark.parametrize("kind", ["acceleration", "torque"])
+def test_no_long_stream_leaves_the_limits(kind: CommandKind, attack: Attack):
+    periods = 1_000_000 if kind == "acceleration" else 200_000
+    worst, gate = attacked(strong(kind), kind, attack, periods)
+    assert gate.torque_limited == 0
+    assert np.all(worst <= (0.0, 0.0, 1.0 if kind == "acceleration" else 1.3))
+
+
+@pytest.mark.parametrize("kind", ["acceleration", "torque"])
+def test_what_keeps_the_limits_passes_bit_by_bit(kind: CommandKind):
+    description = strong(kind, "compensated")
+    body, gate = gated(description)
+    rng = np.random.default_rng(0)
+    for tick in range(300):
+        ddq = 0.3 * rng.uniform(-1.0, 1.0, 7) * description.brake_acceleration
+        command = command_for(body, ddq)
+        assert gate.follow(command, tick) == -1
+        assert gate.value.tobytes() == command.tobytes()
+        body.step(gate.value, T)
+    assert gate.interventions == gate.torque_limited == 0
+
+
+@pytest.mark.parametrize("kind", ["acceleration", "torque"])
+def test_a_missing_setpoint_is_the_last_one_for_a_while_then_it_brakes_to_rest(kind: CommandKind):
+    body, gate = gated(strong(kind, "compensated"))
+    push = command_for(body, np.ones(7))
+    for tick in range(100):
+        gate.follow(push, tick)
+        body.step(gate.value, T)
+    for _ in range(HOLD_TICKS):
+        gate.hold()
+        assert gate.value.tobytes() == push.tobytes()
+        body.step(gate.value, T)
+    top = np.abs(body.dq).max()
+    assert top > 0.05
+    speeds = []
+    for _ in range(2000):
+        gate.hold()
+        body.step(gate.value, T)
+        speeds.append(np.abs(body.dq).max())
+    assert np.diff(speeds).max() <= 1e-3 * top
+    assert speeds[-1] < 1e-3 * top
+    gate.follow(push, 3000)
+    assert gate.value.tobytes() == push.tobytes()
+
+
+@pytest.mark.parametrize("kind", ["acceleration", "torque"])
+def test_a_stop_goes_in_a_straight_line_at_the_braking_limit_of_one(kind: CommandKind):
+    description = strong(kind, "compensated")
+    body, gate = gated(description)
+    speed = np.array([0.3, -0.1, 0.2, 0.05, 0.4, -0.3, 0.2])
+    body.dq[:] = speed
+    gate.begin_stop()
+    ticks = 0
+    while not gate.brake():
+        body.step(gate.value, T)
+        ticks += 1
+        along = body.dq @ speed / (speed @ speed)
+        assert np.abs(body.dq - along * speed).max() < 5e-3
+        assert ticks < 1000
+    due = np.max(np.abs(speed) / description.brake_acceleration) / T
+    assert ticks == pytest.approx(due, abs=3 if kind == "acceleration" else 30)
+    assert np.abs(body.dq).max() <= 1e-3
+
+
+def test_a_robot_that_nobody_has_commanded_yet_stays_where_it_is():
+    for kind, gravity in (("acceleration", "full"), ("torque", "full"), ("torque", "compensated")):
+        description = strong(kind, gravity)  # type: ignore[arg-type]
+        body, gate = gated(description)
+        for _ in range(500):
+            gate.hold()
+            body.step(gate.value, T)
+        np.testing.assert_allclose(body.q, description.initial_position, atol=1e-9)
+
+
+def test_efforts_that_are_too_small_are_counted_and_name_the_joint():
+    """Gravity pulls the elbow down, past what its motor can hold."""
+    arm = small("torque")
+    efforts = (20.0, 0.5, 20.0)
+    joints = [
+        joint.model_copy(update={"effort": effort})
+        for joint, effort in zip(arm.joints, efforts, strict=True)
+    ]
+    body, gate = gated(arm.model_copy(update={"joints": tuple(joints)}))
+    for tick in range(2000):
+        gate.follow(np.zeros(3), tick)
+        body.step(gate.value, T)
+        if gate.torque_limited:
+            break
+    assert gate.torque_limited == 1
+    assert gate.weak == 1
+    assert np.abs(gate.value[1]) == 0.5
+
+
+def test_a_joint_that_starts_outside_its_range_goes_no_further_out():
+    arm = small("acceleration")
+    posture = {"bent": (2.55, 1.0, -0.5)}  # the usable range ends at 2.5
+    body, gate = gated(arm.model_copy(update={"postures": posture}))
+    for tick in range(300):
+        gate.follow(np.array([100.0, 0.0, 0.0]), tick)
+        body.step(gate.value, T)
+        assert body.q[0] <= 2.55
+    gate.follow(np.array([-1.0, 0.0, 0.0]), 300)
+    assert gate.value[0] == -1.0

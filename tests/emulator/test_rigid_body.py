@@ -1,0 +1,172 @@
+"""A body under torques, against physics and against Pinocchio's own mass matrix."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from strong_arms import small, strong
+
+from protocol.description import RobotDescription
+from protocol.dynamics import Dynamics
+from robot_emulator.config import PlantSettings
+from robot_emulator.rigid_body import SLIDING, RigidBody
+
+T = 0.001
+FRICTIONLESS = {"friction": False}
+
+
+def body(description: RobotDescription, **settings: object) -> RigidBody:
+    made = RigidBody(description, PlantSettings(**settings))
+    made.reset(description.initial_position)
+    return made
+
+
+def rubbed(damping: float, friction: float) -> RobotDescription:
+    arm = small("torque", gravity="none")
+    dynamics = f'<dynamics damping="{damping}" friction="{friction}"/></joint>\n  <link name="upper'
+    return arm.model_copy(
+        update={"urdf": arm.urdf.replace('</joint>\n  <link name="upper', dynamics)}
+    )
+
+
+def energy(description: RobotDescription, q: np.ndarray, dq: np.ndarray) -> float:
+    """Kinetic and potential, by Pinocchio's own functions."""
+    import pinocchio as pin
+
+    robot = Dynamics(description).robot
+    place, speed = np.zeros(robot.model.nq), np.zeros(robot.model.nv)
+    place[robot.order], speed[robot.order] = q, dq
+    kinetic = pin.computeKineticEnergy(robot.model, robot.data, place, speed)
+    return float(kinetic + pin.computePotentialEnergy(robot.model, robot.data, place))
+
+
+def fall(description: RobotDescription, substeps: int, periods: int) -> RigidBody:
+    arm = body(description, substeps=substeps, **FRICTIONLESS)
+    for _ in range(periods):
+        arm.step(np.zeros(description.n), T)
+    return arm
+
+
+def test_energy_is_kept_without_friction_the_better_the_smaller_the_steps():
+    arm = small("torque")
+    start = energy(arm, arm.initial_position, np.zeros(3))
+    moved = energy(arm, fall(arm, 4, 150).q, np.zeros(3))
+    assert abs(moved - start) > 0.1  # it fell a good deal
+    off = []
+    for substeps in (1, 4, 16):
+        fallen = fall(arm, substeps, 150)
+        off.append(abs(energy(arm, fallen.q, fallen.dq) - start))
+    assert off[2] < 1e-3
+    assert off[0] / off[1] == pytest.approx(4.0, rel=0.2)
+    assert off[1] / off[2] == pytest.approx(4.0, rel=0.2)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_accelerations_and_torques_undo_each_other(seed: int):
+    rng = np.random.default_rng(seed)
+    for gravity in ("full", "compensated", "none"):
+        description = strong("torque", gravity, times=1e3)
+        arm = body(description)
+        arm.q[:] = rng.uniform(description.lower, description.upper)
+        arm.dq[:] = rng.uniform(-1.0, 1.0, 7) * description.velocity
+        wanted = rng.uniform(-1.0, 1.0, 7) * description.brake_acceleration
+        torques, given_back = np.zeros(7), np.zeros(7)
+        assert arm.torques(wanted, T, torques) == -1
+        assert arm.accelerations(torques, T, given_back) == -1
+        np.testing.assert_allclose(given_back, wanted, rtol=1e-9, atol=1e-9)
+
+
+def test_a_rotor_adds_its_inertia_to_its_own_joint():
+    import pinocchio as pin
+
+    light = small("torque")
+    joints = tuple(joint.model_copy(update={"armature": 0.3}) for joint in light.joints)
+    heavy = light.model_copy(update={"joints": joints})
+    dynamics, q = Dynamics(heavy), light.initial_position
+    robot = Dynamics(light).robot
+    M = pin.crba(robot.model, robot.data, q)
+    M = np.triu(M) + np.triu(M, 1).T + 0.3 * np.eye(3)
+    found, still, pushed = np.zeros(3), np.zeros(3), np.array([1.0, -2.0, 0.5])
+    weight = np.zeros(3)
+    dynamics.gravity(q, weight)
+    dynamics.forward(q, still, pushed + weight, found)
+    np.testing.assert_allclose(found, np.linalg.solve(M, pushed), rtol=1e-12)
+
+
+@pytest.mark.parametrize("gravity", ["full", "compensated", "none"])
+def test_what_holds_it_holds_it(gravity: str):
+    arm = small("torque", gravity)
+    held, weight = body(arm), np.zeros(3)
+    if gravity == "full":
+        Dynamics(arm).gravity(arm.initial_position, weight)
+    for _ in range(1000):
+        held.step(weight, T)
+    np.testing.assert_allclose(held.q, arm.initial_position, atol=1e-9)
+
+
+def test_torques_beyond_the_efforts_are_the_efforts():
+    arm = small("torque")
+    modest, greedy = body(arm), body(arm)
+    for _ in range(50):
+        modest.step(np.array([20.0, -20.0, 20.0]), T)
+        greedy.step(np.array([1e9, -1e9, 1e9]), T)
+    np.testing.assert_array_equal(modest.q, greedy.q)
+    np.testing.assert_array_equal(np.abs(greedy.tau), arm.effort)
+
+
+def test_compensation_is_within_the_efforts_too():
+    arm = small("torque", "compensated")
+    joints = tuple(joint.model_copy(update={"effort": 1.0}) for joint in arm.joints)
+    weak = body(arm.model_copy(update={"joints": joints}))
+    weak.step(np.zeros(3), T)
+    assert np.abs(weak.tau).max() == 1.0
+    assert weak.dq[1] > 0.0  # it falls
+
+
+@pytest.mark.parametrize(("damping", "friction"), [(0.0, 0.5), (1e4, 0.0), (0.0, 1e4), (1e4, 1e4)])
+def test_friction_slows_and_never_shakes_however_strong(damping: float, friction: float):
+    arm = body(rubbed(damping, friction))
+    arm.dq[0] = 1.0
+    speeds = []
+    for _ in range(300):
+        arm.step(np.zeros(3), T)
+        speeds.append(arm.dq[0])
+    assert np.all(np.diff(speeds) <= 1e-12)
+    assert -1e-9 <= speeds[-1] < 0.9
+
+
+def test_a_joint_under_less_than_its_friction_creeps_and_under_more_moves_away():
+    light, heavy = body(rubbed(0.0, 2.0)), body(rubbed(0.0, 2.0))
+    for _ in range(500):
+        light.step(np.array([1.0, 0.0, 0.0]), T)
+        heavy.step(np.array([3.0, 0.0, 0.0]), T)
+    assert 0.0 < light.dq[0] <= SLIDING * 0.51
+    assert heavy.dq[0] > 10 * SLIDING
+
+
+def test_a_mechanical_stop_holds_without_rebound_and_lets_go():
+    arm = small("torque", "none")
+    joint = body(arm, **FRICTIONLESS)
+    push = np.array([20.0, 0.0, 0.0])
+    for _ in range(2000):
+        joint.step(push, T)
+        assert joint.q[0] <= arm.upper_hard[0]
+    assert joint.q[0] == arm.upper_hard[0]
+    assert joint.dq[0] == 0.0
+    joint.step(-push, T)
+    assert joint.q[0] < arm.upper_hard[0]
+
+
+def test_brakes_hold_it_against_gravity_and_show_what_they_carry():
+    arm = small("torque")
+    held = body(arm)
+    held.step(np.array([5.0, 0.0, 0.0]), T)
+    place = held.q.copy()
+    held.hold(T)
+    carried = np.zeros(3)
+    Dynamics(arm).gravity(place, carried)
+    np.testing.assert_array_equal(held.q, place)
+    np.testing.assert_array_equal(held.dq, 0.0)
+    np.testing.assert_array_equal(held.tau, carried)
