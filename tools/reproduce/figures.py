@@ -157,8 +157,7 @@ def draw(figure: Figure) -> Any:
     legend: dict[str, Any] = {}
     for row, places in zip(figure.rows, axes, strict=True):
         for panel, place in zip(row, places, strict=True):
-            for name, handle in _draw_panel(panel, place).items():
-                legend.setdefault(name, handle)
+            legend = {**_draw_panel(panel, place), **legend}
     picture.legend(
         legend.values(), legend.keys(), loc="outside right upper", fontsize=8, frameon=False
     )

@@ -152,7 +152,8 @@ def rows(runs: Runs) -> list[Row]:
     made = []
     why = (
         "The paper says that it violates, and that a larger δt mitigates; beside ours an "
-        "independent computation. It does not say whence and where to: ours from rest at 0 to beyond"
+        "independent computation. The paper does not say from where to where: ours goes from 0, at "
+        "rest, to beyond the limit"
     )
     for periods, (excess, speed) in NAIVE.items():
         run, item = runs.naive[periods], f"Fig. 4: naive ×{periods:g},"
