@@ -13,14 +13,18 @@ from tools.reproduce.remake import papers
 
 VERDICTS = {"same", "corrected", "not reproducible", "not built yet"}
 ROMAN = ("I", "II", "III", "IV", "V")
-NUMBERED = {"QP12": {"equations": 41, "algorithms": 2, "figures": 8, "tables": 1}}
+NUMBERED = {
+    "QP12": {"equations": 41, "algorithms": 2, "figures": 8, "tables": 1},
+    "Bounds": {"equations": 34, "algorithms": 4, "figures": 5, "tables": 0},
+}
 """How many of each a paper has, by the heading of its section."""
 
 STATEMENTS = {
     "QP12": (
         *("Remark 1", "Example 2", "Definition 3"),
         *("Lemma 4", "Lemma 5", "Proposition 6", "Remark 7"),
-    )
+    ),
+    "Bounds": (),
 }
 """What else has a number: one count for all kinds, so each number is there once."""
 

@@ -34,6 +34,7 @@ class Curve:
         style: steps hold each value until the next point; an area is closed and filled.
         dash, marker: of matplotlib, "" for none.
         legend: its name in the legend where that is another, "" for none.
+        fill: colour of an area.
     """
 
     label: str
@@ -44,6 +45,7 @@ class Curve:
     dash: str = "-"
     marker: str = ""
     legend: str | None = None
+    fill: str = "#F2F2F2"
 
 
 @dataclass(frozen=True)
@@ -204,7 +206,7 @@ def _draw_panel(panel: Panel, axes: Any) -> dict[str, Any]:
 def _draw_curve(curve: Curve, axes: Any) -> Any:
     if curve.style == "area":
         (area,) = axes.fill(
-            curve.x, curve.y, facecolor="#F2F2F2", edgecolor=curve.colour, linewidth=1.0
+            curve.x, curve.y, facecolor=curve.fill, edgecolor=curve.colour, linewidth=1.0
         )
         return area
     (line,) = axes.plot(
