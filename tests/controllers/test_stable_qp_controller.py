@@ -9,11 +9,17 @@ from stable_runs import run, settings
 from protocol.errors import ConfigError, UnknownNameError
 from protocol.messages import State
 from protocol.settings import parse
-from remote_controller.config import ControllerConfig, available_configs, build, check_parameters
+from remote_controller.config import (
+    ControllerConfig,
+    available_configs,
+    build,
+    check_parameters,
+    read_config,
+)
 from remote_controller.kinematics import Kinematics
 from robot_emulator.robots import load
 
-STABLE = [name for name in available_configs() if name not in {"qp12", "pinv", "osqp"}]
+STABLE = [name for name in available_configs() if read_config(name)[0]["controller"] == "stable_qp"]
 OUTSIDE = (0.01, 0.07, 0.2869)  # m: beyond the left edge of the right sole
 SPEED = {"constraint": "joint_speed", "parameters": {"limit_rad_s": 0.6}}
 RANGE = {"constraint": "joint_position", "parameters": {}}
