@@ -63,16 +63,16 @@ def test_list_knows_what_can_be_named() -> None:
     assert "hoap3" in found["robots"]
     assert set(found["controllers"]) >= {"qp12", "pinv"}
     assert set(found["controller configs"]) >= {"qp12", "pinv"}
-    assert found["emulator configs"] == ["hoap3"]
+    assert found["emulator configs"] == ["baxter", "hoap3"]
     assert set(found["tasks"]) >= set(TASKS)
     assert set(found["constraints"]) >= set(CONSTRAINTS)
     assert set(found["curves"]) >= {"ellipse", "joint_ellipse"}
     people = inside("list")
     assert people.stdout == ""
-    assert "controllers: osqp, pinv, qp12" in people.stderr
+    assert "controllers: joint_acceleration, osqp, pinv, qp12" in people.stderr
 
 
-@pytest.mark.parametrize("name", ["hoap3", "qp12", "pinv", "osqp"])
+@pytest.mark.parametrize("name", ["hoap3", "baxter", "qp12", "pinv", "osqp", "tsid"])
 def test_a_shown_config_is_a_config(name: str, tmp_path: Path) -> None:
     shown = inside("config", "show", name)
     assert shown.code == 0
@@ -82,7 +82,7 @@ def test_a_shown_config_is_a_config(name: str, tmp_path: Path) -> None:
     assert again.stdout == shown.stdout
     checked = inside("config", "check", copy, name)
     assert checked.code == 0
-    side = "an emulator" if name == "hoap3" else "a controller"
+    side = "an emulator" if name in {"hoap3", "baxter"} else "a controller"
     assert f"{copy}: a correct config of {side}" in checked.stderr
 
 
@@ -91,14 +91,14 @@ def test_show_tells_what_a_set_would_do() -> None:
     assert yaml.safe_load(shown.stdout)["parameters"]["gamma"] == 0.25
 
 
-@pytest.mark.parametrize("kind", ["emulator", "controller", "qp12", "pinv", "osqp"])
+@pytest.mark.parametrize("kind", ["emulator", "controller", "qp12", "pinv", "osqp", "tsid"])
 def test_a_schema_describes_every_key_of_the_config(kind: str) -> None:
     schema = inside("config", "schema", kind).json()
     name = "hoap3" if kind == "emulator" else "qp12" if kind == "controller" else kind
     content = yaml.safe_load(inside("config", "show", name).stdout)
     assert schema["properties"].keys() == content.keys()
     assert schema["additionalProperties"] is False
-    if kind in {"qp12", "pinv", "osqp"}:
+    if kind in {"qp12", "pinv", "osqp", "tsid"}:
         parameters = schema["properties"]["parameters"]
         assert parameters["properties"].keys() == content["parameters"].keys()
 
