@@ -37,7 +37,8 @@ def agreed(commands: Sequence[CommandKind], description: RobotDescription) -> Co
     takes, gives = " or ".join(description.command_kinds), " or ".join(commands)
     raise DescriptionError(
         f"robot {description.name!r} takes {takes}, and the controller gives {gives}. Choose "
-        f"another controller, or start the robot with --set command={commands[0]} if it can"
+        f"another controller, or a robot that can take it: `command: {commands[0]}` in its "
+        f"config, --set emulator.command={commands[0]} with `run`"
     )
 
 
