@@ -29,7 +29,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     house = Path(__file__).parent.parent
     kernels = sorted(
         ".".join(path.relative_to(house).with_suffix("").parts)
-        for room in ("remote_controller", "robot_emulator")
+        for room in ("protocol", "remote_controller", "robot_emulator")
         for path in (house / room).rglob("*_kernels.py")
     )
     halves = [f"import {', '.join(kernels[start::2])}" for start in range(2)]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -63,12 +65,18 @@ def test_energy_is_kept_without_friction_the_better_the_smaller_the_steps():
     assert off[1] / off[2] == pytest.approx(4.0, rel=0.2)
 
 
+@cache
+def tireless(gravity: str) -> tuple[RobotDescription, RigidBody]:
+    """An arm of any effort."""
+    description = strong("torque", gravity, times=1e3)
+    return description, body(description)
+
+
 @given(seed=st.integers(0, 2**32 - 1))
 def test_accelerations_and_torques_undo_each_other(seed: int):
     rng = np.random.default_rng(seed)
     for gravity in ("full", "compensated", "none"):
-        description = strong("torque", gravity, times=1e3)
-        arm = body(description)
+        description, arm = tireless(gravity)
         arm.q[:] = rng.uniform(description.lower, description.upper)
         arm.dq[:] = rng.uniform(-1.0, 1.0, 7) * description.velocity
         wanted = rng.uniform(-1.0, 1.0, 7) * description.brake_acceleration

@@ -76,7 +76,7 @@ def test_the_drift_is_the_rate_of_the_twist_without_acceleration(name, frame):
         np.testing.assert_allclose(dynamics.drift, difference, atol=2e-7)
 
 
-@pytest.mark.parametrize("gravity", ["on", "compensated", "off"])
+@pytest.mark.parametrize("gravity", ["full", "compensated", "none"])
 def test_gravity_is_what_the_description_says(gravity):
     description = load("ur5").model_copy(update={"gravity": gravity})
     dynamics, weight = FrameDynamics(description, "tool0"), np.zeros(6)
@@ -84,7 +84,7 @@ def test_gravity_is_what_the_description_says(gravity):
     dynamics.update(q, np.zeros(6))
     Dynamics(load("ur5")).gravity(q, weight)
     assert np.abs(weight).max() > 10.0
-    expected = np.zeros(6) if gravity == "off" else weight
+    expected = np.zeros(6) if gravity == "none" else weight
     np.testing.assert_allclose(dynamics.bias, expected, atol=1e-12)
     added = weight if gravity == "compensated" else np.zeros(6)
     np.testing.assert_allclose(dynamics.weight, added, atol=1e-12)

@@ -195,3 +195,45 @@ def test_the_naive_bounds_are_those_of_2():
     assert (least[0], most[0]) == (-12.0, 12.0)
     bounds.solve_naive(np.array([1.9999]), np.array([0.05]), least, most)
     assert most[0] == pytest.approx(2 * (0.0001 - 0.0005) / T**2)
+
+
+def excess_where_braking_is_weak(brake_share):
+    """How far joints get out that brake 8 % too weakly, and speed up 8 % too strongly."""
+    rng, n, T = np.random.default_rng(0), 500, 0.001
+    bounds = AccelerationBounds(
+        np.full(n, -1.0), 1.0, 2.0, 20.0, T, horizon_s=2 * T, brake_share=brake_share
+    )
+    q, v = rng.uniform(-0.5, 0.5, n), np.zeros(n)
+    least, most = np.empty(n), np.empty(n)
+    towards, excess = rng.choice([-1.0, 1.0], n), 0.0
+    for _ in range(1500):
+        bounds.solve(q, v, least, most)
+        assert np.all(least <= most)
+        wanted = np.where(towards > 0.0, most, least)
+        done = wanted * np.where(wanted * v < 0.0, 0.92, 1.08)
+        q += T * v + 0.5 * T**2 * done
+        v += T * done
+        excess = max(excess, np.abs(q).max() - 1.0)
+    return excess
+
+
+def test_a_share_of_the_braking_leaves_room_for_accelerations_that_are_not_quite_met():
+    assert excess_where_braking_is_weak(0.9) < 1e-4  # what one step may add at the wall
+    assert excess_where_braking_is_weak(1.0) > 1e-3
+
+
+def test_counting_on_less_braking_asks_for_it_earlier():
+    """At 1 rad/s and 40 mrad from the limit, 12.5 rad/s² is needed: within 20, but not 10."""
+    limits = ([0.46], [1.0], -0.5, 0.5, 2.0, 20.0, 0.001)
+    assert acceleration_bounds(*limits)[1][0] > 0.0
+    state = np.array([0.46]), np.array([1.0])
+    careful = AccelerationBounds(-0.5, 0.5, 2.0, [20.0], 0.001, brake_share=0.5)
+    least, most = np.empty(1), np.empty(1)
+    careful.solve(*state, least, most)
+    assert least[0] == most[0] == -20.0  # too fast for 10, so all that there is
+
+
+@pytest.mark.parametrize("share", [0.0, -0.1, 1.1, np.nan])
+def test_a_share_of_the_braking_is_a_share(share):
+    with pytest.raises(BadProblemError, match="brake share"):
+        AccelerationBounds(-1.0, 1.0, 2.0, [20.0], 0.001, brake_share=share)
