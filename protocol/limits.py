@@ -9,7 +9,8 @@ source). The controller and the robot use the same.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -93,7 +94,6 @@ class AccelerationBounds:
         ends = np.abs(self._limits[:2])
         self._limits[5] = np.where(np.isfinite(ends), ends, 0.0).max(axis=0)
         self._kernel, self._naive = kernels.acceleration_bounds_kernel, kernels.naive_bounds_kernel
-        self._ok = kernels.OK
 
     def solve(
         self, q: FloatArray, dq: FloatArray, lower_out: FloatArray, upper_out: FloatArray
@@ -109,33 +109,36 @@ class AccelerationBounds:
         Raises:
             BadProblemError: q or dq is not finite, or an array of the wrong type or shape.
         """
-        self._run(self._kernel, q, dq, (self._held, self._share), lower_out, upper_out)
+        try:
+            status, joint = self._kernel(
+                q, dq, self._limits, self._held, self._share, lower_out, upper_out
+            )
+        except TypeError as error:
+            raise self._wrong_arrays() from error
+        if status:
+            self._explain(joint, q, dq)
 
     def solve_naive(
         self, q: FloatArray, dq: FloatArray, lower_out: FloatArray, upper_out: FloatArray
     ) -> None:
         """As `solve`, but by (2): to compare with, for it does not keep the limits."""
-        self._run(self._naive, q, dq, (self._held,), lower_out, upper_out)
-
-    def _run(
-        self,
-        kernel: Callable[..., tuple[int, int]],
-        q: FloatArray,
-        dq: FloatArray,
-        settings: tuple[float, ...],
-        lower_out: FloatArray,
-        upper_out: FloatArray,
-    ) -> None:
         try:
-            status, joint = kernel(q, dq, self._limits, *settings, lower_out, upper_out)
+            status, joint = self._naive(q, dq, self._limits, self._held, lower_out, upper_out)
         except TypeError as error:
-            raise BadProblemError(KERNEL_ARRAYS.format(n=self.n) + ".") from error
-        if status != self._ok:
-            if joint < 0:
-                raise BadProblemError(KERNEL_ARRAYS.format(n=self.n) + ".")
-            raise BadProblemError(
-                f"joint {self._names[joint]}: q = {q[joint]} and dq = {dq[joint]} must be finite."
-            )
+            raise self._wrong_arrays() from error
+        if status:
+            self._explain(joint, q, dq)
+
+    def _wrong_arrays(self) -> BadProblemError:
+        return BadProblemError(KERNEL_ARRAYS.format(n=self.n) + ".")
+
+    def _explain(self, joint: int, q: FloatArray, dq: FloatArray) -> NoReturn:
+        """Raise what a kernel found wrong."""
+        if joint < 0:
+            raise self._wrong_arrays()
+        raise BadProblemError(
+            f"joint {self._names[joint]}: q = {q[joint]} and dq = {dq[joint]} must be finite."
+        )
 
     def _check_limits(self) -> None:
         lower, upper, velocity, up, down = self._limits[:5]
