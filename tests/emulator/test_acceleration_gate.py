@@ -221,3 +221,36 @@ def test_a_joint_that_starts_outside_its_range_goes_no_further_out():
         assert body.q[0] <= 2.55
     gate.follow(np.array([-1.0, 0.0, 0.0]), 300)
     assert gate.value[0] == -1.0
+
+
+def test_what_has_come_in_does_not_go_out_again_under_the_next_one_who_commands():
+    arm = small("acceleration")
+    posture = {"bent": (2.55, 1.0, -0.5)}  # the usable range ends at 2.5
+    body, gate = gated(arm.model_copy(update={"postures": posture}))
+    for outwards in range(2):
+        gate.forget()
+        for tick in range(1500):
+            push = 2.0 if outwards else -0.2
+            gate.follow(np.array([push, 0.0, 0.0]), tick)
+            body.step(gate.value, T)
+            assert body.q[0] <= (2.5 if outwards else 2.55)
+    assert body.q[0] > 2.49
+
+
+@pytest.mark.parametrize("kind", ["acceleration", "torque"])
+def test_a_brake_stronger_than_what_setpoints_may_is_used_as_far_as_they_may(kind: CommandKind):
+    arm = small(kind, "compensated")
+    changes = {"brake_acceleration": 20.0, "setpoint_acceleration_max": 5.0, "effort": 1e3}
+    joints = tuple(joint.model_copy(update=changes) for joint in arm.joints)
+    body, gate = gated(arm.model_copy(update={"joints": joints}))
+    push = command_for(body, np.full(3, 15.0))
+    for tick in range(100):
+        gate.follow(push, tick)
+        body.step(gate.value, T)
+    np.testing.assert_allclose(body.dq, 100 * 5.0 * T, rtol=0.05)
+    gate.begin_stop()
+    ticks = 0
+    while not gate.brake():
+        body.step(gate.value, T)
+        ticks += 1
+    assert ticks == pytest.approx(100, abs=20)

@@ -13,6 +13,7 @@ from protocol.errors import ConfigError
 from protocol.messages import COMMANDS, State
 from protocol.settings import parse
 from robot_emulator.config import EmulatorConfig
+from robot_emulator.robots import load
 from robot_emulator.service import describe
 
 KINDS: tuple[CommandKind, ...] = ("acceleration", "torque")
@@ -105,6 +106,25 @@ def test_efforts_that_do_not_suffice_are_an_event_and_a_count():
     counted = made.robot.summary()["torque_limited"]
     assert isinstance(counted, int)
     assert counted >= len(told)
+
+
+@pytest.mark.parametrize("word", ["stop", "release"])
+def test_a_stop_for_which_efforts_do_not_suffice_is_left_to_the_brakes(word: str):
+    arm = load("baxter_left_arm")
+    joints = tuple(joint.model_copy(update={"effort": 0.1 * joint.effort}) for joint in arm.joints)
+    made = Bench(
+        description=arm.model_copy(update={"joints": joints, "command_kinds": ("torque",)})
+    )
+    made.link.ask("acquire", "me")
+    falling = made.run(300)
+    assert np.abs(falling.dq).max() > 0.1
+    made.link.ask(word, "me")
+    stopped = made.run(4000)
+    assert stopped.mode == (State.STOPPED if word == "stop" else State.IDLE)
+    np.testing.assert_array_equal(stopped.dq, 0.0)
+    told = [name for name, *_ in made.events()]
+    assert told.index("TORQUE_LIMITED") < told.index("AT_REST")
+    np.testing.assert_array_equal(made.run(100).q, stopped.q)
 
 
 @pytest.mark.parametrize(
