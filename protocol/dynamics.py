@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from protocol.description import RobotDescription
+from protocol.errors import DescriptionError
 from protocol.messages import FloatArray
 from protocol.model import build_model
+
+SINGULAR = 1e-12  # least eigenvalue of M, scaled to 1 on its diagonal
 
 
 class Dynamics:
@@ -43,6 +46,30 @@ class Dynamics:
         self.damping = np.array(self._model.damping)[self._order]
         self.friction = np.array(self._model.friction)[self._order]
         self._q, self._v, self._x = np.zeros(self.n), np.zeros(self.n), np.zeros(self.n)
+
+    def check_forward(self, q: FloatArray) -> None:
+        """Refuse a robot of which torques do not say how it moves.
+
+        Args:
+            q: a posture, (n,).
+
+        Raises:
+            DescriptionError: a joint moves nothing that weighs.
+        """
+        import pinocchio  # noqa: PLC0415 - heavy
+
+        names = self.robot.description.joint_names
+        self._q[self._order] = q
+        upper = np.triu(pinocchio.crba(self._model, self._data, self._q))
+        mass = (upper + np.triu(upper, 1).T)[np.ix_(self._order, self._order)]
+        scale = 1.0 / np.sqrt(np.where(mass.diagonal() > 0.0, mass.diagonal(), 1.0))
+        least, directions = np.linalg.eigh(scale[:, None] * mass * scale)
+        if not least[0] > SINGULAR:
+            joint = names[int(np.argmax(np.abs(directions[:, 0])))]
+            raise DescriptionError(
+                f"joint {joint!r}: under torques it moves nothing that weighs. Give its link an "
+                "<inertial>, or the joint an armature."
+            )
 
     def forward(self, q: FloatArray, dq: FloatArray, tau: FloatArray, out: FloatArray) -> None:
         """Accelerations that torques `tau` give."""

@@ -30,6 +30,9 @@ class RigidBody:
     Attributes:
         q, dq: positions and velocities.
         tau: torques of the motors, all told; at rest with the brakes on, what these carry.
+
+    Raises:
+        DescriptionError: a joint moves nothing that weighs.
     """
 
     def __init__(self, description: RobotDescription, settings: PlantSettings) -> None:
@@ -39,6 +42,7 @@ class RigidBody:
         self._advance, self._resist = kernels.advance, kernels.resist
         self._keep_between = kernels.keep_between
         self._dynamics = Dynamics(description)
+        self._dynamics.check_forward(description.initial_position)
         self._substeps = settings.substeps
         self._effort, self._least = np.array(description.effort), -description.effort
         self._stops = np.array(description.lower_hard), np.array(description.upper_hard)
@@ -61,7 +65,7 @@ class RigidBody:
             self._advance(self._ddq, h, *self._stops, self.q, self.dq)
 
     def hold(self, dt: float) -> None:
-        """Stand still: the brakes hold it."""
+        """Stand still: the brakes hold it, and stop it at once where it still moves."""
         del dt
         self.dq[:] = 0.0
         self._dynamics.gravity(self.q, self.tau)

@@ -10,6 +10,7 @@ from strong_arms import small, strong
 
 from protocol.description import RobotDescription
 from protocol.dynamics import Dynamics
+from protocol.errors import DescriptionError
 from robot_emulator.config import PlantSettings
 from robot_emulator.rigid_body import SLIDING, RigidBody
 
@@ -170,3 +171,15 @@ def test_brakes_hold_it_against_gravity_and_show_what_they_carry():
     np.testing.assert_array_equal(held.q, place)
     np.testing.assert_array_equal(held.dq, 0.0)
     np.testing.assert_array_equal(held.tau, carried)
+
+
+def test_a_joint_that_moves_nothing_that_weighs_is_refused():
+    """An armature is enough."""
+    arm = small("torque")
+    inertia = '<inertia ixx="0.0003" iyy="0.0005" izz="0.0005" ixy="0" ixz="0" iyz="0"/>'
+    none = inertia.replace("0.0003", "0").replace("0.0005", "0")
+    light = arm.urdf.replace(inertia, none).replace('<mass value="0.4"/>', '<mass value="0"/>')
+    with pytest.raises(DescriptionError, match="'wrist': under torques it moves nothing"):
+        body(arm.model_copy(update={"urdf": light}))
+    joints = [joint.model_copy(update={"armature": 1e-3}) for joint in arm.joints]
+    body(arm.model_copy(update={"urdf": light, "joints": tuple(joints)}))
