@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from viability import allows, random_states
 
 from protocol.errors import BadProblemError
-from protocol.limits import AccelerationBounds, acceleration_bounds
+from protocol.limits import AccelerationBounds, acceleration_bounds, naive_acceleration_bounds
 
 SEEDS = st.integers(0, 2**32 - 1)
 LIMITS = (-2.0, 2.0, 2.0, 12.0)
@@ -195,3 +195,4 @@ def test_the_naive_bounds_are_those_of_2():
     assert (least[0], most[0]) == (-12.0, 12.0)
     bounds.solve_naive(np.array([1.9999]), np.array([0.05]), least, most)
     assert most[0] == pytest.approx(2 * (0.0001 - 0.0005) / T**2)
+    assert naive_acceleration_bounds(1.9999, 0.05, *LIMITS, T) == (least, most)
