@@ -209,7 +209,9 @@ def acceleration_bounds(
         BadProblemError: as `AccelerationBounds` and its `solve`.
     """
     limits = lower, upper, velocity, acceleration, period_s
-    settings = {"deceleration": deceleration, "horizon_s": horizon_s, "shrink": shrink}
+    settings: dict[str, Any] = {
+        "deceleration": deceleration, "horizon_s": horizon_s, "shrink": shrink
+    }  # fmt: skip
     return _of_state(AccelerationBounds.solve, q, dq, *limits, **settings)
 
 
@@ -241,10 +243,12 @@ def _of_state(
     """Bounds of one state, in new arrays."""
     try:
         position, speed = np.atleast_1d(np.array(q, float)), np.atleast_1d(np.array(dq, float))
-        ends = [np.broadcast_to(np.asarray(end, float), position.shape) for end in (lower, upper)]
+        least, most = (
+            np.broadcast_to(np.asarray(end, float), position.shape) for end in (lower, upper)
+        )
     except ValueError as error:
         raise BadProblemError(f"q, dq and limits must be numbers, one a joint: {error}.") from error
-    bounds = AccelerationBounds(*ends, *limits, **settings)
-    least, most = np.empty(bounds.n), np.empty(bounds.n)
-    solve(bounds, position, speed, least, most)
-    return least, most
+    bounds = AccelerationBounds(least, most, *limits, **settings)
+    lower_out, upper_out = np.empty(bounds.n), np.empty(bounds.n)
+    solve(bounds, position, speed, lower_out, upper_out)
+    return lower_out, upper_out

@@ -188,6 +188,29 @@ def test_wrong_arrays_are_refused(q):
         bounds.solve(q, np.zeros(1), np.zeros(1), np.zeros(1))
 
 
+@pytest.mark.parametrize(
+    ("part", "given"),
+    [
+        ("velocity", {"velocity": 12.0 * T}),
+        ("velocity", {"velocity": 12.0 * 3 * T, "horizon_s": 3 * T}),
+        ("upper", {"upper": 12.0 * T**2}),
+        ("upper", {"upper": 0.5 * 12.0 * T**2 * (1 + 12 / 6), "deceleration": 6.0}),
+        ("upper", {"upper": 0.5 * 12.0 * T**2 * (1 + 12 / 3), "brake_share": 0.25}),
+    ],
+)
+def test_condition_11_is_kept_at_equality_and_refused_just_beyond(part, given):
+    limits = {"lower": 0.0, "upper": 4.0, "velocity": 2.0, "acceleration": 12.0, "period_s": T}
+    AccelerationBounds(**{**limits, **given})
+    with pytest.raises(BadProblemError, match=r"\(11\) is violated"):
+        AccelerationBounds(**{**limits, **given, part: 0.999 * given[part]})
+
+
+@pytest.mark.parametrize("q", [[0.0, 0.0], "low"])
+def test_states_and_limits_that_do_not_fit_are_refused(q):
+    with pytest.raises(BadProblemError, match="one a joint"):
+        acceleration_bounds(q, 0.0, [-1.0] * 3, [1.0] * 3, 2.0, 12.0, T)
+
+
 def test_the_naive_bounds_are_those_of_2():
     bounds = AccelerationBounds(*LIMITS, T)
     least, most = np.empty(1), np.empty(1)
