@@ -121,8 +121,10 @@ class AccelerationGate:
 
     def _within_ends(self) -> AccelerationBounds:
         robot, (_, slower, share) = self._description, self._margin
+        least, most = self._ends
         return AccelerationBounds(
-            *self._ends,
+            least,
+            most,
             robot.velocity * (1.0 - slower),
             self._brake,
             self._dt,

@@ -9,11 +9,13 @@ import pytest
 from strong_arms import small, strong
 
 from protocol.description import CommandKind, RobotDescription
+from protocol.limits import acceleration_bounds
 from robot_emulator.acceleration_safety import TORQUE_MARGIN, AccelerationGate
 from robot_emulator.body import build_body
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.plant import Plant
 from robot_emulator.rigid_body import RigidBody
+from robot_emulator.robots import load
 
 T = 0.001
 HOLD_TICKS = 5
@@ -209,6 +211,70 @@ def test_efforts_that_are_too_small_are_counted_and_name_the_joint():
     assert gate.torque_limited == 1
     assert gate.weak == 1
     assert np.abs(gate.value[1]) == 0.5
+
+
+@pytest.mark.parametrize("seed", [100, 104])
+def test_where_one_joint_lacks_efforts_the_others_keep_their_limits(seed: int):
+    """Baxter with its own motors, thrown about, then stopped: only s1 may do what it must."""
+    arm = load("baxter_left_arm").model_copy(update={"command_kinds": ("torque",)})
+    rng = np.random.default_rng(seed)
+    start = tuple(rng.uniform(arm.lower, arm.upper))
+    body, gate = gated(arm.model_copy(update={"postures": {arm.initial_posture: start}}))
+    others = np.arange(7) != 1
+    for tick in range(1000):
+        if tick % 50 == 0:
+            torques = rng.uniform(-1.0, 1.0, 7) * arm.effort
+        if tick < 300:
+            gate.follow(torques, tick)
+        elif tick == 300:
+            gate.begin_stop()
+        if tick >= 300 and gate.brake():
+            break
+        body.step(gate.value, T)
+        assert np.all(np.abs(body.dq)[others] <= arm.velocity[others])
+        assert np.all((body.q >= arm.lower)[others] & (body.q <= arm.upper)[others])
+    assert gate.torque_limited > 50
+
+
+def test_a_joint_lacks_efforts_only_while_it_does():
+    description = small("torque", "none")
+    joints = [joint.model_copy(update={"effort": 0.5}) for joint in description.joints]
+    body, gate = gated(description.model_copy(update={"joints": tuple(joints)}))
+    body.dq[1] = 3.0  # too fast
+    gate.follow(np.zeros(3), 0)
+    assert gate.weak == 1
+    body.reset(description.initial_position)
+    assert gate.follow(np.zeros(3), 1) == -1
+    assert (gate.weak, gate.torque_limited) == (-1, 1)
+
+
+def test_a_torque_beyond_the_efforts_is_an_intervention_though_what_it_does_is_allowed():
+    arm = small("torque", "none")
+    joints = [joint.model_copy(update={"effort": 1e-3}) for joint in arm.joints]
+    _, gate = gated(arm.model_copy(update={"joints": tuple(joints)}))
+    assert gate.follow(np.array([0.0, 1e-3 * (1.0 + 1e-12), 0.0]), 0) == -1
+    assert gate.follow(np.array([0.0, 1.1e-3, 0.0]), 0) == 1
+    assert (gate.interventions, gate.torque_limited) == (1, 0)
+
+
+def test_what_is_held_in_a_gap_is_held_back_and_counted_as_well():
+    _, gate = gated(small("acceleration"))
+    gate.follow(np.array([100.0, 0.0, 0.0]), 0)
+    assert gate.hold() == 0
+    assert gate.interventions == 2
+
+
+def test_bounds_are_those_for_two_periods():
+    arm = small("acceleration")
+    body, gate = gated(arm)
+    body.q[0], body.dq[0] = arm.upper[0] - 0.01, 0.63
+    gate.follow(np.full(3, 1e9), 0)
+    A = arm.brake_acceleration
+    limits = arm.lower, arm.upper, arm.velocity, A
+    two = acceleration_bounds(body.q, body.dq, *limits, T, horizon_s=2 * T)[1]
+    one = acceleration_bounds(body.q, body.dq, *limits, T)[1]
+    np.testing.assert_allclose(gate.value, two, atol=1e-3)
+    assert one[0] > two[0] + 1.0
 
 
 def test_a_joint_that_starts_outside_its_range_goes_no_further_out():

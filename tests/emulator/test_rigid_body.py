@@ -183,3 +183,25 @@ def test_a_joint_that_moves_nothing_that_weighs_is_refused():
         body(arm.model_copy(update={"urdf": light}))
     joints = [joint.model_copy(update={"armature": 1e-3}) for joint in arm.joints]
     body(arm.model_copy(update={"urdf": light, "joints": tuple(joints)}))
+
+
+@pytest.mark.parametrize("gravity", ["full", "compensated"])
+def test_joints_whose_efforts_suffice_get_their_accelerations_beside_those_that_lack(gravity: str):
+    """Friction and all; whoever lacks gives all it has."""
+    rng = np.random.default_rng(4)
+    some, all_of_them = 0, 0
+    for _ in range(100):
+        description = strong("torque", gravity, times=rng.choice([0.05, 0.2, 1.0]))
+        arm = body(description)
+        arm.q[:] = rng.uniform(description.lower, description.upper)
+        arm.dq[:] = 0.3 * rng.uniform(-1.0, 1.0, 7) * description.velocity
+        wanted = rng.uniform(-1.0, 1.0, 7) * description.brake_acceleration
+        torques, found = np.zeros(7), np.zeros(7)
+        weak = arm.torques(wanted, T, torques)
+        assert arm.accelerations(torques, T, found) == -1
+        lacks = np.abs(arm.tau) >= description.effort * (1 - 1e-12)
+        assert (weak >= 0) == bool(lacks.any())
+        np.testing.assert_allclose(found[~lacks], wanted[~lacks], rtol=1e-6, atol=1e-6)
+        some, all_of_them = some + bool(lacks.any()), all_of_them + bool(lacks.all())
+    assert some > 50
+    assert all_of_them < some
