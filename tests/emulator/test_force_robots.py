@@ -56,12 +56,12 @@ def test_setpoints_of_another_kind_are_refused(kind: CommandKind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_silence_is_held_then_braked_then_a_safe_stop_until_recovered(kind: CommandKind):
-    made = bench(kind, hold_ticks=5, misses_to_stop=20)
+    made = bench(kind, hold_ticks=7, misses_to_stop=20)
     push(made, 10.0)
     moving = made.run(100)
     made.fate = lambda tick, answer: []
-    held = made.run(6)  # one more setpoint was on its way
-    assert held.dq[0] > moving.dq[0] + 0.04
+    held = made.run(8)  # one more setpoint was on its way
+    assert held.dq[0] > moving.dq[0] + 0.06
     braked = made.run(10)
     assert braked.dq[0] < held.dq[0]
     assert braked.mode == State.ACTIVE

@@ -125,10 +125,27 @@ def test_without_limits_all_the_joint_has_is_allowed():
     assert (least[0], most[0]) == (-inf, inf)
 
 
+def least_gap(span, speed, A=12.0):
+    """Upper less lower bound, each computed for its side alone, where a joint can just stop."""
+    inf, room = np.inf, np.geomspace(1e-12, 1.0, 2000) * min(span, 1.0)
+    v = np.minimum(np.sqrt(2.0 * A * room), speed)
+    most = acceleration_bounds(-room, v, -inf, 0.0, inf, A, T)[1]
+    least = acceleration_bounds(-room, v, -span, inf, inf, A, T)[0]
+    return (most - np.maximum(least, (-speed - v) / T)).min() / A
+
+
+def test_condition_11_is_what_keeps_the_bounds_apart():
+    """At equality no state has crossing bounds, just beyond it some do."""
+    A, far = 12.0, 1e3
+    assert least_gap(A * T**2, far) >= -1e-9
+    assert least_gap(0.97 * A * T**2, far) < -1e-3
+    assert least_gap(far, A * T) >= -1e-9
+    assert least_gap(far, 0.97 * A * T) < -1e-3
+
+
 @settings(max_examples=50)
 @given(seed=SEEDS)
-def test_condition_11_is_what_keeps_the_bounds_apart(seed):
-    """At equality no state has crossing bounds; shrinking gives just that."""
+def test_shrinking_gives_just_what_condition_11_asks_for(seed):
     rng = np.random.default_rng(seed)
     n = 200
     span, speed = 10.0 ** rng.uniform(-2, 1, n), 10.0 ** rng.uniform(-1, 1, n)
