@@ -105,7 +105,7 @@ def test_efforts_that_do_not_suffice_are_an_event_and_a_count():
     assert told[0] == ("TORQUE_LIMITED", 1)
     counted = made.robot.summary()["torque_limited"]
     assert isinstance(counted, int)
-    assert counted >= len(told)
+    assert counted > 10 * len(told)  # the event tells when it begins
 
 
 @pytest.mark.parametrize("word", ["stop", "release"])
