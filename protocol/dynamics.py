@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from protocol.description import RobotDescription
+from protocol.errors import DescriptionError
 from protocol.messages import FloatArray
 from protocol.model import build_model
+
+SINGULAR = 1e-12  # least eigenvalue of M, scaled to 1 on its diagonal
 
 
 class Dynamics:
@@ -33,7 +36,7 @@ class Dynamics:
         self.robot = build_model(description)
         self.n = description.n
         self._model, self._data, self._order = self.robot.model, self.robot.data, self.robot.order
-        self._aba, self._rnea = pinocchio.aba, pinocchio.rnea
+        self._aba, self._rnea, self._crba = pinocchio.aba, pinocchio.rnea, pinocchio.crba
         self._gravity_torque = pinocchio.computeGeneralizedGravity
         if description.gravity == "none":
             self._model.gravity.setZero()
@@ -43,6 +46,31 @@ class Dynamics:
         self.damping = np.array(self._model.damping)[self._order]
         self.friction = np.array(self._model.friction)[self._order]
         self._q, self._v, self._x = np.zeros(self.n), np.zeros(self.n), np.zeros(self.n)
+
+    def mass(self, q: FloatArray) -> FloatArray:
+        """M(q), a new (n, n)."""
+        self._q[self._order] = q
+        upper = np.triu(self._crba(self._model, self._data, self._q))
+        return np.asarray((upper + np.triu(upper, 1).T)[np.ix_(self._order, self._order)])
+
+    def check_forward(self, q: FloatArray) -> None:
+        """Refuse a robot of which torques do not say how it moves.
+
+        Args:
+            q: a posture, (n,).
+
+        Raises:
+            DescriptionError: a joint moves nothing that weighs.
+        """
+        names, mass = self.robot.description.joint_names, self.mass(q)
+        scale = 1.0 / np.sqrt(np.where(mass.diagonal() > 0.0, mass.diagonal(), 1.0))
+        least, directions = np.linalg.eigh(scale[:, None] * mass * scale)
+        if not least[0] > SINGULAR:
+            joint = names[int(np.argmax(np.abs(directions[:, 0])))]
+            raise DescriptionError(
+                f"joint {joint!r}: under torques it moves nothing that weighs. Give its link an "
+                "<inertial>, or the joint an armature."
+            )
 
     def forward(self, q: FloatArray, dq: FloatArray, tau: FloatArray, out: FloatArray) -> None:
         """Accelerations that torques `tau` give."""

@@ -10,7 +10,7 @@ source). The controller and the robot use the same.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -210,17 +210,47 @@ def acceleration_bounds(
     Raises:
         BadProblemError: as `AccelerationBounds` and its `solve`.
     """
-    position, speed = np.atleast_1d(np.array(q, float)), np.atleast_1d(np.array(dq, float))
-    bounds = AccelerationBounds(
-        np.broadcast_to(np.asarray(lower, float), position.shape),
-        np.broadcast_to(np.asarray(upper, float), position.shape),
-        velocity,
-        acceleration,
-        period_s,
-        deceleration=deceleration,
-        horizon_s=horizon_s,
-        shrink=shrink,
-    )
-    least, most = np.empty(bounds.n), np.empty(bounds.n)
-    bounds.solve(position, speed, least, most)
-    return least, most
+    limits = lower, upper, velocity, acceleration, period_s
+    settings: dict[str, Any] = {
+        "deceleration": deceleration, "horizon_s": horizon_s, "shrink": shrink
+    }  # fmt: skip
+    return _of_state(AccelerationBounds.solve, q, dq, *limits, **settings)
+
+
+def naive_acceleration_bounds(
+    q: ArrayLike,
+    dq: ArrayLike,
+    lower: ArrayLike,
+    upper: ArrayLike,
+    velocity: ArrayLike,
+    acceleration: ArrayLike,
+    period_s: float,
+    *,
+    deceleration: ArrayLike | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """As `acceleration_bounds`, but by (2): to compare with, for it does not keep the limits."""
+    limits = lower, upper, velocity, acceleration, period_s
+    return _of_state(AccelerationBounds.solve_naive, q, dq, *limits, deceleration=deceleration)
+
+
+def _of_state(
+    solve: Callable[..., None],
+    q: ArrayLike,
+    dq: ArrayLike,
+    lower: ArrayLike,
+    upper: ArrayLike,
+    *limits: Any,
+    **settings: Any,
+) -> tuple[FloatArray, FloatArray]:
+    """Bounds of one state, in new arrays."""
+    try:
+        position, speed = np.atleast_1d(np.array(q, float)), np.atleast_1d(np.array(dq, float))
+        least, most = (
+            np.broadcast_to(np.asarray(end, float), position.shape) for end in (lower, upper)
+        )
+    except ValueError as error:
+        raise BadProblemError(f"q, dq and limits must be numbers, one a joint: {error}.") from error
+    bounds = AccelerationBounds(least, most, *limits, **settings)
+    lower_out, upper_out = np.empty(bounds.n), np.empty(bounds.n)
+    solve(bounds, position, speed, lower_out, upper_out)
+    return lower_out, upper_out

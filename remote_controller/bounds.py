@@ -5,12 +5,17 @@ See `protocol.limits` and `protocol.torque_limits`.
 
 from __future__ import annotations
 
-from protocol.limits import AccelerationBounds, acceleration_bounds
+from protocol.limits import (
+    AccelerationBounds,
+    acceleration_bounds,
+    naive_acceleration_bounds,
+)
 from protocol.torque_limits import TorqueAccelerationBounds, torque_acceleration_bounds
 
 __all__ = [
     "AccelerationBounds",
     "TorqueAccelerationBounds",
     "acceleration_bounds",
+    "naive_acceleration_bounds",
     "torque_acceleration_bounds",
 ]

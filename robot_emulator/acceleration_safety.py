@@ -25,6 +25,10 @@ PERIODS_AHEAD = 2
 
 REST = 1e-3  # rad/s or m/s: a braking robot that is slower than this sets its brakes
 
+PATIENCE_S = 0.5
+"""A stop that takes so much longer than planned, because efforts do not suffice, is left to the
+brakes: they hold whatever the motors cannot."""
+
 
 class TorquePlant(Plant, Protocol):
     """A plant that takes torques, and knows its own dynamics."""
@@ -40,8 +44,9 @@ class AccelerationGate:
     """Accelerations within the bounds that keep each joint able to stop (`protocol.limits`).
 
     The bounds are those for twice the period, with the description's `brake_acceleration`, on its
-    usable range and velocity less a margin. A joint that starts outside its range may not go
-    further out. What is within them passes bit by bit.
+    usable range and velocity less a margin, and never with more than `setpoint_acceleration_max`.
+    A joint that starts outside its range may not go further out, and once somebody new commands it
+    not out again. What is within the bounds passes bit by bit.
 
     A missing setpoint is replaced by the last one, at most `hold_ticks` times in a row. Then all
     joints brake together, in a straight line, until the next one comes.
@@ -59,6 +64,9 @@ class AccelerationGate:
         interventions: periods in which some joint was held back.
         weak: the first joint whose effort is too small to keep the bounds in this period, or -1.
         torque_limited: periods in which there was one.
+
+    Raises:
+        BadProblemError: limits too narrow for the accelerations, by condition (11).
     """
 
     def __init__(
@@ -75,7 +83,9 @@ class AccelerationGate:
         self._description, self._plant = description, plant
         self._dt = description.period_s
         self._hold_ticks, self._margin = hold_ticks, margin
-        self._brake = np.array(description.brake_acceleration)
+        self._brake = np.minimum(
+            description.brake_acceleration, description.setpoint_acceleration_max
+        )
         self.reference = plant.q
         self.value = np.zeros(n)
         self.interventions = self.torque_limited = 0
@@ -86,30 +96,42 @@ class AccelerationGate:
         self._have = self._braking = False
         self._stop_speed = np.zeros(n)
         self._stop_ticks = self._stopped_for = 0
+        room = margin[0]
+        self._usual = np.array([description.lower + room, description.upper - room])
+        self._ends = self._usual.copy()  # of the range in use
+        self._bounds = self._within_ends()
 
     def reset(self, q: FloatArray) -> None:
-        """Be at rest at `q`, (n,).
-
-        Raises:
-            BadProblemError: limits too narrow for the accelerations, by condition (11).
-        """
-        robot, (room, slower, brake) = self._description, self._margin
-        self._bounds = AccelerationBounds(
-            np.minimum(robot.lower + room, q),
-            np.maximum(robot.upper - room, q),
-            robot.velocity * (1.0 - slower),
-            robot.brake_acceleration,
-            self._dt,
-            horizon_s=PERIODS_AHEAD * self._dt,
-            brake_share=brake,
-            names=robot.joint_names,
-        )
-        self.forget()
+        """Be at rest at `q`, (n,)."""
+        self._ends[0], self._ends[1] = -np.inf, np.inf
+        self._begin_at(q)
 
     def forget(self) -> None:
         """Forget earlier setpoints: nothing is asked for but to stay."""
+        self._begin_at(self._plant.q)
+
+    def _begin_at(self, q: FloatArray) -> None:
+        """End the range of a joint that was outside where it is; what is inside stays inside."""
+        (lower, upper), (least, most) = self._usual, self._ends
+        np.maximum(least, np.minimum(lower, q), out=least)
+        np.minimum(most, np.maximum(upper, q), out=most)
+        self._bounds = self._within_ends()
         self._have = self._braking = False
         self._missed = 0
+
+    def _within_ends(self) -> AccelerationBounds:
+        robot, (_, slower, share) = self._description, self._margin
+        least, most = self._ends
+        return AccelerationBounds(
+            least,
+            most,
+            robot.velocity * (1.0 - slower),
+            self._brake,
+            self._dt,
+            horizon_s=PERIODS_AHEAD * self._dt,
+            brake_share=share,
+            names=robot.joint_names,
+        )
 
     def follow(self, setpoint: FloatArray, tick: int) -> int:
         """Take a setpoint, (n,).
@@ -145,17 +167,20 @@ class AccelerationGate:
         self._stopped_for = 0
 
     def brake(self) -> bool:
-        """One period of the planned stop; True once at rest."""
+        """One period of the planned stop; True once the brakes may be set.
+
+        That is at rest, or `PATIENCE_S` after the planned end of the stop.
+        """
         dq = self._plant.dq
         slow = float(np.abs(dq).max(initial=0.0)) <= REST
-        resting = slow and self._stopped_for >= self._stop_ticks
+        late = (self._stopped_for - self._stop_ticks) * self._dt >= PATIENCE_S
         self._stopped_for += 1
         share = max(0.0, 1.0 - self._stopped_for / self._stop_ticks)
         np.multiply(self._stop_speed, share, out=self._wanted)
         self._wanted -= dq
         self._wanted /= self._dt
         self._drive(self._wanted)
-        return resting
+        return slow or late
 
     def _apply(self, command: FloatArray) -> int:
         held = self._pass(command)

@@ -43,4 +43,4 @@ class Gate(Protocol):
         """Plan to brake to rest."""
 
     def brake(self) -> bool:
-        """One period of the planned stop; True once at rest."""
+        """One period of the planned stop; True once at rest, or where only brakes can help."""

@@ -120,14 +120,17 @@ def resist(
 def keep_between(wanted: FloatArray, lower: FloatArray, upper: FloatArray, out: FloatArray) -> int:
     """Cut `wanted` to its bounds; what is within them is copied bit by bit. All arrays (n,).
 
+    `out` may be `wanted`.
+
     Returns:
         The number of the first joint that was cut, or -1.
     """
     cut = -1
     for i in range(out.size):
-        out[i] = min(max(wanted[i], lower[i]), upper[i])
-        if out[i] != wanted[i] and cut < 0:
+        kept = min(max(wanted[i], lower[i]), upper[i])
+        if kept != wanted[i] and cut < 0:
             cut = i
+        out[i] = kept
     return cut
 
 

@@ -9,6 +9,7 @@ from protocol.dynamics import Dynamics
 from protocol.messages import FloatArray
 from robot_emulator.config import PlantSettings
 
+ROUNDING = 1e-9  # of an effort: a torque that exceeds it by no more was meant to be it
 SLIDING = 0.01  # rad/s or m/s: above it friction is Coulomb's, below it grows in proportion
 
 
@@ -30,6 +31,9 @@ class RigidBody:
     Attributes:
         q, dq: positions and velocities.
         tau: torques of the motors, all told; at rest with the brakes on, what these carry.
+
+    Raises:
+        DescriptionError: a joint moves nothing that weighs.
     """
 
     def __init__(self, description: RobotDescription, settings: PlantSettings) -> None:
@@ -39,13 +43,16 @@ class RigidBody:
         self._advance, self._resist = kernels.advance, kernels.resist
         self._keep_between = kernels.keep_between
         self._dynamics = Dynamics(description)
+        self._dynamics.check_forward(description.initial_position)
         self._substeps = settings.substeps
         self._effort, self._least = np.array(description.effort), -description.effort
+        self._beyond = (1.0 + ROUNDING) * self._least, (1.0 + ROUNDING) * self._effort
         self._stops = np.array(description.lower_hard), np.array(description.upper_hard)
         self._compensated = description.gravity == "compensated"
         self._viscous = self._dynamics.damping if settings.friction else np.zeros(n)
         self._coulomb = self._dynamics.friction if settings.friction else np.zeros(n)
-        self._net, self._ddq, self._added, self._weight, self._needed = np.zeros((5, n))
+        self._net, self._ddq, self._added, self._weight = np.zeros((4, n))
+        self._needed, self._slope, self._asked = np.zeros((3, n))
         self.q, self.dq, self.tau = np.zeros((3, n))
 
     def reset(self, q: FloatArray) -> None:
@@ -61,7 +68,7 @@ class RigidBody:
             self._advance(self._ddq, h, *self._stops, self.q, self.dq)
 
     def hold(self, dt: float) -> None:
-        """Stand still: the brakes hold it."""
+        """Stand still: the brakes hold it, and stop it at once where it still moves."""
         del dt
         self.dq[:] = 0.0
         self._dynamics.gravity(self.q, self.tau)
@@ -70,14 +77,16 @@ class RigidBody:
         """Write what torques, (n,), would give over `dt` [s], (n,) [rad/s² or m/s²].
 
         Returns:
-            The number of the first joint whose effort is too small, or -1.
+            The number of the first joint whose torque is beyond its effort, or -1.
         """
-        weak = self._forward(command, dt)
+        self._forward(command, dt)
         out[:] = self._ddq
-        return weak
+        return int(self._keep_between(self._asked, *self._beyond, self._needed))
 
     def torques(self, ddq: FloatArray, dt: float, out: FloatArray) -> int:
         """Write the command, (n,), that accelerations need over `dt` [s], as far as efforts allow.
+
+        Joints whose efforts suffice get theirs beside others that lack the efforts.
 
         Returns:
             The number of the first joint whose effort is too small, or -1.
@@ -85,24 +94,47 @@ class RigidBody:
         self._dynamics.inverse(self.q, self.dq, ddq, self._needed)
         self._resist(self.dq, self._viscous, self._coulomb, SLIDING, self._added, self._net)
         self._needed -= self._net
+        np.copyto(self._slope, self._added)
         self._added *= dt
         self._added *= ddq
         self._needed += self._added
         short: int = self._keep_between(self._needed, self._least, self._effort, out)
+        if short >= 0:
+            self._make_up(dt, out)
         if self._compensated:
             self._dynamics.gravity(self.q, self._weight)
             out -= self._weight
         return short
 
-    def _forward(self, command: FloatArray, h: float) -> int:
+    def _make_up(self, dt: float, out: FloatArray) -> None:
+        """Let joints keep their accelerations beside others that lack the efforts for theirs.
+
+        With the torques τ_S of these fixed, their ddq miss δ_S, M_SS·δ_S = τ_S − needed_S, and the
+        others need M_·S·δ_S besides. Whoever lacks that joins S.
+        """
+        mass = self._dynamics.mass(self.q)
+        mass[np.diag_indices_from(mass)] += dt * self._slope
+        short = out != self._needed
+        while True:
+            lacking = (out - self._needed)[short]
+            beside = self._needed + mass[:, short] @ np.linalg.solve(
+                mass[np.ix_(short, short)], lacking
+            )
+            cut = np.clip(beside, self._least, self._effort)
+            out[~short] = cut[~short]
+            more = (cut != beside) & ~short
+            if not more.any():
+                return
+            short |= more
+
+    def _forward(self, command: FloatArray, h: float) -> None:
         """Accelerations of a step of `h` [s] under a command, and the torques of the motors."""
-        np.copyto(self.tau, command)
+        np.copyto(self._asked, command)
         if self._compensated:
             self._dynamics.gravity(self.q, self._weight)
-            self.tau += self._weight
-        weak: int = self._keep_between(self.tau, self._least, self._effort, self.tau)
+            self._asked += self._weight
+        self._keep_between(self._asked, self._least, self._effort, self.tau)
         self._resist(self.dq, self._viscous, self._coulomb, SLIDING, self._added, self._net)
         self._net += self.tau
         self._added *= h
         self._dynamics.forward_damped(self.q, self.dq, self._net, self._added, self._ddq)
-        return weak

@@ -8,7 +8,7 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from protocol.model import build_model
+from protocol.dynamics import Dynamics
 from protocol.torque_limits import Velocities, torque_acceleration_bounds
 from robot_emulator.service import describe
 from tools.services import emulator_config
@@ -31,7 +31,7 @@ def sample(
     """
     description = describe(*emulator_config(robot, []))
     found = torque_acceleration_bounds(
-        build_model(description),
+        Dynamics(description).robot,  # whose gravity is that of the description
         samples,
         velocities=velocities,
         polish=polish,

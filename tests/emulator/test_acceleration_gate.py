@@ -9,11 +9,13 @@ import pytest
 from strong_arms import small, strong
 
 from protocol.description import CommandKind, RobotDescription
-from robot_emulator.acceleration_safety import TORQUE_MARGIN, AccelerationGate
+from protocol.limits import acceleration_bounds
+from robot_emulator.acceleration_safety import REST, TORQUE_MARGIN, AccelerationGate
 from robot_emulator.body import build_body
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.plant import Plant
 from robot_emulator.rigid_body import RigidBody
+from robot_emulator.robots import load
 
 T = 0.001
 HOLD_TICKS = 5
@@ -211,6 +213,75 @@ def test_efforts_that_are_too_small_are_counted_and_name_the_joint():
     assert np.abs(gate.value[1]) == 0.5
 
 
+@pytest.mark.parametrize(("seed", "at_rest"), [(100, False), (107, True)])
+def test_where_one_joint_lacks_efforts_the_others_keep_their_limits(seed: int, at_rest: bool):
+    """Baxter with its own motors, thrown about, then stopped: only s1 may do what it must.
+
+    In one case it comes to rest later than planned, in the other one only brakes can hold it.
+    """
+    arm = load("baxter_left_arm").model_copy(update={"command_kinds": ("torque",)})
+    rng = np.random.default_rng(seed)
+    start = tuple(rng.uniform(arm.lower, arm.upper))
+    body, gate = gated(arm.model_copy(update={"postures": {arm.initial_posture: start}}))
+    others = np.arange(7) != 1
+    for tick in range(1500):
+        if tick % 50 == 0:
+            torques = rng.uniform(-1.0, 1.0, 7) * arm.effort
+        if tick < 300:
+            gate.follow(torques, tick)
+        elif tick == 300:
+            gate.begin_stop()
+        if tick >= 300 and gate.brake():
+            break
+        body.step(gate.value, T)
+        assert np.all(np.abs(body.dq)[others] <= arm.velocity[others])
+        assert np.all((body.q >= arm.lower)[others] & (body.q <= arm.upper)[others])
+    assert gate.torque_limited > 50
+    assert (np.abs(body.dq).max() <= REST) == at_rest
+    assert np.abs(body.dq)[others].max() <= REST
+
+
+def test_a_joint_lacks_efforts_only_while_it_does():
+    description = small("torque", "none")
+    joints = [joint.model_copy(update={"effort": 0.5}) for joint in description.joints]
+    body, gate = gated(description.model_copy(update={"joints": tuple(joints)}))
+    body.dq[1] = 3.0  # too fast
+    gate.follow(np.zeros(3), 0)
+    assert gate.weak == 1
+    body.reset(description.initial_position)
+    assert gate.follow(np.zeros(3), 1) == -1
+    assert (gate.weak, gate.torque_limited) == (-1, 1)
+
+
+def test_a_torque_beyond_the_efforts_is_an_intervention_though_what_it_does_is_allowed():
+    arm = small("torque", "none")
+    joints = [joint.model_copy(update={"effort": 1e-3}) for joint in arm.joints]
+    _, gate = gated(arm.model_copy(update={"joints": tuple(joints)}))
+    assert gate.follow(np.array([0.0, 1e-3 * (1.0 + 1e-12), 0.0]), 0) == -1
+    assert gate.follow(np.array([0.0, 1.1e-3, 0.0]), 0) == 1
+    assert (gate.interventions, gate.torque_limited) == (1, 0)
+
+
+def test_what_is_held_in_a_gap_is_held_back_and_counted_as_well():
+    _, gate = gated(small("acceleration"))
+    gate.follow(np.array([100.0, 0.0, 0.0]), 0)
+    assert gate.hold() == 0
+    assert gate.interventions == 2
+
+
+def test_bounds_are_those_for_two_periods():
+    arm = small("acceleration")
+    body, gate = gated(arm)
+    body.q[0], body.dq[0] = arm.upper[0] - 0.01, 0.63
+    gate.follow(np.full(3, 1e9), 0)
+    A = arm.brake_acceleration
+    limits = arm.lower, arm.upper, arm.velocity, A
+    two = acceleration_bounds(body.q, body.dq, *limits, T, horizon_s=2 * T)[1]
+    one = acceleration_bounds(body.q, body.dq, *limits, T)[1]
+    np.testing.assert_allclose(gate.value, two, atol=1e-3)
+    assert one[0] > two[0] + 1.0
+
+
 def test_a_joint_that_starts_outside_its_range_goes_no_further_out():
     arm = small("acceleration")
     posture = {"bent": (2.55, 1.0, -0.5)}  # the usable range ends at 2.5
@@ -221,3 +292,36 @@ def test_a_joint_that_starts_outside_its_range_goes_no_further_out():
         assert body.q[0] <= 2.55
     gate.follow(np.array([-1.0, 0.0, 0.0]), 300)
     assert gate.value[0] == -1.0
+
+
+def test_what_has_come_in_does_not_go_out_again_under_the_next_one_who_commands():
+    arm = small("acceleration")
+    posture = {"bent": (2.55, 1.0, -0.5)}  # the usable range ends at 2.5
+    body, gate = gated(arm.model_copy(update={"postures": posture}))
+    for outwards in range(2):
+        gate.forget()
+        for tick in range(1500):
+            push = 2.0 if outwards else -0.2
+            gate.follow(np.array([push, 0.0, 0.0]), tick)
+            body.step(gate.value, T)
+            assert body.q[0] <= (2.5 if outwards else 2.55)
+    assert body.q[0] > 2.49
+
+
+@pytest.mark.parametrize("kind", ["acceleration", "torque"])
+def test_a_brake_stronger_than_what_setpoints_may_is_used_as_far_as_they_may(kind: CommandKind):
+    arm = small(kind, "compensated")
+    changes = {"brake_acceleration": 20.0, "setpoint_acceleration_max": 5.0, "effort": 1e3}
+    joints = tuple(joint.model_copy(update=changes) for joint in arm.joints)
+    body, gate = gated(arm.model_copy(update={"joints": joints}))
+    push = command_for(body, np.full(3, 15.0))
+    for tick in range(100):
+        gate.follow(push, tick)
+        body.step(gate.value, T)
+    np.testing.assert_allclose(body.dq, 100 * 5.0 * T, rtol=0.05)
+    gate.begin_stop()
+    ticks = 0
+    while not gate.brake():
+        body.step(gate.value, T)
+        ticks += 1
+    assert ticks == pytest.approx(100, abs=20)

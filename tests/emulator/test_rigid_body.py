@@ -12,6 +12,7 @@ from strong_arms import small, strong
 
 from protocol.description import RobotDescription
 from protocol.dynamics import Dynamics
+from protocol.errors import DescriptionError
 from robot_emulator.config import PlantSettings
 from robot_emulator.rigid_body import SLIDING, RigidBody
 
@@ -178,3 +179,37 @@ def test_brakes_hold_it_against_gravity_and_show_what_they_carry():
     np.testing.assert_array_equal(held.q, place)
     np.testing.assert_array_equal(held.dq, 0.0)
     np.testing.assert_array_equal(held.tau, carried)
+
+
+def test_a_joint_that_moves_nothing_that_weighs_is_refused():
+    """An armature is enough."""
+    arm = small("torque")
+    inertia = '<inertia ixx="0.0003" iyy="0.0005" izz="0.0005" ixy="0" ixz="0" iyz="0"/>'
+    none = inertia.replace("0.0003", "0").replace("0.0005", "0")
+    light = arm.urdf.replace(inertia, none).replace('<mass value="0.4"/>', '<mass value="0"/>')
+    with pytest.raises(DescriptionError, match="'wrist': under torques it moves nothing"):
+        body(arm.model_copy(update={"urdf": light}))
+    joints = [joint.model_copy(update={"armature": 1e-3}) for joint in arm.joints]
+    body(arm.model_copy(update={"urdf": light, "joints": tuple(joints)}))
+
+
+@pytest.mark.parametrize("gravity", ["full", "compensated"])
+def test_joints_whose_efforts_suffice_get_their_accelerations_beside_those_that_lack(gravity: str):
+    """Friction and all; whoever lacks gives all it has."""
+    rng = np.random.default_rng(4)
+    some, all_of_them = 0, 0
+    for _ in range(100):
+        description = strong("torque", gravity, times=rng.choice([0.05, 0.2, 1.0]))
+        arm = body(description)
+        arm.q[:] = rng.uniform(description.lower, description.upper)
+        arm.dq[:] = 0.3 * rng.uniform(-1.0, 1.0, 7) * description.velocity
+        wanted = rng.uniform(-1.0, 1.0, 7) * description.brake_acceleration
+        torques, found = np.zeros(7), np.zeros(7)
+        weak = arm.torques(wanted, T, torques)
+        assert arm.accelerations(torques, T, found) == -1
+        lacks = np.abs(arm.tau) >= description.effort * (1 - 1e-12)
+        assert (weak >= 0) == bool(lacks.any())
+        np.testing.assert_allclose(found[~lacks], wanted[~lacks], rtol=1e-6, atol=1e-6)
+        some, all_of_them = some + bool(lacks.any()), all_of_them + bool(lacks.all())
+    assert some > 50
+    assert all_of_them < some

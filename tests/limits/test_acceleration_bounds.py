@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from viability import allows, random_states
 
 from protocol.errors import BadProblemError
-from protocol.limits import AccelerationBounds, acceleration_bounds
+from protocol.limits import AccelerationBounds, acceleration_bounds, naive_acceleration_bounds
 
 SEEDS = st.integers(0, 2**32 - 1)
 LIMITS = (-2.0, 2.0, 2.0, 12.0)
@@ -125,10 +125,27 @@ def test_without_limits_all_the_joint_has_is_allowed():
     assert (least[0], most[0]) == (-inf, inf)
 
 
+def least_gap(span, speed, A=12.0):
+    """Upper less lower bound, each computed for its side alone, where a joint can just stop."""
+    inf, room = np.inf, np.geomspace(1e-12, 1.0, 2000) * min(span, 1.0)
+    v = np.minimum(np.sqrt(2.0 * A * room), speed)
+    most = acceleration_bounds(-room, v, -inf, 0.0, inf, A, T)[1]
+    least = acceleration_bounds(-room, v, -span, inf, inf, A, T)[0]
+    return (most - np.maximum(least, (-speed - v) / T)).min() / A
+
+
+def test_condition_11_is_what_keeps_the_bounds_apart():
+    """At equality no state has crossing bounds, just beyond it some do."""
+    A, far = 12.0, 1e3
+    assert least_gap(A * T**2, far) >= -1e-9
+    assert least_gap(0.97 * A * T**2, far) < -1e-3
+    assert least_gap(far, A * T) >= -1e-9
+    assert least_gap(far, 0.97 * A * T) < -1e-3
+
+
 @settings(max_examples=50)
 @given(seed=SEEDS)
-def test_condition_11_is_what_keeps_the_bounds_apart(seed):
-    """At equality no state has crossing bounds; shrinking gives just that."""
+def test_shrinking_gives_just_what_condition_11_asks_for(seed):
     rng = np.random.default_rng(seed)
     n = 200
     span, speed = 10.0 ** rng.uniform(-2, 1, n), 10.0 ** rng.uniform(-1, 1, n)
@@ -188,6 +205,29 @@ def test_wrong_arrays_are_refused(q):
         bounds.solve(q, np.zeros(1), np.zeros(1), np.zeros(1))
 
 
+@pytest.mark.parametrize(
+    ("part", "given"),
+    [
+        ("velocity", {"velocity": 12.0 * T}),
+        ("velocity", {"velocity": 12.0 * 3 * T, "horizon_s": 3 * T}),
+        ("upper", {"upper": 12.0 * T**2}),
+        ("upper", {"upper": 0.5 * 12.0 * T**2 * (1 + 12 / 6), "deceleration": 6.0}),
+        ("upper", {"upper": 0.5 * 12.0 * T**2 * (1 + 12 / 3), "brake_share": 0.25}),
+    ],
+)
+def test_condition_11_is_kept_at_equality_and_refused_just_beyond(part, given):
+    limits = {"lower": 0.0, "upper": 4.0, "velocity": 2.0, "acceleration": 12.0, "period_s": T}
+    AccelerationBounds(**{**limits, **given})
+    with pytest.raises(BadProblemError, match=r"\(11\) is violated"):
+        AccelerationBounds(**{**limits, **given, part: 0.999 * given[part]})
+
+
+@pytest.mark.parametrize("q", [[0.0, 0.0], "low"])
+def test_states_and_limits_that_do_not_fit_are_refused(q):
+    with pytest.raises(BadProblemError, match="one a joint"):
+        acceleration_bounds(q, 0.0, [-1.0] * 3, [1.0] * 3, 2.0, 12.0, T)
+
+
 def test_the_naive_bounds_are_those_of_2():
     bounds = AccelerationBounds(*LIMITS, T)
     least, most = np.empty(1), np.empty(1)
@@ -195,6 +235,7 @@ def test_the_naive_bounds_are_those_of_2():
     assert (least[0], most[0]) == (-12.0, 12.0)
     bounds.solve_naive(np.array([1.9999]), np.array([0.05]), least, most)
     assert most[0] == pytest.approx(2 * (0.0001 - 0.0005) / T**2)
+    assert naive_acceleration_bounds(1.9999, 0.05, *LIMITS, T) == (least, most)
 
 
 def excess_where_braking_is_weak(brake_share):

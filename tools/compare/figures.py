@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from protocol.messages import FloatArray
 from remote_controller.controllers.controller import STATUS
@@ -109,8 +110,8 @@ def figures(
         "active_joints": _active(series),
         "switching_per_s": _switching(series),
         "violations": {
-            "position": int((series.position > 0).sum()),
-            "speed": int((series.speed > 0).sum()),
+            "position": _some(series.position),
+            "speed": _some(series.speed),
             "margin": int((series.margin[series.proved] < LEAST_MARGIN).sum()),
         },
         "margin_min": _least(series.margin[series.proved]),
@@ -123,6 +124,11 @@ def figures(
     if not same_task:
         found["error"]["settled_s"] = None
     return _known(found)
+
+
+def _some(joints: NDArray[np.int64] | None) -> int | None:
+    """In how many answers there are some; None where that is not known."""
+    return None if joints is None else int((joints > 0).sum())
 
 
 def value(found: Figures, key: str) -> Any:

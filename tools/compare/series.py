@@ -30,7 +30,8 @@ class Series:
         inputs: (k, n) u.
         status: (k,) of the certificates, values of `STATUS`.
         v, rho, margin: (k,) V, ρ and smallest margin, as the certificates have them.
-        position, speed: (k,) joints that the answer sends beyond a limit of the robot.
+        position, speed: (k,) joints that the answer sends beyond a limit of the robot; None where
+            u is no speed, and only the robot knows.
         unit: of u.
         com_m: (k, 3) centre of mass of the applied reference, in the robot's base frame, or empty.
         reference: (k, n) applied reference, or empty.
@@ -43,8 +44,8 @@ class Series:
     v: FloatArray
     rho: FloatArray
     margin: FloatArray
-    position: NDArray[np.int64]
-    speed: NDArray[np.int64]
+    position: NDArray[np.int64] | None
+    speed: NDArray[np.int64] | None
     unit: str = SPEED
     com_m: FloatArray = field(default_factory=lambda: EMPTY)
     reference: FloatArray = field(default_factory=lambda: EMPTY)
@@ -129,14 +130,13 @@ def read_series(answers: Answers, parameters: dict[str, Any]) -> Series:
 
 def _beyond(
     description: RobotDescription, states: Rows, setpoints: Rows, inputs: FloatArray, unit: str
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(k,) joints beyond a usable position, and beyond their speed; none where u is no speed.
+) -> tuple[NDArray[np.int64] | None, NDArray[np.int64] | None]:
+    """(k,) joints beyond a usable position, and beyond their speed; None where u is no speed.
 
     A joint that starts outside of its usable positions may stay there, but not go further.
     """
-    none = np.zeros(len(states), np.int64)
     if unit != SPEED:
-        return none, none
+        return None, None
     before, after = states["reference"], setpoints["values"]
     over = after > np.maximum(description.upper, before) + ROUNDING
     under = after < np.minimum(description.lower, before) - ROUNDING

@@ -181,11 +181,13 @@ def test_what_is_no_speed_has_no_active_joints():
         v=np.ones(1),
         rho=np.ones(1),
         margin=np.ones(1),
-        position=np.zeros(1, np.int64),
-        speed=np.zeros(1, np.int64),
+        position=None,
+        speed=None,
         unit="N m",
     )
     found = figures(series, series, closed_loop=True)
+    assert found["violations"] == {"position": None, "speed": None, "margin": 0}
+    assert findings("it", found) == []
     assert found["active_joints"] == {"mean": None, "max": None}
     assert found["switching_per_s"] is None
     assert found["effort"]["max"] == 1.0
