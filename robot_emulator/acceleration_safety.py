@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from protocol.description import RobotDescription
+from protocol.errors import BadProblemError, DescriptionError
 from protocol.limits import AccelerationBounds
 from protocol.messages import FloatArray
 from robot_emulator.plant import Plant
@@ -91,19 +92,28 @@ class AccelerationGate:
         """Be at rest at `q`, (n,).
 
         Raises:
-            BadProblemError: limits too narrow for the accelerations, by condition (11).
+            DescriptionError: limits too narrow for the accelerations, by condition (11).
         """
         robot, (room, slower, brake) = self._description, self._margin
-        self._bounds = AccelerationBounds(
-            np.minimum(robot.lower + room, q),
-            np.maximum(robot.upper - room, q),
-            robot.velocity * (1.0 - slower),
-            robot.brake_acceleration,
-            self._dt,
-            horizon_s=PERIODS_AHEAD * self._dt,
-            brake_share=brake,
-            names=robot.joint_names,
-        )
+        try:
+            self._bounds = AccelerationBounds(
+                np.minimum(robot.lower + room, q),
+                np.maximum(robot.upper - room, q),
+                robot.velocity * (1.0 - slower),
+                robot.brake_acceleration,
+                self._dt,
+                horizon_s=PERIODS_AHEAD * self._dt,
+                brake_share=brake,
+                names=robot.joint_names,
+            )
+        except BadProblemError as error:
+            problem = str(error).partition(";")[0].rstrip(".")
+            raise DescriptionError(
+                f"robot {robot.name!r} cannot take {robot.command_kinds[0]}: {problem}, where T is "
+                f"{PERIODS_AHEAD} periods, A brake_acceleration, and {room:g} of the range is kept "
+                "in reserve at each end. Lower brake_acceleration, widen the limits, or choose "
+                "another `command`"
+            ) from error
         self.forget()
 
     def forget(self) -> None:
