@@ -13,7 +13,7 @@ import numpy as np
 
 from protocol.messages import FloatArray
 from remote_controller.controllers.controller import STATUS
-from tools.compare.series import Series
+from tools.compare.series import SPEED, Series
 
 SETTLED = 0.01  # of the error at the start
 LEAST_MARGIN = -1e-6  # what linearised constraints may miss in one period without a finding
@@ -109,8 +109,8 @@ def figures(
         "active_joints": _active(series),
         "switching_per_s": _switching(series),
         "violations": {
-            "position": int((series.position > 0).sum()),
-            "speed": int((series.speed > 0).sum()),
+            "position": int((series.position > 0).sum()) if series.unit == SPEED else None,
+            "speed": int((series.speed > 0).sum()) if series.unit == SPEED else None,
             "margin": int((series.margin[series.proved] < LEAST_MARGIN).sum()),
         },
         "margin_min": _least(series.margin[series.proved]),
