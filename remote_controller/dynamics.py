@@ -14,7 +14,7 @@ class FrameDynamics:
 
     Joints are in wire order. The twist is that of the frame in its own axes (Pinocchio's LOCAL):
     velocity of its origin [m/s] over angular velocity [rad/s]. Gravity is part of h unless the
-    description has it `off`; friction is not.
+    description has it `none`; friction is not.
 
     Args:
         description: of the robot.
