@@ -24,6 +24,7 @@ the motion, and friction with its direction."""
 PERIODS_AHEAD = 2
 """Periods for which an acceleration that is let through could be held without harm."""
 
+ROUNDING = 1e-12  # of a share of accelerations
 REST = 1e-3  # rad/s or m/s: a braking robot that is slower than this sets its brakes
 
 
@@ -35,6 +36,9 @@ class TorquePlant(Plant, Protocol):
 
     def torques(self, ddq: FloatArray, dt: float, out: FloatArray) -> int:
         """Write the torques that accelerations need; the first joint that lacks them, or -1."""
+
+    def share(self, ddq: FloatArray, dt: float) -> float:
+        """The largest share of accelerations, 0 to 1, that efforts suffice for; -1: for none."""
 
 
 class AccelerationGate:
@@ -189,6 +193,9 @@ class TorqueGate(AccelerationGate):
     The plant says what a torque gives; where that is outside the bounds, it is cut to them, and
     turned into torques again. Where efforts are too small for these, the bounds cannot be kept:
     `torque_limited` counts it.
+
+    To brake, all joints decelerate less where one lacks the effort, as far as the bounds allow: cut
+    one by one, the torques of the others would throw it about, and it could not even stand.
     """
 
     def __init__(self, description: RobotDescription, plant: TorquePlant, hold_ticks: int) -> None:
@@ -209,7 +216,13 @@ class TorqueGate(AccelerationGate):
 
     def _drive(self, ddq: FloatArray) -> int:
         self._bounds.solve(self._plant.q, self._plant.dq, self._lower, self._upper)
-        return self._give(self._keep_between(ddq, self._lower, self._upper, self._allowed))
+        held: int = self._keep_between(ddq, self._lower, self._upper, self._allowed)
+        share = self._body.share(self._allowed, self._dt)
+        if 0.0 <= share < 1.0:
+            np.multiply(self._allowed, share * (1.0 - ROUNDING), out=self._ddq)
+            if self._keep_between(self._ddq, self._lower, self._upper, self._ddq) < 0:
+                np.copyto(self._allowed, self._ddq)
+        return self._give(held)
 
     def _give(self, held: int) -> int:
         self.weak = self._body.torques(self._allowed, self._dt, self.value)
