@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from protocol.description import RobotDescription
+from protocol.errors import BadProblemError, DescriptionError
 from protocol.limits import AccelerationBounds
 from protocol.messages import FloatArray
 from robot_emulator.plant import Plant
@@ -23,6 +24,7 @@ the motion, and friction with its direction."""
 PERIODS_AHEAD = 2
 """Periods for which an acceleration that is let through could be held without harm."""
 
+ROUNDING = 1e-12  # of a share of accelerations
 REST = 1e-3  # rad/s or m/s: a braking robot that is slower than this sets its brakes
 
 PATIENCE_S = 0.5
@@ -38,6 +40,9 @@ class TorquePlant(Plant, Protocol):
 
     def torques(self, ddq: FloatArray, dt: float, out: FloatArray) -> int:
         """Write the torques that accelerations need; the first joint that lacks them, or -1."""
+
+    def share(self, ddq: FloatArray, dt: float) -> float:
+        """The largest share of accelerations, 0 to 1, that efforts suffice for; -1: for none."""
 
 
 class AccelerationGate:
@@ -102,7 +107,11 @@ class AccelerationGate:
         self._bounds = self._within_ends()
 
     def reset(self, q: FloatArray) -> None:
-        """Be at rest at `q`, (n,)."""
+        """Be at rest at `q`, (n,).
+
+        Raises:
+            DescriptionError: limits too narrow for the accelerations, by condition (11).
+        """
         self._ends[0], self._ends[1] = -np.inf, np.inf
         self._begin_at(q)
 
@@ -120,18 +129,28 @@ class AccelerationGate:
         self._missed = 0
 
     def _within_ends(self) -> AccelerationBounds:
-        robot, (_, slower, share) = self._description, self._margin
+        robot, (room, slower, share) = self._description, self._margin
         least, most = self._ends
-        return AccelerationBounds(
-            least,
-            most,
-            robot.velocity * (1.0 - slower),
-            self._brake,
-            self._dt,
-            horizon_s=PERIODS_AHEAD * self._dt,
-            brake_share=share,
-            names=robot.joint_names,
-        )
+        try:
+            return AccelerationBounds(
+                least,
+                most,
+                robot.velocity * (1.0 - slower),
+                self._brake,
+                self._dt,
+                horizon_s=PERIODS_AHEAD * self._dt,
+                brake_share=share,
+                names=robot.joint_names,
+            )
+        except BadProblemError as error:
+            problem = str(error).partition(";")[0].rstrip(".")
+            raise DescriptionError(
+                f"robot {robot.name!r} cannot take {robot.command_kinds[0]}: {problem}, where T is "
+                f"{PERIODS_AHEAD} periods, A the lesser of brake_acceleration and "
+                f"setpoint_acceleration_max, and {room:g} of the range is kept "
+                "in reserve at each end. Lower brake_acceleration, widen the limits, or choose "
+                "another `command`"
+            ) from error
 
     def follow(self, setpoint: FloatArray, tick: int) -> int:
         """Take a setpoint, (n,).
@@ -204,6 +223,9 @@ class TorqueGate(AccelerationGate):
     The plant says what a torque gives; where that is outside the bounds, it is cut to them, and
     turned into torques again. Where efforts are too small for these, the bounds cannot be kept:
     `torque_limited` counts it.
+
+    To brake, all joints decelerate less where one lacks the effort, as far as the bounds allow: cut
+    one by one, the torques of the others would throw it about, and it could not even stand.
     """
 
     def __init__(self, description: RobotDescription, plant: TorquePlant, hold_ticks: int) -> None:
@@ -224,7 +246,13 @@ class TorqueGate(AccelerationGate):
 
     def _drive(self, ddq: FloatArray) -> int:
         self._bounds.solve(self._plant.q, self._plant.dq, self._lower, self._upper)
-        return self._give(self._keep_between(ddq, self._lower, self._upper, self._allowed))
+        held: int = self._keep_between(ddq, self._lower, self._upper, self._allowed)
+        share = self._body.share(self._allowed, self._dt)
+        if 0.0 <= share < 1.0:
+            np.multiply(self._allowed, share * (1.0 - ROUNDING), out=self._ddq)
+            if self._keep_between(self._ddq, self._lower, self._upper, self._ddq) < 0:
+                np.copyto(self._allowed, self._ddq)
+        return self._give(held)
 
     def _give(self, held: int) -> int:
         self.weak = self._body.torques(self._allowed, self._dt, self.value)

@@ -51,8 +51,8 @@ class RigidBody:
         self._compensated = description.gravity == "compensated"
         self._viscous = self._dynamics.damping if settings.friction else np.zeros(n)
         self._coulomb = self._dynamics.friction if settings.friction else np.zeros(n)
-        self._net, self._ddq, self._added, self._weight = np.zeros((4, n))
-        self._needed, self._slope, self._asked = np.zeros((3, n))
+        self._net, self._ddq, self._added, self._weight, self._needed = np.zeros((5, n))
+        self._slope, self._asked, self._idle, self._none = np.zeros((4, n))
         self.q, self.dq, self.tau = np.zeros((3, n))
 
     def reset(self, q: FloatArray) -> None:
@@ -91,13 +91,7 @@ class RigidBody:
         Returns:
             The number of the first joint whose effort is too small, or -1.
         """
-        self._dynamics.inverse(self.q, self.dq, ddq, self._needed)
-        self._resist(self.dq, self._viscous, self._coulomb, SLIDING, self._added, self._net)
-        self._needed -= self._net
-        np.copyto(self._slope, self._added)
-        self._added *= dt
-        self._added *= ddq
-        self._needed += self._added
+        self._need(ddq, dt, self._needed)
         short: int = self._keep_between(self._needed, self._least, self._effort, out)
         if short >= 0:
             self._make_up(dt, out)
@@ -126,6 +120,32 @@ class RigidBody:
             if not more.any():
                 return
             short |= more
+
+    def share(self, ddq: FloatArray, dt: float) -> float:
+        """How much of accelerations, (n,), the efforts suffice for over `dt` [s], all joints alike.
+
+        Returns:
+            The largest share, 0 to 1; -1 where they do not even suffice for no acceleration.
+        """
+        idle, change = self._idle, self._needed
+        self._need(self._none, dt, idle)
+        self._need(ddq, dt, change)
+        change -= idle
+        room = np.where(change < 0.0, self._effort + idle, self._effort - idle)
+        if (np.abs(idle) > self._effort).any():
+            return -1.0
+        needs = np.abs(change)
+        return float(np.min(room / np.maximum(needs, room), initial=1.0, where=needs > 0.0))
+
+    def _need(self, ddq: FloatArray, dt: float, out: FloatArray) -> None:
+        """Write the torques of the motors that accelerations need over `dt` [s]."""
+        self._dynamics.inverse(self.q, self.dq, ddq, out)
+        self._resist(self.dq, self._viscous, self._coulomb, SLIDING, self._added, self._net)
+        out -= self._net
+        np.copyto(self._slope, self._added)
+        self._added *= dt
+        self._added *= ddq
+        out += self._added
 
     def _forward(self, command: FloatArray, h: float) -> None:
         """Accelerations of a step of `h` [s] under a command, and the torques of the motors."""

@@ -6,6 +6,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from protocol.description import CommandKind
 from protocol.errors import ConfigError, UnknownNameError, UsageError
 from protocol.settings import Settings, load_yaml
@@ -17,6 +19,7 @@ from remote_controller.constraints.registry import ConstraintSettings
 from remote_controller.tasks import registry as tasks
 from remote_controller.tasks.curve import CURVES
 from remote_controller.tasks.registry import TaskSettings
+from robot_emulator.body import build_body
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.config import available_configs as emulator_configs
 from robot_emulator.robots import available as robots
@@ -64,6 +67,10 @@ def checked(name: str, overrides: list[str], robot: str | None = None) -> str:
     if side == "an emulator":
         if robot is not None:
             raise UsageError(f"{name}: is the config of an emulator. Leave --robot out")
+        settings, file = emulator_config(name, overrides)
+        description = describe(settings, file)
+        start = description.postures[settings.posture or description.initial_posture]
+        build_body(description, settings)[1].reset(np.array(start))
         return f"a correct config of {side}"
     config, file = controller_config(name, overrides)
     file = f"{file} with --set" if overrides else file

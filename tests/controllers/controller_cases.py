@@ -2,8 +2,9 @@
 
 `CASES` are the shipped configs, or whatever `HOAP3_TEST_CONTROLLERS` names: config files,
 `package.module:Class`, or registered names, separated by commas. The robot of a case is the one
-that its config names, as the shipped emulator config of that robot has it; `HOAP3_TEST_ROBOT` names
-another for all, or the path of its description. `POSITIONS` are the cases whose robot takes these.
+that its config names, as the shipped emulator config of that robot has it, if there is one;
+`HOAP3_TEST_ROBOT` names another for all, or the path of its description. `POSITIONS` are the cases
+whose robot takes these.
 """
 
 from __future__ import annotations
@@ -38,7 +39,8 @@ def emulator(case: str = "") -> EmulatorConfig:
         return parse(EmulatorConfig, *emulator_content(ROBOT))
     wanted = config(case).robot if case else "hoap3"
     shipped = [parse(EmulatorConfig, *emulator_content(name)) for name in emulator_configs()]
-    return next(known for known in shipped if known.robot == wanted)
+    fitting = [known for known in shipped if known.robot == wanted]
+    return fitting[0] if fitting else parse(EmulatorConfig, *emulator_content(wanted))
 
 
 @cache

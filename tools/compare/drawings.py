@@ -10,6 +10,7 @@ from protocol.messages import FloatArray
 from remote_controller.controllers.controller import STATUS
 from tools.compare.comparison import Comparison
 from tools.compare.series import SPEED, Series
+from tools.compare.words import unit
 from tools.report.canvas import Canvas, canvas, thin
 from tools.report.drawing import Drawing, Key
 from tools.report.motion_figures import means, positive
@@ -131,15 +132,15 @@ def _effort(made: Comparison) -> Drawing:
                 total = np.cumsum(each.effort) * each.period_s
                 drawing.axes.plot(*thin(each.time_s, total), **_look(made, place))
         drawing.axes.set_ylim(bottom=0.0)
-        unit = "rad" if all(each.unit == SPEED for each in made.series) else "unit of u · s"
-        _time(drawing, made, f"∫ |u|₁ dt [{unit}]")
+        _time(drawing, made, f"∫ |u|₁ dt [{unit('u·s', made)}]")
     return Drawing(
         "effort",
         "Effort, from the start on",
         drawing.svg,
         _keys(made),
         f"at the end: {_each(made, [found['effort']['l1'] for found in made.figures])}",
-        f"T·Σ|u|₁ up to each answer: how far all joints together were told to go. {WIDE}",
+        "T·Σ|u|₁ up to each answer: of speeds, how far all joints together were told to go. "
+        f"{WIDE}",
         "A curve that goes on rising when the error has gone: work for nothing, often chattering.",
     )
 

@@ -82,7 +82,7 @@ def _table(made: Comparison) -> Markup:
     rows = []
     for word in shown_words(made):
         name = element("span", link(f"word-{word.key.replace('.', '-')}", word.name))
-        shown = unit(word, made)
+        shown = unit(word.unit, made)
         title = join([name, f" [{shown}]" if shown else ""])
         rows.append([title, *(cell(found, word.key) for found in made.figures)])
     return element(

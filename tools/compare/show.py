@@ -20,7 +20,7 @@ def show(made: Comparison, files: Sequence[Path]) -> None:
     table = Table(box=None, pad_edge=False)
     _columns(table, made.labels)
     for word in shown_words(made):
-        shown = unit(word, made)
+        shown = unit(word.unit, made)
         name = f"{word.name} [{shown}]" if shown else word.name
         cells = [cell(found, word.key) for found in made.figures]
         table.add_row(escape(name), *map(escape, cells))

@@ -6,10 +6,21 @@ from typing import Any
 
 from tools.compare.comparison import Comparison
 from tools.compare.figures import WORDS, Figures, Word, value
-from tools.compare.series import SPEED
+from tools.report.motion import UNITS
 from tools.report.numbers import number
 
-OF_SPEED = {"u": SPEED, "u·s": "rad", "u²·s": "rad²/s"}
+OF_U = dict(
+    zip(
+        UNITS.values(),
+        (
+            {"u": "rad/s", "u·s": "rad", "u²·s": "rad²/s"},
+            {"u": "rad/s²", "u·s": "rad/s", "u²·s": "rad²/s³"},
+            {"u": "N m", "u·s": "N m s", "u²·s": "(N m)² s"},
+        ),
+        strict=True,
+    )
+)
+"""Units of figures, by that of u."""
 
 
 def shown_words(made: Comparison) -> list[Word]:
@@ -17,10 +28,11 @@ def shown_words(made: Comparison) -> list[Word]:
     return [word for word in WORDS if any(_shown(found, word.key) for found in made.figures)]
 
 
-def unit(word: Word, made: Comparison) -> str:
-    """Unit of a figure; that of u in words where it is a speed for all controllers."""
-    speeds = all(found["unit"] == SPEED for found in made.figures)
-    return OF_SPEED.get(word.unit, word.unit) if speeds else word.unit
+def unit(what: str, made: Comparison) -> str:
+    """Unit of a figure, which has u in it where controllers differ in what it is."""
+    units = {found["unit"] for found in made.figures}
+    known = OF_U.get(units.pop(), {}) if len(units) == 1 else {}
+    return known.get(what, what)
 
 
 def cell(found: Figures, key: str) -> str:

@@ -121,6 +121,7 @@ class Content:
             "transport": self.transport,
             "lockstep": self.sources.lockstep,
             "interventions": self.sources.interventions,
+            "torque_limited": self.sources.torque_limited,
             "final_error": _final_error(self.motion),
             "certificates": self.certificates.as_json() if self.certificates else None,
             "conditions": None
@@ -216,6 +217,11 @@ def _timing(sources: Sources, gaps: list[str]) -> Timing | None:
         gaps.append(
             f"The robot held joints back in {held_back} periods, because what was asked for is "
             "beyond its limits: there it did not move as the controller meant it to."
+        )
+    if sources.torque_limited:
+        gaps.append(
+            f"Efforts were too small in {sources.torque_limited} periods: there the robot could "
+            "not keep its limits, whatever the controller asked for."
         )
     if sources.robot is not None and timing is None:
         gaps.append("No tick asked for an answer: there is nothing to be in time for.")

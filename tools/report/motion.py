@@ -127,8 +127,9 @@ def read_motion(sources: Sources) -> Motion | None:
     proved = answers["solver_status"] != STATUS["none"]
     if len(rows) and not proved.any():
         gaps.append("This controller gives no certificates: V and Ψ are not known.")
+    speeds = inputs if unit == UNITS[Setpoint.POSITION] else np.asarray(rows["dq"], float)
     joints_active = np.where(
-        proved, answers["active_joints"], (np.abs(inputs) >= 1e-3).sum(axis=1)
+        proved, answers["active_joints"], (np.abs(speeds) >= 1e-3).sum(axis=1)
     ).astype(float)
     duration_s = (int(active["stamp_intended"][-1]) - start) / 1e9 + description.period_s
     certificates = _certificates(rows[proved], answers[proved], start, duration_s)
@@ -221,8 +222,10 @@ def _seconds(states: Any, start: int) -> FloatArray:
 
 
 def _frame(parameters: dict[str, Any], description: RobotDescription) -> str:
+    """That of a target for the centre of mass; a frame that is itself brought somewhere is none."""
     frame = parameters.get("frame")
-    return frame if frame in description.frames else description.base_frame
+    ours = _target(parameters) is not None and frame in description.frames
+    return str(frame) if ours else description.base_frame
 
 
 def _target(parameters: dict[str, Any]) -> FloatArray | None:

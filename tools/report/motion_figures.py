@@ -17,6 +17,28 @@ ROUNDING = 1e-12  # of the greatest V: less is no rise
 PROPORTION = 1.7  # width to height of a pair of axes
 NAMED = 6  # joints that get a colour of their own
 WINDOWS = 160  # in which means and measured rates are taken
+_AT_A_LIMIT = "a limit: choose a greater horizon_periods, or smaller gains"
+TOLD = {
+    "rad/s": (
+        "told to move",
+        (
+            "A position setpoint q* gives u = (q* − a)/T, where a is the reference that the robot "
+            "applied (or the measured position, where the controller integrates from that)."
+        ),
+        "the target: choose a lower γ, or adaptive_gamma",
+    ),
+    "rad/s²": ("told to accelerate", "They are accelerations, as they were sent.", _AT_A_LIMIT),
+    "N m": (
+        "given torques",
+        (
+            "They are torques, as they were sent: what holds the robot is in them, unless the "
+            "robot adds it."
+        ),
+        _AT_A_LIMIT,
+    ),
+    "unknown unit": ("told something", "They are what was sent.", "the target"),
+}
+"""By the unit of u: what joints are told, what u is, and where jumps are usual, with a remedy."""
 
 
 def motion_drawings(motion: Motion) -> list[Drawing]:
@@ -158,17 +180,16 @@ def _inputs(motion: Motion) -> Drawing:
     if rest and moved:
         keys.append(Key("faint", f"{len(rest)} others {number(100 * others)} %"))
     fastest = np.abs(motion.inputs).max(axis=1)
+    told, meaning, remedy = TOLD[motion.unit]
     return Drawing(
         "u",
-        f"{moved} of {len(motion.joints)} joints are told to move",
+        f"{moved} of {len(motion.joints)} joints are {told}",
         drawing.svg,
         tuple(keys),
         f"greatest |u| of an answer: {spread(summary(fastest), motion.unit)}",
-        "Control inputs u of each answer. A position setpoint q* gives u = (q* − a)/T, where a is "
-        "the reference that the robot applied (or the measured position, where the controller "
-        "integrates from that). The percentage is the joint's share of Σ|u|. Paper: Fig. 8, left.",
-        "Jumps from one tick to the next (chattering), most of all near the target: choose a lower "
-        "γ, or adaptive_gamma.",
+        f"Control inputs u of each answer. {meaning} The percentage is the joint's share of Σ|u|. "
+        "Paper: Fig. 8, left.",
+        f"Jumps from one tick to the next (chattering), most of all near {remedy}.",
     )
 
 
@@ -179,15 +200,16 @@ def _active(motion: Motion) -> Drawing:
         drawing.axes.plot(time, mean, color=LIGHT["blue"])
         drawing.axes.set_ylim(0.0, max(4.0, 1.15 * float(motion.active.max())))
         drawing.axes.yaxis.get_major_locator().set_params(integer=True)
-        drawing.time(motion.duration_s, "joints with |u| ≥ 0.001 rad/s")
+        drawing.time(motion.duration_s, "joints at 0.001 rad/s or more")
     return Drawing(
         "active",
         f"On average {number(float(motion.active.mean()))} of {len(motion.joints)} joints work",
         drawing.svg,
         (Key("faint", "each answer"), Key("blue", f"mean over {number(1e3 * window_s)} ms")),
         f"{spread(summary(motion.active), 'joints')} · mean {number(float(motion.active.mean()))}",
-        "Number of joints that move at 0.001 rad/s or more, as the answers themselves say. "
-        "Paper: Figs. 6, 7 and 8, right.",
+        "Number of joints that move at 0.001 rad/s or more, as the answers themselves say; where "
+        "they say nothing, by u, or as measured where u is no speed. Paper: Figs. 6, 7 and 8, "
+        "right.",
         "Many joints where γ is high; a band that fills: joints go on and off at every tick.",
     )
 

@@ -84,7 +84,15 @@ class Sources:
     @property
     def interventions(self) -> int | None:
         """Periods in which the robot held a joint back; None where its log does not say."""
-        found = self.summary.get("interventions")
+        return self._counted("interventions")
+
+    @property
+    def torque_limited(self) -> int | None:
+        """Periods in which efforts were too small to keep its limits; None likewise."""
+        return self._counted("torque_limited")
+
+    def _counted(self, name: str) -> int | None:
+        found = self.summary.get(name)
         return found if isinstance(found, int) else None
 
     def settings(self, side: str) -> dict[str, Any]:

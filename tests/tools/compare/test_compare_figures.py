@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -208,3 +209,13 @@ def test_a_value_that_is_no_v_is_no_error():
     found = figures(series, series, closed_loop=True)
     assert found["error"]["start"] == found["error"]["end"] == 2.0
     assert found["rho_min"] == found["margin_min"] == 1.0
+
+
+@settings(max_examples=30)
+@given(made_up(k=4), st.sampled_from(["rad/s²", "N m"]))
+def test_forces_are_not_said_to_keep_limits_of_positions_and_speeds(series, unit):
+    forces = replace(series, unit=unit, position=None, speed=None)
+    found = figures(forces, forces, closed_loop=True)
+    assert found["violations"]["position"] is None
+    assert found["violations"]["speed"] is None
+    assert not any("beyond" in each for each in findings("x:", found))
