@@ -13,6 +13,7 @@ from strong_arms import small, strong
 from protocol.description import RobotDescription
 from protocol.dynamics import Dynamics
 from protocol.errors import DescriptionError
+from robot_emulator.acceleration_servo import AccelerationServo
 from robot_emulator.config import PlantSettings
 from robot_emulator.rigid_body import SLIDING, RigidBody
 
@@ -213,3 +214,30 @@ def test_joints_whose_efforts_suffice_get_their_accelerations_beside_those_that_
         some, all_of_them = some + bool(lacks.any()), all_of_them + bool(lacks.all())
     assert some > 50
     assert all_of_them < some
+
+
+def test_substeps_are_steps_of_their_own():
+    description = rubbed(3.0, 0.5)
+    once, often = body(description, substeps=4), body(description, substeps=1)
+    push = np.array([5.0, 1.0, -1.0])
+    for _ in range(50):
+        once.step(push, T)
+        for _ in range(4):
+            often.step(push, T / 4)
+    np.testing.assert_array_equal(once.q, often.q)
+    np.testing.assert_array_equal(once.dq, often.dq)
+
+
+def test_brakes_stop_a_body_of_accelerations_where_it_is_and_show_what_they_carry():
+    arm = small("acceleration")
+    servo = AccelerationServo(arm)
+    servo.reset(arm.initial_position)
+    servo.step(np.array([1.0, -2.0, 3.0]), T)
+    place, needed = servo.q.copy(), np.zeros(3)
+    Dynamics(arm).inverse(place, servo.dq, np.array([1.0, -2.0, 3.0]), needed)
+    np.testing.assert_array_equal(servo.tau, needed)
+    servo.hold(T)
+    Dynamics(arm).gravity(place, needed)
+    np.testing.assert_array_equal(servo.q, place)
+    np.testing.assert_array_equal(servo.dq, 0.0)
+    np.testing.assert_allclose(servo.tau, needed, atol=1e-12)

@@ -220,6 +220,8 @@ def test_condition_11_is_kept_at_equality_and_refused_just_beyond(part, given):
     AccelerationBounds(**{**limits, **given})
     with pytest.raises(BadProblemError, match=r"\(11\) is violated"):
         AccelerationBounds(**{**limits, **given, part: 0.999 * given[part]})
+    shrunk = AccelerationBounds(**{**limits, **given, part: 0.9 * given[part]}, shrink=True)
+    assert max(shrunk.up[0], shrunk.down[0]) < 12.0
 
 
 @pytest.mark.parametrize("q", [[0.0, 0.0], "low"])
