@@ -36,6 +36,8 @@ class AccelerationBounds:
             ticks, and gentle bounds rest at a wall where those for T chatter. None: T.
         brake_share: of the accelerations that stopping in time counts on, in (0, 1]. Less than 1
             where what is asked for is not quite what is done.
+        softness: how far beyond its range a joint may come to be that is drawn back gently, and not
+            thrown back with all it has [rad or m]. 0 where what is asked for is done exactly.
         shrink: where the limits violate condition (11), lower the accelerations to what satisfies
             it, instead of raising.
         names: of the joints, for errors.
@@ -61,6 +63,7 @@ class AccelerationBounds:
         deceleration: ArrayLike | None = None,
         horizon_s: float | None = None,
         brake_share: float = 1.0,
+        softness: float = 0.0,
         shrink: bool = False,
         names: Iterable[str] = (),
     ) -> None:
@@ -86,7 +89,9 @@ class AccelerationBounds:
             )
         if not 0.0 < brake_share <= 1.0:
             raise BadProblemError(f"brake share {brake_share}: it must be in (0, 1].")
-        self._share = brake_share
+        if not 0.0 <= softness < np.inf:
+            raise BadProblemError(f"softness {softness}: it must be finite, and not negative.")
+        self._share, self._softness = brake_share, softness
         self._check_limits()
         if shrink:
             self._shrink()
@@ -111,7 +116,9 @@ class AccelerationBounds:
         """
         try:
             status, joint = self._kernel(
-                q, dq, self._limits, self._held, self._share, lower_out, upper_out
+                *(q, dq, self._limits, self._held, self._share, self._softness),
+                lower_out,
+                upper_out,
             )
         except TypeError as error:
             raise self._wrong_arrays() from error

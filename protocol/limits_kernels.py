@@ -14,7 +14,8 @@ If E < 0 it has to turn round within T, and the turning point is what matters: a
 The lower side is the upper one seen in a mirror.
 
 E within ε of 0 counts as a continuation of (24): a state that rounding put just outside would be
-kicked back with all the joint has, again and again, and never rest.
+kicked back with all the joint has, again and again, and never rest. So would one that a motion put
+there that is not quite what was asked for: for those ε is as large as the caller likes.
 """
 
 from __future__ import annotations
@@ -90,13 +91,14 @@ def _judged(
     return OK, -1
 
 
-@kernel("Tuple((i8, i8))(f8[::1], f8[::1], f8[:,::1], f8, f8, f8[::1], f8[::1])")
+@kernel("Tuple((i8, i8))(f8[::1], f8[::1], f8[:,::1], f8, f8, f8, f8[::1], f8[::1])")
 def acceleration_bounds_kernel(
     q: FloatArray,
     dq: FloatArray,
     limits: FloatArray,
     T: float,
     share: float,
+    softness: float,
     lower_out: FloatArray,
     upper_out: FloatArray,
 ) -> tuple[int, int]:
@@ -108,6 +110,7 @@ def acceleration_bounds_kernel(
             down (both positive), and the largest of the finite position limits by magnitude.
         T: [s].
         share: of the accelerations that stopping in time counts on.
+        softness: least ε [rad or m].
         lower_out, upper_out: (n,) [rad/s² or m/s²]; untouched unless `OK`.
 
     Returns:
@@ -120,7 +123,7 @@ def acceleration_bounds_kernel(
     for i in range(n):
         below, above, speed = q[i] - limits[0, i], limits[1, i] - q[i], limits[2, i]
         up, down = limits[3, i], limits[4, i]
-        epsilon = ROUNDING * max(limits[5, i], abs(q[i]))
+        epsilon = max(ROUNDING * max(limits[5, i], abs(q[i])), softness)
         most = _most(above, dq[i], speed, up, down, share, T, epsilon)
         least = -_most(below, -dq[i], speed, down, up, share, T, epsilon)
         lower_out[i], upper_out[i] = _agreed(least, most, below, above)

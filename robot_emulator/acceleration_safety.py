@@ -21,6 +21,8 @@ TORQUE_MARGIN = 2e-3, 0.02, 0.9
 stopping in time counts on: under a torque that is held for a period the acceleration changes with
 the motion, and friction with its direction."""
 
+SOFTNESS = 1e-6  # rad or m: of the margin, on which a joint is drawn back gently
+
 PERIODS_AHEAD = 2
 """Periods for which an acceleration that is let through could be held without harm."""
 
@@ -140,6 +142,7 @@ class AccelerationGate:
                 self._dt,
                 horizon_s=PERIODS_AHEAD * self._dt,
                 brake_share=share,
+                softness=SOFTNESS if room > SOFTNESS else 0.0,
                 names=robot.joint_names,
             )
         except BadProblemError as error:

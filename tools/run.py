@@ -28,6 +28,7 @@ from tools.placement import placed
 from tools.processes import StopFlag, start_service
 from tools.refusal import forget, is_new, nothing_happened
 from tools.services import as_yaml, observer_for, run_folder, watched_cpus
+from tools.simulate import suited
 
 START_TIMEOUT_S = 120.0  # the first start on a machine compiles the kernels
 END_TIMEOUT_S = 60.0
@@ -75,6 +76,7 @@ def run_realtime(
     Raises:
         Hoap3Error: a service could not do its work; carries what it said.
     """
+    emulator = suited(emulator, controller, files[1])
     description = describe(emulator, files[0])
     log = emulator.log if out is None else emulator.log.model_copy(update={"directory": str(out)})
     made = is_new(out)
@@ -124,6 +126,7 @@ def run_lockstep(
     """Run both in this process on virtual time; arguments as for `run_realtime`."""
     from tools.simulate import Lockstep  # noqa: PLC0415 - loads numba and Pinocchio
 
+    emulator = suited(emulator, controller, files[1])
     description = describe(emulator, files[0])
     log = emulator.log if out is None else emulator.log.model_copy(update={"directory": str(out)})
     made, refused = is_new(out), False

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from protocol.description import CommandKind
 from protocol.errors import ConfigError, UnknownNameError, UsageError
 from protocol.settings import Settings, load_yaml
 from remote_controller import registry as controllers
@@ -23,9 +22,9 @@ from robot_emulator.body import build_body
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.config import available_configs as emulator_configs
 from robot_emulator.robots import available as robots
-from robot_emulator.robots import load
 from robot_emulator.service import describe
 from tools.services import as_yaml, controller_config, emulator_config
+from tools.simulate import suited
 
 
 def resolved(name: str, overrides: list[str]) -> tuple[str, str]:
@@ -82,9 +81,7 @@ def checked(name: str, overrides: list[str], robot: str | None = None) -> str:
         if config.robot not in {*robots(), *emulator_configs()}:
             return f"{correct}; robot {config.robot} is not known here, {unchecked}"
     emulator, source = emulator_config(robot or config.robot, [])
-    if robot is None:
-        emulator = _commanded(emulator, controllers.find(config.controller, file).commands)
-    description = describe(emulator, source)
+    description = describe(suited(emulator, config, file), source)
     build(config, description, file)
     return f"{correct} for robot {description.name}"
 
@@ -153,13 +150,6 @@ def named() -> dict[str, list[str]]:
         "emulator configs": emulator_configs(),
         "controller configs": controller_configs(),
     }
-
-
-def _commanded(emulator: EmulatorConfig, commands: tuple[CommandKind, ...]) -> EmulatorConfig:
-    """A robot that is given what a controller gives, if it can and its config leaves it open."""
-    takes = load(emulator.robot).command_kinds
-    kind = emulator.command or next((kind for kind in takes if kind in commands), None)
-    return emulator.model_copy(update={"command": kind})
 
 
 def _with_parameters(whole: type[Settings], own: type[Settings]) -> dict[str, Any]:

@@ -21,10 +21,12 @@ from remote_controller.config import ControllerConfig, build
 from remote_controller.config import read_config as read_controller_config
 from remote_controller.controllers.controller import Controller
 from remote_controller.loop import ControllerLoop
+from remote_controller.registry import find
 from robot_emulator.config import EmulatorConfig, available_configs
 from robot_emulator.config import read_config as read_emulator_config
 from robot_emulator.loop import RobotLoop
 from robot_emulator.robots import available as available_robots
+from robot_emulator.robots import load
 from robot_emulator.service import build_loop, describe
 
 
@@ -51,6 +53,7 @@ class Lockstep:
         fate: Fate | None = None,
         files: tuple[str, str] = ("config", "config"),
     ) -> None:
+        emulator = suited(emulator, controller, files[1])
         description = describe(emulator, files[0])
         self.clock = clock = VirtualClock()
         compute_time = round(emulator.lockstep.compute_time_us * 1e3)
@@ -182,6 +185,26 @@ def emulator_settings(robot: str | Mapping[str, Any] | EmulatorConfig, seed: int
         emulator_content(robot) if isinstance(robot, str) else (dict(robot), "simulate(robot)")
     )
     return parse(EmulatorConfig, {**content, "seed": seed}, file)
+
+
+def suited(emulator: EmulatorConfig, controller: ControllerConfig, file: str) -> EmulatorConfig:
+    """The robot as a controller needs it.
+
+    Where its config leaves `command` open, that is the first of what it can take and the
+    controller gives; what nobody gives stays open.
+
+    Args:
+        emulator, controller: settings of both.
+        file: where the controller stands, for errors.
+
+    Raises:
+        UsageError: there is no such robot, or no such controller.
+    """
+    if emulator.command is not None:
+        return emulator
+    gives = find(controller.controller, file).commands
+    kind = next((kind for kind in load(emulator.robot).command_kinds if kind in gives), None)
+    return emulator.model_copy(update={"command": kind})
 
 
 def controller_settings(controller: str | Mapping[str, Any] | ControllerConfig) -> ControllerConfig:

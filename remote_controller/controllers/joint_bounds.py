@@ -41,6 +41,12 @@ class BoundSettings(Settings):
     brake_share: float = Field(
         1.0, gt=0, le=1, description="of the acceleration that stopping in time counts on"
     )
+    softness_rad: float = Field(
+        0.0,
+        ge=0,
+        description="how far beyond the margin a joint is drawn back gently [rad or m]; 0 where it "
+        "does exactly what it is told",
+    )
     shrink: bool = Field(
         False, description="lower greatest accelerations that violate (11), instead of refusing"
     )
@@ -106,6 +112,7 @@ class JointBounds:
                 robot.period_s,
                 horizon_s=robot.period_s * settings.horizon_periods,
                 brake_share=settings.brake_share,
+                softness=settings.softness_rad,
                 shrink=settings.shrink,
                 names=robot.joint_names,
             )

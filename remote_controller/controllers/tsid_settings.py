@@ -66,6 +66,11 @@ class TsidBounds(BoundSettings):
     brake_share: float = Field(
         0.85, gt=0, le=1, description="of the acceleration that stopping in time counts on"
     )
+    softness_rad: float = Field(
+        1e-6,
+        ge=0,
+        description="how far beyond the margin a joint is drawn back gently [rad or m]",
+    )
 
 
 class Parameters(Controller.Parameters):

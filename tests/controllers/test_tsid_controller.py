@@ -57,6 +57,16 @@ def test_position_velocity_and_acceleration_stay_within_limits_at_every_tick(shi
     assert np.abs(torques[:, 1]).max() == pytest.approx(robot.effort[1])
 
 
+def test_at_its_limit_the_elbow_does_not_hammer(shipped):
+    """Once it is there, and until it leaves, torques change by little from tick to tick."""
+    robot, states = baxter(), shipped.states
+    there = np.flatnonzero(states["q"][:, E1] < robot.lower[E1] + 4.1e-3)
+    torques = shipped.setpoints["values"]
+    steps = np.abs(np.diff(torques[there[0] + 20 : there[-1] - 20], axis=0))
+    assert len(steps) > 100
+    assert steps.max() < 0.5
+
+
 def test_the_robot_has_nothing_to_hold_back():
     sides = emulator_settings("baxter", 0), controller_settings("tsid")
     lockstep = Lockstep(*sides, MemoryRecorder(), MemoryRecorder())

@@ -13,7 +13,13 @@ from remote_controller.config import ControllerConfig, build, read_config
 from remote_controller.controllers.tsid import TsidController
 from robot_emulator.robots import load
 
-EXACT = {"acceleration_share": 1.0, "margin_rad": 0.0, "speed_share": 1.0, "brake_share": 1.0}
+EXACT = {
+    "acceleration_share": 1.0,
+    "margin_rad": 0.0,
+    "speed_share": 1.0,
+    "brake_share": 1.0,
+    "softness_rad": 0.0,
+}
 ACCELERATIONS = (8.2, 2.0, 18.5, 31.0, 96.0, 98.0, 338.0)
 """Of the paper's Algorithm 4; s1, which it leaves none, has 2."""
 

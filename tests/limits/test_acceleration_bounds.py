@@ -280,3 +280,49 @@ def test_counting_on_less_braking_asks_for_it_earlier():
 def test_a_share_of_the_braking_is_a_share(share):
     with pytest.raises(BadProblemError, match="brake share"):
         AccelerationBounds(-1.0, 1.0, 2.0, [20.0], 0.001, brake_share=share)
+
+
+def test_softness_draws_a_joint_back_gently_that_came_out_a_little():
+    """Out by 3 nrad, and still on the way out by 1 nrad/s."""
+    exact = AccelerationBounds(-1.0, 1.0, 2.0, [20.0], 0.001)
+    soft = AccelerationBounds(-1.0, 1.0, 2.0, [20.0], 0.001, softness=1e-6)
+    least, most, v = np.empty(1), np.empty(1), np.array([1e-9])
+    for q, bounds, expected in (
+        (1.0 + 3e-9, exact, -20.0),
+        (1.0 + 3e-9, soft, -2.0 * 3e-9 / 0.001**2),
+        (1.0 + 1.1e-6, soft, -20.0),
+    ):
+        bounds.solve(np.array([q]), v, least, most)
+        assert most[0] == pytest.approx(expected, rel=1e-3)
+        bounds.solve(np.array([-q]), -v, least, most)
+        assert least[0] == pytest.approx(-expected, rel=1e-3)
+
+
+@settings(max_examples=20)
+@given(seed=SEEDS)
+def test_with_softness_a_joint_goes_out_by_no_more_than_that(seed):
+    """Under noise of each acceleration, at the wall as everywhere; and it does not hammer there."""
+    rng, n, T, softness = np.random.default_rng(seed), 30, 0.001, 1e-6
+    bounds = AccelerationBounds(
+        np.full(n, -1.0), 1.0, 2.0, 20.0, T, horizon_s=2 * T, brake_share=0.9, softness=softness
+    )
+    q, v = rng.uniform(-0.9, 0.9, n), np.zeros(n)
+    least, most = np.empty(n), np.empty(n)
+    hardest = 0.0
+    for tick in range(3000):
+        bounds.solve(q, v, least, most)
+        assert np.all(least <= most)
+        if tick > 2500:  # all are at the wall
+            hardest = max(hardest, np.abs(most).max())
+        done = most + rng.uniform(-0.1, 0.1, n)
+        q += T * v + 0.5 * T**2 * done
+        v += T * done
+    assert np.abs(q).max() <= 1.0 + softness
+    assert q.min() > 1.0 - 1e-4
+    assert hardest < 2.0
+
+
+@pytest.mark.parametrize("softness", [-1e-9, np.inf, np.nan])
+def test_softness_is_finite_and_not_negative(softness):
+    with pytest.raises(BadProblemError, match="softness"):
+        AccelerationBounds(-1.0, 1.0, 2.0, [20.0], 0.001, softness=softness)

@@ -24,29 +24,33 @@ def bench_cycle(controller: str = "qp12", samples: int = 5000) -> list[dict[str,
     """Rows {solver, n, samples, min_us, …} of `step`, of `answer`, and of the fixed reference.
 
     `step` is kinematics, solve and Euler integration; `answer` is all that the service does
-    between the bytes of a State and the bytes of its Setpoint. Both walk along a motion of HOAP-3.
+    between the bytes of a State and the bytes of its Setpoint. Both walk along a motion
+    of the robot that the config names.
     """
     config = controller_settings(controller)
     description, payloads = motion(config, samples + BLOCKS * (SETTLE + BATCH))
     step = _step(f"{controller} step", config, description, payloads)
     answer = _answer(f"{controller} answer", config, description, payloads)
     times = race([step, answer, reference()], samples)
+    paper = {"mean_us": PAPER_US} if description.name == "hoap3" else None
     return [
         {
             "solver": name,
             "n": description.n,
             **taken.figures(),
             "times_reference": taken.times(times["reference"]),
-            "paper": {"mean_us": PAPER_US} if name == step.name else None,
+            "paper": {"mean_us": PAPER_US}
+            if name == step.name and description.name == "hoap3"
+            else None,
         }
         for name, taken in times.items()
     ]
 
 
 def motion(config: ControllerConfig, ticks: int) -> tuple[RobotDescription, list[bytes]]:
-    """HOAP-3, and at least that many States of a motion of it, as bytes."""
+    """The robot that a controller's config names, and so many States of a motion of it, or more."""
     log = MemoryRecorder()
-    lockstep = Lockstep(emulator_settings("hoap3", 0), config, log, NoRecorder())
+    lockstep = Lockstep(emulator_settings(config.robot, 0), config, log, NoRecorder())
     lockstep.run((ticks + 1) * 1e-3)
     payloads = [record.payload for record in log.records if record.kind == Kind.STATE]
     return lockstep.controller.description, payloads

@@ -149,7 +149,13 @@ def settings(**bounds: Any) -> dict[str, Any]:
 
 def whole(kind: str, periods: float, **more: Any) -> dict[str, Any]:
     """Settings of bounds without any reserve."""
-    none = {"acceleration_share": 1.0, "margin_rad": 0.0, "speed_share": 1.0, "brake_share": 1.0}
+    none = {
+        "acceleration_share": 1.0,
+        "margin_rad": 0.0,
+        "speed_share": 1.0,
+        "brake_share": 1.0,
+        "softness_rad": 0.0,
+    }
     return {"kind": kind, "horizon_periods": periods, **none, **more}
 
 
