@@ -19,7 +19,7 @@ from remote_controller.solvers.tsid import Tsid
 
 CERTIFIED_RESIDUAL = 1e-9
 FALLBACKS = {status.OK: 0, status.INFEASIBLE: 1, status.UNSOLVED: 2}
-NOT_FINITE, TOO_SMALL, UNSOLVED, HELD, HALF_A_TURN = (1 << bit for bit in range(5))
+NOT_FINITE, TOO_SMALL, UNSOLVED, HELD, HALF_A_TURN, OVERLOADED = (1 << bit for bit in range(6))
 
 
 class TsidController(Controller):
@@ -40,7 +40,8 @@ class TsidController(Controller):
     falls: `v_rate_predicted` is V̇ half a period on, and `v_rate_required` is 0 where V does not
     rise in this period, else how fast it may. `certified` says that the QP was solved, by a
     residual ≤ 10⁻⁹ (`tsid_kernels.prove`), and that its bounds leave each joint able to stop: with
-    `naive` and `none` it is `uncertified`. `margin` is the least distance from a bound, relative to
+    `naive` and `none`, and where a joint cannot even hold its load, |h| > effort, it is
+    `uncertified`. `margin` is the least distance from a bound, relative to
     the greatest acceleration or the effort: 0 where one is reached.
 
     Raises:
@@ -87,13 +88,15 @@ class TsidController(Controller):
         self._dt = description.period_s
         self._turn = np.zeros((3, 3))
         self.error, self._wanted, self._slope = np.zeros((3, 6))
-        self._joint_wanted = np.zeros(n)
+        self._joint_wanted, self._load = np.zeros(n), np.zeros(n)
+        self._effort = np.array(description.effort)
         self.conditions = (
             "state not finite",
             "torques too small",
             "QP not solved",
             "held by bounds of joints",
             "half a turn from the goal",
+            "cannot hold its load",
         )
 
     @classmethod
@@ -174,6 +177,8 @@ class TsidController(Controller):
             bounds.lower,
             bounds.upper,
         )
+        np.abs(dynamics.bias, out=self._load)
+        overloaded = bool((self._load > self._effort).any())
         rate, growth, command.active_joints = self._finish(
             self._slope,
             dynamics.jacobian,
@@ -191,11 +196,12 @@ class TsidController(Controller):
             | (UNSOLVED if found == status.UNSOLVED else 0)
             | (HELD if solver.held else 0)
             | (HALF_A_TURN if where == self._half_a_turn else 0)
+            | (OVERLOADED if overloaded else 0)
         )
-        self._certify(V, rate, growth, found)
+        self._certify(V, rate, growth, found, overloaded)
         return command
 
-    def _certify(self, V: float, rate: float, growth: float, found: int) -> None:
+    def _certify(self, V: float, rate: float, growth: float, found: int, overloaded: bool) -> None:
         """Write what is proved of the answer."""
         command, solver = self.command, self.solver
         command.v, command.v_rate_predicted = V, rate
@@ -208,7 +214,7 @@ class TsidController(Controller):
             command.solver_status = STATUS["infeasible"]
             return
         command.kkt_residual = solver.kkt_residual
-        proven = solver.kkt_residual <= CERTIFIED_RESIDUAL and self._viable
+        proven = solver.kkt_residual <= CERTIFIED_RESIDUAL and self._viable and not overloaded
         command.solver_status = STATUS["certified" if proven else "uncertified"]
 
     def _refuse(self) -> Setpoint:

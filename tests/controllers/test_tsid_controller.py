@@ -67,6 +67,16 @@ def test_at_its_limit_the_elbow_does_not_hammer(shipped):
     assert steps.max() < 0.5
 
 
+def test_an_arm_that_cannot_hold_its_load_is_told_of_and_not_certified():
+    """Stretched forward, s1 needs 57 N m and has 50."""
+    robot = baxter(initial_posture="zero")
+    controller = tsid(robot, goal={"posture": "zero"})
+    command = controller.step(state_at(controller))
+    assert command.solver_status in {STATUS["uncertified"], STATUS["infeasible"]}
+    told = [name for bit, name in enumerate(controller.conditions) if controller.present >> bit & 1]
+    assert "cannot hold its load" in told
+
+
 def test_the_robot_has_nothing_to_hold_back():
     sides = emulator_settings("baxter", 0), controller_settings("tsid")
     lockstep = Lockstep(*sides, MemoryRecorder(), MemoryRecorder())

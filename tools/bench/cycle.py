@@ -39,9 +39,7 @@ def bench_cycle(controller: str = "qp12", samples: int = 5000) -> list[dict[str,
             "n": description.n,
             **taken.figures(),
             "times_reference": taken.times(times["reference"]),
-            "paper": {"mean_us": PAPER_US}
-            if name == step.name and description.name == "hoap3"
-            else None,
+            "paper": paper if name == step.name else None,
         }
         for name, taken in times.items()
     ]
