@@ -29,6 +29,7 @@ STORIES = [
     "writing_a_constraint.md",
     "new_robot.md",
     "robots.md",
+    "contact.md",
     "two_machines.md",
     "logs.md",
     "latency.md",
