@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from protocol.description import RobotDescription
 from protocol.errors import DescriptionError
@@ -25,6 +26,7 @@ class Dynamics:
     Attributes:
         damping: viscous friction of the URDF [N m s/rad].
         friction: Coulomb friction of the URDF [N m].
+        inertia, joint_jacobian: see `place`.
 
     Raises:
         DescriptionError: Pinocchio cannot build the model.
@@ -37,6 +39,7 @@ class Dynamics:
         self.n = description.n
         self._model, self._data, self._order = self.robot.model, self.robot.data, self.robot.order
         self._aba, self._rnea, self._crba = pinocchio.aba, pinocchio.rnea, pinocchio.crba
+        self._world = pinocchio.Convention.WORLD
         self._gravity_torque = pinocchio.computeGeneralizedGravity
         if description.gravity == "none":
             self._model.gravity.setZero()
@@ -46,6 +49,8 @@ class Dynamics:
         self.damping = np.array(self._model.damping)[self._order]
         self.friction = np.array(self._model.friction)[self._order]
         self._q, self._v, self._x = np.zeros(self.n), np.zeros(self.n), np.zeros(self.n)
+        self.inertia = self._data.M.reshape(self.n, self.n)
+        self.joint_jacobian = self._data.J.reshape(6, self.n)
 
     def mass(self, q: FloatArray) -> FloatArray:
         """M(q), a new (n, n)."""
@@ -97,3 +102,44 @@ class Dynamics:
         """Torques that hold the robot at rest against gravity."""
         self._q[self._order] = q
         np.take(self._gravity_torque(self._model, self._data, self._q), self._order, out=out)
+
+    def place(self, q: FloatArray, added: FloatArray) -> None:
+        """Update three views of what Pinocchio has, in its own order of joints.
+
+        `inertia`, (n, n), the upper triangle of M with `added`, (n,) ≥ 0, on its diagonal;
+        `joint_jacobian`, (6, n), v and ω of what each joint moves, at the root's origin, in its
+        axes; and every `placement`.
+        """
+        self._q[self._order] = q
+        self._added[self._order] = self._armature + added
+        self._crba(self._damped, self._data, self._q, self._world)
+
+    def placement(self, joint: int) -> tuple[FloatArray, FloatArray]:
+        """Where a joint is in the root: views of its rotation (3, 3) and its origin (3,) [m]."""
+        found = self._data.oMi[joint]
+        return found.rotation, found.translation
+
+    def carrier(self, frame: str) -> tuple[int, FloatArray]:
+        """Pinocchio's number of the joint that carries a frame, 0 for the root.
+
+        Returns:
+            That, and the frame's rotation and origin [m] seen from the joint, (3, 4).
+
+        Raises:
+            FrameNotFoundError: the robot has no such frame.
+        """
+        found = self._model.frames[self.robot.frame_id(frame)]
+        placed = np.column_stack([found.placement.rotation, found.placement.translation])
+        return int(found.parentJoint), np.ascontiguousarray(placed)
+
+    def movers(self, frame: str) -> NDArray[np.bool_]:
+        """Which joints of the wire move a frame, (n,).
+
+        Raises:
+            FrameNotFoundError: the robot has no such frame.
+        """
+        moved = np.zeros(self.n, np.bool_)
+        for joint in self._model.supports[self.carrier(frame)[0]]:
+            if joint > 0:
+                moved[self._model.joints[joint].idx_v] = True
+        return moved[self._order]

@@ -14,7 +14,7 @@ class AccelerationServo:
 
     q(t+T) = q + T·dq + T²/2·ddq and dq(t+T) = dq + T·ddq. A joint that runs into a mechanical stop
     stays there, without rebound. `tau` is what the motors give, by inverse dynamics; nothing limits
-    it, and there is no friction.
+    it, and there is neither friction nor contact.
     """
 
     def __init__(self, description: RobotDescription) -> None:
@@ -26,6 +26,7 @@ class AccelerationServo:
         n = description.n
         self._still = np.zeros(n)
         self.q, self.dq, self.tau = np.zeros(n), np.zeros(n), np.zeros(n)
+        self.wrench = np.zeros(6 * len(description.wrench_sensors))
 
     def reset(self, q: FloatArray) -> None:
         """Be at rest at `q`, (n,) [rad or m]."""

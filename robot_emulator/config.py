@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
-from protocol.description import CommandKind, Gravity
-from protocol.errors import ConfigError, UnknownNameError
+from protocol.description import CommandKind, Gravity, RobotDescription
+from protocol.errors import ConfigError, UnknownNameError, nearest
 from protocol.settings import (
     Endpoint,
     LinkSettings,
@@ -20,6 +21,47 @@ from protocol.settings import (
 )
 
 CONFIGS = Path(__file__).parent / "configs"
+FAR_M = 1000.0
+
+
+class ContactSettings(Settings):
+    """A compliant plane, and the point of the robot that can touch it."""
+
+    frame: str = Field(description="the point is its origin")
+    offset_m: tuple[float, float, float] = Field(
+        (0.0, 0.0, 0.0), description="the point in the frame instead"
+    )
+    point_m: tuple[float, float, float] = Field(description="of the plane, in the root's axes")
+    normal: tuple[float, float, float] = Field(
+        description="of the plane, towards the robot, in the root's axes; of any length"
+    )
+    stiffness_n_m: float = Field(20000.0, gt=0, le=1e9, description="K, in normal direction")
+    damping_n_s_m: float | None = Field(
+        None, ge=0, le=1e9, description="D, in normal direction; null: 2√K"
+    )
+    friction: float = Field(0.0, ge=0, le=10, description="coefficient μ, Coulomb's")
+
+    @field_validator("offset_m", "point_m")
+    @classmethod
+    def _near(cls, value: tuple[float, float, float]) -> tuple[float, float, float]:
+        if max(abs(each) for each in value) > FAR_M:
+            raise ValueError(f"should be within {FAR_M:g} m")
+        return value
+
+    @field_validator("normal")
+    @classmethod
+    def _a_direction(cls, value: tuple[float, float, float]) -> tuple[float, float, float]:
+        if not 1e-6 <= math.hypot(*value) <= 1e6:
+            raise ValueError("should point somewhere, with a length from 1e-6 to 1e6")
+        return value
+
+    @property
+    def law(self) -> tuple[float, float, float]:
+        """K [N/m], D [N s/m] and μ."""
+        damping = self.damping_n_s_m
+        if damping is None:
+            damping = 2.0 * math.sqrt(self.stiffness_n_m)
+        return self.stiffness_n_m, damping, self.friction
 
 
 class PlantSettings(Settings):
@@ -39,6 +81,9 @@ class PlantSettings(Settings):
     friction: bool = Field(True, description="where torques are commanded: that of the URDF")
     substeps: int = Field(
         4, ge=1, le=100, description="where torques are commanded: integration steps a period"
+    )
+    contacts: tuple[ContactSettings, ...] = Field(
+        (), description="where torques are commanded: planes that the robot can touch"
     )
 
 
@@ -123,3 +168,26 @@ def check_posture(posture: str, known: list[str], file: str) -> None:
         raise ConfigError(
             file, "posture", posture, "no such posture", f"Known: {', '.join(sorted(known))}"
         )
+
+
+def check_contacts(config: EmulatorConfig, robot: RobotDescription, kind: str, file: str) -> None:
+    """Refuse contacts of a robot that takes no torques, or of frames that it does not move."""
+    contacts = config.plant.contacts
+    if contacts and kind != "torque":
+        raise ConfigError(
+            file,
+            "plant.contacts",
+            f"{len(contacts)} of them",
+            f"are for torque commands, not {kind}: only such a body feels a force",
+            "Leave them out, or write command: torque",
+        )
+    for number, contact in enumerate(contacts):
+        key, frame = f"plant.contacts.{number}.frame", contact.frame
+        if frame not in robot.frames:
+            guess = nearest(frame, robot.frames)
+            hint = f"Did you mean {guess!r}? " if guess else ""
+            listing = f"{hint}Its frames: {', '.join(sorted(robot.frames))}"
+            raise ConfigError(file, key, frame, f"robot {robot.name!r} has no such frame", listing)
+        if frame not in robot.structure.moving:
+            moving = ", ".join(sorted(robot.structure.moving))
+            raise ConfigError(file, key, frame, "no joint moves it", f"Those that move: {moving}")

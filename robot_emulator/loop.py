@@ -244,7 +244,7 @@ class RobotLoop:
         state.duplicate, state.out_of_order = inbox.duplicate, inbox.out_of_order
         state.rejected, state.success_rate = inbox.rejected, deadlines.success_rate
         state.q[:], state.dq[:], state.tau[:] = self._plant.q, self._plant.dq, self._plant.tau
-        state.reference[:] = self._gate.reference
+        state.reference[:], state.wrench[:] = self._gate.reference, self._plant.wrench
         state.stamp_published = self._clock.now()
         payload = state.dump()
         self._link.publish(payload)

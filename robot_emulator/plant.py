@@ -20,11 +20,13 @@ class Plant(Protocol):
         q: measured positions, (n,), rad or m.
         dq: measured velocities, (n,), rad/s or m/s.
         tau: measured efforts, (n,), N m or N.
+        wrench: fx fy fz tx ty tz of each of the description's wrench sensors, N and N m.
     """
 
     q: FloatArray
     dq: FloatArray
     tau: FloatArray
+    wrench: FloatArray
 
     def reset(self, q: FloatArray) -> None:
         """Be at rest at `q`, (n,)."""
@@ -41,7 +43,7 @@ class PositionServo:
 
     With `encoder: counts` the measurement is what an int16 encoder shows, while the reference
     stays in double: rounding the reference itself lets a slow motion stall (docs/concepts.md).
-    A servo knows no effort: `tau` is zero.
+    A servo knows no effort and no contact: `tau` and `wrench` are zero.
     """
 
     def __init__(self, description: RobotDescription, settings: PlantSettings) -> None:
@@ -62,6 +64,7 @@ class PositionServo:
         self.q = np.zeros(description.n)
         self.dq = np.zeros(description.n)
         self.tau = np.zeros(description.n)
+        self.wrench = np.zeros(6 * len(description.wrench_sensors))
 
     def reset(self, q: FloatArray) -> None:
         """Be at rest at `q`, (n,) [rad or m]."""

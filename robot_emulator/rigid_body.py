@@ -1,4 +1,4 @@
-"""A body whose joints take torques: articulated-body dynamics with friction and end stops."""
+"""A body whose joints take torques: articulated-body dynamics, friction, contacts, end stops."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from protocol.description import RobotDescription
 from protocol.dynamics import Dynamics
 from protocol.messages import FloatArray
 from robot_emulator.config import PlantSettings
+from robot_emulator.contact import Contacts
 
 ROUNDING = 1e-9  # of an effort: a torque that exceeds it by no more was meant to be it
 SLIDING = 0.01  # rad/s or m/s: above it friction is Coulomb's, below it grows in proportion
@@ -25,12 +26,17 @@ class RigidBody:
     A joint in rest under less than c creeps at `SLIDING`·τ/c. A joint that runs into a mechanical
     stop stays there, without rebound. Torques are cut to the efforts of the description.
 
+    Contacts act in each of these steps, at the velocities after it (`contact`). While the brakes
+    are on they press as they do at rest, without friction.
+
     Gravity is the description's: `compensated` means that the robot adds its torque to every
     command, within the efforts.
 
     Attributes:
         q, dq: positions and velocities.
         tau: torques of the motors, all told; at rest with the brakes on, what these carry.
+        wrench: of contacts on each wrench sensor (6 per sensor), mean over the last period, so
+            that it holds the whole impulse of an impact; see `Contacts.feel`.
 
     Raises:
         DescriptionError: a joint moves nothing that weighs.
@@ -52,8 +58,11 @@ class RigidBody:
         self._viscous = self._dynamics.damping if settings.friction else np.zeros(n)
         self._coulomb = self._dynamics.friction if settings.friction else np.zeros(n)
         self._net, self._ddq, self._added, self._weight, self._needed = np.zeros((5, n))
-        self._slope, self._asked, self._idle, self._none = np.zeros((4, n))
+        self._slope, self._asked, self._idle, self._none, self._after = np.zeros((5, n))
+        contacts = settings.contacts
+        self._contacts = Contacts(description, contacts, self._dynamics) if contacts else None
         self.q, self.dq, self.tau = np.zeros((3, n))
+        self.wrench = np.zeros(6 * len(description.wrench_sensors))
 
     def reset(self, q: FloatArray) -> None:
         """Be at rest at `q`, (n,) [rad or m]."""
@@ -63,8 +72,11 @@ class RigidBody:
     def step(self, command: FloatArray, dt: float) -> None:
         """Move under the torques `command`, (n,) [N m or N], for `dt` [s]."""
         h = dt / self._substeps
+        self.wrench[:] = 0.0
         for _ in range(self._substeps):
             self._forward(command, h)
+            if self._contacts:
+                self._contacts.feel(1.0 / self._substeps, self.wrench)
             self._advance(self._ddq, h, *self._stops, self.q, self.dq)
 
     def hold(self, dt: float) -> None:
@@ -72,6 +84,10 @@ class RigidBody:
         del dt
         self.dq[:] = 0.0
         self._dynamics.gravity(self.q, self.tau)
+        if self._contacts:
+            self.tau -= self._contacts.torques(self.q, self.dq, 0.0)
+            self.wrench[:] = 0.0
+            self._contacts.feel(1.0, self.wrench)
 
     def accelerations(self, command: FloatArray, dt: float, out: FloatArray) -> int:
         """Write what torques, (n,), would give over `dt` [s], (n,) [rad/s² or m/s²].
@@ -146,6 +162,10 @@ class RigidBody:
         self._added *= dt
         self._added *= ddq
         out += self._added
+        if self._contacts:
+            np.multiply(ddq, dt, out=self._after)
+            self._after += self.dq
+            out -= self._contacts.torques(self.q, self._after, dt)
 
     def _forward(self, command: FloatArray, h: float) -> None:
         """Accelerations of a step of `h` [s] under a command, and the torques of the motors."""
@@ -158,3 +178,5 @@ class RigidBody:
         self._net += self.tau
         self._added *= h
         self._dynamics.forward_damped(self.q, self.dq, self._net, self._added, self._ddq)
+        if self._contacts:
+            self._contacts.push(self.q, self.dq, self._added, h, self._ddq)

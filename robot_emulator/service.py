@@ -13,7 +13,7 @@ from protocol.link import RobotLink
 from protocol.realtime import prepare_process
 from protocol.recorder import Recorder
 from protocol.ring import Kind
-from robot_emulator.config import EmulatorConfig, check_posture
+from robot_emulator.config import EmulatorConfig, check_contacts, check_posture
 from robot_emulator.loop import GRACE_TICKS, RobotLoop
 from robot_emulator.robots import load
 
@@ -22,6 +22,7 @@ KERNELS = (
     "robot_emulator.filter_kernels",
     "protocol.limits_kernels",
 )
+CONTACT_KERNELS = ("robot_emulator.contact_kernels",)
 START_DELAY_NS = 10_000_000
 
 
@@ -37,6 +38,7 @@ def describe(config: EmulatorConfig, file: str = "config") -> RobotDescription:
         takes = " or ".join(description.command_kinds)
         raise ConfigError(file, "command", kind, f"{config.robot} takes {takes}", "Choose that")
     _check_fit(config, kind, file)
+    check_contacts(config, description, kind, file)
     return description.model_copy(
         update={"command_kinds": (kind,), "gravity": config.plant.gravity}
     )
@@ -105,7 +107,8 @@ def serve(
     from protocol.compilation import warm_up  # noqa: PLC0415 - loads numba
     from protocol.zenoh_link import ZenohRobotLink  # noqa: PLC0415 - only where there is a network
 
-    warm_up(KERNELS, lambda name: report(f"kernels: {name}"))
+    contact = CONTACT_KERNELS if config.plant.contacts else ()
+    warm_up((*KERNELS, *contact), lambda name: report(f"kernels: {name}"))
     measures = [str(measure) for measure in prepare_process(config.realtime)]
     for measure in measures:
         report(measure)

@@ -63,6 +63,8 @@ GROUPS: dict[str, dict[str, type[Settings]]] = {
 """Tables whose first column names whose key it is: one or more of these."""
 TAGS = {"Objectives": "kind", "Parameters of targets": "kind", "Obstacles": "shape"}
 UNITS = {
+    "_n_m": "N/m",
+    "_n_s_m": "N s/m",
     "_ms": "ms",
     "_us": "µs",
     "_mb": "MB",
