@@ -273,3 +273,33 @@ def test_four_corners_of_a_plate_share_its_weight():
         body.step(np.zeros(1), T)
     assert body.q[0] == pytest.approx(-4.0 * G / 4e5, rel=1e-9)
     np.testing.assert_allclose(body.wrench[:6], [0, 0, 4.0 * G, 0, 0, 0], rtol=1e-9, atol=1e-9)
+
+
+def test_many_planes_at_once_give_nothing_more_back_than_they_took():
+    """Wedges, corners and several points, with light and heavy slides, stiff and soft."""
+    rng = np.random.default_rng(4)
+    touched = 0
+    for _ in range(150):
+        masses = 10.0 ** rng.uniform(-3.0, 1.0, 3)
+        planes = [
+            {
+                "frame": str(rng.choice(["y_slide", "z_slide"])),
+                "point_m": tuple(-rng.uniform(0.0, 0.01) * normal),
+                "normal": tuple(normal),
+                "stiffness_n_m": 10.0 ** rng.uniform(3.0, 7.0),
+                "damping_n_s_m": rng.choice([0.0, 1e2, 1e5]),
+                "friction": rng.choice([0.0, 0.5, 2.0]),
+            }
+            for normal in rng.normal(size=(rng.integers(2, 5), 3))
+        ]
+        for plane in planes:  # the start is outside of each
+            plane["point_m"] = tuple(np.array(plane["point_m"]) / np.linalg.norm(plane["normal"]))
+        body = touching(guided("xyz", masses), *planes, substeps=int(rng.choice([1, 4])))
+        body.dq[:] = rng.normal(size=3)
+        inertia = np.cumsum(masses[::-1])[::-1]
+        before = 0.5 * inertia @ body.dq**2
+        for _ in range(100):
+            body.step(np.zeros(3), T)
+            touched += bool(body.wrench.any())
+        assert 0.5 * inertia @ body.dq**2 <= before * (1.0 + 1e-9)
+    assert touched > 500
