@@ -10,6 +10,7 @@ from remote_controller.solvers.descent_rate import DescentRate
 from remote_controller.solvers.lp_norm import LpNorm, lp_norm
 from remote_controller.solvers.lyapunov import feasible_rate, lyapunov_qp
 from remote_controller.solvers.pinv import Pinv, pinv, pinv_plain
+from remote_controller.solvers.projector import generalized_projector
 from remote_controller.solvers.qp12 import Qp12, qp12
 from remote_controller.solvers.stable_qp import StableQp
 
@@ -21,6 +22,7 @@ __all__ = [
     "Qp12",
     "StableQp",
     "feasible_rate",
+    "generalized_projector",
     "lp_norm",
     "lyapunov_qp",
     "pinv",

@@ -1,0 +1,252 @@
+"""The generalized projector in its order-free closed form, compiled.
+
+Liu, Tan and Padois, Autonomous Robots 2015, (11). With the distinct positive priorities
+a_1 > … > a_L of the rows, a_{L+1} = 0, and N_l the projector onto the null space of all rows with
+priority ≥ a_l,
+
+    P = (1 − a_1) I + Σ_l (a_l − a_{l+1}) N_l  =  c I − Bᵀ diag(D) B
+
+with B an orthonormal basis of the rows, in descending priority, and D their priorities. Rows of
+priority 0 do not matter and are left out. A task whose Jacobian is I leaves no null space, whatever
+the basis: what its priority a makes of the rest is c = 1 − a, and D counts from a.
+
+A row counts as dependent where what is left of it is 1e-9 of the row. The paper takes the smallest
+positive number there, with which rounding errors become directions.
+
+**Smoothed** (not in the paper): P jumps where the rank of the rows changes. Instead of N_l the
+smoothed form uses, with J_l the rows of level l and K = J_l N_{l−1} J_lᵀ,
+
+    N_l = N_{l−1} − N_{l−1} J_lᵀ g(K) J_l N_{l−1},   g(σ²) = φ(σ/s₀)/σ²,   φ(t) = 3t² − 2t³ up to 1
+
+which is continuous in J and the exact N_l where all σ ≥ s₀. Every N_l lies between 0 and N_{l−1},
+so a level that N_{l−1} keeps strictly stays strict.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocol.compilation import inlined, kernel
+from remote_controller.solvers.dense_kernels import (
+    MAX,
+    add,
+    dot,
+    eigenvectors,
+    not_finite,
+    orthogonalise,
+)
+from remote_controller.solvers.status import BAD_INPUT, OK
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+DEPENDENT = 1e-9  # of a row: less than that of it left is rounding
+SURE = 0.5  # of a row: with as much left, one orthogonalisation is enough
+HUGE, SMALL = 1e100, 1e-100  # rows beyond are scaled before they are squared
+DROPPED = 1e-30  # of a projector's eigenvalue
+
+
+@inlined
+def _extend(row: Array, B: Array, rank: int) -> bool:
+    """Write what of a row is orthogonal to the first `rank` rows of B behind them, normalised."""
+    n, fresh, top = row.size, B[rank], 0.0
+    for i in range(n):
+        fresh[i] = row[i]
+        top = max(top, abs(row[i]))
+    if top == 0.0:
+        return False
+    if not SMALL < top < HUGE:
+        for i in range(n):
+            fresh[i] /= top
+    whole = dot(fresh, fresh)
+    left = whole
+    for _ in range(2):
+        for p in range(rank):
+            add(fresh, -dot(fresh, B[p]), B[p])
+        left = dot(fresh, fresh)
+        if rank == 0 or left > SURE * SURE * whole:
+            break
+    if left <= DEPENDENT * DEPENDENT * whole:
+        return False
+    inverse = 1.0 / math.sqrt(left)
+    for i in range(n):
+        fresh[i] *= inverse
+    return True
+
+
+@inlined
+def _sort(alpha: Array, closes: Indices, order: Indices) -> int:
+    """Write the tasks of positive priority in descending order; returns how many there are."""
+    count = 0
+    for j in range(alpha.size):
+        if alpha[j] <= 0.0:
+            continue
+        p = count
+        while p > 0:
+            before = order[p - 1]
+            if alpha[before] > alpha[j] or (alpha[before] == alpha[j] and not closes[j]):
+                break
+            order[p] = before
+            p -= 1
+        order[p] = j
+        count += 1
+    return count
+
+
+@inlined
+def exact_basis(
+    jacobian: Array,
+    offsets: Indices,
+    closes: Indices,
+    alpha: Array,
+    order: Indices,
+    B: Array,
+    D: Array,
+) -> tuple[int, float]:
+    """Write B and D of P = cI − Bᵀ diag(D) B; returns how many rows B has, and c.
+
+    Args:
+        jacobian: all rows, (m, n).
+        offsets: where the rows of each task begin, and m: (k + 1,).
+        closes: 1 for a task whose Jacobian is I, else 0; (k,).
+        alpha: priorities of the tasks, (k,).
+        order: scratch, (k,).
+        B: (min(m, n), n) or larger.
+        D: as long as B has rows.
+    """
+    n, rank, base = jacobian.shape[1], 0, 0.0
+    for t in range(_sort(alpha, closes, order)):
+        j = order[t]
+        if rank >= n:
+            break
+        if closes[j]:
+            base = alpha[j]
+            break
+        for row in range(offsets[j], offsets[j + 1]):
+            if rank < n and _extend(jacobian[row], B, rank):
+                D[rank] = alpha[j]
+                rank += 1
+    for p in range(rank):
+        D[p] -= base
+    return rank, 1.0 - base
+
+
+@inlined
+def _smooth_level(
+    V: Array, jacobian: Array, rows: Indices, width: float, U: Array, K: Array, Q: Array
+) -> None:
+    """Write the rows √g(σ²)·qᵀ J N of a level into U, from V = J N, q the eigenvectors of K."""
+    m, n = V.shape
+    for a in range(m):
+        for b in range(a, m):
+            K[a, b] = 0.5 * (dot(jacobian[rows[a]], V[b]) + dot(jacobian[rows[b]], V[a]))
+            K[b, a] = K[a, b]
+    eigenvectors(K, Q)
+    for e in range(m):
+        squared = max(K[e, e], 0.0)
+        t = math.sqrt(squared) / width
+        root = math.sqrt(3.0 - 2.0 * t) / width if t < 1.0 else 1.0 / math.sqrt(squared)
+        for i in range(n):
+            U[e, i] = 0.0
+        for a in range(m):
+            add(U[e], root * Q[e, a], V[a])
+
+
+@inlined
+def smooth_basis(
+    jacobian: Array,
+    offsets: Indices,
+    closes: Indices,
+    alpha: Array,
+    width: float,
+    order: Indices,
+    rows: Indices,
+    B: Array,
+    D: Array,
+    V: Array,
+    K: Array,
+    Q: Array,
+) -> tuple[int, float]:
+    """As `exact_basis`, smoothed: s₀ = `width` > 0.
+
+    Args:
+        jacobian, offsets, closes, alpha, order: as there.
+        width: s₀, in the units of the Jacobian.
+        rows: scratch, (m,).
+        B, D: (m, n) and (m,).
+        V, K, Q: scratch, (m, n), (m, m) and (m, m).
+    """
+    n, rank, base = jacobian.shape[1], 0, 0.0
+    count, t = _sort(alpha, closes, order), 0
+    while t < count:
+        level, m = alpha[order[t]], 0
+        if closes[order[t]]:
+            base = level
+            break
+        while t < count and alpha[order[t]] == level:
+            for row in range(offsets[order[t]], offsets[order[t] + 1]):
+                for i in range(n):
+                    V[m, i] = jacobian[row, i]
+                for p in range(rank):
+                    add(V[m], -dot(jacobian[row], B[p]), B[p])
+                rows[m] = row
+                m += 1
+            t += 1
+        _smooth_level(V[:m], jacobian, rows, width, B[rank:], K[:m, :m], Q[:m, :m])
+        for p in range(rank, rank + m):
+            D[p] = level
+        rank += m
+    for p in range(rank):
+        root = math.sqrt(D[p] - base)
+        for i in range(n):
+            B[p, i] *= root
+    orthogonalise(B, rank)
+    kept = 0
+    for p in range(rank):
+        length = dot(B[p], B[p])
+        if length > DROPPED:
+            inverse = 1.0 / math.sqrt(length)
+            for i in range(n):
+                B[kept, i] = inverse * B[p, i]
+            D[kept] = length
+            kept += 1
+    return kept, 1.0 - base
+
+
+@kernel("i8(f8[::1], f8[:,::1], f8, f8[:,::1])")
+def projector_kernel(alpha: Array, jacobian: Array, width: float, out: Array) -> int:
+    """Write P for priorities of the single rows; the status is `OK` or `BAD_INPUT`.
+
+    Args:
+        alpha: priorities, (m,).
+        jacobian: (m, n).
+        width: s₀; 0 for the exact projector.
+        out: P, (n, n); untouched on bad input.
+    """
+    m, n = jacobian.shape
+    for j in range(m):
+        if not_finite(jacobian[j]) or not 0.0 <= alpha[j] <= 1.0:
+            return BAD_INPUT
+    if not 0.0 <= width <= MAX:
+        return BAD_INPUT
+    offsets, closes = np.arange(m + 1), np.zeros(m, np.int64)
+    order, rows = np.empty(m, np.int64), np.empty(m, np.int64)
+    B, D = np.empty((m, n)), np.empty(m)
+    if width > 0.0:
+        V, K, Q = np.empty((m, n)), np.empty((m, m)), np.empty((m, m))
+        rank, c = smooth_basis(jacobian, offsets, closes, alpha, width, order, rows, B, D, V, K, Q)
+    else:
+        rank, c = exact_basis(jacobian, offsets, closes, alpha, order, B, D)
+    for i in range(n):
+        for j in range(n):
+            out[i, j] = c if i == j else 0.0
+    for p in range(rank):
+        for i in range(n):
+            add(out[i], -D[p] * B[p, i], B[p])
+    for i in range(n):
+        for j in range(i):
+            out[i, j] = out[j, i]
+    return OK

@@ -1,0 +1,198 @@
+"""The generalized projector against its closed form, and the projectors it replaces."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.errors import BadProblemError
+from remote_controller.solvers import generalized_projector
+from remote_controller.solvers.projectors_compared import (
+    activated_null_space,
+    damped_null_space,
+    summed_null_space,
+)
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def null_space(J: np.ndarray) -> np.ndarray:
+    """Projector onto the null space, by a singular value decomposition of unit rows."""
+    n, largest = J.shape[1], np.abs(J).max(axis=1, initial=0.0)
+    rows = J[largest > 0] / largest[largest > 0, None]
+    if not len(rows):
+        return np.eye(n)
+    _, s, Vt = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None])
+    V = Vt[: int((s > 1e-8).sum())]
+    return np.eye(n) - V.T @ V
+
+
+def closed_form(alpha: np.ndarray, J: np.ndarray) -> np.ndarray:
+    levels = [*sorted({a for a in alpha if a > 0}, reverse=True), 0.0]
+    P = (1 - levels[0]) * np.eye(J.shape[1])
+    for upper, lower in itertools.pairwise(levels):
+        P += (upper - lower) * null_space(J[alpha >= upper])
+    return P
+
+
+def hard_case(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Duplicate, dependent, tiny, huge and zero rows; ties; more rows than columns."""
+    rng = np.random.default_rng(seed)
+    n, m = rng.integers(1, 9), rng.integers(1, 15)
+    J = rng.normal(size=(m, n))
+    for row in range(m):
+        kind, a, b = rng.integers(9), *rng.integers(m, size=2)
+        if kind == 0:
+            J[row] = rng.normal() * J[a]
+        elif kind == 1:
+            J[row] = J[a] - 2 * J[b]
+        elif kind == 2:
+            J[row] = 0
+    J *= 10.0 ** (rng.uniform(-290, 100, size=(m, 1)) * (rng.random((m, 1)) < 0.2))
+    return rng.choice([0, 0.25, 0.5, 1, rng.random()], size=m), J
+
+
+@given(SEEDS)
+def test_equals_the_closed_form_on_hard_cases(seed):
+    alpha, J = hard_case(seed)
+    P = generalized_projector(alpha, J)
+    np.testing.assert_allclose(P, closed_form(alpha, J), rtol=0, atol=1e-9)
+
+
+@given(SEEDS, st.sampled_from([0.0, 0.1, 1.0]))
+def test_is_symmetric_with_eigenvalues_from_0_to_1(seed, smoothing):
+    alpha, J = hard_case(seed)
+    P = generalized_projector(alpha, np.clip(J, -9, 9), smoothing=smoothing)
+    assert (P == P.T).all()
+    found = np.linalg.eigvalsh(P)
+    assert found.min() > -1e-12
+    assert found.max() < 1 + 1e-12
+
+
+@given(SEEDS)
+def test_annihilates_strict_levels_whatever_stands_below(seed):
+    alpha, J = hard_case(seed)
+    top = alpha == alpha.max()
+    left = J[top] @ generalized_projector(alpha, J) - (1 - alpha.max()) * J[top]
+    assert np.abs(left).max() <= 1e-12 * np.abs(J[top]).max() * J.shape[1]
+
+
+@given(SEEDS)
+def test_neither_order_nor_length_of_rows_matters(seed):
+    alpha, J = hard_case(seed)
+    rng = np.random.default_rng(seed)
+    order, lengths = rng.permutation(len(J)), np.exp(rng.normal(size=(len(J), 1)))
+    shuffled = generalized_projector(alpha[order], (J * lengths)[order])
+    np.testing.assert_allclose(generalized_projector(alpha, J), shuffled, rtol=0, atol=1e-9)
+
+
+@given(SEEDS, st.integers(1, 5))
+def test_is_continuous_in_priorities_that_overtake_each_other(seed, stages):
+    """All priorities go elsewhere, crossing on their way: P changes by no more than they do."""
+    _, J = hard_case(seed)
+    rng = np.random.default_rng(seed)
+    start, end = rng.choice([0, 0.5, 1], size=(2, len(J)))
+    steps = 40 * stages
+    path = [generalized_projector(start + s * (end - start), J) for s in np.linspace(0, 1, steps)]
+    jumps = [np.linalg.norm(b - a, 2) for a, b in itertools.pairwise(path)]
+    assert max(jumps) <= 2 * min(len(J), J.shape[1]) / (steps - 1)
+
+
+def test_a_row_fades_out_as_its_own_priority_rises():
+    J = np.random.default_rng(0).normal(size=(3, 5))
+    for own in (0.0, 0.3, 1.0):
+        P = generalized_projector([own, 0, 0], J)
+        np.testing.assert_allclose(J[0] @ P, (1 - own) * J[0], atol=1e-12)
+
+
+def test_a_network_of_priorities():
+    """1▷2▷3, 4▷5▷6 and 2▷5, all else free: who keeps out of whose directions."""
+    above = {1: [], 2: [1], 3: [1, 2], 4: [], 5: [4, 2, 1], 6: [4, 5, 2, 1]}
+    J = np.random.default_rng(1).normal(size=(6, 9))
+    for task, upper in above.items():
+        alpha = np.array([1.0 if j in upper else 0.0 for j in range(1, 7)])
+        P = generalized_projector(alpha, J)
+        for j in range(1, 7):
+            felt = np.abs(J[j - 1] @ P).max()
+            assert (felt < 1e-12) if j in upper else (felt > 1e-2), (task, j)
+
+
+class TestSmoothed:
+    """The continuous projector."""
+
+    @given(SEEDS)
+    def test_is_the_same_where_every_level_is_well_conditioned(self, seed):
+        rng = np.random.default_rng(seed)
+        J, alpha = rng.normal(size=(5, 9)), rng.choice([0.3, 0.6, 1], size=5)
+        narrow = 1e-3 * np.linalg.svd(J)[1].min()
+        smooth = generalized_projector(alpha, J, smoothing=narrow)
+        np.testing.assert_allclose(smooth, generalized_projector(alpha, J), atol=1e-9)
+
+    @given(SEEDS)
+    def test_does_not_jump_where_the_rank_changes(self, seed):
+        rng = np.random.default_rng(seed)
+        J, alpha = rng.normal(size=(4, 6)), np.array([1, 1, 0.7, 0.4])
+        end = J.copy()
+        end[1], end[2] = J[0], 2 * J[0] - J[1]
+        for smoothing, bar in ((0.5, 0.05), (0.0, 0.2)):
+            ways = (
+                generalized_projector(alpha, J + s * (end - J), smoothing=smoothing)
+                for s in (1 - 1e-5, 1.0)
+            )
+            near, there = ways
+            jump = np.linalg.norm(near - there, 2)
+            assert (jump < bar) if smoothing else (jump > bar)
+
+    @given(SEEDS)
+    def test_keeps_a_well_conditioned_strict_level(self, seed):
+        alpha, J = hard_case(seed)
+        J = np.clip(J, -9, 9)
+        n = J.shape[1]
+        J = np.vstack([np.eye(n)[: n // 2 + 1], J])
+        alpha = np.concatenate([np.ones(n // 2 + 1), 0.9 * alpha])
+        P = generalized_projector(alpha, J, smoothing=0.5)
+        assert np.abs(P[: n // 2 + 1]).max() < 1e-12
+
+
+class TestOthers:
+    """(5), (6) and (8)."""
+
+    def test_5_and_6_are_null_space_projectors_at_their_ends(self):
+        J = np.random.default_rng(2).normal(size=(2, 5))
+        N = null_space(J)
+        np.testing.assert_allclose(damped_null_space(1, J), N, atol=1e-12)
+        np.testing.assert_allclose(damped_null_space(0, J), np.eye(5), atol=1e-12)
+        np.testing.assert_allclose(activated_null_space([1, 1, 0, 0, 0], J), N, atol=1e-12)
+        np.testing.assert_allclose(J @ damped_null_space(0.3, J), 0.7 * J, atol=1e-12)
+
+    def test_8_leaks_into_a_strict_task_and_the_generalized_one_does_not(self):
+        J = np.array([[1.0, 0, 0], [1, 1, 0]])
+        alpha = [1, 0.5]
+        assert np.abs(J[0] @ summed_null_space(alpha, J)).max() > 0.2
+        assert np.abs(J[0] @ generalized_projector(alpha, J)).max() < 1e-15
+
+    def test_8_is_right_where_rows_are_orthogonal(self):
+        J, alpha = np.diag([1.0, 2, 3])[:2], [1, 0.4]
+        P = generalized_projector(alpha, J)
+        np.testing.assert_allclose(summed_null_space(alpha, J), P, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("alpha", "J", "smoothing", "said"),
+    [
+        ([1.0, 1.5], np.eye(2), 0.0, r"alpha_rows\[1\] must be within \[0, 1\] \(found 1.5\)"),
+        ([-0.1, 1], np.eye(2), 0.0, r"alpha_rows\[0\]"),
+        ([np.nan, 1], np.eye(2), 0.0, r"alpha_rows\[0\]"),
+        ([1.0], np.eye(2), 0.0, "alpha_rows has 1 entries; give it 2"),
+        ([1, 1], [[0, 0], [0, np.inf]], 0.0, "found others in row 1"),
+        ([1, 1], np.eye(2), -1.0, "smoothing must be finite and not negative"),
+        ([1, 1], np.zeros(2), 0.0, "jacobian has shape"),
+    ],
+)
+def test_refuses_what_is_wrong_by_name(alpha, J, smoothing, said):
+    with pytest.raises(BadProblemError, match=said):
+        generalized_projector(alpha, J, smoothing=smoothing)
