@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from remote_controller.solvers.bounded_qp12 import BoundedQp12, qp12_bounded
 from remote_controller.solvers.descent_rate import DescentRate
+from remote_controller.solvers.ghc import Ghc, ghc
 from remote_controller.solvers.lp_norm import LpNorm, lp_norm
 from remote_controller.solvers.lyapunov import feasible_rate, lyapunov_qp
 from remote_controller.solvers.pinv import Pinv, pinv, pinv_plain
@@ -17,12 +18,14 @@ from remote_controller.solvers.stable_qp import StableQp
 __all__ = [
     "BoundedQp12",
     "DescentRate",
+    "Ghc",
     "LpNorm",
     "Pinv",
     "Qp12",
     "StableQp",
     "feasible_rate",
     "generalized_projector",
+    "ghc",
     "lp_norm",
     "lyapunov_qp",
     "pinv",

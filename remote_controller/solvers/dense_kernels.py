@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined
+from protocol.compilation import inlined, kernel
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ def add_rows(target: Array, factors: Array, rows: Array, first: int, last: int, 
         add(target, factors[k], rows[k, start:])
 
 
-@inlined
+@kernel("void(f8[:,::1], f8, f8[:,::1], i8, f8[::1])")
 def gram(target: Array, sign: float, rows: Array, count: int, scratch: Array) -> None:
     """Upper triangle of target += sign·rowsᵀ·rows, of the first `count` rows."""
     n = target.shape[0]
@@ -78,20 +78,21 @@ def gram(target: Array, sign: float, rows: Array, count: int, scratch: Array) ->
         add_rows(target[i, i:], scratch, rows, 0, count, i)
 
 
-@inlined
-def factorise(A: Array, tolerance: float, scratch: Array) -> int:
+@kernel("i8(f8[:,::1], i8, f8, f8[::1])")
+def factorise(A: Array, n: int, tolerance: float, scratch: Array) -> int:
     """U with UᵀU = A in place of A's upper triangle; returns the rank.
 
     A pivot up to `tolerance` times its entry of the diagonal is 0, and so is its row of U.
 
     Args:
-        A: positive semidefinite, (n, n).
+        A: positive semidefinite, (n, n) or larger.
+        n: how many of its rows and columns count.
         tolerance: 0 for a definite one.
         scratch: (n,).
     """
-    n, rank = A.shape[0], 0
+    rank = 0
     for i in range(n):
-        row, entry = A[i, i:], A[i, i]
+        row, entry = A[i, i:n], A[i, i]
         for k in range(i):
             scratch[k] = -A[k, i]
         add_rows(row, scratch, A, 0, i, i)
@@ -108,7 +109,35 @@ def factorise(A: Array, tolerance: float, scratch: Array) -> int:
     return rank
 
 
-@inlined
+@kernel("void(f8[:,::1], f8, f8[:,::1])")
+def root_rows(W: Array, least: float, U: Array) -> None:
+    """U with UᵀU = W, for a singular W: the largest pivot first, down to `least`.
+
+    So what is left out of W is of the size of that pivot, where a Cholesky factorisation in the
+    order of the columns would leave out its root.
+
+    Args:
+        W: positive semidefinite, (n, n), both triangles; overwritten.
+        least: pivots up to it are 0.
+        U: (n, n), written; no triangle, rows of 0 at its end.
+    """
+    n = W.shape[0]
+    for k in range(n):
+        best = 0
+        for i in range(n):
+            best = i if W[i, i] > W[best, best] else best
+        pivot, row = W[best, best], U[k]
+        inverse = 1.0 / math.sqrt(pivot) if pivot > least else 0.0
+        for i in range(n):
+            row[i] = inverse * W[best, i]
+        if inverse > 0.0:
+            for i in range(n):
+                add(W[i], -row[i], row)
+                W[i, best] = 0.0
+                W[best, i] = 0.0
+
+
+@kernel("void(f8[:,::1], f8[::1])")
 def solve_lower(U: Array, b: Array) -> None:
     """Solve Uᵀx = b, x in place of b; U regular."""
     for k in range(b.size):
@@ -116,13 +145,25 @@ def solve_lower(U: Array, b: Array) -> None:
         add(b[k + 1 :], -b[k], U[k, k + 1 : b.size])
 
 
-@inlined
+@kernel("void(f8[:,::1], f8[::1])")
 def solve_upper(U: Array, b: Array) -> None:
     """Solve Ux = b, x in place of b; U regular."""
     n = b.size
     for q in range(n):
         k = n - 1 - q
         b[k] = (b[k] - dot(U[k, k + 1 : n], b[k + 1 :])) / U[k, k]
+
+
+@kernel("void(f8[:,::1], f8[:,::1], f8[::1])")
+def divide_rows(U: Array, rows: Array, scratch: Array) -> None:
+    """Replace the first n of the rows by U⁻ᵀ·rows; U regular, (n, n)."""
+    for i in range(U.shape[0]):
+        for k in range(i):
+            scratch[k] = -U[k, i]
+        row, inverse = rows[i], 1.0 / U[i, i]
+        add_rows(row, scratch, rows, 0, i, 0)
+        for j in range(row.size):
+            row[j] *= inverse
 
 
 @inlined
@@ -134,15 +175,15 @@ def rotate(first: Array, second: Array, cosine: float, sine: float) -> None:
         second[i] = cosine * b - sine * a
 
 
-@inlined
-def eigenvectors(K: Array, Q: Array) -> None:
+@kernel("void(f8[:,::1], f8[:,::1], i8)")
+def eigenvectors(K: Array, Q: Array, m: int) -> None:
     """Jacobi's rotations: K becomes diagonal, the rows of Q its eigenvectors.
 
     Args:
-        K: symmetric, (m, m), both triangles.
-        Q: (m, m), to be written.
+        K: symmetric, both triangles, (m, m) or larger.
+        Q: as large, written.
+        m: how many rows and columns count.
     """
-    m = K.shape[0]
     for a in range(m):
         for b in range(m):
             Q[a, b] = 1.0 if a == b else 0.0
@@ -156,14 +197,14 @@ def eigenvectors(K: Array, Q: Array) -> None:
                 turned = True
                 half = 0.5 * math.atan2(2.0 * off, K[a, a] - K[b, b])
                 cosine, sine = math.cos(half), math.sin(half)
-                rotate(K[a], K[b], cosine, sine)
-                rotate(K[:, a], K[:, b], cosine, sine)
-                rotate(Q[a], Q[b], cosine, sine)
+                rotate(K[a, :m], K[b, :m], cosine, sine)
+                rotate(K[:m, a], K[:m, b], cosine, sine)
+                rotate(Q[a, :m], Q[b, :m], cosine, sine)
         if not turned:
             return
 
 
-@inlined
+@kernel("void(f8[:,::1], i8)")
 def orthogonalise(rows: Array, count: int) -> None:
     """Rotate the first `count` rows until they are orthogonal (one-sided Jacobi, Hestenes 1958)."""
     for _ in range(SWEEPS):

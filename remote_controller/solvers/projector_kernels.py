@@ -96,7 +96,7 @@ def _sort(alpha: Array, closes: Indices, order: Indices) -> int:
     return count
 
 
-@inlined
+@kernel("Tuple((i8, f8))(f8[:,::1], i8[::1], i8[::1], f8[::1], i8[::1], f8[:,::1], f8[::1])")
 def exact_basis(
     jacobian: Array,
     offsets: Indices,
@@ -144,7 +144,7 @@ def _smooth_level(
         for b in range(a, m):
             K[a, b] = 0.5 * (dot(jacobian[rows[a]], V[b]) + dot(jacobian[rows[b]], V[a]))
             K[b, a] = K[a, b]
-    eigenvectors(K, Q)
+    eigenvectors(K, Q, m)
     for e in range(m):
         squared = max(K[e, e], 0.0)
         t = math.sqrt(squared) / width
@@ -155,7 +155,10 @@ def _smooth_level(
             add(U[e], root * Q[e, a], V[a])
 
 
-@inlined
+@kernel(
+    "Tuple((i8, f8))(f8[:,::1], i8[::1], i8[::1], f8[::1], f8, i8[::1], i8[::1], f8[:,::1],"
+    " f8[::1], f8[:,::1], f8[:,::1], f8[:,::1])"
+)
 def smooth_basis(
     jacobian: Array,
     offsets: Indices,
@@ -177,7 +180,7 @@ def smooth_basis(
         width: s₀, in the units of the Jacobian.
         rows: scratch, (m,).
         B, D: (m, n) and (m,).
-        V, K, Q: scratch, (m, n), (m, m) and (m, m).
+        V, K, Q: scratch, (m, n), (m, m) and (m, m) or larger.
     """
     n, rank, base = jacobian.shape[1], 0, 0.0
     count, t = _sort(alpha, closes, order), 0
@@ -195,7 +198,7 @@ def smooth_basis(
                 rows[m] = row
                 m += 1
             t += 1
-        _smooth_level(V[:m], jacobian, rows, width, B[rank:], K[:m, :m], Q[:m, :m])
+        _smooth_level(V[:m], jacobian, rows, width, B[rank:], K, Q)
         for p in range(rank, rank + m):
             D[p] = level
         rank += m

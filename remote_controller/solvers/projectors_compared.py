@@ -21,7 +21,7 @@ def damped_null_space(alpha: float, jacobian: ArrayLike) -> Array:
         jacobian: (m, n).
     """
     J = np.asarray(jacobian, dtype=np.float64)
-    return np.eye(J.shape[1]) - alpha * (np.linalg.pinv(J, rcond=RANK_TOLERANCE) @ J)
+    return _projector(alpha * np.linalg.pinv(J, rcond=RANK_TOLERANCE), J)
 
 
 def activated_null_space(theta: ArrayLike, jacobian: ArrayLike) -> Array:
@@ -32,7 +32,7 @@ def activated_null_space(theta: ArrayLike, jacobian: ArrayLike) -> Array:
         jacobian: (m, n).
     """
     V = np.linalg.svd(np.asarray(jacobian, dtype=np.float64), full_matrices=True)[2].T
-    return np.eye(V.shape[0]) - (V * np.asarray(theta, dtype=np.float64)) @ V.T
+    return _projector(V * np.asarray(theta, dtype=np.float64), V.T)
 
 
 def summed_null_space(alpha_rows: ArrayLike, jacobian: ArrayLike) -> Array:
@@ -46,4 +46,10 @@ def summed_null_space(alpha_rows: ArrayLike, jacobian: ArrayLike) -> Array:
     length = np.linalg.norm(J, axis=1)
     kept = length > 0.0
     unit = J[kept] / length[kept, None]
-    return np.eye(J.shape[1]) - (unit.T * np.asarray(alpha_rows, dtype=np.float64)[kept]) @ unit
+    return _projector(unit.T * np.asarray(alpha_rows, dtype=np.float64)[kept], unit)
+
+
+def _projector(weighted: Array, rows: Array) -> Array:
+    """I − weighted·rows."""
+    found: Array = np.eye(rows.shape[1]) - weighted @ rows
+    return found

@@ -92,13 +92,17 @@ def test_the_public_interface_stays_put():
     assert set(solvers.__all__) == {
         *("BoundedQp12", "DescentRate", "LpNorm", "Pinv", "Qp12", "StableQp"),
         *("feasible_rate", "lp_norm", "lyapunov_qp", "pinv", "pinv_plain", "qp12", "qp12_bounded"),
-        "generalized_projector",
+        *("Ghc", "generalized_projector", "ghc"),
     }
     bounds = {"lower", "upper"}
     assert solvers.qp12_bounded.__annotations__.keys() >= {"gradient", "decrease", "gamma", *bounds}
     assert solvers.lyapunov_qp.__annotations__.keys() >= {"gamma", "A", "b", *bounds}
     assert solvers.feasible_rate.__annotations__.keys() >= {"gradient", "psi", "A", "b", *bounds}
     assert solvers.qp12.__annotations__.keys() >= {"gradient", "decrease", "gamma", "out"}
+    assert solvers.generalized_projector.__annotations__.keys() >= {"alpha_rows", "jacobian"}
+    tasks = {"jacobians", "targets", "alpha", "M", "bias", "w_r", "regularise"}
+    limits = {"qdd_lower", "qdd_upper", "tau_lower", "tau_upper"}
+    assert solvers.ghc.__annotations__.keys() >= tasks | limits
     assert simulate.__annotations__.keys() >= {"robot", "controller", "duration", "seed"}
     assert load("hoap3").name == "hoap3"
 

@@ -1,0 +1,182 @@
+"""The tasks of a hierarchy, condensed to the n joint accelerations.
+
+Liu, Tan and Padois, Autonomous Robots 2015, (13d) and the first sum of (13a): of
+
+    min Σ |J_i x_i − b_i|² + w Σ |x_i|²   such that   Σ P_i x_i = q̈
+
+is left, with H_i = J_iᵀJ_i + wI,
+
+    ½ (q̈ − q₀)ᵀ S⁺ (q̈ − q₀),   S = Σ P_i H_i⁻¹ P_i,   q₀ = Σ P_i J_iᵀ (J_i J_iᵀ + wI)⁻¹ b_i.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocol.compilation import inlined, kernel
+from remote_controller.solvers.dense_kernels import add, dot, factorise, gram
+from remote_controller.solvers.projector_kernels import exact_basis, smooth_basis
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@inlined
+def _is_identity(jacobian: Array) -> bool:
+    """Whether a task's rows are those of I."""
+    m, n = jacobian.shape
+    if m != n:
+        return False
+    for i in range(n):
+        for j in range(n):
+            if jacobian[i, j] != (1.0 if i == j else 0.0):
+                return False
+    return True
+
+
+@kernel(
+    "void(f8[:,::1], f8[::1], f8, i8, f8, f8[:,::1], f8[::1], f8[:,::1], f8[:,::1], f8[::1],"
+    " f8[::1])"
+)
+def _project_task(
+    jacobian: Array,
+    target: Array,
+    w: float,
+    rank: int,
+    c: float,
+    B: Array,
+    D: Array,
+    X: Array,
+    C: Array,
+    scratch: Array,
+    q0: Array,
+) -> None:
+    """Add P Jᵀ(JJᵀ + wI)⁻¹ b to q₀ and write rows X with P H⁻¹ P = P²/w − XᵀX.
+
+    P = cI − Bᵀ diag(D) B; C is scratch, at least (m, m + 1).
+    """
+    m, n = jacobian.shape
+    for a in range(m):
+        for b in range(a, m):
+            C[a, b] = dot(jacobian[a], jacobian[b])
+        C[a, a] += w
+        C[a, m] = target[a]
+    factorise(C, m, 0.0, scratch)
+    for a in range(m):
+        row = X[a]
+        for i in range(n):
+            row[i] = c * jacobian[a, i]
+        for p in range(rank):
+            add(row, -D[p] * dot(B[p], jacobian[a]), B[p])
+        for before in range(a):
+            add(row, -C[before, a], X[before])
+            C[a, m] -= C[before, a] * C[before, m]
+        inverse = 1.0 / C[a, a]
+        for i in range(n):
+            row[i] *= inverse
+        C[a, m] *= inverse
+        add(q0, C[a, m], row)
+    root = 1.0 / math.sqrt(w)
+    for a in range(m):
+        for i in range(n):
+            X[a, i] *= root
+
+
+@kernel(
+    "f8(f8[:,::1], i8[::1], f8[::1], f8[:,::1], f8, f8, f8[:,::1], f8[::1], f8[:,::1],"
+    " f8[:,::1], f8[::1], f8[:,::1], f8[:,::1], f8[::1], i8[::1], i8[::1], i8[::1])"
+)
+def condense(
+    jacobian: Array,
+    offsets: Indices,
+    target: Array,
+    alpha: Array,
+    w: float,
+    smoothing: float,
+    S: Array,
+    q0: Array,
+    X: Array,
+    B: Array,
+    D: Array,
+    V: Array,
+    K: Array,
+    scratch: Array,
+    closes: Indices,
+    order: Indices,
+    rows: Indices,
+) -> float:
+    """Write the upper triangle of S, and q₀; returns what S is a difference from, times I.
+
+    Args:
+        jacobian, offsets, target: of all tasks, (m, n), (k + 1,), (m,).
+        alpha: (k, k): α_ij is the priority of task j over task i.
+        w: ω_r.
+        smoothing: s₀, or 0.
+        S, q0: (n, n) and (n,).
+        X: scratch, (m·k + m, n).
+        B, D, V: scratch, (m + 1, n), (m,), (m, n).
+        K: scratch, (2m, m + 1).
+        scratch: at least as long as X has rows.
+        closes, order, rows: scratch, (k,), (k,), (m,).
+    """
+    (m, n), tasks = jacobian.shape, offsets.size - 1
+    whole, used = 0.0, 0
+    for i in range(n):
+        q0[i] = 0.0
+    for i in range(tasks):
+        closes[i] = 1 if _is_identity(jacobian[offsets[i] : offsets[i + 1]]) else 0
+    for i in range(tasks):
+        if smoothing > 0.0:
+            rank, c = smooth_basis(
+                jacobian,
+                offsets,
+                closes,
+                alpha[i],
+                smoothing,
+                order,
+                rows,
+                B,
+                D,
+                V,
+                K[:m],
+                K[m:],
+            )
+        else:
+            rank, c = exact_basis(jacobian, offsets, closes, alpha[i], order, B, D)
+        first, last = offsets[i], offsets[i + 1]
+        inverse = 1.0 / (1.0 + w) if closes[i] else 1.0 / w
+        whole += inverse * c * c
+        for p in range(rank):
+            root = math.sqrt(max(inverse * D[p] * (2.0 * c - D[p]), 0.0))
+            for j in range(n):
+                X[used, j] = root * B[p, j]
+            used += 1
+        if closes[i]:
+            own = target[first:last]
+            add(q0, c * inverse, own)
+            for p in range(rank):
+                add(q0, -D[p] * inverse * dot(B[p], own), B[p])
+        else:
+            size = last - first
+            _project_task(
+                jacobian[first:last],
+                target[first:last],
+                w,
+                rank,
+                c,
+                B,
+                D,
+                X[used:],
+                K,
+                scratch,
+                q0,
+            )
+            used += size
+    for i in range(n):
+        for j in range(i, n):
+            S[i, j] = whole if i == j else 0.0
+    gram(S, -1.0, X, used, scratch)
+    return whole

@@ -1,0 +1,241 @@
+"""Condensed generalized hierarchical control against (13) as printed, and what it promises."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hierarchy_problems import hierarchy, plain, violation
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.errors import BadProblemError, InfeasibleError, UnknownNameError
+from remote_controller.solvers import Ghc, generalized_projector, ghc
+from remote_controller.solvers import status as codes
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def solver_for(it) -> tuple[Ghc, int]:
+    solver = Ghc([len(J) for J in it.jacobians], len(it.bias), regularise=it.regularise)
+    solver.qdd_lower[:], solver.qdd_upper[:], solver.tau_lower[:], solver.tau_upper[:] = it.bounds
+    stack = np.vstack(it.jacobians), np.concatenate(it.targets)
+    return solver, solver.solve(*stack, it.alpha, it.M, it.bias, it.w_r)
+
+
+def agrees(seed: int) -> str:
+    """Compare one problem with the plain program; what came out."""
+    it = hierarchy(seed)
+    try:
+        qdd, tau = ghc(*it.arguments, **it.options)
+    except InfeasibleError:
+        assert violation(it) > 1e-9, seed
+        return "infeasible"
+    expected = plain(it)
+    if expected is None:  # quadprog is wrong now and then: then the proof is the solver's own
+        assert solver_for(it)[0].kkt_residual < 1e-8, seed
+        return "proved"
+    for found, right in zip((qdd, tau), expected, strict=True):
+        assert np.abs(found - right).max() <= 1e-6 * (1 + np.abs(right).max()), seed
+    for found, lower, upper in ((qdd, *it.bounds[:2]), (tau, *it.bounds[2:])):
+        assert (found >= lower - 1e-8 * (1 + np.abs(lower))).all(), seed
+        assert (found <= upper + 1e-8 * (1 + np.abs(upper))).all(), seed
+    return "same"
+
+
+def test_equals_the_plain_program():
+    came = [agrees(seed) for seed in range(400)]
+    assert came.count("same") > 200
+    assert came.count("infeasible") > 20
+    assert came.count("proved") < 20
+
+
+@pytest.mark.long
+def test_equals_the_plain_program_on_thousands():
+    came = [agrees(seed) for seed in range(1000, 7000)]
+    assert came.count("same") > 2500
+    assert came.count("proved") < 200
+
+
+@given(SEEDS)
+def test_proves_its_answers(seed):
+    solver, status = solver_for(it := hierarchy(seed))
+    if status == codes.OK:
+        assert solver.kkt_residual < 1e-8
+        held = np.count_nonzero([*solver.qdd_multipliers, *solver.tau_multipliers])
+        assert held <= solver.active <= solver.n
+        np.testing.assert_allclose(solver.tau, it.M @ solver.qdd + it.bias, rtol=0, atol=1e-9)
+    else:
+        assert status == codes.INFEASIBLE
+        assert not solver.qdd.any()
+        assert not solver.tau.any()
+
+
+def test_the_proof_notices_a_wrong_answer():
+    """A residual that is small whatever the answer would prove nothing."""
+    from remote_controller.solvers import ghc_kernels
+
+    n = 3
+    S, q0, M = np.triu(np.eye(n)), np.ones(n), np.eye(n)
+    least, most = np.full(2 * n, -2.0), np.full(2 * n, 2.0)
+    values = np.ones(2 * n)
+    spare = np.empty(n), np.empty(n)
+
+    def residual(at, multipliers):
+        return ghc_kernels.optimality(
+            S, q0, M, np.zeros(n), 0.0, at, least, most, multipliers, *spare
+        )
+
+    none = np.zeros(2 * n)
+    assert residual(values, none) == 0
+    assert residual(values + 0.1, none) > 0.05
+    assert residual(values + 2, none) > 0.3
+    assert residual(values, np.eye(2 * n)[0]) > 0.3
+
+
+@pytest.mark.parametrize("w_r", [1e-8, 1e-6, 1e-4, 1e-2])
+def test_stays_accurate_for_small_weights(w_r):
+    for seed in range(30):
+        it = hierarchy(seed, n=6, k=3)
+        it.w_r = w_r
+        it.bounds = tuple(s * np.full(6, np.inf) for s in (-1, 1, -1, 1))
+        qdd, _ = ghc(*it.arguments, **it.options)
+        right, _ = plain(it)
+        assert np.abs(qdd - right).max() < 1e-14 / w_r * (1 + np.abs(right).max()) + 1e-10
+
+
+class TestPriorities:
+    """What priorities mean for the tasks, with nothing else regularised."""
+
+    @given(SEEDS)
+    def test_a_lower_task_leaves_the_residuals_above_as_they_are(self, seed):
+        rng = np.random.default_rng(seed)
+        n = 9
+        J = [rng.normal(size=(2, n)) for _ in range(4)]
+        b = [rng.normal(size=2) for _ in range(4)]
+        alpha = np.tril(np.ones((4, 4)), -1)
+        before, _ = ghc(
+            J[:3], b[:3], alpha[:3, :3], np.eye(n), np.zeros(n), 1e-3, regularise="none"
+        )
+        after, _ = ghc(J, b, alpha, np.eye(n), np.zeros(n), 1e-3, regularise="none")
+        for task in range(3):
+            assert np.abs(J[task] @ (after - before)).max() < 1e-9
+
+    def test_a_network(self):
+        """1▷2▷3, 4▷5▷6 and 2▷5: 5 and 6 shift neither 1, 2 nor 4."""
+        rng = np.random.default_rng(5)
+        n, above = 14, {0: [], 1: [0], 2: [0, 1], 3: [], 4: [3, 1, 0], 5: [3, 4, 1, 0]}
+        J = [rng.normal(size=(2, n)) for _ in range(6)]
+        b = [rng.normal(size=2) for _ in range(6)]
+        alpha = np.array([[float(j in above[i]) for j in range(6)] for i in range(6)])
+        rest = np.eye(n), np.zeros(n), 1e-3
+        whole, _ = ghc(J, b, alpha, *rest, regularise="none")
+        keep = [0, 1, 2, 3]
+        part, _ = ghc(
+            [J[i] for i in keep],
+            [b[i] for i in keep],
+            alpha[np.ix_(keep, keep)],
+            *rest,
+            regularise="none",
+        )
+        moved = [np.abs(J[i] @ (whole - part)).max() for i in keep]
+        assert max(moved[i] for i in (0, 1, 3)) < 1e-9
+        assert moved[2] > 1e-2  # 3 and 5, 6 are free of each other
+
+    def test_cycles_are_legal(self):
+        rng = np.random.default_rng(6)
+        n = 6
+        J = [rng.normal(size=(2, n)) for _ in range(3)]
+        alpha = np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]])
+        qdd, tau = ghc(J, [np.ones(2)] * 3, alpha, np.eye(n), np.ones(n), 1e-2)
+        assert np.isfinite([*qdd, *tau]).all()
+
+    def test_velocities_are_the_projected_damped_inverses(self):
+        """Section 8, with M = I, no bias and nothing regularised."""
+        rng = np.random.default_rng(7)
+        n, w = 6, 1e-2
+        J = [rng.normal(size=(2, n)), rng.normal(size=(3, n)), np.eye(n)]
+        v = [rng.normal(size=len(each)) for each in J]
+        alpha = np.array([[0, 0.3, 0], [0.7, 0, 0], [1, 1, 0]])
+        dq, _ = ghc(J, v, alpha, np.eye(n), np.zeros(n), w, regularise="none")
+        expected = np.zeros(n)
+        for row, each, speed in zip(alpha, J, v, strict=True):
+            P = generalized_projector(np.repeat(row, [2, 3, n]), np.vstack(J))
+            damped = each @ each.T + w * np.eye(len(each))
+            expected += P @ each.T @ np.linalg.solve(damped, speed)
+        np.testing.assert_allclose(dq, expected, atol=1e-12)
+
+    def test_smoothing_changes_nothing_where_all_is_well_conditioned(self):
+        it = hierarchy(3, n=6, k=2)
+        it.jacobians = [np.eye(6)[:2], np.eye(6)]
+        it.targets = [np.ones(2), np.arange(6.0)]
+        it.alpha = np.array([[0, 0], [0.8, 0.1]])
+        exact = ghc(*it.arguments)
+        np.testing.assert_allclose(ghc(*it.arguments, smoothing=0.05), exact, atol=1e-12)
+
+
+class TestErrors:
+    """What is wrong is named."""
+
+    @pytest.fixture
+    def good(self) -> dict:
+        return {
+            "jacobians": [np.ones((1, 2)), np.eye(2)],
+            "targets": [[1.0], [0.0, 0.0]],
+            "alpha": [[0, 0], [1, 0]],
+            "M": np.eye(2),
+            "bias": [0.0, 0.0],
+            "w_r": 1e-2,
+        }
+
+    @pytest.mark.parametrize(
+        ("change", "said"),
+        [
+            ({"alpha": [[0, 0], [1.2, 0]]}, r"alpha\[1, 0\] must be within \[0, 1\] \(found 1.2"),
+            ({"alpha": [[0, np.nan], [1, 0]]}, r"alpha\[0, 1\]"),
+            ({"alpha": np.zeros((3, 3))}, r"alpha has shape \(3, 3\); give it \(2, 2\)"),
+            ({"jacobians": []}, "at least one task"),
+            ({"jacobians": [np.ones((1, 3)), np.eye(2)]}, r"jacobians\[1\] has shape"),
+            ({"jacobians": [[[1, np.nan]], np.eye(2)]}, r"jacobians\[0\] must be finite"),
+            ({"targets": [[1.0]]}, "2 Jacobians and 1 targets"),
+            ({"targets": [[1.0, 2], [0, 0]]}, r"targets\[0\] has shape"),
+            ({"M": np.eye(3)}, "M has shape"),
+            ({"bias": [0.0, np.inf]}, "bias must be finite"),
+            ({"w_r": 1e-9}, "w_r must be finite and at least 1e-8"),
+            ({"w_r": np.nan}, "w_r must be"),
+            ({"smoothing": -1.0}, "smoothing must be"),
+            ({"qdd_lower": [0.0]}, "qdd_lower has shape"),
+            ({"tau_upper": [np.nan, 1]}, "tau_upper must hold numbers"),
+            ({"qdd_lower": [np.inf, 1]}, "qdd_lower must hold numbers"),
+            ({"targets": [[1e308], [0, 1e308]], "M": 1e200 * np.eye(2)}, "overflows"),
+        ],
+    )
+    def test_bad_input(self, good, change, said):
+        with pytest.raises(BadProblemError, match=said):
+            ghc(**{**good, **change})
+
+    def test_bounds_apart(self, good):
+        with pytest.raises(InfeasibleError, match="qdd_lower is above qdd_upper for joint 1"):
+            ghc(**good, qdd_lower=[0.0, 1.0], qdd_upper=[1.0, 0.5])
+
+    def test_bounds_that_contradict_each_other(self, good):
+        with pytest.raises(InfeasibleError, match="no acceleration that the tasks span"):
+            ghc(**good, qdd_lower=[1.0, 1.0], tau_upper=[0.5, 9.0])
+
+    def test_unknown_regularisation(self, good):
+        with pytest.raises(UnknownNameError, match="gravity_compensated"):
+            ghc(**good, regularise="gravity")
+
+    def test_the_class_says_it_by_status(self, good):
+        solver = Ghc([1, 2], 2)
+        stack = np.vstack(good["jacobians"]), np.array([1.0, 0, 0])
+        rest = np.array(good["alpha"], float), np.eye(2), np.zeros(2), 1e-2
+        assert solver.solve(*stack, *rest) == codes.OK
+        assert solver.qdd.any()
+        assert solver.solve(stack[0], np.full(3, np.nan), *rest) == codes.BAD_INPUT
+        assert not solver.qdd.any()
+        assert solver.solve(stack[0][:2], stack[1], *rest) == codes.BAD_SHAPE
+        assert solver.kkt_residual == np.inf
+        with pytest.raises(BadProblemError, match="float64"):
+            solver.solve(stack[0].astype(int), stack[1], *rest)
+        with pytest.raises(BadProblemError, match="one row or more"):
+            Ghc([0], 2)
