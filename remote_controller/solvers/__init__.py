@@ -8,12 +8,15 @@ from __future__ import annotations
 from remote_controller.solvers.bounded_qp12 import BoundedQp12, qp12_bounded
 from remote_controller.solvers.descent_rate import DescentRate
 from remote_controller.solvers.ghc import Ghc, ghc
+from remote_controller.solvers.hqp import hqp
 from remote_controller.solvers.lp_norm import LpNorm, lp_norm
+from remote_controller.solvers.lqp import PlainLqp, lqp
 from remote_controller.solvers.lyapunov import feasible_rate, lyapunov_qp
 from remote_controller.solvers.pinv import Pinv, pinv, pinv_plain
-from remote_controller.solvers.projector import generalized_projector
+from remote_controller.solvers.projector import generalized_projector, projected_sum
 from remote_controller.solvers.qp12 import Qp12, qp12
 from remote_controller.solvers.stable_qp import StableQp
+from remote_controller.solvers.weighted import weighted
 
 __all__ = [
     "BoundedQp12",
@@ -21,15 +24,20 @@ __all__ = [
     "Ghc",
     "LpNorm",
     "Pinv",
+    "PlainLqp",
     "Qp12",
     "StableQp",
     "feasible_rate",
     "generalized_projector",
     "ghc",
+    "hqp",
     "lp_norm",
+    "lqp",
     "lyapunov_qp",
     "pinv",
     "pinv_plain",
+    "projected_sum",
     "qp12",
     "qp12_bounded",
+    "weighted",
 ]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from protocol.compilation import inlined, kernel
 from remote_controller.solvers.dense_kernels import add, dot, factorise, gram
-from remote_controller.solvers.projector_kernels import exact_basis, smooth_basis
+from remote_controller.solvers.projector_kernels import exact_basis, smooth_basis, sort_tasks
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -85,9 +85,54 @@ def _project_task(
             X[a, i] *= root
 
 
+@inlined
+def _flush(first: int, last: int, B: Array, F: Array, X: Array, used: int) -> int:
+    """Write the rows √F[p]·B[p] behind the used ones of X, and clear F; returns how many are."""
+    for p in range(first, last):
+        if F[p] > 0.0:
+            root = math.sqrt(F[p])
+            for j in range(B.shape[1]):
+                X[used, j] = root * B[p, j]
+            used += 1
+        F[p] = 0.0
+    return used
+
+
+@inlined
+def _shared(order: Indices, count: int, closes: Indices, chain: Indices, chained: int) -> int:
+    """How many tasks at the beginning of the order are those of the chain, and do not close it."""
+    common = 0
+    while common < min(count, chained):
+        if order[common] != chain[common] or closes[order[common]]:
+            break
+        common += 1
+    return common
+
+
+@inlined
+def _chain(order: Indices, count: int, closes: Indices, chain: Indices) -> int:
+    """Write the tasks of the order before one that closes it; returns how many."""
+    chained = 0
+    while chained < count and not closes[order[chained]]:
+        chain[chained] = order[chained]
+        chained += 1
+    return chained
+
+
+@inlined
+def _look(jacobian: Array, offsets: Indices, alpha: Array, closes: Indices, rise: Array) -> None:
+    """Write which tasks close a basis, and the sum of each task's priorities over all."""
+    tasks = offsets.size - 1
+    for i in range(tasks):
+        closes[i] = 1 if _is_identity(jacobian[offsets[i] : offsets[i + 1]]) else 0
+        rise[i] = 0.0
+        for j in range(tasks):
+            rise[i] += alpha[j, i]
+
+
 @kernel(
     "f8(f8[:,::1], i8[::1], f8[::1], f8[:,::1], f8, f8, f8[:,::1], f8[::1], f8[:,::1],"
-    " f8[:,::1], f8[::1], f8[:,::1], f8[:,::1], f8[::1], i8[::1], i8[::1], i8[::1])"
+    " f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[::1], i8[:,::1])"
 )
 def condense(
     jacobian: Array,
@@ -100,15 +145,16 @@ def condense(
     q0: Array,
     X: Array,
     B: Array,
-    D: Array,
+    diagonals: Array,
     V: Array,
     K: Array,
     scratch: Array,
-    closes: Indices,
-    order: Indices,
-    rows: Indices,
+    integers: Indices,
 ) -> float:
     """Write the upper triangle of S, and q₀; returns what S is a difference from, times I.
+
+    Tasks whose upper ones are the same in the same order have those rows of the basis in common:
+    in a hierarchy of strict levels every row is orthonormalised, and enters S, once.
 
     Args:
         jacobian, offsets, target: of all tasks, (m, n), (k + 1,), (m,).
@@ -117,18 +163,22 @@ def condense(
         smoothing: s₀, or 0.
         S, q0: (n, n) and (n,).
         X: scratch, (m·k + m, n).
-        B, D, V: scratch, (m + 1, n), (m,), (m, n).
+        B, V: scratch, (m + 1, n) and (m, n).
+        diagonals: scratch, (3, m + 1).
         K: scratch, (2m, m + 1).
         scratch: at least as long as X has rows.
-        closes, order, rows: scratch, (k,), (k,), (m,).
+        integers: scratch, (5, max(m, k + 1)).
     """
     (m, n), tasks = jacobian.shape, offsets.size - 1
-    whole, used = 0.0, 0
-    for i in range(n):
-        q0[i] = 0.0
+    D, F, rise = diagonals[0], diagonals[1], diagonals[2]
+    closes, order, rows = integers[0], integers[1], integers[2]
+    chain, ranks = integers[3], integers[4]
+    whole, used, chained, ranks[0] = 0.0, 0, 0, 0
+    q0[:] = 0.0
+    F[:] = 0.0
+    _look(jacobian, offsets, alpha, closes, rise)
     for i in range(tasks):
-        closes[i] = 1 if _is_identity(jacobian[offsets[i] : offsets[i + 1]]) else 0
-    for i in range(tasks):
+        count = sort_tasks(alpha[i], closes, rise, order)
         if smoothing > 0.0:
             rank, c = smooth_basis(
                 jacobian,
@@ -137,6 +187,7 @@ def condense(
                 alpha[i],
                 smoothing,
                 order,
+                count,
                 rows,
                 B,
                 D,
@@ -145,22 +196,24 @@ def condense(
                 K[m:],
             )
         else:
-            rank, c = exact_basis(jacobian, offsets, closes, alpha[i], order, B, D)
+            common = _shared(order, count, closes, chain, chained)
+            if common < count and not closes[order[common]]:
+                used = _flush(ranks[common], ranks[chained], B, F, X, used)
+                chained = _chain(order, count, closes, chain)
+            rank, c = exact_basis(
+                jacobian, offsets, closes, alpha[i], order, count, common, B, D, ranks
+            )
         first, last = offsets[i], offsets[i + 1]
         inverse = 1.0 / (1.0 + w) if closes[i] else 1.0 / w
         whole += inverse * c * c
         for p in range(rank):
-            root = math.sqrt(max(inverse * D[p] * (2.0 * c - D[p]), 0.0))
-            for j in range(n):
-                X[used, j] = root * B[p, j]
-            used += 1
+            F[p] += inverse * D[p] * (2.0 * c - D[p])
         if closes[i]:
             own = target[first:last]
             add(q0, c * inverse, own)
             for p in range(rank):
                 add(q0, -D[p] * inverse * dot(B[p], own), B[p])
         else:
-            size = last - first
             _project_task(
                 jacobian[first:last],
                 target[first:last],
@@ -174,7 +227,10 @@ def condense(
                 scratch,
                 q0,
             )
-            used += size
+            used += last - first
+        if smoothing > 0.0:
+            used = _flush(0, rank, B, F, X, used)
+    used = _flush(0, m, B, F, X, used)
     for i in range(n):
         for j in range(i, n):
             S[i, j] = whole if i == j else 0.0

@@ -92,8 +92,9 @@ class Ghc:
             np.empty((rows, n)),
             np.empty((m + 1, n)),
             np.empty((2 * m, m + 1)),
-            np.empty(max(rows, 2 * n) + m),
-            np.empty((5, max(2 * n, m, k)), np.int64),
+            np.empty((3, m + 1)),
+            np.empty(max(rows, 2 * n)),
+            np.empty((7, max(2 * n, m, k + 1)), np.int64),
             np.zeros((2, 2 * n)),
         )
         (self.qdd, self.tau), (self.qdd_multipliers, self.tau_multipliers) = self._work[-1].reshape(

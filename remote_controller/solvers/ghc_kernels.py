@@ -200,8 +200,8 @@ def _clear(values: Array) -> None:
 
 @kernel(
     "Tuple((i8, i8, i8, f8))(f8[:,::1], i8[::1], f8[::1], f8[:,::1], f8[:,::1], f8[::1], f8, i8,"
-    " f8, f8[:,::1], f8[:,:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[::1], i8[:,::1],"
-    " f8[:,::1])"
+    " f8, f8[:,::1], f8[:,:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[::1],"
+    " i8[:,::1], f8[:,::1])"
 )
 def ghc_kernel(
     jacobian: Array,
@@ -219,6 +219,7 @@ def ghc_kernel(
     X: Array,
     basis: Array,
     K: Array,
+    diagonals: Array,
     scratch: Array,
     integers: Indices,
     out: Array,
@@ -230,7 +231,7 @@ def ghc_kernel(
         alpha, mass, bias: (k, k), (n, n), (n,).
         w, mode, smoothing: ω_r, what is regularised, s₀.
         bounds: lower and upper ones of (q̈, τ), (2, 2n).
-        squares, Z, X, basis, K, scratch, integers: scratch.
+        squares, Z, X, basis, K, diagonals, scratch, integers: scratch.
         out: q̈, τ and the multipliers of both, (2, 2n); zeros where the status is not `OK`.
 
     Returns:
@@ -250,8 +251,7 @@ def ghc_kernel(
     S, U, T, A, R = squares[0], squares[1], squares[2], squares[3], squares[4]
     qdd, tau, q0, pull, y = values[:n], values[n:], Z[n, :n], Z[n, n:], Z[n + 1, :n]
     g, away, vectors = Z[n + 1, n:], Z[n + 2, :n], Z[n + 3 : n + 6].reshape(6, n)[:5]
-    closes, order, rows = integers[0, :tasks], integers[1, :tasks], integers[2, :m]
-    active, state = integers[3, :n], integers[4, : 2 * n]
+    active, state = integers[0, :n], integers[1, : 2 * n]
     whole = condense(
         jacobian,
         offsets,
@@ -263,13 +263,11 @@ def ghc_kernel(
         q0,
         X,
         basis,
-        scratch[scratch.size - m :],
+        diagonals,
         X[X.shape[0] - m :],
         K,
         scratch,
-        closes,
-        order,
-        rows,
+        integers[2:],
     )
     weight = 0.0 if mode == NONE else w
     offset = 1.0 if mode == TORQUE else 0.0

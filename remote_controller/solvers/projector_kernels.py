@@ -78,33 +78,47 @@ def _extend(row: Array, B: Array, rank: int) -> bool:
 
 
 @inlined
-def _sort(alpha: Array, closes: Indices, order: Indices) -> int:
-    """Write the tasks of positive priority in descending order; returns how many there are."""
+def sort_tasks(alpha: Array, closes: Indices, rise: Array, order: Indices) -> int:
+    """Write the tasks of positive priority in descending order; returns how many there are.
+
+    Where priorities are equal, a task whose Jacobian is I comes first and then those that rise
+    higher: P is the same, but hierarchies have bases in common then.
+    """
     count = 0
     for j in range(alpha.size):
         if alpha[j] <= 0.0:
             continue
         p = count
         while p > 0:
-            before = order[p - 1]
-            if alpha[before] > alpha[j] or (alpha[before] == alpha[j] and not closes[j]):
+            i = order[p - 1]
+            if alpha[i] > alpha[j]:
                 break
-            order[p] = before
+            if alpha[i] == alpha[j]:
+                first = closes[i] > closes[j] or (closes[i] == closes[j] and rise[i] >= rise[j])
+                if first:
+                    break
+            order[p] = i
             p -= 1
         order[p] = j
         count += 1
     return count
 
 
-@kernel("Tuple((i8, f8))(f8[:,::1], i8[::1], i8[::1], f8[::1], i8[::1], f8[:,::1], f8[::1])")
+@kernel(
+    "Tuple((i8, f8))(f8[:,::1], i8[::1], i8[::1], f8[::1], i8[::1], i8, i8, f8[:,::1], f8[::1],"
+    " i8[::1])"
+)
 def exact_basis(
     jacobian: Array,
     offsets: Indices,
     closes: Indices,
     alpha: Array,
     order: Indices,
+    count: int,
+    common: int,
     B: Array,
     D: Array,
+    ranks: Indices,
 ) -> tuple[int, float]:
     """Write B and D of P = cI − Bᵀ diag(D) B; returns how many rows B has, and c.
 
@@ -113,24 +127,29 @@ def exact_basis(
         offsets: where the rows of each task begin, and m: (k + 1,).
         closes: 1 for a task whose Jacobian is I, else 0; (k,).
         alpha: priorities of the tasks, (k,).
-        order: scratch, (k,).
-        B: (min(m, n), n) or larger.
-        D: as long as B has rows.
+        order, count: of `sort_tasks`.
+        common: so many tasks at the beginning of the order have their rows in B already.
+        B: (m + 1, n).
+        D: (m,).
+        ranks: how many rows of B the first so many tasks have, (k + 1,); ranks[0] = 0.
     """
-    n, rank, base = jacobian.shape[1], 0, 0.0
-    for t in range(_sort(alpha, closes, order)):
+    n, base, rank = jacobian.shape[1], 0.0, ranks[common]
+    for t in range(count):
         j = order[t]
-        if rank >= n:
-            break
         if closes[j]:
             base = alpha[j]
             break
-        for row in range(offsets[j], offsets[j + 1]):
-            if rank < n and _extend(jacobian[row], B, rank):
-                D[rank] = alpha[j]
-                rank += 1
-    for p in range(rank):
-        D[p] -= base
+        if t >= common:
+            for row in range(offsets[j], offsets[j + 1]):
+                if rank < n and _extend(jacobian[row], B, rank):
+                    rank += 1
+            ranks[t + 1] = rank
+    for t in range(count):
+        j = order[t]
+        if closes[j]:
+            break
+        for p in range(ranks[t], ranks[t + 1]):
+            D[p] = alpha[j] - base
     return rank, 1.0 - base
 
 
@@ -156,7 +175,7 @@ def _smooth_level(
 
 
 @kernel(
-    "Tuple((i8, f8))(f8[:,::1], i8[::1], i8[::1], f8[::1], f8, i8[::1], i8[::1], f8[:,::1],"
+    "Tuple((i8, f8))(f8[:,::1], i8[::1], i8[::1], f8[::1], f8, i8[::1], i8, i8[::1], f8[:,::1],"
     " f8[::1], f8[:,::1], f8[:,::1], f8[:,::1])"
 )
 def smooth_basis(
@@ -166,6 +185,7 @@ def smooth_basis(
     alpha: Array,
     width: float,
     order: Indices,
+    count: int,
     rows: Indices,
     B: Array,
     D: Array,
@@ -176,14 +196,14 @@ def smooth_basis(
     """As `exact_basis`, smoothed: s₀ = `width` > 0.
 
     Args:
-        jacobian, offsets, closes, alpha, order: as there.
+        jacobian, offsets, closes, alpha, order, count: as there.
         width: s₀, in the units of the Jacobian.
         rows: scratch, (m,).
         B, D: (m, n) and (m,).
         V, K, Q: scratch, (m, n), (m, m) and (m, m) or larger.
     """
     n, rank, base = jacobian.shape[1], 0, 0.0
-    count, t = _sort(alpha, closes, order), 0
+    t = 0
     while t < count:
         level, m = alpha[order[t]], 0
         if closes[order[t]]:
@@ -237,12 +257,15 @@ def projector_kernel(alpha: Array, jacobian: Array, width: float, out: Array) ->
         return BAD_INPUT
     offsets, closes = np.arange(m + 1), np.zeros(m, np.int64)
     order, rows = np.empty(m, np.int64), np.empty(m, np.int64)
-    B, D = np.empty((m, n)), np.empty(m)
+    B, D, ranks = np.empty((m + 1, n)), np.empty(m), np.zeros(m + 1, np.int64)
+    count = sort_tasks(alpha, closes, np.zeros(m), order)
     if width > 0.0:
         V, K, Q = np.empty((m, n)), np.empty((m, m)), np.empty((m, m))
-        rank, c = smooth_basis(jacobian, offsets, closes, alpha, width, order, rows, B, D, V, K, Q)
+        rank, c = smooth_basis(
+            jacobian, offsets, closes, alpha, width, order, count, rows, B, D, V, K, Q
+        )
     else:
-        rank, c = exact_basis(jacobian, offsets, closes, alpha, order, B, D)
+        rank, c = exact_basis(jacobian, offsets, closes, alpha, order, count, 0, B, D, ranks)
     for i in range(n):
         for j in range(n):
             out[i, j] = c if i == j else 0.0

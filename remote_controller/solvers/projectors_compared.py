@@ -21,7 +21,8 @@ def damped_null_space(alpha: float, jacobian: ArrayLike) -> Array:
         jacobian: (m, n).
     """
     J = np.asarray(jacobian, dtype=np.float64)
-    return _projector(alpha * np.linalg.pinv(J, rcond=RANK_TOLERANCE), J)
+    inverse = np.asarray(np.linalg.pinv(J, rcond=RANK_TOLERANCE), dtype=np.float64)
+    return _projector(alpha * inverse, J)
 
 
 def activated_null_space(theta: ArrayLike, jacobian: ArrayLike) -> Array:

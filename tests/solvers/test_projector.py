@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocol.errors import BadProblemError
-from remote_controller.solvers import generalized_projector
+from remote_controller.solvers import generalized_projector, projected_sum
 from remote_controller.solvers.projectors_compared import (
     activated_null_space,
     damped_null_space,
@@ -119,6 +119,27 @@ def test_a_network_of_priorities():
         for j in range(1, 7):
             felt = np.abs(J[j - 1] @ P).max()
             assert (felt < 1e-12) if j in upper else (felt > 1e-2), (task, j)
+
+
+class TestSums:
+    """Of inputs of all kinds (section 8)."""
+
+    def test_torques_of_a_lower_task_do_not_accelerate_a_strict_one(self):
+        rng = np.random.default_rng(3)
+        n = 6
+        root = rng.normal(size=(n, n))
+        inverse = np.linalg.inv(root @ root.T + np.eye(n))
+        J = [rng.normal(size=(2, n)), rng.normal(size=(3, n))]
+        torques = rng.normal(size=(2, n))
+        tau = projected_sum(torques, [each @ inverse for each in J], [[0, 0], [1, 0]])
+        np.testing.assert_allclose(J[0] @ inverse @ (tau - torques[0]), 0, atol=1e-12)
+        assert np.abs(J[1] @ inverse @ (tau - torques[1])).max() > 1e-2
+
+    def test_names_what_does_not_fit(self):
+        with pytest.raises(BadProblemError, match="2 inputs of 3 joints need 2 Jacobians"):
+            projected_sum(np.ones((2, 3)), [np.eye(3)], np.zeros((2, 2)))
+        with pytest.raises(BadProblemError, match="inputs must be finite"):
+            projected_sum([[np.nan]], [[[1.0]]], [[0]])
 
 
 class TestSmoothed:
