@@ -1,0 +1,141 @@
+"""What is wrong with priorities is told by file, key and value, and changes nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from protocol.errors import ConfigError, UsageError
+from protocol.settings import parse
+from remote_controller.priorities.priorities import Priorities
+from remote_controller.priorities.settings import PrioritySettings
+
+ABC = ("hand", "elbow", "posture")
+ROWS = [[0.0, 1.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]
+
+
+def priorities(content, names=ABC):
+    settings = parse(PrioritySettings, content, "x.yaml", "priorities")
+    return Priorities.configured(names, settings, "x.yaml", "priorities")
+
+
+def at(*changes):
+    return {"timeline": [{"at_s": 1.0, "over_s": 2.0, **change} for change in changes]}
+
+
+BAD_CONFIGS = [
+    ({"matrix": [[0.0, 1.5, 0.0], *ROWS[1:]]}, "matrix.0.1", "1.5", "less than or equal to 1"),
+    ({"matrix": [[0.0, -0.1, 0.0], *ROWS[1:]]}, "matrix.0.1", "-0.1", "greater than"),
+    ({"matrix": [[0.0, float("nan"), 0.0], *ROWS[1:]]}, "matrix.0.1", "nan", "finite"),
+    ({"matrix": [[0.0, True, 0.0], *ROWS[1:]]}, "matrix.0.1", "True", "valid number"),
+    ({"matrix": [[0.0, "1", 0.0], *ROWS[1:]]}, "matrix.0.1", "'1'", "valid number"),
+    ({"matrix": ROWS[:2]}, "matrix", "", "2 rows of 3 numbers for 3 tasks"),
+    ({"matrix": [*ROWS[:2], [0.0]]}, "matrix", "", "3 rows of 1/3 numbers for 3 tasks"),
+    ({"matrix": ROWS, "order": ["hand"]}, "", "", "either order or matrix"),
+    ({"order": ["hand", "elbow"]}, "order", "elbow", "leaves out posture"),
+    ({"order": ["hand", ["elbow", "hand"], "posture"]}, "order", "hand", "named twice"),
+    ({"order": ["hand", "elbo", "posture"]}, "order", "elbo", "Did you mean 'elbow'?"),
+    ({"order": ["hand", 3, "posture"]}, "order.1", "3", "string"),
+    ({"inactive": ["foot"]}, "inactive", "foot", "Tasks: hand, elbow, posture"),
+    ({"inactive": ["hand", "hand"]}, "inactive", "hand", "named twice"),
+    ({"tasks": []}, "tasks", "", "unknown key"),
+    (at({"set": [["hand", "elbow", 2]]}), "timeline.0.set.0.2", "2", "less than or equal to 1"),
+    (at({"set": [["hand", "elbow"]]}), "timeline.0.set.0.2", "", "is missing"),
+    (at({"set": [["hand", "foot", 1]]}), "timeline.0.set.0", "foot", "no task is called so"),
+    (
+        at({"set": [["hand", "elbow", 1], ["hand", "elbow", 0]]}),
+        "timeline.0.set.1",
+        "elbow",
+        "set twice",
+    ),
+    (at({"order": ["hand", "hand"]}), "timeline.0.order", "hand", "named twice"),
+    (at({"remove": "foot"}), "timeline.0.remove", "foot", "no task is called so"),
+    (at({"remove": ["hand", "hand"]}), "timeline.0.remove", "hand", "named twice"),
+    (at({"insert": "hand"}), "timeline.0.insert", "hand", "takes part already"),
+    ({"inactive": ["hand"], **at({"remove": "hand"})}, "timeline.0.remove", "hand", "no part"),
+    (at({}), "timeline.0", "", "should have one of set, order, insert and remove"),
+    (at({"remove": "hand", "order": ["hand"]}), "timeline.0", "", "should have one of"),
+    (at({"remove": "hand", "at_s": -1.0}), "timeline.0.at_s", "-1.0", "greater than"),
+    (at({"remove": "hand", "at_s": float("inf")}), "timeline.0.at_s", "inf", "finite"),
+    (at({"remove": "hand", "over_s": -0.5}), "timeline.0.over_s", "-0.5", "greater than"),
+    (at({"remove": "hand", "over_s": float("nan")}), "timeline.0.over_s", "nan", "finite"),
+    ({"timeline": [{"remove": "hand"}]}, "timeline.0.at_s", "", "is missing"),
+    (
+        at({"set": [["hand", "elbow", 1]]}, {"set": [["elbow", "hand", 0]], "at_s": 2.0}),
+        "timeline.1.at_s",
+        "2.0",
+        "overlaps timeline.0, 1 s to 3 s, in the priorities of hand and elbow",
+    ),
+    (
+        at({"order": ["elbow", "hand"], "at_s": 2.0}, {"remove": "hand"}),
+        "timeline.0.at_s",
+        "2.0",
+        "overlaps timeline.1, 1 s to 3 s",
+    ),
+    (
+        at({"remove": "hand", "over_s": 0.0}, {"insert": "hand", "over_s": 0.0}),
+        "timeline.1.at_s",
+        "1.0",
+        "overlaps timeline.0",
+    ),
+]
+
+
+@pytest.mark.parametrize(("content", "key", "value", "problem"), BAD_CONFIGS)
+def test_a_wrong_config_is_one_named_error(content, key, value, problem):
+    with pytest.raises(ConfigError) as caught:
+        priorities(content)
+    assert caught.value.file == "x.yaml"
+    assert caught.value.key == f"priorities.{key}".rstrip(".")
+    assert problem in str(caught.value)
+    assert value in str(caught.value)
+    assert caught.value.remedy
+
+
+def test_two_tasks_of_one_name_are_refused():
+    with pytest.raises(ConfigError, match=r"x\.yaml: priorities: two tasks .*'hand'.*Rename"):
+        priorities({}, ("hand", "elbow", "hand"))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        at({"set": [["hand", "elbow", 1]]}, {"set": [["posture", "elbow", 0]]}),
+        at({"set": [["hand", "elbow", 1]]}, {"set": [["hand", "elbow", 0]], "at_s": 3.0}),
+        at({"remove": "hand"}, {"insert": "hand", "at_s": 4.0}),
+        at({"set": [["hand", "hand", 1]]}, {"set": [["elbow", "hand", 0]]}),
+    ],
+)
+def test_different_pairs_may_overlap_and_one_change_begin_where_another_ends(changes):
+    assert priorities(changes).names == ABC
+
+
+BAD_REQUESTS = [
+    ({"set": [["hand", "elbow", 1.5]]}, "1.5"),
+    ({"set": [["hand", "elbow", float("nan")]]}, "finite"),
+    ({"set": [["hand", "foot", 0.5]]}, "Tasks: hand, elbow, posture"),
+    ({"set": [["posture", "hand", 1.0], ["elbow", "foot", 0.5]]}, "'foot'"),
+    ({"set": [["hand", "elbow", 0.5]], "over_s": -1}, "over_s"),
+    ({"set": [["hand", "elbow", 0.5]], "at_s": 1.0}, "unknown key"),
+    ({"set": "hand"}, "set"),
+    ({"order": ["hand", "hand"]}, "named twice"),
+    ({"insert": "hand"}, "takes part already"),
+    ({"remove": ["elbow", "foot"]}, "'foot'"),
+    ({"remove": "posture", "insert": "posture"}, "one of set, order"),
+    ({"over_s": 1.0}, "one of set, order"),
+    ({}, "one of set, order"),
+    ("hand", "'hand'"),
+    (None, "priorities"),
+]
+
+
+@pytest.mark.parametrize(("request_", "word"), BAD_REQUESTS)
+def test_a_wrong_live_change_is_a_named_error_and_changes_nothing(request_, word):
+    moved = priorities({"order": list(ABC)})
+    before = moved.alpha.copy()
+    with pytest.raises(UsageError, match=r"^change of priorities") as caught:
+        moved.change(request_, 0.5)
+    assert word in str(caught.value)
+    assert not moved.moving
+    moved.update(9.0)
+    assert np.array_equal(moved.alpha, before)
