@@ -46,8 +46,9 @@ class Controller(ABC):
     """Answers each State with a Setpoint.
 
     A subclass names its settings in a nested `Parameters` model and its additional log columns
-    in `extra_names`, writes into `self.command` and returns it. Nothing may be allocated in
-    `step` that can be allocated in `__init__`.
+    in `extra_names`, writes into `self.command` and returns it. Where the columns depend on the
+    parameters, it sets `self.extra_names` before it calls this `__init__`. Nothing may be
+    allocated in `step` that can be allocated in `__init__`.
 
     Args:
         description: of the robot.
@@ -65,7 +66,7 @@ class Controller(ABC):
     class Parameters(Settings):
         """Settings of this controller; none here."""
 
-    extra_names: ClassVar[tuple[str, ...]] = ()
+    extra_names: tuple[str, ...] = ()
     commands: ClassVar[tuple[CommandKind, ...]] = ("position",)
     """What it can give; the robot's description decides which of these its `command` is."""
     kernels: ClassVar[tuple[str, ...]] = ()
