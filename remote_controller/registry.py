@@ -19,6 +19,7 @@ BUILTIN = {
         "remote_controller.controllers.joint_acceleration:JointAccelerationController"
     ),
     "tsid": "remote_controller.controllers.tsid:TsidController",
+    "ghc_velocity": "remote_controller.controllers.ghc_velocity:GhcVelocityController",
 }
 CONTROLLERS = Family(
     "controller",
