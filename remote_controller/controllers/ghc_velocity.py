@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -13,6 +14,7 @@ from protocol.messages import FloatArray, State
 from remote_controller.controllers import ghc_velocity_settings as settings
 from remote_controller.controllers.controller import STATUS, VelocityController
 from remote_controller.kinematics import Kinematics
+from remote_controller.priorities.matrix import unsurpassed
 from remote_controller.priorities.priorities import Priorities
 from remote_controller.solvers import status
 from remote_controller.solvers.ghc import Ghc
@@ -51,11 +53,12 @@ class GhcVelocityController(VelocityController):
     Time of the timeline begins with the reset, that is when the robot begins to follow.
 
     Certificate: V is the sum of those of the tasks that nothing is above, alpha_ij = 0 for all j;
-    in a cycle without such a task, of all that take part. It changes to that of new priorities when
-    these rest. `v_rate_required` is 0: V shall not rise. `certified` says that the QP was solved, by
-    a residual ≤ 10⁻⁹, that priorities rest, and that V, evaluated where u leads, falls as V̇ says,
-    to 1 %. `at_target` says that these tasks are within 10⁻⁵ m or rad, where V̇ of lower tasks'
-    motion cannot be told from rounding of the Euler step. Nothing is claimed of lower tasks.
+    in a cycle without such a task, of all that take part. After a change of priorities it is about
+    the new ones as soon as these rest. `v_rate_required` is 0: V shall not rise. `certified` says
+    that the QP was solved, by a residual ≤ 10⁻⁹, that priorities rest, and that V, evaluated where
+    u leads, falls as V̇ says, to 1 %. `at_target` says the first two, and that these tasks are
+    within 10⁻⁵ m or rad, where V is not told from what an Euler step of the tasks below makes of
+    it. Nothing is claimed of tasks below.
     `margin` is the least distance of u from a bound [rad/s or m/s].
 
     Raises:
@@ -92,13 +95,12 @@ class GhcVelocityController(VelocityController):
         self._jacobian, self._wanted = np.zeros((sum(sizes), n)), np.zeros(sum(sizes))
         ends = self._solver.offsets.tolist()
         self._rows = [
-            (self._jacobian[start:end], self._wanted[start:end])
-            for start, end in zip(ends, ends[1:], strict=False)
+            (self._jacobian[start:end], self._wanted[start:end]) for start, end in pairwise(ends)
         ]
         self._weight = parameters.regularisation
         self._mass, self._bias = np.eye(n), np.zeros(n)
         self._velocity_bounds = velocity_bounds
-        self._bounds = _limits(description, parameters.bounds, file)
+        self._bounds = parameters.bounds.limits(description, file)
         self._lower, self._upper = self._solver.qdd_lower, self._solver.qdd_upper
         self.u, self._dq, self._before, self._next = np.zeros((4, n))
         self._from_reference = parameters.kinematics_from == "reference"
@@ -152,8 +154,9 @@ class GhcVelocityController(VelocityController):
         settled = not (priorities.update(self._time) or priorities.moving)
         self._stale = self._stale or not settled
         if (settled and self._stale) or not self._top:
-            self._top = _unsurpassed(self.functions, priorities.alpha)
-            self._stale = not settled
+            top = unsurpassed(priorities.alpha).tolist()
+            self._top = [task for task, is_top in zip(self.functions, top, strict=True) if is_top]
+            self._stale = False
         noted = self._aim(now)
         command.stamp_kinematics = self.now()
         found = solver.solve(
@@ -293,43 +296,3 @@ def _task(
         problem = "has no error e, only V: there is no velocity that it wants"
         raise ConfigError(file, f"{key}.task", given.task, problem, "Give it an error, or leave it")
     return function
-
-
-def _limits(
-    description: RobotDescription, bounds: settings.VelocityBounds, file: str
-) -> FloatArray:
-    """Range, greatest speed and acceleration, (4, n), none beyond the description's.
-
-    Raises:
-        ConfigError: the margin leaves nothing of a range.
-    """
-    n, room = description.n, description.upper - description.lower
-    if (room < 2.0 * bounds.margin_rad).any():
-        joint = int(np.argmin(room))
-        raise ConfigError(
-            file,
-            "parameters.bounds.margin_rad",
-            bounds.margin_rad,
-            f"leaves nothing of the range of joint {description.joint_names[joint]!r}",
-            f"At most {room[joint] / 2.0}",
-        )
-    gentle = np.minimum(description.brake_acceleration, description.setpoint_acceleration_max)
-    return np.array(
-        [
-            description.lower + bounds.margin_rad,
-            description.upper - bounds.margin_rad,
-            np.minimum(description.velocity, bounds.speed_rad_s or np.inf),
-            np.minimum(description.setpoint_acceleration_max, bounds.acceleration_rad_s2 or gentle)
-            * np.ones(n),
-        ]
-    )
-
-
-def _unsurpassed(
-    functions: Sequence[LyapunovFunction], alpha: FloatArray
-) -> list[LyapunovFunction]:
-    """Tasks that nothing is above; where there are none, those that take part."""
-    present = np.diag(alpha) < 1.0
-    top = present & ~(alpha * (1.0 - np.eye(len(alpha)))).any(axis=1)
-    chosen = top if top.any() else present
-    return [function for function, is_chosen in zip(functions, chosen, strict=True) if is_chosen]

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field
 
+from protocol.description import RobotDescription
+from protocol.errors import ConfigError
+from protocol.messages import FloatArray
 from protocol.settings import RobotName, Settings
 from remote_controller.controllers.controller import VelocityController
 from remote_controller.priorities.settings import PrioritySettings
@@ -37,8 +41,35 @@ class VelocityBounds(Settings):
         description="greatest acceleration; null: what the robot brakes with [rad/s² or m/s²]",
     )
     margin_rad: float = Field(
-        0.0, ge=0, description="taken off both ends of the usable range [rad or m]"
+        1e-9, ge=0, description="taken off both ends of the usable range [rad or m]"
     )
+
+    def limits(self, description: RobotDescription, file: str) -> FloatArray:
+        """Range, greatest speed and acceleration, (4, n), none beyond the description's.
+
+        Raises:
+            ConfigError: the margin leaves nothing of a range.
+        """
+        robot, room = description, description.upper - description.lower
+        if (room < 2.0 * self.margin_rad).any():
+            joint = int(np.argmin(room))
+            raise ConfigError(
+                file,
+                "parameters.bounds.margin_rad",
+                self.margin_rad,
+                f"leaves nothing of the range of joint {robot.joint_names[joint]!r}",
+                f"At most {room[joint] / 2.0}",
+            )
+        hardest = robot.setpoint_acceleration_max
+        acceleration = self.acceleration_rad_s2 or robot.brake_acceleration
+        return np.array(
+            [
+                robot.lower + self.margin_rad,
+                robot.upper - self.margin_rad,
+                np.minimum(robot.velocity, self.speed_rad_s or np.inf),
+                np.minimum(hardest, acceleration) * np.ones(robot.n),
+            ]
+        )
 
 
 class Parameters(VelocityController.Parameters):
