@@ -130,6 +130,10 @@ class GhcVelocityController(VelocityController):
         """
         self.priorities.change(request, self._time)
 
+    def changeable(self) -> dict[str, Any]:
+        """The priorities as they are now."""
+        return {"priorities": self.priorities.shown()}
+
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Begin anew, also with the timeline; the tasks do at the next State that is finite."""
         super().reset(state, last_command)

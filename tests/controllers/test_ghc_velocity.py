@@ -380,6 +380,13 @@ def test_what_does_not_fit_the_robot_is_refused_by_its_key(tasks, changes, key):
     assert caught.value.file == "mine.yaml"
 
 
+def test_it_shows_its_priorities_as_they_are_now():
+    made = controller(COM, FOOT, priorities={"order": ["com", "foot"]})
+    motion(made, 30, {10: lambda: made.change({"set": [["com", "foot", 0.5]], "over_s": 0.01})})
+    shown = {"names": ["com", "foot"], "alpha": [[0.0, 0.5], [0.5, 0.0]], "moving": False}
+    assert made.changeable() == {"priorities": shown}
+
+
 def test_a_live_change_that_is_wrong_is_refused_and_the_motion_goes_on():
     made = controller(COM, FOOT, priorities={"order": ["com", "foot"]})
 
