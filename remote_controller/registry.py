@@ -19,6 +19,9 @@ BUILTIN = {
         "remote_controller.controllers.joint_acceleration:JointAccelerationController"
     ),
     "tsid": "remote_controller.controllers.tsid:TsidController",
+    "ghc": "remote_controller.controllers.ghc:GhcController",
+    "hqp": "remote_controller.controllers.hqp:HqpController",
+    "weighted": "remote_controller.controllers.weighted:WeightedController",
 }
 CONTROLLERS = Family(
     "controller",

@@ -65,7 +65,8 @@ class Controller(ABC):
     class Parameters(Settings):
         """Settings of this controller; none here."""
 
-    extra_names: ClassVar[tuple[str, ...]] = ()
+    extra_names: tuple[str, ...] = ()
+    """Of a class, or of an object that sets them before this constructor is called."""
     commands: ClassVar[tuple[CommandKind, ...]] = ("position",)
     """What it can give; the robot's description decides which of these its `command` is."""
     kernels: ClassVar[tuple[str, ...]] = ()

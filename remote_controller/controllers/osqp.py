@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 from pydantic import Field
 
@@ -36,7 +34,7 @@ class OsqpController(DescentController):
             1000, ge=1, le=100_000, description="after so many OSQP gives up, and u = 0"
         )
 
-    extra_names: ClassVar[tuple[str, ...]] = ("osqp_iterations",)
+    extra_names = ("osqp_iterations",)
 
     def __init__(self, description: RobotDescription, parameters: Parameters) -> None:
         from remote_controller.controllers.osqp_kernels import (  # noqa: PLC0415 - compiles
