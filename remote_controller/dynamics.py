@@ -1,30 +1,53 @@
-"""Dynamics of the robot and motion of one of its frames, once per sample."""
+"""Dynamics of the robot and motion of some of its frames, once per sample."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
+from numpy.typing import NDArray
 
 from protocol.description import RobotDescription
 from protocol.dynamics import Dynamics
 from protocol.messages import FloatArray
 
+POSITION, POSE = 3, 6
 
-class FrameDynamics:
-    """M(q)·ddq + h(q, dq) = τ of a robot, and d/dt ν = J·ddq + J̇·dq of a frame's twist ν.
 
-    Joints are in wire order. The twist is that of the frame in its own axes (Pinocchio's LOCAL):
-    velocity of its origin [m/s] over angular velocity [rad/s]. Gravity is part of h unless the
-    description has it `none`; friction is not.
+class FrameRows(NamedTuple):
+    """Where in a stack of rows the motion of a frame stands.
+
+    Attributes:
+        frame: its name.
+        start: the first of its rows.
+        size: `POSITION`: velocity of its origin in the root's axes [m/s]; `POSE`: twist of the
+            frame in its own axes (Pinocchio's LOCAL), velocity of its origin [m/s] over angular
+            velocity [rad/s].
+    """
+
+    frame: str
+    start: int
+    size: int
+
+
+class FramesDynamics:
+    """M(q)·ddq + h(q, dq) = τ of a robot, and d/dt ν = J·ddq + J̇·dq of the motion ν of its frames.
+
+    Joints are in wire order. Gravity is part of h unless the description has it `none`; friction is
+    not. However many frames: one crba, one nle and one kernel.
 
     Args:
         description: of the robot.
-        frame: name.
+        frames: which, and where their rows stand; a frame may be named several times.
+        rows: of the whole stack, m; those of no frame are nobody's here, and 0 at first.
 
     Attributes:
         mass, bias: M (n, n) and h (n,).
         weight: torques that hold the robot, (n,), where it adds these itself; else 0.
-        jacobian, drift, twist: J (6, n), J̇·dq (6,) and ν (6,).
-        origin, rotation: of the frame in the root's axes, (3,) [m] and (3, 3); views.
+        jacobian, drift, twist: J (m, n), J̇·dq (m,) and ν (m,).
+        origins, rotations: of the frames in the root's axes, (k, 3) [m] and (k, 3, 3).
         damping: viscous friction of the joints, (n,) [N m s/rad].
 
     Raises:
@@ -32,32 +55,49 @@ class FrameDynamics:
         FrameNotFoundError: the robot has no such frame.
     """
 
-    def __init__(self, description: RobotDescription, frame: str) -> None:
+    def __init__(
+        self, description: RobotDescription, frames: Sequence[FrameRows], rows: int
+    ) -> None:
         import pinocchio  # noqa: PLC0415 - heavy: whoever only checks a config does not need it
 
-        from remote_controller.dynamics_kernels import frame_dynamics  # noqa: PLC0415 - compiles
+        from remote_controller.dynamics_kernels import frames_dynamics  # noqa: PLC0415 - compiles
 
-        self._gather = frame_dynamics
+        self._gather: Callable[..., None] = frames_dynamics
         rigid = Dynamics(description)  # which has set gravity
         self.n, self.damping, self._robot = description.n, rigid.damping, rigid.robot
         self._model, self._data = rigid.robot.model, rigid.robot.data
         self._order = np.array(rigid.robot.order, np.int64)
-        self._frame = self._robot.frame_id(frame)
         self._crba, self._nle = pinocchio.crba, pinocchio.nonLinearEffects
         self._world = pinocchio.Convention.WORLD
-        self._place = pinocchio.updateFramePlacement
         self._place_all = pinocchio.framesForwardKinematics
         self._weigh = pinocchio.computeGeneralizedGravity
         self._compensated = description.gravity == "compensated"
-        self._movers = self._movers_of(self._frame)
-        data = self._data
-        placement = data.oMf[self._frame]
-        self.origin, self.rotation = placement.translation, placement.rotation
-        self._views = (data.M.reshape(self.n, self.n), data.nle, data.J.reshape(6, self.n))
-        self._q, self._v = np.zeros(self.n), np.zeros(self.n)
-        self.mass, self.jacobian = np.zeros((self.n, self.n)), np.zeros((6, self.n))
-        self.bias, self.weight = np.zeros(self.n), np.zeros(self.n)
-        self.twist, self.drift = np.zeros(6), np.zeros(6)
+        carried = [rigid.carrier(each.frame) for each in frames]
+        movers = [self._movers_of(each.frame) for each in frames]
+        n, k, data = self.n, len(frames), self._data
+        self._q, self._v = np.zeros(n), np.zeros(n)
+        self.mass, self.jacobian = np.zeros((n, n)), np.zeros((rows, n))
+        self.bias, self.weight = np.zeros(n), np.zeros(n)
+        self.twist, self.drift = np.zeros(rows), np.zeros(rows)
+        self.origins, self.rotations = np.zeros((k, 3)), np.zeros((k, 3, 3))
+        self._rigid = (data.M.reshape(n, n), data.nle, data.J.reshape(6, n), _placements(data))
+        self._layout: tuple[Any, ...] = (
+            np.array([joint for joint, _ in carried], np.int64),
+            np.array([mount for _, mount in carried]).reshape(k, 3, 4),
+            self._order,
+            np.concatenate([np.zeros(0, np.int64), *movers]),
+            np.cumsum([0, *map(len, movers)]),
+            np.array([[each.start, each.size] for each in frames], np.int64).reshape(k, 2),
+        )
+        self._out = (
+            self.mass,
+            self.bias,
+            self.jacobian,
+            self.twist,
+            self.drift,
+            self.origins,
+            self.rotations,
+        )
 
     def update(self, q: FloatArray, dq: FloatArray) -> None:
         """Take joint positions and velocities, (n,) [rad, rad/s or m, m/s]; both finite."""
@@ -65,22 +105,9 @@ class FrameDynamics:
         self._q[order], self._v[order] = q, dq
         self._crba(model, data, self._q, self._world)  # and the Jacobian of the joints
         self._nle(model, data, self._q, self._v)
-        self._place(model, data, self._frame)
         if self._compensated:
             np.take(self._weigh(model, data, self._q), order, out=self.weight)
-        self._gather(
-            *self._views,
-            self.origin,
-            self.rotation,
-            order,
-            self._movers,
-            dq,
-            self.mass,
-            self.bias,
-            self.jacobian,
-            self.twist,
-            self.drift,
-        )
+        self._gather(*self._rigid, *self._layout, dq, *self._out)
 
     def placement(self, q: FloatArray, frame: str) -> tuple[FloatArray, FloatArray]:
         """Where a frame is in posture `q`, (n,): copies of origin (3,) [m] and rotation (3, 3)."""
@@ -91,10 +118,32 @@ class FrameDynamics:
 
     def stands(self, frame: str) -> bool:
         """Whether no joint moves a frame."""
-        return not self._movers_of(self._robot.frame_id(frame)).size
+        return not self._movers_of(frame).size
 
-    def _movers_of(self, number: int) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    def _movers_of(self, frame: str) -> NDArray[np.int64]:
         """Joints of the wire that move a frame, from the root outwards."""
         model, places = self._model, list(self._order)
+        number = self._robot.frame_id(frame)
         joints = [j for j in model.supports[model.frames[number].parentJoint] if j > 0]
         return np.array([places.index(model.joints[j].idx_v) for j in joints], np.int64)
+
+
+class FrameDynamics(FramesDynamics):
+    """The same of one frame's pose.
+
+    Attributes:
+        origin, rotation: of the frame in the root's axes, (3,) [m] and (3, 3).
+    """
+
+    def __init__(self, description: RobotDescription, frame: str) -> None:
+        super().__init__(description, [FrameRows(frame, 0, POSE)], POSE)
+        self.origin, self.rotation = self.origins[0], self.rotations[0]
+
+
+def _placements(data: Any) -> FloatArray:
+    """View of where all joints are in the root, (joints, 12): R by columns, then the origin.
+
+    Pinocchio keeps them one after the other, and gives away views of one at a time.
+    """
+    count, first = len(data.oMi), data.oMi[0].rotation.T
+    return as_strided(first, (count, 12), (12 * first.itemsize, first.itemsize))

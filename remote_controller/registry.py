@@ -20,6 +20,9 @@ BUILTIN = {
     ),
     "tsid": "remote_controller.controllers.tsid:TsidController",
     "ghc_velocity": "remote_controller.controllers.ghc_velocity:GhcVelocityController",
+    "ghc": "remote_controller.controllers.ghc:GhcController",
+    "hqp": "remote_controller.controllers.hqp:HqpController",
+    "weighted": "remote_controller.controllers.weighted:WeightedController",
 }
 CONTROLLERS = Family(
     "controller",

@@ -7,10 +7,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from protocol.description import RobotDescription
-from protocol.errors import ConfigError
 from protocol.messages import FloatArray, Setpoint, State
 from remote_controller.controllers import tsid_settings as settings
 from remote_controller.controllers.controller import STATUS, Controller
+from remote_controller.controllers.goals import pose_of
 from remote_controller.controllers.joint_bounds import JointBounds
 from remote_controller.controllers.postures import posture_of
 from remote_controller.dynamics import FrameDynamics
@@ -73,7 +73,9 @@ class TsidController(Controller):
         self.dynamics = FrameDynamics(description, parameters.frame)
         self.bounds = JointBounds(description, parameters.bounds, file, "parameters.bounds")
         self.solver = Tsid(np.array(description.effort), self.bounds.greatest)
-        self.goal = self._goal(parameters, file)
+        self.goal = pose_of(
+            description, self.dynamics, parameters.frame, parameters.goal, file, "parameters.goal"
+        )
         rest = parameters.posture
         self._posture = posture_of(
             description, rest.posture, rest.posture_rad, file, "parameters.posture.posture"
@@ -105,29 +107,6 @@ class TsidController(Controller):
     ) -> TsidController:
         """One for a robot."""
         return cls(description, parameters, file)
-
-    def _goal(self, parameters: settings.Parameters, file: str) -> tuple[FloatArray, FloatArray]:
-        """H_d in the root's axes: origin (3,) [m] and rotation (3, 3)."""
-        from remote_controller.controllers.tsid_kernels import (  # noqa: PLC0415 - compiles
-            rotation_of,
-        )
-
-        robot, goal, key = self.description, parameters.goal, "parameters.goal"
-        if goal.position_m is None:
-            q = posture_of(robot, goal.posture, goal.posture_rad, file, f"{key}.posture")
-            return self.dynamics.placement(q, parameters.frame)
-        reference = goal.reference or robot.base_frame
-        if reference not in robot.frames:
-            remedy = f"Its frames: {', '.join(robot.frames)}"
-            problem = "the robot has no such frame"
-            raise ConfigError(file, f"{key}.reference", reference, problem, remedy)
-        if not self.dynamics.stands(reference):
-            problem, remedy = "joints move it", f"Name one that stands, such as {robot.base_frame}"
-            raise ConfigError(file, f"{key}.reference", reference, problem, remedy)
-        origin, axes = self.dynamics.placement(robot.initial_position, reference)
-        turn = np.zeros((3, 3))
-        rotation_of(np.array(goal.rotation_rad), turn)
-        return origin + axes @ np.array(goal.position_m), np.ascontiguousarray(axes @ turn)
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Nothing to remember; a joint that is outside its bounds here may stay there."""

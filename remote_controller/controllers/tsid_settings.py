@@ -2,47 +2,11 @@
 
 from __future__ import annotations
 
-import math
-from typing import Self
+from pydantic import Field
 
-from pydantic import Field, model_validator
-
-from protocol.settings import Settings
 from remote_controller.controllers.controller import Controller
+from remote_controller.controllers.goals import Gains, GoalSettings
 from remote_controller.controllers.joint_bounds import BoundSettings
-
-Triple = tuple[float, float, float]
-
-
-class GoalSettings(Settings):
-    """Where the frame shall be: at a pose, or where it is in a posture of the robot."""
-
-    posture: str | None = Field(None, description="of the robot's description")
-    posture_rad: tuple[float, ...] = Field((), description="instead: a posture itself [rad or m]")
-    position_m: Triple | None = Field(None, description="or: the frame's origin")
-    rotation_rad: Triple = Field((0.0, 0.0, 0.0), description="axis × angle of its orientation")
-    reference: str | None = Field(
-        None, description="frame in which the pose is given, which stands; null: the base frame"
-    )
-
-    @model_validator(mode="after")
-    def _one_goal(self) -> Self:
-        given = (self.posture is not None, bool(self.posture_rad), self.position_m is not None)
-        if sum(given) != 1:
-            raise ValueError("should have one of posture, posture_rad and position_m")
-        return self
-
-
-class Gains(Settings):
-    """Of a wanted acceleration kp·error − kd·velocity."""
-
-    kp: float = Field(10.0, gt=0, description="[1/s²]")
-    kd: float | None = Field(None, ge=0, description="[1/s]; null: 2√kp, critical damping")
-
-    @property
-    def both(self) -> tuple[float, float]:
-        """Gains kp and kd."""
-        return self.kp, 2.0 * math.sqrt(self.kp) if self.kd is None else self.kd
 
 
 class PostureSettings(Gains):

@@ -9,7 +9,13 @@ import pytest
 from protocol.dynamics import Dynamics
 from protocol.errors import FrameNotFoundError
 from remote_controller.controllers.tsid_kernels import aim, rotation_of
-from remote_controller.dynamics import FrameDynamics
+from remote_controller.dynamics import (
+    POSE,
+    POSITION,
+    FrameDynamics,
+    FrameRows,
+    FramesDynamics,
+)
 from robot_emulator.robots import load
 
 ROBOTS = [
@@ -171,3 +177,49 @@ def test_half_a_turn_is_told():
     origin = np.zeros(3)
     assert aimed(origin, np.eye(3), origin, near, np.zeros(6))[1] == 0
     assert aimed(origin, np.eye(3), origin, at, np.zeros(6))[1] == 1
+
+
+SEVERAL = {
+    "humanoid32": ("l_hand", "head", "l_hand", "r_sole", "pelvis"),
+    "baxter_left_arm": ("left_gripper", "left_upper_elbow", "left_gripper"),
+}
+
+
+@pytest.mark.parametrize("name", SEVERAL)
+def test_several_frames_at_once_are_as_each_of_them_alone(name):
+    description, frames = load(name), SEVERAL[name]
+    rows = [FrameRows(frame, 2 + 6 * place, POSE) for place, frame in enumerate(frames)]
+    together = FramesDynamics(description, rows, 3 + 6 * len(frames))
+    alone = [FrameDynamics(description, frame) for frame in frames]
+    for q, dq in states(description, 3):
+        together.update(q, dq)
+        for place, each in enumerate(alone):
+            each.update(q, dq)
+            start = rows[place].start
+            mine = slice(start, start + 6)
+            np.testing.assert_array_equal(together.jacobian[mine], each.jacobian)
+            np.testing.assert_array_equal(together.twist[mine], each.twist)
+            np.testing.assert_array_equal(together.drift[mine], each.drift)
+            np.testing.assert_array_equal(together.origins[place], each.origin)
+            np.testing.assert_array_equal(together.rotations[place], each.rotation)
+        np.testing.assert_array_equal(together.mass, alone[0].mass)
+    for row in (0, 1, -1):  # nobody's
+        assert not together.jacobian[row].any()
+
+
+@each_robot
+def test_the_rows_of_a_position_are_its_velocity_and_acceleration_in_the_root(name, frame):
+    description, step = load(name), 1e-6
+    dynamics = FramesDynamics(description, [FrameRows(frame, 1, POSITION)], 4)
+    for q, dq in states(description, 5):
+        places, velocities = [], []
+        for sign in (-1, 1):
+            dynamics.update(q + sign * step * dq, dq)
+            places.append(dynamics.origins[0].copy())
+            velocities.append(dynamics.twist[1:].copy())
+        dynamics.update(q, dq)
+        velocity = (places[1] - places[0]) / (2 * step)
+        drift = (velocities[1] - velocities[0]) / (2 * step)
+        np.testing.assert_allclose(dynamics.twist[1:], velocity, atol=1e-7)
+        np.testing.assert_allclose((dynamics.jacobian @ dq)[1:], dynamics.twist[1:], atol=1e-13)
+        np.testing.assert_allclose(dynamics.drift[1:], drift, atol=2e-7)

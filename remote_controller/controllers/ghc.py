@@ -1,0 +1,112 @@
+"""Generalized hierarchical control of several tasks (Liu, Tan and Padois, 2015)."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from protocol.description import RobotDescription
+from protocol.messages import FloatArray
+from remote_controller.controllers.hierarchy import HierarchyController
+from remote_controller.priorities.priorities import Priorities
+from remote_controller.priorities.settings import PrioritySettings
+from remote_controller.solvers import status
+from remote_controller.solvers.ghc import Ghc
+
+
+class RankedController(HierarchyController):
+    """Tasks with priorities over each other."""
+
+    class Parameters(HierarchyController.Parameters):
+        """Tasks, bounds and priorities."""
+
+        priorities: PrioritySettings = Field(
+            PrioritySettings(), description="of the tasks over each other"
+        )
+
+    importance: Priorities
+
+    @classmethod
+    def importance_of(cls, parameters: Any, file: str) -> Priorities:
+        """The priorities.
+
+        Raises:
+            ConfigError: they do not fit the tasks.
+        """
+        names = [task.name for task in parameters.tasks]
+        return Priorities.configured(names, parameters.priorities, file, "parameters.priorities")
+
+    @classmethod
+    def columns(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Entries of the matrix of priorities, row by row."""
+        return tuple(f"alpha_{a}_{b}" for a in names for b in names)
+
+    def count(self, out: FloatArray) -> None:
+        """Write the matrix; a task whose row is 0 has nothing above it."""
+        alpha = self.importance.alpha
+        out[:] = alpha.ravel()
+        np.logical_not(alpha.any(axis=1), out=self.tops)
+
+
+class GhcController(RankedController):
+    """(13): every task has accelerations of its own, kept out of the directions of others.
+
+        min Σ |J_i x_i − b_i|² + ω_r Σ |x_i|² + ω_r |τ − o|²
+        such that τ = M ddq + h, ddq = Σ P_i x_i, lower ≤ ddq ≤ upper, |τ| ≤ torque_max
+
+    b_i is what task i asks for less its drift. Strict priorities are exact where `regularise` is
+    `none`: elsewhere lower tasks shift what upper ones do by about ω_r. Allocates nothing where
+    the tasks have an answer.
+    """
+
+    class Parameters(RankedController.Parameters):
+        """And what ω_r weighs."""
+
+        regularise: Literal["gravity_compensated", "torque", "none"] = Field(
+            "gravity_compensated",
+            description="what ω_r weighs beside the tasks' own accelerations: |τ − h|², |τ|² (the "
+            "paper's, which gravity pulls on), or nothing",
+        )
+        smoothing: float = Field(
+            0.0,
+            ge=0,
+            le=1e3,
+            description="s₀ of the projector: levels whose singular values are below it fade out; "
+            "0: the paper's",
+        )
+
+    proves = True
+    kernels: ClassVar[tuple[str, ...]] = (
+        *RankedController.kernels,
+        "remote_controller.solvers.ghc_kernels",
+    )
+
+    def __init__(
+        self, description: RobotDescription, parameters: Parameters, file: str = "config"
+    ) -> None:
+        super().__init__(description, parameters, file)
+        self.solver = Ghc(
+            self.tasks.sizes,
+            description.n,
+            regularise=parameters.regularise,
+            smoothing=parameters.smoothing,
+        )
+
+    def solve(self, torque_max: FloatArray) -> bool:
+        """One compiled call."""
+        solver, tasks, bounds = self.solver, self.tasks, self.bounds
+        solver.qdd_lower[:], solver.qdd_upper[:] = bounds.lower, bounds.upper
+        np.negative(torque_max, out=solver.tau_lower)
+        solver.tau_upper[:] = torque_max
+        found = solver.solve(
+            tasks.jacobian,
+            tasks.wanted,
+            self.importance.alpha,
+            tasks.dynamics.mass,
+            tasks.dynamics.bias,
+            self.w_r,
+        )
+        self.ddq[:], self.tau[:], self.residual = solver.qdd, solver.tau, solver.kkt_residual
+        return found == status.OK

@@ -1,0 +1,325 @@
+"""What controllers of several tasks have in common: all but how they weigh them up."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+from pydantic import Field
+
+from protocol.description import RobotDescription
+from protocol.messages import FloatArray, Setpoint, State
+from remote_controller.controllers.controller import STATUS, Controller
+from remote_controller.hierarchy.bounds import HierarchyBounds, bounds_of
+from remote_controller.hierarchy.settings import AnyTask
+from remote_controller.hierarchy.tasks import AccelerationTasks
+from remote_controller.solvers import status
+from remote_controller.solvers.tsid import Tsid
+
+CERTIFIED_RESIDUAL = 1e-9
+SOLVED, NEAREST, OVERLOADED_MOTORS, GAVE_UP = range(4)  # Setpoint.fallback
+FALLBACKS = {status.OK: NEAREST, status.INFEASIBLE: OVERLOADED_MOTORS, status.UNSOLVED: GAVE_UP}
+BRAKE_PER_S = 10.0  # of −dq, where not even the bounds of accelerations have an answer
+CONDITIONS = (
+    "state not finite",
+    "tasks have no answer within bounds",
+    "torques too small",
+    "QP not solved",
+    "held by bounds of joints",
+    "half a turn from the goal",
+    "cannot hold its load",
+    "priorities move",
+    "touches",
+)
+BITS = [1 << bit for bit in range(len(CONDITIONS))]
+NOT_FINITE, UNFIT, TOO_SMALL, UNSOLVED, HELD, HALF_A_TURN, LOADED, MOVING, TOUCHES = BITS
+
+
+class Importance(Protocol):
+    """What weighs the tasks up: `Priorities` or `Weights`."""
+
+    moving: bool
+
+    def reset(self) -> None:
+        """Go back to the start."""
+
+    def update(self, time_s: float) -> bool:
+        """Recompute it for a time since the reset [s]; whether it is another than before."""
+
+    def change(self, request: Mapping[str, Any], time_s: float) -> None:
+        """Begin a change."""
+
+
+class HierarchyController(Controller):
+    """Tasks, each of which asks for accelerations of its own, by torques or accelerations.
+
+    The command is the torque τ = M·ddq + h, less g(q) where the robot adds that; or ddq, for a
+    robot that takes accelerations. h counts what wrench sensors of force tasks measure.
+
+    How much each task counts moves with the time of the robot's ticks since the reset. It is
+    settled one tick ahead, so that a certificate knows of it.
+
+    Where the tasks have no answer within the bounds of accelerations and torques, they are asked
+    without the torques, or the robot brakes with −10/s·dq if that fails, too; the ddq nearest to
+    it that the bounds and the torques allow is `fallback` 1. Where there is none, the bounds are
+    kept, the torques violated as little as possible, and `fallback` is 2; or 3 where the solver
+    gave up, and ddq is only cut to the bounds.
+
+    Certificate: V = ½ Σ |e|² of those tasks above which nothing stands [m², rad²]; of nobody else's
+    error is anything said. `v_rate_predicted` is V̇ half a period on, and `v_rate_required` is 0
+    where V does not rise in this period, else how fast it may. `certified` says that the problem
+    was solved, by a residual ≤ 10⁻⁹, that its bounds leave each joint able to stop, that every
+    joint can hold its load, that nothing touches, and that V is of the same tasks in the next tick.
+    `margin` is the least distance from a bound, relative to the greatest acceleration or torque.
+
+    Raises:
+        ConfigError: tasks, priorities or bounds that do not fit the robot, or each other.
+    """
+
+    class Parameters(Controller.Parameters):
+        """Tasks and bounds."""
+
+        tasks: tuple[AnyTask, ...] = Field(min_length=1, description="what shall be")
+        w_r: float = Field(
+            0.01, ge=1e-8, le=1e3, description="ω_r: weight of the regularisation, beside 1"
+        )
+        bounds: HierarchyBounds = Field(HierarchyBounds(), description="of the motion")
+        compensate_friction: bool = Field(
+            True, description="count the viscous friction of the URDF among the torques"
+        )
+
+    commands = ("torque", "acceleration")
+    proves: ClassVar[bool] = False
+    """Whether `residual` is found without the solver's word."""
+    kernels: ClassVar[tuple[str, ...]] = (
+        "protocol.limits_kernels",
+        "remote_controller.dynamics_kernels",
+        "remote_controller.solvers.tsid_kernels",
+        "remote_controller.solvers.active_set_kernels",
+        "remote_controller.tasks.pose_kernels",
+        "remote_controller.controllers.tsid_kernels",
+        "remote_controller.hierarchy.ask_kernels",
+    )
+
+    def __init__(
+        self, description: RobotDescription, parameters: Any, file: str = "config"
+    ) -> None:
+        from remote_controller.hierarchy import ask_kernels as kernels  # noqa: PLC0415 - compiles
+
+        n = description.n
+        self.importance = self.importance_of(parameters, file)
+        self.tasks = AccelerationTasks(
+            description,
+            parameters.tasks,
+            file,
+            "parameters.tasks",
+            compensate_friction=parameters.compensate_friction,
+        )
+        names = self.tasks.names
+        self.extra_names = (
+            "largest_torque_share",
+            *(f"error_{name}" for name in names),
+            *(f"force_{names[i]}" for i in self.tasks.presses),
+            *self.columns(names),
+        )
+        super().__init__(description, parameters)
+        self._foresee, self._distances = kernels.foresee, kernels.distances
+        self.bounds, self.torque_max = bounds_of(
+            description, parameters.bounds, file, "parameters.bounds"
+        )
+        self.w_r, self._viable = parameters.w_r, parameters.bounds.kind == "viability"
+        self.ddq, self.tau, self._wish, self._scratch = np.zeros((4, n))
+        self.tops = np.zeros(len(names), np.bool_)
+        self.residual = math.inf
+        self._nearest = Tsid(self.torque_max, self.bounds.greatest)
+        self._unbounded = np.full(n, np.inf)
+        self._no_rows, self._no_wish = np.zeros((0, n)), np.zeros(0)
+        torque = self.kind == "torque"
+        self._given = self.tau if torque else self.ddq
+        self._less = self.tasks.dynamics.weight if torque else np.zeros(n)
+        forces = 1 + len(names)
+        self._errors = self.command.extra[1:forces]
+        self._forces = self.command.extra[forces : forces + len(self.tasks.presses)]
+        self._counts = self.command.extra[forces + len(self.tasks.presses) :]
+        self._present_counts = np.zeros(self._counts.size)
+        self._dt, self._begun = description.period_s, False
+        self._first = self._settled = 0
+        self.conditions = CONDITIONS
+
+    @classmethod
+    def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Any:
+        """One for a robot."""
+        return cls(description, parameters, file)
+
+    @classmethod
+    def check(cls, parameters: Any, file: str) -> None:
+        """Refuse priorities that do not fit the tasks.
+
+        Raises:
+            ConfigError: naming the key and the value.
+        """
+        cls.importance_of(parameters, file)
+
+    @classmethod
+    @abstractmethod
+    def importance_of(cls, parameters: Any, file: str) -> Any:
+        """An `Importance` of the tasks.
+
+        Raises:
+            ConfigError: it does not fit them.
+        """
+
+    @classmethod
+    @abstractmethod
+    def columns(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Names of what `count` writes."""
+
+    @abstractmethod
+    def count(self, out: FloatArray) -> None:
+        """Take what the importance is now: write it into `out`, and which tasks are `tops`."""
+
+    @abstractmethod
+    def solve(self, torque_max: FloatArray) -> bool:
+        """Find `ddq` and `tau`, (n,), within bounds, and the `residual`; whether there are any."""
+
+    def change(self, request: Mapping[str, Any]) -> None:
+        """Begin a change of priorities, from the next tick that is not settled yet on.
+
+        Args:
+            request: as for `Priorities.change`, or `Weights.change`.
+
+        Raises:
+            ConfigError: something is wrong with it; nothing has been changed then.
+        """
+        self.importance.change(request, self._settled * self._dt)
+
+    def reset(self, state: State, last_command: FloatArray | None) -> None:
+        """Begin where the robot is; a joint that is outside its bounds here may stay there."""
+        del last_command
+        self.bounds.begin(state.q)
+        self._begun, self._first, self._settled = False, state.tick, 0
+        self.importance.reset()
+        self.importance.update(0.0)
+        self.count(self._present_counts)
+
+    def step(self, state: State) -> Setpoint:
+        """Torques, or accelerations, for one period."""
+        command, tasks, q, dq = self.command, self.tasks, state.q, state.dq
+        if not math.isfinite(float(q.sum() + dq.sum() + state.wrench.sum())):
+            command.stamp_kinematics = self.now()
+            return self._refuse()
+        time = state.tick * self._dt
+        if not self._begun:
+            tasks.begin(q, dq, time)
+            self._begun = True
+        self._settle(state.tick - self._first)  # already done, unless States were missed
+        tasks.update(q, dq, state.wrench, time)
+        self.bounds.update(q, dq)
+        command.stamp_kinematics = self.now()
+        fallback = SOLVED if self.solve(self.torque_max) else self._fall_back(dq)
+        np.subtract(self._given, self._less, out=command.values)
+        if not math.isfinite(float(command.values.sum())):
+            return self._refuse()
+        for place, press in enumerate(tasks.presses.values()):
+            self._forces[place] = press.force
+        self._counts[:] = self._present_counts
+        sound = self._certify(fallback, dq)
+        moved = self._settle(state.tick - self._first + 1)
+        if sound and not moved:
+            command.solver_status = STATUS["certified"]
+        return command
+
+    def _settle(self, tick: int) -> bool:
+        """Move the importance to a tick since the reset; whether it is another than before."""
+        if tick <= self._settled:
+            return False
+        self._settled = tick
+        moved: bool = self.importance.update(tick * self._dt)
+        if moved:
+            self.count(self._present_counts)
+        return moved
+
+    def _fall_back(self, dq: FloatArray) -> int:
+        """The nearest that there is to what tasks would do with strong motors."""
+        dynamics, bounds, nearest, wish = (
+            self.tasks.dynamics,
+            self.bounds,
+            self._nearest,
+            self._wish,
+        )
+        np.multiply(dq, -BRAKE_PER_S, out=wish)
+        if self.solve(self._unbounded):
+            wish[:] = self.ddq
+        found = nearest.solve(
+            self._no_rows,
+            self._no_wish,
+            1.0,
+            wish,
+            dynamics.mass,
+            dynamics.bias,
+            bounds.lower,
+            bounds.upper,
+        )
+        self.ddq[:], self.tau[:], self.residual = nearest.ddq, nearest.tau, math.inf
+        return FALLBACKS[found]
+
+    def _certify(self, fallback: int, dq: FloatArray) -> bool:
+        """Write what is known of the answer; whether it is proved for the present importance."""
+        command, tasks, bounds = self.command, self.tasks, self.bounds
+        V, rate, growth, command.active_joints = self._foresee(
+            tasks.tasks,
+            self.tops,
+            tasks.jacobian,
+            tasks.error,
+            tasks.motion,
+            tasks.rate,
+            tasks.slope,
+            dq,
+            self.ddq,
+            self._dt,
+            self._errors,
+        )
+        command.margin, command.extra[0], held = self._distances(
+            self.ddq,
+            self.tau,
+            bounds.lower,
+            bounds.upper,
+            bounds.greatest,
+            self.torque_max,
+            self._scratch,
+        )
+        command.v, command.v_rate_predicted = V, rate
+        command.v_rate_required, command.rho = max(growth, 0.0), 1.0
+        command.solver_path = command.fallback = fallback
+        touches = any(press.touches for press in tasks.presses.values())
+        loaded = tasks.load > 1.0
+        solved = fallback == SOLVED
+        command.kkt_residual = self.residual if solved and self.proves else 0.0
+        command.solver_status = STATUS["uncertified" if solved else "infeasible"]
+        self.present = (
+            (UNFIT if fallback else 0)
+            | (TOO_SMALL if fallback == OVERLOADED_MOTORS else 0)
+            | (UNSOLVED if fallback == GAVE_UP else 0)
+            | (HELD if held else 0)
+            | (HALF_A_TURN if tasks.opposite else 0)
+            | (LOADED if loaded else 0)
+            | (MOVING if self.importance.moving else 0)
+            | (TOUCHES if touches else 0)
+        )
+        proved = solved and self.proves and self.residual <= CERTIFIED_RESIDUAL
+        return proved and self._viable and not (touches or loaded)
+
+    def _refuse(self) -> Setpoint:
+        """Nothing to follow for a State that is not finite."""
+        command = self.command
+        command.values[:] = np.nan
+        command.v = command.v_rate_required = command.v_rate_predicted = command.rho = 0.0
+        command.margin = command.kkt_residual = 0.0
+        command.extra[:] = 0.0
+        command.active_joints = command.solver_path = command.fallback = 0
+        command.solver_status = STATUS["infeasible"]
+        self.present = NOT_FINITE
+        return command

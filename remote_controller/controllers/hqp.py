@@ -1,0 +1,69 @@
+"""Strict levels one after the other: the hierarchical baseline of `ghc`."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+from protocol.errors import SolverError
+from protocol.messages import FloatArray
+from remote_controller.controllers.ghc import RankedController
+from remote_controller.solvers.hqp import hqp
+
+ABOVE = 0.5  # a task of that priority over another, or more, is a level above it
+
+
+class HqpController(RankedController):
+    """The damped null-space cascade of `solvers.hqp`, on the levels of the present priorities.
+
+    A task stands below all that have a priority of more than ½ over it; what is more than half
+    removed is left out. So where priorities move, levels jump once. Tasks in a cycle share a level.
+    ω_r damps every level.
+
+    A baseline: it allocates, and nothing of it is certified.
+    """
+
+    kernels: ClassVar[tuple[str, ...]] = (
+        *RankedController.kernels,
+        "remote_controller.solvers.projector_kernels",
+    )
+
+    levels: list[list[int]]
+
+    def count(self, out: FloatArray) -> None:
+        """Write the matrix, and find its levels."""
+        super().count(out)
+        self.levels = levels_of(self.importance.alpha)
+        self.tops[:] = False
+        self.tops[self.levels[0] if self.levels else []] = True
+
+    def solve(self, torque_max: FloatArray) -> bool:
+        """Level by level."""
+        tasks, bounds = self.tasks, self.bounds
+        try:
+            self.ddq[:], self.tau[:] = hqp(
+                [tasks.jacobian[rows] for rows in tasks.rows],
+                [tasks.wanted[rows] for rows in tasks.rows],
+                tasks.dynamics.mass,
+                tasks.dynamics.bias,
+                self.w_r,
+                levels=self.levels,
+                qdd_lower=bounds.lower,
+                qdd_upper=bounds.upper,
+                tau_lower=-torque_max,
+                tau_upper=torque_max,
+            )
+        except SolverError:
+            return False
+        return math.isfinite(float(self.tau.sum()))
+
+
+def levels_of(alpha: FloatArray) -> list[list[int]]:
+    """Tasks by level, highest first, of a matrix of priorities, (k, k)."""
+    left = [i for i in range(len(alpha)) if alpha[i, i] <= ABOVE]
+    levels: list[list[int]] = []
+    while left:
+        free = [i for i in left if not any(alpha[i, j] > ABOVE for j in left if j != i)]
+        levels.append(free or left)
+        left = [i for i in left if i not in levels[-1]]
+    return levels

@@ -1,0 +1,1 @@
+"""Tasks that ask for accelerations, and what a hierarchy of them needs."""

@@ -1,0 +1,79 @@
+"""A force along a normal, in place of a position along it, from the first touch on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from protocol.messages import FloatArray
+from remote_controller.hierarchy.settings import ForceSettings
+
+MOST = 1.0  # of the wanted force: what the integral adds to it or takes from it
+
+
+class Press:
+    """Asks for the acceleration with which a point keeps a force.
+
+    Liu, Tan and Padois (2015), (3), with the measured force f, of the surface on the robot, in the
+    equation of motion: along the normal a = Λ⁻¹·(f − w), Λ⁻¹ = nᵀ J M⁻¹ Jᵀ n, where what the robot
+    presses with is w = f_d + kp·(f_d − f) + ki·∫(f_d − f), less a damping kd·v. It touches from
+    the first force of `touch_n` on; if the surface then goes away, it follows.
+
+    Args:
+        settings: of the task.
+        normal: n, of the surface towards the robot, in the root's axes, (3,), of length 1.
+        joints: n.
+        period_s: [s].
+
+    Attributes:
+        touches: whether it does.
+        force: measured along the normal [N]; positive where the surface pushes.
+    """
+
+    def __init__(
+        self, settings: ForceSettings, normal: FloatArray, joints: int, period_s: float
+    ) -> None:
+        from remote_controller.hierarchy import ask_kernels as kernels  # noqa: PLC0415 - compiles
+
+        self._mobility, self._push = kernels.mobility, kernels.push
+        self._settings, self._normal, self._period = settings, normal, period_s
+        self._factor, self._row, self._scratch = (
+            np.zeros((joints, joints)),
+            np.zeros(joints),
+            np.zeros(joints),
+        )
+        self.touches, self.force, self._integral = False, 0.0, 0.0
+
+    def reset(self) -> None:
+        """Nothing touches yet."""
+        self.touches, self.force, self._integral = False, 0.0, 0.0
+
+    def feel(self, force: FloatArray) -> None:
+        """Take what the surface does to the robot, (3,) [N] in the root's axes."""
+        self.force = float(self._normal @ force)
+        self.touches = self.touches or self.force >= self._settings.touch_n
+
+    def update(
+        self, mass: FloatArray, jacobian: FloatArray, ahead: FloatArray, rows: list[Any]
+    ) -> None:
+        """Change what the task asks for.
+
+        Args:
+            mass: M (n, n).
+            jacobian: of the point, (3, n), in the root's axes.
+            ahead: a_d of its target, (3,).
+            rows: error, motion, rate, slope and wish of the task, (3,) each.
+        """
+        wanted = self._settings
+        missing = wanted.force_n - self.force
+        most = MOST * wanted.force_n
+        grown = self._integral + wanted.force_ki_per_s * self._period * missing
+        self._integral = min(max(grown, -most), most)
+        pressing = wanted.force_n + wanted.force_kp * missing + self._integral
+        mobile = self._mobility(
+            mass, jacobian, self._normal, self._factor, self._row, self._scratch
+        )
+        speed = float(self._normal @ rows[1])
+        acceleration = mobile * (self.force - pressing) - wanted.force_kd * speed
+        self._push(self._normal, acceleration, ahead, *rows)

@@ -1,0 +1,118 @@
+"""Weights of tasks that move smoothly."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from protocol.errors import ConfigError
+from protocol.settings import Settings, parse
+from remote_controller.priorities.matrix import place
+from remote_controller.priorities.settings import Seconds
+from remote_controller.priorities.transition import Transition
+
+LIVE = "change of weights"
+Weight = Annotated[float, Field(ge=0, le=1e6)]
+
+
+class WeightRequest(Settings):
+    """One change of weights."""
+
+    over_s: Seconds = Field(0.0, description="duration of the transition, (15) [s]; 0: at once")
+    weights: dict[str, Weight] = Field(description="of some tasks")
+
+
+class WeightChange(WeightRequest):
+    """A change of the timeline."""
+
+    at_s: Seconds = Field(description="its begin, since the controller's [s]")
+
+
+class WeightSettings(Settings):
+    """Weights at the start, and how they change."""
+
+    weights: dict[str, Weight] = Field({}, description="of tasks by their names; others have 1")
+    timeline: tuple[WeightChange, ...] = Field((), description="changes, by the robot's ticks")
+
+
+class Weights:
+    """ω_i of tasks: like `Priorities`, and as continuous.
+
+    Args:
+        names: of the tasks.
+        settings: as they stand in `file` under `key`.
+
+    Attributes:
+        value: (k,) at the time of the last `update`; the same memory for ever.
+        moving: whether a transition is under way.
+
+    Raises:
+        ConfigError: an unknown task, or two of one name.
+    """
+
+    def __init__(self, names: Sequence[str], settings: WeightSettings, file: str, key: str) -> None:
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                raise ConfigError(file, key, name, "two tasks have this name", "Rename one")
+        self.names = tuple(names)
+        self._start = np.ones(len(names))
+        self._write(settings.weights, self._start, file, f"{key}.weights")
+        for number, change in enumerate(settings.timeline):
+            where = f"{key}.timeline.{number}.weights"
+            self._write(change.weights, self._start.copy(), file, where)
+        self._timeline = sorted(settings.timeline, key=lambda change: change.at_s)
+        self._transition = Transition(self._start)
+        self.value, self._goal = self._transition.value, self._start.copy()
+        self.reset()
+
+    def reset(self) -> None:
+        """Go back to the start and its timeline; live changes are forgotten."""
+        self._goal[:] = self._start
+        self._transition.rest(self._start)
+        self._next, self._changed, self.moving = 0, False, False
+
+    def update(self, time_s: float) -> bool:
+        """Recompute the weights for a time since the reset [s]; whether they are others."""
+        at = self._timeline[self._next].at_s if self._next < len(self._timeline) else math.inf
+        if not self.moving and time_s < at:
+            return False
+        while self._next < len(self._timeline) and self._timeline[self._next].at_s <= time_s:
+            change = self._timeline[self._next]
+            self._changed |= self._transition.advance(change.at_s)
+            self._head(change.weights, change.at_s, change.over_s)
+            self._next += 1
+        changed = self._transition.advance(time_s) or self._changed
+        self.moving, self._changed = time_s < self._transition.end, False
+        return changed
+
+    def change(self, request: Mapping[str, Any], time_s: float) -> None:
+        """Begin a change that the timeline does not have; the next `update` shows it.
+
+        Args:
+            request: `weights`, a mapping from names, and `over_s` [s].
+            time_s: now, since the reset [s].
+
+        Raises:
+            ConfigError: something is wrong with it; nothing has been changed then.
+        """
+        content = dict(request) if isinstance(request, Mapping) else request
+        asked = parse(WeightRequest, content, LIVE)
+        self._write(asked.weights, self._goal.copy(), LIVE, "weights")
+        self._changed |= self.update(time_s)
+        self._head(asked.weights, time_s, asked.over_s)
+
+    def _head(self, wanted: Mapping[str, float], at_s: float, over_s: float) -> None:
+        which = np.array([name in wanted for name in self.names])
+        self._write(wanted, self._goal, LIVE, "weights")
+        self._transition.head(self._goal, which, at_s, over_s)
+        self.moving = True
+
+    def _write(
+        self, wanted: Mapping[str, float], out: np.ndarray[Any, Any], file: str, key: str
+    ) -> None:
+        for name, value in wanted.items():
+            out[place(name, self.names, file, f"{key}.{name}")] = value
