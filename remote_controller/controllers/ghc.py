@@ -43,6 +43,10 @@ class RankedController(HierarchyController):
         """Entries of the matrix of priorities, row by row."""
         return tuple(f"alpha_{a}_{b}" for a in names for b in names)
 
+    def changeable(self) -> dict[str, Any]:
+        """The priorities as they are now."""
+        return {"priorities": self.importance.shown()}
+
     def count(self, out: FloatArray) -> None:
         """Write the matrix; a task whose row is 0 has nothing above it."""
         alpha = self.importance.alpha
