@@ -111,11 +111,15 @@ class HierarchyController(Controller):
 
         n = description.n
         self.importance = self.importance_of(parameters, file)
+        self.bounds, self.torque_max = bounds_of(
+            description, parameters.bounds, file, "parameters.bounds"
+        )
         self.tasks = AccelerationTasks(
             description,
             parameters.tasks,
             file,
             "parameters.tasks",
+            self.torque_max,
             compensate_friction=parameters.compensate_friction,
         )
         names = self.tasks.names
@@ -127,9 +131,6 @@ class HierarchyController(Controller):
         )
         super().__init__(description, parameters)
         self._foresee, self._distances = kernels.foresee, kernels.distances
-        self.bounds, self.torque_max = bounds_of(
-            description, parameters.bounds, file, "parameters.bounds"
-        )
         self.w_r, self._viable = parameters.w_r, parameters.bounds.kind == "viability"
         self.ddq, self.tau, self._wish, self._scratch = np.zeros((4, n))
         self.tops = np.zeros(len(names), np.bool_)

@@ -170,7 +170,7 @@ def load(
     damping: FloatArray,
     dq: FloatArray,
     T: float,
-    effort: FloatArray,
+    torque_max: FloatArray,
     mass: FloatArray,
     bias: FloatArray,
 ) -> float:
@@ -184,11 +184,11 @@ def load(
         damping: d, (n,) [N m s/rad].
         dq: (n,).
         T: period [s].
-        effort: greatest torques, (n,).
+        torque_max: greatest torques, (n,).
         mass, bias: M (n, n) and h (n,), changed.
 
     Returns:
-        The greatest |h|/effort.
+        The greatest |h|/torque_max.
     """
     worst = 0.0
     for i in range(dq.size):
@@ -196,7 +196,7 @@ def load(
         bias[i] += damping[i] * dq[i]
         for row in range(wrench.size):
             bias[i] -= frame_rows[row, i] * wrench[row]
-        worst = max(worst, abs(bias[i]) / effort[i])
+        worst = max(worst, abs(bias[i]) / torque_max[i])
     return worst
 
 
