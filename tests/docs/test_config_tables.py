@@ -14,6 +14,7 @@ from protocol.settings import Settings
 from remote_controller.config import CONFIGS, ControllerConfig
 from remote_controller.constraints import registry as constraints
 from remote_controller.constraints.bodies import AnyObstacle
+from remote_controller.controllers.ghc_velocity import GhcVelocityController
 from remote_controller.controllers.joint_acceleration import JointAccelerationController
 from remote_controller.controllers.osqp import OsqpController
 from remote_controller.controllers.pinv import PinvController
@@ -35,6 +36,7 @@ MODELS: dict[str, type[Settings]] = {
     "Parameters of stable_qp": StableQpController.Parameters,
     "Parameters of joint_acceleration": JointAccelerationController.Parameters,
     "Parameters of tsid": TsidController.Parameters,
+    "Parameters of ghc_velocity": GhcVelocityController.Parameters,
 }
 
 
@@ -69,6 +71,7 @@ UNITS = {
     "_us": "µs",
     "_mb": "MB",
     "_rad_s": "rad/s",
+    "_rad_s2": "rad/s²",
     "_m_s": "m/s",
     "_m_s2": "m/s²",
     "_per_s": "1/s",
@@ -122,7 +125,10 @@ def in_words(node: dict[str, Any]) -> str:
         return "text" + (f" `{node['pattern']}`" if "pattern" in node else "")
     if kind == "array":
         if "prefixItems" in node:
-            what, *rest = in_words(node["prefixItems"][0]).split(" ")
+            each = [in_words(part) for part in node["prefixItems"]]
+            if len(set(each)) > 1:
+                return f"list of {'; '.join(each)}"
+            what, *rest = each[0].split(" ")
             return " ".join(["list of", str(len(node["prefixItems"])), f"{what}s", *rest])
         return f"list of {in_words(node['items'])}"
     if isinstance(node.get("additionalProperties"), dict):
