@@ -18,18 +18,20 @@ Arrival = tuple[int, bytes]
 
 @dataclass(frozen=True)
 class Request:
-    """Something that somebody asks of a robot.
+    """Something that somebody asks of a robot, or of its controller.
 
     Attributes:
-        verb: "description", "acquire", "release", "stop", "recover", or "gone" for a client
-            that vanished.
+        verb: of a robot "description", "status", "acquire", "release", "stop", "recover", or "gone"
+            for a client that vanished; of a controller "change" or "show".
         who: identity of the client.
         answer: takes the answer, a JSON object or bytes; for "gone" it does nothing.
+        body: what came with it.
     """
 
     verb: str
     who: str
     answer: Callable[[dict[str, Any] | bytes], None]
+    body: bytes = b""
 
 
 class RobotLink(Protocol):

@@ -184,6 +184,11 @@ class Ticker:
         self.tick = -1
         self.intended = self.actual = self.skipped = 0
 
+    @property
+    def next(self) -> int:
+        """Start of the next tick on the schedule [ns]."""
+        return self._start + (self.tick + 1) * self._period
+
     def wait(self) -> None:
         """Sleep until the next tick that can still be kept.
 

@@ -44,6 +44,7 @@ class Kind(IntEnum):
     AUTHORITY = 6  # JSON: epoch under which the controller answers from now on
     SUMMARY = 7  # JSON: what the robot counted, at its end
     GAP = 8  # JSON: how many records were dropped here, since the observer fell behind
+    CHANGE = 9  # JSON: what somebody changed in the controller while it ran
 
 
 _KINDS = {int(kind): kind for kind in Kind}

@@ -14,7 +14,7 @@ import time
 from collections import deque
 from collections.abc import Iterable, Sequence
 from queue import SimpleQueue
-from typing import Any
+from typing import Any, Literal
 
 os.environ.setdefault(
     "ZENOH_RUNTIME",  # read once, at import: one pool of one thread for everything costs least
@@ -30,6 +30,7 @@ from protocol.settings import LinkSettings
 from protocol.zenoh_sockets import forbid_lingering
 
 BACKLOG = 1024
+PENDING = 16  # requests to a controller; of more the oldest get no answer
 QUERY_TIMEOUT_S = 2.0
 DROP_US = 100
 """How long a State waits for room on its way to a peer that takes nothing: at each tick."""
@@ -135,13 +136,9 @@ class ZenohRobotLink:
             session.close()
             raise
         self._arrived: deque[Arrival] = deque(maxlen=BACKLOG)
-        self._answers: SimpleQueue[tuple[zenoh.Query, bytes] | None] = SimpleQueue()
-        self._threads = [
-            threading.Thread(target=work, name=work.__name__.strip("_"), daemon=True)
-            for work in (self._receive, self._answer)
-        ]
-        for thread in self._threads:
-            thread.start()
+        self._answers = _Answers()
+        self._receiver = threading.Thread(target=self._receive, name="receive", daemon=True)
+        self._receiver.start()
 
     def publish(self, state: bytes) -> None:
         """Send a State."""
@@ -163,15 +160,14 @@ class ZenohRobotLink:
                 who = _identity(_leaf(sample.key_expr).encode())
                 yield Request("gone", who, lambda _: None)
         while (query := self._queries.try_recv()) is not None:
-            yield self._request(query)
+            yield self._answers.request(query)
 
     def close(self) -> None:
         """Leave the network, after the answers that are due; the threads end with it."""
-        self._answers.put(None)
-        self._threads[1].join(timeout=0.5)  # it may wait for somebody who froze
+        self._answers.finish()
         self._session.close()
-        for thread in self._threads:
-            thread.join(timeout=2.0)
+        self._answers.join()
+        self._receiver.join(timeout=2.0)
 
     def _receive(self) -> None:
         receive, arrived, now = self._setpoints.recv, self._arrived.append, time.monotonic_ns
@@ -183,24 +179,6 @@ class ZenohRobotLink:
                 signal()
         except zenoh.ZError:
             return  # the session was closed
-
-    def _answer(self) -> None:
-        while (due := self._answers.get()) is not None:
-            with contextlib.suppress(zenoh.ZError):  # who asked may be gone
-                self._reply(*due)
-
-    @staticmethod
-    def _reply(query: zenoh.Query, payload: bytes) -> None:
-        with query:
-            query.reply(query.key_expr, payload)
-
-    def _request(self, query: zenoh.Query) -> Request:
-        def answer(content: dict[str, Any] | bytes) -> None:
-            payload = content if isinstance(content, bytes) else json.dumps(content).encode()
-            self._answers.put((query, payload))
-
-        who = _identity(query.payload.to_bytes()) if query.payload else ""
-        return Request(_leaf(query.key_expr), who, answer)
 
 
 class ZenohControllerLink:
@@ -214,6 +192,7 @@ class ZenohControllerLink:
     Attributes:
         presence: set while the robot is alive.
         departures: how often it went away; it may be back before anybody has looked.
+        requests: what was asked of the controller; to be taken from the left.
     """
 
     def __init__(
@@ -221,6 +200,8 @@ class ZenohControllerLink:
     ) -> None:
         self.robot, self.who = robot, who
         self.presence, self.departures = threading.Event(), 0
+        self.requests: deque[Request] = deque(maxlen=PENDING)
+        self._answers = _Answers()
         self._session = session = open_session(settings)
         try:
             self._setpoint = _fast_publisher(session, key(robot, "setpoint"), blocking)
@@ -230,6 +211,7 @@ class ZenohControllerLink:
             self._waker = session.declare_publisher(
                 key(robot, "state"), allowed_destination=zenoh.Locality.SESSION_LOCAL
             )
+            self._queries = session.declare_queryable(key(robot, "control/*"), self._asked)
             self._token = session.liveliness().declare_token(key(robot, f"clients/{who}"))
             self._presence = session.liveliness().declare_subscriber(
                 key(robot, "alive"), self._presence_changed, history=True
@@ -259,7 +241,13 @@ class ZenohControllerLink:
 
     def close(self) -> None:
         """Leave the network."""
+        self._answers.finish()
         self._session.close()
+        self._answers.join()
+
+    def _asked(self, query: zenoh.Query) -> None:
+        """In a thread of Zenoh's. Nobody is woken: the next State does it."""
+        self.requests.append(self._answers.request(query))
 
     def _presence_changed(self, sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.PUT:
@@ -270,11 +258,62 @@ class ZenohControllerLink:
         self.wake()
 
 
+class _Answers:
+    """Sends answers by a thread of its own: who asks and then freezes holds up nobody else."""
+
+    def __init__(self) -> None:
+        self._due: SimpleQueue[tuple[zenoh.Query, bytes] | None] = SimpleQueue()
+        self._thread = threading.Thread(target=self._send, name="answer", daemon=True)
+        self._thread.start()
+
+    def request(self, query: zenoh.Query) -> Request:
+        """A query as somebody's request, whose answer is sent from here."""
+
+        def answer(content: dict[str, Any] | bytes) -> None:
+            payload = content if isinstance(content, bytes) else json.dumps(content).encode()
+            self._due.put((query, payload))
+
+        body = query.payload.to_bytes() if query.payload else b""
+        return Request(_leaf(query.key_expr), _identity(body), answer, body)
+
+    def finish(self) -> None:
+        """Send what is due, unless somebody froze; before the session is closed."""
+        self._due.put(None)
+        self._thread.join(timeout=0.5)
+
+    def join(self) -> None:
+        """Wait for the thread; after the session was closed."""
+        self._thread.join(timeout=2.0)
+
+    def _send(self) -> None:
+        while (due := self._due.get()) is not None:
+            with contextlib.suppress(zenoh.ZError):  # who asked may be gone
+                query, payload = due
+                with query:
+                    query.reply(query.key_expr, payload)
+
+
 def ask(
-    session: zenoh.Session, robot: str, verb: str, who: str, timeout_s: float = QUERY_TIMEOUT_S
+    session: zenoh.Session,
+    robot: str,
+    verb: str,
+    body: str,
+    timeout_s: float = QUERY_TIMEOUT_S,
+    whom: Literal["ask", "control"] = "ask",
 ) -> bytes | None:
-    """Ask a robot something; None where nobody answers within `timeout_s` [s]."""
-    replies = session.get(key(robot, f"ask/{verb}"), payload=who.encode(), timeout=timeout_s)
+    """Ask a robot ("ask"), or its controller ("control").
+
+    Args:
+        session: that reaches it.
+        robot: its name.
+        verb, body: see `protocol.link.Request`; a robot is told the client's name.
+        timeout_s: patience [s].
+        whom: see above.
+
+    Returns:
+        The answer; None where nobody gives one in time.
+    """
+    replies = session.get(key(robot, f"{whom}/{verb}"), payload=body.encode(), timeout=timeout_s)
     for reply in replies:
         if reply.ok is not None:
             return reply.ok.payload.to_bytes()

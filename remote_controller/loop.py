@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 from protocol.clock import Clock, VirtualClock
 from protocol.description import RobotDescription
@@ -155,6 +156,37 @@ class ControllerLoop:
         """The answer is on its way: now there is time to record what was done."""
         self._sent_previous = self._clock.now()
         self._record()
+
+    def change(self, payload: bytes) -> None:
+        """Have the controller take over a change, a JSON object, and record it.
+
+        Raises:
+            UsageError: it is none, or the controller refuses it; nothing has changed.
+            Hoap3Error: the controller failed.
+        """
+        try:
+            request = json.loads(payload)
+        except ValueError as error:
+            raise UsageError(f"the change is not JSON ({error})") from error
+        if not isinstance(request, dict):
+            raise UsageError(f"the change is no JSON object, but {request!r:.60}")
+        try:
+            self._controller.change(request)
+        except (Exception, SystemExit) as error:
+            raise failure(self._controller, "failed on a change", error) from error
+        self._recorder.record_large(Kind.CHANGE, self._clock.now(), payload)
+        self.announce("CHANGED", self.last_tick)
+
+    def changeable(self) -> dict[str, Any]:
+        """What can be changed, and what it is now.
+
+        Raises:
+            Hoap3Error: the controller failed.
+        """
+        try:
+            return self._controller.changeable()
+        except (Exception, SystemExit) as error:
+            raise failure(self._controller, "failed to say what can be changed", error) from error
 
     @property
     def last_tick(self) -> int:

@@ -22,6 +22,7 @@ BUILTIN = {
     "ghc": "remote_controller.controllers.ghc:GhcController",
     "hqp": "remote_controller.controllers.hqp:HqpController",
     "weighted": "remote_controller.controllers.weighted:WeightedController",
+    "ghc_velocity": "remote_controller.controllers.ghc_velocity:GhcVelocityController",
 }
 CONTROLLERS = Family(
     "controller",

@@ -11,7 +11,8 @@ from typing import Any
 from protocol.clock import Clock, MonotonicClock, VirtualClock
 from protocol.compilation import warm_up
 from protocol.description import RobotDescription
-from protocol.errors import AuthorityError
+from protocol.errors import AuthorityError, UsageError
+from protocol.link import Request
 from protocol.messages import State
 from protocol.realtime import prepare_process
 from protocol.recorder import Recorder
@@ -59,6 +60,22 @@ def rehearse(controller: Controller, description: RobotDescription) -> None:
     except (Exception, SystemExit) as error:  # nobody else may end us
         what = f"failed when it rehearsed with robot {description.name!r}, {description.n} joints"
         raise failure(controller, what, error) from error
+
+
+def serve(request: Request, loop: ControllerLoop) -> None:
+    """Do what somebody asks of the controller, between two samples, and answer.
+
+    Raises:
+        Hoap3Error: the controller failed.
+    """
+    try:
+        if request.verb == "change":
+            loop.change(request.body)
+        elif request.verb != "show":
+            raise UsageError(f"a controller cannot {request.verb!r}")
+        request.answer({"error": None, "now": loop.changeable()})
+    except UsageError as error:
+        request.answer({"error": str(error), "now": None})
 
 
 class Service:
@@ -161,6 +178,8 @@ class Service:
         if loop is None:
             return
         wait, publish, answer, sent = link.wait, link.publish, loop.answer, loop.sent
+        requests = link.requests
+        requests.clear()  # whoever asked while nobody was followed
         while not self._should_stop():
             arrival = wait()
             if link.departures != self._departures:
@@ -171,6 +190,8 @@ class Service:
             if setpoint is not None:
                 publish(setpoint)
             sent()
+            if requests:
+                serve(requests.popleft(), loop)
             if loop.stale:
                 break
         else:

@@ -97,7 +97,7 @@ class AccelerationGate:
         self.value = np.zeros(n)
         self.interventions = self.torque_limited = 0
         self.weak = -1
-        self._wanted, self._before, self._given = np.zeros((3, n))
+        self._wanted, self._given = np.zeros((2, n))
         self._lower, self._upper = np.zeros(n), np.zeros(n)
         self._missed = 0
         self._have = self._braking = False

@@ -98,15 +98,20 @@ class Inbox:
         self.fresh = True
         return None
 
+    def in_time(self, tick: int) -> bool:
+        """Whether the answer to `tick` is here, and came in time."""
+        place = tick % HISTORY
+        return 0 <= self._arrival[place] <= self._deadline[place]
+
     def judge(self, tick: int) -> bool:
         """Count the outcome of `tick`, whose deadline has passed; True where it was in time."""
-        place = tick % HISTORY
-        arrival = self._arrival[place]
-        if 0 <= arrival <= self._deadline[place]:
+        if self.in_time(tick):
             self.deadlines.hit()
             return True
-        self.deadlines.miss(arrived=arrival >= 0)
-        self._counted_lost[place] = arrival < 0
+        place = tick % HISTORY
+        arrived = self._arrival[place] >= 0
+        self.deadlines.miss(arrived=arrived)
+        self._counted_lost[place] = not arrived
         return False
 
     def start_anew(self, tick: int) -> None:

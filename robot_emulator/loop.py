@@ -2,6 +2,10 @@
 
 Everything happens in one thread and in one order, on whatever clock and link it is given, so the
 same code runs against the wall clock, in lockstep, and under the tests' virtual time.
+
+In real time a tick's State should leave at once. Where the answer to the last one is here, nothing
+that comes later can change what the robot does next: so it is done ahead of the tick, and when that
+begins only the State is left to be sent.
 """
 
 from __future__ import annotations
@@ -43,6 +47,7 @@ class RobotLoop:
         clock, link, recorder: what it runs on.
         session_id: new at each start.
         grace_ticks: between a grant and the first answer that is asked for.
+        lead: how long before a tick it may act [ns]; 0: never.
 
     Attributes:
         mode: State.IDLE, ACTIVE, STOPPING or STOPPED.
@@ -61,6 +66,7 @@ class RobotLoop:
         recorder: Recorder,
         session_id: int,
         grace_ticks: int = GRACE_TICKS,
+        lead: int = 0,
     ) -> None:
         self._description, self._config = description, config
         self._description_json = description.to_json()
@@ -74,7 +80,8 @@ class RobotLoop:
         self._plant.reset(start)
         self._gate.reset(start)
         self._authority = Authority()
-        self._grace_ticks = grace_ticks
+        self._grace_ticks, self._lead = grace_ticks, lead
+        self._acted = False  # for the next tick
         self._epoch = 0
         self._stop_reason = 0
         self._stop_began = 0
@@ -88,7 +95,7 @@ class RobotLoop:
         self._state.session_id = session_id
         self._event = Event()
         self._event.session_id = session_id
-        self.tick = -1
+        self.tick = self._published = -1
         self.realtime: list[str] = []
 
     def run(self, start: int, should_stop: Callable[[], bool], ticks: int | None = None) -> None:
@@ -99,14 +106,24 @@ class RobotLoop:
             should_stop: asked at each tick.
             ticks: duration, counted from the first active tick, or None for no end.
         """
+
+        def heed(tick: int) -> None:
+            if should_stop():
+                self.stop("REASON_SHUTDOWN")
+            elif ticks is not None and 0 <= self._first_active_tick <= tick - ticks:
+                self.stop("REASON_ENDED")
+
         ticker = Ticker(self._clock, self.period, start)
         self._announce("STARTED", 0)
         while True:
-            ticker.wait()
-            if should_stop():
-                self.stop("REASON_SHUTDOWN")
-            elif ticks is not None and 0 <= self._first_active_tick <= ticker.tick - ticks:
-                self.stop("REASON_ENDED")
+            if self._may_act_ahead(ticker):
+                heed(ticker.tick + 1)
+                self._act(ticker.tick + 1)
+                self._acted = True
+                ticker.wait()
+            else:
+                ticker.wait()
+                heed(ticker.tick)
             self.step(ticker)
             if self._stop_reason in _LAST_WORDS and self.mode == State.STOPPED:
                 break
@@ -131,22 +148,40 @@ class RobotLoop:
         }
 
     def step(self, ticker: Ticker) -> None:
-        """Everything that happens at one tick."""
-        published, self.tick = self.tick, ticker.tick
+        """Everything that happens at one tick, or what is left of it."""
+        if self._acted:
+            self._receive(self._published)  # what still came
         if ticker.skipped:
+            self.tick = ticker.tick
             self.skipped += ticker.skipped
             self._announce("SKIPPED", ticker.skipped)
-        for request in islice(self._link.requests(), self._requests_per_tick):
-            self._serve(request)
-        self._receive(published)
-        self._judge()
-        self._obey_grant()
-        self._move()
-        self._advance()
+        if not self._acted:
+            self._act(ticker.tick)
+        self._acted = False
+        self.tick = self._published = ticker.tick
         if self.mode == State.ACTIVE:
             self._asked_tick = self.tick
             self.inbox.ask(self.tick, self._epoch, ticker.intended + self.period)
         self._publish(ticker)
+
+    def _may_act_ahead(self, ticker: Ticker) -> bool:
+        """Whether the next tick is still to come, and all is known that it depends on."""
+        if not self._lead or self.mode != State.ACTIVE:
+            return False
+        self._clock.sleep_until(ticker.next - self._lead)
+        self._receive(self._published)
+        return self.inbox.in_time(self._asked_tick) and self._clock.now() < ticker.next
+
+    def _act(self, tick: int) -> None:
+        """What the robot does for a tick before it measures."""
+        self.tick = tick
+        for request in islice(self._link.requests(), self._requests_per_tick):
+            self._serve(request)
+        self._receive(self._published)
+        self._judge()
+        self._obey_grant()
+        self._move()
+        self._advance()
 
     def stop(self, reason: str) -> None:
         """Brake to rest. Whatever the reason, a latch once due stays due."""

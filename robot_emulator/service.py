@@ -24,6 +24,7 @@ KERNELS = (
 )
 CONTACT_KERNELS = ("robot_emulator.contact_kernels",)
 START_DELAY_NS = 10_000_000
+LEAD = 4  # the part of a period that a robot in real time may act ahead of a tick
 
 
 def describe(config: EmulatorConfig, file: str = "config") -> RobotDescription:
@@ -81,6 +82,7 @@ def build_loop(
         recorder,
         session_id,
         grace_ticks=0 if lockstep else GRACE_TICKS,
+        lead=0 if lockstep else round(description.period_s * 1e9) // LEAD,
     )
 
 

@@ -15,6 +15,7 @@ from typing import Annotated, Any
 
 import typer
 
+from tools.cli_change import change, priorities_app
 from tools.cli_compare import compare
 from tools.cli_latency import latency
 from tools.cli_limits import limits
@@ -27,7 +28,8 @@ app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_mar
 config_app = typer.Typer(no_args_is_help=True, help="Look at settings before anything runs.")
 app.add_typer(config_app, name="config")
 app.add_typer(bench_app, name="bench")
-for command in (compare, doctor, latency, limits, report, reproduce):
+app.add_typer(priorities_app, name="priorities")
+for command in (change, compare, doctor, latency, limits, report, reproduce):
     app.command()(command)
 
 ENDPOINT = "tcp/127.0.0.1:7447"

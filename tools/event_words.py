@@ -30,6 +30,7 @@ _SAYING = {
     "ROBOT_LOST": "last tick {}",
     "OVERWRITTEN": "States never seen: {}",
     "CONTROLLER_FAILED": "at tick {}",
+    "CHANGED": "after tick {}",
     "STALLS_WATCHED": "CPU {}",
     "STARTED": "",
     "ENDED": "",

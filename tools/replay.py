@@ -132,6 +132,8 @@ def replay_records(
             comparison = _Comparison(controller.command, lockstep, tolerance)
         elif record.kind == Kind.AUTHORITY and loop is not None:
             loop.grant(int(json.loads(record.payload)["epoch"]))
+        elif record.kind == Kind.CHANGE and loop is not None:
+            loop.change(record.payload)
         elif record.kind == Kind.STATE and loop is not None:
             (tick,) = State.scalars(record.payload, "tick")
             answer = loop.answer(record.stamp, record.payload)

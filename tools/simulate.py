@@ -190,8 +190,8 @@ def emulator_settings(robot: str | Mapping[str, Any] | EmulatorConfig, seed: int
 def suited(emulator: EmulatorConfig, controller: ControllerConfig, file: str) -> EmulatorConfig:
     """The robot as a controller needs it.
 
-    Where its config leaves `command` open, that is the first of what it can take and the
-    controller gives; what nobody gives stays open.
+    Where its config leaves `command` open, that is the first of what the controller gives, in the
+    controller's order, that the robot can take; what nobody can take stays open.
 
     Args:
         emulator, controller: settings of both.
@@ -203,7 +203,8 @@ def suited(emulator: EmulatorConfig, controller: ControllerConfig, file: str) ->
     if emulator.command is not None:
         return emulator
     gives = find(controller.controller, file).commands
-    kind = next((kind for kind in load(emulator.robot).command_kinds if kind in gives), None)
+    takes = load(emulator.robot).command_kinds
+    kind = next((kind for kind in gives if kind in takes), None)
     return emulator.model_copy(update={"command": kind})
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field
 
 from protocol.description import CommandKind, RobotDescription
-from protocol.errors import BadProblemError, DescriptionError
+from protocol.errors import BadProblemError, DescriptionError, UsageError
 from protocol.messages import COMMANDS, FloatArray, Setpoint, State, schema
 from protocol.settings import Settings
 
@@ -46,8 +46,9 @@ class Controller(ABC):
     """Answers each State with a Setpoint.
 
     A subclass names its settings in a nested `Parameters` model and its additional log columns
-    in `extra_names`, writes into `self.command` and returns it. Nothing may be allocated in
-    `step` that can be allocated in `__init__`.
+    in `extra_names`, writes into `self.command` and returns it. Where the columns depend on the
+    parameters, it sets `self.extra_names` before it calls this `__init__`. Nothing may be
+    allocated in `step` that can be allocated in `__init__`.
 
     Args:
         description: of the robot.
@@ -66,7 +67,6 @@ class Controller(ABC):
         """Settings of this controller; none here."""
 
     extra_names: tuple[str, ...] = ()
-    """Of a class, or of an object that sets them before this constructor is called."""
     commands: ClassVar[tuple[CommandKind, ...]] = ("position",)
     """What it can give; the robot's description decides which of these its `command` is."""
     kernels: ClassVar[tuple[str, ...]] = ()
@@ -114,6 +114,24 @@ class Controller(ABC):
     @abstractmethod
     def step(self, state: State) -> Setpoint:
         """Answer `state`; returns `self.command` with `values` and the certificate filled in."""
+
+    def change(self, request: Mapping[str, Any]) -> None:
+        """Take over what somebody wants to be otherwise from now on: all of it, or nothing.
+
+        Comes between two steps. The log has what was taken over, so that a replay does the same.
+
+        Args:
+            request: a JSON object of the controller's own making.
+
+        Raises:
+            UsageError: it is refused; says what is wrong with it and what is not.
+        """
+        del request
+        raise UsageError(f"controller {type(self).__name__} takes no changes while it runs")
+
+    def changeable(self) -> dict[str, Any]:
+        """What `change` can change, as it is now: a JSON object, empty here."""
+        return {}
 
 
 class VelocityController(Controller):

@@ -120,6 +120,15 @@ def without(alpha: FloatArray, out: NDArray[np.bool_], result: FloatArray) -> No
     result[out] = 1.0
 
 
+def unsurpassed(alpha: FloatArray) -> NDArray[np.bool_]:
+    """Which tasks take part and heed no other, (k,); in a cycle without one, all that take part."""
+    present = np.diag(alpha) < 1.0
+    others = alpha.copy()
+    np.fill_diagonal(others, 0.0)
+    top = present & ~others.any(axis=1)
+    return top if top.any() else present
+
+
 def _listed(level: str | tuple[str, ...]) -> Iterator[str]:
     yield from (level,) if isinstance(level, str) else level
 

@@ -117,6 +117,11 @@ class Priorities:
         out = np.flatnonzero(self._out).tolist()
         self._set_out(change_of(asked, self.names, out, time_s, LIVE, ""))
 
+    def shown(self) -> dict[str, Any]:
+        """Names, alpha row by row, and whether it moves, as a JSON object."""
+        rows = self.alpha.tolist()
+        return {"names": list(self.names), "alpha": rows, "moving": self.moving}
+
     def _advance(self, time_s: float) -> None:
         """Follow the timeline up to a time, each change from its very begin."""
         while self._next_at <= time_s:

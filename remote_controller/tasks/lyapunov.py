@@ -51,6 +51,7 @@ class LyapunovFunction(ABC):
         rate: ∂V/∂t [1/s times the unit of V], so that V̇ = ∇V·u + ∂V/∂t (QP12, 18).
         error, jacobian: where V = ½|error|², that error, (m,), and ∂error/∂q, (m, n); weights
             are in them. Empty where V is no such square.
+        error_rate: ∂error/∂t, (m,), what the target's motion makes; 0 where nobody sets it.
         status: one of `tasks.status`.
     """
 
@@ -60,7 +61,7 @@ class LyapunovFunction(ABC):
     def __init__(self, joints: int, dimension: int = 0) -> None:
         self.value, self.rate = 0.0, 0.0
         self.gradient = np.zeros(joints)
-        self.error = np.zeros(dimension)
+        self.error, self.error_rate = np.zeros((2, dimension))
         self.jacobian = np.zeros((dimension, joints))
         self.status = status.OK
 

@@ -39,7 +39,7 @@ class TaskFunction(LyapunovFunction):
         self.target = target or Point(task.target.copy())
         self._roots = np.sqrt(_checked(weights, m))
         self._present = np.zeros(self.target.dimension)
-        self._error_rate = np.zeros(m)
+        self._unweighted_rate = np.zeros(m)
 
     def reset(self, kinematics: Kinematics, time_s: float) -> None:
         """Have the target start from where the robot is."""
@@ -50,15 +50,16 @@ class TaskFunction(LyapunovFunction):
         self.target.start(self._present, time_s)
 
     def update(self, kinematics: Kinematics, time_s: float) -> None:
-        """Recompute V, ∇V and ∂V/∂t for the target at `time_s`."""
+        """Recompute V, ∇V and ∂V/∂t, and the error with its rate, for the target at `time_s`."""
         task = self.task
         self.target.at(time_s, task.target, task.target_rate)
         task.update(kinematics)
-        task.explicit_rate(self._error_rate)
+        task.explicit_rate(self._unweighted_rate)
+        np.multiply(self._unweighted_rate, self._roots, out=self.error_rate)
         self.value, self.rate = self._quadratic(
             task.error,
             task.jacobian,
-            self._error_rate,
+            self._unweighted_rate,
             self._roots,
             self.error,
             self.jacobian,

@@ -51,6 +51,7 @@ class WeightedSum(LyapunovFunction):
                 math.sqrt(weight),
                 self.error[end - size : end],
                 self.jacobian[end - size : end],
+                self.error_rate[end - size : end],
             )
             for term, weight, size, end in zip(terms, weights, sizes, ends, strict=True)
         ]
@@ -82,7 +83,7 @@ class WeightedSum(LyapunovFunction):
         """Recompute V, ∇V and ∂V/∂t; the status is that of the first term that has one to tell."""
         self.value, self.rate, self.status = 0.0, 0.0, status.OK
         self.gradient[:] = 0.0
-        for term, weight, root, error, jacobian in self._terms:
+        for term, weight, root, error, jacobian, error_rate in self._terms:
             term.update(kinematics, time_s)
             self.value += weight * term.value
             self.rate += weight * term.rate
@@ -91,4 +92,5 @@ class WeightedSum(LyapunovFunction):
             if len(self.error):
                 np.multiply(term.error, root, out=error)
                 np.multiply(term.jacobian, root, out=jacobian)
+                np.multiply(term.error_rate, root, out=error_rate)
             self.status = self.status or term.status

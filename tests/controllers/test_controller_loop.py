@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pytest
 from small_arm import arm
 
 from protocol.clock import VirtualClock
+from protocol.errors import UsageError
 from protocol.messages import Event, Setpoint, State
 from protocol.recorder import MemoryRecorder
 from protocol.ring import Kind
@@ -28,10 +31,16 @@ class Wanderer(Controller):
         self.clock = clock
         self.resets: list[tuple[int, list[float] | None]] = []
         self.steps: list[int] = []
+        self.told: list[Mapping[str, Any]] = []
 
     def reset(self, state: State, last_command: np.ndarray | None) -> None:
         kept = None if last_command is None else last_command.tolist()
         self.resets.append((state.tick, kept))
+
+    def change(self, request: Mapping[str, Any]) -> None:
+        if not request["pace"]:
+            raise UsageError("no pace")
+        self.told.append(request)
 
     def step(self, state: State) -> Setpoint:
         self.steps.append(state.tick)
@@ -315,3 +324,24 @@ def test_nothing_is_recorded_before_the_answer_is_on_its_way():
 def test_the_controller_gets_the_clock_of_the_loop():
     bench = Bench()
     assert bench.controller.now() == bench.clock.now()
+
+
+def test_a_change_is_recorded_between_the_steps_where_it_came():
+    bench = Bench()
+    bench.answer(bench.state(0))
+    bench.loop.change(b'{"pace": 2}')
+    bench.answer(bench.state(1))
+    assert bench.controller.told == [{"pace": 2}]
+    assert bench.recorded(Kind.CHANGE) == [b'{"pace": 2}']
+    kinds = [record.kind for record in bench.recorder.records]
+    assert kinds[-5:] == [Kind.SETPOINT, Kind.CHANGE, Kind.EVENT, Kind.STATE, Kind.SETPOINT]
+
+
+@pytest.mark.parametrize("request_", [b"", b"[1]", b"\xff", b'{"pace": 0}'])
+def test_a_change_that_is_refused_leaves_no_trace(request_):
+    bench = Bench()
+    bench.answer(bench.state(0))
+    with pytest.raises(UsageError):
+        bench.loop.change(request_)
+    assert bench.controller.told == []
+    assert bench.recorded(Kind.CHANGE) == []

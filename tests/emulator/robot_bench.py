@@ -49,6 +49,7 @@ class Bench:
         self,
         fate: Fate | None = None,
         grace: int = 0,
+        lead: int = 0,
         description: RobotDescription | None = None,
         **config: object,
     ) -> None:
@@ -67,6 +68,7 @@ class Bench:
             self.recorder,
             SESSION,
             grace_ticks=grace,
+            lead=lead,
         )
         self.ticker = Ticker(self.clock, PERIOD_NS, 0)
         self.kind = self.description.command_kinds[0]

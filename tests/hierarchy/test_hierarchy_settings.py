@@ -14,7 +14,7 @@ PRESS = {"kind": "force", "name": "press", "frame": "ee", "normal": [0.0, 0.0, 1
 PRESS |= {"target": {"kind": "point", "position_m": [0.0, 0.0, 0.0]}}
 WRONG = [
     ([{**HAND, "frame": "elbwo"}], "parameters.tasks.0.frame", "elbow"),
-    ([HAND, {**HAND}], "parameters.priorities", "two tasks"),
+    ([HAND, {**HAND}], "parameters.tasks.1.name", "two tasks"),
     ([{**HAND, "reference": "link_2"}], "parameters.tasks.0.reference", "joints move it"),
     ([{**HAND, "name": "a b"}], "parameters.tasks.0", "pattern"),
     ([{**HAND, "kind": "positon"}], "parameters.tasks.0", "positon"),

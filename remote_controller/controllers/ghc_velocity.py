@@ -1,0 +1,302 @@
+"""Generalized hierarchical control of joint velocities: tasks with priorities that move."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from protocol.description import RobotDescription
+from protocol.errors import ConfigError
+from protocol.messages import FloatArray, State
+from remote_controller.controllers import ghc_velocity_settings as settings
+from remote_controller.controllers.controller import STATUS, VelocityController
+from remote_controller.kinematics import Kinematics
+from remote_controller.priorities.matrix import unsurpassed
+from remote_controller.priorities.priorities import Priorities
+from remote_controller.solvers import status
+from remote_controller.solvers.ghc import Ghc
+from remote_controller.tasks import registry as tasks
+from remote_controller.tasks import status as task_status
+from remote_controller.tasks.lyapunov import LyapunovFunction
+
+CERTIFIED_RESIDUAL = 1e-9
+FIRST_ORDER = 0.01  # of V̇: by how much the fall of V over a period may differ from it
+AT_TARGET = 1e-5  # of |e|: there V is too small for its derivative to tell [m or rad]
+MOST_LOGGED = 6  # tasks whose priorities are logged, k² columns
+FREE, BOUNDED = 0, 1  # solver_path
+FALLBACKS = {status.OK: 0, status.INFEASIBLE: 1}
+GAVE_UP = 2
+NOT_FINITE, INFEASIBLE, UNSOLVED, HELD, MOVING = (1 << bit for bit in range(5))
+CONDITIONS = (
+    "state not finite",
+    "no velocity within the bounds",
+    "QP not solved",
+    "held by bounds of joints",
+    "priorities in transition",
+)
+
+
+class GhcVelocityController(VelocityController):
+    """Any number of tasks, each kept out of the others as far as `priorities` say.
+
+        min Σ |J_i·x_i + g_i·e_i + ∂e_i/∂t|² + ω_r Σ |x_i|²
+        such that u = Σ P_i(alpha)·x_i, lower ≤ u ≤ upper
+
+    by Liu, Tan and Padois (2015), (13) with the velocities of section 8. The bounds are speed,
+    acceleration, and stopping before the end of the range, so that the robot has nothing to hold
+    back. Where no u that the tasks span is within them, or the solver gave up, each joint brakes as
+    they allow, and `fallback` is 1, or 2.
+
+    Time of the timeline begins with the reset, that is when the robot begins to follow.
+
+    Certificate: V is the sum of those of the tasks that nothing is above, alpha_ij = 0 for all j;
+    in a cycle without such a task, of all that take part. After a change of priorities it is about
+    the new ones as soon as these rest. `v_rate_required` is 0: V shall not rise. `certified` says
+    that the QP was solved, by a residual ≤ 10⁻⁹, that priorities rest, and that V, evaluated where
+    u leads, falls as V̇ says, to 1 %. `at_target` says the first two, and that these tasks are
+    within 10⁻⁵ m or rad, where V is not told from what an Euler step of the tasks below makes of
+    it. Nothing is claimed of tasks below.
+    `margin` is the least distance of u from a bound [rad/s or m/s].
+
+    Raises:
+        ConfigError: a task without an error, two of one name, or priorities that do not fit them.
+    """
+
+    Parameters: ClassVar[Any] = settings.Parameters
+    kernels = (
+        "remote_controller.solvers.ghc_kernels",
+        "remote_controller.tasks.lyapunov_kernels",
+        "remote_controller.tasks.pose_kernels",
+        "remote_controller.controllers.ghc_velocity_kernels",
+    )
+
+    def __init__(
+        self, description: RobotDescription, parameters: settings.Parameters, file: str = "config"
+    ) -> None:
+        from remote_controller.controllers.ghc_velocity_kernels import (  # noqa: PLC0415 - compiles
+            velocity_bounds,
+        )
+
+        self.priorities = _priorities(parameters, file)
+        self.extra_names = _columns(self.priorities.names)
+        super().__init__(description, parameters)
+        n = description.n
+        self.kinematics = Kinematics(description)
+        self.functions = [
+            _task(task, description, self.kinematics, file, f"parameters.tasks.{number}")
+            for number, task in enumerate(parameters.tasks)
+        ]
+        sizes = [len(function.error) for function in self.functions]
+        self._gains = [task.gain_per_s for task in parameters.tasks]
+        self._solver = Ghc(sizes, n, regularise="none", smoothing=parameters.smoothing)
+        self._jacobian, self._wanted = np.zeros((sum(sizes), n)), np.zeros(sum(sizes))
+        ends = self._solver.offsets.tolist()
+        self._rows = [
+            (self._jacobian[start:end], self._wanted[start:end]) for start, end in pairwise(ends)
+        ]
+        self._weight = parameters.regularisation
+        self._mass, self._bias = np.eye(n), np.zeros(n)
+        self._velocity_bounds = velocity_bounds
+        self._bounds = parameters.bounds.limits(description, file)
+        self._lower, self._upper = self._solver.qdd_lower, self._solver.qdd_upper
+        self.u, self._dq, self._before, self._next = np.zeros((4, n))
+        self._from_reference = parameters.kinematics_from == "reference"
+        self.conditions = (*CONDITIONS, *task_status.NAMES[1:])
+        self._first, self._time = 0, 0.0  # tick of the reset, and seconds since then
+        self._begun, self._periods_seen = False, 0
+        self._top: list[LyapunovFunction] = []
+        self._stale = True  # the top tasks are those of priorities that have moved since
+
+    @classmethod
+    def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Self:
+        """One for a robot."""
+        return cls(description, parameters, file)
+
+    @classmethod
+    def check(cls, parameters: Any, file: str) -> None:
+        """Refuse tasks and priorities that are wrong for any robot."""
+        for number, task in enumerate(parameters.tasks):
+            tasks.check_parameters(task, file, f"parameters.tasks.{number}")
+        _priorities(parameters, file)
+
+    def change(self, request: Mapping[str, Any]) -> None:
+        """Begin a change of priorities now, as `Priorities.change` has it.
+
+        Raises:
+            ConfigError: something is wrong with it; nothing has been changed then.
+        """
+        self.priorities.change(request, self._time)
+
+    def changeable(self) -> dict[str, Any]:
+        """The priorities as they are now."""
+        return {"priorities": self.priorities.shown()}
+
+    def reset(self, state: State, last_command: FloatArray | None) -> None:
+        """Begin anew, also with the timeline; the tasks do at the next State that is finite."""
+        super().reset(state, last_command)
+        self.priorities.reset()
+        self._first, self._time, self._begun = state.tick, 0.0, False
+        self._top, self._stale = [], True
+
+    def velocity(self, state: State) -> FloatArray:
+        """Joint velocities, and their certificate."""
+        command, solver, priorities = self.command, self._solver, self.priorities
+        if not np.isfinite(state.q @ state.reference):
+            command.stamp_kinematics = self.now()
+            return self._refuse()
+        base = state.reference if self._from_reference else state.q
+        now = state.tick * self._dt
+        self.kinematics.update(base)
+        if not self._begun:
+            for function in self.functions:
+                function.reset(self.kinematics, now)
+        self._follow(state)
+        self._time = (state.tick - self._first) * self._dt
+        settled = not (priorities.update(self._time) or priorities.moving)
+        self._stale = self._stale or not settled
+        if (settled and self._stale) or not self._top:
+            top = unsurpassed(priorities.alpha).tolist()
+            self._top = [task for task, is_top in zip(self.functions, top, strict=True) if is_top]
+            self._stale = False
+        noted = self._aim(now)
+        command.stamp_kinematics = self.now()
+        found = solver.solve(
+            self._jacobian,
+            self._wanted,
+            priorities.alpha,
+            self._mass,
+            self._bias,
+            self._weight,
+        )
+        # where there is no answer, as near to rest as the bounds allow
+        np.maximum(solver.qdd if found == status.OK else 0.0, self._lower, out=self.u)
+        np.minimum(self.u, self._upper, out=self.u)
+        self.present = (
+            noted
+            | (INFEASIBLE if found == status.INFEASIBLE else 0)
+            | (UNSOLVED if found not in FALLBACKS else 0)
+            | (HELD if solver.active else 0)
+            | (0 if settled else MOVING)
+        )
+        self._certify(base, now, found, settled)
+        return self.u
+
+    def _follow(self, state: State) -> None:
+        """Bound the velocities by where the reference is, and how it has moved since."""
+        periods = state.tick - state.skipped - self._periods_seen
+        if self._begun and periods > 0:
+            np.subtract(state.reference, self._before, out=self._dq)
+            self._dq /= periods * self._dt
+        else:
+            self._dq[:] = state.dq
+            np.nan_to_num(self._dq, copy=False, posinf=0.0, neginf=0.0)
+        self._before[:] = state.reference
+        self._begun, self._periods_seen = True, state.tick - state.skipped
+        self._velocity_bounds(
+            state.reference, self._dq, self._bounds, self._dt, self._lower, self._upper
+        )
+
+    def _aim(self, now: float) -> int:
+        """Stack the tasks' Jacobians and wanted velocities; log their errors; their statuses."""
+        extra, noted, k = self.command.extra, 0, len(self.functions)
+        for place, (function, gain, (jacobian, wanted)) in enumerate(
+            zip(self.functions, self._gains, self._rows, strict=True)
+        ):
+            function.update(self.kinematics, now)
+            jacobian[:] = function.jacobian
+            np.multiply(function.error, -gain, out=wanted)
+            np.subtract(wanted, function.error_rate, out=wanted)
+            extra[place] = np.sqrt(function.error @ function.error)
+            if function.status:
+                noted |= 1 << (len(CONDITIONS) + function.status - 1)
+        if len(extra) > k:
+            extra[k:] = self.priorities.alpha.ravel()
+        return noted
+
+    def _certify(self, base: FloatArray, now: float, found: int, settled: bool) -> None:
+        """Write what is proved of u."""
+        command, solver = self.command, self._solver
+        V = rate = 0.0
+        for function in self._top:
+            V += function.value
+            rate += function.rate + float(function.gradient @ self.u)
+        command.v, command.v_rate_predicted, command.v_rate_required = V, rate, 0.0
+        command.margin = float(min((self._upper - self.u).min(), (self.u - self._lower).min()))
+        command.fallback = FALLBACKS.get(found, GAVE_UP)
+        command.solver_path = BOUNDED if solver.active else FREE
+        if found != status.OK or not np.isfinite(V + rate):
+            command.solver_status = STATUS["infeasible"]
+            command.rho = command.kkt_residual = 0.0
+            if not np.isfinite(V + rate):  # of a task that is not a number
+                command.v = command.v_rate_predicted = 0.0
+            return
+        command.rho, command.kkt_residual = 1.0, solver.kkt_residual
+        solved = settled and solver.kkt_residual <= CERTIFIED_RESIDUAL
+        if solved and 2.0 * V <= AT_TARGET**2:
+            command.solver_status = STATUS["at_target"]
+            return
+        proven = solved and rate < 0.0 and self._falls(base, now, V, rate)
+        command.solver_status = STATUS["certified" if proven else "uncertified"]
+
+    def _falls(self, base: FloatArray, now: float, V: float, rate: float) -> bool:
+        """Whether V is less at the end of the period, by what V̇ says."""
+        np.multiply(self.u, self._dt, out=self._next)
+        np.add(base, self._next, out=self._next)
+        self.kinematics.update(self._next)
+        end = 0.0
+        for function in self._top:
+            function.update(self.kinematics, now + self._dt)
+            end += function.value
+        fall = (end - V) / self._dt
+        return bool(end <= V and abs(fall - rate) <= FIRST_ORDER * abs(rate))
+
+    def _refuse(self) -> FloatArray:
+        """Nothing to follow for a State that is not finite."""
+        command = self.command
+        command.solver_status = STATUS["infeasible"]
+        command.v = command.v_rate_required = command.v_rate_predicted = command.rho = 0.0
+        command.margin = command.kkt_residual = 0.0
+        command.solver_path = command.fallback = 0
+        command.extra[:] = 0.0
+        self.u[:] = np.nan
+        self.present = NOT_FINITE
+        return self.u
+
+
+def _priorities(parameters: settings.Parameters, file: str) -> Priorities:
+    """Those of a config, whose tasks have names of their own."""
+    names = [task.label for task in parameters.tasks]
+    for number, name in enumerate(names):
+        if name in names[:number]:
+            key = f"parameters.tasks.{number}.name"
+            raise ConfigError(file, key, name, "two tasks have this name", "Give this one another")
+    return Priorities.configured(names, parameters.priorities, file, "parameters.priorities")
+
+
+def _columns(names: Sequence[str]) -> tuple[str, ...]:
+    """Log columns: |e| of each task and, of few tasks, alpha row by row."""
+    errors = [f"error_{name}" for name in names]
+    pairs = [f"alpha_{a}_{b}" for a in names for b in names] if len(names) <= MOST_LOGGED else []
+    return (*errors, *pairs)
+
+
+def _task(
+    given: settings.RankedTask,
+    description: RobotDescription,
+    kinematics: Kinematics,
+    file: str,
+    key: str,
+) -> LyapunovFunction:
+    """A task of a config that has an error.
+
+    Raises:
+        ConfigError, UnknownNameError: it cannot be built, or gives V only.
+    """
+    function = tasks.build(given, description, kinematics, file, key)
+    if not len(function.error):
+        problem = "has no error e, only V: there is no velocity that it wants"
+        raise ConfigError(file, f"{key}.task", given.task, problem, "Give it an error, or leave it")
+    return function
