@@ -19,10 +19,10 @@ BUILTIN = {
         "remote_controller.controllers.joint_acceleration:JointAccelerationController"
     ),
     "tsid": "remote_controller.controllers.tsid:TsidController",
-    "ghc_velocity": "remote_controller.controllers.ghc_velocity:GhcVelocityController",
     "ghc": "remote_controller.controllers.ghc:GhcController",
     "hqp": "remote_controller.controllers.hqp:HqpController",
     "weighted": "remote_controller.controllers.weighted:WeightedController",
+    "ghc_velocity": "remote_controller.controllers.ghc_velocity:GhcVelocityController",
 }
 CONTROLLERS = Family(
     "controller",

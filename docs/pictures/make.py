@@ -1,4 +1,4 @@
-"""Makes the pictures of docs/choosing.md again: `python docs/pictures/make.py [NAME …]`."""
+"""Makes the pictures of the pages again: `python docs/pictures/make.py [NAME …]`."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import limits
 import matplotlib as mpl
 import moving
 import objective
+import ranks
 import rates
 from drawing import STYLE, save
 from matplotlib.figure import Figure
@@ -21,6 +22,7 @@ DRAWN = (
     *(limits.joint_speed, limits.joint_position, limits.support_polygon, limits.zmp),
     *(limits.distance, limits.frame_still, limits.half_space, limits.minimum_speed),
     *(limits.pfaffian, moving.lemniscate, moving.circulation, moving.descent, moving.behind),
+    ranks.priorities,
 )
 PICTURES: dict[str, Callable[[], Figure]] = {draw.__name__: draw for draw in DRAWN}
 """Every picture, by the name of its file."""

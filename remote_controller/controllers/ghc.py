@@ -10,10 +10,13 @@ from pydantic import Field
 from protocol.description import RobotDescription
 from protocol.messages import FloatArray
 from remote_controller.controllers.hierarchy import HierarchyController
+from remote_controller.priorities.matrix import unsurpassed
 from remote_controller.priorities.priorities import Priorities
 from remote_controller.priorities.settings import PrioritySettings
 from remote_controller.solvers import status
 from remote_controller.solvers.ghc import Ghc
+
+MOST_LOGGED = 6  # tasks whose priorities are logged, k² columns
 
 
 class RankedController(HierarchyController):
@@ -35,12 +38,14 @@ class RankedController(HierarchyController):
         Raises:
             ConfigError: they do not fit the tasks.
         """
-        names = [task.name for task in parameters.tasks]
+        names = cls.names_of(parameters, file)
         return Priorities.configured(names, parameters.priorities, file, "parameters.priorities")
 
     @classmethod
     def columns(cls, names: tuple[str, ...]) -> tuple[str, ...]:
-        """Entries of the matrix of priorities, row by row."""
+        """Entries of the matrix of priorities, row by row; none of more than six tasks."""
+        if len(names) > MOST_LOGGED:
+            return ()
         return tuple(f"alpha_{a}_{b}" for a in names for b in names)
 
     def changeable(self) -> dict[str, Any]:
@@ -48,10 +53,11 @@ class RankedController(HierarchyController):
         return {"priorities": self.importance.shown()}
 
     def count(self, out: FloatArray) -> None:
-        """Write the matrix; a task whose row is 0 has nothing above it."""
+        """Write the matrix."""
         alpha = self.importance.alpha
-        out[:] = alpha.ravel()
-        np.logical_not(alpha.any(axis=1), out=self.tops)
+        if out.size:
+            out[:] = alpha.ravel()
+        self.tops[:] = unsurpassed(alpha)
 
 
 class GhcController(RankedController):

@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from protocol.description import RobotDescription
+from protocol.errors import ConfigError
 from protocol.messages import FloatArray, Setpoint, State
 from remote_controller.controllers.controller import STATUS, Controller
 from remote_controller.hierarchy.bounds import HierarchyBounds, bounds_of
@@ -31,7 +32,7 @@ CONDITIONS = (
     "held by bounds of joints",
     "half a turn from the goal",
     "cannot hold its load",
-    "priorities move",
+    "priorities in transition",
     "touches",
 )
 BITS = [1 << bit for bit in range(len(CONDITIONS))]
@@ -45,6 +46,9 @@ class Importance(Protocol):
 
     def reset(self) -> None:
         """Go back to the start."""
+
+    def shown(self) -> dict[str, Any]:
+        """What it is now, for people."""
 
     def update(self, time_s: float) -> bool:
         """Recompute it for a time since the reset [s]; whether it is another than before."""
@@ -68,12 +72,13 @@ class HierarchyController(Controller):
     kept, the torques violated as little as possible, and `fallback` is 2; or 3 where the solver
     gave up, and ddq is only cut to the bounds.
 
-    Certificate: V = ½ Σ |e|² of those tasks above which nothing stands [m², rad²]; of nobody else's
-    error is anything said. `v_rate_predicted` is V̇ half a period on, and `v_rate_required` is 0
-    where V does not rise in this period, else how fast it may. `certified` says that the problem
-    was solved, by a residual ≤ 10⁻⁹, that its bounds leave each joint able to stop, that every
-    joint can hold its load, that nothing touches, and that V is of the same tasks in the next tick.
-    `margin` is the least distance from a bound, relative to the greatest acceleration or torque.
+    Certificate: V = ½ Σ |e|² of those tasks above which nothing stands [m², rad²], in a cycle
+    without one of all that take part; of nobody else's error is anything said. `v_rate_predicted`
+    is V̇ half a period on, and `v_rate_required` is 0 where V does not rise in this period, else how
+    fast it may. `certified` says that the problem was solved, by a residual ≤ 10⁻⁹, that its bounds
+    leave each joint able to stop, that every joint can hold its load, that nothing touches, and
+    that priorities are the same in the next tick. `margin` is the least distance from a bound,
+    relative to the greatest acceleration or torque.
 
     Raises:
         ConfigError: tasks, priorities or bounds that do not fit the robot, or each other.
@@ -92,6 +97,8 @@ class HierarchyController(Controller):
         )
 
     commands = ("torque", "acceleration")
+    word: ClassVar[str] = "priorities"
+    """What its `importance` is called."""
     proves: ClassVar[bool] = False
     """Whether `residual` is found without the solver's word."""
     kernels: ClassVar[tuple[str, ...]] = (
@@ -111,11 +118,15 @@ class HierarchyController(Controller):
 
         n = description.n
         self.importance = self.importance_of(parameters, file)
+        self.bounds, self.torque_max = bounds_of(
+            description, parameters.bounds, file, "parameters.bounds"
+        )
         self.tasks = AccelerationTasks(
             description,
             parameters.tasks,
             file,
             "parameters.tasks",
+            self.torque_max,
             compensate_friction=parameters.compensate_friction,
         )
         names = self.tasks.names
@@ -127,9 +138,6 @@ class HierarchyController(Controller):
         )
         super().__init__(description, parameters)
         self._foresee, self._distances = kernels.foresee, kernels.distances
-        self.bounds, self.torque_max = bounds_of(
-            description, parameters.bounds, file, "parameters.bounds"
-        )
         self.w_r, self._viable = parameters.w_r, parameters.bounds.kind == "viability"
         self.ddq, self.tau, self._wish, self._scratch = np.zeros((4, n))
         self.tops = np.zeros(len(names), np.bool_)
@@ -163,6 +171,20 @@ class HierarchyController(Controller):
         """
         cls.importance_of(parameters, file)
 
+    @staticmethod
+    def names_of(parameters: Any, file: str) -> list[str]:
+        """Names of the tasks.
+
+        Raises:
+            ConfigError: two of them are the same.
+        """
+        names = [task.name for task in parameters.tasks]
+        for number, name in enumerate(names):
+            if name in names[:number]:
+                key, problem = f"parameters.tasks.{number}.name", "two tasks have this name"
+                raise ConfigError(file, key, name, problem, "Give this one another")
+        return names
+
     @classmethod
     @abstractmethod
     def importance_of(cls, parameters: Any, file: str) -> Any:
@@ -195,6 +217,10 @@ class HierarchyController(Controller):
             ConfigError: something is wrong with it; nothing has been changed then.
         """
         self.importance.change(request, self._settled * self._dt)
+
+    def changeable(self) -> dict[str, Any]:
+        """The priorities, or weights, as they are settled."""
+        return {self.word: self.importance.shown()}
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Begin where the robot is; a joint that is outside its bounds here may stay there."""

@@ -38,6 +38,7 @@ class WeightedController(HierarchyController):
         *HierarchyController.kernels,
         "remote_controller.solvers.projector_kernels",
     )
+    word = "weights"
     importance: Weights
 
     def __init__(
@@ -53,7 +54,7 @@ class WeightedController(HierarchyController):
         Raises:
             ConfigError: they do not fit the tasks.
         """
-        names = [task.name for task in parameters.tasks]
+        names = cls.names_of(parameters, file)
         return Weights(names, parameters.priorities, file, "parameters.priorities")
 
     @classmethod

@@ -17,7 +17,7 @@ Flags = NDArray[np.bool_]
 
 POSITION, POSE, POSTURE = 0, 1, 2  # kinds of tasks
 ACTIVE_SPEED = 1e-3  # rad/s or m/s: below it a joint counts as inactive
-ROUNDING = 1e-9  # of |e| times the speed of change: what integration makes of a prediction
+UNSURE = 1e-2  # of an acceleration, and of 1 m/s²: by how much it changes within a period
 
 
 @kernel(
@@ -170,7 +170,7 @@ def load(
     damping: FloatArray,
     dq: FloatArray,
     T: float,
-    effort: FloatArray,
+    torque_max: FloatArray,
     mass: FloatArray,
     bias: FloatArray,
 ) -> float:
@@ -184,11 +184,11 @@ def load(
         damping: d, (n,) [N m s/rad].
         dq: (n,).
         T: period [s].
-        effort: greatest torques, (n,).
+        torque_max: greatest torques, (n,).
         mass, bias: M (n, n) and h (n,), changed.
 
     Returns:
-        The greatest |h|/effort.
+        The greatest |h|/torque_max.
     """
     worst = 0.0
     for i in range(dq.size):
@@ -196,7 +196,7 @@ def load(
         bias[i] += damping[i] * dq[i]
         for row in range(wrench.size):
             bias[i] -= frame_rows[row, i] * wrench[row]
-        worst = max(worst, abs(bias[i]) / effort[i])
+        worst = max(worst, abs(bias[i]) / torque_max[i])
     return worst
 
 
@@ -230,7 +230,8 @@ def foresee(
 
     Returns:
         V; V̇ half a period on; the most that V may rise by in this period, per second, to second
-        order in it (`tsid_kernels.finish`); and how many joints then move.
+        order in it (`tsid_kernels.finish`) and with what is `UNSURE`, so that nothing is said of
+        errors of some µm; and how many joints then move.
     """
     V, expected, square, unsure, active = 0.0, 0.0, 0.0, 0.0, 0
     for i in range(tasks.shape[0]):
@@ -249,7 +250,7 @@ def foresee(
             V += 0.5 * total
     for i in range(ddq.size):
         active += abs(dq[i] + T * ddq[i]) >= ACTIVE_SPEED
-    return V, expected, expected + 2.0 * T * square + ROUNDING * unsure, active
+    return V, expected, expected + 2.0 * T * square + UNSURE * unsure, active
 
 
 @kernel("Tuple((f8, f8, b1))(f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1])")

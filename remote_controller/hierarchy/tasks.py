@@ -37,6 +37,7 @@ class AccelerationTasks:
         robot: its description.
         settings: the tasks.
         file, key: where they stand, for errors. Other files are sought beside `file`.
+        torque_max: greatest torques, (n,), that `load` is relative to.
         compensate_friction: whether viscous friction counts among the torques.
 
     Attributes:
@@ -46,7 +47,7 @@ class AccelerationTasks:
         error, motion, rate, slope: of each row, (m,): `ask_kernels.ask`.
         tasks: (k, 4) kind, first row, rows and frame of each.
         presses: where forces are kept, by task.
-        load: the greatest |h|, relative to the effort.
+        load: the greatest |h|/torque_max.
         opposite: how many poses are half a turn away.
 
     Raises:
@@ -59,6 +60,7 @@ class AccelerationTasks:
         settings: Sequence[AnyTask],
         file: str,
         key: str,
+        torque_max: FloatArray,
         *,
         compensate_friction: bool,
     ) -> None:
@@ -101,7 +103,7 @@ class AccelerationTasks:
         wrenches = [robot.wrench_sensors.index(name) for name in self._sensors]
         self._felt = np.array([6 * place + i for place in wrenches for i in range(6)], np.intp)
         self._damping = self.dynamics.damping * float(compensate_friction)
-        self._effort, self._dt = np.array(robot.effort), robot.period_s
+        self._torque_max, self._dt = torque_max, robot.period_s
         self.load, self.opposite = 0.0, 0
 
     def begin(self, q: FloatArray, dq: FloatArray, time_s: float) -> None:
@@ -151,7 +153,7 @@ class AccelerationTasks:
             self._damping,
             dq,
             self._dt,
-            self._effort,
+            self._torque_max,
             dynamics.mass,
             dynamics.bias,
         )

@@ -9,7 +9,6 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from protocol.errors import ConfigError
 from protocol.settings import Settings, parse
 from remote_controller.priorities.matrix import place
 from remote_controller.priorities.settings import Seconds
@@ -51,13 +50,10 @@ class Weights:
         moving: whether a transition is under way.
 
     Raises:
-        ConfigError: an unknown task, or two of one name.
+        ConfigError: an unknown task.
     """
 
     def __init__(self, names: Sequence[str], settings: WeightSettings, file: str, key: str) -> None:
-        for i, name in enumerate(names):
-            if name in names[:i]:
-                raise ConfigError(file, key, name, "two tasks have this name", "Rename one")
         self.names = tuple(names)
         self._start = np.ones(len(names))
         self._write(settings.weights, self._start, file, f"{key}.weights")
@@ -74,6 +70,11 @@ class Weights:
         self._goal[:] = self._start
         self._transition.rest(self._start)
         self._next, self._changed, self.moving = 0, False, False
+
+    def shown(self) -> dict[str, Any]:
+        """Names and weights, and whether these are on their way."""
+        weights = dict(zip(self.names, self.value.tolist(), strict=True))
+        return {"weights": weights, "moving": self.moving}
 
     def update(self, time_s: float) -> bool:
         """Recompute the weights for a time since the reset [s]; whether they are others."""

@@ -8,6 +8,7 @@ than `ghc` does in one tick. It knows strict levels only, and where they change 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -62,7 +63,7 @@ def hqp(
     ql, qu, tl, tu = bounds_of(stack.n, qdd_lower, qdd_upper, tau_lower, tau_upper)
     values = np.vstack([np.eye(stack.n), stack.mass])
     lower, upper = np.concatenate([ql, tl - stack.bias]), np.concatenate([qu, tu - stack.bias])
-    edges = np.cumsum([0, *stack.sizes])
+    edges = [0, *accumulate(stack.sizes)]
     qdd, Z, slack = np.zeros(stack.n), np.eye(stack.n), 0.0
     for level in order:
         rows = np.concatenate([np.arange(edges[i], edges[i + 1]) for i in level])

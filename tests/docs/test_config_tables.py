@@ -14,6 +14,9 @@ from protocol.settings import Settings
 from remote_controller.config import CONFIGS, ControllerConfig
 from remote_controller.constraints import registry as constraints
 from remote_controller.constraints.bodies import AnyObstacle
+from remote_controller.controllers.ghc import GhcController
+from remote_controller.controllers.ghc_velocity import GhcVelocityController
+from remote_controller.controllers.hqp import HqpController
 from remote_controller.controllers.joint_acceleration import JointAccelerationController
 from remote_controller.controllers.osqp import OsqpController
 from remote_controller.controllers.pinv import PinvController
@@ -21,6 +24,8 @@ from remote_controller.controllers.qp12 import Qp12Controller
 from remote_controller.controllers.stable_qp import StableQpController
 from remote_controller.controllers.stable_qp_settings import Objective
 from remote_controller.controllers.tsid import TsidController
+from remote_controller.controllers.weighted import WeightedController
+from remote_controller.hierarchy.settings import AnyTask
 from remote_controller.tasks import registry as tasks
 from remote_controller.tasks.curve import CURVES
 from remote_controller.tasks.targets.settings import TargetSettings
@@ -35,6 +40,10 @@ MODELS: dict[str, type[Settings]] = {
     "Parameters of stable_qp": StableQpController.Parameters,
     "Parameters of joint_acceleration": JointAccelerationController.Parameters,
     "Parameters of tsid": TsidController.Parameters,
+    "Parameters of ghc_velocity": GhcVelocityController.Parameters,
+    "Parameters of ghc": GhcController.Parameters,
+    "Parameters of hqp": HqpController.Parameters,
+    "Parameters of weighted": WeightedController.Parameters,
 }
 
 
@@ -46,6 +55,7 @@ def union(annotated: Any, tag: str) -> dict[str, type[Settings]]:
 
 GROUPS: dict[str, dict[str, type[Settings]]] = {
     "Objectives": union(Objective, "kind"),
+    "Tasks of hierarchies": union(AnyTask, "kind"),
     "Tasks and constraints": {
         "task": tasks.TaskSettings,
         "constraint": constraints.ConstraintSettings,
@@ -61,14 +71,21 @@ GROUPS: dict[str, dict[str, type[Settings]]] = {
     "Obstacles": union(AnyObstacle, "shape"),
 }
 """Tables whose first column names whose key it is: one or more of these."""
-TAGS = {"Objectives": "kind", "Parameters of targets": "kind", "Obstacles": "shape"}
+TAGS = {
+    "Objectives": "kind",
+    "Tasks of hierarchies": "kind",
+    "Parameters of targets": "kind",
+    "Obstacles": "shape",
+}
 UNITS = {
+    "_n": "N",
     "_n_m": "N/m",
     "_n_s_m": "N s/m",
     "_ms": "ms",
     "_us": "µs",
     "_mb": "MB",
     "_rad_s": "rad/s",
+    "_rad_s2": "rad/s²",
     "_m_s": "m/s",
     "_m_s2": "m/s²",
     "_per_s": "1/s",
@@ -122,7 +139,10 @@ def in_words(node: dict[str, Any]) -> str:
         return "text" + (f" `{node['pattern']}`" if "pattern" in node else "")
     if kind == "array":
         if "prefixItems" in node:
-            what, *rest = in_words(node["prefixItems"][0]).split(" ")
+            each = [in_words(part) for part in node["prefixItems"]]
+            if len(set(each)) > 1:
+                return f"list of {'; '.join(each)}"
+            what, *rest = each[0].split(" ")
             return " ".join(["list of", str(len(node["prefixItems"])), f"{what}s", *rest])
         return f"list of {in_words(node['items'])}"
     if isinstance(node.get("additionalProperties"), dict):

@@ -30,6 +30,7 @@ STORIES = [
     "new_robot.md",
     "robots.md",
     "limits.md",
+    "priorities.md",
     "contact.md",
     "two_machines.md",
     "logs.md",

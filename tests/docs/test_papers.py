@@ -16,6 +16,7 @@ ROMAN = ("I", "II", "III", "IV", "V")
 NUMBERED = {
     "QP12": {"equations": 41, "algorithms": 2, "figures": 8, "tables": 1},
     "Bounds": {"equations": 34, "algorithms": 4, "figures": 5, "tables": 0},
+    "GHC": {"equations": 24, "algorithms": 2, "figures": 12, "tables": 1},
 }
 """How many of each a paper has, by the heading of its section."""
 
@@ -25,6 +26,7 @@ STATEMENTS = {
         *("Lemma 4", "Lemma 5", "Proposition 6", "Remark 7"),
     ),
     "Bounds": (),
+    "GHC": (),
 }
 """What else has a number: one count for all kinds, so each number is there once."""
 

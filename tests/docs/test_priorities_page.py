@@ -1,0 +1,60 @@
+"""docs/priorities.md: its fragments run, and what it says in figures is so."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import pytest
+import yaml
+from pages import blocks, page
+
+from remote_controller.controllers.controller import STATUS
+from remote_controller.controllers.ghc_velocity import CONDITIONS
+from remote_controller.priorities.settings import ChangeRequest
+from tools.simulate import simulate
+
+PAGE = "priorities.md"
+FRAGMENTS = [block for block in blocks(PAGE) if block.language == "yaml" and not block.word]
+WHOLE = next(block for block in blocks(PAGE) if block.word == "file")
+
+
+@pytest.mark.parametrize("fragment", FRAGMENTS, ids=lambda each: f"line {each.line}")
+def test_priorities_of_the_page_run(fragment):
+    config = yaml.safe_load(WHOLE.text)
+    config["parameters"]["priorities"] = yaml.safe_load(fragment.text)
+    run = simulate("hoap3", config, duration=0.02)
+    assert set(run.setpoints["solver_status"]) <= {STATUS["certified"], STATUS["uncertified"]}
+    assert (run.setpoints["fallback"] == 0).all()
+
+
+def test_every_kind_of_change_is_shown():
+    text = page(PAGE)
+    for kind in set(ChangeRequest.model_fields) - {"over_s"}:
+        assert f"| `{kind}" in text or f", `{kind}` |" in text
+        assert f"hoap3 priorities {kind} " in text
+
+
+def test_every_condition_is_named():
+    for condition in CONDITIONS:
+        assert f"`{condition}`" in page(PAGE).replace("\n", " ")
+
+
+def shipped(**parameters):
+    from protocol.settings import load_yaml
+    from remote_controller.config import CONFIGS
+
+    config = copy.deepcopy(load_yaml(CONFIGS / "ghc_velocity.yaml"))
+    config["parameters"].update(parameters)
+    return simulate("hoap3", config, 4.0)
+
+
+def test_at_a_bound_the_centre_of_mass_gives_way_by_what_the_page_says():
+    tight, loose = (shipped(regularisation=w) for w in (1e-6, 1e-4))
+    waist = tight.states["reference"][
+        :, tight.controller.description.joint_names.index("waist_pitch")
+    ]
+    assert np.abs(waist).max() < 1e-6
+    off = [run.setpoints["extra"][-1, 0] for run in (tight, loose)]
+    assert off[0] < 1e-6
+    assert 30.0 < off[1] / off[0] < 300.0
