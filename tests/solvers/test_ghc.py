@@ -235,7 +235,13 @@ class TestErrors:
         assert not solver.qdd.any()
         assert solver.solve(stack[0][:2], stack[1], *rest) == codes.BAD_SHAPE
         assert solver.kkt_residual == np.inf
-        with pytest.raises(BadProblemError, match="float64"):
-            solver.solve(stack[0].astype(int), stack[1], *rest)
         with pytest.raises(BadProblemError, match="one row or more"):
             Ghc([0], 2)
+
+    def test_wrong_arrays_are_refused(self, good):
+        solver, stack = Ghc([1, 2], 2), np.vstack(good["jacobians"])
+        rest = np.array([1.0, 0, 0]), np.array(good["alpha"], float), np.eye(2), np.zeros(2), 1e-2
+        assert solver.solve(stack, *rest) == codes.OK
+        with pytest.raises(BadProblemError, match="float64"):
+            solver.solve(stack.astype(int), *rest)
+        assert solver.kkt_residual == np.inf
