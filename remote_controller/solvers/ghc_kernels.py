@@ -40,7 +40,7 @@ from remote_controller.solvers.product_kernels import (
     gram,
     multiply,
 )
-from remote_controller.solvers.status import BAD_INPUT, BAD_SHAPE, OK, OUT_OF_RANGE
+from remote_controller.solvers.status import BAD_INPUT, BAD_SHAPE, INFEASIBLE, OK, OUT_OF_RANGE
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -246,6 +246,9 @@ def ghc_kernel(
     weighty = LEAST_WEIGHT <= w <= MAX and 0.0 <= smoothing <= MAX
     if not weighty or _unfit(jacobian, target, alpha, mass, bias, bounds):
         return BAD_INPUT, 0, 0, math.inf
+    for j in range(2 * n):
+        if lower[j] > upper[j]:
+            return INFEASIBLE, 0, 0, math.inf
     S, U, T, A, R = squares[0], squares[1], squares[2], squares[3], squares[4]
     qdd, tau, q0, pull, y = values[:n], values[n:], Z[n, :n], Z[n, n:], Z[n + 1, :n]
     g, away, vectors = Z[n + 1, n:], Z[n + 2, :n], Z[n + 3 : n + 6].reshape(6, n)[:5]
