@@ -126,9 +126,9 @@ class Ghc:
             w_r: ω_r ≥ 1e-8: its inverse stands beside the rest, and takes as many digits.
 
         Returns:
-            `status.OK`; `INFEASIBLE`: no q̈ that the tasks span satisfies the bounds, or one is above its
-            upper one; `UNSOLVED`:
-            the active set did not come to an end, which no problem is known to cause;
+            `status.OK`; `INFEASIBLE`: no q̈ that the tasks span satisfies the bounds, or a lower one
+            is above the upper one; `UNSOLVED`: the active set did not come to an end, which no
+            problem is known to cause;
             `OUT_OF_RANGE`: numbers so large that the answer overflows; `BAD_INPUT`: a value is not
             finite or outside its range; `BAD_SHAPE`.
 
