@@ -42,7 +42,9 @@ _config: Any = numba.config
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def kernel(signature: str, **options: Any) -> Callable[[Function], Function]:
+def kernel(
+    signature: str, *, superwords: bool = False, **options: Any
+) -> Callable[[Function], Function]:
     """Compile a function for one signature, now, or load it from the cache.
 
     The bits of its result depend on nothing but its arguments: no ``fastmath``, no ``parallel``.
@@ -51,6 +53,8 @@ def kernel(signature: str, **options: Any) -> Callable[[Function], Function]:
 
     Args:
         signature: numba's notation, such as ``"f8(f8[::1], f8)"``.
+        superwords: whether equal operations that stand beside each other become one vector
+            instruction, as loops do in any case. The bits are the same.
         options: further options of ``numba.njit``, such as ``nogil=True``.
 
     Raises:
@@ -63,12 +67,13 @@ def kernel(signature: str, **options: Any) -> Callable[[Function], Function]:
     def compiled(function: Function) -> Function:
         def build(cache: bool) -> Any:
             compile_now = numba.njit(signature, cache=cache, error_model="numpy", **options)
-            return compile_now(function)
+            with _configured(SLP_VECTORIZE=int(superwords)):
+                return compile_now(function)
 
         if CACHE_DIRECTORY is None:
             return cast(Function, build(cache=False))
         try:
-            with _cache_in(CACHE_DIRECTORY):
+            with _configured(CACHE_DIR=str(CACHE_DIRECTORY)):
                 return cast(Function, build(cache=True))
         except (OSError, EOFError, pickle.UnpicklingError):  # disk full, or a file cut off by it
             return cast(Function, build(cache=False))
@@ -153,14 +158,14 @@ def _remove(path: str, process: int) -> None:
 
 
 @contextmanager
-def _cache_in(directory: Path) -> Iterator[None]:
-    """Have numba keep what is compiled here in our directory, and other people's where it was."""
-    before = _config.CACHE_DIR
-    _config.CACHE_DIR = str(directory)
+def _configured(**values: Any) -> Iterator[None]:
+    """Have numba compile with these settings here, and other people's code with theirs."""
+    before = {name: getattr(_config, name) for name in values}
+    vars(_config).update(values)
     try:
         yield
     finally:
-        _config.CACHE_DIR = before
+        vars(_config).update(before)
 
 
 CACHE_DIRECTORY = cache_directory()

@@ -134,5 +134,41 @@ def bench_limits(
         show_missing(missing)
 
 
+@bench_app.command("hierarchy")
+def bench_hierarchy(
+    samples: Annotated[
+        int, typer.Option(min=10, help="Calls of each peer; ours is called 20 times as often.")
+    ] = 200,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="10 samples of 2 and 5 tasks: to see that it works.")
+    ] = False,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw time over tasks into this PNG, SVG or PDF.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Time hierarchies of 1 to 7 tasks for 7 and 32 joints, beside the plain program (13)."""
+    from tools.bench.hierarchy import QUICK_TASKS, TASKS, missing
+    from tools.bench.hierarchy import bench_hierarchy as measure
+    from tools.bench.plot import check_picture, plot_hierarchies
+    from tools.bench.show import show_hierarchies, show_missing
+    from tools.machine import machine_block
+    from tools.show import console
+
+    if plot is not None:
+        check_picture(plot)
+    machine = machine_block()
+    with console.status("") as status:
+        calls, tasks = (10, QUICK_TASKS) if quick else (samples, TASKS)
+        measured = measure(calls, tasks, report=status.update)
+    if plot is not None:
+        plot_hierarchies(measured, machine, plot)
+    if as_json:
+        _write({**measured, "missing": list(missing()), "machine": machine})
+    else:
+        show_hierarchies(measured, machine)
+        show_missing(missing())
+
+
 def _write(content: dict[str, Any]) -> None:
     sys.stdout.write(json.dumps(content, indent=2) + "\n")

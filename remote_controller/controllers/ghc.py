@@ -48,10 +48,6 @@ class RankedController(HierarchyController):
             return ()
         return tuple(f"alpha_{a}_{b}" for a in names for b in names)
 
-    def changeable(self) -> dict[str, Any]:
-        """The priorities as they are now."""
-        return {"priorities": self.importance.shown()}
-
     def count(self, out: FloatArray) -> None:
         """Write the matrix."""
         alpha = self.importance.alpha

@@ -62,11 +62,6 @@ class WeightedController(HierarchyController):
         """The weight of each task."""
         return tuple(f"weight_{name}" for name in names)
 
-    def changeable(self) -> dict[str, Any]:
-        """The weights as they are now."""
-        weights = dict(zip(self.importance.names, self.importance.value.tolist(), strict=True))
-        return {"weights": weights, "moving": self.importance.moving}
-
     def count(self, out: FloatArray) -> None:
         """Write the weights."""
         out[:] = self.importance.value

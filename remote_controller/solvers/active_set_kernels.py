@@ -19,14 +19,13 @@ from protocol.compilation import inlined, kernel
 from remote_controller.solvers.dense_kernels import (
     add,
     add_rows,
-    divide_rows,
     dot,
-    factorise,
     not_finite,
     rotate,
     solve_lower,
     solve_upper,
 )
+from remote_controller.solvers.product_kernels import divide_rows, factorise
 from remote_controller.solvers.status import BAD_INPUT, INFEASIBLE, OK, UNSOLVED
 
 Array = NDArray[np.float64]
@@ -116,7 +115,8 @@ def _first_to_go(count: int, size: float, R: Array, vectors: Array) -> tuple[int
 
 @kernel(
     "Tuple((i8, i8, i8))(f8[:,::1], f8[::1], f8[::1], f8[::1], f8[:,::1], f8[:,::1], f8[::1],"
-    " i8[::1], i8[::1], f8[::1])"
+    " i8[::1], i8[::1], f8[::1])",
+    superwords=True,
 )
 def active_set(  # noqa: PLR0912 - one loop inside the other, as in the paper
     Z: Array,
@@ -205,7 +205,8 @@ def active_set(  # noqa: PLR0912 - one loop inside the other, as in the paper
 
 @kernel(
     "Tuple((i8, i8))(f8[:,::1], f8[::1], f8[:,::1], f8[::1], f8[::1], f8[:,::1], f8[:,::1],"
-    " f8[::1], f8[::1])"
+    " f8[::1], f8[::1])",
+    superwords=True,
 )
 def bounded_values_kernel(
     H: Array,
@@ -256,7 +257,7 @@ def bounded_values_kernel(
             Z[k, n + j] = rows[j, k]
     for j in range(c):
         values[n + j] += dot(rows[j], f)
-    divide_rows(H, Z, scratch)
+    divide_rows(H, Z)
     status, count, _ = active_set(
         Z,
         values,

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocol.compilation import inlined, kernel
-from remote_controller.solvers.dense_kernels import add, dot, factorise, gram
+from remote_controller.solvers.dense_kernels import add, add_rows, dot
+from remote_controller.solvers.product_kernels import factorise, gram
 from remote_controller.solvers.projector_kernels import exact_basis, smooth_basis, sort_tasks
 
 Array = NDArray[np.float64]
@@ -31,15 +32,18 @@ def _is_identity(jacobian: Array) -> bool:
     if m != n:
         return False
     for i in range(n):
+        others = 0
         for j in range(n):
-            if jacobian[i, j] != (1.0 if i == j else 0.0):
-                return False
+            others += 1 if jacobian[i, j] != 0.0 else 0
+        if others != 1 or jacobian[i, i] != 1.0:
+            return False
     return True
 
 
 @kernel(
     "void(f8[:,::1], f8[::1], f8, i8, f8, f8[:,::1], f8[::1], f8[:,::1], f8[:,::1], f8[::1],"
-    " f8[::1])"
+    " f8[::1])",
+    superwords=True,
 )
 def _project_task(
     jacobian: Array,
@@ -65,24 +69,23 @@ def _project_task(
         C[a, a] += w
         C[a, m] = target[a]
     factorise(C, m, 0.0, scratch)
+    root = math.sqrt(w)
     for a in range(m):
         row = X[a]
         for i in range(n):
             row[i] = c * jacobian[a, i]
         for p in range(rank):
-            add(row, -D[p] * dot(B[p], jacobian[a]), B[p])
+            scratch[p] = -D[p] * dot(B[p], jacobian[a])
+        add_rows(row, scratch, B, 0, rank, 0)
         for before in range(a):
-            add(row, -C[before, a], X[before])
+            add(row, -root * C[before, a], X[before])
             C[a, m] -= C[before, a] * C[before, m]
         inverse = 1.0 / C[a, a]
+        C[a, m] *= inverse
+        inverse /= root
         for i in range(n):
             row[i] *= inverse
-        C[a, m] *= inverse
-        add(q0, C[a, m], row)
-    root = 1.0 / math.sqrt(w)
-    for a in range(m):
-        for i in range(n):
-            X[a, i] *= root
+        add(q0, root * C[a, m], row)
 
 
 @inlined
@@ -132,7 +135,8 @@ def _look(jacobian: Array, offsets: Indices, alpha: Array, closes: Indices, rise
 
 @kernel(
     "f8(f8[:,::1], i8[::1], f8[::1], f8[:,::1], f8, f8, f8[:,::1], f8[::1], f8[:,::1],"
-    " f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[::1], i8[:,::1])"
+    " f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[::1], i8[:,::1])",
+    superwords=True,
 )
 def condense(
     jacobian: Array,
@@ -234,5 +238,5 @@ def condense(
     for i in range(n):
         for j in range(i, n):
             S[i, j] = whole if i == j else 0.0
-    gram(S, -1.0, X, used, scratch)
+    gram(S, -1.0, X, used)
     return whole

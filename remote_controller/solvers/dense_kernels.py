@@ -68,47 +68,6 @@ def add_rows(target: Array, factors: Array, rows: Array, first: int, last: int, 
         add(target, factors[k], rows[k, start:])
 
 
-@kernel("void(f8[:,::1], f8, f8[:,::1], i8, f8[::1])")
-def gram(target: Array, sign: float, rows: Array, count: int, scratch: Array) -> None:
-    """Upper triangle of target += sign·rowsᵀ·rows, of the first `count` rows."""
-    n = target.shape[0]
-    for i in range(n):
-        for k in range(count):
-            scratch[k] = sign * rows[k, i]
-        add_rows(target[i, i:], scratch, rows, 0, count, i)
-
-
-@kernel("i8(f8[:,::1], i8, f8, f8[::1])")
-def factorise(A: Array, n: int, tolerance: float, scratch: Array) -> int:
-    """U with UᵀU = A in place of A's upper triangle; returns the rank.
-
-    A pivot up to `tolerance` times its entry of the diagonal is 0, and so is its row of U.
-
-    Args:
-        A: positive semidefinite, (n, n) or larger.
-        n: how many of its rows and columns count.
-        tolerance: 0 for a definite one.
-        scratch: (n,).
-    """
-    rank = 0
-    for i in range(n):
-        row, entry = A[i, i:n], A[i, i]
-        for k in range(i):
-            scratch[k] = -A[k, i]
-        add_rows(row, scratch, A, 0, i, i)
-        if row[0] > tolerance * entry:
-            root = math.sqrt(row[0])
-            inverse = 1.0 / root
-            for j in range(row.size):
-                row[j] *= inverse
-            row[0] = root
-            rank += 1
-        else:
-            for j in range(row.size):
-                row[j] = 0.0
-    return rank
-
-
 @kernel("void(f8[:,::1], f8, f8[:,::1])")
 def root_rows(W: Array, least: float, U: Array) -> None:
     """U with UᵀU = W, for a singular W: the largest pivot first, down to `least`.
@@ -152,18 +111,6 @@ def solve_upper(U: Array, b: Array) -> None:
     for q in range(n):
         k = n - 1 - q
         b[k] = (b[k] - dot(U[k, k + 1 : n], b[k + 1 :])) / U[k, k]
-
-
-@kernel("void(f8[:,::1], f8[:,::1], f8[::1])")
-def divide_rows(U: Array, rows: Array, scratch: Array) -> None:
-    """Replace the first n of the rows by U⁻ᵀ·rows; U regular, (n, n)."""
-    for i in range(U.shape[0]):
-        for k in range(i):
-            scratch[k] = -U[k, i]
-        row, inverse = rows[i], 1.0 / U[i, i]
-        add_rows(row, scratch, rows, 0, i, 0)
-        for j in range(row.size):
-            row[j] *= inverse
 
 
 @inlined

@@ -114,6 +114,8 @@ class Ghc:
     ) -> int:
         """Find q̈ and τ.
 
+        What is given must not be this solver's own answer: that is written while the rest is read.
+
         Args:
             jacobian: the tasks' rows, (m, n). Dependent and zero rows do no harm.
             targets: desired accelerations less drift, b, (m,).
@@ -124,8 +126,9 @@ class Ghc:
             w_r: ω_r ≥ 1e-8: its inverse stands beside the rest, and takes as many digits.
 
         Returns:
-            `status.OK`; `INFEASIBLE`: no q̈ that the tasks span satisfies the bounds; `UNSOLVED`:
-            the active set did not come to an end, which no problem is known to cause;
+            `status.OK`; `INFEASIBLE`: no q̈ that the tasks span satisfies the bounds, or a lower one
+            is above the upper one; `UNSOLVED`: the active set did not come to an end, which no
+            problem is known to cause;
             `OUT_OF_RANGE`: numbers so large that the answer overflows; `BAD_INPUT`: a value is not
             finite or outside its range; `BAD_SHAPE`.
 

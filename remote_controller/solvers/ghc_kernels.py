@@ -28,16 +28,19 @@ from remote_controller.solvers.dense_kernels import (
     MAX,
     add,
     add_rows,
-    divide_rows,
     dot,
-    factorise,
-    gram,
     not_finite,
     root_rows,
     solve_lower,
     solve_upper,
 )
-from remote_controller.solvers.status import BAD_INPUT, BAD_SHAPE, OK, OUT_OF_RANGE
+from remote_controller.solvers.product_kernels import (
+    divide_rows,
+    factorise,
+    gram,
+    multiply,
+)
+from remote_controller.solvers.status import BAD_INPUT, BAD_SHAPE, INFEASIBLE, OK, OUT_OF_RANGE
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -48,6 +51,12 @@ WELL_APART = 1e-9  # of the diagonal of S: pivots above need no order
 ROUNDING = 1e-12  # of what S is a difference from: pivots above are no rounding
 SINGULAR = 1e-14  # of the same: a pivot up to that is 0
 SMALLEST = 1e-6  # rad/s²: accelerations below it count as that much
+
+
+@inlined
+def _clear(values: Array) -> None:
+    for j in range(values.size):
+        values[j] = 0.0
 
 
 @inlined
@@ -65,7 +74,8 @@ def _torques(M: Array, qdd: Array, bias: Array, tau: Array) -> None:
 
 @kernel(
     "f8(f8[:,::1], f8[::1], f8[:,::1], f8[::1], f8, f8[::1], f8[::1], f8[::1], f8[::1], f8[::1],"
-    " f8[::1])"
+    " f8[::1])",
+    superwords=True,
 )
 def optimality(
     S: Array,
@@ -132,9 +142,9 @@ def _unfit(
 
 @inlined
 def _factor(
-    S: Array, whole: float, mass: Array, U: Array, W: Array, Z: Array, scratch: Array
+    S: Array, whole: float, mass: Array, U: Array, L: Array, T: Array, scratch: Array
 ) -> None:
-    """Write U with UᵀU = S, and the rows [U | U M] of Z. W is scratch, (n, n)."""
+    """Write U with UᵀU = S, its transpose L, and T = M L."""
     n = S.shape[0]
     for i in range(n):
         for j in range(n):
@@ -145,63 +155,51 @@ def _factor(
     if not regular:
         for i in range(n):
             for j in range(n):
-                W[i, j] = S[i, j] if j >= i else S[j, i]
-        root_rows(W, SINGULAR * whole, U)
-    for k in range(n):
-        row = Z[k, n:]
-        for i in range(n):
-            Z[k, i] = U[k, i]
-            row[i] = 0.0
-        add_rows(row, U[k], mass, k if regular else 0, n, 0)
+                T[i, j] = S[i, j] if j >= i else S[j, i]
+        root_rows(T, SINGULAR * whole, U)
+    for i in range(n):
+        for j in range(n):
+            L[j, i] = U[i, j]
+    multiply(T, mass, L, regular)
 
 
-@kernel(
-    "void(f8[:,::1], f8, f8[:,::1], f8, f8[::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1],"
-    " f8[::1], f8[::1], f8[::1])"
-)
+@inlined
 def _free_optimum(
-    S: Array,
-    whole: float,
-    mass: Array,
-    w: float,
-    pull: Array,
-    U: Array,
-    T: Array,
-    A: Array,
-    Z: Array,
-    y: Array,
-    scratch: Array,
-    qdd: Array,
+    U: Array, T: Array, w: float, pull: Array, A: Array, y: Array, scratch: Array, qdd: Array
 ) -> None:
     """Add Uᵀy to q̈ = q₀, with (I + w TᵀT) y = −w Tᵀ·pull and pull = M q₀ + n − o.
 
-    A becomes the factor of that matrix, Z its rows [U | U M].
+    A becomes the factor of that matrix.
     """
     n = qdd.size
-    _factor(S, whole, mass, U, A, Z, scratch)
     for i in range(n):
+        scratch[i] = -w * pull[i]
         for j in range(n):
-            T[j, i] = Z[i, n + j]
             A[i, j] = 1.0 if i == j else 0.0
-    gram(A, w, T, n, scratch)
+    _clear(y)
+    add_rows(y, scratch, T, 0, n, 0)
+    gram(A, w, T, n)
     factorise(A, n, 0.0, scratch)
-    for k in range(n):
-        y[k] = -w * dot(Z[k, n:], pull)
     solve_lower(A, y)
     solve_upper(A, y)
     add_rows(qdd, y, U, 0, n, 0)
 
 
 @inlined
-def _clear(values: Array) -> None:
-    for j in range(values.size):
-        values[j] = 0.0
+def _normals(U: Array, T: Array, Z: Array) -> None:
+    """Write the rows [U | Tᵀ] of Z."""
+    n = U.shape[0]
+    for i in range(n):
+        for j in range(n):
+            Z[i, j] = U[i, j]
+            Z[i, n + j] = T[j, i]
 
 
 @kernel(
     "Tuple((i8, i8, i8, f8))(f8[:,::1], i8[::1], f8[::1], f8[:,::1], f8[:,::1], f8[::1], f8, i8,"
     " f8, f8[:,::1], f8[:,:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[::1],"
-    " i8[:,::1], f8[:,::1])"
+    " i8[:,::1], f8[:,::1])",
+    superwords=True,
 )
 def ghc_kernel(
     jacobian: Array,
@@ -248,6 +246,9 @@ def ghc_kernel(
     weighty = LEAST_WEIGHT <= w <= MAX and 0.0 <= smoothing <= MAX
     if not weighty or _unfit(jacobian, target, alpha, mass, bias, bounds):
         return BAD_INPUT, 0, 0, math.inf
+    for j in range(2 * n):
+        if lower[j] > upper[j]:
+            return INFEASIBLE, 0, 0, math.inf
     S, U, T, A, R = squares[0], squares[1], squares[2], squares[3], squares[4]
     qdd, tau, q0, pull, y = values[:n], values[n:], Z[n, :n], Z[n, n:], Z[n + 1, :n]
     g, away, vectors = Z[n + 1, n:], Z[n + 2, :n], Z[n + 3 : n + 6].reshape(6, n)[:5]
@@ -277,14 +278,16 @@ def ghc_kernel(
         pull[i] += offset * bias[i]
         state[i], state[n + i] = 0, 0
     if mode != NONE:
-        _free_optimum(S, whole, mass, w, pull, U, T, A, Z, y, scratch, qdd)
+        _factor(S, whole, mass, U, R, T, scratch)
+        _free_optimum(U, T, w, pull, A, y, scratch, qdd)
     _torques(mass, qdd, bias, tau)
     status, count, rounds = OK, 0, 0
     if most_violated(values, lower, upper, state) >= 0:
         if mode == NONE:
-            _factor(S, whole, mass, U, A, Z, scratch)
-        else:
-            divide_rows(A, Z, scratch)
+            _factor(S, whole, mass, U, R, T, scratch)
+        _normals(U, T, Z)
+        if mode != NONE:
+            divide_rows(A, Z[:n])
         status, count, rounds = active_set(
             Z[:n], values, lower, upper, R, vectors, scratch[: 2 * n], active, state, multipliers
         )

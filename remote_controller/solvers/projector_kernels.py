@@ -33,6 +33,7 @@ from protocol.compilation import inlined, kernel
 from remote_controller.solvers.dense_kernels import (
     MAX,
     add,
+    add_rows,
     dot,
     eigenvectors,
     not_finite,
@@ -50,8 +51,11 @@ DROPPED = 1e-30  # of a projector's eigenvalue
 
 
 @inlined
-def _extend(row: Array, B: Array, rank: int) -> bool:
-    """Write what of a row is orthogonal to the first `rank` rows of B behind them, normalised."""
+def _extend(row: Array, B: Array, rank: int, along: Array) -> bool:
+    """Write what of a row is orthogonal to the first `rank` rows of B behind them, normalised.
+
+    All projections at once, and once more where little is left (classical Gram and Schmidt twice).
+    """
     n, fresh, top = row.size, B[rank], 0.0
     for i in range(n):
         fresh[i] = row[i]
@@ -65,7 +69,8 @@ def _extend(row: Array, B: Array, rank: int) -> bool:
     left = whole
     for _ in range(2):
         for p in range(rank):
-            add(fresh, -dot(fresh, B[p]), B[p])
+            along[p] = -dot(fresh, B[p])
+        add_rows(fresh, along, B, 0, rank, 0)
         left = dot(fresh, fresh)
         if rank == 0 or left > SURE * SURE * whole:
             break
@@ -106,7 +111,8 @@ def sort_tasks(alpha: Array, closes: Indices, rise: Array, order: Indices) -> in
 
 @kernel(
     "Tuple((i8, f8))(f8[:,::1], i8[::1], i8[::1], f8[::1], i8[::1], i8, i8, f8[:,::1], f8[::1],"
-    " i8[::1])"
+    " i8[::1])",
+    superwords=True,
 )
 def exact_basis(
     jacobian: Array,
@@ -130,7 +136,7 @@ def exact_basis(
         order, count: of `sort_tasks`.
         common: so many tasks at the beginning of the order have their rows in B already.
         B: (m + 1, n).
-        D: (m,).
+        D: (m,); scratch until then.
         ranks: how many rows of B the first so many tasks have, (k + 1,); ranks[0] = 0.
     """
     n, base, rank = jacobian.shape[1], 0.0, ranks[common]
@@ -141,7 +147,7 @@ def exact_basis(
             break
         if t >= common:
             for row in range(offsets[j], offsets[j + 1]):
-                if rank < n and _extend(jacobian[row], B, rank):
+                if rank < n and _extend(jacobian[row], B, rank, D):
                     rank += 1
             ranks[t + 1] = rank
     for t in range(count):
@@ -176,7 +182,8 @@ def _smooth_level(
 
 @kernel(
     "Tuple((i8, f8))(f8[:,::1], i8[::1], i8[::1], f8[::1], f8, i8[::1], i8, i8[::1], f8[:,::1],"
-    " f8[::1], f8[:,::1], f8[:,::1], f8[:,::1])"
+    " f8[::1], f8[:,::1], f8[:,::1], f8[:,::1])",
+    superwords=True,
 )
 def smooth_basis(
     jacobian: Array,

@@ -18,7 +18,7 @@ def column(done: Simulation, name: str) -> np.ndarray:
 
 def test_the_highest_task_comes_to_its_target_though_others_contradict_it():
     order = {"order": ["hand", "elbow", "posture"]}
-    done = simulate("lwr", content("ghc", priorities=order), 6.5)
+    done = simulate("lwr_weightless", content("ghc", priorities=order), 6.5)
     assert column(done, "error_hand")[0] > 0.4
     assert column(done, "error_hand")[-1] < 1e-4
     assert column(done, "error_elbow")[-1] == pytest.approx(0.46, rel=0.15)  # Table 1
@@ -38,7 +38,7 @@ def test_torques_speeds_and_positions_stay_within_bounds():
         "timeline": [{"at_s": 1.5, "order": ["elbow", "hand"], "over_s": 0.05}],
     }
     changes = {"tasks": tasks, "bounds": limits, "priorities": priorities}
-    done = simulate("lwr", content("ghc", **changes), 3.0)
+    done = simulate("lwr_weightless", content("ghc", **changes), 3.0)
     torques, states = done.setpoints["values"], done.states
     assert np.abs(torques).max() <= 1.5 + 1e-6
     assert np.abs(torques).max() == pytest.approx(1.5)  # and they did hold something back
@@ -55,7 +55,7 @@ def test_a_moving_target_is_followed_with_its_acceleration():
     tasks[0] |= {"target": eight, "kp": 100.0}
     order = {"order": ["hand", "elbow", "posture"]}
     changes = {"tasks": tasks, "priorities": order, "regularise": "none", "w_r": 1e-6}
-    done = simulate("lwr", content("ghc", **changes), 3.0)
+    done = simulate("lwr_weightless", content("ghc", **changes), 3.0)
     assert column(done, "error_hand")[1500:].max() < 1e-4  # without, 4e-3
 
 
@@ -79,7 +79,7 @@ def test_a_transition_makes_torques_move_smoothly():
     for over in (0.0, 0.4):
         change = {"at_s": 0.8, "order": ["elbow", "hand"], "over_s": over}
         priorities = {"order": ["hand", "elbow", "posture"], "timeline": [change]}
-        done = simulate("lwr", content("ghc", priorities=priorities), 1.5)
+        done = simulate("lwr_weightless", content("ghc", priorities=priorities), 1.5)
         torques = np.abs(np.diff(done.setpoints["values"], axis=0)).max(axis=1)
         steps[over] = torques[790:].max()
         alpha = column(done, "alpha_elbow_hand")

@@ -221,6 +221,32 @@ class TestErrors:
         with pytest.raises(InfeasibleError, match="no acceleration that the tasks span"):
             ghc(**good, qdd_lower=[1.0, 1.0], tau_upper=[0.5, 9.0])
 
+    @pytest.mark.parametrize("of", ["qdd", "tau"])
+    def test_a_lower_bound_above_the_upper_one_has_no_answer(self, good, of):
+        solver = Ghc([1, 2], 2)
+        getattr(solver, f"{of}_lower")[1], getattr(solver, f"{of}_upper")[1] = 1.0, -1.0
+        stack = np.vstack(good["jacobians"]), np.array([1.0, 0, 0])
+        rest = np.array(good["alpha"], float), np.eye(2), np.zeros(2), 1e-2
+        assert solver.solve(*stack, *rest) == codes.INFEASIBLE
+        assert not solver.qdd.any()
+        assert solver.kkt_residual == np.inf
+
+    def test_as_many_bounds_hold_as_there_are_joints(self):
+        """Equations for all joints, and once more for all torques: nothing is left to move."""
+        it = hierarchy(3, n=9, k=4)
+        it.bounds = tuple(s * np.full(9, np.inf) for s in (-1, 1, -1, 1))
+        it.jacobians[-1], it.targets[-1] = np.eye(9), np.ones(9)
+        it.alpha = np.tril(np.ones((4, 4)), -1)
+        q = 0.5 * ghc(*it.arguments)[0]
+        tau = it.M @ q + it.bias
+        it.bounds = q, q, tau, tau
+        solver, status = solver_for(it)
+        assert status == codes.OK
+        assert solver.active == 9
+        np.testing.assert_allclose(solver.qdd, q, atol=1e-12)
+        it.bounds = q, q, tau + 1e-3, tau + 1e-3
+        assert solver_for(it)[1] == codes.INFEASIBLE
+
     def test_unknown_regularisation(self, good):
         with pytest.raises(UnknownNameError, match="gravity_compensated"):
             ghc(**good, regularise="gravity")
@@ -235,7 +261,13 @@ class TestErrors:
         assert not solver.qdd.any()
         assert solver.solve(stack[0][:2], stack[1], *rest) == codes.BAD_SHAPE
         assert solver.kkt_residual == np.inf
-        with pytest.raises(BadProblemError, match="float64"):
-            solver.solve(stack[0].astype(int), stack[1], *rest)
         with pytest.raises(BadProblemError, match="one row or more"):
             Ghc([0], 2)
+
+    def test_wrong_arrays_are_refused(self, good):
+        solver, stack = Ghc([1, 2], 2), np.vstack(good["jacobians"])
+        rest = np.array([1.0, 0, 0]), np.array(good["alpha"], float), np.eye(2), np.zeros(2), 1e-2
+        assert solver.solve(stack, *rest) == codes.OK
+        with pytest.raises(BadProblemError, match="float64"):
+            solver.solve(stack.astype(int), *rest)
+        assert solver.kkt_residual == np.inf

@@ -243,6 +243,28 @@ class TestKernel:
         with pytest.raises(TypeError):
             sys.modules["tiny_kernels"].quadruple("3")
 
+    def test_makes_vectors_of_neighbours_for_whoever_asks_and_leaves_the_setting(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        seen: list[int] = []
+        real = numba.njit
+
+        def watched(*given: object, **options: object) -> object:
+            def compile_now(function: object) -> object:
+                seen.append(numba.config.SLP_VECTORIZE)
+                return real(*given, **options)(function)
+
+            return compile_now
+
+        monkeypatch.setattr(compilation, "CACHE_DIRECTORY", None)
+        monkeypatch.setattr(numba, "njit", watched)
+        before = numba.config.SLP_VECTORIZE
+        for superwords in (True, False):
+            twice = compilation.kernel("f8(f8)", superwords=superwords)(lambda x: 2.0 * x)
+            assert twice(3.0) == 6.0
+        assert seen == [1, 0]
+        assert before == numba.config.SLP_VECTORIZE
+
     @pytest.mark.parametrize("option", ["fastmath", "parallel"])
     def test_refuses_options_that_change_bits(self, option: str) -> None:
         with pytest.raises(TypeError, match=option):

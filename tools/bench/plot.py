@@ -1,4 +1,4 @@
-"""The picture of `hoap3 bench scaling`: time over joints, both logarithmic."""
+"""The pictures of `hoap3 bench scaling` and `bench hierarchy`: time over size, logarithmic."""
 
 from __future__ import annotations
 
@@ -52,6 +52,47 @@ def plot_scaling(measured: dict[str, Any], machine: dict[str, Any], path: Path) 
     axes.grid(which="both", alpha=0.25)
     title = f"slopes from {FIT_FROM} joints on"
     axes.legend(loc="upper left", fontsize=9, title=title, title_fontsize=9)
+    _write(figure, path)
+
+
+def plot_hierarchies(measured: dict[str, Any], machine: dict[str, Any], path: Path) -> None:
+    """Draw what `bench_hierarchy` gives: a panel a robot, a line a solver and case, over tasks.
+
+    Raises:
+        ConfigError: the picture cannot be written.
+    """
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    check_picture(path)
+    rows = [row for row in measured["rows"] if row["times_ghc"] is not None]
+    robots = list(dict.fromkeys((row["robot"], row["n"]) for row in rows))
+    figure = Figure(figsize=(5 * len(robots), 5), layout="constrained")
+    panels = figure.subplots(1, len(robots), sharey=True, squeeze=False)[0]
+    colours: dict[str, str] = {}
+    for axes, (robot, n) in zip(panels, robots, strict=True):
+        own = [row for row in rows if row["robot"] == robot]
+        for solver, case in dict.fromkeys((row["solver"], row["case"]) for row in own):
+            points = [
+                (row["tasks"], row["p50_us"])
+                for row in own
+                if (row["solver"], row["case"]) == (solver, case)
+            ]
+            colour = colours.setdefault(solver, f"C{len(colours)}")
+            line, label = ("-" if case == "free" else "--"), f"{solver}, {case}"
+            axes.semilogy(
+                *zip(*points, strict=True), line, color=colour, marker="o", ms=4, label=label
+            )
+        axes.set_title(f"{robot}, {n} joints", size=10)
+        axes.set_xlabel("tasks")
+        axes.set_xticks(sorted({row["tasks"] for row in own}))
+        axes.grid(which="both", alpha=0.25)
+    panels[0].set_ylabel("median time of a call from Python [µs]")
+    panels[0].legend(loc="upper left", fontsize=9)
+    figure.suptitle(f"{machine['processor']}, kernel {machine['kernel']}", size=10)
+    _write(figure, path)
+
+
+def _write(figure: Any, path: Path) -> None:
     try:
         figure.savefig(path, dpi=150)
     except OSError as error:

@@ -81,6 +81,35 @@ def show_scaling(measured: dict[str, Any], machine: dict[str, Any]) -> None:
     _show_machine(machine)
 
 
+def show_hierarchies(measured: dict[str, Any], machine: dict[str, Any]) -> None:
+    """Print what `bench_hierarchy` gives, a row a solver, and the ratios below."""
+    table = Table(title="us per call, single calls; hierarchies of tasks", box=None)
+    figures = ("min_us", "p50_us", "p99_us")
+    for name in ("solver", "robot", "tasks", "case", "samples", *figures, "times_ghc", "active"):
+        justify: Any = "left" if name in {"solver", "robot", "case"} else "right"
+        table.add_column(name.removesuffix("_us"), justify=justify)
+    for row in measured["rows"]:
+        times, active = row["times_ghc"], row["active_mean"]
+        table.add_row(
+            row["solver"],
+            row["robot"],
+            str(row["tasks"] or ""),
+            row["case"],
+            str(row["samples"]),
+            *(f"{row[name]:.1f}" for name in figures),
+            "" if times is None else f"{times:.1f}",
+            "" if active is None else f"{active:.1f}",
+        )
+    console.print(table)
+    for row in measured["ratios"]:
+        console.print(
+            f"{row['robot']}, {row['tasks']} tasks, {row['case']}: {row['best_peer']} takes "
+            f"{row['times_ghc']:.0f} times as long, of the shortest calls "
+            f"{row['times_ghc_min']:.0f} times."
+        )
+    _show_machine(machine)
+
+
 def show_sampling(found: dict[str, Any]) -> None:
     """Say how long Algorithm 4 took."""
     paper = found["paper_seconds"]

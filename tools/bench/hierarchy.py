@@ -1,0 +1,180 @@
+"""`hoap3 bench hierarchy`: generalized hierarchical control beside (13) as it is printed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from remote_controller.solvers import Ghc
+from tools.bench.hierarchy_problems import (
+    FRAMES,
+    PEERS,
+    W_R,
+    Moment,
+    Problem,
+    bounds,
+    hierarchies,
+    moments,
+    program,
+)
+from tools.bench.timing import Contender, Times, race
+
+Array = NDArray[np.float64]
+Limits = tuple[Array, Array] | None
+
+TASKS = (1, 2, 3, 4, 5, 6, 7)
+QUICK_TASKS = (2, 5)
+HEADLINE = 5
+"""Tasks of the headline, and of the row with priorities of all kinds."""
+
+OURS = "ghc"
+ALONE = 20
+"""Ours is timed once more, alone, so many times as often: peers take milliseconds."""
+
+BLOCKS = 20
+PAPER_MS = {"lwr": 2.7, "humanoid32": 88.0}
+"""Five tasks in the paper, with robots of as many joints, on the authors' machine."""
+
+
+def bench_hierarchy(
+    samples: int = 200,
+    tasks: Sequence[int] = TASKS,
+    robots: Sequence[str] = tuple(FRAMES),
+    report: Callable[[str], None] = lambda _: None,
+) -> dict[str, Any]:
+    """Time `Ghc` and its peers on the same problems, in turn.
+
+    Args:
+        samples: single calls of each peer; ours is called `ALONE` times as often.
+        tasks: numbers of tasks.
+        robots: keys of `FRAMES`.
+        report: is told what is timed next.
+
+    Returns:
+        `rows`, and `ratios`, {robot, n, case, tasks, best_peer, times_ghc, times_ghc_min} of
+        `HEADLINE` tasks.
+    """
+    rows = []
+    for robot in robots:
+        walk = moments(robot)
+        for case in ("free", "bounded"):
+            for k in tasks:
+                report(f"{robot}, {k} tasks, {case}")
+                rows += _rows(robot, case, hierarchies(walk, k), k, samples)
+            if HEADLINE in tasks:
+                rows += _mixed(robot, case, walk, samples)
+    return {"rows": rows, "ratios": ratios(rows)}
+
+
+def missing() -> dict[str, str]:
+    """Peers that are not installed, and their packages."""
+    return {name: name for name in PEERS if find_spec(name) is None}
+
+
+def ratios(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """How many times as long as ours the quickest peer takes, for `HEADLINE` tasks."""
+    found: dict[tuple[str, str], dict[str, Any]] = {}
+    for row in rows:
+        if row["solver"] in PEERS and row["tasks"] == HEADLINE:
+            key = row["robot"], row["case"]
+            if key not in found or row["times_ghc"] < found[key]["times_ghc"]:
+                wanted = ("robot", "n", "case", "tasks", "times_ghc", "times_ghc_min")
+                found[key] = {"best_peer": row["solver"]} | {name: row[name] for name in wanted}
+    return list(found.values())
+
+
+def _rows(
+    robot: str, case: str, problems: list[Problem], k: int, samples: int
+) -> list[dict[str, Any]]:
+    call, given, told = _ours(problems, case == "bounded")
+    ours = Contender(OURS, call, given)
+    programs = [program(*each) for each in given]
+    absent = missing()
+    peers = {name: make() for name, make in PEERS.items() if name not in absent}
+    others = [Contender(name, peer, [(it,) for it in programs]) for name, peer in peers.items()]
+    beside = race([ours, *others], samples, BLOCKS, batches=False)
+    alone = race([ours], ALONE * samples, batches=False)[OURS]
+    common = {"robot": robot, "n": problems[0].bias.size, "tasks": k, "case": case}
+    least = float(beside[OURS].single.min())
+    found = [_row(OURS, common, alone, 1.0, 1.0) | told]
+    for name, peer in peers.items():
+        pairs = zip(given, programs, strict=True)
+        worst = max(_error(call(*each).copy(), it.motion @ peer(it)) for each, it in pairs)
+        taken = beside[name]
+        times = taken.times(beside[OURS]), float(taken.single.min()) / least
+        found.append(_row(name, common, taken, *times) | {"worst_error": worst})
+    return found
+
+
+def _mixed(robot: str, case: str, walk: list[Moment], samples: int) -> list[dict[str, Any]]:
+    """Ours once more, with every priority somewhere between 0 and 1."""
+    call, given, told = _ours(hierarchies(walk, HEADLINE, seed=1), case == "bounded")
+    name = f"{OURS}, mixed"
+    taken = race([Contender(name, call, given)], ALONE * samples, batches=False)[name]
+    common = {"robot": robot, "n": walk[0].bias.size, "tasks": HEADLINE, "case": case}
+    return [_row(name, common, taken, None, None) | told]
+
+
+def _row(
+    name: str,
+    common: dict[str, Any],
+    taken: Times,
+    times: float | None,
+    times_min: float | None,
+) -> dict[str, Any]:
+    paper = name == OURS and common["case"] == "free" and common["tasks"] == HEADLINE
+    return {
+        "solver": name,
+        **common,
+        **taken.figures(),
+        "times_ghc": times,
+        "times_ghc_min": times_min,
+        "worst_error": None,
+        "worst_residual": None,
+        "active_mean": None,
+        "active_max": None,
+        "paper": {"mean_us": 1e3 * PAPER_MS[common["robot"]]} if paper else None,
+    }
+
+
+def _ours(
+    problems: list[Problem], bounded: bool
+) -> tuple[Callable[..., Array], list[tuple[Problem, Limits]], dict[str, Any]]:
+    """Our solver as a loop calls it, what with, and what its answers are like."""
+    solver = Ghc(problems[0].sizes, problems[0].bias.size)
+
+    def call(it: Problem, most: Limits) -> Array:
+        if most is not None:
+            solver.qdd_upper[:], solver.tau_upper[:] = most
+            np.negative(most[0], solver.qdd_lower)
+            np.negative(most[1], solver.tau_lower)
+        solver.solve(it.jacobian, it.targets, it.alpha, it.mass, it.bias, W_R)
+        answer: Array = solver.qdd
+        return answer
+
+    given: list[tuple[Problem, Limits]] = []
+    for each in problems:
+        free = call(each, None)
+        given.append((each, bounds(each, free, solver.tau) if bounded else None))
+    told = []
+    for each, most in given:
+        call(each, most)
+        told.append((solver.active, solver.kkt_residual))
+        solver.qdd_upper[:] = solver.tau_upper[:] = math.inf
+        solver.qdd_lower[:] = solver.tau_lower[:] = -math.inf
+    active, residuals = zip(*told, strict=True)
+    said = {
+        "active_mean": float(np.mean(active)),
+        "active_max": max(active),
+        "worst_residual": max(residuals),
+    }
+    return call, given, said
+
+
+def _error(found: Array, right: Array) -> float:
+    return float(np.abs(found - right).max() / np.abs(right).max())
