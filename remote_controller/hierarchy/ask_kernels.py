@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from protocol.compilation import kernel
 from protocol.messages import FloatArray
 from remote_controller.controllers.tsid_kernels import AT_HALF_A_TURN, aim
-from remote_controller.solvers.dense_kernels import dot, factorise, solve_lower
+from remote_controller.solvers.dense_kernels import dot, solve_lower
+from remote_controller.solvers.product_kernels import factorise
 
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
