@@ -76,8 +76,8 @@ class GhcVelocityController(VelocityController):
     def __init__(
         self, description: RobotDescription, parameters: settings.Parameters, file: str = "config"
     ) -> None:
-        from remote_controller.controllers.ghc_velocity_kernels import (  # noqa: PLC0415 - compiles
-            velocity_bounds,
+        from remote_controller.controllers import (  # noqa: PLC0415 - compiles
+            ghc_velocity_kernels as kernels,
         )
 
         self.priorities = _priorities(parameters, file)
@@ -99,7 +99,8 @@ class GhcVelocityController(VelocityController):
         ]
         self._weight = parameters.regularisation
         self._mass, self._bias = np.eye(n), np.zeros(n)
-        self._velocity_bounds = velocity_bounds
+        self._aim, self._cut = kernels.aim, kernels.cut
+        self._velocity_bounds = kernels.velocity_bounds
         self._bounds = parameters.bounds.limits(description, file)
         self._lower, self._upper = self._solver.qdd_lower, self._solver.qdd_upper
         self.u, self._dq, self._before, self._next = np.zeros((4, n))
@@ -161,7 +162,7 @@ class GhcVelocityController(VelocityController):
             top = unsurpassed(priorities.alpha).tolist()
             self._top = [task for task, is_top in zip(self.functions, top, strict=True) if is_top]
             self._stale = False
-        noted = self._aim(now)
+        noted = self._look(now)
         command.stamp_kinematics = self.now()
         found = solver.solve(
             self._jacobian,
@@ -172,8 +173,9 @@ class GhcVelocityController(VelocityController):
             self._weight,
         )
         # where there is no answer, as near to rest as the bounds allow
-        np.maximum(solver.qdd if found == status.OK else 0.0, self._lower, out=self.u)
-        np.minimum(self.u, self._upper, out=self.u)
+        command.margin = self._cut(
+            solver.qdd, float(found == status.OK), self._lower, self._upper, self.u
+        )
         self.present = (
             noted
             | (INFEASIBLE if found == status.INFEASIBLE else 0)
@@ -199,17 +201,16 @@ class GhcVelocityController(VelocityController):
             state.reference, self._dq, self._bounds, self._dt, self._lower, self._upper
         )
 
-    def _aim(self, now: float) -> int:
+    def _look(self, now: float) -> int:
         """Stack the tasks' Jacobians and wanted velocities; log their errors; their statuses."""
         extra, noted, k = self.command.extra, 0, len(self.functions)
         for place, (function, gain, (jacobian, wanted)) in enumerate(
             zip(self.functions, self._gains, self._rows, strict=True)
         ):
             function.update(self.kinematics, now)
-            jacobian[:] = function.jacobian
-            np.multiply(function.error, -gain, out=wanted)
-            np.subtract(wanted, function.error_rate, out=wanted)
-            extra[place] = np.sqrt(function.error @ function.error)
+            extra[place] = self._aim(
+                function.error, function.error_rate, function.jacobian, gain, wanted, jacobian
+            )
             if function.status:
                 noted |= 1 << (len(CONDITIONS) + function.status - 1)
         if len(extra) > k:
@@ -224,7 +225,6 @@ class GhcVelocityController(VelocityController):
             V += function.value
             rate += function.rate + float(function.gradient @ self.u)
         command.v, command.v_rate_predicted, command.v_rate_required = V, rate, 0.0
-        command.margin = float(min((self._upper - self.u).min(), (self.u - self._lower).min()))
         command.fallback = FALLBACKS.get(found, GAVE_UP)
         command.solver_path = BOUNDED if solver.active else FREE
         if found != status.OK or not np.isfinite(V + rate):

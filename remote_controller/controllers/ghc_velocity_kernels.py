@@ -1,6 +1,8 @@
-"""Compiled: the joint velocities that a position-commanded robot can follow in the next period."""
+"""Compiled: what tasks want, and which joint velocities a robot can follow in the next period."""
 
 from __future__ import annotations
+
+import math
 
 from protocol.compilation import kernel
 from protocol.messages import FloatArray
@@ -41,3 +43,43 @@ def velocity_bounds(
         if least > most:  # too fast to stop in time as gently as that
             least = most = most if v > 0.0 else least
         lower_out[i], upper_out[i] = least, most
+
+
+@kernel("f8(f8[:], f8[:], f8[:,:], f8, f8[::1], f8[:,::1])")
+def aim(
+    error: FloatArray,
+    error_rate: FloatArray,
+    jacobian: FloatArray,
+    gain: float,
+    wanted_out: FloatArray,
+    jacobian_out: FloatArray,
+) -> float:
+    """Write the velocity that a task wants, −g·e − ∂e/∂t, and copy its Jacobian.
+
+    Args:
+        error, error_rate, jacobian: e (m,), ∂e/∂t (m,) and ∂e/∂q (m, n).
+        gain: g [1/s].
+        wanted_out, jacobian_out: written, (m,) and (m, n).
+
+    Returns:
+        |e|.
+    """
+    square = 0.0
+    for row in range(error.size):
+        square += error[row] * error[row]
+        wanted_out[row] = -gain * error[row] - error_rate[row]
+        for i in range(jacobian.shape[1]):
+            jacobian_out[row, i] = jacobian[row, i]
+    return math.sqrt(square)
+
+
+@kernel("f8(f8[::1], f8, f8[::1], f8[::1], f8[::1])")
+def cut(
+    dq: FloatArray, share: float, lower: FloatArray, upper: FloatArray, out: FloatArray
+) -> float:
+    """Write share·dq, cut to bounds, all (n,); the least distance from one of them."""
+    margin = math.inf
+    for i in range(dq.size):
+        out[i] = min(max(share * dq[i], lower[i]), upper[i])
+        margin = min(margin, out[i] - lower[i], upper[i] - out[i])
+    return margin

@@ -69,7 +69,7 @@ def test_list_knows_what_can_be_named() -> None:
     assert set(found["curves"]) >= {"ellipse", "joint_ellipse"}
     people = inside("list")
     assert people.stdout == ""
-    assert "controllers: joint_acceleration, osqp, pinv, qp12" in people.stderr
+    assert "joint_acceleration, osqp, pinv, qp12" in people.stderr
 
 
 @pytest.mark.parametrize("name", ["hoap3", "baxter", "qp12", "pinv", "osqp", "tsid"])
