@@ -18,7 +18,7 @@ def column(done: Simulation, name: str) -> np.ndarray:
 
 def test_the_highest_task_comes_to_its_target_though_others_contradict_it():
     order = {"order": ["hand", "elbow", "posture"]}
-    done = simulate("lwr", content("ghc", priorities=order), 6.5)
+    done = simulate("lwr_weightless", content("ghc", priorities=order), 6.5)
     assert column(done, "error_hand")[0] > 0.4
     assert column(done, "error_hand")[-1] < 1e-4
     assert column(done, "error_elbow")[-1] == pytest.approx(0.46, rel=0.15)  # Table 1
@@ -38,7 +38,7 @@ def test_torques_speeds_and_positions_stay_within_bounds():
         "timeline": [{"at_s": 1.5, "order": ["elbow", "hand"], "over_s": 0.05}],
     }
     changes = {"tasks": tasks, "bounds": limits, "priorities": priorities}
-    done = simulate("lwr", content("ghc", **changes), 3.0)
+    done = simulate("lwr_weightless", content("ghc", **changes), 3.0)
     torques, states = done.setpoints["values"], done.states
     assert np.abs(torques).max() <= 1.5 + 1e-6
     assert np.abs(torques).max() == pytest.approx(1.5)  # and they did hold something back
@@ -55,14 +55,14 @@ def test_a_moving_target_is_followed_with_its_acceleration():
     tasks[0] |= {"target": eight, "kp": 100.0}
     order = {"order": ["hand", "elbow", "posture"]}
     changes = {"tasks": tasks, "priorities": order, "regularise": "none", "w_r": 1e-6}
-    done = simulate("lwr", content("ghc", **changes), 3.0)
+    done = simulate("lwr_weightless", content("ghc", **changes), 3.0)
     assert column(done, "error_hand")[1500:].max() < 1e-4  # without, 4e-3
 
 
 def test_the_hand_keeps_its_force_and_its_place_on_the_table():
     change = {"at_s": 0.5, "order": ["hand", "elbow", "posture"], "over_s": 0.5}
     priorities = {"order": ["elbow", "hand", "posture"], "timeline": [change]}
-    done = simulate("lwr_table", content("ghc_force", priorities=priorities), 4.0)
+    done = simulate("lwr_with_table", content("ghc_force", priorities=priorities), 4.0)
     force, place = column(done, "force_hand"), column(done, "error_hand")
     touched = np.flatnonzero(force > 0.5)
     assert 0 < touched[0] < 2000
@@ -79,7 +79,7 @@ def test_a_transition_makes_torques_move_smoothly():
     for over in (0.0, 0.4):
         change = {"at_s": 0.8, "order": ["elbow", "hand"], "over_s": over}
         priorities = {"order": ["hand", "elbow", "posture"], "timeline": [change]}
-        done = simulate("lwr", content("ghc", priorities=priorities), 1.5)
+        done = simulate("lwr_weightless", content("ghc", priorities=priorities), 1.5)
         torques = np.abs(np.diff(done.setpoints["values"], axis=0)).max(axis=1)
         steps[over] = torques[790:].max()
         alpha = column(done, "alpha_elbow_hand")
@@ -141,7 +141,7 @@ def test_weights_change_smoothly_and_by_request():
 
 
 def test_thirty_two_joints_keep_the_order_of_five_tasks():
-    done = simulate("humanoid32", content("ghc_humanoid", w_r=1e-6), 1.5)
+    done = simulate("humanoid32_torque", content("ghc_humanoid", w_r=1e-6), 1.5)
     assert column(done, "error_head").max() < 1e-4
     assert column(done, "error_left_foot")[-1] < 0.2
     assert (done.setpoints["solver_status"] == STATUS["certified"]).all()
