@@ -114,7 +114,8 @@ class HierarchyController(Controller):
     def __init__(
         self, description: RobotDescription, parameters: Any, file: str = "config"
     ) -> None:
-        from remote_controller.hierarchy import ask_kernels as kernels  # noqa: PLC0415 - compiles
+        from remote_controller.controllers.tsid_kernels import judge  # noqa: PLC0415 - compiles
+        from remote_controller.hierarchy import ask_kernels as kernels  # noqa: PLC0415
 
         n = description.n
         self.importance = self.importance_of(parameters, file)
@@ -137,6 +138,7 @@ class HierarchyController(Controller):
             *self.columns(names),
         )
         super().__init__(description, parameters)
+        self._judge = judge  # 0 where both arrays are finite
         self._foresee, self._distances = kernels.foresee, kernels.distances
         self.w_r, self._viable = parameters.w_r, parameters.bounds.kind == "viability"
         self.ddq, self.tau, self._wish, self._scratch = np.zeros((4, n))
@@ -234,7 +236,8 @@ class HierarchyController(Controller):
     def step(self, state: State) -> Setpoint:
         """Torques, or accelerations, for one period."""
         command, tasks, q, dq = self.command, self.tasks, state.q, state.dq
-        if not math.isfinite(float(q.sum() + dq.sum() + state.wrench.sum())):
+        judge = self._judge
+        if judge(q, dq) or (tasks.presses and judge(state.wrench, state.wrench)):
             command.stamp_kinematics = self.now()
             return self._refuse()
         time = state.tick * self._dt
@@ -247,7 +250,7 @@ class HierarchyController(Controller):
         command.stamp_kinematics = self.now()
         fallback = SOLVED if self.solve(self.torque_max) else self._fall_back(dq)
         np.subtract(self._given, self._less, out=command.values)
-        if not math.isfinite(float(command.values.sum())):
+        if judge(command.values, self.ddq):
             return self._refuse()
         for place, press in enumerate(tasks.presses.values()):
             self._forces[place] = press.force

@@ -14,8 +14,10 @@ from robot_emulator.config import EmulatorConfig
 from robot_emulator.service import describe
 from tools.simulate import emulator_content
 
+PLACES = {"lwr": "lwr_weightless", "humanoid32": "humanoid32_torque"}  # emulator configs
 
-def robot(name: str = "lwr", **changes: Any) -> RobotDescription:
+
+def robot(name: str = "lwr_weightless", **changes: Any) -> RobotDescription:
     """A robot as its shipped emulator config has it."""
     return describe(parse(EmulatorConfig, *emulator_content(name))).model_copy(update=changes)
 
@@ -29,7 +31,7 @@ def content(name: str, **parameters: Any) -> dict[str, Any]:
 def made(name: str, description: RobotDescription | None = None, **parameters: Any) -> Any:
     """A shipped controller with some other parameters, whose clock stands still."""
     config = parse(ControllerConfig, content(name, **parameters), name)
-    controller = build(config, description or robot(config.robot), name)
+    controller = build(config, description or robot(PLACES[config.robot]), name)
     controller.now = lambda: 0
     return controller
 

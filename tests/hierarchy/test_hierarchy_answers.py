@@ -28,7 +28,7 @@ def pieces(controller):
 @pytest.mark.parametrize("regularise", ["none", "torque", "gravity_compensated"])
 @pytest.mark.parametrize("gravity", ["none", "full"])
 def test_ghc_is_the_plain_program_of_an_independent_solver(regularise, gravity):
-    description = robot("lwr", gravity=gravity)
+    description = robot("lwr_weightless", gravity=gravity)
     bounds = {"kind": "viability", "torque_max": [40.0]}
     alpha = [[0.0, 0.3, 0.0], [0.7, 0.0, 0.0], [1.0, 1.0, 0.2]]
     controller = made(
@@ -111,7 +111,7 @@ def test_at_level_one_all_three_agree_where_nothing_is_regularised_but_a_little(
 
 
 def test_motors_that_are_too_weak_are_asked_for_as_little_as_possible_and_it_is_said():
-    description = robot("lwr", gravity="full")
+    description = robot("lwr_weightless", gravity="full")
     controller = made("ghc", description, bounds={"acceleration_max": [5.0], "torque_max": [2.0]})
     state = state_of(controller, description.postures["bent"], np.zeros(7))
     command = controller.step(state)
@@ -170,7 +170,7 @@ def test_a_wrench_that_is_not_finite_is_refused():
 
 
 def test_a_robot_that_takes_accelerations_gets_them():
-    controller = made("ghc", robot("lwr", command_kinds=("acceleration",)))
+    controller = made("ghc", robot("lwr_weightless", command_kinds=("acceleration",)))
     state = states(controller, 1)[0]
     controller.reset(state, None)
     np.testing.assert_array_equal(controller.step(state).values, controller.ddq)

@@ -62,7 +62,7 @@ def test_a_moving_target_is_followed_with_its_acceleration():
 def test_the_hand_keeps_its_force_and_its_place_on_the_table():
     change = {"at_s": 0.5, "order": ["hand", "elbow", "posture"], "over_s": 0.5}
     priorities = {"order": ["elbow", "hand", "posture"], "timeline": [change]}
-    done = simulate("lwr_table", content("ghc_force", priorities=priorities), 4.0)
+    done = simulate("lwr_with_table", content("ghc_force", priorities=priorities), 4.0)
     force, place = column(done, "force_hand"), column(done, "error_hand")
     touched = np.flatnonzero(force > 0.5)
     assert 0 < touched[0] < 2000
@@ -141,7 +141,7 @@ def test_weights_change_smoothly_and_by_request():
 
 
 def test_thirty_two_joints_keep_the_order_of_five_tasks():
-    done = simulate("humanoid32", content("ghc_humanoid", w_r=1e-6), 1.5)
+    done = simulate("humanoid32_torque", content("ghc_humanoid", w_r=1e-6), 1.5)
     assert column(done, "error_head").max() < 1e-4
     assert column(done, "error_left_foot")[-1] < 0.2
     assert (done.setpoints["solver_status"] == STATUS["certified"]).all()
