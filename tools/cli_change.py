@@ -108,7 +108,9 @@ def _tell(robot: str, request: dict[str, Any] | None, connect: str, as_json: boo
 
     present = _ask(robot, request, connect).get("priorities")
     if present is None:
-        raise UsageError(f"the controller of {robot!r} has no priorities; those of ghc and ghc_velocity have")
+        raise UsageError(
+            f"the controller of {robot!r} has no priorities; those of ghc and ghc_velocity have"
+        )
     if as_json:
         _write(present)
         return

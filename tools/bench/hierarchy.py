@@ -22,6 +22,7 @@ from tools.bench.hierarchy_problems import (
     moments,
     program,
 )
+from tools.bench.steps import motion
 from tools.bench.timing import Contender, Times, race
 
 Array = NDArray[np.float64]
@@ -37,6 +38,13 @@ ALONE = 20
 """Ours is timed once more, alone, so many times as often: peers take milliseconds."""
 
 BLOCKS = 20
+MOTIONS = {
+    "lwr": ("lwr_weightless", "ghc"),
+    "humanoid32": ("humanoid32_torque", "ghc_humanoid"),
+}
+"""Configs of robot and controller whose whole ticks are timed."""
+
+MOTION_S = 2.0
 PAPER_MS = {"lwr": 2.7, "humanoid32": 88.0}
 """Five tasks in the paper, with robots of as many joints, on the authors' machine."""
 
@@ -68,6 +76,8 @@ def bench_hierarchy(
                 rows += _rows(robot, case, hierarchies(walk, k), k, samples)
             if HEADLINE in tasks:
                 rows += _mixed(robot, case, walk, samples)
+        report(f"{robot}, whole ticks")
+        rows.append(_ticks(robot, samples))
     return {"rows": rows, "ratios": ratios(rows)}
 
 
@@ -118,6 +128,18 @@ def _mixed(robot: str, case: str, walk: list[Moment], samples: int) -> list[dict
     taken = race([Contender(name, call, given)], ALONE * samples, batches=False)[name]
     common = {"robot": robot, "n": walk[0].bias.size, "tasks": HEADLINE, "case": case}
     return [_row(name, common, taken, None, None) | told]
+
+
+def _ticks(robot: str, samples: int) -> dict[str, Any]:
+    """Whole steps of the controller `ghc`: dynamics, tasks, bounds, answer and certificate."""
+    emulator, controller = MOTIONS[robot]
+    law, states = motion(emulator, controller, MOTION_S)
+    name = f"{OURS} tick"
+    contender = Contender(name, law.step, [(state,) for state in states])
+    taken = race([contender], ALONE * samples, batches=False)[name]
+    tasks, n = len(law.tasks.names), law.description.n
+    common = {"robot": robot, "n": n, "tasks": tasks, "case": controller}
+    return _row(name, common, taken, None, None)
 
 
 def _row(

@@ -12,17 +12,14 @@ import numpy as np
 from protocol.limits import AccelerationBounds
 from protocol.messages import State
 from protocol.model import build_model
-from protocol.recorder import MemoryRecorder, NoRecorder
-from protocol.ring import Kind
 from protocol.torque_limits import torque_acceleration_bounds
-from remote_controller.config import build
 from remote_controller.controllers.tsid import TsidController
 from robot_emulator.robots import load
 from robot_emulator.safety import Reference
 from tools.bench.reference import reference
+from tools.bench.steps import motion
 from tools.bench.timing import Contender, race
 from tools.bench.tsid_peers import PEERS, program
-from tools.simulate import Lockstep, controller_settings, emulator_settings
 
 SIZES = (7, 21, 32)
 STATES = 256
@@ -103,7 +100,7 @@ def _filter(rng: np.random.Generator, n: int) -> Contender:
 
 
 def _tsid() -> list[Contender]:
-    law, states = _motion()
+    law, states = motion("baxter", "tsid", 2.0)
     steps = Contender(f"tsid step of {law.description.n}", law.step, [(each,) for each in states])
     given = [_arguments(law, state) for state in states]
     solve = Contender(f"tsid QP of {law.description.n}", law.solver.solve, given)
@@ -119,23 +116,6 @@ def _tsid() -> list[Contender]:
             if name not in absent
         ),
     ]
-
-
-def _motion() -> tuple[TsidController, list[State]]:
-    """The controller, and States of its motion in lockstep."""
-    log, config = MemoryRecorder(), controller_settings("tsid")
-    lockstep = Lockstep(emulator_settings("baxter", 0), config, log, NoRecorder())
-    lockstep.run(2.0)
-    description = lockstep.controller.description
-    payloads = [record.payload for record in log.records if record.kind == Kind.STATE]
-    states = []
-    for payload in payloads[10 :: max(1, len(payloads) // STATES)]:
-        state = State(description.n, 6 * len(description.wrench_sensors))
-        state.load(payload)
-        states.append(state)
-    law = build(config, description)
-    law.reset(states[0], None)
-    return law, states
 
 
 def _arguments(law: TsidController, state: State) -> tuple[Any, ...]:

@@ -1,0 +1,36 @@
+"""Whole cycles of a controller: its steps along States of its own motion."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from protocol.messages import State
+from protocol.recorder import MemoryRecorder, NoRecorder
+from protocol.ring import Kind
+from remote_controller.config import build
+from tools.simulate import Lockstep, controller_settings, emulator_settings
+
+STATES = 256
+FIRST = 10  # State: those before belong to the start
+
+
+def motion(emulator: str, controller: str, duration: float) -> tuple[Any, list[State]]:
+    """A controller after its reset, and States of a motion in lockstep, in their order.
+
+    Args:
+        emulator, controller: names of configs.
+        duration: of the motion [s].
+    """
+    log, config = MemoryRecorder(), controller_settings(controller)
+    lockstep = Lockstep(emulator_settings(emulator, 0), config, log, NoRecorder())
+    lockstep.run(duration)
+    description = lockstep.controller.description
+    payloads = [record.payload for record in log.records if record.kind == Kind.STATE]
+    states = []
+    for payload in payloads[FIRST :: max(1, len(payloads) // STATES)]:
+        state = State(description.n, 6 * len(description.wrench_sensors))
+        state.load(payload)
+        states.append(state)
+    law = build(config, description)
+    law.reset(states[0], None)
+    return law, states
