@@ -29,7 +29,7 @@ AGAIN = 0.5  # of the squared length: where less is left, rounding counts, and o
 ROUNDING = 1e-13  # of the product of two lengths: a dot product up to that is 0
 
 
-@inlined
+@kernel("UniTuple(f8, 2)(f8[::1], f8[:,::1], i8, f8[::1])")
 def _reduce(row: Array, basis: Array, count: int, factors: Array) -> tuple[float, float]:
     """Take the first `count` rows of the basis out of a row (Gram and Schmidt, twice if need be).
 

@@ -131,7 +131,7 @@ class SdpGains:
             np.zeros((unknowns, unknowns)),
             np.zeros((n + 1, n + 1)),
             np.zeros((6, max(unknowns, joints))),
-            np.zeros((6, 2, joints)),
+            np.zeros((7, 2, joints)),
             np.zeros(n),
             np.zeros(joints),
         )
@@ -203,3 +203,94 @@ class SdpGains:
             self.dq[:] = 0.0
             raise BadProblemError(f"SDP gains: wrong type of argument. {KERNEL_ARRAYS}") from error
         return self.status
+
+
+def sdp_gains(
+    jacobians: Sequence[ArrayLike],
+    errors: Sequence[ArrayLike],
+    dt: float,
+    dq_lower: ArrayLike,
+    dq_upper: ArrayLike,
+    beta_desired: float,
+    delta: float = DELTA,
+    weights: ArrayLike | None = None,
+    *,
+    damping: float = 0.0,
+) -> tuple[Array, float]:
+    """Find gains for one state.
+
+    Args:
+        jacobians: J_i of each task, (n_i, joints), the most important first.
+        errors: e_i = σ_i* − σ_i of each, (n_i,).
+        dt: Δt [s].
+        dq_lower, dq_upper: limits of the joint speeds [rad/s], (joints,), around 0; inf for none.
+        beta_desired: β̃ [1/s]. More than 1/Δt is met by 1/Δt.
+        delta: δ, what large gains cost.
+        weights: w_i of V = ½ Σ w_i |e_i|², one for each task, or for each row; 1 by default.
+        damping: d: J_iᵀ(J_i J_iᵀ + d²I)⁻¹ stands for J_i⁺.
+
+    Returns:
+        The gains λ [1/s], one for each row of the tasks, and β [1/s], which they certify. Both are
+        0 where no gains have a certificate.
+
+    Raises:
+        BadProblemError: wrong shape, a value that is not finite or outside its range, or an answer
+            that overflows.
+    """
+    if not len(jacobians) or len(jacobians) != len(errors):
+        raise BadProblemError(
+            f"SDP gains: give a Jacobian and errors for each task (found {len(jacobians)} "
+            f"and {len(errors)})."
+        )
+    rows = [array(f"jacobians[{i}]", J, 2) for i, J in enumerate(jacobians)]
+    targets = [array(f"errors[{i}]", e, 1) for i, e in enumerate(errors)]
+    joints = rows[0].shape[1]
+    for i, (J, e) in enumerate(zip(rows, targets, strict=True)):
+        if J.shape != (e.size, joints) or e.size < 1:
+            raise BadProblemError(
+                f"jacobians[{i}] has shape {J.shape}; give it a row for each of the {e.size} errors "
+                f"and {joints} columns."
+            )
+    sizes = [e.size for e in targets]
+    each = None if weights is None else array("weights", weights, 1)
+    if each is not None and each.size == len(sizes):
+        each = np.repeat(each, sizes)
+    solver = SdpGains(sizes, joints, weights=each, damping=damping)
+    for name, given, place in (
+        ("dq_lower", dq_lower, solver.lower),
+        ("dq_upper", dq_upper, solver.upper),
+    ):
+        limits = array(name, given, 1)
+        if limits.shape != (joints,):
+            raise BadProblemError(f"{name} has shape {limits.shape}; give it ({joints},).")
+        place[:] = limits
+    numbers = [number("dt", dt), number("beta_desired", beta_desired), number("delta", delta)]
+    status = solver.solve(np.vstack(rows), np.concatenate(targets), *numbers)
+    if status in (codes.BAD_INPUT, codes.BAD_SHAPE, codes.OUT_OF_RANGE):
+        raise _failure(status, solver, np.vstack(rows), np.concatenate(targets), numbers)
+    return solver.gains.copy(), solver.beta
+
+
+def _failure(
+    status: int, solver: SdpGains, jacobian: Array, errors: Array, numbers: list[float]
+) -> SolverError:
+    if status == codes.OUT_OF_RANGE:
+        return BadProblemError("SDP gains: the answer overflows. Check the units.")
+    for name, value in zip(("dt", "beta_desired", "delta"), numbers, strict=True):
+        if not (value > 0.0 and math.isfinite(value)):
+            return BadProblemError(f"{name} must be positive and finite (found {value}).")
+    if not (solver.damping >= 0.0 and math.isfinite(solver.damping)):
+        return BadProblemError(
+            f"damping must be finite and not negative (found {solver.damping})."
+        )
+    outside = np.flatnonzero(~((solver.lower <= 0.0) & (solver.upper >= 0.0)))
+    if outside.size:
+        r = int(outside[0])
+        return BadProblemError(
+            f"joint {r} has speed limits [{solver.lower[r]}, {solver.upper[r]}]: they must allow "
+            "to stand still."
+        )
+    named = "errors" if np.all(np.isfinite(jacobian)) else "jacobians"
+    found = errors if named == "errors" else jacobian
+    where = tuple(int(k) for k in np.argwhere(~np.isfinite(found))[0])
+    return BadProblemError(f"{named}: a value is not finite (stacked, at {where}).")

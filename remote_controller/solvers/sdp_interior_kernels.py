@@ -5,7 +5,8 @@
 Mehrotra's predictor and corrector along the direction of Helmberg, Rendl, Vanderbei and Wolkowicz
 (SIAM Journal on Optimization 6, 1996). C is quadratic in λ and concave, so no larger matrix that is
 linear in λ is needed: its curvature enters the Hessian, 2Δt G∘Z, and the linearised condition
-C Z = μI. Every iterate satisfies all constraints strictly; λ = 0 with β = −1 is the first.
+C Z = μI. Every iterate has C ≻ 0; λ = 0 with β = −1 is the first. The distances s to the limits
+are unknowns of their own and positive, so a limit of 0 does no harm; the others are kept throughout.
 """
 
 from __future__ import annotations
@@ -30,14 +31,15 @@ from remote_controller.solvers.lmi_kernels import least_eigenvalue, stability_ma
 
 Array = NDArray[np.float64]
 
-ROOM = 1e-10  # a limit closer to 0 counts as so far away: the interior must not be empty
+ROOM = 1e-10  # limits closer to 0 than that on both sides let nothing move
+SHARE = 0.1  # of the largest entry of S: a limit closer to 0 is kept only in the end
 SPRING = 1e10  # holds a joint that may not move at all, whose two limits leave no interior
 COARSE = 1e-2  # accuracy of the eigenvalues that tell how far a step may go
 MOST_CENTRED, LEAST_CENTRED = 0.8, 1e-5  # of μ: what a step aims at
 SMALL = 1e-3  # step: nothing is gained any more
 
 
-@inlined
+@kernel("void(f8[:,::1], f8[:,::1], f8[:,::1])")
 def _times(A: Array, B: Array, out: Array) -> None:
     n = A.shape[0]
     for i in range(n):
@@ -47,7 +49,7 @@ def _times(A: Array, B: Array, out: Array) -> None:
         add_rows(row, A[i], B, 0, n, 0)
 
 
-@inlined
+@kernel("void(f8[:,::1], f8[:,::1], f8[:,::1], f8[::1])")
 def _transposed_times(A: Array, B: Array, out: Array, scratch: Array) -> None:
     n = A.shape[0]
     for i in range(n):
@@ -65,7 +67,7 @@ def _mirror(A: Array) -> None:
             A[i, j] = A[j, i]
 
 
-@inlined
+@kernel("b1(f8[:,::1], f8[:,::1], f8[:,::1], f8[::1])")
 def _root_inverse(A: Array, U: Array, P: Array, scratch: Array) -> bool:
     """P = U⁻ᵀ where A = UᵀU; False where A is not positive definite."""
     n = A.shape[0]
@@ -79,7 +81,7 @@ def _root_inverse(A: Array, U: Array, P: Array, scratch: Array) -> bool:
     return True
 
 
-@inlined
+@kernel("f8(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1])")
 def _reach(P: Array, D: Array, W: Array, X: Array, vectors: Array) -> float:
     """The longest step a, with A + a D ⪰ 0 where P A Pᵀ = I."""
     n = P.shape[0]
@@ -112,7 +114,7 @@ def _bend(G: Array, dx: Array, dt: float, D: Array, out: Array) -> None:
             out[i, j] = D[i, j] - dt * dx[i] * dx[j] * G[i, j]
 
 
-@inlined
+@kernel("void(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1])")
 def _dual_step(X: Array, Z: Array, D: Array, Q: Array, W: Array, T: Array, out: Array) -> None:
     """Q − Z − the symmetric part of X D Z."""
     n = X.shape[0]
@@ -145,23 +147,29 @@ def dot_column(S: Array, r: int, x: Array) -> float:
     return found
 
 
-@inlined
-def _slacks(S: Array, limits: Array, x: Array, speed: Array, slack: Array) -> None:
-    """How far S λ is from the limits: from the lower ones, from the upper ones."""
+@kernel("void(f8[:,::1], f8[:,::1], f8[::1], f8[::1], f8[:,::1], f8[:,::1])")
+def _missing(S: Array, limits: Array, x: Array, speed: Array, slack: Array, miss: Array) -> None:
+    """How much more than the distance to the limits each slack is."""
     for r in range(speed.size):
         speed[r] = 0.0
     add_rows(speed, x, S, 0, S.shape[0], 0)
     for r in range(speed.size):
-        if locked(limits, r):
-            slack[0, r], slack[1, r] = math.inf, math.inf
-        else:
-            slack[0, r] = speed[r] - min(limits[0, r], -ROOM)
-            slack[1, r] = max(limits[1, r], ROOM) - speed[r]
+        if slack[0, r] < math.inf:
+            miss[0, r] = slack[0, r] - (speed[r] - limits[0, r])
+        if slack[1, r] < math.inf:
+            miss[1, r] = slack[1, r] - (limits[1, r] - speed[r])
 
 
-@inlined
+@kernel("void(f8[:,::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1])")
 def _limit_step(
-    S: Array, dx: Array, slack: Array, z: Array, aim: Array, fall: Array, dz: Array
+    S: Array,
+    dx: Array,
+    slack: Array,
+    z: Array,
+    miss: Array,
+    aim: Array,
+    fall: Array,
+    dz: Array,
 ) -> None:
     """How much each slack falls along dx, and how much its multiplier changes: z s = aim·s."""
     upper, n = fall[1], S.shape[0]
@@ -172,11 +180,12 @@ def _limit_step(
         fall[0, r] = -upper[r]
         for side in range(2):
             if slack[side, r] < math.inf:
+                fall[side, r] += miss[side, r]
                 share = z[side, r] * fall[side, r] / slack[side, r]
                 dz[side, r] = aim[side, r] - z[side, r] + share
 
 
-@inlined
+@kernel("UniTuple(f8, 2)(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, f8)")
 def _shorten(
     slack: Array, fall: Array, z: Array, dz: Array, most: float, primal: float, dual: float
 ) -> tuple[float, float]:
@@ -191,7 +200,10 @@ def _shorten(
     return primal, dual
 
 
-@inlined
+@kernel(
+    "void(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1],"
+    " f8[:,::1], f8[:,::1], f8, f8, f8[:,::1], f8[:,::1], f8[::1], f8[:,::1])"
+)
 def _hessian(
     G: Array,
     S: Array,
@@ -234,20 +246,22 @@ def _hessian(
                 K[i, j] += scratch[r] * S[i, r] * S[j, r]
 
 
-@kernel("void(f8[:,::1], f8[:,::1], f8[::1], f8[:,::1], f8[:,::1])")
-def begin_inside(S: Array, limits: Array, x: Array, Z: Array, z: Array) -> None:
+@kernel("void(f8[:,::1], f8[:,::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,::1])")
+def begin_inside(S: Array, limits: Array, x: Array, Z: Array, z: Array, slack: Array) -> None:
     """Write the first iterate: λ = 0, β = −1, Z as stationarity in β has it, z as units suggest."""
-    n = Z.shape[0]
+    (n, joints), largest = S.shape, ROOM
     for i in range(n):
         for j in range(n):
             Z[i, j] = 4.0 / n if i == j else 0.0
+        for r in range(joints):
+            largest = max(largest, abs(S[i, r]))
         x[i] = 0.0
     x[n] = -1.0
     for side in range(2):
-        for r in range(S.shape[1]):
-            size = abs(limits[side, r])
-            bounded = size < math.inf and not locked(limits, r)
-            z[side, r] = min(0.1, 1.0 / max(size, ROOM)) if bounded else 0.0
+        for r in range(joints):
+            size = math.inf if locked(limits, r) else max(abs(limits[side, r]), SHARE * largest)
+            slack[side, r] = size
+            z[side, r] = min(0.1, 1.0 / size)
 
 
 @kernel(
@@ -271,7 +285,7 @@ def interior(
     vectors: Array,
     sides: Array,
 ) -> tuple[bool, int]:
-    """Go on from strictly feasible x, Z ≻ 0 and z > 0 until x is known to the tolerance.
+    """Go on from C(x) ≻ 0, Z ≻ 0, z > 0 and slacks > 0 until x is known to the tolerance.
 
     Args:
         L, G: (n, n), and LᵀL.
@@ -286,7 +300,7 @@ def interior(
         squares: scratch, (13, n, n), C and V first.
         K: scratch, (n + 1, n + 1).
         vectors: scratch, (6, n + 1 or joints, whichever is more).
-        sides: scratch, (4, 2, joints).
+        sides: (5, 2, joints): the slacks, inf where there is no limit, overwritten; scratch.
 
     Returns:
         Whether the tolerance was reached; iterations.
@@ -296,10 +310,10 @@ def interior(
     XV, ZV, D, dZ = squares[5], squares[6], squares[7], squares[8]
     W, T, PZ, Q = squares[9], squares[10], squares[11], squares[12]
     dx, g, scratch, spectrum = vectors[0, : n + 1], vectors[1, : n + 1], vectors[2], vectors[3:]
-    slack, fall, dz, aim = sides[0], sides[1], sides[2], sides[3]
+    slack, fall, dz, aim, miss = sides[0], sides[1], sides[2], sides[3], sides[4]
     for taken in range(budget):
         stability_matrix(L, G, x[:n], x[n], dt, C, V)
-        _slacks(S, limits, x, scratch[:joints], slack)
+        _missing(S, limits, x, scratch[:joints], slack, miss)
         if not _root_inverse(C, U, P, scratch) or not _root_inverse(Z, U, PZ, scratch):
             return False, taken
         _clear(X)
@@ -311,6 +325,7 @@ def interior(
         for side in range(2):
             for r in range(joints):
                 aim[side, r] = 0.0
+                miss[side, r] = 0.0 if slack[side, r] == math.inf else miss[side, r]
                 if slack[side, r] < math.inf:
                     gap += slack[side, r] * z[side, r]
                     count += 1
@@ -325,8 +340,10 @@ def interior(
         for r in range(joints):
             if locked(limits, r):
                 pull = -SPRING * dot_column(S, r, x)
-                for i in range(n):
-                    g[i] += pull * S[i, r]
+            else:  # a slack of inf misses nothing
+                pull = z[0, r] * miss[0, r] / slack[0, r] - z[1, r] * miss[1, r] / slack[1, r]
+            for i in range(n):
+                g[i] += pull * S[i, r]
         error = 0.0
         for i in range(n + 1):
             dx[i] = g[i]
@@ -346,7 +363,7 @@ def interior(
         _bend(G, dx, dt, D, W)
         primal = min(1.0, _reach(P, W, T, U, spectrum))
         dual = min(1.0, _reach(PZ, dZ, T, U, spectrum))
-        _limit_step(S, dx, slack, z, aim, fall, dz)
+        _limit_step(S, dx, slack, z, miss, aim, fall, dz)
         primal, dual = _shorten(slack, fall, z, dz, 1.0, primal, dual)
         left, least = 0.0, min(primal, dual)
         for i in range(n):
@@ -388,7 +405,7 @@ def interior(
         most = 0.9 + 0.09 * least
         primal = min(1.0, most * _reach(P, W, T, U, spectrum))
         dual = min(1.0, most * _reach(PZ, dZ, T, U, spectrum))
-        _limit_step(S, dx, slack, z, aim, fall, dz)
+        _limit_step(S, dx, slack, z, miss, aim, fall, dz)
         primal, dual = _shorten(slack, fall, z, dz, most, primal, dual)
         for i in range(n + 1):
             x[i] += primal * dx[i]
@@ -398,6 +415,7 @@ def interior(
             for r in range(joints):
                 if slack[side, r] < math.inf:
                     z[side, r] += dual * dz[side, r]
+                    slack[side, r] -= primal * fall[side, r]
         if not max(primal, dual) > SMALL:
             return False, taken + 1
     return False, budget

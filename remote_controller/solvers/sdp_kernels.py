@@ -88,7 +88,7 @@ def _feed_forward(B: Array, rates: Array, limits: Array, speed: Array) -> float:
     return share
 
 
-@inlined
+@kernel("f8(f8[:,::1], f8[:,::1], f8[::1], f8[::1])")
 def _fit(S: Array, limits: Array, gains: Array, speed: Array) -> float:
     """Write S λ, with λ shortened until it keeps the limits; how near it comes to them."""
     n, share = S.shape[0], 1.0
@@ -157,7 +157,10 @@ def duality_gap(
     return gap
 
 
-@inlined
+@kernel(
+    "UniTuple(i8, 2)(f8[:,::1], f8[:,::1], f8[::1], f8[:,::1], f8[:,::1], i8[::1], f8[:,::1],"
+    " i8[::1], i8[::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,::1])"
+)
 def _guess(
     S: Array,
     limits: Array,
@@ -256,6 +259,73 @@ def _spring_multipliers(S: Array, limits: Array, x: Array, z: Array) -> None:
 
 
 @kernel(
+    "Tuple((b1, i8))(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, i8, f8[:,::1],"
+    " f8[:,::1], i8[:,::1], i8[::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1],"
+    " f8[:,::1])"
+)
+def polish(
+    L: Array,
+    G: Array,
+    S: Array,
+    limits: Array,
+    dt: float,
+    delta: float,
+    budget: int,
+    points: Array,
+    Y: Array,
+    integers: Indices,
+    counts: Indices,
+    nu: Array,
+    Z: Array,
+    z: Array,
+    squares: Array,
+    K: Array,
+    vectors: Array,
+) -> tuple[bool, int]:
+    """Newton's method from a point near the optimum with its multipliers; as for `optimise`.
+
+    Returns:
+        Whether it arrived, and all is overwritten by the optimum; steps taken.
+    """
+    n = S.shape[0]
+    block, home, held, x, trial = integers[0], integers[1], integers[2], points[0], points[1]
+    stability_matrix(L, G, x[:n], x[n], dt, squares[0], squares[1])
+    rank, holding = _guess(
+        S, limits, x, Z, z, block, Y, home, held, nu, squares[0], squares[2], squares[3]
+    )
+    for i in range(n + 1):
+        trial[i] = x[i]
+    good, holding, taken = settle(
+        L,
+        G,
+        S,
+        limits,
+        dt,
+        delta,
+        trial,
+        Y,
+        block,
+        home,
+        rank,
+        held,
+        holding,
+        nu,
+        budget,
+        squares[0],
+        squares[1],
+        K,
+        vectors,
+    )
+    counts[0], counts[1] = 0, 0
+    if good:
+        for i in range(n + 1):
+            x[i] = trial[i]
+        counts[0], counts[1] = rank, holding
+        _multipliers(Y, rank, held, holding, nu, Z, z)
+    return good, taken
+
+
+@kernel(
     "Tuple((i8, i8, i8))(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, i8, f8[:,::1],"
     " f8[:,::1], i8[:,::1], i8[::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1],"
     " f8[:,::1], f8[:,::1], f8[:,:,::1])"
@@ -299,7 +369,7 @@ def optimise(
     """
     n = S.shape[0]
     block, home, held = integers[0], integers[1], integers[2]
-    x, trial, newton = points[0], points[1], 0
+    x, newton = points[0], 0
     if counts[0] > 0:
         good, counts[1], newton = settle(
             L, G, S, limits, dt, delta, x, Y, block, home, counts[0], held, counts[1], nu,
@@ -308,7 +378,7 @@ def optimise(
         if good:
             _multipliers(Y, counts[0], held, counts[1], nu, Z, z)
             return WARM, newton, 0
-    begin_inside(S, limits, x, Z, z)
+    begin_inside(S, limits, x, Z, z, sides[0])
     tolerance, inner = FIRST_TRY, 0
     while True:
         near, taken = interior(
@@ -316,28 +386,99 @@ def optimise(
             squares, H, vectors, sides,
         )
         inner += taken
-        rank, holding = _guess(
-            *(S, limits, x, Z, z, block, Y, home, held, nu, squares[0], squares[2], squares[3])
-        )
-        for i in range(n + 1):
-            trial[i] = x[i]
-        good, holding, taken = settle(
-            L, G, S, limits, dt, delta, trial, Y, block, home, rank, held, holding, nu,
-            budget - newton - inner, squares[0], squares[1], K, vectors,
+        good, taken = polish(
+            L,
+            G,
+            S,
+            limits,
+            dt,
+            delta,
+            budget - newton - inner,
+            points,
+            Y,
+            integers,
+            counts,
+            nu,
+            Z,
+            z,
+            squares,
+            K,
+            vectors,
         )
         newton += taken
         if good:
-            for i in range(n + 1):
-                x[i] = trial[i]
-            counts[0], counts[1] = rank, holding
-            _multipliers(Y, rank, held, holding, nu, Z, z)
             return IPM, newton, inner
         if not near or tolerance <= LAST_TRY or newton + inner >= budget:
             break
         tolerance *= 0.1
-    counts[0], counts[1] = 0, 0
     _spring_multipliers(S, limits, x, z)
     return BUDGET if newton + inner >= budget else IPM, newton, inner
+
+
+@inlined
+def _keep_better(
+    L: Array,
+    G: Array,
+    S: Array,
+    limits: Array,
+    dt: float,
+    desired: float,
+    last: Array,
+    points: Array,
+    squares: Array,
+    vectors: Array,
+) -> None:
+    """Replace λ by the gains of the last solve, if these, shortened, certify more."""
+    n, joints = S.shape
+    found, kept, speed = points[0], points[1], vectors[0, :joints]
+    for i in range(n):
+        kept[i] = last[i] / desired
+    _fit(S, limits, found[:n], speed)
+    _fit(S, limits, kept[:n], speed)
+    beta = _certified(L, G, found[:n], dt, math.nan, squares, vectors)
+    kept[n] = _certified(L, G, kept[:n], dt, math.nan, squares, vectors)
+    if kept[n] > beta:
+        for i in range(n + 1):
+            found[i] = kept[i]
+
+
+@kernel(
+    "Tuple((f8, f8, f8, f8, b1))(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, f8[:,::1],"
+    " f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1])"
+)
+def conclude(
+    L: Array,
+    G: Array,
+    S: Array,
+    limits: Array,
+    dt: float,
+    delta: float,
+    points: Array,
+    Z: Array,
+    z: Array,
+    squares: Array,
+    vectors: Array,
+) -> tuple[float, float, float, float, bool]:
+    """What is known of gains, wherever they come from; in the units of β̃ = 1, as for `optimise`.
+
+    Gains that break a limit are shortened; without a certificate they become 0. S λ is left in the
+    first of the vectors.
+
+    Returns:
+        β, slack of the matrix inequality, margin of the limits, gap, whether there is a certificate.
+    """
+    n, joints = S.shape
+    x, speed = points[0], vectors[0, :joints]
+    _fit(S, limits, x[:n], speed)
+    beta = _certified(L, G, x[:n], dt, x[n], squares, vectors)
+    kept = beta > NOTHING
+    if not kept:
+        beta = 0.0
+        for i in range(n + 1):
+            x[i] = 0.0
+    margin = _fit(S, limits, x[:n], speed)
+    gap = duality_gap(L, G, S, limits, dt, delta, x[:n], beta, Z, z, squares[0], squares[1])
+    return beta, beta - x[n], margin, gap, kept
 
 
 @kernel(
@@ -459,28 +600,15 @@ def sdp_gains_kernel(
         vectors,
         sides[2:],
     )
-    x, kept, speed = points[0], points[1], vectors[0, :joints]
-    margin = _fit(S, room, x[:n], speed)
-    beta = _certified(L, G, x[:n], dt * desired, x[n], squares[3:], vectors)
     if path == BUDGET:
-        for i in range(n):
-            kept[i] = gains[i] / desired
-        least = _fit(S, room, kept[:n], speed)
-        other = _certified(L, G, kept[:n], dt * desired, math.nan, squares[3:], vectors)
-        if other > beta:
-            margin, beta = least, other
-            for i in range(n):
-                x[i] = kept[i]
-    if not beta > NOTHING:
-        path = NONE if path != BUDGET else BUDGET
-        for i in range(n + 1):
-            x[i] = 0.0
-        beta, counts[0] = 0.0, 0
-    margin = desired * _fit(S, room, x[:n], speed)
-    gap = duality_gap(
-        L, G, S, room, dt * desired, delta, x[:n], beta, Z, z, squares[3], squares[4]
+        _keep_better(L, G, S, room, dt * desired, desired, gains, points, squares[3:], vectors)
+    beta, slack, margin, gap, kept = conclude(
+        L, G, S, room, dt * desired, delta, points, Z, z, squares[3:], vectors
     )
-    slack = desired * (beta - x[n])
+    x, speed = points[0], vectors[0, :joints]
+    if not kept:
+        counts[0] = 0
+        path = NONE if path != BUDGET else BUDGET
     finite = abs(beta * desired) <= MAX
     for r in range(joints):
         dq[r] += desired * speed[r]
@@ -504,8 +632,8 @@ def sdp_gains_kernel(
         newton,
         inner,
         desired * beta,
-        slack,
-        margin,
+        desired * slack,
+        desired * margin,
         desired * desired * gap,
         share,
     )
