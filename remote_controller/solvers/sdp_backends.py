@@ -182,7 +182,7 @@ class ConicGains(SdpGains):
             desired * value for value in (self.beta, self.slack, self.margin)
         )
         gains[:] = desired * points[0, :n]
-        dq += desired * vectors[0, : self.joints]
+        np.clip(dq + desired * vectors[0, : self.joints], self.lower, self.upper, out=dq)
         self.rank, self.path = int(counts[0]), IPM if kept else NONE
         proved = self.gap <= self._kernels.PROVED
         self.gap *= desired * desired

@@ -280,9 +280,7 @@ def _failure(
         if not (value > 0.0 and math.isfinite(value)):
             return BadProblemError(f"{name} must be positive and finite (found {value}).")
     if not (solver.damping >= 0.0 and math.isfinite(solver.damping)):
-        return BadProblemError(
-            f"damping must be finite and not negative (found {solver.damping})."
-        )
+        return BadProblemError(f"damping must be finite and not negative (found {solver.damping}).")
     outside = np.flatnonzero(~((solver.lower <= 0.0) & (solver.upper >= 0.0)))
     if outside.size:
         r = int(outside[0])

@@ -160,7 +160,9 @@ def _missing(S: Array, limits: Array, x: Array, speed: Array, slack: Array, miss
             miss[1, r] = slack[1, r] - (limits[1, r] - speed[r])
 
 
-@kernel("void(f8[:,::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1])")
+@kernel(
+    "void(f8[:,::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1])"
+)
 def _limit_step(
     S: Array,
     dx: Array,

@@ -58,9 +58,7 @@ PROVED = 1e-9  # of β̃²: a gap up to that proves that the gains are optimal
 
 
 @inlined
-def _unfit(
-    jacobian: Array, errors: Array, rates: Array, weights: Array, limits: Array
-) -> bool:
+def _unfit(jacobian: Array, errors: Array, rates: Array, weights: Array, limits: Array) -> bool:
     """Whether a value is not finite, or the limits do not allow to stand still."""
     found = not_finite(errors) or not_finite(rates) or not_finite(weights)
     for i in range(jacobian.shape[0]):
@@ -372,8 +370,25 @@ def optimise(
     x, newton = points[0], 0
     if counts[0] > 0:
         good, counts[1], newton = settle(
-            L, G, S, limits, dt, delta, x, Y, block, home, counts[0], held, counts[1], nu,
-            budget, squares[0], squares[1], K, vectors,
+            L,
+            G,
+            S,
+            limits,
+            dt,
+            delta,
+            x,
+            Y,
+            block,
+            home,
+            counts[0],
+            held,
+            counts[1],
+            nu,
+            budget,
+            squares[0],
+            squares[1],
+            K,
+            vectors,
         )
         if good:
             _multipliers(Y, counts[0], held, counts[1], nu, Z, z)
@@ -382,8 +397,21 @@ def optimise(
     tolerance, inner = FIRST_TRY, 0
     while True:
         near, taken = interior(
-            L, G, S, limits, dt, delta, x, Z, z, tolerance, budget - newton - inner,
-            squares, H, vectors, sides,
+            L,
+            G,
+            S,
+            limits,
+            dt,
+            delta,
+            x,
+            Z,
+            z,
+            tolerance,
+            budget - newton - inner,
+            squares,
+            H,
+            vectors,
+            sides,
         )
         inner += taken
         good, taken = polish(
@@ -611,7 +639,7 @@ def sdp_gains_kernel(
         path = NONE if path != BUDGET else BUDGET
     finite = abs(beta * desired) <= MAX
     for r in range(joints):
-        dq[r] += desired * speed[r]
+        dq[r] = min(max(dq[r] + desired * speed[r], speeds[0, r]), speeds[1, r])
     for i in range(n):
         gains[i] = desired * x[i]
     if not finite or not_finite(gains) or not_finite(dq):
