@@ -125,7 +125,7 @@ def _close_loop(
     "i8(f8[:,::1], i8[::1], f8, f8[::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1],"
     " f8[:,::1], f8[:,::1])"
 )
-def prioritised(
+def prioritised(  # noqa: PLR0912 - one task after the other
     jacobian: Array,
     offsets: Indices,
     damping: float,

@@ -1,6 +1,7 @@
 """The matrix inequality that makes a Lyapunov function fall, and its least eigenvalue.
 
-With the errors' ė = −L Λ e in steps of Δt and V = ½|e|²: V falls by V⁺ ≤ (1 − β Δt) V if and only if
+Where the errors follow ė = −L Λ e, V = ½|e|² falls in steps of Δt by V⁺ ≤ (1 − β Δt) V if and only
+if
 
     C(λ, β) = L Λ + Λ Lᵀ − β I − Δt Λ LᵀL Λ ⪰ 0,
 
@@ -93,7 +94,7 @@ def _tridiagonal(W: Array, diagonal: Array, beside: Array, p: Array) -> None:
 @inlined
 def _any_below(diagonal: Array, beside: Array, x: float, least: float) -> bool:
     """Whether a tridiagonal matrix has an eigenvalue below x (Sturm)."""
-    pivot = diagonal[0] - x
+    pivot: float = diagonal[0] - x
     for i in range(1, diagonal.size):
         if pivot < 0.0:
             return True

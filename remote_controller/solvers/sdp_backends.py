@@ -81,7 +81,7 @@ def conic(
 
 
 def clarabel(P: Any, q: Array, A: Any, b: Array, limits: int, size: int) -> tuple[Array, Array]:
-    """x and the multipliers, by Clarabel (Apache licence), an interior-point method."""
+    """X and the multipliers, by Clarabel (Apache licence), an interior-point method."""
     import clarabel as library  # noqa: PLC0415 - each solver only where it is asked for
 
     settings = library.DefaultSettings()
@@ -138,11 +138,16 @@ class ConicGains(SdpGains):
         damping: float = 0.0,
         budget: int = POLISH,
     ) -> None:
-        from remote_controller.solvers import sdp_kernels  # noqa: PLC0415 (compiles)
+        from remote_controller.solvers import (  # noqa: PLC0415 (compiles)
+            sdp_kernels,
+            sdp_proof_kernels,
+            sdp_search_kernels,
+        )
 
         super().__init__(sizes, joints, weights=weights, damping=damping, budget=budget)
         self._solve_conic, self._polished, self.polish = SOLVERS[solver], polished, False
-        self._kernels = sdp_kernels
+        self._polish, self._conclude = sdp_search_kernels.polish, sdp_proof_kernels.conclude
+        self._enough = sdp_kernels.PROVED
 
     def solve(
         self, jacobian: Array, errors: Array, dt: float, desired: float, delta: float = DELTA
@@ -171,11 +176,10 @@ class ConicGains(SdpGains):
         Z[:] = whole[:n, :n]
         points[0] = x
         if self._polished:
-            self.polish, self.newton = self._kernels.polish(
-                *(L, G, S, room, scaled, delta, self.budget),
-                *(points, Y, integers, counts, nu, Z, z, squares[3:], K, vectors),
-            )
-        self.beta, self.slack, self.margin, self.gap, kept = self._kernels.conclude(
+            program: Any = (L, G, S, room, scaled, delta, self.budget)
+            known: Any = (points, Y, integers, counts, nu, Z, z)
+            self.polish, self.newton = self._polish(*program, *known, squares[3:], K, vectors)
+        self.beta, self.slack, self.margin, self.gap, kept = self._conclude(
             *(L, G, S, room, scaled, delta, points, Z, z, squares[3:], vectors)
         )
         self.beta, self.slack, self.margin = (
@@ -184,7 +188,7 @@ class ConicGains(SdpGains):
         gains[:] = desired * points[0, :n]
         np.clip(dq + desired * vectors[0, : self.joints], self.lower, self.upper, out=dq)
         self.rank, self.path = int(counts[0]), IPM if kept else NONE
-        proved = self.gap <= self._kernels.PROVED
+        proved = self.gap <= self._enough
         self.gap *= desired * desired
         self.status = (codes.OK if proved else codes.UNSOLVED) if kept else codes.STATIONARY
         return self.status

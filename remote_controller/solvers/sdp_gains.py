@@ -248,7 +248,7 @@ def sdp_gains(
     for i, (J, e) in enumerate(zip(rows, targets, strict=True)):
         if J.shape != (e.size, joints) or e.size < 1:
             raise BadProblemError(
-                f"jacobians[{i}] has shape {J.shape}; give it a row for each of the {e.size} errors "
+                f"jacobians[{i}] has shape {J.shape}; give it a row for each of {e.size} errors "
                 f"and {joints} columns."
             )
     sizes = [e.size for e in targets]

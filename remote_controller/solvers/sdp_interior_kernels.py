@@ -5,8 +5,8 @@
 Mehrotra's predictor and corrector along the direction of Helmberg, Rendl, Vanderbei and Wolkowicz
 (SIAM Journal on Optimization 6, 1996). C is quadratic in λ and concave, so no larger matrix that is
 linear in λ is needed: its curvature enters the Hessian, 2Δt G∘Z, and the linearised condition
-C Z = μI. Every iterate has C ≻ 0; λ = 0 with β = −1 is the first. The distances s to the limits
-are unknowns of their own and positive, so a limit of 0 does no harm; the others are kept throughout.
+C Z = μI. Every iterate has C ≻ 0; λ = 0 with β = −1 is the first. The distances to the limits are
+unknowns of their own and positive, so a limit of 0 does no harm; the others are kept throughout.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from protocol.compilation import inlined, kernel
 from remote_controller.solvers.dense_kernels import (
     add,
     add_rows,
-    divide_rows,
     dot,
     factorise,
     gram,
@@ -28,6 +27,14 @@ from remote_controller.solvers.dense_kernels import (
     solve_upper,
 )
 from remote_controller.solvers.lmi_kernels import least_eigenvalue, stability_matrix
+from remote_controller.solvers.products_kernels import (
+    clear,
+    dot_column,
+    mirror,
+    root_inverse,
+    times,
+    transposed_times,
+)
 
 Array = NDArray[np.float64]
 
@@ -39,53 +46,11 @@ MOST_CENTRED, LEAST_CENTRED = 0.8, 1e-5  # of μ: what a step aims at
 SMALL = 1e-3  # step: nothing is gained any more
 
 
-@kernel("void(f8[:,::1], f8[:,::1], f8[:,::1])")
-def _times(A: Array, B: Array, out: Array) -> None:
-    n = A.shape[0]
-    for i in range(n):
-        row = out[i]
-        for j in range(n):
-            row[j] = 0.0
-        add_rows(row, A[i], B, 0, n, 0)
-
-
-@kernel("void(f8[:,::1], f8[:,::1], f8[:,::1], f8[::1])")
-def _transposed_times(A: Array, B: Array, out: Array, scratch: Array) -> None:
-    n = A.shape[0]
-    for i in range(n):
-        row = out[i]
-        for j in range(n):
-            row[j] = 0.0
-            scratch[j] = A[j, i]
-        add_rows(row, scratch, B, 0, n, 0)
-
-
-@inlined
-def _mirror(A: Array) -> None:
-    for i in range(A.shape[0]):
-        for j in range(i):
-            A[i, j] = A[j, i]
-
-
-@kernel("b1(f8[:,::1], f8[:,::1], f8[:,::1], f8[::1])")
-def _root_inverse(A: Array, U: Array, P: Array, scratch: Array) -> bool:
-    """P = U⁻ᵀ where A = UᵀU; False where A is not positive definite."""
-    n = A.shape[0]
-    for i in range(n):
-        for j in range(n):
-            U[i, j] = A[i, j]
-            P[i, j] = 1.0 if i == j else 0.0
-    if factorise(U, n, 0.0, scratch) < n:
-        return False
-    divide_rows(U, P, scratch)
-    return True
-
-
 @kernel("f8(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1])")
 def _reach(P: Array, D: Array, W: Array, X: Array, vectors: Array) -> float:
     """The longest step a, with A + a D ⪰ 0 where P A Pᵀ = I."""
     n = P.shape[0]
-    _times(P, D, W)
+    times(P, D, W)
     for i in range(n):
         for j in range(i + 1):
             X[i, j] = dot(W[i, : j + 1], P[j, : j + 1])
@@ -118,32 +83,17 @@ def _bend(G: Array, dx: Array, dt: float, D: Array, out: Array) -> None:
 def _dual_step(X: Array, Z: Array, D: Array, Q: Array, W: Array, T: Array, out: Array) -> None:
     """Q − Z − the symmetric part of X D Z."""
     n = X.shape[0]
-    _times(X, D, W)
-    _times(W, Z, T)
+    times(X, D, W)
+    times(W, Z, T)
     for i in range(n):
         for j in range(n):
             out[i, j] = Q[i, j] - Z[i, j] - 0.5 * (T[i, j] + T[j, i])
 
 
 @inlined
-def _clear(A: Array) -> None:
-    for i in range(A.shape[0]):
-        for j in range(A.shape[1]):
-            A[i, j] = 0.0
-
-
-@inlined
 def locked(limits: Array, r: int) -> bool:
     """Whether the limits of a row are 0, or so close that nothing lies between them."""
-    return limits[1, r] <= ROOM and limits[0, r] >= -ROOM
-
-
-@inlined
-def dot_column(S: Array, r: int, x: Array) -> float:
-    """Row r of S times λ; S is given transposed."""
-    found = 0.0
-    for i in range(S.shape[0]):
-        found += S[i, r] * x[i]
+    found: bool = limits[1, r] <= ROOM and limits[0, r] >= -ROOM
     return found
 
 
@@ -226,8 +176,8 @@ def _hessian(
 ) -> None:
     """The upper triangle of the matrix of a step, with the multipliers eliminated."""
     n, joints = S.shape
-    _transposed_times(V, XV, VXV, scratch)
-    _transposed_times(V, ZV, VZV, scratch)
+    transposed_times(V, XV, VXV, scratch)
+    transposed_times(V, ZV, VZV, scratch)
     K[n, n] = 2.0
     for i in range(n):
         K[i, n] = 0.0
@@ -270,7 +220,7 @@ def begin_inside(S: Array, limits: Array, x: Array, Z: Array, z: Array, slack: A
     "Tuple((b1, i8))(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, f8[::1], f8[:,::1],"
     " f8[:,::1], f8, i8, f8[:,:,::1], f8[:,::1], f8[:,::1], f8[:,:,::1])"
 )
-def interior(
+def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to its end
     L: Array,
     G: Array,
     S: Array,
@@ -314,13 +264,14 @@ def interior(
     dx, g, scratch, spectrum = vectors[0, : n + 1], vectors[1, : n + 1], vectors[2], vectors[3:]
     slack, fall, dz, aim, miss = sides[0], sides[1], sides[2], sides[3], sides[4]
     for taken in range(budget):
-        stability_matrix(L, G, x[:n], x[n], dt, C, V)
+        beta: float = x[n]
+        stability_matrix(L, G, x[:n], beta, dt, C, V)
         _missing(S, limits, x, scratch[:joints], slack, miss)
-        if not _root_inverse(C, U, P, scratch) or not _root_inverse(Z, U, PZ, scratch):
+        if not root_inverse(C, U, P, scratch) or not root_inverse(Z, U, PZ, scratch):
             return False, taken
-        _clear(X)
+        clear(X)
         gram(X, 1.0, P, n, scratch)
-        _mirror(X)
+        mirror(X)
         gap, count = 0.0, n
         for i in range(n):
             gap += dot(C[i], Z[i])
@@ -331,8 +282,8 @@ def interior(
                 if slack[side, r] < math.inf:
                     gap += slack[side, r] * z[side, r]
                     count += 1
-        _times(X, V, XV)
-        _times(Z, V, ZV)
+        times(X, V, XV)
+        times(Z, V, ZV)
         _hessian(G, S, limits, Z, z, X, V, XV, ZV, slack, dt, delta, D, W, scratch, K)
         if factorise(K, n + 1, 0.0, scratch) < n + 1:
             return False, taken
@@ -359,7 +310,7 @@ def interior(
             return False, taken
 
         # the predictor: how far it would take μ down
-        _clear(Q)
+        clear(Q)
         _change(V, dx, D)
         _dual_step(X, Z, D, Q, W, T, dZ)
         _bend(G, dx, dt, D, W)
@@ -380,12 +331,12 @@ def interior(
         mu = gap / count * min(max(centred, LEAST_CENTRED), MOST_CENTRED)
 
         # the corrector: with what the predictor neglects, of second order
-        _times(D, dZ, W)
+        times(D, dZ, W)
         for i in range(n):
             for k in range(n):
                 add(W[i], -dt * dx[i] * dx[k] * G[i, k], Z[k])
                 g[i] -= 2.0 * dt * G[i, k] * dZ[i, k] * dx[k]
-        _times(X, W, T)
+        times(X, W, T)
         for i in range(n):
             for j in range(n):
                 Q[i, j] = mu * X[i, j] - 0.5 * (T[i, j] + T[j, i])

@@ -76,11 +76,12 @@ def solve_quasidefinite(K: Array, size: int, b: Array, signs: Array, scratch: Ar
 
 @inlined
 def _limit(limits: Array, held: int) -> float:
-    return limits[1, held - 1] if held > 0 else limits[0, -held - 1]
+    found: float = limits[1, held - 1] if held > 0 else limits[0, -held - 1]
+    return found
 
 
 @inlined
-def _fill(
+def _fill(  # noqa: PLR0912 - one case after the other
     G: Array,
     S: Array,
     limits: Array,
@@ -277,7 +278,7 @@ def _positive(C: Array, Y: Array, rank: int, K: Array, scratch: Array) -> bool:
     "Tuple((b1, i8, i8))(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, f8[::1], f8[:,::1],"
     " i8[::1], i8[::1], i8, i8[::1], i8, f8[::1], i8, f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1])"
 )
-def settle(
+def settle(  # noqa: PLR0912 - one case after the other
     L: Array,
     G: Array,
     S: Array,

@@ -149,16 +149,16 @@ def _newton(L, sides, ends, dt, delta, x, Z, z, share):
     n, G = L.shape[0], L.T @ L
     x = x.copy()
 
-    def C_of(x):
+    def matrix_of(x):
         return L * x[:n] + (L * x[:n]).T - x[n] * np.eye(n) - dt * np.outer(x[:n], x[:n]) * G
 
     values, vectors = np.linalg.eigh(Z)
-    other = np.einsum("ik,ij,jk->k", vectors, C_of(x), vectors)
+    other = np.einsum("ik,ij,jk->k", vectors, matrix_of(x), vectors)
     Y = (vectors * np.sqrt(np.maximum(values, 0)))[:, values > share * np.maximum(other, 1e-14)]
     held = np.flatnonzero(z > share * np.maximum(ends - sides @ x[:n], 1e-14))
     a, h, nu, r = sides[held], ends[held], z[held].copy(), Y.shape[1]
     for _ in range(30):
-        V, C = L - dt * x[:n, None] * G, C_of(x)
+        V, C = L - dt * x[:n, None] * G, matrix_of(x)
         w = V.T @ Y
         top = np.append(
             2 * delta * x[:n] - 2 * (w * Y).sum(1) + a.T @ nu, 2 * (x[n] - 1) + (Y * Y).sum()
@@ -181,10 +181,10 @@ def _newton(L, sides, ends, dt, delta, x, Z, z, share):
             break
     if not np.all(np.isfinite(x)):
         return None
-    size = 1 + np.abs(C_of(x)).max()
+    size = 1 + np.abs(matrix_of(x)).max()
     proved = (
         np.abs(F).max() < 1e-10 * size
-        and np.linalg.eigvalsh(C_of(x))[0] > -1e-11 * size
+        and np.linalg.eigvalsh(matrix_of(x))[0] > -1e-11 * size
         and np.all(sides @ x[:n] <= ends + 1e-11 * (1 + abs(ends)))
         and np.all(nu > -1e-10)
     )

@@ -191,7 +191,7 @@ class TestSpecial:
         assert (solver.path, solver.beta, solver.task_rank) == (NONE, 0.0, 3)
         assert not solver.gains.any()
         assert not solver.dq.any()
-        gains, beta = sdp_gains.sdp_gains(jacobians, errors, 0.01, [-9] * 4, [9] * 4, 8.0)
+        gains, beta = sdp_gains(jacobians, errors, 0.01, [-9] * 4, [9] * 4, 8.0)
         assert beta == 0
         assert not gains.any()
 
@@ -308,9 +308,9 @@ class TestBadInput:
             "dq_upper": [1.0] * 4,
             "beta_desired": 2.0,
         }
-        sdp_gains.sdp_gains(**good)
+        sdp_gains(**good)
         with pytest.raises(BadProblemError, match=named):
-            sdp_gains.sdp_gains(**(good | change))
+            sdp_gains(**(good | change))
 
     @pytest.mark.parametrize("place", ["J", "e"])
     def test_leaves_the_robot_where_it_is(self, place):

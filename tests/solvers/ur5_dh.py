@@ -1,4 +1,4 @@
-"""The UR5 of Marti-Saumell et al., V: standard DH, hand position and the wrist's y; the closed loop.
+"""The UR5 of Marti-Saumell et al., V: standard DH, hand position, wrist's y; the closed loop.
 
 Frames as in Corke's toolbox, without a base rotation; the wrist is the origin of DH frame 4.
 """
