@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocol.compilation import inlined, kernel
-from remote_controller.solvers.dense_kernels import add, dot
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -70,24 +69,31 @@ def _tridiagonal(W: Array, diagonal: Array, beside: Array, p: Array) -> None:
     n = W.shape[0]
     for k in range(n - 1):
         diagonal[k] = W[k, k]
-        v = W[k, k + 1 : n]
-        tail = dot(v, v)
-        if k == n - 2 or tail <= v[0] * v[0]:
-            beside[k] = v[0]
+        first, tail, shared = W[k, k + 1], 0.0, 0.0
+        for j in range(k + 1, n):
+            tail += W[k, j] * W[k, j]
+        if k == n - 2 or tail <= first * first:
+            beside[k] = first
             continue
-        size = -math.copysign(math.sqrt(tail), v[0])
+        size = -math.copysign(math.sqrt(tail), first)
         beside[k] = size
-        factor = 1.0 / (tail - size * v[0])
-        v[0] -= size
-        q = p[k + 1 : n]
-        for i in range(v.size):
-            q[i] = factor * dot(W[k + 1 + i, k + 1 : n], v)
-        add(q, -0.5 * factor * dot(q, v), v)
-        for i in range(v.size):
-            row = W[k + 1 + i, k + 1 : n]
-            f, g = v[i], q[i]
-            for j in range(row.size):
-                row[j] -= f * q[j] + g * v[j]
+        factor = 1.0 / (tail - size * first)
+        W[k, k + 1] -= size
+        for j in range(k + 1, n):
+            p[j] = 0.0
+        for i in range(k + 1, n):
+            entry = factor * W[k, i]
+            for j in range(k + 1, n):
+                p[j] += entry * W[i, j]
+        for j in range(k + 1, n):
+            shared += p[j] * W[k, j]
+        shared *= 0.5 * factor
+        for j in range(k + 1, n):
+            p[j] -= shared * W[k, j]
+        for i in range(k + 1, n):
+            v, q = W[k, i], p[i]
+            for j in range(k + 1, n):
+                W[i, j] -= v * p[j] + q * W[k, j]
     diagonal[n - 1] = W[n - 1, n - 1]
 
 

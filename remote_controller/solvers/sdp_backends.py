@@ -178,7 +178,8 @@ class ConicGains(SdpGains):
         if self._polished:
             program: Any = (L, G, S, room, scaled, delta, self.budget)
             known: Any = (points, Y, integers, counts, nu, Z, z)
-            self.polish, self.newton = self._polish(*program, *known, squares[3:], K, vectors)
+            scratch: Any = (squares[3:], K, vectors)
+            self.polish, self.newton = self._polish(*program, *known, *scratch)
         self.beta, self.slack, self.margin, self.gap, kept = self._conclude(
             *(L, G, S, room, scaled, delta, points, Z, z, squares[3:], vectors)
         )

@@ -261,11 +261,12 @@ def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to it
     C, V, U, P, X = squares[0], squares[1], squares[2], squares[3], squares[4]
     XV, ZV, D, dZ = squares[5], squares[6], squares[7], squares[8]
     W, T, PZ, Q = squares[9], squares[10], squares[11], squares[12]
-    dx, g, scratch, spectrum = vectors[0, : n + 1], vectors[1, : n + 1], vectors[2], vectors[3:]
+    dx: Array = vectors[0, : n + 1]
+    g: Array = vectors[1, : n + 1]
+    scratch, spectrum = vectors[2], vectors[3:]
     slack, fall, dz, aim, miss = sides[0], sides[1], sides[2], sides[3], sides[4]
     for taken in range(budget):
-        beta: float = x[n]
-        stability_matrix(L, G, x[:n], beta, dt, C, V)
+        stability_matrix(L, G, x[:n], float(x[n]), dt, C, V)
         _missing(S, limits, x, scratch[:joints], slack, miss)
         if not root_inverse(C, U, P, scratch) or not root_inverse(Z, U, PZ, scratch):
             return False, taken

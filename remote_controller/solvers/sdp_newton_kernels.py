@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocol.compilation import inlined, kernel
-from remote_controller.solvers.dense_kernels import add, add_rows, dot
 from remote_controller.solvers.lmi_kernels import stability_matrix
 
 Array = NDArray[np.float64]
@@ -51,26 +50,32 @@ def solve_quasidefinite(K: Array, size: int, b: Array, signs: Array, scratch: Ar
         signs, scratch: scratch, likewise.
     """
     for i in range(size):
-        row, whole = K[i, i:size], abs(K[i, i])
+        for j in range(i, size):
+            scratch[j] = K[i, j]
+        whole = abs(scratch[i])
         for k in range(i):
-            scratch[k] = -signs[k] * K[k, i]
-            whole += K[k, i] * K[k, i]
-        add_rows(row, scratch, K, 0, i, i)
-        pivot = row[0]
+            entry = K[k, i]
+            factor = signs[k] * entry
+            whole += entry * entry
+            for j in range(i, size):
+                scratch[j] -= factor * K[k, j]
+        pivot = scratch[i]
         if not abs(pivot) > LOST * whole:
             return False
         signs[i] = math.copysign(1.0, pivot)
         root = math.sqrt(abs(pivot))
         inverse = signs[i] / root
-        for j in range(row.size):
-            row[j] *= inverse
-        row[0] = root
-    for i in range(size):
-        b[i] /= K[i, i]
-        add(b[i + 1 : size], -b[i], K[i, i + 1 : size])
+        for j in range(i, size):
+            K[i, j] = scratch[j] * inverse
+        b[i] /= root
+        for j in range(i + 1, size):
+            b[j] -= b[i] * K[i, j]
     for q in range(size):
         i = size - 1 - q
-        b[i] = (signs[i] * b[i] - dot(K[i, i + 1 : size], b[i + 1 : size])) / K[i, i]
+        rest = signs[i] * b[i]
+        for j in range(i + 1, size):
+            rest -= K[i, j] * b[j]
+        b[i] = rest / K[i, i]
     return True
 
 
@@ -114,20 +119,22 @@ def _fill(  # noqa: PLR0912 - one case after the other
         b[i] = -2.0 * delta * x[i]
     K[n, n], b[n] = 2.0, -2.0 * (x[n] - 1.0)
     for k in range(rank):
-        y = Y[k]
         for i in range(n):
             w[i] = 0.0
-        add_rows(w[:n], y, V, 0, n, 0)
+        for j in range(n):
+            factor = Y[k, j]
+            for i in range(n):
+                w[i] += factor * V[j, i]
         for i in range(n):
-            b[i] += 2.0 * w[i] * y[i]
-            b[n] -= y[i] * y[i]
+            b[i] += 2.0 * w[i] * Y[k, i]
+            b[n] -= Y[k, i] * Y[k, i]
         for p in range(n):
             if block[p] != home[k]:
                 continue
             for i in range(n):
-                K[i, size] = -2.0 * V[p, i] * y[i]
+                K[i, size] = -2.0 * V[p, i] * Y[k, i]
             K[p, size] -= 2.0 * w[p]
-            K[n, size] = 2.0 * y[p]
+            K[n, size] = 2.0 * Y[k, p]
             column = n + 1
             for other in range(k + 1):
                 for q in range(n):
@@ -136,7 +143,10 @@ def _fill(  # noqa: PLR0912 - one case after the other
                         if other == k:
                             K[column, size] = -2.0 * C[p, q]
                         column += 1
-            b[size] = 2.0 * dot(C[p], y)
+            pull = 0.0
+            for q in range(n):
+                pull += C[p, q] * Y[k, q]
+            b[size] = 2.0 * pull
             size += 1
     for a in range(holding):
         sign, r = (1.0, held[a] - 1) if held[a] > 0 else (-1.0, -held[a] - 1)
@@ -232,7 +242,9 @@ def _first_wrong(
             worst, out = nu[a], a
     for r in range(S.shape[1]):
         speed[r] = 0.0
-    add_rows(speed, x, S, 0, n, 0)
+    for i in range(n):
+        for r in range(S.shape[1]):
+            speed[r] += x[i] * S[i, r]
     beyond, broken = KEPT, 0
     for r in range(speed.size):
         over = (speed[r] - limits[1, r]) / (1.0 + abs(limits[1, r]))
@@ -262,15 +274,17 @@ def _positive(C: Array, Y: Array, rank: int, K: Array, scratch: Array) -> bool:
             K[i, j] = entry
         K[i, i] -= LEAST * size
     for i in range(n):
-        row = K[i, i:n]
+        for j in range(i, n):
+            scratch[j] = K[i, j]
         for k in range(i):
-            scratch[k] = -K[k, i]
-        add_rows(row, scratch, K, 0, i, i)
-        if not row[0] > 0.0:
+            factor = K[k, i]
+            for j in range(i, n):
+                scratch[j] -= factor * K[k, j]
+        if not scratch[i] > 0.0:
             return False
-        inverse = 1.0 / math.sqrt(row[0])
-        for j in range(row.size):
-            row[j] *= inverse
+        inverse = 1.0 / math.sqrt(scratch[i])
+        for j in range(i, n):
+            K[i, j] = scratch[j] * inverse
     return True
 
 

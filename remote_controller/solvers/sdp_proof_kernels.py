@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocol.compilation import inlined, kernel
-from remote_controller.solvers.dense_kernels import add_rows, dot
 from remote_controller.solvers.lmi_kernels import least_eigenvalue, stability_matrix
 
 Array = NDArray[np.float64]
@@ -26,7 +25,9 @@ def fit(S: Array, limits: Array, gains: Array, speed: Array) -> float:
     n, share = S.shape[0], 1.0
     for r in range(speed.size):
         speed[r] = 0.0
-    add_rows(speed, gains, S, 0, n, 0)
+    for i in range(n):
+        for r in range(speed.size):
+            speed[r] += gains[i] * S[i, r]
     for r in range(speed.size):
         if speed[r] - limits[1, r] > OVER * (1.0 + limits[1, r]):
             share = min(share, limits[1, r] / speed[r])
@@ -78,11 +79,14 @@ def duality_gap(
         if z[0, r] > 0.0:
             gap += z[0, r] * (speed - limits[0, r])
     for i in range(n):
-        gap += dot(C[i], Z[i])
         slope += Z[i, i]
+        for j in range(n):
+            gap += C[i, j] * Z[i, j]
     gap += 0.25 * slope * slope
     for i in range(n):
-        slope = 2.0 * delta * gains[i] + dot(S[i], z[1]) - dot(S[i], z[0])
+        slope = 2.0 * delta * gains[i]
+        for r in range(joints):
+            slope += S[i, r] * (z[1, r] - z[0, r])
         for k in range(n):
             slope -= 2.0 * V[k, i] * Z[k, i]
         gap += 0.25 * slope * slope / delta

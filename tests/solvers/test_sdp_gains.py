@@ -69,8 +69,8 @@ class TestOptimal:
         assert agree == known >= 100
 
     def test_tasks_that_do_not_touch_each_other(self):
-        agree, known = compare(random(seed, "decoupled") for seed in range(50))
-        assert agree == known >= 28
+        agree, known = compare(random(seed, "decoupled") for seed in range(30))
+        assert agree == known >= 15
 
     def test_tasks_that_nearly_depend_on_each_other(self):
         agree, known = compare((random(seed, "dependent") for seed in range(100)), 2e-5)
