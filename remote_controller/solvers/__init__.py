@@ -15,6 +15,7 @@ from remote_controller.solvers.lyapunov import feasible_rate, lyapunov_qp
 from remote_controller.solvers.pinv import Pinv, pinv, pinv_plain
 from remote_controller.solvers.projector import generalized_projector, projected_sum
 from remote_controller.solvers.qp12 import Qp12, qp12
+from remote_controller.solvers.sdp_gains import SdpGains, sdp_gains
 from remote_controller.solvers.stable_qp import StableQp
 from remote_controller.solvers.weighted import weighted
 
@@ -26,6 +27,7 @@ __all__ = [
     "Pinv",
     "PlainLqp",
     "Qp12",
+    "SdpGains",
     "StableQp",
     "feasible_rate",
     "generalized_projector",
@@ -39,5 +41,6 @@ __all__ = [
     "projected_sum",
     "qp12",
     "qp12_bounded",
+    "sdp_gains",
     "weighted",
 ]

@@ -16,7 +16,8 @@ CONTRADICTORY = 7  # no u satisfies the constraints, whatever V does
 UNBOUNDED = 8  # V can fall as fast as one likes: no largest ρ
 BEHIND = 9  # V has to rise (ρ < 0); u makes it rise as little as possible
 AHEAD = 10  # V falls faster than asked (ρ > 1); u slows it as far as possible
-UNSOLVED = 11  # the QP solver gave up
+UNSOLVED = 11  # the solver gave up
+SPENT = 12  # the budget of iterations was too small: the best that is known, not the optimum
 
 NAMES = (
     "ok",
@@ -31,4 +32,5 @@ NAMES = (
     "behind",
     "ahead",
     "unsolved",
+    "spent",
 )

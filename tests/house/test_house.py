@@ -93,7 +93,7 @@ def test_the_public_interface_stays_put():
         *("BoundedQp12", "DescentRate", "LpNorm", "Pinv", "Qp12", "StableQp"),
         *("feasible_rate", "lp_norm", "lyapunov_qp", "pinv", "pinv_plain", "qp12", "qp12_bounded"),
         *("Ghc", "PlainLqp", "generalized_projector", "ghc", "hqp", "lqp"),
-        *("projected_sum", "weighted"),
+        *("SdpGains", "projected_sum", "sdp_gains", "weighted"),
     }
     bounds = {"lower", "upper"}
     assert solvers.qp12_bounded.__annotations__.keys() >= {"gradient", "decrease", "gamma", *bounds}
@@ -104,6 +104,8 @@ def test_the_public_interface_stays_put():
     tasks = {"jacobians", "targets", "alpha", "M", "bias", "w_r", "regularise"}
     limits = {"qdd_lower", "qdd_upper", "tau_lower", "tau_upper"}
     assert solvers.ghc.__annotations__.keys() >= tasks | limits
+    gains = {"jacobians", "errors", "dt", "dq_lower", "dq_upper", "beta_desired", "delta"}
+    assert solvers.sdp_gains.__annotations__.keys() >= gains | {"weights"}
     assert simulate.__annotations__.keys() >= {"robot", "controller", "duration", "seed"}
     assert load("hoap3").name == "hoap3"
 

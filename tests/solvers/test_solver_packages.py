@@ -11,7 +11,7 @@ import pytest
 from protocol.errors import ConfigError
 from protocol.settings import parse
 from remote_controller.config import ControllerConfig, build, read_config
-from remote_controller.solvers import qp_backends
+from remote_controller.solvers import qp_backends, sdp_backends
 from robot_emulator.robots import load
 
 HOUSE = Path(__file__).resolve().parents[2]
@@ -28,7 +28,10 @@ PEERS = {name: each for name, each in qp_backends.PACKAGES.items() if each not i
 
 
 def test_an_extra_brings_every_solver_that_does_not_come_by_itself() -> None:
-    assert named(PROJECT["optional-dependencies"]["peers"]) == set(PEERS.values())
+    assert named(PROJECT["optional-dependencies"]["peers"]) == {
+        *PEERS.values(),
+        *filter(None, sdp_backends.PACKAGES.values()),
+    }
 
 
 def test_the_docs_say_which_need_installing() -> None:

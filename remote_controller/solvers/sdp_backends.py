@@ -1,0 +1,195 @@
+"""The gains by general solvers of conic programs, to compare ours with: Clarabel and SCS.
+
+Marti-Saumell et al. (24) to (29) with the objective as a quadratic one, in the form
+
+    min ½ xᵀP x + qᵀx   subject to   A x + s = b,  s ∈ K,   x = (λ, β)
+
+K: the limits of S λ, then the 2n × 2n matrix inequality whose Schur complement `lmi_kernels` has,
+[L Λ + Λ Lᵀ − βI, √Δt Λ Lᵀ; √Δt L Λ, I] ⪰ 0. Neither solver is accurate in λ, in which the
+objective is nearly flat, so Newton's method follows (`settle`), unless it is told not to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from protocol.errors import NotInstalledError, UnknownNameError
+from remote_controller.solvers import status as codes
+from remote_controller.solvers.sdp_gains import BUDGET, DELTA, IPM, NONE, SdpGains
+
+Array = NDArray[np.float64]
+
+PACKAGES = {"newton": "", "clarabel": "clarabel", "scs": "scs"}
+POLISH = 40  # Newton steps
+
+
+def installed() -> list[str]:
+    """Names of the solvers that can be used, ours first."""
+    return [name for name, package in PACKAGES.items() if not package or find_spec(package)]
+
+
+def gain_solver(name: str, sizes: Sequence[int], joints: int, **options: Any) -> SdpGains:
+    """A solver of the gains by name; options as for `SdpGains`, and for peers `ConicGains`.
+
+    Raises:
+        UnknownNameError: there is no such solver.
+        NotInstalledError: there is, but its package is not installed.
+    """
+    if name not in PACKAGES:
+        raise UnknownNameError("solver of the gains", name, PACKAGES)
+    if name not in installed():
+        raise NotInstalledError("solver of the gains", name, PACKAGES[name], installed())
+    if name == "newton":
+        return SdpGains(sizes, joints, **options)
+    return ConicGains(sizes, joints, solver=name, **options)
+
+
+def conic(
+    L: Array, S: Array, limits: Array, dt: float, delta: float
+) -> tuple[Any, Array, Any, Array, NDArray[np.intp], int]:
+    """P, q, A and b in the units of β̃ = 1, which rows of ±S A has, and the matrix's size.
+
+    Rows of the matrix inequality are its upper triangle, column by column, off-diagonals times √2.
+    """
+    from scipy import sparse  # noqa: PLC0415 - comes with osqp
+
+    n, root = L.shape[0], np.sqrt(dt)
+    bounds = np.concatenate([limits[1], -limits[0]])
+    used = np.flatnonzero(np.isfinite(bounds))
+    columns, rows = np.tril_indices(2 * n)
+    factors = np.where(rows == columns, 1.0, np.sqrt(2.0))
+    triangle = np.zeros((rows.size, n + 1))
+    for i in range(n):
+        matrix = np.zeros((2 * n, 2 * n))
+        matrix[:n, i] += L[:, i]
+        matrix[i, :n] += L[:, i]
+        matrix[n:, i] += root * L[:, i]
+        matrix[i, n:] += root * L[:, i]
+        triangle[:, i] = matrix[rows, columns] * factors
+    triangle[:, n] = -np.where((rows == columns) & (rows < n), 1.0, 0.0)
+    inequalities = np.hstack([np.vstack([S.T, -S.T]), np.zeros((2 * S.shape[1], 1))])[used]
+    constant = np.where((rows == columns) & (rows >= n), 1.0, 0.0)
+    P = sparse.csc_matrix(np.diag([*np.full(n, 2.0 * delta), 2.0]))
+    A = sparse.csc_matrix(np.vstack([inequalities, -triangle]))
+    q, b = np.append(np.zeros(n), -2.0), np.concatenate([bounds[used], constant])
+    return P, q, A, b, used, 2 * n
+
+
+def clarabel(P: Any, q: Array, A: Any, b: Array, limits: int, size: int) -> tuple[Array, Array]:
+    """X and the multipliers, by Clarabel (Apache licence), an interior-point method."""
+    import clarabel as library  # noqa: PLC0415 - each solver only where it is asked for
+
+    settings = library.DefaultSettings()
+    settings.verbose = False
+    cones = [library.NonnegativeConeT(limits)] if limits else []
+    cones.append(library.PSDTriangleConeT(size))
+    found = library.DefaultSolver(P, q, A, b, cones, settings).solve()
+    return np.array(found.x), np.array(found.z)
+
+
+def scs(
+    P: Any, q: Array, A: Any, b: Array, limits: int, size: int, tolerance: float = 1e-7
+) -> tuple[Array, Array]:
+    """The same by SCS (MIT licence), an operator splitting; its triangle is the lower one."""
+    import scs as library  # noqa: PLC0415
+
+    columns, rows = np.tril_indices(size)  # rows ≤ columns, by columns
+    number = np.zeros((size, size), np.intp)
+    number[rows, columns] = number[columns, rows] = np.arange(rows.size)
+    lower = [number[i, j] for j in range(size) for i in range(j, size)]
+    order = np.concatenate([np.arange(limits), limits + np.array(lower)]).astype(np.intp)
+    data = {"P": P, "q": q, "A": A[order], "b": b[order], "c": q}
+    data["A"] = data["A"].tocsc()
+    settings = {"verbose": False, "eps_abs": tolerance, "eps_rel": tolerance}
+    model = library.SCS(data, {"l": limits, "s": [size]}, max_iters=50_000, **settings)
+    found = model.solve()
+    z = np.empty(b.size)
+    z[order] = found["y"]
+    return np.asarray(found["x"]), z
+
+
+SOLVERS = {"clarabel": clarabel, "scs": scs}
+
+
+class ConicGains(SdpGains):
+    """`SdpGains` by Clarabel or SCS, each time from nothing; it allocates.
+
+    Args:
+        solver: "clarabel" or "scs".
+        polished: whether Newton's method follows.
+
+    Attributes:
+        polish: whether it arrived; the path is "ipm" either way.
+    """
+
+    def __init__(
+        self,
+        sizes: Sequence[int],
+        joints: int,
+        *,
+        solver: str = "clarabel",
+        polished: bool = True,
+        weights: ArrayLike | None = None,
+        damping: float = 0.0,
+        budget: int = POLISH,
+    ) -> None:
+        from remote_controller.solvers import (  # noqa: PLC0415 (compiles)
+            sdp_kernels,
+            sdp_proof_kernels,
+            sdp_search_kernels,
+        )
+
+        super().__init__(sizes, joints, weights=weights, damping=damping, budget=budget)
+        self._solve_conic, self._polished, self.polish = SOLVERS[solver], polished, False
+        self._polish, self._conclude = sdp_search_kernels.polish, sdp_proof_kernels.conclude
+        self._enough = sdp_kernels.PROVED
+
+    def solve(
+        self, jacobian: Array, errors: Array, dt: float, desired: float, delta: float = DELTA
+    ) -> int:
+        """As `SdpGains.solve`; the status is `OK` only where the gap proves it."""
+        self.forget()
+        budget, self.budget = self.budget, 0  # prepares L, S and the limits, no more
+        super().solve(jacobian, errors, dt, desired, delta)
+        self.budget, self.polish = budget, False
+        if self.path != BUDGET:
+            return self.status
+        points, Y, integers, counts, nu, squares, wide, _, K, _, vectors, sides, gains, dq = (
+            self._work
+        )
+        n, scaled = self.n, dt * desired
+        L, G, Z, S, room, z = squares[0], squares[1], squares[2], wide[2], sides[0], sides[1]
+        P, q, A, b, used, size = conic(L, S, room, scaled, delta)
+        x, dual = self._solve_conic(P, q, A, b, used.size, size)
+        each = np.zeros(2 * self.joints)
+        each[used] = np.maximum(dual[: used.size], 0.0)
+        z[1], z[0] = each[: self.joints], each[self.joints :]
+        columns, rows = np.tril_indices(size)
+        whole = np.zeros((size, size))
+        whole[rows, columns] = dual[used.size :] / np.where(rows == columns, 1.0, np.sqrt(2.0))
+        whole[columns, rows] = whole[rows, columns]
+        Z[:] = whole[:n, :n]
+        points[0] = x
+        if self._polished:
+            program: Any = (L, G, S, room, scaled, delta, self.budget)
+            known: Any = (points, Y, integers, counts, nu, Z, z)
+            scratch: Any = (squares[3:], K, vectors)
+            self.polish, self.newton = self._polish(*program, *known, *scratch)
+        self.beta, self.slack, self.margin, self.gap, kept = self._conclude(
+            *(L, G, S, room, scaled, delta, points, Z, z, squares[3:], vectors)
+        )
+        self.beta, self.slack, self.margin = (
+            desired * value for value in (self.beta, self.slack, self.margin)
+        )
+        gains[:] = desired * points[0, :n]
+        np.clip(dq + desired * vectors[0, : self.joints], self.lower, self.upper, out=dq)
+        self.rank, self.path = int(counts[0]), IPM if kept else NONE
+        proved = self.gap <= self._enough
+        self.gap *= desired * desired
+        self.status = (codes.OK if proved else codes.UNSOLVED) if kept else codes.STATIONARY
+        return self.status

@@ -1,0 +1,231 @@
+"""The gains of prioritised tasks with a certificate, from Jacobians and errors, in one call.
+
+Marti-Saumell et al.: min (β − β̃)² + δ|λ|² such that V falls by V⁺ ≤ (1 − β Δt) V, and the joint
+speeds dq = B(Λ e + rates) stay within their limits. From the last answer Newton's method takes two
+or three steps (`sdp_newton_kernels`); where it does not arrive, an interior-point method comes near
+enough for it (`sdp_interior_kernels`). Either may stop early: whatever λ is returned, β is what it
+certifies, λ_min(C(λ, 0)), and a gap of duality says how far from optimal it may be.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocol.compilation import inlined, kernel
+from remote_controller.solvers.clik_kernels import prioritised
+from remote_controller.solvers.dense_kernels import MAX, add_rows, gram, not_finite
+from remote_controller.solvers.lmi_kernels import find_blocks
+from remote_controller.solvers.sdp_proof_kernels import conclude, keep_better
+from remote_controller.solvers.sdp_search_kernels import BUDGET, NONE, optimise
+from remote_controller.solvers.status import (
+    BAD_INPUT,
+    BAD_SHAPE,
+    OK,
+    OUT_OF_RANGE,
+    SPENT,
+    STATIONARY,
+    UNSOLVED,
+)
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+PROVED = 1e-9  # of β̃²: a gap up to that proves that the gains are optimal
+
+
+@inlined
+def _unfit(jacobian: Array, errors: Array, rates: Array, weights: Array, limits: Array) -> bool:
+    """Whether a value is not finite, or the limits do not allow to stand still."""
+    found = not_finite(errors) or not_finite(rates) or not_finite(weights)
+    for i in range(jacobian.shape[0]):
+        found = found or not_finite(jacobian[i]) or not weights[i] > 0.0
+    for r in range(limits.shape[1]):
+        found = found or not (limits[0, r] <= 0.0 <= limits[1, r])
+    return found
+
+
+@inlined
+def _feed_forward(B: Array, rates: Array, limits: Array, speed: Array) -> float:
+    """Write B·rates, shortened until it keeps the limits; returns the factor."""
+    n, share = B.shape[0], 1.0
+    for r in range(speed.size):
+        speed[r] = 0.0
+    add_rows(speed, rates, B, 0, n, 0)
+    for r in range(speed.size):
+        if speed[r] > limits[1, r]:
+            share = min(share, limits[1, r] / speed[r])
+        if speed[r] < limits[0, r]:
+            share = min(share, limits[0, r] / speed[r])
+    if share < 1.0:
+        for r in range(speed.size):
+            speed[r] = min(max(share * speed[r], limits[0, r]), limits[1, r])
+    return share
+
+
+@inlined
+def _forget(gains: Array, counts: Indices) -> None:
+    """Stand still, and begin anew the next time."""
+    for i in range(gains.size):
+        gains[i] = 0.0
+    counts[0], counts[1] = 0, 0
+
+
+@kernel(
+    "Tuple((i8, i8, i8, i8, i8, i8, f8, f8, f8, f8, f8))(f8[:,::1], f8[::1], f8[::1], i8[::1],"
+    " f8[::1], f8[:,::1], f8, f8, f8, f8, i8, f8[:,::1], f8[:,::1], i8[:,::1], i8[::1], f8[::1],"
+    " f8[:,:,::1], f8[:,:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[::1],"
+    " f8[::1])"
+)
+def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
+    jacobian: Array,
+    errors: Array,
+    rates: Array,
+    offsets: Indices,
+    weights: Array,
+    speeds: Array,
+    dt: float,
+    desired: float,
+    delta: float,
+    damping: float,
+    budget: int,
+    points: Array,
+    Y: Array,
+    integers: Indices,
+    counts: Indices,
+    nu: Array,
+    squares: Array,
+    wide: Array,
+    own: Array,
+    K: Array,
+    H: Array,
+    vectors: Array,
+    sides: Array,
+    gains: Array,
+    dq: Array,
+) -> tuple[int, int, int, int, int, int, float, float, float, float, float]:
+    """Solve one problem; `SdpGains` describes the arguments and has the shapes of the scratch.
+
+    Args:
+        jacobian, errors, rates, offsets: (n, joints), (n,), (n,), (h + 1,).
+        weights: of the squared errors in V, (n,).
+        speeds: lower and upper limits of dq, (2, joints).
+        dt, desired, delta, damping, budget: Δt, β̃, δ, d, iterations.
+        points, Y, integers, counts, nu: of the last solve; (2, n + 1), (any, n), (4, n), (2,),
+            (n,).
+        squares, wide, own, K, H, vectors, sides: scratch.
+        gains: λ of the last solve, overwritten.
+        dq: written; zeros where there is no answer.
+
+    Returns:
+        Status, path, rank of the Jacobian, of Z, Newton steps, iterations of the interior-point
+        method, β, slack of the matrix inequality, margin of dq, gap, factor of the rates.
+    """
+    n, joints = jacobian.shape
+    known = gains.size == n and dq.size == joints
+    if not (known and errors.size == n and rates.size == n and weights.size == n):
+        return BAD_SHAPE, NONE, 0, 0, 0, 0, 0.0, 0.0, 0.0, math.inf, 0.0
+    L, G, Z = squares[0], squares[1], squares[2]
+    room, z, B, S = sides[0], sides[1], wide[1], wide[2]
+    for r in range(joints):
+        dq[r] = 0.0
+    fit = 0.0 < dt <= MAX and 0.0 < desired <= MAX and 0.0 < delta <= MAX
+    fit = fit and 0.0 <= damping <= MAX
+    if not fit or _unfit(jacobian, errors, rates, weights, speeds):
+        _forget(gains, counts)
+        return BAD_INPUT, NONE, 0, 0, 0, 0, 0.0, 0.0, 0.0, math.inf, 0.0
+    for i in range(n):
+        vectors[0, i] = math.sqrt(weights[i])
+    task_rank = prioritised(
+        jacobian,
+        offsets,
+        damping,
+        vectors[0, :n],
+        L,
+        B,
+        wide[0],
+        squares[3],
+        squares[4],
+        squares[5],
+        own,
+    )
+    share = _feed_forward(B, rates, speeds, dq)
+    for r in range(joints):
+        for side in range(2):
+            room[side, r] = (speeds[side, r] - dq[r]) / desired
+    for i in range(n):
+        for j in range(n):
+            G[i, j] = 0.0
+        for r in range(joints):
+            S[i, r] = errors[i] * B[i, r]
+    gram(G, 1.0, L, n, vectors[0])
+    for i in range(n):
+        for j in range(i):
+            G[i, j] = G[j, i]
+    block, before, same = integers[0], integers[3], True
+    find_blocks(L, block)
+    for i in range(n):
+        same = same and block[i] == before[i]
+        before[i] = block[i]
+    if not same:
+        counts[0] = 0
+    path, newton, inner = optimise(
+        L,
+        G,
+        S,
+        room,
+        dt * desired,
+        delta,
+        budget,
+        points,
+        Y,
+        integers,
+        counts,
+        nu,
+        Z,
+        z,
+        squares[3:],
+        K,
+        H,
+        vectors,
+        sides[2:],
+    )
+    if path == BUDGET:
+        keep_better(L, G, S, room, dt * desired, desired, gains, points, squares[3:], vectors)
+    beta, slack, margin, gap, kept = conclude(
+        L, G, S, room, dt * desired, delta, points, Z, z, squares[3:], vectors
+    )
+    x, speed = points[0], vectors[0, :joints]
+    if not kept:
+        counts[0] = 0
+        path = NONE if path != BUDGET else BUDGET
+    finite = abs(beta * desired) <= MAX
+    for r in range(joints):
+        dq[r] = min(max(dq[r] + desired * speed[r], speeds[0, r]), speeds[1, r])
+    for i in range(n):
+        gains[i] = desired * x[i]
+    if not finite or not_finite(gains) or not_finite(dq):
+        _forget(gains, counts)
+        for r in range(joints):
+            dq[r] = 0.0
+        return OUT_OF_RANGE, NONE, 0, 0, newton, inner, 0.0, 0.0, 0.0, math.inf, 0.0
+    status = OK if gap <= PROVED else UNSOLVED
+    if path == BUDGET:
+        status = SPENT
+    elif path == NONE:
+        status = STATIONARY
+    return (
+        status,
+        path,
+        task_rank,
+        counts[0],
+        newton,
+        inner,
+        desired * beta,
+        desired * slack,
+        desired * margin,
+        desired * desired * gap,
+        share,
+    )

@@ -1,0 +1,291 @@
+"""The way to the optimal gains: from the last ones if these are of any use, else from inside."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocol.compilation import inlined, kernel
+from remote_controller.solvers.dense_kernels import dot, eigenvectors
+from remote_controller.solvers.lmi_kernels import stability_matrix
+from remote_controller.solvers.products_kernels import dot_column
+from remote_controller.solvers.sdp_interior_kernels import SPRING, begin_inside, interior, locked
+from remote_controller.solvers.sdp_newton_kernels import settle
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+NONE, WARM, IPM, BUDGET = range(4)  # the ways to an answer
+FIRST_TRY, LAST_TRY = 1e-2, 1e-9  # of λ: how near the interior-point method is to bring Newton's
+
+
+@kernel(
+    "UniTuple(i8, 2)(f8[:,::1], f8[:,::1], f8[::1], f8[:,::1], f8[:,::1], i8[::1], f8[:,::1],"
+    " i8[::1], i8[::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,::1])"
+)
+def _guess(
+    S: Array,
+    limits: Array,
+    x: Array,
+    Z: Array,
+    z: Array,
+    block: Indices,
+    Y: Array,
+    home: Indices,
+    held: Indices,
+    nu: Array,
+    C: Array,
+    W: Array,
+    Q: Array,
+) -> tuple[int, int]:
+    """From an interior point: which eigenvectors of Z and which limits matter at the optimum.
+
+    Those whose multiplier is larger than what it is the multiplier of. Returns how many of each.
+    """
+    n, rank, holding = S.shape[0], 0, 0
+    for i in range(n):
+        for j in range(n):
+            W[i, j] = Z[i, j]
+    eigenvectors(W, Q, n)
+    for k in range(n):
+        other, largest = 0.0, 0
+        for i in range(n):
+            other += Q[k, i] * dot(C[i], Q[k])
+            largest = i if abs(Q[k, i]) > abs(Q[k, largest]) else largest
+        if W[k, k] > max(other, 0.0) and rank < Y.shape[0]:
+            root = math.sqrt(W[k, k])
+            home[rank] = block[largest]
+            for i in range(n):
+                Y[rank, i] = root * Q[k, i] if block[i] == home[rank] else 0.0
+            rank += 1
+    for r in range(S.shape[1]):
+        speed = 0.0
+        for i in range(n):
+            speed += S[i, r] * x[i]
+        if locked(limits, r) and holding < n:
+            held[holding], nu[holding] = r + 1, 0.0
+            holding += 1
+        elif z[1, r] > limits[1, r] - speed and holding < n:
+            held[holding], nu[holding] = r + 1, z[1, r]
+            holding += 1
+        elif z[0, r] > speed - limits[0, r] and holding < n:
+            held[holding], nu[holding] = -r - 1, z[0, r]
+            holding += 1
+    return rank, holding
+
+
+@inlined
+def _multipliers(
+    Y: Array, rank: int, held: Indices, holding: int, nu: Array, Z: Array, z: Array
+) -> None:
+    """Write Z = Y Yᵀ and the multipliers of the limits."""
+    n = Z.shape[0]
+    for i in range(n):
+        for j in range(n):
+            Z[i, j] = 0.0
+            for k in range(rank):
+                Z[i, j] += Y[k, i] * Y[k, j]
+    for r in range(z.shape[1]):
+        z[0, r], z[1, r] = 0.0, 0.0
+    for a in range(holding):
+        side, r = (1, held[a] - 1) if held[a] > 0 else (0, -held[a] - 1)
+        z[side, r] = max(nu[a], 0.0)
+        if nu[a] < 0.0:  # of a joint that may not move: its other limit holds
+            z[1 - side, r] = -nu[a]
+
+
+@inlined
+def _spring_multipliers(S: Array, limits: Array, x: Array, z: Array) -> None:
+    """Write what holds the joints that may not move, where the interior-point method held them."""
+    for r in range(S.shape[1]):
+        if locked(limits, r):
+            pull = SPRING * dot_column(S, r, x)
+            z[0, r], z[1, r] = max(-pull, 0.0), max(pull, 0.0)
+
+
+@kernel(
+    "Tuple((b1, i8))(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, i8, f8[:,::1],"
+    " f8[:,::1], i8[:,::1], i8[::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1],"
+    " f8[:,::1])"
+)
+def polish(
+    L: Array,
+    G: Array,
+    S: Array,
+    limits: Array,
+    dt: float,
+    delta: float,
+    budget: int,
+    points: Array,
+    Y: Array,
+    integers: Indices,
+    counts: Indices,
+    nu: Array,
+    Z: Array,
+    z: Array,
+    squares: Array,
+    K: Array,
+    vectors: Array,
+) -> tuple[bool, int]:
+    """Newton's method from a point near the optimum with its multipliers; as for `optimise`.
+
+    Returns:
+        Whether it arrived, and all is overwritten by the optimum; steps taken.
+    """
+    n = S.shape[0]
+    block, home, held, x, trial = integers[0], integers[1], integers[2], points[0], points[1]
+    stability_matrix(L, G, x[:n], x[n], dt, squares[0], squares[1])
+    rank, holding = _guess(
+        S, limits, x, Z, z, block, Y, home, held, nu, squares[0], squares[2], squares[3]
+    )
+    for i in range(n + 1):
+        trial[i] = x[i]
+    good, holding, taken = settle(
+        L,
+        G,
+        S,
+        limits,
+        dt,
+        delta,
+        trial,
+        Y,
+        block,
+        home,
+        rank,
+        held,
+        holding,
+        nu,
+        budget,
+        squares[0],
+        squares[1],
+        K,
+        vectors,
+    )
+    counts[0], counts[1] = 0, 0
+    if good:
+        for i in range(n + 1):
+            x[i] = trial[i]
+        counts[0], counts[1] = rank, holding
+        _multipliers(Y, rank, held, holding, nu, Z, z)
+    return good, taken
+
+
+@kernel(
+    "Tuple((i8, i8, i8))(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, i8, f8[:,::1],"
+    " f8[:,::1], i8[:,::1], i8[::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1],"
+    " f8[:,::1], f8[:,::1], f8[:,:,::1])"
+)
+def optimise(
+    L: Array,
+    G: Array,
+    S: Array,
+    limits: Array,
+    dt: float,
+    delta: float,
+    budget: int,
+    points: Array,
+    Y: Array,
+    integers: Indices,
+    counts: Indices,
+    nu: Array,
+    Z: Array,
+    z: Array,
+    squares: Array,
+    K: Array,
+    H: Array,
+    vectors: Array,
+    sides: Array,
+) -> tuple[int, int, int]:
+    """Find λ and β in the units of β̃ = 1, from the last ones if these are of any use.
+
+    Args:
+        L, G, S, limits, dt, delta: as for `settle`.
+        budget: how many iterations are allowed, of both kinds together.
+        points: λ and β, (2, n + 1): the last one, overwritten by the answer, and scratch.
+        Y: of the last one, (any, n); overwritten.
+        integers: blocks of L, homes of the y_k, limits that hold, (3, n); the latter two from last.
+        counts: how many y_k and how many held limits there are, (2,); none where nothing is known.
+        nu: multipliers of the limits, (n,).
+        Z, z: written: multipliers of C and the limits, (n, n) and (2, joints).
+        squares, K, H, vectors, sides: scratch; see `SdpGains`.
+
+    Returns:
+        Path; Newton steps; iterations of the interior-point method.
+    """
+    block, home, held = integers[0], integers[1], integers[2]
+    x, newton = points[0], 0
+    if counts[0] > 0:
+        good, counts[1], newton = settle(
+            L,
+            G,
+            S,
+            limits,
+            dt,
+            delta,
+            x,
+            Y,
+            block,
+            home,
+            counts[0],
+            held,
+            counts[1],
+            nu,
+            budget,
+            squares[0],
+            squares[1],
+            K,
+            vectors,
+        )
+        if good:
+            _multipliers(Y, counts[0], held, counts[1], nu, Z, z)
+            return WARM, newton, 0
+    begin_inside(S, limits, x, Z, z, sides[0])
+    tolerance, inner = FIRST_TRY, 0
+    while True:
+        near, taken = interior(
+            L,
+            G,
+            S,
+            limits,
+            dt,
+            delta,
+            x,
+            Z,
+            z,
+            tolerance,
+            budget - newton - inner,
+            squares,
+            H,
+            vectors,
+            sides,
+        )
+        inner += taken
+        good, taken = polish(
+            L,
+            G,
+            S,
+            limits,
+            dt,
+            delta,
+            budget - newton - inner,
+            points,
+            Y,
+            integers,
+            counts,
+            nu,
+            Z,
+            z,
+            squares,
+            K,
+            vectors,
+        )
+        newton += taken
+        if good:
+            return IPM, newton, inner
+        if not near or tolerance <= LAST_TRY or newton + inner >= budget:
+            break
+        tolerance *= 0.1
+    _spring_multipliers(S, limits, x, z)
+    return BUDGET if newton + inner >= budget else IPM, newton, inner
