@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Literal
+
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from protocol.messages import FloatArray
 from remote_controller.kinematics import Kinematics
@@ -12,16 +15,21 @@ from remote_controller.tasks.targets.settings import TargetSettings
 from remote_controller.tasks.task import Task
 from remote_controller.tasks.task_function import TaskFunction
 
+Axis = Literal["x", "y", "z"]
+AXES: tuple[Axis, ...] = ("x", "y", "z")
+
 
 class FramePositionTask(Task):
     """e = p(q) − p_d: origin of a frame as seen from a reference frame, less its target [m].
 
-    J is exact: the velocity of the origin relative to the reference, in the reference's axes.
+    J is exact: the velocity of the origin relative to the reference, in the reference's axes. With
+    fewer than three axes e has their components only, and the others are left free.
 
     Args:
         kinematics: of the robot.
         frame, reference: names.
         target: p_d, (3,) [m], in the reference's axes.
+        axes: the components of e, in this order.
 
     Raises:
         FrameNotFoundError: the robot has no such frame.
@@ -33,30 +41,59 @@ class FramePositionTask(Task):
         frame: str = Field(description="frame that shall get there")
         reference: str = Field(description="frame that it is seen from")
         target: TargetSettings = Field(description="where its origin shall be, in that frame")
+        axes: tuple[Axis, ...] = Field(
+            AXES, min_length=1, description="components of e, in this order; others are left free"
+        )
+
+        @field_validator("axes")
+        @classmethod
+        def _once(cls, axes: tuple[Axis, ...]) -> tuple[Axis, ...]:
+            if len(set(axes)) < len(axes):
+                raise ValueError("should name each axis once")
+            return axes
 
     def __init__(
-        self, kinematics: Kinematics, frame: str, reference: str, target: FloatArray
+        self,
+        kinematics: Kinematics,
+        frame: str,
+        reference: str,
+        target: FloatArray,
+        axes: Sequence[Axis] = AXES,
     ) -> None:
-        super().__init__(3, kinematics.n)
+        super().__init__(len(axes), kinematics.n)
+        self._axes = [AXES.index(axis) for axis in axes]
+        self._all = tuple(axes) == AXES
         self._frame, self._reference = kinematics.frame_id(frame), kinematics.frame_id(reference)
         self._twist = np.zeros((6, kinematics.n))
         self._scratch = np.zeros((6, kinematics.n))
         self._rotation = np.zeros((3, 3))
-        self.jacobian = self._twist[:3]
-        self.position = np.zeros(3)
+        self.position, self._difference = np.zeros((2, 3))
+        if self._all:
+            self.error, self.jacobian = self._difference, self._twist[:3]
+        self.target, self.target_rate = np.zeros((2, 3))
         self.target[:] = target
 
     @classmethod
     def configured(cls, site: Site, parameters: Parameters) -> TaskFunction:
         """V of this task."""
-        task = cls(site.kinematics, parameters.frame, parameters.reference, np.zeros(3))
+        frame, reference, axes = parameters.frame, parameters.reference, parameters.axes
+        task = cls(site.kinematics, frame, reference, np.zeros(3), axes)
         return TaskFunction(task, parameters.target.build(site.folder), parameters.weights)
 
     def update(self, kinematics: Kinematics) -> None:
         """Recompute e [m] and J [m/rad]."""
         kinematics.frame(self._frame, self._reference, self.position, self._rotation, self._twist)
-        np.subtract(self.position, self.target, out=self.error)
+        np.subtract(self.position, self.target, out=self._difference)
+        if not self._all:
+            for row, axis in enumerate(self._axes):
+                self.error[row] = self._difference[axis]
+                self.jacobian[row] = self._twist[axis]
 
     def read(self, kinematics: Kinematics, out: FloatArray) -> None:
-        """Write p(q), (3,) [m]."""
+        """Write p(q), (3,) [m], all of it: so targets start from there."""
         kinematics.frame(self._frame, self._reference, out, self._rotation, self._scratch)
+
+    def explicit_rate(self, out: FloatArray) -> None:
+        """Write ∂e/∂t [m/s]."""
+        for row, axis in enumerate(self._axes):
+            out[row] = -self.target_rate[axis]

@@ -49,6 +49,11 @@ CASES: dict[str, tuple[RobotDescription, str, dict]] = {
     "com": (HOAP3, "com", {"frame": "r_sole", "target": LEMNISCATE, "weights": [1.0, 2.0, 0.0]}),
     "hand": (HOAP3, "frame_position", {**HAND, "target": CIRCLE}),
     "tool": (ARM, "frame_position", {**TOOL, "target": WAYPOINTS}),
+    "hand's z and x": (
+        HOAP3,
+        "frame_position",
+        {**HAND, "target": CIRCLE, "axes": ["z", "x"], "weights": [1.0, 3.0]},
+    ),
     "hand pose": (HOAP3, "frame_pose", {**HAND, **POSE, "target": CIRCLE}),
     "tool pose": (ARM, "frame_pose", {**TOOL, **POSE, "target": WAYPOINTS, "weights": [2.0]}),
     "posture": (HOAP3, "posture", {"posture": "walk_ready", "approach_s": 1.0}),
