@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import numpy as np
 
 from protocol.description import RobotDescription
-from protocol.errors import ConfigError
 from protocol.messages import FloatArray, State
 from remote_controller.controllers import ghc_velocity_settings as settings
-from remote_controller.controllers.controller import STATUS, VelocityController
-from remote_controller.kinematics import Kinematics
+from remote_controller.controllers.controller import STATUS
+from remote_controller.controllers.labelled_tasks import LabelledTasksController
+from remote_controller.controllers.labelled_tasks_settings import check_tasks, labels_of
 from remote_controller.priorities.matrix import unsurpassed
 from remote_controller.priorities.priorities import Priorities
 from remote_controller.solvers import status
 from remote_controller.solvers.ghc import Ghc
-from remote_controller.tasks import registry as tasks
-from remote_controller.tasks import status as task_status
 from remote_controller.tasks.lyapunov import LyapunovFunction
 
 CERTIFIED_RESIDUAL = 1e-9
@@ -29,7 +26,7 @@ MOST_LOGGED = 6  # tasks whose priorities are logged, k² columns
 FREE, BOUNDED = 0, 1  # solver_path
 FALLBACKS = {status.OK: 0, status.INFEASIBLE: 1}
 GAVE_UP = 2
-NOT_FINITE, INFEASIBLE, UNSOLVED, HELD, MOVING = (1 << bit for bit in range(5))
+_, INFEASIBLE, UNSOLVED, HELD, MOVING = (1 << bit for bit in range(5))
 CONDITIONS = (
     "state not finite",
     "no velocity within the bounds",
@@ -39,7 +36,7 @@ CONDITIONS = (
 )
 
 
-class GhcVelocityController(VelocityController):
+class GhcVelocityController(LabelledTasksController):
     """Any number of tasks, each kept out of the others as far as `priorities` say.
 
         min Σ |J_i·x_i + g_i·e_i + ∂e_i/∂t|² + ω_r Σ |x_i|²
@@ -66,61 +63,33 @@ class GhcVelocityController(VelocityController):
     """
 
     Parameters: ClassVar[Any] = settings.Parameters
+    own_conditions = CONDITIONS
     kernels = (
         "remote_controller.solvers.ghc_kernels",
-        "remote_controller.tasks.lyapunov_kernels",
-        "remote_controller.tasks.pose_kernels",
-        "remote_controller.controllers.ghc_velocity_kernels",
+        *LabelledTasksController.kernels,
     )
 
     def __init__(
         self, description: RobotDescription, parameters: settings.Parameters, file: str = "config"
     ) -> None:
-        from remote_controller.controllers import (  # noqa: PLC0415 - compiles
-            ghc_velocity_kernels as kernels,
-        )
-
         self.priorities = _priorities(parameters, file)
         self.extra_names = _columns(self.priorities.names)
-        super().__init__(description, parameters)
+        super().__init__(description, parameters, file)
         n = description.n
-        self.kinematics = Kinematics(description)
-        self.functions = [
-            _task(task, description, self.kinematics, file, f"parameters.tasks.{number}")
-            for number, task in enumerate(parameters.tasks)
-        ]
-        sizes = [len(function.error) for function in self.functions]
-        self._gains = [task.gain_per_s for task in parameters.tasks]
-        self._solver = Ghc(sizes, n, regularise="none", smoothing=parameters.smoothing)
-        self._jacobian, self._wanted = np.zeros((sum(sizes), n)), np.zeros(sum(sizes))
-        ends = self._solver.offsets.tolist()
-        self._rows = [
-            (self._jacobian[start:end], self._wanted[start:end]) for start, end in pairwise(ends)
-        ]
+        gains = [task.gain_per_s for task in parameters.tasks]
+        self._gains, self._wanted = np.repeat(gains, self.sizes), np.zeros(sum(self.sizes))
+        self._solver = Ghc(self.sizes, n, regularise="none", smoothing=parameters.smoothing)
+        self.lower, self.upper = self._solver.qdd_lower, self._solver.qdd_upper
         self._weight = parameters.regularisation
         self._mass, self._bias = np.eye(n), np.zeros(n)
-        self._aim, self._cut = kernels.aim, kernels.cut
-        self._velocity_bounds = kernels.velocity_bounds
-        self._bounds = parameters.bounds.limits(description, file)
-        self._lower, self._upper = self._solver.qdd_lower, self._solver.qdd_upper
-        self.u, self._dq, self._before, self._next = np.zeros((4, n))
-        self._from_reference = parameters.kinematics_from == "reference"
-        self.conditions = (*CONDITIONS, *task_status.NAMES[1:])
         self._first, self._time = 0, 0.0  # tick of the reset, and seconds since then
-        self._begun, self._periods_seen = False, 0
         self._top: list[LyapunovFunction] = []
         self._stale = True  # the top tasks are those of priorities that have moved since
 
     @classmethod
-    def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Self:
-        """One for a robot."""
-        return cls(description, parameters, file)
-
-    @classmethod
     def check(cls, parameters: Any, file: str) -> None:
         """Refuse tasks and priorities that are wrong for any robot."""
-        for number, task in enumerate(parameters.tasks):
-            tasks.check_parameters(task, file, f"parameters.tasks.{number}")
+        check_tasks(parameters.tasks, file)
         _priorities(parameters, file)
 
     def change(self, request: Mapping[str, Any]) -> None:
@@ -139,22 +108,12 @@ class GhcVelocityController(VelocityController):
         """Begin anew, also with the timeline; the tasks do at the next State that is finite."""
         super().reset(state, last_command)
         self.priorities.reset()
-        self._first, self._time, self._begun = state.tick, 0.0, False
+        self._first, self._time = state.tick, 0.0
         self._top, self._stale = [], True
 
-    def velocity(self, state: State) -> FloatArray:
+    def answer(self, state: State, base: FloatArray, now: float, noted: int) -> None:
         """Joint velocities, and their certificate."""
         command, solver, priorities = self.command, self._solver, self.priorities
-        if not np.isfinite(state.q @ state.reference):
-            command.stamp_kinematics = self.now()
-            return self._refuse()
-        base = state.reference if self._from_reference else state.q
-        now = state.tick * self._dt
-        self.kinematics.update(base)
-        if not self._begun:
-            for function in self.functions:
-                function.reset(self.kinematics, now)
-        self._follow(state)
         self._time = (state.tick - self._first) * self._dt
         settled = not (priorities.update(self._time) or priorities.moving)
         self._stale = self._stale or not settled
@@ -162,10 +121,13 @@ class GhcVelocityController(VelocityController):
             top = unsurpassed(priorities.alpha).tolist()
             self._top = [task for task, is_top in zip(self.functions, top, strict=True) if is_top]
             self._stale = False
-        noted = self._look(now)
+        if len(command.extra) > len(self.functions):
+            command.extra[len(self.functions) :] = priorities.alpha.ravel()
+        np.multiply(self._gains, self.errors, out=self._wanted)
+        self._wanted += self.rates
         command.stamp_kinematics = self.now()
         found = solver.solve(
-            self._jacobian,
+            self.jacobian,
             self._wanted,
             priorities.alpha,
             self._mass,
@@ -174,7 +136,7 @@ class GhcVelocityController(VelocityController):
         )
         # where there is no answer, as near to rest as the bounds allow
         command.margin = self._cut(
-            solver.qdd, float(found == status.OK), self._lower, self._upper, self.u
+            solver.qdd, float(found == status.OK), self.lower, self.upper, self.u
         )
         self.present = (
             noted
@@ -184,38 +146,6 @@ class GhcVelocityController(VelocityController):
             | (0 if settled else MOVING)
         )
         self._certify(base, now, found, settled)
-        return self.u
-
-    def _follow(self, state: State) -> None:
-        """Bound the velocities by where the reference is, and how it has moved since."""
-        periods = state.tick - state.skipped - self._periods_seen
-        if self._begun and periods > 0:
-            np.subtract(state.reference, self._before, out=self._dq)
-            self._dq /= periods * self._dt
-        else:
-            self._dq[:] = state.dq
-            np.nan_to_num(self._dq, copy=False, posinf=0.0, neginf=0.0)
-        self._before[:] = state.reference
-        self._begun, self._periods_seen = True, state.tick - state.skipped
-        self._velocity_bounds(
-            state.reference, self._dq, self._bounds, self._dt, self._lower, self._upper
-        )
-
-    def _look(self, now: float) -> int:
-        """Stack the tasks' Jacobians and wanted velocities; log their errors; their statuses."""
-        extra, noted, k = self.command.extra, 0, len(self.functions)
-        for place, (function, gain, (jacobian, wanted)) in enumerate(
-            zip(self.functions, self._gains, self._rows, strict=True)
-        ):
-            function.update(self.kinematics, now)
-            extra[place] = self._aim(
-                function.error, function.error_rate, function.jacobian, gain, wanted, jacobian
-            )
-            if function.status:
-                noted |= 1 << (len(CONDITIONS) + function.status - 1)
-        if len(extra) > k:
-            extra[k:] = self.priorities.alpha.ravel()
-        return noted
 
     def _certify(self, base: FloatArray, now: float, found: int, settled: bool) -> None:
         """Write what is proved of u."""
@@ -243,9 +173,7 @@ class GhcVelocityController(VelocityController):
 
     def _falls(self, base: FloatArray, now: float, V: float, rate: float) -> bool:
         """Whether V is less at the end of the period, by what V̇ says."""
-        np.multiply(self.u, self._dt, out=self._next)
-        np.add(base, self._next, out=self._next)
-        self.kinematics.update(self._next)
+        self._go_ahead(base)
         end = 0.0
         for function in self._top:
             function.update(self.kinematics, now + self._dt)
@@ -253,26 +181,10 @@ class GhcVelocityController(VelocityController):
         fall = (end - V) / self._dt
         return bool(end <= V and abs(fall - rate) <= FIRST_ORDER * abs(rate))
 
-    def _refuse(self) -> FloatArray:
-        """Nothing to follow for a State that is not finite."""
-        command = self.command
-        command.solver_status = STATUS["infeasible"]
-        command.v = command.v_rate_required = command.v_rate_predicted = command.rho = 0.0
-        command.margin = command.kkt_residual = 0.0
-        command.solver_path = command.fallback = 0
-        command.extra[:] = 0.0
-        self.u[:] = np.nan
-        self.present = NOT_FINITE
-        return self.u
-
 
 def _priorities(parameters: settings.Parameters, file: str) -> Priorities:
     """Those of a config, whose tasks have names of their own."""
-    names = [task.label for task in parameters.tasks]
-    for number, name in enumerate(names):
-        if name in names[:number]:
-            key = f"parameters.tasks.{number}.name"
-            raise ConfigError(file, key, name, "two tasks have this name", "Give this one another")
+    names = labels_of(parameters.tasks, file)
     return Priorities.configured(names, parameters.priorities, file, "parameters.priorities")
 
 
@@ -281,22 +193,3 @@ def _columns(names: Sequence[str]) -> tuple[str, ...]:
     errors = [f"error_{name}" for name in names]
     pairs = [f"alpha_{a}_{b}" for a in names for b in names] if len(names) <= MOST_LOGGED else []
     return (*errors, *pairs)
-
-
-def _task(
-    given: settings.RankedTask,
-    description: RobotDescription,
-    kinematics: Kinematics,
-    file: str,
-    key: str,
-) -> LyapunovFunction:
-    """A task of a config that has an error.
-
-    Raises:
-        ConfigError, UnknownNameError: it cannot be built, or gives V only.
-    """
-    function = tasks.build(given, description, kinematics, file, key)
-    if not len(function.error):
-        problem = "has no error e, only V: there is no velocity that it wants"
-        raise ConfigError(file, f"{key}.task", given.task, problem, "Give it an error, or leave it")
-    return function

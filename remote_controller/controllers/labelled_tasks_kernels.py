@@ -45,21 +45,20 @@ def velocity_bounds(
         lower_out[i], upper_out[i] = least, most
 
 
-@kernel("f8(f8[:], f8[:], f8[:,:], f8, f8[::1], f8[:,::1])")
-def aim(
+@kernel("f8(f8[:], f8[:], f8[:,:], f8[::1], f8[::1], f8[:,::1])")
+def stack(
     error: FloatArray,
     error_rate: FloatArray,
     jacobian: FloatArray,
-    gain: float,
-    wanted_out: FloatArray,
+    errors_out: FloatArray,
+    rates_out: FloatArray,
     jacobian_out: FloatArray,
 ) -> float:
-    """Write the velocity that a task wants, −g·e − ∂e/∂t, and copy its Jacobian.
+    """Write what is missing to a target, σ* − σ = −e, its rate −∂e/∂t, and the Jacobian.
 
     Args:
         error, error_rate, jacobian: e (m,), ∂e/∂t (m,) and ∂e/∂q (m, n).
-        gain: g [1/s].
-        wanted_out, jacobian_out: written, (m,) and (m, n).
+        errors_out, rates_out, jacobian_out: written, (m,), (m,) and (m, n).
 
     Returns:
         |e|.
@@ -67,7 +66,7 @@ def aim(
     square = 0.0
     for row in range(error.size):
         square += error[row] * error[row]
-        wanted_out[row] = -gain * error[row] - error_rate[row]
+        errors_out[row], rates_out[row] = -error[row], -error_rate[row]
         for i in range(jacobian.shape[1]):
             jacobian_out[row, i] = jacobian[row, i]
     return math.sqrt(square)
