@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocol.compilation import inlined, kernel
-from remote_controller.solvers.dense_kernels import add, add_rows, dot, orthogonalise
+from remote_controller.solvers.dense_kernels import add, add_rows, dot, not_finite, orthogonalise
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -188,3 +188,32 @@ def prioritised(  # noqa: PLR0912 - one task after the other
                 L[a, i] = 0.0
     _close_loop(offsets, weights, R, M, T[0], L)
     return rank
+
+
+@inlined
+def unfit(jacobian: Array, errors: Array, rates: Array, weights: Array, limits: Array) -> bool:
+    """Whether a value is not finite, or the limits do not allow to stand still."""
+    found = not_finite(errors) or not_finite(rates) or not_finite(weights)
+    for i in range(jacobian.shape[0]):
+        found = found or not_finite(jacobian[i]) or not weights[i] > 0.0
+    for r in range(limits.shape[1]):
+        found = found or not (limits[0, r] <= 0.0 <= limits[1, r])
+    return found
+
+
+@inlined
+def feed_forward(B: Array, rates: Array, limits: Array, speed: Array) -> float:
+    """Write B·rates, shortened until it keeps the limits; returns the factor."""
+    n, share = B.shape[0], 1.0
+    for r in range(speed.size):
+        speed[r] = 0.0
+    add_rows(speed, rates, B, 0, n, 0)
+    for r in range(speed.size):
+        if speed[r] > limits[1, r]:
+            share = min(share, limits[1, r] / speed[r])
+        if speed[r] < limits[0, r]:
+            share = min(share, limits[0, r] / speed[r])
+    if share < 1.0:
+        for r in range(speed.size):
+            speed[r] = min(max(share * speed[r], limits[0, r]), limits[1, r])
+    return share

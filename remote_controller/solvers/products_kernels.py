@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocol.compilation import inlined, kernel
-from remote_controller.solvers.dense_kernels import add_rows, divide_rows, factorise
+from remote_controller.solvers.dense_kernels import add_rows
+from remote_controller.solvers.product_kernels import divide_rows, factorise
 
 Array = NDArray[np.float64]
 
@@ -52,7 +53,7 @@ def root_inverse(A: Array, U: Array, P: Array, scratch: Array) -> bool:
             P[i, j] = 1.0 if i == j else 0.0
     if factorise(U, n, 0.0, scratch) < n:
         return False
-    divide_rows(U, P, scratch)
+    divide_rows(U, P)
     return True
 
 

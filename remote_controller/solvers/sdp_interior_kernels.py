@@ -21,12 +21,11 @@ from remote_controller.solvers.dense_kernels import (
     add,
     add_rows,
     dot,
-    factorise,
-    gram,
     solve_lower,
     solve_upper,
 )
 from remote_controller.solvers.lmi_kernels import least_eigenvalue, stability_matrix
+from remote_controller.solvers.product_kernels import factorise, gram
 from remote_controller.solvers.products_kernels import (
     clear,
     dot_column,
@@ -271,7 +270,7 @@ def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to it
         if not root_inverse(C, U, P, scratch) or not root_inverse(Z, U, PZ, scratch):
             return False, taken
         clear(X)
-        gram(X, 1.0, P, n, scratch)
+        gram(X, 1.0, P, n)
         mirror(X)
         gap, count = 0.0, n
         for i in range(n):

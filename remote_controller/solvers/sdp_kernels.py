@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocol.compilation import inlined, kernel
-from remote_controller.solvers.clik_kernels import prioritised
-from remote_controller.solvers.dense_kernels import MAX, add_rows, gram, not_finite
+from remote_controller.solvers.clik_kernels import feed_forward, prioritised, unfit
+from remote_controller.solvers.dense_kernels import MAX, not_finite
 from remote_controller.solvers.lmi_kernels import find_blocks
+from remote_controller.solvers.product_kernels import gram
 from remote_controller.solvers.sdp_proof_kernels import conclude, keep_better
 from remote_controller.solvers.sdp_search_kernels import BUDGET, NONE, optimise
 from remote_controller.solvers.status import (
@@ -34,35 +35,6 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 PROVED = 1e-9  # of β̃²: a gap up to that proves that the gains are optimal
-
-
-@inlined
-def _unfit(jacobian: Array, errors: Array, rates: Array, weights: Array, limits: Array) -> bool:
-    """Whether a value is not finite, or the limits do not allow to stand still."""
-    found = not_finite(errors) or not_finite(rates) or not_finite(weights)
-    for i in range(jacobian.shape[0]):
-        found = found or not_finite(jacobian[i]) or not weights[i] > 0.0
-    for r in range(limits.shape[1]):
-        found = found or not (limits[0, r] <= 0.0 <= limits[1, r])
-    return found
-
-
-@inlined
-def _feed_forward(B: Array, rates: Array, limits: Array, speed: Array) -> float:
-    """Write B·rates, shortened until it keeps the limits; returns the factor."""
-    n, share = B.shape[0], 1.0
-    for r in range(speed.size):
-        speed[r] = 0.0
-    add_rows(speed, rates, B, 0, n, 0)
-    for r in range(speed.size):
-        if speed[r] > limits[1, r]:
-            share = min(share, limits[1, r] / speed[r])
-        if speed[r] < limits[0, r]:
-            share = min(share, limits[0, r] / speed[r])
-    if share < 1.0:
-        for r in range(speed.size):
-            speed[r] = min(max(share * speed[r], limits[0, r]), limits[1, r])
-    return share
 
 
 @inlined
@@ -133,7 +105,7 @@ def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
         dq[r] = 0.0
     fit = 0.0 < dt <= MAX and 0.0 < desired <= MAX and 0.0 < delta <= MAX
     fit = fit and 0.0 <= damping <= MAX
-    if not fit or _unfit(jacobian, errors, rates, weights, speeds):
+    if not fit or unfit(jacobian, errors, rates, weights, speeds):
         _forget(gains, counts)
         return BAD_INPUT, NONE, 0, 0, 0, 0, 0.0, 0.0, 0.0, math.inf, 0.0
     for i in range(n):
@@ -151,7 +123,7 @@ def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
         squares[5],
         own,
     )
-    share = _feed_forward(B, rates, speeds, dq)
+    share = feed_forward(B, rates, speeds, dq)
     for r in range(joints):
         for side in range(2):
             room[side, r] = (speeds[side, r] - dq[r]) / desired
@@ -160,7 +132,7 @@ def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
             G[i, j] = 0.0
         for r in range(joints):
             S[i, r] = errors[i] * B[i, r]
-    gram(G, 1.0, L, n, vectors[0])
+    gram(G, 1.0, L, n)
     for i in range(n):
         for j in range(i):
             G[i, j] = G[j, i]
