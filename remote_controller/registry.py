@@ -23,6 +23,8 @@ BUILTIN = {
     "hqp": "remote_controller.controllers.hqp:HqpController",
     "weighted": "remote_controller.controllers.weighted:WeightedController",
     "ghc_velocity": "remote_controller.controllers.ghc_velocity:GhcVelocityController",
+    "clik": "remote_controller.controllers.clik:ClikController",
+    "clik_sdp": "remote_controller.controllers.clik:ClikSdpController",
 }
 CONTROLLERS = Family(
     "controller",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,7 +12,7 @@ from protocol.messages import FloatArray, State
 from remote_controller.controllers import ghc_velocity_settings as settings
 from remote_controller.controllers.controller import STATUS
 from remote_controller.controllers.labelled_tasks import LabelledTasksController
-from remote_controller.controllers.labelled_tasks_settings import check_tasks, labels_of
+from remote_controller.controllers.labelled_tasks_settings import labels_of
 from remote_controller.priorities.matrix import unsurpassed
 from remote_controller.priorities.priorities import Priorities
 from remote_controller.solvers import status
@@ -73,7 +73,6 @@ class GhcVelocityController(LabelledTasksController):
         self, description: RobotDescription, parameters: settings.Parameters, file: str = "config"
     ) -> None:
         self.priorities = _priorities(parameters, file)
-        self.extra_names = _columns(self.priorities.names)
         super().__init__(description, parameters, file)
         n = description.n
         gains = [task.gain_per_s for task in parameters.tasks]
@@ -89,8 +88,13 @@ class GhcVelocityController(LabelledTasksController):
     @classmethod
     def check(cls, parameters: Any, file: str) -> None:
         """Refuse tasks and priorities that are wrong for any robot."""
-        check_tasks(parameters.tasks, file)
+        super().check(parameters, file)
         _priorities(parameters, file)
+
+    def columns(self) -> tuple[str, ...]:
+        """Of few tasks alpha, row by row."""
+        names = self.priorities.names if len(self.priorities.names) <= MOST_LOGGED else ()
+        return tuple(f"alpha_{a}_{b}" for a in names for b in names)
 
     def change(self, request: Mapping[str, Any]) -> None:
         """Begin a change of priorities now, as `Priorities.change` has it.
@@ -186,10 +190,3 @@ def _priorities(parameters: settings.Parameters, file: str) -> Priorities:
     """Those of a config, whose tasks have names of their own."""
     names = labels_of(parameters.tasks, file)
     return Priorities.configured(names, parameters.priorities, file, "parameters.priorities")
-
-
-def _columns(names: Sequence[str]) -> tuple[str, ...]:
-    """Log columns: |e| of each task and, of few tasks, alpha row by row."""
-    errors = [f"error_{name}" for name in names]
-    pairs = [f"alpha_{a}_{b}" for a in names for b in names] if len(names) <= MOST_LOGGED else []
-    return (*errors, *pairs)

@@ -15,6 +15,8 @@ from remote_controller.controllers.controller import STATUS, VelocityController
 from remote_controller.controllers.labelled_tasks_settings import (
     LabelledTask,
     LabelledTaskParameters,
+    check_tasks,
+    labels_of,
 )
 from remote_controller.kinematics import Kinematics
 from remote_controller.tasks import registry as tasks
@@ -25,10 +27,12 @@ from remote_controller.tasks.lyapunov import LyapunovFunction
 class LabelledTasksController(VelocityController):
     """Stacks the tasks of a config, and bounds joint velocities; a subclass answers with u.
 
-    A subclass names its columns in `extra_names`, first `error_NAME` of each task, and its
-    conditions in `own_conditions`, first that the State is not finite; those of the tasks follow.
+    Columns are `error_NAME`, |e| of each task, and then what a subclass adds in `columns`. It names
+    its conditions in `own_conditions`, first that the State is not finite; those of the tasks
+    follow.
 
     Attributes:
+        labels, sizes: name and number of rows of each task.
         functions: the tasks, in the order of the config.
         offsets: where the rows of each begin, and their number; (k + 1,).
         jacobian, errors, rates: of all tasks, (m, n), σ* − σ, (m,), and ∂/∂t of it, (m,).
@@ -37,7 +41,8 @@ class LabelledTasksController(VelocityController):
         u: the answer, (n,) [rad/s or m/s].
 
     Raises:
-        ConfigError: a task that cannot be built for the robot, or without an error.
+        ConfigError: a task that cannot be built for the robot, or without an error; two of one
+            name.
     """
 
     own_conditions: tuple[str, ...] = ("state not finite",)
@@ -54,15 +59,16 @@ class LabelledTasksController(VelocityController):
             labelled_tasks_kernels as kernels,
         )
 
-        super().__init__(description, parameters)
-        n = description.n
+        self.labels = labels_of(parameters.tasks, file)
         self.kinematics = Kinematics(description)
         self.functions = [
             _task(task, description, self.kinematics, file, f"parameters.tasks.{number}")
             for number, task in enumerate(parameters.tasks)
         ]
         self.sizes = [len(function.error) for function in self.functions]
-        m = sum(self.sizes)
+        self.extra_names = (*(f"error_{label}" for label in self.labels), *self.columns())
+        super().__init__(description, parameters)
+        n, m = description.n, sum(self.sizes)
         self.offsets = np.concatenate([[0], np.cumsum(self.sizes)]).astype(np.int64)
         self.jacobian, self.errors, self.rates = np.zeros((m, n)), np.zeros(m), np.zeros(m)
         self._rows = [
@@ -81,6 +87,16 @@ class LabelledTasksController(VelocityController):
     def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Self:
         """One for a robot."""
         return cls(description, parameters, file)
+
+    @classmethod
+    def check(cls, parameters: Any, file: str) -> None:
+        """Refuse tasks that are wrong for any robot."""
+        check_tasks(parameters.tasks, file)
+        labels_of(parameters.tasks, file)
+
+    def columns(self) -> tuple[str, ...]:
+        """Columns beside the errors; called once, when labels and sizes are known."""
+        return ()
 
     @abstractmethod
     def answer(self, state: State, base: FloatArray, now: float, noted: int) -> None:

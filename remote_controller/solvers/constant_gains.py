@@ -1,0 +1,121 @@
+"""Closed-loop inverse kinematics of prioritised tasks with gains that stay as they are.
+
+Marti-Saumell et al., (7): dq = B Λ e, B = [J_1⁺ | N_1 J_2⁺ | …]; see `clik_kernels`. It is what
+`SdpGains` is measured by, with the same attributes and the same proof: for constant targets and by
+the linear model, V = ½ Σ w_i e_i² falls by V⁺ ≤ (1 − β Δt) V, β = λ_min(−A − Aᵀ − Δt AᵀA), and a β
+that is not positive proves nothing. Where dq would leave its limits, all gains are shortened alike.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from protocol.errors import BadProblemError
+from remote_controller.solvers import status as codes
+from remote_controller.solvers.arrays import KERNEL_ARRAYS, array, number
+
+Array = NDArray[np.float64]
+
+
+class ConstantGains:
+    """Joint speeds for a stack of tasks and n joints, without allocating anything.
+
+    Args:
+        sizes: number of rows of each task, the most important first.
+        joints: number of joints.
+        wanted: λ [1/s], one for each row.
+        weights: w of V, one for each row; 1 by default.
+        damping: d: J_iᵀ(J_i J_iᵀ + d²I)⁻¹ stands for J_i⁺.
+
+    Attributes:
+        lower, upper: limits of dq, (joints,), to be written to; ∓inf at first. They hold
+            lower ≤ 0 ≤ upper.
+        rates: of the targets, (n,), to be written to; 0 at first. dq = B(Λ e + rates).
+        gains: λ as they were applied, (n,) [1/s].
+        dq: joint speeds, (joints,) [rad/s].
+        beta: β [1/s] that the gains certify; not positive, if they certify nothing.
+        status: index into `status.NAMES`: `OK`, `OUT_OF_RANGE`, `BAD_INPUT`, `BAD_SHAPE`.
+        task_rank: of the stacked Jacobian.
+        feedforward: factor of the rates: 1, if B·rates keeps the limits by itself.
+
+    Raises:
+        BadProblemError: no task, a size that is not positive, gains or weights that do not fit.
+    """
+
+    def __init__(
+        self,
+        sizes: Sequence[int],
+        joints: int,
+        wanted: ArrayLike,
+        *,
+        weights: ArrayLike | None = None,
+        damping: float = 0.0,
+    ) -> None:
+        from remote_controller.solvers import constant_gains_kernels  # noqa: PLC0415 (compiles)
+
+        if joints < 1 or not sizes or min(sizes) < 1:
+            raise BadProblemError(
+                f"constant gains: give joints, and tasks of one row or more (found {joints} joints, "
+                f"sizes {list(sizes)})."
+            )
+        n = self.n = sum(sizes)
+        self.damping = number("damping", damping)
+        self.wanted = array("wanted", wanted, 1).copy()
+        self.weights = np.ones(n) if weights is None else array("weights", weights, 1).copy()
+        for name, given in (("wanted", self.wanted), ("weights", self.weights)):
+            if given.shape != (n,) or not np.all((given > 0) & np.isfinite(given)):
+                raise BadProblemError(
+                    f"constant gains: {name} must be {n} positive numbers, one for each row of the "
+                    f"tasks (found {given})."
+                )
+        self.offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+        self._kernel = constant_gains_kernels.constant_gains_kernel
+        self._limits = np.array([np.full(joints, -math.inf), np.full(joints, math.inf)])
+        self.lower, self.upper = self._limits
+        self.rates, self.gains, self.dq = np.zeros(n), np.zeros(n), np.zeros(joints)
+        self._work = (
+            np.zeros((7, n, n)),
+            np.zeros((2, n, joints)),
+            np.zeros((n, 2 * n)),
+            np.zeros((3, max(n, joints))),
+        )
+        self.status, self.task_rank, self.beta, self.feedforward = codes.UNSOLVED, 0, 0.0, 0.0
+
+    def solve(self, jacobian: Array, errors: Array, dt: float) -> int:
+        """Find dq and β; see the attributes.
+
+        Args:
+            jacobian: the tasks' rows, (n, joints). Dependent and zero rows do no harm.
+            errors: σ* − σ, (n,).
+            dt: Δt [s].
+
+        Returns:
+            The status.
+
+        Raises:
+            BadProblemError: wrong type of array.
+        """
+        try:
+            self.status, self.task_rank, self.beta, self.feedforward = self._kernel(
+                jacobian,
+                errors,
+                self.rates,
+                self.offsets,
+                self.weights,
+                self._limits,
+                dt,
+                self.damping,
+                self.wanted,
+                *self._work,
+                self.gains,
+                self.dq,
+            )
+        except TypeError as error:
+            raise BadProblemError(
+                f"constant gains: wrong type of argument. {KERNEL_ARRAYS}"
+            ) from error
+        return self.status
