@@ -59,8 +59,8 @@ class ConstantGains:
 
         if joints < 1 or not sizes or min(sizes) < 1:
             raise BadProblemError(
-                f"constant gains: give joints, and tasks of one row or more (found {joints} joints, "
-                f"sizes {list(sizes)})."
+                f"constant gains: give joints, and tasks of one row or more (found {joints} "
+                f"joints, sizes {list(sizes)})."
             )
         n = self.n = sum(sizes)
         self.damping = number("damping", damping)

@@ -24,7 +24,7 @@ ACCURACY = 1e-9  # of β, relative
     "Tuple((i8, i8, f8, f8))(f8[:,::1], f8[::1], f8[::1], i8[::1], f8[::1], f8[:,::1], f8, f8,"
     " f8[::1], f8[:,:,::1], f8[:,:,::1], f8[:,::1], f8[:,::1], f8[::1], f8[::1])"
 )
-def constant_gains_kernel(
+def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
     jacobian: Array,
     errors: Array,
     rates: Array,

@@ -14,6 +14,7 @@ from protocol.settings import Settings
 from remote_controller.config import CONFIGS, ControllerConfig
 from remote_controller.constraints import registry as constraints
 from remote_controller.constraints.bodies import AnyObstacle
+from remote_controller.controllers.clik import ClikController, ClikSdpController
 from remote_controller.controllers.ghc import GhcController
 from remote_controller.controllers.ghc_velocity import GhcVelocityController
 from remote_controller.controllers.hqp import HqpController
@@ -41,6 +42,8 @@ MODELS: dict[str, type[Settings]] = {
     "Parameters of joint_acceleration": JointAccelerationController.Parameters,
     "Parameters of tsid": TsidController.Parameters,
     "Parameters of ghc_velocity": GhcVelocityController.Parameters,
+    "Parameters of clik": ClikController.Parameters,
+    "Parameters of clik_sdp": ClikSdpController.Parameters,
     "Parameters of ghc": GhcController.Parameters,
     "Parameters of hqp": HqpController.Parameters,
     "Parameters of weighted": WeightedController.Parameters,
