@@ -2,7 +2,7 @@
 
 `CASES` are the shipped configs, or whatever `HOAP3_TEST_CONTROLLERS` names: config files,
 `package.module:Class`, or registered names, separated by commas. The robot of a case is the one
-that its config names, as the shipped emulator config of that robot has it, if there is one;
+that its config names, as the shipped emulator config of that robot has it, if there is one that takes its commands;
 `HOAP3_TEST_ROBOT` names another for all, or the path of its description. `POSITIONS` are the cases
 whose robot takes these.
 """
@@ -21,6 +21,7 @@ from protocol.messages import FloatArray, State
 from protocol.settings import parse
 from remote_controller.config import ControllerConfig, available_configs, build, read_config
 from remote_controller.controllers.controller import Controller
+from remote_controller.registry import find
 from robot_emulator.body import build_body
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.config import available_configs as emulator_configs
@@ -39,7 +40,10 @@ def emulator(case: str = "") -> EmulatorConfig:
         return parse(EmulatorConfig, *emulator_content(ROBOT))
     wanted = config(case).robot if case else "hoap3"
     shipped = [parse(EmulatorConfig, *emulator_content(name)) for name in emulator_configs()]
-    fitting = [known for known in shipped if known.robot == wanted]
+    gives = find(config(case).controller).commands if case else ("position",)
+    fitting = [
+        known for known in shipped if known.robot == wanted and known.command in {None, *gives}
+    ]
     return fitting[0] if fitting else parse(EmulatorConfig, *emulator_content(wanted))
 
 
