@@ -15,6 +15,7 @@ from protocol.settings import RobotName, Settings
 from remote_controller.controllers.controller import VelocityController
 from remote_controller.tasks import registry as tasks
 
+INSIDE = 1.0 - 1e-9  # of the greatest acceleration: the robot judges by rounded positions
 Positive = Annotated[float, Field(gt=0)]
 
 
@@ -79,7 +80,7 @@ class VelocityBounds(Settings):
                 f"leaves nothing of the range of joint {robot.joint_names[joint]!r}",
                 f"At most {room[joint] / 2.0}",
             )
-        hardest = robot.setpoint_acceleration_max
+        hardest = INSIDE * robot.setpoint_acceleration_max
         acceleration = self.acceleration_rad_s2 or robot.brake_acceleration
         return np.array(
             [

@@ -2,7 +2,8 @@
 
 `CASES` are the shipped configs, or whatever `HOAP3_TEST_CONTROLLERS` names: config files,
 `package.module:Class`, or registered names, separated by commas. The robot of a case is the one
-that its config names, as the shipped emulator config of that robot has it, if there is one that takes its commands;
+that its config names, as the shipped emulator config of that robot has it, if there is one
+that takes its commands;
 `HOAP3_TEST_ROBOT` names another for all, or the path of its description. `POSITIONS` are the cases
 whose robot takes these.
 """
