@@ -141,6 +141,15 @@ def test_slow_transitions_jerk_half_as_much_at_most(fast):
     assert not of(other, "jerk|, GHC 5 ms / GHC 2 s").passed
 
 
+def test_hqp_that_changes_at_once_jerks_more_than_ghc(fast):
+    hqp = switch("hqp", 0.0, PHASE_S + 1.0, w_r=switching.HQP_DAMPING)
+    rows = switching.jerk_rows({"HQP": hqp, "GHC, 5 ms": fast, "GHC, 2 s": fast})
+    row = of(rows, "jerk|, HQP / GHC 5 ms")
+    assert row.tolerance == (1.0, None)
+    assert row.passed
+    assert of(rows, "without an answer, HQP").passed
+
+
 def test_jerk_is_the_sum_of_what_accelerations_change_by():
     dq = np.zeros((5, 7))
     dq[2:, 0] = 1e-3  # an acceleration of 1 rad/s² for one tick

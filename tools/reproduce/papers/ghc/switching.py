@@ -85,9 +85,9 @@ def sagging(w_r: float, seconds: float = PHASE_S) -> Run:
 
 
 def jerk_rows(runs: Mapping[str, Run]) -> list[Row]:
-    """Fig. 5, and the greatest torques, up to the end of the table."""
+    """Fig. 5, and the greatest torques, up to the end of the table or of the shortest run."""
     hqp, fast, slow = (runs[name] for name in ("HQP", "GHC, 5 ms", "GHC, 2 s"))
-    last = min(run.rows(0.0, TABLE_S).stop for run in runs.values()) - 1
+    last = min(fast.rows(0.0, TABLE_S).stop, *(len(run.q) for run in runs.values())) - 1
     jerk = {name: float(run.jerk[last]) for name, run in runs.items()}
     peak = {name: float(abs(run.tau[: last + 1]).max()) for name, run in runs.items()}
     made = [
