@@ -208,6 +208,7 @@ _TRACKED = (
     "depends on ω_r and on the lemniscate, whose size and place are not printed: ours is 0.10 m"
 )
 _LESS = (
-    "Not in the paper: what the hand is off is due to ω_r|τ|², and then to steps of 1 ms. Where the elbow contradicts it, a "
-    "lower ω_r sets the posture swinging at the bound of the speed, which then costs the hand more"
+    "Not in the paper: what the hand is off is due to ω_r|τ|², and then to steps of 1 ms. Where "
+    "the elbow contradicts it, a lower ω_r sets the posture swinging at the bound of the speed, "
+    "which then costs the hand more"
 )
