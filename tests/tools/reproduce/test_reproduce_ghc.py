@@ -129,6 +129,7 @@ def test_the_smoothed_projector_stops_the_joints_a_hundredfold_and_changes_nothi
     assert failed(table1.smoothed(fast, fast, phases=2)) == [ratio.item]
 
 
+@pytest.mark.long
 def test_slow_transitions_jerk_half_as_much_at_most(fast):
     slow = switch("ghc", switching.SLOW_S, 4.0 * PHASE_S)
     rows = switching.jerk_rows({"HQP": fast, "GHC, 5 ms": fast, "GHC, 2 s": slow})
@@ -141,6 +142,7 @@ def test_slow_transitions_jerk_half_as_much_at_most(fast):
     assert not of(other, "jerk|, GHC 5 ms / GHC 2 s").passed
 
 
+@pytest.mark.long
 def test_hqp_that_changes_at_once_jerks_more_than_ghc(fast):
     hqp = switch("hqp", 0.0, PHASE_S + 1.0, w_r=switching.HQP_DAMPING)
     rows = switching.jerk_rows({"HQP": hqp, "GHC, 5 ms": fast, "GHC, 2 s": fast})
@@ -213,6 +215,7 @@ def test_ten_newtons_and_a_place_are_kept_after_the_change(pressed):
     assert [panel.name for panel in figure.panels] == ["alpha", "errors", "force"]
 
 
+@pytest.mark.long
 def test_compromises_are_monotone_and_weights_never_strict():
     by_alpha = {alpha: compromise.compromise(alpha, 6.0) for alpha in (0.0, 0.5, 1.0)}
     by_weight = {100.0: compromise.weigh(100.0, 4.0)}
