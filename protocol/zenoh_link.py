@@ -30,6 +30,7 @@ from protocol.settings import LinkSettings
 from protocol.zenoh_sockets import forbid_lingering
 
 BACKLOG = 1024
+CONTROL = frozenset({"change", "show"})  # what a controller can be asked
 PENDING = 16  # requests to a controller; of more the oldest get no answer
 QUERY_TIMEOUT_S = 2.0
 DROP_US = 100
@@ -247,7 +248,11 @@ class ZenohControllerLink:
 
     def _asked(self, query: zenoh.Query) -> None:
         """In a thread of Zenoh's. Nobody is woken: the next State does it."""
-        self.requests.append(self._answers.request(query))
+        request = self._answers.request(query)
+        if request.verb in CONTROL:
+            self.requests.append(request)
+        else:
+            request.answer({"error": f"unknown request {request.verb!r}"})
 
     def _presence_changed(self, sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.PUT:
@@ -288,9 +293,12 @@ class _Answers:
     def _send(self) -> None:
         while (due := self._due.get()) is not None:
             with contextlib.suppress(zenoh.ZError):  # who asked may be gone
-                query, payload = due
-                with query:
-                    query.reply(query.key_expr, payload)
+                _reply(*due)
+
+
+def _reply(query: zenoh.Query, payload: bytes) -> None:
+    with query:
+        query.reply(query.key_expr, payload)
 
 
 def ask(

@@ -71,8 +71,6 @@ def serve(request: Request, loop: ControllerLoop) -> None:
     try:
         if request.verb == "change":
             loop.change(request.body)
-        elif request.verb != "show":
-            raise UsageError(f"a controller cannot {request.verb!r}")
         request.answer({"error": None, "now": loop.changeable()})
     except UsageError as error:
         request.answer({"error": str(error), "now": None})

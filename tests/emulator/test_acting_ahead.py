@@ -23,7 +23,10 @@ delays = st.lists(
     min_size=TICKS,
     max_size=TICKS,
 )
-oversleeps = st.dictionaries(st.integers(0, TICKS - 1), st.integers(1, 4 * PERIOD_NS), max_size=4)
+ENDING = 20  # ticks: who oversleeps the end of a run ends it a tick later where it has acted
+oversleeps = st.dictionaries(
+    st.integers(0, TICKS - ENDING), st.integers(1, 4 * PERIOD_NS), max_size=4
+)
 
 
 def motion(lead: int, script: list[list[int]], late: dict[int, int], forged: set[int]) -> Bench:

@@ -26,6 +26,7 @@ from loopback import (
     token_seen,
 )
 
+from protocol import zenoh_link
 from protocol.errors import LinkError, NameTakenError, PortInUseError
 from protocol.link import Request
 from protocol.settings import LinkSettings
@@ -267,23 +268,24 @@ def test_no_robot_is_no_presence_and_no_answer(network):
 
 def test_closing_the_robot_ends_its_threads(network):
     robot, _ = network.pair()
-    assert all(thread.is_alive() for thread in robot._threads)
+    threads = [robot._receiver, robot._answers._thread]
+    assert all(thread.is_alive() for thread in threads)
     robot.close()
-    assert not any(thread.is_alive() for thread in robot._threads)
+    assert not any(thread.is_alive() for thread in threads)
 
 
 def test_who_asks_and_takes_no_answer_holds_nobody_up(network, monkeypatch):
     """The loop hands an answer over; who waits for it to leave is another thread."""
     robot, controller = network.pair()
     held, free = threading.Event(), threading.Event()
-    reply = robot._reply
+    reply = zenoh_link._reply
 
     def stuck(query, payload):
         held.set()
         free.wait(PATIENCE_S)
         reply(query, payload)
 
-    monkeypatch.setattr(robot, "_reply", stuck)
+    monkeypatch.setattr(zenoh_link, "_reply", stuck)
     asked = network.start(controller.ask, "status", PATIENCE_S)
     request = eventually(lambda: next(iter(robot.requests()), None))
     request.answer({"mode": "idle"})

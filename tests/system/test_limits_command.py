@@ -13,6 +13,7 @@ from protocol.description import RobotDescription
 from protocol.limits import AccelerationBounds
 from robot_emulator.robots import load
 from tools.bench import limits as bench
+from tools.bench.steps import motion
 from tools.bench.tsid_peers import PEERS
 from tools.cli import app
 
@@ -83,7 +84,7 @@ def test_the_bench_times_everything_in_turn_and_says_what_sampling_took():
 
 
 def test_the_peers_solve_what_the_controller_solves():
-    law, states = bench._motion()
+    law, states = motion("baxter", "tsid", 2.0)
     solver, absent = law.solver, bench.missing()
     effort = np.array(law.description.effort)
     for state in states[::40]:

@@ -22,7 +22,8 @@ from tools.log import Log
 from tools.replay import replay
 
 OVER_S = 0.3
-LEAST_S = 0.6  # of virtual time after the change
+REST_S = 1.5  # of virtual time before the change: the hand is slow by then
+LEAST_S = 0.6  # after it
 TASKS = ["hand", "elbow", "posture"]
 START = ("--set", "parameters.priorities={order: [hand, elbow, posture]}")
 
@@ -41,6 +42,13 @@ def ticks_seen(at: str) -> int:
     return int(done.json()["tick"])
 
 
+def wait_for(at: str, seconds: float) -> None:
+    """Let so much virtual time pass."""
+    then = ticks_seen(at)
+    while ticks_seen(at) < then + seconds / 1e-3:
+        pass
+
+
 @pytest.fixture(scope="module")
 def told(at: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Done]]:
     """An arm in lockstep whose hand and elbow change places, told from another shell."""
@@ -52,15 +60,14 @@ def told(at: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[
     ):
         law.hear("following robot")
         wait_for_mode("active", at, "lwr")
+        wait_for(at, REST_S)
         answers = [
             priorities(at, "show", "--json"),
             priorities(at, "set", "hand", "elbow", 1.0, "--over", OVER_S, "--json"),
             priorities(at, "set", "hand", "nobody", 1.0),
             priorities(at, "set", "hand", "elbow", 2.0),
         ]
-        then = ticks_seen(at)
-        while ticks_seen(at) < then + LEAST_S / 1e-3:
-            pass
+        wait_for(at, LEAST_S)
         answers.append(priorities(at, "show", "--json"))
         answers.append(priorities(at, "remove", "elbow"))
         assert law.end(2) == 0, law.stderr

@@ -1,0 +1,146 @@
+"""Fig. 11: two tasks without strict priority, beside the weighting strategy (12).
+
+Errors are means over the last half second; the arm is not at rest there, since two position tasks
+leave one joint motion free.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from tools.reproduce.figures import COLOURS, INK, Axis, Curve, Figure, Panel
+from tools.reproduce.papers.ghc.reference import (
+    COMPROMISES,
+    ELBOW,
+    ELBOW_M,
+    HAND,
+    HAND_M,
+    W_R,
+    WEIGHED,
+)
+from tools.reproduce.papers.ghc.runs import END_S, NO_BOUNDS, Run, follow, point, position
+from tools.reproduce.rows import Row, bounded, near
+
+SECONDS, WEIGHED_SECONDS = 8.0, 6.0
+SHARE, STRICT_M, NEVER_M = 0.05, 1e-3, 1e-3
+EVEN = (0.5, 2.0)
+
+Errors = Mapping[float, tuple[float, float]]
+
+
+def tasks() -> list[dict[str, object]]:
+    """Hand and elbow."""
+    return [position(HAND, point(HAND_M)), position(ELBOW, point(ELBOW_M))]
+
+
+def compromise(alpha: float, seconds: float = SECONDS) -> tuple[float, float]:
+    """Errors of hand and elbow with α₁₂ and α₂₁ = 1 − α₁₂ [m]."""
+    return _ends(_ghc(alpha, seconds))
+
+
+def weigh(ratio: float, seconds: float = WEIGHED_SECONDS) -> tuple[float, float]:
+    """Errors of hand and elbow with weights ω₁/ω₂ [m]."""
+    weights = {"weights": {HAND: ratio, ELBOW: 1.0}}
+    parameters = {"tasks": tasks(), "priorities": weights, "w_r": W_R, "regularise": "torque"}
+    return _ends(follow("weighted", {**parameters, "bounds": NO_BOUNDS}, seconds))
+
+
+def _ghc(alpha: float, seconds: float) -> Run:
+    matrix = {"matrix": [[0.0, alpha], [1.0 - alpha, 0.0]]}
+    parameters = {"tasks": tasks(), "priorities": matrix, "w_r": W_R, "regularise": "torque"}
+    return follow("ghc", {**parameters, "bounds": NO_BOUNDS}, seconds)
+
+
+def _ends(run: Run) -> tuple[float, float]:
+    last = slice(-round(END_S / run.period_s), None)
+    hand, elbow = (float(run.errors[name][last].mean()) for name in (HAND, ELBOW))
+    return hand, elbow
+
+
+def run_all(say: Callable[[str], None] = lambda _: None) -> tuple[Errors, Errors]:
+    """Errors by α₁₂, and by ω₁/ω₂."""
+    say("Fig. 11: two tasks, and their weights")
+    by_alpha = {alpha: compromise(alpha) for alpha in COMPROMISES}
+    return by_alpha, {ratio: weigh(ratio) for ratio in WEIGHED}
+
+
+def rows(by_alpha: Errors, by_weight: Errors) -> list[Row]:
+    """Each error, monotony, and whether the ends are strict."""
+    made = [
+        row
+        for alpha, found in by_alpha.items()
+        for row in _each(f"Fig. 11: α₁₂ = {alpha:g}", found, COMPROMISES[alpha], _SCALE)
+    ]
+    steps = np.diff(np.array([by_alpha[alpha] for alpha in sorted(by_alpha)]), axis=0)
+    made += [
+        bounded("Fig. 11: hand, least step from one α₁₂ to the next", "increases",
+                float(steps[:, 0].min()), (0.0, None), _MONOTONE, unit="m"),
+        bounded("Fig. 11: elbow, greatest step from one α₁₂ to the next", "decreases",
+                float(steps[:, 1].max()), (None, 0.0), _MONOTONE, unit="m"),
+    ]  # fmt: skip
+    if 0.5 in by_alpha:
+        hand, elbow = by_alpha[0.5]
+        made.append(
+            bounded("Fig. 11: α₁₂ = 0.5, hand / elbow", "more or less 1", hand / elbow, EVEN,
+                    "As the paper: more or less an equal compromise")
+        )  # fmt: skip
+    for ratio, found in by_weight.items():
+        made += _each(f"Fig. 11 by weights: ω₁/ω₂ = {ratio:g}", found, WEIGHED[ratio], _BASELINE)
+    least = min(min(found) for found in by_weight.values())
+    made.append(
+        bounded("Fig. 11 by weights: least error of any task", None, least, (NEVER_M, None),
+                "As the paper says of weights: never strict", unit="m")
+    )  # fmt: skip
+    return made
+
+
+def _each(item: str, found: Sequence[float], right: Sequence[float], why: str) -> list[Row]:
+    made = []
+    for name, ours, reference in zip((HAND, ELBOW), found, right, strict=True):
+        if reference == 0.0:
+            made.append(bounded(f"{item}, {name}", None, ours, (None, STRICT_M), why, unit="m"))
+        else:
+            width = max(SHARE * reference, STRICT_M)
+            said = f"{item}, {name}"
+            made.append(near(said, None, ours, reference, why, unit="m", absolute=width))
+    return made
+
+
+def draw(by_alpha: Errors, by_weight: Errors) -> Figure:
+    """Errors over α₁₂, and one over the other."""
+    alphas = np.array(sorted(by_alpha))
+    ours = np.array([by_alpha[alpha] for alpha in alphas.tolist()])
+    weights = np.array([by_weight[ratio] for ratio in by_weight])
+    over = Panel(
+        "alpha",
+        "α₂₁ = 1 − α₁₂",
+        Axis("alpha_12", "α₁₂ [1]"),
+        Axis("error_m", "error [m]"),
+        tuple(
+            Curve(name, alphas, ours[:, i].copy(), colour, marker="o")
+            for i, (name, colour) in enumerate(zip((HAND, ELBOW), COLOURS, strict=False))
+        ),
+    )
+    beside = Panel(
+        "tradeoff",
+        "GHC and the weighting strategy",
+        Axis("hand_m", "error of the hand [m]"),
+        Axis("elbow_m", "error of the elbow [m]"),
+        (
+            Curve("GHC, α₁₂ = 0 … 1", ours[:, 0].copy(), ours[:, 1].copy(), COLOURS[2], marker="o"),
+            Curve("weights, ω₁/ω₂ = 100 … 0.01", weights[:, 0].copy(), weights[:, 1].copy(), INK,
+                  dash="--", marker="s"),
+        ),
+    )  # fmt: skip
+    title = "Fig. 11: hand and elbow without strict priority"
+    return Figure("fig11", title, ((over, beside),), (12.0, 4.5))
+
+
+_SCALE = (
+    "The paper shows curves for 0.2, 0.5 and 0.8, of targets that are not printed. Beside it the "
+    "same targets by another computation"
+)
+_MONOTONE = "As the paper: a greater α₁₂ improves the elbow at the expense of the hand"
+_BASELINE = "Not in the paper's figure. Beside it the same by another computation of (12)"
