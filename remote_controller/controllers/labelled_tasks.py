@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from itertools import pairwise
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -46,7 +46,7 @@ class LabelledTasksController(VelocityController):
     """
 
     own_conditions: tuple[str, ...] = ("state not finite",)
-    kernels = (
+    kernels: ClassVar[tuple[str, ...]] = (
         "remote_controller.tasks.lyapunov_kernels",
         "remote_controller.tasks.pose_kernels",
         "remote_controller.controllers.labelled_tasks_kernels",

@@ -127,10 +127,17 @@ def test_it_starts_anywhere_without_a_jump(case, tick, last):
     assert (jump <= allowed * robot(case).period_s + ULP * np.abs(state.reference)).all()
 
 
-NEXT = list(zip(POSITIONS, [*POSITIONS[1:], *POSITIONS[:1]], strict=True))
+FAMILIES = [  # of one robot each
+    [case for case in POSITIONS if robot(case).name == name]
+    for name in dict.fromkeys(robot(case).name for case in POSITIONS)
+]
 PAIRS = [
-    pytest.param(*pair, marks=() if pair in NEXT else pytest.mark.long)
-    for pair in product(POSITIONS, POSITIONS)
+    pytest.param(
+        *pair, marks=() if pair in zip(cases, following, strict=True) else pytest.mark.long
+    )
+    for cases in FAMILIES
+    for following in [[*cases[1:], *cases[:1]]]
+    for pair in product(cases, cases)
 ]
 
 
