@@ -115,7 +115,7 @@ def test_a_wrong_set(set_: str, words: tuple[str, ...]) -> None:
     [
         (
             (*RUN, "--controller", "qp21"),
-            ("'qp21'", "Did you mean 'qp12'?", "Known: com_circulation"),
+            ("'qp21'", "Did you mean 'qp12'?", "Known: clik, "),
         ),
         ((*RUN, "--robot", "hoap4"), ("'hoap4'", "Did you mean 'hoap3'?")),
         ((*RUN, "--robot", "nowhere.yaml"), ("nowhere.yaml", "No such file")),
