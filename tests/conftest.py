@@ -36,23 +36,3 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     compilers = [subprocess.Popen([sys.executable, "-c", half], cwd=house) for half in halves]
     if sum(compiler.wait() for compiler in compilers):  # both, whatever the first one says
         pytest.exit("kernels do not compile", 1)
-
-
-IN_PROCESS = {
-    "test_config_check.py",
-    "test_contact_run.py",
-    "test_interventions_told.py",
-    "test_limits_command.py",
-}
-"""Tests of whole commands that start no service."""
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Share tests out file by file, and let one worker run all that starts services.
-
-    So no two robots share the machine, and what a file prepares is prepared once.
-    """
-    for item in items:
-        together = item.path.parent.name == "system" or item.path.name == "test_docs.py"
-        together = together and item.path.name not in IN_PROCESS
-        item.add_marker(pytest.mark.xdist_group("services" if together else str(item.path)))
