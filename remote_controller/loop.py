@@ -17,6 +17,8 @@ from remote_controller.registry import blame
 EVENTS = Event.schema.constants
 
 
+LONGEST_CHANGE = 16_384  # bytes
+
 DOUBTS = 100
 """States in a row that do not fit what was agreed, after which it is agreed anew."""
 
@@ -164,9 +166,11 @@ class ControllerLoop:
             UsageError: it is none, or the controller refuses it; nothing has changed.
             Hoap3Error: the controller failed.
         """
+        if len(payload) > LONGEST_CHANGE:
+            raise UsageError(f"the change has {len(payload)} bytes; at most {LONGEST_CHANGE}")
         try:
             request = json.loads(payload)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:  # the network may send anything
             raise UsageError(f"the change is not JSON ({error})") from error
         if not isinstance(request, dict):
             raise UsageError(f"the change is no JSON object, but {request!r:.60}")
@@ -184,7 +188,9 @@ class ControllerLoop:
             Hoap3Error: the controller failed.
         """
         try:
-            return self._controller.changeable()
+            present = self._controller.changeable()
+            json.dumps(present)
+            return present
         except (Exception, SystemExit) as error:
             raise failure(self._controller, "failed to say what can be changed", error) from error
 

@@ -11,13 +11,13 @@ import pytest
 from small_arm import arm
 
 from protocol.clock import VirtualClock
-from protocol.errors import UsageError
+from protocol.errors import Hoap3Error, UsageError
 from protocol.messages import Event, Setpoint, State
 from protocol.recorder import MemoryRecorder
 from protocol.ring import Kind
 from protocol.settings import Settings
 from remote_controller.controllers.controller import Controller
-from remote_controller.loop import DOUBTS, ControllerLoop
+from remote_controller.loop import DOUBTS, LONGEST_CHANGE, ControllerLoop
 
 SESSION = 7
 RESET = Event.schema.constants["RESET"]
@@ -32,6 +32,7 @@ class Wanderer(Controller):
         self.resets: list[tuple[int, list[float] | None]] = []
         self.steps: list[int] = []
         self.told: list[Mapping[str, Any]] = []
+        self.pace: object = 1
 
     def reset(self, state: State, last_command: np.ndarray | None) -> None:
         kept = None if last_command is None else last_command.tolist()
@@ -41,6 +42,9 @@ class Wanderer(Controller):
         if not request["pace"]:
             raise UsageError("no pace")
         self.told.append(request)
+
+    def changeable(self) -> dict[str, Any]:
+        return {"pace": self.pace}
 
     def step(self, state: State) -> Setpoint:
         self.steps.append(state.tick)
@@ -337,7 +341,18 @@ def test_a_change_is_recorded_between_the_steps_where_it_came():
     assert kinds[-5:] == [Kind.SETPOINT, Kind.CHANGE, Kind.EVENT, Kind.STATE, Kind.SETPOINT]
 
 
-@pytest.mark.parametrize("request_", [b"", b"[1]", b"\xff", b'{"pace": 0}'])
+@pytest.mark.parametrize(
+    "request_",
+    [
+        b"",
+        b"[1]",
+        b"\xff",
+        b'{"pace": 0}',
+        b"[" * LONGEST_CHANGE,  # deeper than json recurses
+        b'{"pace": "' + b"x" * LONGEST_CHANGE + b'"}',
+    ],
+    ids=["nothing", "list", "bytes", "refused", "deep", "long"],
+)
 def test_a_change_that_is_refused_leaves_no_trace(request_):
     bench = Bench()
     bench.answer(bench.state(0))
@@ -345,3 +360,11 @@ def test_a_change_that_is_refused_leaves_no_trace(request_):
         bench.loop.change(request_)
     assert bench.controller.told == []
     assert bench.recorded(Kind.CHANGE) == []
+
+
+def test_what_can_be_changed_is_json_or_a_clear_failure():
+    bench = Bench()
+    assert bench.loop.changeable() == {"pace": 1}
+    bench.controller.pace = np.zeros(3)
+    with pytest.raises(Hoap3Error, match="Wanderer failed to say what can be changed"):
+        bench.loop.changeable()
