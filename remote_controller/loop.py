@@ -190,9 +190,9 @@ class ControllerLoop:
         try:
             present = self._controller.changeable()
             json.dumps(present)
-            return present
         except (Exception, SystemExit) as error:
             raise failure(self._controller, "failed to say what can be changed", error) from error
+        return present
 
     @property
     def last_tick(self) -> int:
