@@ -44,3 +44,18 @@ def number(name: str, value: float) -> float:
         return float(value)
     except (TypeError, ValueError, OverflowError) as error:
         raise BadProblemError(f"{name} must be a real number: {error}.") from error
+
+
+def positive(solver: str, name: str, value: ArrayLike, rows: int) -> NDArray[np.float64]:
+    """A copy of positive numbers, one for each row of the tasks.
+
+    Raises:
+        BadProblemError: there are more or fewer, or one is not positive and finite.
+    """
+    found = array(name, value, 1).copy()
+    if found.shape != (rows,) or not np.all((found > 0) & np.isfinite(found)):
+        raise BadProblemError(
+            f"{solver}: {name} must be {rows} positive numbers, one for each row of the tasks "
+            f"(found {found})."
+        )
+    return found

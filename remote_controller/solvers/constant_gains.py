@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from protocol.errors import BadProblemError
 from remote_controller.solvers import status as codes
-from remote_controller.solvers.arrays import KERNEL_ARRAYS, array, number
+from remote_controller.solvers.arrays import KERNEL_ARRAYS, number, positive
 
 Array = NDArray[np.float64]
 
@@ -64,14 +64,10 @@ class ConstantGains:
             )
         n = self.n = sum(sizes)
         self.damping = number("damping", damping)
-        self.wanted = array("wanted", wanted, 1).copy()
-        self.weights = np.ones(n) if weights is None else array("weights", weights, 1).copy()
-        for name, given in (("wanted", self.wanted), ("weights", self.weights)):
-            if given.shape != (n,) or not np.all((given > 0) & np.isfinite(given)):
-                raise BadProblemError(
-                    f"constant gains: {name} must be {n} positive numbers, one for each row of the "
-                    f"tasks (found {given})."
-                )
+        self.wanted = positive("constant gains", "wanted", wanted, n)
+        self.weights = positive(
+            "constant gains", "weights", [1] * n if weights is None else weights, n
+        )
         self.offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
         self._kernel = constant_gains_kernels.constant_gains_kernel
         self._limits = np.array([np.full(joints, -math.inf), np.full(joints, math.inf)])

@@ -39,7 +39,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from protocol.errors import BadProblemError, SolverError
 from remote_controller.solvers import status as codes
-from remote_controller.solvers.arrays import KERNEL_ARRAYS, array, number
+from remote_controller.solvers.arrays import KERNEL_ARRAYS, array, number, positive
 
 Array = NDArray[np.float64]
 
@@ -105,12 +105,7 @@ class SdpGains:
         n = self.n = sum(sizes)
         self.joints, self.budget = joints, budget
         self.damping = number("damping", damping)
-        self.weights = np.ones(n) if weights is None else array("weights", weights, 1).copy()
-        if self.weights.shape != (n,) or not np.all((self.weights > 0) & np.isfinite(self.weights)):
-            raise BadProblemError(
-                f"SDP gains: weights must be {n} positive numbers, one for each row of the tasks "
-                f"(found {self.weights})."
-            )
+        self.weights = positive("SDP gains", "weights", [1] * n if weights is None else weights, n)
         self.offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
         self._kernel = sdp_kernels.sdp_gains_kernel
         self._limits = np.array([np.full(joints, -math.inf), np.full(joints, math.inf)])
