@@ -1,0 +1,198 @@
+"""Laws of prioritised tasks, recomputed by numpy: B, L, β and shortened speeds, damped or not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sdp_problems import Problem, certified, random, ur5
+
+from protocol.errors import BadProblemError
+from remote_controller.solvers import status
+from remote_controller.solvers.constant_gains import ConstantGains
+
+SEEDS = st.integers(0, 10**6)
+DAMPING = st.sampled_from([0.0, 1e-3, 0.1, 3.0])
+KINDS = st.sampled_from(["", "decoupled", "dependent"])
+
+
+def law(it: Problem, damping: float) -> tuple[np.ndarray, np.ndarray]:
+    """B and L = D J B D⁻¹ by (7), every inverse and projector written out."""
+    joints, blocks, start = it.J.shape[1], [], 0
+    for d in it.sizes:
+        above, own = it.J[:start], it.J[start : start + d]
+        N = np.eye(joints) - np.linalg.pinv(above, rcond=1e-9) @ above
+        inverse = (
+            own.T @ np.linalg.inv(own @ own.T + damping**2 * np.eye(d))
+            if damping
+            else np.linalg.pinv(own, rcond=1e-9)
+        )
+        blocks.append(N @ inverse)
+        start += d
+    B = np.hstack(blocks)
+    D = np.sqrt(np.ones(start) if it.weights is None else it.weights)
+    return B, D[:, None] * (it.J @ B) / D
+
+
+def shortened(speed: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> float:
+    """The largest share of a speed, up to 1, that keeps limits."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        most = np.where(speed > 0, upper / speed, np.where(speed < 0, lower / speed, np.inf))
+    return float(min(1.0, most.min()))
+
+
+def steady(it: Problem, wanted: np.ndarray, damping: float = 0.0) -> ConstantGains:
+    """Solved."""
+    found = ConstantGains(it.sizes, it.J.shape[1], wanted, weights=it.weights, damping=damping)
+    found.lower[:], found.upper[:] = it.lower, it.upper
+    return found
+
+
+@settings(max_examples=150)
+@given(SEEDS, KINDS, DAMPING, st.booleans())
+def test_speeds_gains_and_beta_of_constant_gains_are_those_of_the_law(seed, kind, damping, weigh):
+    it, rng = random(seed, kind), np.random.default_rng(seed + 1)
+    if weigh:
+        it.weights = 10.0 ** rng.uniform(-4, 2, it.e.size)
+    wanted = rng.uniform(0.1, 20.0, it.e.size)
+    solver = steady(it, wanted, damping)
+    assert solver.solve(it.J, it.e, it.dt) == status.OK
+    B, L = law(it, damping)
+    free = B @ (wanted * it.e)
+    share = shortened(free, it.lower, it.upper)
+    size = 1.0 + np.abs(free).max()
+    np.testing.assert_allclose(solver.gains, share * wanted, rtol=1e-6)
+    np.testing.assert_allclose(solver.dq, share * free, rtol=0, atol=1e-7 * size)
+    assert (solver.dq <= it.upper).all()
+    assert (solver.dq >= it.lower).all()
+    expected = certified(L, solver.gains, it.dt)
+    scale = 1.0 + np.abs(L).max() ** 2 * np.abs(solver.gains).max() ** 2
+    assert solver.beta == pytest.approx(expected, abs=1e-8 * scale)
+    assert solver.task_rank == np.linalg.matrix_rank(it.J, tol=1e-9)
+    assert solver.feedforward == 1.0
+
+
+@settings(max_examples=60)
+@given(SEEDS, st.floats(1e-3, 1e2), DAMPING)
+def test_rates_come_first_and_gains_take_what_they_leave(seed, speed, damping):
+    it, rng = random(seed), np.random.default_rng(seed + 2)
+    solver = steady(it, np.full(it.e.size, 5.0), damping)
+    solver.rates[:] = speed * rng.normal(size=it.e.size)
+    assert solver.solve(it.J, it.e, it.dt) == status.OK
+    B, _ = law(it, damping)
+    ahead = B @ solver.rates
+    fed = shortened(ahead, it.lower, it.upper)
+    assert solver.feedforward == pytest.approx(fed, rel=1e-6)
+    rest = B @ (5.0 * it.e)
+    share = shortened(rest, it.lower - fed * ahead, it.upper - fed * ahead)
+    size = 1.0 + np.abs(ahead).max() + np.abs(rest).max()
+    np.testing.assert_allclose(solver.dq, fed * ahead + share * rest, rtol=0, atol=1e-6 * size)
+    assert (solver.dq <= it.upper).all()
+    assert (solver.dq >= it.lower).all()
+
+
+@settings(max_examples=60)
+@given(SEEDS)
+def test_v_falls_as_beta_of_constant_gains_says_in_the_linear_model(seed):
+    it = random(seed)
+    it.lower[:], it.upper[:] = -np.inf, np.inf
+    solver = steady(it, np.full(it.e.size, 3.0))
+    solver.solve(it.J, it.e, it.dt)
+    _, L = law(it, 0.0)
+    for e in np.random.default_rng(seed).normal(size=(10, it.e.size)):
+        after = e - it.dt * L @ (solver.gains * e)
+        limit = (1 - solver.beta * it.dt) * (e @ e)
+        assert after @ after <= limit * (1 + 1e-9) + 1e-12
+
+
+@settings(max_examples=60)
+@given(SEEDS, st.sampled_from([1e-3, 0.1, 3.0]), st.booleans())
+def test_the_certificate_of_damped_gains_is_that_of_the_damped_law(seed, damping, weigh):
+    it = random(seed)
+    if weigh:
+        it.weights = 10.0 ** np.random.default_rng(seed).uniform(-4, 0, it.e.size)
+    solver = it.solved(damping=damping)
+    B, L = law(it, damping)
+    size = 1 + np.abs(L).max() * np.abs(solver.gains).max()
+    expected = certified(L, solver.gains, it.dt)
+    assert solver.beta == pytest.approx(expected, abs=1e-8 * size * it.desired)
+    assert solver.beta >= 0.0
+    speed = B @ (solver.gains * it.e)
+    np.testing.assert_allclose(solver.dq, speed, atol=2e-8 * (1 + np.abs(speed).max()))
+    assert (solver.dq <= it.upper).all()
+    assert (solver.dq >= it.lower).all()
+
+
+def test_damping_tames_a_singular_task_and_costs_beta():
+    it = ur5(1)
+    it.J[2] = 0.5 * (it.J[0] + it.J[1]) + 1e-5 * it.J[2]
+    it.sizes, it.J, it.e = (3,), it.J[:3].copy(), it.e[:3].copy()
+    it.lower[:], it.upper[:] = -np.inf, np.inf
+    plain, damped = (steady(it, np.full(3, 2.0), damping) for damping in (0.0, 0.05))
+    for solver in (plain, damped):
+        solver.solve(it.J, it.e, it.dt)
+    assert np.abs(damped.dq).max() < 1e-2 * np.abs(plain.dq).max()
+    assert plain.beta == pytest.approx(4.0 - 4.0 * it.dt, rel=1e-6)
+    assert 0.0 < damped.beta < 1e-3
+
+
+class TestBadInput:
+    @pytest.mark.parametrize(
+        ("change", "named"),
+        [
+            ({"sizes": ()}, "tasks of one row or more"),
+            ({"sizes": (3, 0)}, "tasks of one row or more"),
+            ({"joints": 0}, "give joints"),
+            ({"wanted": [1.0, 1.0]}, "wanted must be 4 positive"),
+            ({"wanted": [1.0, 1.0, 1.0, 0.0]}, "wanted must be 4 positive"),
+            ({"wanted": [1.0, 1.0, 1.0, np.nan]}, "wanted must be 4 positive"),
+            ({"weights": [1.0, 1.0, 1.0, -1.0]}, "weights must be 4 positive"),
+            ({"weights": [1.0, 1.0, 1.0, np.inf]}, "weights must be 4 positive"),
+            ({"damping": "much"}, "damping"),
+        ],
+    )
+    def test_is_named(self, change, named):
+        good = {"sizes": (3, 1), "joints": 6, "wanted": np.ones(4)}
+        ConstantGains(**good)
+        with pytest.raises(BadProblemError, match=named):
+            ConstantGains(**(good | change))
+
+    @pytest.mark.parametrize("place", ["J", "e", "lower", "rates", "dt", "damping"])
+    def test_leaves_the_robot_where_it_is(self, place):
+        it = ur5(0)
+        solver, dt = steady(it, np.ones(4)), it.dt
+        assert solver.solve(it.J, it.e, dt) == status.OK
+        if place == "dt":
+            dt = 0.0
+        elif place == "damping":
+            solver.damping = -1.0
+        elif place == "lower":
+            solver.lower[0] = 0.1  # does not allow to stand still
+        else:
+            (solver.rates if place == "rates" else getattr(it, place)).flat[1] = np.nan
+        assert solver.solve(it.J, it.e, dt) == status.BAD_INPUT
+        assert not solver.dq.any()
+        assert not solver.gains.any()
+        assert solver.beta == 0.0
+
+    def test_so_large_that_the_answer_overflows(self):
+        solver = ConstantGains((1,), 2, [1.0])
+        solver.rates[:] = 1e308
+        assert solver.solve(np.array([[0.01, 0.0]]), np.ones(1), 0.01) == status.OUT_OF_RANGE
+        assert not solver.dq.any()
+
+    def test_of_the_wrong_shape_or_type(self):
+        solver = ConstantGains((3, 1), 6, np.ones(4))
+        assert solver.solve(np.ones((3, 6)), np.ones(4), 0.01) == status.BAD_SHAPE
+        with pytest.raises(BadProblemError, match="float64"):
+            solver.solve([[1.0]], np.ones(4), 0.01)
+
+    def test_joints_that_may_not_move_stop_all_of_it(self):
+        it = ur5(0)
+        solver = steady(it, np.ones(4))
+        solver.lower[0] = solver.upper[0] = 0.0
+        assert solver.solve(it.J, it.e, it.dt) == status.OK
+        assert not solver.dq.any()
+        assert not solver.gains.any()
+        assert solver.beta == pytest.approx(0.0, abs=1e-200)
