@@ -10,6 +10,7 @@ import limits
 import matplotlib as mpl
 import moving
 import objective
+import proofs
 import ranks
 import rates
 from drawing import STYLE, save
@@ -22,7 +23,7 @@ DRAWN = (
     *(limits.joint_speed, limits.joint_position, limits.support_polygon, limits.zmp),
     *(limits.distance, limits.frame_still, limits.half_space, limits.minimum_speed),
     *(limits.pfaffian, moving.lemniscate, moving.circulation, moving.descent, moving.behind),
-    ranks.priorities,
+    *(ranks.priorities, proofs.gains),
 )
 PICTURES: dict[str, Callable[[], Figure]] = {draw.__name__: draw for draw in DRAWN}
 """Every picture, by the name of its file."""

@@ -93,7 +93,7 @@ def test_every_status_path_form_and_column_is_explained():
 
 
 def test_every_picture_is_shown_once_with_a_caption():
-    pages = [page(name) for name in (PAGE, "priorities.md")]
+    pages = [page(name) for name in (PAGE, "priorities.md", "gains.md")]
     shown = [each for text in pages for each in SHOWN.finditer(text)]
     files = {path.stem for path in FOLDER.glob("*.svg")}
     assert sorted(each["name"] for each in shown) == sorted(files)

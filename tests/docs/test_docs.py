@@ -31,6 +31,7 @@ STORIES = [
     "robots.md",
     "limits.md",
     "priorities.md",
+    "gains.md",
     "contact.md",
     "two_machines.md",
     "logs.md",
