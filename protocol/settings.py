@@ -124,8 +124,11 @@ def parse_yaml(data: bytes | str, file: str) -> dict[str, Any]:
 def apply_overrides(content: dict[str, Any], overrides: Sequence[str]) -> dict[str, Any]:
     """A copy of `content` with each `dotted.key=value` of `overrides` set; values are YAML.
 
+    The entries of a list are counted from 0.
+
     Raises:
-        ConfigError: no `=`, a key below something that is not a mapping, or bad YAML.
+        ConfigError: no `=`, a key below something that has none, an entry that a list does not
+            have, or bad YAML.
     """
     result: dict[str, Any] = _copy(content)
     for override in overrides:
@@ -137,14 +140,31 @@ def apply_overrides(content: dict[str, Any], overrides: Sequence[str]) -> dict[s
             value = _read_yaml(text)
         except yaml.YAMLError as error:
             raise ConfigError("--set", key, text, "is not a YAML value", "Quote it") from error
-        place = result
+        place: Any = result
         for part in parts[:-1]:
-            inner = place.setdefault(part, {})
-            if not isinstance(inner, dict):
-                raise ConfigError("--set", key, inner, f"{part!r} has no keys below it", "Drop it")
-            place = inner
-        place[parts[-1]] = value
+            place = _below(place, part, key)
+        place[_where(place, parts[-1], key)] = value
     return result
+
+
+def _below(place: Any, part: str, key: str) -> Any:
+    """The mapping or list under `part`; an empty mapping where there is nothing yet."""
+    where = _where(place, part, key)
+    inner = place.setdefault(where, {}) if isinstance(place, dict) else place[where]
+    if not isinstance(inner, dict | list):
+        raise ConfigError("--set", key, inner, f"{part!r} has no keys below it", "Drop it")
+    return inner
+
+
+def _where(place: Any, part: str, key: str) -> str | int:
+    """A key of a mapping as it is, or the index of a list's entry."""
+    if isinstance(place, dict):
+        return part
+    entries = [str(i) for i in range(len(place))]
+    if part not in entries:
+        remedy = f"Give one of {', '.join(entries)}" if entries else "Set the whole list"
+        raise ConfigError("--set", key, part, f"no such entry in a list of {len(place)}", remedy)
+    return entries.index(part)
 
 
 def parse(model: type[Model], content: dict[str, Any], file: str, prefix: str = "") -> Model:
