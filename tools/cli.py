@@ -65,8 +65,12 @@ Connect = Annotated[str, typer.Option("--connect", help="Endpoint of the robot o
 @app.command()
 def run(
     robot: Annotated[
-        str, typer.Option(help="Robot or emulator config: a name or a path.")
-    ] = "hoap3",
+        str | None,
+        typer.Option(
+            help="Robot or emulator config: a name or a path. By default what the controller's "
+            "config names."
+        ),
+    ] = None,
     controller: Annotated[str, typer.Option(help="Controller config: a name or a path.")] = "qp12",
     duration: Annotated[
         float, typer.Option(min=0.001, callback=_finite, help="Of the motion [s].")
@@ -91,8 +95,8 @@ def run(
     ours, theirs = split_overrides(sets)
     if seed is not None:
         ours.append(f"seed={seed}")
-    emulator, emulator_file = emulator_config(robot, ours, realtime=not no_realtime)
     law, law_file = controller_config(controller, theirs, realtime=not no_realtime)
+    emulator, emulator_file = emulator_config(robot or law.robot, ours, realtime=not no_realtime)
     files = (emulator_file, law_file)
     if lockstep:
         outcome = run_lockstep(emulator, law, duration, out, files, should_stop=stop)
