@@ -20,6 +20,7 @@ from pydantic_core import ErrorDetails
 from protocol.errors import ConfigError
 
 MAX_CONFIG_BYTES = 1 << 20
+MOST_MEMBERS = 50  # of a union that are named in one error
 NAME_PATTERN = r"^[a-z][a-z0-9_]{0,31}$"
 RobotName = Annotated[str, Field(pattern=NAME_PATTERN)]
 ENDPOINT_PATTERN = r"^[a-z][a-z-]*/\S+$"
@@ -232,12 +233,14 @@ def _config_error(
         return ConfigError(file, key, None, "is missing", "Add it")
     if error["type"] == "union_tag_not_found":
         return ConfigError(file, f"{key}.kind", None, "is missing", "Add it")
-    members = [_plain(each["msg"]) for each in errors if _written(content, each) == path]
+    siblings = errors[:MOST_MEMBERS]
+    members = [_plain(each["msg"]) for each in siblings if _written(content, each) == path]
     return ConfigError(file, key, error["input"], ", or ".join(members), "Change the value")
 
 
 def _plain(message: str) -> str:
     message = message.removeprefix("Value error, ").removeprefix("Input ")
+    message = message.replace("valid tuple", "valid list")  # what it is called in YAML
     return message[:1].lower() + message[1:]
 
 
@@ -245,9 +248,8 @@ def _written(content: Any, error: ErrorDetails) -> list[str]:
     """Path to the error in what users wrote; pydantic also names the tried member of a union."""
     path: list[str] = []
     for part in error["loc"]:
-        if isinstance(content, list | tuple):
-            content = dict(enumerate(content))
-        if isinstance(content, dict) and part in content:
+        listed = isinstance(content, list | tuple) and isinstance(part, int) and part < len(content)
+        if listed or (isinstance(content, dict) and part in content):
             content = content[part]
             path.append(str(part))
     if error["type"] == "missing":

@@ -121,7 +121,7 @@ def test_an_unknown_key_like_no_other_gets_no_guess():
         ({"table": {"int": "x"}}, "table.int", "x", "valid number"),
         ({"table": {"a[0]": "x"}}, "table.a[0]", "x", "valid number"),
         ({"even": 3}, "even", 3, "odd numbers are not taken"),
-        ({"link": {"listen": "tcp/a"}}, "link.listen", "tcp/a", "valid tuple"),
+        ({"link": {"listen": "tcp/a"}}, "link.listen", "tcp/a", "valid list"),
         ({"link": {"listen": ["tcp/a", 1]}}, "link.listen.1", 1, "valid string"),
         ({"link": {"lease_ms": 99}}, "link.lease_ms", 99, "greater than or equal to 100"),
         ({"link": {"lease_ms": 60_001}}, "link.lease_ms", 60_001, "less than or equal to 60000"),
