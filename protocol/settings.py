@@ -20,6 +20,7 @@ from pydantic_core import ErrorDetails
 from protocol.errors import ConfigError
 
 MAX_CONFIG_BYTES = 1 << 20
+MOST_MEMBERS = 50  # of a union that are named in one error
 NAME_PATTERN = r"^[a-z][a-z0-9_]{0,31}$"
 RobotName = Annotated[str, Field(pattern=NAME_PATTERN)]
 ENDPOINT_PATTERN = r"^[a-z][a-z-]*/\S+$"
@@ -124,8 +125,11 @@ def parse_yaml(data: bytes | str, file: str) -> dict[str, Any]:
 def apply_overrides(content: dict[str, Any], overrides: Sequence[str]) -> dict[str, Any]:
     """A copy of `content` with each `dotted.key=value` of `overrides` set; values are YAML.
 
+    The entries of a list are counted from 0.
+
     Raises:
-        ConfigError: no `=`, a key below something that is not a mapping, or bad YAML.
+        ConfigError: no `=`, a key below something that has none, an entry that a list does not
+            have, or bad YAML.
     """
     result: dict[str, Any] = _copy(content)
     for override in overrides:
@@ -137,14 +141,31 @@ def apply_overrides(content: dict[str, Any], overrides: Sequence[str]) -> dict[s
             value = _read_yaml(text)
         except yaml.YAMLError as error:
             raise ConfigError("--set", key, text, "is not a YAML value", "Quote it") from error
-        place = result
+        place: Any = result
         for part in parts[:-1]:
-            inner = place.setdefault(part, {})
-            if not isinstance(inner, dict):
-                raise ConfigError("--set", key, inner, f"{part!r} has no keys below it", "Drop it")
-            place = inner
-        place[parts[-1]] = value
+            place = _below(place, part, key)
+        place[_where(place, parts[-1], key)] = value
     return result
+
+
+def _below(place: Any, part: str, key: str) -> Any:
+    """The mapping or list under `part`; an empty mapping where there is nothing yet."""
+    where = _where(place, part, key)
+    inner = place.setdefault(where, {}) if isinstance(place, dict) else place[where]
+    if not isinstance(inner, dict | list):
+        raise ConfigError("--set", key, inner, f"{part!r} has no keys below it", "Drop it")
+    return inner
+
+
+def _where(place: Any, part: str, key: str) -> str | int:
+    """A key of a mapping as it is, or the index of a list's entry."""
+    if isinstance(place, dict):
+        return part
+    entries = [str(i) for i in range(len(place))]
+    if part not in entries:
+        remedy = f"Give one of {', '.join(entries)}" if entries else "Set the whole list"
+        raise ConfigError("--set", key, part, f"no such entry in a list of {len(place)}", remedy)
+    return entries.index(part)
 
 
 def parse(model: type[Model], content: dict[str, Any], file: str, prefix: str = "") -> Model:
@@ -212,12 +233,14 @@ def _config_error(
         return ConfigError(file, key, None, "is missing", "Add it")
     if error["type"] == "union_tag_not_found":
         return ConfigError(file, f"{key}.kind", None, "is missing", "Add it")
-    members = [_plain(each["msg"]) for each in errors if _written(content, each) == path]
+    siblings = errors[:MOST_MEMBERS]
+    members = [_plain(each["msg"]) for each in siblings if _written(content, each) == path]
     return ConfigError(file, key, error["input"], ", or ".join(members), "Change the value")
 
 
 def _plain(message: str) -> str:
     message = message.removeprefix("Value error, ").removeprefix("Input ")
+    message = message.replace("valid tuple", "valid list")  # what it is called in YAML
     return message[:1].lower() + message[1:]
 
 
@@ -225,9 +248,8 @@ def _written(content: Any, error: ErrorDetails) -> list[str]:
     """Path to the error in what users wrote; pydantic also names the tried member of a union."""
     path: list[str] = []
     for part in error["loc"]:
-        if isinstance(content, list | tuple):
-            content = dict(enumerate(content))
-        if isinstance(content, dict) and part in content:
+        listed = isinstance(content, list | tuple) and isinstance(part, int) and part < len(content)
+        if listed or (isinstance(content, dict) and part in content):
             content = content[part]
             path.append(str(part))
     if error["type"] == "missing":

@@ -33,6 +33,7 @@ BACKLOG = 1024
 CONTROL = frozenset({"change", "show"})  # what a controller can be asked
 PENDING = 16  # requests to a controller; of more the oldest get no answer
 QUERY_TIMEOUT_S = 2.0
+FRESH_S = 0.75 * QUERY_TIMEOUT_S  # of a request to a controller: who asked still waits
 DROP_US = 100
 """How long a State waits for room on its way to a peer that takes nothing: at each tick."""
 
@@ -193,7 +194,6 @@ class ZenohControllerLink:
     Attributes:
         presence: set while the robot is alive.
         departures: how often it went away; it may be back before anybody has looked.
-        requests: what was asked of the controller; to be taken from the left.
     """
 
     def __init__(
@@ -201,7 +201,7 @@ class ZenohControllerLink:
     ) -> None:
         self.robot, self.who = robot, who
         self.presence, self.departures = threading.Event(), 0
-        self.requests: deque[Request] = deque(maxlen=PENDING)
+        self._asked: deque[tuple[float, Request]] = deque(maxlen=PENDING)
         self._answers = _Answers()
         self._session = session = open_session(settings)
         try:
@@ -212,7 +212,7 @@ class ZenohControllerLink:
             self._waker = session.declare_publisher(
                 key(robot, "state"), allowed_destination=zenoh.Locality.SESSION_LOCAL
             )
-            self._queries = session.declare_queryable(key(robot, "control/*"), self._asked)
+            self._queries = session.declare_queryable(key(robot, "control/*"), self._queried)
             self._token = session.liveliness().declare_token(key(robot, f"clients/{who}"))
             self._presence = session.liveliness().declare_subscriber(
                 key(robot, "alive"), self._presence_changed, history=True
@@ -246,11 +246,19 @@ class ZenohControllerLink:
         self._session.close()
         self._answers.join()
 
-    def _asked(self, query: zenoh.Query) -> None:
+    def request(self) -> Request | None:
+        """The oldest thing that was asked of the controller, unless who asked has given up."""
+        while self._asked:
+            asked_s, request = self._asked.popleft()
+            if time.monotonic() < asked_s + FRESH_S:
+                return request
+        return None
+
+    def _queried(self, query: zenoh.Query) -> None:
         """In a thread of Zenoh's. Nobody is woken: the next State does it."""
         request = self._answers.request(query)
         if request.verb in CONTROL:
-            self.requests.append(request)
+            self._asked.append((time.monotonic(), request))
         else:
             request.answer({"error": f"unknown request {request.verb!r}"})
 

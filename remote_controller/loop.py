@@ -163,9 +163,15 @@ class ControllerLoop:
         """Have the controller take over a change, a JSON object, and record it.
 
         Raises:
-            UsageError: it is none, or the controller refuses it; nothing has changed.
+            UsageError: it is none, the controller refuses it, or the robot does not follow: a
+                controller begins anew when it does again. Nothing has changed.
             Hoap3Error: the controller failed.
         """
+        if not self._engaged:
+            raise UsageError(
+                "the robot does not follow the controller now, which begins anew when it does: "
+                "`hoap3 recover`, then change it"
+            )
         if len(payload) > LONGEST_CHANGE:
             raise UsageError(f"the change has {len(payload)} bytes; at most {LONGEST_CHANGE}")
         try:

@@ -175,9 +175,8 @@ class Service:
         loop = self.loop
         if loop is None:
             return
-        wait, publish, answer, sent = link.wait, link.publish, loop.answer, loop.sent
-        requests = link.requests
-        requests.clear()  # whoever asked while nobody was followed
+        wait, publish, asked = link.wait, link.publish, link.request
+        answer, sent = loop.answer, loop.sent
         while not self._should_stop():
             arrival = wait()
             if link.departures != self._departures:
@@ -188,8 +187,9 @@ class Service:
             if setpoint is not None:
                 publish(setpoint)
             sent()
-            if requests:
-                serve(requests.popleft(), loop)
+            request = asked()
+            if request is not None:
+                serve(request, loop)
             if loop.stale:
                 break
         else:

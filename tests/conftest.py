@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+from kernels_first import compile_all, kernel_modules
 
 settings.register_profile("local", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile(
@@ -26,13 +24,4 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         session.config, "workerinput"
     ):
         return
-    house = Path(__file__).parent.parent
-    kernels = sorted(
-        ".".join(path.relative_to(house).with_suffix("").parts)
-        for room in ("protocol", "remote_controller", "robot_emulator")
-        for path in (house / room).rglob("*_kernels.py")
-    )
-    halves = [f"import {', '.join(kernels[start::2])}" for start in range(2)]
-    compilers = [subprocess.Popen([sys.executable, "-c", half], cwd=house) for half in halves]
-    if sum(compiler.wait() for compiler in compilers):  # both, whatever the first one says
-        pytest.exit("kernels do not compile", 1)
+    compile_all(kernel_modules())

@@ -7,7 +7,6 @@ People read standard error; `--json` puts one JSON object on standard output. Ex
 from __future__ import annotations
 
 import json
-import math
 import os
 import sys
 from pathlib import Path
@@ -20,6 +19,7 @@ from tools.cli_compare import compare
 from tools.cli_latency import latency
 from tools.cli_limits import limits
 from tools.cli_measure import bench_app, doctor
+from tools.cli_options import finite
 from tools.cli_report import report
 from tools.cli_reproduce import reproduce
 from tools.rooms import check_rooms
@@ -35,20 +35,13 @@ for command in (change, compare, doctor, latency, limits, report, reproduce):
 ENDPOINT = "tcp/127.0.0.1:7447"
 
 
-def _finite(value: float | None) -> float | None:
-    """Refuse nan and inf, which pass the comparison with a minimum."""
-    if value is not None and not math.isfinite(value):
-        raise typer.BadParameter("is not a finite number")
-    return value
-
-
 Sets = Annotated[
     list[str],
     typer.Option("--set", metavar="KEY=VALUE", help="Change a setting, checked as a file is."),
 ]
 Duration = Annotated[
     float | None,
-    typer.Option(min=0.001, callback=_finite, help="Of the motion [s]; default: no end."),
+    typer.Option(min=0.001, callback=finite, help="Of the motion [s]; default: no end."),
 ]
 NoRealtime = Annotated[
     bool, typer.Option("--no-realtime", help="Neither pin nor ask for priority or locked memory.")
@@ -65,11 +58,15 @@ Connect = Annotated[str, typer.Option("--connect", help="Endpoint of the robot o
 @app.command()
 def run(
     robot: Annotated[
-        str, typer.Option(help="Robot or emulator config: a name or a path.")
-    ] = "hoap3",
+        str | None,
+        typer.Option(
+            help="Robot or emulator config: a name or a path. By default what the controller's "
+            "config names."
+        ),
+    ] = None,
     controller: Annotated[str, typer.Option(help="Controller config: a name or a path.")] = "qp12",
     duration: Annotated[
-        float, typer.Option(min=0.001, callback=_finite, help="Of the motion [s].")
+        float, typer.Option(min=0.001, callback=finite, help="Of the motion [s].")
     ] = 5.0,
     lockstep: Annotated[
         bool, typer.Option("--lockstep", help="Virtual time, in one process.")
@@ -91,8 +88,8 @@ def run(
     ours, theirs = split_overrides(sets)
     if seed is not None:
         ours.append(f"seed={seed}")
-    emulator, emulator_file = emulator_config(robot, ours, realtime=not no_realtime)
     law, law_file = controller_config(controller, theirs, realtime=not no_realtime)
+    emulator, emulator_file = emulator_config(robot or law.robot, ours, realtime=not no_realtime)
     files = (emulator_file, law_file)
     if lockstep:
         outcome = run_lockstep(emulator, law, duration, out, files, should_stop=stop)
@@ -222,7 +219,7 @@ def record(
     ] = None,
     duration: Annotated[
         float | None,
-        typer.Option(min=0.001, callback=_finite, help="[s]; default: until Ctrl-C."),
+        typer.Option(min=0.001, callback=finite, help="[s]; default: until Ctrl-C."),
     ] = None,
     connect: Connect = ENDPOINT,
     out: Out = None,
@@ -255,7 +252,7 @@ def replay(
     log: Annotated[Path, typer.Argument(help="Log of a controller, or the folder of a run.")],
     sets: Sets = [],  # noqa: B006
     tolerance: Annotated[
-        float, typer.Option(min=0.0, callback=_finite, help="Largest difference of a value.")
+        float, typer.Option(min=0.0, callback=finite, help="Largest difference of a value.")
     ] = 0.0,
     allow_code: Annotated[
         bool, typer.Option("--allow-code", help="Run a controller that is not registered.")

@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
+from tools.cli_options import finite
+
 priorities_app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -15,7 +17,10 @@ priorities_app = typer.Typer(
 )
 Robot = Annotated[str, typer.Option("--robot", help="Name of the robot that it controls.")]
 Connect = Annotated[str, typer.Option("--connect", help="Endpoint of the robot or a router.")]
-Over = Annotated[float, typer.Option("--over", min=0.0, help="Time that the change takes [s].")]
+Over = Annotated[
+    float,
+    typer.Option("--over", min=0.0, callback=finite, help="Time that the change takes [s]."),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 Tasks = Annotated[list[str], typer.Argument(help="Names of tasks.")]
 ENDPOINT = "tcp/127.0.0.1:7447"
@@ -50,7 +55,10 @@ def show_priorities(
 def set_priority(
     lower: Annotated[str, typer.Argument(help="Task that is kept out of the other.")],
     upper: Annotated[str, typer.Argument(help="Task that it is kept out of.")],
-    value: Annotated[float, typer.Argument(min=0.0, max=1.0, help="α: 1 wholly, 0 not at all.")],
+    value: Annotated[
+        float,
+        typer.Argument(min=0.0, max=1.0, callback=finite, help="α: 1 wholly, 0 not at all."),
+    ],
     over: Over = 0.0,
     robot: Robot = "hoap3",
     connect: Connect = ENDPOINT,
@@ -109,7 +117,7 @@ def _tell(robot: str, request: dict[str, Any] | None, connect: str, as_json: boo
     present = _ask(robot, request, connect).get("priorities")
     if present is None:
         raise UsageError(
-            f"the controller of {robot!r} has no priorities; those of ghc and ghc_velocity have"
+            f"the controller of {robot!r} has no priorities; ghc, ghc_velocity and hqp have"
         )
     if as_json:
         _write(present)
@@ -119,6 +127,9 @@ def _tell(robot: str, request: dict[str, Any] | None, connect: str, as_json: boo
     show_matrix("α", present["names"], present["alpha"])
     if present["moving"]:
         typer.echo("on its way", err=True)
+    if present["out"]:
+        names = ", ".join(present["out"])
+        typer.echo(f"out: {names}; what is set for them holds once they are inserted", err=True)
 
 
 def _write(content: dict[str, Any]) -> None:

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-
-def _finite(value: float | None) -> float | None:
-    """Refuse nan and inf, which pass the comparison with a minimum."""
-    if value is not None and not math.isfinite(value):
-        raise typer.BadParameter("is not a finite number")
-    return value
+from tools.cli_options import finite
 
 
 def compare(
@@ -34,7 +28,7 @@ def compare(
     ] = None,
     duration: Annotated[
         float | None,
-        typer.Option(min=0.001, callback=_finite, help="Of the motion [s]; default: 20."),
+        typer.Option(min=0.001, callback=finite, help="Of the motion [s]; default: 20."),
     ] = None,
     seed: Annotated[
         int | None, typer.Option(min=0, help="Of everything random; default: 0.")

@@ -11,7 +11,7 @@ import typer
 
 
 def reproduce(
-    paper: Annotated[str, typer.Argument(help="Its name: bounds, ghc or qp12.")],
+    paper: Annotated[str, typer.Argument(help="Its name: bounds, ghc, qp12 or sdp.")],
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for the files; default: reproduced/PAPER.")
     ] = None,

@@ -59,7 +59,7 @@ def change(robot: str, request: Mapping[str, Any] | None, endpoint: str) -> dict
     if reply is None:
         raise LinkError(
             f"no controller of a robot called {robot!r} answers at {endpoint}: `hoap3 status` says "
-            "whom it follows"
+            "whom it follows. In lockstep a controller answers only while its robot moves"
         )
     answer: dict[str, Any] = json.loads(reply)
     if answer["error"] is not None:

@@ -94,14 +94,14 @@ class Priorities:
 
     def update(self, time_s: float) -> bool:
         """Recompute alpha for a time since the reset [s]; whether it is another than before."""
-        if not self.moving and time_s < self._next_at:
+        if not (self.moving or self._changed) and time_s < self._next_at:
             return False
         self._advance(time_s)
         changed, self._changed = self._changed, False
         return changed
 
     def change(self, request: Mapping[str, Any], time_s: float) -> None:
-        """Begin a change that the timeline does not have; the next `update` shows it.
+        """Begin a change that the timeline does not have; `alpha` is as it begins at once.
 
         Args:
             request: one of `set`: [[A, B, alpha], ...], `order`, `insert` and `remove`, with
@@ -116,11 +116,13 @@ class Priorities:
         self._advance(time_s)
         out = np.flatnonzero(self._out).tolist()
         self._set_out(change_of(asked, self.names, out, time_s, LIVE, ""))
+        self._advance(time_s)
 
     def shown(self) -> dict[str, Any]:
-        """Names, alpha row by row, and whether it moves, as a JSON object."""
+        """Names, alpha row by row, whether it moves, and tasks that are out, as a JSON object."""
+        out = [name for name, left in zip(self.names, self._out, strict=True) if left]
         rows = self.alpha.tolist()
-        return {"names": list(self.names), "alpha": rows, "moving": self.moving}
+        return {"names": list(self.names), "alpha": rows, "moving": self.moving, "out": out}
 
     def _advance(self, time_s: float) -> None:
         """Follow the timeline up to a time, each change from its very begin."""

@@ -10,8 +10,10 @@ from protocol.settings import Settings
 
 Alpha = Annotated[float, Field(strict=True, ge=0, le=1)]
 Entry = tuple[str, str, Alpha]
-Order = tuple[str | tuple[str, ...], ...]
-Names = str | tuple[str, ...]
+Few = Field(max_length=100, fail_fast=True)  # the network may send anything; the tick is 1 ms
+Level = Annotated[tuple[str, ...], Few]
+Order = Annotated[tuple[str | Level, ...], Few]
+Names = str | Level
 Seconds = Annotated[float, Field(strict=True, ge=0)]
 
 
@@ -19,7 +21,7 @@ class ChangeRequest(Settings):
     """One change of priorities: one of set, order, insert and remove."""
 
     over_s: Seconds = Field(0.0, description="duration of the transition, (15) [s]; 0: at once")
-    set: tuple[Entry, ...] = Field(
+    set: Annotated[tuple[Entry, ...], Few] = Field(
         (), description="[A, B, alpha]: how much A is kept out of B; B out of A becomes 1 − alpha"
     )
     order: Order = Field((), description="tasks, highest first; the pairs among them change")
@@ -30,6 +32,8 @@ class ChangeRequest(Settings):
     def _one_change(self) -> Self:
         if sum(map(bool, (self.set, self.order, self.insert, self.remove))) != 1:
             raise ValueError("should have one of set, order, insert and remove")
+        if self.order and sum(1 if isinstance(each, str) else len(each) for each in self.order) < 2:
+            raise ValueError("should order two tasks or more")
         return self
 
 
@@ -55,4 +59,6 @@ class PrioritySettings(Settings):
     def _one_start(self) -> Self:
         if self.order and self.matrix:
             raise ValueError("should have either order or matrix")
+        if self.order == () and "order" in self.model_fields_set:
+            raise ValueError("should name every task in order, or have no order")
         return self

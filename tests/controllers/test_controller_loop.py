@@ -362,6 +362,18 @@ def test_a_change_that_is_refused_leaves_no_trace(request_):
     assert bench.recorded(Kind.CHANGE) == []
 
 
+def test_a_change_is_refused_while_the_robot_does_not_follow():
+    bench = Bench()
+    with pytest.raises(UsageError, match="hoap3 recover"):
+        bench.loop.change(b'{"pace": 2}')
+    bench.answer(bench.state(0))
+    bench.loop.change(b'{"pace": 3}')
+    bench.answer(bench.state(1, mode=State.STOPPED))
+    with pytest.raises(UsageError, match="hoap3 recover"):
+        bench.loop.change(b'{"pace": 4}')
+    assert bench.controller.told == [{"pace": 3}]
+
+
 def test_what_can_be_changed_is_json_or_a_clear_failure():
     bench = Bench()
     assert bench.loop.changeable() == {"pace": 1}

@@ -151,8 +151,8 @@ def check(command: str) -> None:
     sets = values.get("sets") or []
     if name == "run":
         ours, theirs = split_overrides(sets)
-        emulator_config(values["robot"], ours)
-        controller_config(values["controller"], theirs)
+        law, _ = controller_config(values["controller"], theirs)
+        emulator_config(values["robot"] or law.robot, ours)
     elif name == "emulator":
         emulator_config(values["config"], sets)
     elif name == "controller":

@@ -17,6 +17,7 @@ NUMBERED = {
     "QP12": {"equations": 41, "algorithms": 2, "figures": 8, "tables": 1},
     "Bounds": {"equations": 34, "algorithms": 4, "figures": 5, "tables": 0},
     "GHC": {"equations": 24, "algorithms": 2, "figures": 12, "tables": 1},
+    "SDP": {"equations": 29, "algorithms": 0, "figures": 7, "tables": 0},
 }
 """How many of each a paper has, by the heading of its section."""
 
@@ -27,6 +28,7 @@ STATEMENTS = {
     ),
     "Bounds": (),
     "GHC": (),
+    "SDP": (),
 }
 """What else has a number: one count for all kinds, so each number is there once."""
 

@@ -141,6 +141,23 @@ def test_setting_a_pair_does_not_hasten_a_removal():
     assert np.array_equal(moved.alpha, before)
 
 
+def test_a_change_at_once_is_there_at_once_and_the_next_update_tells_it():
+    moved = priorities({"order": ["a", "b", "c"]})
+    moved.change({"set": [["a", "b", 0.5]]}, 1.0)
+    assert moved.shown()["alpha"][0][1] == 0.5
+    assert not moved.shown()["moving"]
+    assert moved.update(1.001)
+    assert not moved.update(1.002)
+
+
+def test_tasks_that_are_out_are_shown():
+    moved = priorities({"order": ["a", "b", "c"], "inactive": ["c"]})
+    moved.change({"remove": "a", "over_s": 1.0}, 0.0)
+    assert (moved.shown()["out"], moved.shown()["moving"]) == (["a", "c"], True)
+    moved.change({"insert": ["c"]}, 2.0)
+    assert moved.shown()["out"] == ["a"]
+
+
 def test_a_live_change_in_the_middle_of_a_transition_begins_there():
     change = {"at_s": 0.0, "over_s": 2.0, "set": [["a", "b", 1.0]]}
     moved = priorities({"order": ["a", "b", "c"], "timeline": [change]})

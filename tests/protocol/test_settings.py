@@ -121,7 +121,7 @@ def test_an_unknown_key_like_no_other_gets_no_guess():
         ({"table": {"int": "x"}}, "table.int", "x", "valid number"),
         ({"table": {"a[0]": "x"}}, "table.a[0]", "x", "valid number"),
         ({"even": 3}, "even", 3, "odd numbers are not taken"),
-        ({"link": {"listen": "tcp/a"}}, "link.listen", "tcp/a", "valid tuple"),
+        ({"link": {"listen": "tcp/a"}}, "link.listen", "tcp/a", "valid list"),
         ({"link": {"listen": ["tcp/a", 1]}}, "link.listen.1", 1, "valid string"),
         ({"link": {"lease_ms": 99}}, "link.lease_ms", 99, "greater than or equal to 100"),
         ({"link": {"lease_ms": 60_001}}, "link.lease_ms", 60_001, "less than or equal to 60000"),
@@ -267,6 +267,13 @@ def test_overrides_leave_the_original_as_it_was():
     assert content == {"b": {"c": [1, {"d": 2}]}}
 
 
+def test_entries_of_a_list_are_set_by_their_number():
+    content = {"tasks": [{"kp": 1}, {"kp": 2, "axes": ["x", "y"]}]}
+    changed = apply_overrides(content, ["tasks.1.kp=5", "tasks.1.axes.0=z", "tasks.0={}"])
+    assert changed == {"tasks": [{}, {"kp": 5, "axes": ["z", "y"]}]}
+    assert content == {"tasks": [{"kp": 1}, {"kp": 2, "axes": ["x", "y"]}]}
+
+
 def test_later_overrides_win():
     assert apply_overrides({}, ["a.b=1", "a.b=2"]) == {"a": {"b": 2}}
     assert apply_overrides({}, ["a.b=1", "a={}"]) == {"a": {}}
@@ -283,13 +290,18 @@ def test_later_overrides_win():
         ("a=2001-99-99", "a", "is not a YAML value"),
         ("a=*x", "a", "is not a YAML value"),
         ("n.b=1", "n.b", "'n' has no keys below it"),
-        ("l.0=1", "l.0", "'l' has no keys below it"),
+        ("l.0.b=1", "l.0.b", "'0' has no keys below it"),
+        ("l.1=1", "l.1", "no such entry in a list of 1"),
+        ("l.-1=1", "l.-1", "Give one of 0"),
+        ("l.00=1", "l.00", "no such entry"),
+        ("l.first=1", "l.first", "no such entry"),
+        ("e.0=1", "e.0", "Set the whole list"),
         ("m.n.o.p=1", "m.n.o.p", "'n' has no keys below it"),
     ],
 )
 def test_an_override_that_cannot_be_is_told(override, key, problem):
     with pytest.raises(ConfigError, match="--set") as caught:
-        apply_overrides({"n": 1, "l": [1], "m": {"n": "x"}}, [override])
+        apply_overrides({"n": 1, "l": [1], "e": [], "m": {"n": "x"}}, [override])
     assert (caught.value.file, caught.value.key) == ("--set", key)
     assert problem in str(caught.value)
     assert caught.value.remedy

@@ -31,6 +31,7 @@ from protocol.errors import LinkError, NameTakenError, PortInUseError
 from protocol.link import Request
 from protocol.settings import LinkSettings
 from protocol.zenoh_link import (
+    FRESH_S,
     ZenohControllerLink,
     ZenohRobotLink,
     alive_robots,
@@ -187,6 +188,19 @@ def test_a_wildcard_is_a_request_like_any_other(network, selector, verb):
     request.answer({"error": "unknown"})
     answers = [json.loads(reply.ok.payload.to_bytes()) for reply in replies if reply.ok]
     assert {"error": "unknown"} in answers
+
+
+def test_what_a_controller_was_asked_is_dropped_once_nobody_waits_for_it(network):
+    _, controller = network.pair()
+    session = network.keep(open_session(LinkSettings(connect=(network.endpoint,), mode="client")))
+    session.get(key("arm", "control/show"))
+    eventually(lambda: controller._asked, "a request")
+    asked_s, request = controller._asked.pop()
+    controller._asked.extend([(asked_s - FRESH_S, request), (asked_s + PATIENCE_S, request)])
+    assert controller.request() is request
+    assert controller.request() is None
+    controller._asked.append((asked_s - FRESH_S, request))
+    assert controller.request() is None
 
 
 @pytest.mark.parametrize(

@@ -152,7 +152,7 @@ WRONG = {  # YAML, key, words of the message
     ),
     "not finite": (YAML + "period_s: .nan\n", "period_s", "finite"),
     "posture as text": (YAML + "postures: {zero: [a, b, c]}\n", "postures.zero.0", "a number"),
-    "joints as text": (YAML + "joints: shoulder\n", "joints", "valid tuple"),
+    "joints as text": (YAML + "joints: shoulder\n", "joints", "valid list"),
     "joint as number": (YAML + "joints: [1]\n", "joints.0", "valid dictionary"),
     "sole": (YAML + "soles: [{frame: tool, outline: []}]\n", "soles.0.polygon", "missing"),
     "command kind": (YAML + "command_kinds: [speed]\n", "command_kinds.0", "'torque'"),

@@ -81,6 +81,7 @@ def test_the_pair_changes_places_and_who_asks_is_told(told):
         "names": TASKS,
         "alpha": [[0, 0, 0], [1, 0, 0], [1, 1, 0]],
         "moving": False,
+        "out": [],
     }
     assert asked.code == 0
     assert asked.json()["moving"]
@@ -91,6 +92,7 @@ def test_the_pair_changes_places_and_who_asks_is_told(told):
         "names": TASKS,
         "alpha": [[0, 1, 0], [0, 0, 0], [1, 1, 0]],
         "moving": False,
+        "out": [],
     }
     assert removed.code == 0
     assert "elbow" in removed.stderr

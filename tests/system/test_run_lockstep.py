@@ -51,6 +51,20 @@ def rewritten(
     return to
 
 
+def test_the_robot_is_the_one_that_the_controllers_config_names(tmp_path: Path) -> None:
+    words = ("run", "--lockstep", "--duration", "0.05", "--out", tmp_path / "log")
+    assert inside(*words, "--controller", "clik_ur5").code == 0
+    assert Log.open(tmp_path / "log", side="robot").robot == "ur5"
+
+
+def test_a_config_that_names_an_unknown_robot_is_told(tmp_path: Path) -> None:
+    config = tmp_path / "mine.yaml"
+    config.write_text("controller: qp12\nrobot: my_arm\n")
+    command = inside("run", "--lockstep", "--duration", "0.05", "--controller", config)
+    assert command.code == 2
+    assert "'my_arm'" in command.stderr
+
+
 def test_two_runs_give_the_same_bytes(first: Done, folder: Path, tmp_path: Path) -> None:
     words = ("run", "--lockstep", "--duration", DURATION, "--json", "--seed", SEED)
     second = hoap3(*words, "--out", tmp_path / "second")  # in another process, too

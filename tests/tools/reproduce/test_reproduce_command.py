@@ -52,9 +52,9 @@ def invoke(*words):
 
 
 def test_a_new_paper_is_one_new_file(shelve):
-    assert known_papers() == ["bounds", "ghc", "qp12"]
+    assert known_papers() == ["bounds", "ghc", "qp12", "sdp"]
     shelve("tiny_new", 2.0)
-    assert known_papers() == ["bounds", "ghc", "qp12", "tiny_new"]
+    assert known_papers() == ["bounds", "ghc", "qp12", "sdp", "tiny_new"]
 
 
 @pytest.mark.parametrize(("name", "ours", "code"), [("tiny_good", 2.0, 0), ("tiny_bad", 2.1, 1)])

@@ -1,0 +1,14 @@
+"""What several commands ask of their options."""
+
+from __future__ import annotations
+
+import math
+
+import typer
+
+
+def finite(value: float | None) -> float | None:
+    """Refuse nan and inf, which pass the comparison with a minimum."""
+    if value is not None and not math.isfinite(value):
+        raise typer.BadParameter("is not a finite number")
+    return value
