@@ -40,42 +40,43 @@ LEAST = -1e-10  # of C's diagonal: an eigenvalue below it is negative
 
 
 @kernel("b1(f8[:,::1], i8, f8[::1], f8[::1], f8[::1])")
-def solve_quasidefinite(K: Array, size: int, b: Array, signs: Array, scratch: Array) -> bool:
-    """Solve K x = b by K = Uᵀ diag(signs) U, x in place of b; False where a pivot is rounding.
+def solve_quasidefinite(K: Array, size: int, b: Array, inverses: Array, factors: Array) -> bool:
+    """Solve K x = b by K = UᵀD⁻¹U, D the diagonal of U, four rows at a time, x in place of b.
 
     Args:
         K: symmetric, the upper triangle of its first `size` rows; overwritten by U.
         size: how many rows and columns count.
         b: (size,) or longer.
-        signs, scratch: scratch, likewise.
+        inverses, factors: scratch, likewise.
+
+    Returns:
+        Whether every pivot is more than rounding.
     """
     for i in range(size):
-        for j in range(i, size):
-            scratch[j] = K[i, j]
-        whole = abs(scratch[i])
+        whole = abs(K[i, i])
         for k in range(i):
-            entry = K[k, i]
-            factor = signs[k] * entry
-            whole += entry * entry
+            factors[k] = -K[k, i] * inverses[k]
+            whole += abs(factors[k] * K[k, i])
+        fours = i // 4
+        for q in range(fours):
+            k = 4 * q
+            f0, f1, f2, f3 = factors[k], factors[k + 1], factors[k + 2], factors[k + 3]
             for j in range(i, size):
-                scratch[j] -= factor * K[k, j]
-        pivot = scratch[i]
-        if not abs(pivot) > LOST * whole:
+                upper = f0 * K[k, j] + f1 * K[k + 1, j]
+                K[i, j] += upper + (f2 * K[k + 2, j] + f3 * K[k + 3, j])
+            b[i] += (f0 * b[k] + f1 * b[k + 1]) + (f2 * b[k + 2] + f3 * b[k + 3])
+        for k in range(4 * fours, i):
+            for j in range(i, size):
+                K[i, j] += factors[k] * K[k, j]
+            b[i] += factors[k] * b[k]
+        if not abs(K[i, i]) > LOST * whole:
             return False
-        signs[i] = math.copysign(1.0, pivot)
-        root = math.sqrt(abs(pivot))
-        inverse = signs[i] / root
-        for j in range(i, size):
-            K[i, j] = scratch[j] * inverse
-        b[i] /= root
-        for j in range(i + 1, size):
-            b[j] -= b[i] * K[i, j]
+        inverses[i] = 1.0 / K[i, i]
     for q in range(size):
         i = size - 1 - q
-        rest = signs[i] * b[i]
-        for j in range(i + 1, size):
-            rest -= K[i, j] * b[j]
-        b[i] = rest / K[i, i]
+        b[i] *= inverses[i]
+        for k in range(i):
+            b[k] -= K[k, i] * b[i]
     return True
 
 

@@ -175,7 +175,7 @@ def polish(
 @kernel(
     "Tuple((i8, i8, i8))(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, i8, f8[:,::1],"
     " f8[:,::1], i8[:,::1], i8[::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1],"
-    " f8[:,::1], f8[:,::1], f8[:,:,::1])"
+    " f8[:,::1], f8[:,:,::1])"
 )
 def optimise(
     L: Array,
@@ -194,7 +194,6 @@ def optimise(
     z: Array,
     squares: Array,
     K: Array,
-    H: Array,
     vectors: Array,
     sides: Array,
 ) -> tuple[int, int, int]:
@@ -203,13 +202,13 @@ def optimise(
     Args:
         L, G, S, limits, dt, delta: as for `settle`.
         budget: how many iterations are allowed, of both kinds together.
-        points: λ and β, (2, n + 1): the last one, overwritten by the answer, and scratch.
+        points: λ and β, (2, n + 1) or longer: the last one, overwritten by the answer, and scratch.
         Y: of the last one, (any, n); overwritten.
         integers: blocks of L, homes of the y_k, limits that hold, (3, n); the latter two from last.
         counts: how many y_k and how many held limits there are, (2,); none where nothing is known.
         nu: multipliers of the limits, (n,).
         Z, z: written: multipliers of C and the limits, (n, n) and (2, joints).
-        squares, K, H, vectors, sides: scratch; see `SdpGains`.
+        squares, K, vectors, sides: scratch; see `SdpGains`.
 
     Returns:
         Path; Newton steps; iterations of the interior-point method.
@@ -257,7 +256,7 @@ def optimise(
             tolerance,
             budget - newton - inner,
             squares,
-            H,
+            K,
             vectors,
             sides,
         )
