@@ -14,15 +14,20 @@ from tools.bench.gains_problems import MOTIONS, Moment, Walk, stretches, walk
 from tools.bench.timing import SETTLE, Contender, Times, race
 
 OURS, COLD, TICK = "sdp", "sdp, cold", "sdp tick"
-PEER = "clarabel"
 ALONE = 20
 """Ours is timed once more, alone, so many times as often: peers take milliseconds."""
 
 BLOCKS = 20
 MOTION_S = 2.0
-QUICK_S = 0.2
+QUICK_S, QUICK_ROBOTS = 0.2, ("ur5",)
+FEWER, LEAST = {"scs": 10}, 10
+"""SCS is called ten times less often, but ten times."""
+
 COMPARED = 20
 """Problems, spread over the motion, whose answers are compared with those of the peers."""
+
+NOTHING = 1e-6
+"""Of β̃: a β up to that is none."""
 
 
 def bench_gains(
@@ -76,21 +81,13 @@ def ratios(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _rows(along: Walk, samples: int) -> list[dict[str, Any]]:
-    blocks = min(BLOCKS, samples)
-    apart = stretches(along.moments, blocks, SETTLE + samples // blocks)
-    cold = along.solver()
-
-    call, solve, forget = along.call(along.solver()), along.call(cold), cold.forget
+    call, cold = along.call(along.solver()), along.solver()
+    solve, forget = along.call(cold), cold.forget
 
     def anew(*it: Any) -> SdpGains:
         forget()
         return solve(*it)
 
-    programs = along.programs(apart)
-    peers = [name for name in SOLVERS if name in installed()]
-    ours = [Contender(OURS, call, apart), Contender(COLD, anew, apart)]
-    others = [Contender(name, SOLVERS[name], programs) for name in peers]
-    beside = race([*ours, *others], samples, BLOCKS, batches=False)
     to_and_fro = [*along.moments, *along.moments[::-1]]
     longer = [Contender(OURS, call, to_and_fro), Contender(COLD, anew, to_and_fro)]
     alone = race(longer, ALONE * samples, batches=False)
@@ -99,13 +96,15 @@ def _rows(along: Walk, samples: int) -> list[dict[str, Any]]:
         OURS: _told(along, (call(*it) for it in to_and_fro)),
         COLD: _told(along, (anew(*it) for it in some)),
     }
-    rows = []
-    for name, taken in {**beside, **alone}.items():
-        times = beside[name].times(beside[OURS])
-        least = float(beside[name].single.min() / beside[OURS].single.min())
-        away = _away(along, name, some, anew) if name in SOLVERS else None
+    rows = [_row(along, name, alone[name], alone[OURS]) | told[name] for name in (OURS, COLD)]
+    for name in (name for name in SOLVERS if name in installed()):
+        calls = max(samples // FEWER.get(name, 1), LEAST)
+        blocks = min(BLOCKS, calls)
+        apart = stretches(along.moments, blocks, SETTLE + calls // blocks)
+        pair = Contender(OURS, call, apart), Contender(name, SOLVERS[name], along.programs(apart))
+        beside = race(pair, calls, blocks, batches=False)
         rows.append(
-            _row(along, name, taken, times, least) | told.get(name, {}) | {"worst_beta": away}
+            _row(along, name, beside[name], beside[OURS]) | _compared(along, name, some, anew)
         )
     return rows
 
@@ -118,12 +117,11 @@ def _ticks(along: Walk, samples: int) -> dict[str, Any]:
     calls = min(ALONE * samples, len(along.states) - BLOCKS * SETTLE)
     contender = Contender(TICK, along.law.step, [(state,) for state in along.states])
     taken = race([contender], calls, BLOCKS, batches=False)[TICK]
-    return _row(along, TICK, taken, None, None)
+    return _row(along, TICK, taken, None)
 
 
-def _row(
-    along: Walk, name: str, taken: Times, times: float | None, least: float | None
-) -> dict[str, Any]:
+def _row(along: Walk, name: str, taken: Times, ours: Times | None) -> dict[str, Any]:
+    """A row; `ours` was timed in turn with it."""
     solver = along.law.solver
     return {
         "solver": name,
@@ -131,12 +129,14 @@ def _row(
         "n": solver.n,
         "joints": solver.joints,
         **taken.figures(),
-        "times_sdp": times,
-        "times_sdp_min": least,
+        "times_sdp": taken.times(ours) if ours else None,
+        "times_sdp_min": float(taken.single.min() / ours.single.min()) if ours else None,
         "paths": None,
         "newton_mean": None,
         "worst_gap": None,
         "worst_beta": None,
+        "failures": None,
+        "problems": None,
     }
 
 
@@ -151,7 +151,15 @@ def _told(along: Walk, solved: Iterable[SdpGains]) -> dict[str, Any]:
     }
 
 
-def _away(along: Walk, name: str, some: Sequence[Moment], ours: Callable[..., SdpGains]) -> float:
-    """How far from ours β is of what a peer gives, as its gains certify it."""
+def _compared(
+    along: Walk, name: str, some: Sequence[Moment], ours: Callable[..., SdpGains]
+) -> dict[str, Any]:
+    """How far from ours β is, as the gains of a peer certify it, and how often they do not."""
     peer = along.call(along.solver(ConicGains, solver=name, polished=False))
-    return max(abs(peer(*it).beta - ours(*it).beta) for it in some)
+    betas = np.array([(ours(*it).beta, peer(*it).beta) for it in some])
+    failed = (betas[:, 0] > NOTHING * along.desired) & (betas[:, 1] <= NOTHING * along.desired)
+    return {
+        "worst_beta": float(np.abs(betas[~failed, 0] - betas[~failed, 1]).max(initial=0.0)),
+        "failures": int(np.count_nonzero(failed)),
+        "problems": len(some),
+    }

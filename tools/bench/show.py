@@ -56,7 +56,7 @@ def show_general(rows: list[dict[str, Any]], machine: dict[str, Any]) -> None:
     _show_machine(machine)
 
 
-def _of(failures: int | None, problems: int) -> str:
+def _of(failures: int | None, problems: int | None) -> str:
     return "" if failures is None else f"{failures} of {problems}"
 
 
@@ -115,7 +115,17 @@ def show_gains(measured: dict[str, Any], machine: dict[str, Any]) -> None:
     table = Table(title="us per call, single calls; certified gains along a motion", box=None)
     figures = ("min_us", "p50_us", "p99_us")
     told = ("paths", "newton", "worst_gap", "worst_beta")
-    for name in ("solver", "robot", "n", "joints", "samples", *figures, "times_sdp", *told):
+    for name in (
+        "solver",
+        "robot",
+        "n",
+        "joints",
+        "samples",
+        *figures,
+        "times_sdp",
+        *told,
+        "failures",
+    ):
         justify: Any = "left" if name in {"solver", "robot", "paths"} else "right"
         table.add_column(name.removesuffix("_us"), justify=justify)
     for row in measured["rows"]:
@@ -127,6 +137,7 @@ def show_gains(measured: dict[str, Any], machine: dict[str, Any]) -> None:
             ", ".join(f"{name} {share:.2%}" for name, share in paths.items() if share),
             "" if newton is None else f"{newton:.1f}",
             *("" if row[name] is None else f"{row[name]:.0e}" for name in told[2:]),
+            _of(row["failures"], row["problems"]),
         )
     console.print(table)
     for row in measured["ratios"]:
