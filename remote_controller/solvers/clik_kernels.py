@@ -33,6 +33,7 @@ Indices = NDArray[np.int64]
 
 RANK = 1e-8  # of a row's length: less than that of it outside the rows before is nothing
 AGAIN = 0.5  # of the squared length: where less is left, rounding counts, and once more removes it
+ONE, TWO, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
 ROUNDING = 1e-13  # of the product of two lengths: a dot product up to that is 0
 
 
@@ -41,33 +42,48 @@ def _product(A: Array, a: int, B: Array, b: int, last: int) -> float:
     """Inner product of what A[a] and B[b] begin with, in four partial sums of a fixed order.
 
     Here and below rows are named by their numbers: a view of a row costs more than a short row.
+    Why some numbers are unsigned, `product_kernels` says.
     """
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
-    fours = last // 4
-    for q in range(fours):
-        i = 4 * q
-        s0 += A[a, i] * B[b, i]
-        s1 += A[a, i + 1] * B[b, i + 1]
-        s2 += A[a, i + 2] * B[b, i + 2]
-        s3 += A[a, i + 3] * B[b, i + 3]
-    for i in range(4 * fours, last):
+    row, other = np.uint64(a), np.uint64(b)
+    for q in range(last // 4):
+        i = np.uint64(4 * q)
+        s0 += A[row, i] * B[other, i]
+        s1 += A[row, i + ONE] * B[other, i + ONE]
+        s2 += A[row, i + TWO] * B[other, i + TWO]
+        s3 += A[row, i + THREE] * B[other, i + THREE]
+    for i in range(4 * (last // 4), last):
         s0 += A[a, i] * B[b, i]
     return (s0 + s1) + (s2 + s3)
 
 
-@kernel("UniTuple(f8, 2)(f8[:,::1], i8, i8, f8[:,::1], i8, f8[:,::1], i8)")
+@kernel("UniTuple(f8, 2)(f8[:,::1], i8, i8, f8[:,::1], i8, f8[:,::1], i8)", superwords=True)
 def _reduce(
     rows: Array, row: int, width: int, basis: Array, count: int, factors: Array, at: int
 ) -> tuple[float, float]:
     """Take the first `count` rows of the basis out of a row (Gram and Schmidt, twice if need be).
 
-    Makes the row a unit vector where more than rounding is left, and adds what it took to a row of
-    the factors. Returns the lengths before and after.
+    Four of them at a time, whose shares do not wait for each other. Makes the row a unit vector
+    where more than rounding is left, and adds what it took to a row of the factors. Returns the
+    lengths before and after.
     """
     whole = _product(rows, row, rows, row, width)
     before = left = whole
     for _ in range(2 if count > 0 else 0):
-        for p in range(count):
+        for q in range(count // 4):
+            p = 4 * q
+            s0 = _product(basis, p, rows, row, width)
+            s1 = _product(basis, p + 1, rows, row, width)
+            s2 = _product(basis, p + 2, rows, row, width)
+            s3 = _product(basis, p + 3, rows, row, width)
+            factors[at, p] += s0
+            factors[at, p + 1] += s1
+            factors[at, p + 2] += s2
+            factors[at, p + 3] += s3
+            for j in range(width):
+                first = s0 * basis[p, j] + s1 * basis[p + 1, j]
+                rows[row, j] -= first + (s2 * basis[p + 2, j] + s3 * basis[p + 3, j])
+        for p in range(4 * (count // 4), count):
             share = _product(basis, p, rows, row, width)
             factors[at, p] += share
             for j in range(width):
@@ -171,7 +187,7 @@ def _close_loop(
     "i8(f8[:,::1], i8[::1], f8, f8[::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1],"
     " f8[:,::1], f8[:,::1])"
 )
-def prioritised(  # noqa: PLR0912 - one task after the other
+def prioritised(
     jacobian: Array,
     offsets: Indices,
     damping: float,
@@ -196,7 +212,7 @@ def prioritised(  # noqa: PLR0912 - one task after the other
         B: Bᵀ, (n, joints), written.
         Q: scratch, (n, joints).
         R, M, T: scratch, (n, n).
-        own: scratch, (n, 2n).
+        own: scratch, (n, 2n) or larger.
 
     Returns:
         The rank of the stacked Jacobian.
@@ -247,9 +263,13 @@ def unfit(jacobian: Array, errors: Array, rates: Array, weights: Array, limits: 
 @inlined
 def feed_forward(B: Array, rates: Array, limits: Array, speed: Array) -> float:
     """Write B·rates, shortened until it keeps the limits; returns the factor."""
-    n, share = B.shape[0], 1.0
+    n, share, moves = B.shape[0], 1.0, False
     for r in range(speed.size):
         speed[r] = 0.0
+    for i in range(n):
+        moves = moves or rates[i] != 0.0
+    if not moves:
+        return share
     add_rows(speed, rates, B, 0, n, 0)
     for r in range(speed.size):
         if speed[r] > limits[1, r]:

@@ -177,7 +177,7 @@ class ConicGains(SdpGains):
         counts, nu, Y, S = plan[:2], narrow[3], narrow[4:], tall[3 + 2 * n : 3 + 3 * n]
         room, z = tall[3 + 3 * n : 7 + 3 * n].reshape(2, 2, self.joints)
         points, vectors, K = unknowns[:2], unknowns[2:8], unknowns[8:]
-        L, G, Z, spare = squares[0], squares[1], squares[2], squares[3:16]
+        L, G, Z, spare = squares[0], squares[1], squares[2], squares[3:]
         x, dual = self._solve_conic(*program)
         used, size = self._used, program[-1]
         each = np.zeros(2 * self.joints)

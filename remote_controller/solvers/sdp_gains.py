@@ -126,7 +126,7 @@ class SdpGains:
             np.zeros((4, n), np.int64),
             rows,
             tall,
-            np.zeros((18, n, n)),
+            np.zeros((16, n, n)),
             np.zeros((8 + unknowns, max(unknowns, joints))),
         )
         self._still()

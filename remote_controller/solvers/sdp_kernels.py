@@ -49,7 +49,7 @@ def _forget(gains: Array, counts: Indices) -> None:
     "Tuple((i8, i8, i8, i8, i8, i8, f8, f8, f8, f8, f8))(f8[:,::1], f8[::1], f8, f8, f8, f8, i8,"
     " i8[::1], i8[:,::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1])"
 )
-def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
+def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
     jacobian: Array,
     errors: Array,
     dt: float,
@@ -76,7 +76,7 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
             last; then its Y, (any, n).
         tall: lower and upper limits of dq; dq, written, zeros where there is no answer; then
             scratch, (3n + 14, joints).
-        squares: scratch, (18, n, n).
+        squares: scratch, (16, n, n).
         unknowns: λ and β of the last solve in its first n + 1 columns; then scratch: 7 rows and as
             many as `optimise` has unknowns, each as long, or as the joints, whichever is more.
 
@@ -93,7 +93,7 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     Q, B, S = tall[3 : 3 + n], tall[3 + n : 3 + 2 * n], tall[3 + 2 * n : 3 + 3 * n]
     sides = tall[3 + 3 * n :].reshape(7, 2, joints)
     points, vectors, K = unknowns[:2], unknowns[2:8], unknowns[8:]
-    L, G, Z, own = squares[0], squares[1], squares[2], squares[16:].reshape(n, 2 * n)
+    L, G, Z, spare = squares[0], squares[1], squares[2], squares[3:]
     room, z = sides[0], sides[1]
     for r in range(joints):
         dq[r] = 0.0
@@ -115,11 +115,11 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
         squares[3],
         squares[4],
         squares[5],
-        own,
+        K,
     )
     share = feed_forward(B, rates, speeds, dq)
-    for r in range(joints):
-        for side in range(2):
+    for side in range(2):
+        for r in range(joints):
             room[side, r] = (speeds[side, r] - dq[r]) / desired
     for i in range(n):
         for j in range(n):
@@ -152,15 +152,15 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
         nu,
         Z,
         z,
-        squares[3:16],
+        spare,
         K,
         vectors,
         sides[2:],
     )
     if path == BUDGET:
-        keep_better(L, G, S, room, dt * desired, desired, gains, points, squares[3:], vectors)
+        keep_better(L, G, S, room, dt * desired, desired, gains, points, spare, vectors)
     beta, slack, margin, gap, kept = conclude(
-        L, G, S, room, dt * desired, delta, points, Z, z, squares[3:], vectors
+        L, G, S, room, dt * desired, delta, points, Z, z, spare, vectors
     )
     x, speed = points[0], vectors[0, :joints]
     if not kept:

@@ -24,60 +24,19 @@ from numpy.typing import NDArray
 
 from protocol.compilation import inlined, kernel
 from remote_controller.solvers.lmi_kernels import stability_matrix
+from remote_controller.solvers.quasidefinite_kernels import solve_quasidefinite
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 CONVERGED = 1e-6  # of 1 + |λ|: the step after one of that size is rounding
 STEPS = 8  # of one Newton iteration; from a good guess it takes two or three
-LOST = 1e-13  # of what was subtracted: a smaller pivot is rounding
 FAR = 1e3  # of 1 + |λ|: a step as long leads nowhere
 SLOW = 0.5  # of the step before: after the first few, a step that is longer leads nowhere
 NOTHING = 1e-300  # squares of that size are none
 KEPT = 1e-10  # of 1 + |limit|: how far a limit may be broken
 PULLING = -1e-10  # a multiplier below it says that its limit need not hold
 LEAST = -1e-10  # of C's diagonal: an eigenvalue below it is negative
-
-
-@kernel("b1(f8[:,::1], i8, f8[::1], f8[::1], f8[::1])")
-def solve_quasidefinite(K: Array, size: int, b: Array, inverses: Array, factors: Array) -> bool:
-    """Solve K x = b by K = UᵀD⁻¹U, D the diagonal of U, four rows at a time, x in place of b.
-
-    Args:
-        K: symmetric, the upper triangle of its first `size` rows; overwritten by U.
-        size: how many rows and columns count.
-        b: (size,) or longer.
-        inverses, factors: scratch, likewise.
-
-    Returns:
-        Whether every pivot is more than rounding.
-    """
-    for i in range(size):
-        whole = abs(K[i, i])
-        for k in range(i):
-            factors[k] = -K[k, i] * inverses[k]
-            whole += abs(factors[k] * K[k, i])
-        fours = i // 4
-        for q in range(fours):
-            k = 4 * q
-            f0, f1, f2, f3 = factors[k], factors[k + 1], factors[k + 2], factors[k + 3]
-            for j in range(i, size):
-                upper = f0 * K[k, j] + f1 * K[k + 1, j]
-                K[i, j] += upper + (f2 * K[k + 2, j] + f3 * K[k + 3, j])
-            b[i] += (f0 * b[k] + f1 * b[k + 1]) + (f2 * b[k + 2] + f3 * b[k + 3])
-        for k in range(4 * fours, i):
-            for j in range(i, size):
-                K[i, j] += factors[k] * K[k, j]
-            b[i] += factors[k] * b[k]
-        if not abs(K[i, i]) > LOST * whole:
-            return False
-        inverses[i] = 1.0 / K[i, i]
-    for q in range(size):
-        i = size - 1 - q
-        b[i] *= inverses[i]
-        for k in range(i):
-            b[k] -= K[k, i] * b[i]
-    return True
 
 
 @inlined
@@ -111,10 +70,12 @@ def _fill(  # noqa: PLR0912 - one case after the other
     n, size = block.size, block.size + 1
     for i in range(n):
         for j in range(i, n):
-            share = 0.0
-            for k in range(rank):
-                share += Y[k, i] * Y[k, j]
-            K[i, j] = 2.0 * dt * G[i, j] * share
+            K[i, j] = Y[0, i] * Y[0, j]
+        for k in range(1, rank):
+            for j in range(i, n):
+                K[i, j] += Y[k, i] * Y[k, j]
+        for j in range(i, n):
+            K[i, j] *= 2.0 * dt * G[i, j]
         K[i, i] += 2.0 * delta
         K[i, n] = 0.0
         b[i] = -2.0 * delta * x[i]
@@ -248,12 +209,11 @@ def _first_wrong(
             speed[r] += x[i] * S[i, r]
     beyond, broken = KEPT, 0
     for r in range(speed.size):
-        over = (speed[r] - limits[1, r]) / (1.0 + abs(limits[1, r]))
-        under = (limits[0, r] - speed[r]) / (1.0 + abs(limits[0, r]))
-        if speed[r] > limits[1, r] and over > beyond:
-            beyond, broken = over, r + 1
-        if speed[r] < limits[0, r] and under > beyond:
-            beyond, broken = under, -r - 1
+        over, under = speed[r] - limits[1, r], limits[0, r] - speed[r]
+        if over > beyond * (1.0 + abs(limits[1, r])):
+            beyond, broken = over / (1.0 + abs(limits[1, r])), r + 1
+        if under > beyond * (1.0 + abs(limits[0, r])):
+            beyond, broken = under / (1.0 + abs(limits[0, r])), -r - 1
     return out, broken
 
 
@@ -338,15 +298,14 @@ def settle(  # noqa: PLR0912 - one case after the other
         Whether x is optimal: the conditions hold and C is positive semidefinite; how many limits
         hold; Newton steps taken.
     """
-    n, taken = block.size, 0
-    dual = 0
+    n, taken, dual = block.size, 0, 0
     for k in range(rank):
         for other in range(k + 1):
             dual += 1 if home[other] == home[k] else 0
     for _ in range(2 * n + 2):
-        if rank == 0 or dual + holding > n + 1:
-            return False, holding, taken
         close, before = False, math.inf
+        if rank == 0 or dual + holding > n + 1:
+            break
         for step in range(STEPS):
             if taken == budget:
                 return False, holding, taken

@@ -84,11 +84,13 @@ def _multipliers(
     n = Z.shape[0]
     for i in range(n):
         for j in range(n):
-            Z[i, j] = 0.0
-            for k in range(rank):
+            Z[i, j] = Y[0, i] * Y[0, j]
+        for k in range(1, rank):
+            for j in range(n):
                 Z[i, j] += Y[k, i] * Y[k, j]
-    for r in range(z.shape[1]):
-        z[0, r], z[1, r] = 0.0, 0.0
+    for side in range(2):
+        for r in range(z.shape[1]):
+            z[side, r] = 0.0
     for a in range(holding):
         side, r = (1, held[a] - 1) if held[a] > 0 else (0, -held[a] - 1)
         z[side, r] = max(nu[a], 0.0)
