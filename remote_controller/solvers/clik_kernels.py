@@ -52,8 +52,8 @@ def _product(A: Array, a: int, B: Array, b: int, last: int) -> float:
         s1 += A[row, i + ONE] * B[other, i + ONE]
         s2 += A[row, i + TWO] * B[other, i + TWO]
         s3 += A[row, i + THREE] * B[other, i + THREE]
-    for i in range(4 * (last // 4), last):
-        s0 += A[a, i] * B[b, i]
+    for j in range(4 * (last // 4), last):
+        s0 += A[a, j] * B[b, j]
     return (s0 + s1) + (s2 + s3)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from protocol.errors import UnknownNameError
 from remote_controller.solvers.sdp_backends import PACKAGES, SOLVERS, ConicGains, installed
@@ -23,11 +24,11 @@ QUICK_S, QUICK_ROBOTS = 0.2, ("ur5",)
 FEWER, LEAST = {"scs": 10}, 10
 """SCS is called ten times less often, but ten times."""
 
-COMPARED = 20
-"""Problems, spread over the motion, whose answers are compared with those of the peers."""
+COLD_ONES = 20
+"""Ticks, spread over the motion, of which the paths of cold solves are told."""
 
-NOTHING = 1e-6
-"""Of β̃: a β up to that is none."""
+FAILED = 0.01
+"""Of β̃: gains whose β is smaller than ours by more are no answer."""
 
 
 def bench_gains(
@@ -91,7 +92,7 @@ def _rows(along: Walk, samples: int) -> list[dict[str, Any]]:
     to_and_fro = [*along.moments, *along.moments[::-1]]
     longer = [Contender(OURS, call, to_and_fro), Contender(COLD, anew, to_and_fro)]
     alone = race(longer, ALONE * samples, batches=False)
-    some = along.moments[:: max(1, len(along.moments) // COMPARED)]
+    some = along.moments[:: max(1, len(along.moments) // COLD_ONES)]
     told = {
         OURS: _told(along, (call(*it) for it in to_and_fro)),
         COLD: _told(along, (anew(*it) for it in some)),
@@ -103,8 +104,14 @@ def _rows(along: Walk, samples: int) -> list[dict[str, Any]]:
         apart = stretches(along.moments, blocks, SETTLE + calls // blocks)
         pair = Contender(OURS, call, apart), Contender(name, SOLVERS[name], along.programs(apart))
         beside = race(pair, calls, blocks, batches=False)
+        found, away = _compared(along, name, apart, anew)
+        timed = found.reshape(blocks, -1)[:, SETTLE:]
+        failures = int(np.count_nonzero(~timed))
+        if failures == timed.size:
+            continue
         rows.append(
-            _row(along, name, beside[name], beside[OURS]) | _compared(along, name, some, anew)
+            _row(along, name, beside[name], beside[OURS], timed)
+            | {"worst_beta": away, "failures": failures, "problems": timed.size}
         )
     return rows
 
@@ -120,17 +127,30 @@ def _ticks(along: Walk, samples: int) -> dict[str, Any]:
     return _row(along, TICK, taken, None)
 
 
-def _row(along: Walk, name: str, taken: Times, ours: Times | None) -> dict[str, Any]:
-    """A row; `ours` was timed in turn with it."""
-    solver = along.law.solver
+def _row(
+    along: Walk,
+    name: str,
+    taken: Times,
+    ours: Times | None,
+    timed: NDArray[np.bool_] | None = None,
+) -> dict[str, Any]:
+    """A row; `ours` was timed in turn with it. Of both only the calls `timed` count, or all."""
+    solver, times, least = along.law.solver, None, None
+    if ours is not None:
+        kept = np.ones(taken.single.shape, bool) if timed is None else timed
+        blocks = [row.any() for row in kept]
+        pairs = zip(taken.single[blocks], ours.single[blocks], kept[blocks], strict=True)
+        times = float(np.median([np.median(a[k]) / np.median(b[k]) for a, b, k in pairs]))
+        least = float(taken.single[kept].min() / ours.single[kept].min())
+        taken = Times(taken.single[kept], taken.batch)
     return {
         "solver": name,
         "robot": along.robot,
         "n": solver.n,
         "joints": solver.joints,
         **taken.figures(),
-        "times_sdp": taken.times(ours) if ours else None,
-        "times_sdp_min": float(taken.single.min() / ours.single.min()) if ours else None,
+        "times_sdp": times,
+        "times_sdp_min": least,
         "paths": None,
         "newton_mean": None,
         "worst_gap": None,
@@ -152,14 +172,10 @@ def _told(along: Walk, solved: Iterable[SdpGains]) -> dict[str, Any]:
 
 
 def _compared(
-    along: Walk, name: str, some: Sequence[Moment], ours: Callable[..., SdpGains]
-) -> dict[str, Any]:
-    """How far from ours β is, as the gains of a peer certify it, and how often they do not."""
+    along: Walk, name: str, moments: Sequence[Moment], ours: Callable[..., SdpGains]
+) -> tuple[NDArray[np.bool_], float]:
+    """At which ticks a peer finds gains as good as ours, and how far away their β is there."""
     peer = along.call(along.solver(ConicGains, solver=name, polished=False))
-    betas = np.array([(ours(*it).beta, peer(*it).beta) for it in some])
-    failed = (betas[:, 0] > NOTHING * along.desired) & (betas[:, 1] <= NOTHING * along.desired)
-    return {
-        "worst_beta": float(np.abs(betas[~failed, 0] - betas[~failed, 1]).max(initial=0.0)),
-        "failures": int(np.count_nonzero(failed)),
-        "problems": len(some),
-    }
+    less = np.array([ours(*it).beta - peer(*it).beta for it in moments])
+    found = less <= FAILED * along.desired
+    return found, float(np.abs(less[found]).max(initial=0.0))
