@@ -170,5 +170,39 @@ def bench_hierarchy(
         show_missing(missing())
 
 
+@bench_app.command("gains")
+def bench_gains(
+    samples: Annotated[
+        int, typer.Option(min=10, help="Calls of each peer; ours is called 20 times as often.")
+    ] = 200,
+    robot: Annotated[
+        list[str] | None,
+        typer.Option(help="Whose motion: ur5, hoap3 or humanoid32; by default all, one by one."),
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="10 samples along 0.2 s of ur5: to see that it works.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Time certified gains along motions of 6, 21 and 32 joints, beside conic solvers."""
+    from tools.bench.gains import MOTION_S, QUICK_ROBOTS, QUICK_S, missing
+    from tools.bench.gains import bench_gains as measure
+    from tools.bench.gains_problems import MOTIONS
+    from tools.bench.show import show_gains, show_missing
+    from tools.machine import machine_block
+    from tools.show import console
+
+    machine = machine_block()
+    with console.status("") as status:
+        calls, seconds = (10, QUICK_S) if quick else (samples, MOTION_S)
+        robots = robot or (QUICK_ROBOTS if quick else list(MOTIONS))
+        measured = measure(calls, robots, seconds, report=status.update)
+    if as_json:
+        _write({**measured, "missing": list(missing()), "machine": machine})
+    else:
+        show_gains(measured, machine)
+        show_missing(missing())
+
+
 def _write(content: dict[str, Any]) -> None:
     sys.stdout.write(json.dumps(content, indent=2) + "\n")

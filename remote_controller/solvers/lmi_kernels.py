@@ -40,9 +40,9 @@ def stability_matrix(
             V[i, j] = L[i, j] - factor * G[i, j]
     for i in range(n):
         for j in range(i, n):
-            C[i, j] = V[i, j] * gains[j] + gains[i] * L[j, i]
-        for j in range(i):
-            C[i, j] = C[j, i]
+            entry = V[i, j] * gains[j] + gains[i] * L[j, i]
+            C[i, j] = entry
+            C[j, i] = entry
         C[i, i] -= beta
 
 

@@ -23,6 +23,7 @@ from remote_controller.solvers import status as codes
 from remote_controller.solvers.sdp_gains import BUDGET, DELTA, IPM, NONE, SdpGains
 
 Array = NDArray[np.float64]
+Program = tuple[Any, Array, Any, Array, int, int]
 
 PACKAGES = {"newton": "", "clarabel": "clarabel", "scs": "scs"}
 POLISH = 40  # Newton steps
@@ -147,25 +148,38 @@ class ConicGains(SdpGains):
         super().__init__(sizes, joints, weights=weights, damping=damping, budget=budget)
         self._solve_conic, self._polished, self.polish = SOLVERS[solver], polished, False
         self._polish, self._conclude = sdp_search_kernels.polish, sdp_proof_kernels.conclude
-        self._enough = sdp_kernels.PROVED
+        self._enough, self._used = sdp_kernels.PROVED, np.zeros(0, np.intp)
 
-    def solve(
+    def program(
         self, jacobian: Array, errors: Array, dt: float, desired: float, delta: float = DELTA
-    ) -> int:
-        """As `SdpGains.solve`; the status is `OK` only where the gap proves it."""
+    ) -> Program | None:
+        """What the solver is given, as for `SdpGains.solve`; None where that says what is wrong."""
         self.forget()
         budget, self.budget = self.budget, 0  # prepares L, S and the limits, no more
         super().solve(jacobian, errors, dt, desired, delta)
         self.budget, self.polish = budget, False
         if self.path != BUDGET:
+            return None
+        n, (_, _, _, tall, squares, _) = self.n, self._work
+        S, room = tall[3 + 2 * n : 3 + 3 * n], tall[3 + 3 * n : 5 + 3 * n]
+        P, q, A, b, self._used, size = conic(squares[0], S, room, dt * desired, delta)
+        return P, q, A, b, self._used.size, size
+
+    def solve(
+        self, jacobian: Array, errors: Array, dt: float, desired: float, delta: float = DELTA
+    ) -> int:
+        """As `SdpGains.solve`; the status is `OK` only where the gap proves it."""
+        program = self.program(jacobian, errors, dt, desired, delta)
+        if program is None:
             return self.status
-        points, Y, integers, counts, nu, squares, wide, _, K, _, vectors, sides, gains, dq = (
-            self._work
-        )
+        plan, integers, narrow, tall, squares, unknowns = self._work
         n, scaled = self.n, dt * desired
-        L, G, Z, S, room, z = squares[0], squares[1], squares[2], wide[2], sides[0], sides[1]
-        P, q, A, b, used, size = conic(L, S, room, scaled, delta)
-        x, dual = self._solve_conic(P, q, A, b, used.size, size)
+        counts, nu, Y, S = plan[:2], narrow[3], narrow[4:], tall[3 + 2 * n : 3 + 3 * n]
+        room, z = tall[3 + 3 * n : 7 + 3 * n].reshape(2, 2, self.joints)
+        points, vectors, K = unknowns[:2], unknowns[2:8], unknowns[8:]
+        L, G, Z, spare = squares[0], squares[1], squares[2], squares[3:]
+        x, dual = self._solve_conic(*program)
+        used, size = self._used, program[-1]
         each = np.zeros(2 * self.joints)
         each[used] = np.maximum(dual[: used.size], 0.0)
         z[1], z[0] = each[: self.joints], each[self.joints :]
@@ -174,20 +188,21 @@ class ConicGains(SdpGains):
         whole[rows, columns] = dual[used.size :] / np.where(rows == columns, 1.0, np.sqrt(2.0))
         whole[columns, rows] = whole[rows, columns]
         Z[:] = whole[:n, :n]
-        points[0] = x
+        points[0, : n + 1] = x
         if self._polished:
-            program: Any = (L, G, S, room, scaled, delta, self.budget)
+            given: Any = (L, G, S, room, scaled, delta, self.budget)
             known: Any = (points, Y, integers, counts, nu, Z, z)
-            scratch: Any = (squares[3:], K, vectors)
-            self.polish, self.newton = self._polish(*program, *known, *scratch)
+            scratch: Any = (spare, K, vectors)
+            self.polish, self.newton = self._polish(*given, *known, *scratch)
         self.beta, self.slack, self.margin, self.gap, kept = self._conclude(
-            *(L, G, S, room, scaled, delta, points, Z, z, squares[3:], vectors)
+            *(L, G, S, room, scaled, delta, points, Z, z, spare, vectors)
         )
         self.beta, self.slack, self.margin = (
             desired * value for value in (self.beta, self.slack, self.margin)
         )
-        gains[:] = desired * points[0, :n]
-        np.clip(dq + desired * vectors[0, : self.joints], self.lower, self.upper, out=dq)
+        self.gains[:] = desired * points[0, :n]
+        wanted = self.dq + desired * vectors[0, : self.joints]
+        np.clip(wanted, self.lower, self.upper, out=self.dq)
         self.rank, self.path = int(counts[0]), IPM if kept else NONE
         proved = self.gap <= self._enough
         self.gap *= desired * desired

@@ -105,32 +105,25 @@ class SdpGains:
         n = self.n = sum(sizes)
         self.joints, self.budget = joints, budget
         self.damping = number("damping", damping)
-        self.weights = positive("SDP gains", "weights", [1] * n if weights is None else weights, n)
-        self.offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+        given = positive("SDP gains", "weights", [1] * n if weights is None else weights, n)
         self._kernel = sdp_kernels.sdp_gains_kernel
-        self._limits = np.array([np.full(joints, -math.inf), np.full(joints, math.inf)])
-        self.lower, self.upper = self._limits
-        self.rates = np.zeros(n)
         columns = (math.isqrt(8 * n + 9) - 1) // 2  # of Y: r(r + 1)/2 ≤ n + 1
         unknowns = n + 1 + n * columns + n
-        self._counts = np.zeros(2, np.int64)
+        plan = np.concatenate([[0, 0, 0], np.cumsum(sizes)]).astype(np.int64)
+        rows = np.zeros((4 + max(columns, n), n))
+        tall = np.zeros((17 + 3 * n, joints))
+        self._counts, self.offsets = plan[:2], plan[2:]
+        self.rates, self.weights, self.gains = rows[:3]
+        self.lower, self.upper, self.dq = tall[:3]
+        self.weights[:], self.lower[:], self.upper[:] = given, -math.inf, math.inf
         self._work = (
-            np.zeros((2, n + 1)),
-            np.zeros((max(columns, n), n)),
+            plan,
             np.zeros((4, n), np.int64),
-            self._counts,
-            np.zeros(n),
+            rows,
+            tall,
             np.zeros((16, n, n)),
-            np.zeros((3, n, joints)),
-            np.zeros((n, 2 * n)),
-            np.zeros((unknowns, unknowns)),
-            np.zeros((n + 1, n + 1)),
-            np.zeros((6, max(unknowns, joints))),
-            np.zeros((7, 2, joints)),
-            np.zeros(n),
-            np.zeros(joints),
+            np.zeros((8 + unknowns, max(unknowns, joints))),
         )
-        self.gains, self.dq = self._work[-2:]
         self._still()
 
     def _still(self) -> None:
@@ -181,10 +174,6 @@ class SdpGains:
             ) = self._kernel(
                 jacobian,
                 errors,
-                self.rates,
-                self.offsets,
-                self.weights,
-                self._limits,
                 dt,
                 desired,
                 delta,

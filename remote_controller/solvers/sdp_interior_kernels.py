@@ -249,7 +249,7 @@ def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to it
         tolerance: of what a step to the optimum would change, relative to 1 + |λ|.
         budget: how many iterations are allowed.
         squares: scratch, (13, n, n), C and V first.
-        K: scratch, (n + 1, n + 1).
+        K: scratch, (n + 1, n + 1) or larger.
         vectors: scratch, (6, n + 1 or joints, whichever is more).
         sides: (5, 2, joints): the slacks, inf where there is no limit, overwritten; scratch.
 

@@ -24,59 +24,19 @@ from numpy.typing import NDArray
 
 from protocol.compilation import inlined, kernel
 from remote_controller.solvers.lmi_kernels import stability_matrix
+from remote_controller.solvers.quasidefinite_kernels import solve_quasidefinite
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 CONVERGED = 1e-6  # of 1 + |λ|: the step after one of that size is rounding
 STEPS = 8  # of one Newton iteration; from a good guess it takes two or three
-LOST = 1e-13  # of what was subtracted: a smaller pivot is rounding
 FAR = 1e3  # of 1 + |λ|: a step as long leads nowhere
 SLOW = 0.5  # of the step before: after the first few, a step that is longer leads nowhere
 NOTHING = 1e-300  # squares of that size are none
 KEPT = 1e-10  # of 1 + |limit|: how far a limit may be broken
 PULLING = -1e-10  # a multiplier below it says that its limit need not hold
 LEAST = -1e-10  # of C's diagonal: an eigenvalue below it is negative
-
-
-@kernel("b1(f8[:,::1], i8, f8[::1], f8[::1], f8[::1])")
-def solve_quasidefinite(K: Array, size: int, b: Array, signs: Array, scratch: Array) -> bool:
-    """Solve K x = b by K = Uᵀ diag(signs) U, x in place of b; False where a pivot is rounding.
-
-    Args:
-        K: symmetric, the upper triangle of its first `size` rows; overwritten by U.
-        size: how many rows and columns count.
-        b: (size,) or longer.
-        signs, scratch: scratch, likewise.
-    """
-    for i in range(size):
-        for j in range(i, size):
-            scratch[j] = K[i, j]
-        whole = abs(scratch[i])
-        for k in range(i):
-            entry = K[k, i]
-            factor = signs[k] * entry
-            whole += entry * entry
-            for j in range(i, size):
-                scratch[j] -= factor * K[k, j]
-        pivot = scratch[i]
-        if not abs(pivot) > LOST * whole:
-            return False
-        signs[i] = math.copysign(1.0, pivot)
-        root = math.sqrt(abs(pivot))
-        inverse = signs[i] / root
-        for j in range(i, size):
-            K[i, j] = scratch[j] * inverse
-        b[i] /= root
-        for j in range(i + 1, size):
-            b[j] -= b[i] * K[i, j]
-    for q in range(size):
-        i = size - 1 - q
-        rest = signs[i] * b[i]
-        for j in range(i + 1, size):
-            rest -= K[i, j] * b[j]
-        b[i] = rest / K[i, i]
-    return True
 
 
 @inlined
@@ -110,10 +70,12 @@ def _fill(  # noqa: PLR0912 - one case after the other
     n, size = block.size, block.size + 1
     for i in range(n):
         for j in range(i, n):
-            share = 0.0
-            for k in range(rank):
-                share += Y[k, i] * Y[k, j]
-            K[i, j] = 2.0 * dt * G[i, j] * share
+            K[i, j] = Y[0, i] * Y[0, j]
+        for k in range(1, rank):
+            for j in range(i, n):
+                K[i, j] += Y[k, i] * Y[k, j]
+        for j in range(i, n):
+            K[i, j] *= 2.0 * dt * G[i, j]
         K[i, i] += 2.0 * delta
         K[i, n] = 0.0
         b[i] = -2.0 * delta * x[i]
@@ -247,12 +209,11 @@ def _first_wrong(
             speed[r] += x[i] * S[i, r]
     beyond, broken = KEPT, 0
     for r in range(speed.size):
-        over = (speed[r] - limits[1, r]) / (1.0 + abs(limits[1, r]))
-        under = (limits[0, r] - speed[r]) / (1.0 + abs(limits[0, r]))
-        if speed[r] > limits[1, r] and over > beyond:
-            beyond, broken = over, r + 1
-        if speed[r] < limits[0, r] and under > beyond:
-            beyond, broken = under, -r - 1
+        over, under = speed[r] - limits[1, r], limits[0, r] - speed[r]
+        if over > beyond * (1.0 + abs(limits[1, r])):
+            beyond, broken = over / (1.0 + abs(limits[1, r])), r + 1
+        if under > beyond * (1.0 + abs(limits[0, r])):
+            beyond, broken = under / (1.0 + abs(limits[0, r])), -r - 1
     return out, broken
 
 
@@ -337,15 +298,14 @@ def settle(  # noqa: PLR0912 - one case after the other
         Whether x is optimal: the conditions hold and C is positive semidefinite; how many limits
         hold; Newton steps taken.
     """
-    n, taken = block.size, 0
-    dual = 0
+    n, taken, dual = block.size, 0, 0
     for k in range(rank):
         for other in range(k + 1):
             dual += 1 if home[other] == home[k] else 0
     for _ in range(2 * n + 2):
-        if rank == 0 or dual + holding > n + 1:
-            return False, holding, taken
         close, before = False, math.inf
+        if rank == 0 or dual + holding > n + 1:
+            break
         for step in range(STEPS):
             if taken == budget:
                 return False, holding, taken

@@ -42,16 +42,11 @@ def fit(S: Array, limits: Array, gains: Array, speed: Array) -> float:
     return margin
 
 
-@kernel(
-    "f8(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, f8[::1], f8, f8[:,::1], f8[:,::1],"
-    " f8[:,::1], f8[:,::1])"
-)
-def duality_gap(
-    L: Array,
-    G: Array,
+@inlined
+def _duality_gap(
     S: Array,
     limits: Array,
-    dt: float,
+    speed: Array,
     delta: float,
     gains: Array,
     beta: float,
@@ -62,31 +57,31 @@ def duality_gap(
 ) -> float:
     """How much less than that of feasible (λ, β) the objective may be, in the units of β̃ = 1.
 
-    For any Z ⪰ 0 and z ≥ 0 the Lagrange function is a bound from below where it is least. It is
-    quadratic, with a Hessian of 2δ (λ) and 2 (β) at least, so it falls below its value here by
-    |g_λ|²/4δ + g_β²/4 at most, g its gradient. By the same curvature of the objective
+    C is C(λ, 0). For any Z ⪰ 0 and z ≥ 0 the Lagrange function is a bound from below where it is
+    least. It is quadratic, with a Hessian of 2δ (λ) and 2 (β) at least, so it falls below its value
+    here by |g_λ|²/4δ + g_β²/4 at most, g its gradient. By the same curvature of the objective
     |β − β*|² ≤ gap and δ|λ − λ*|² ≤ gap.
     """
     n, joints = S.shape
-    stability_matrix(L, G, gains, beta, dt, C, V)
-    gap, slope = 0.0, 2.0 * (beta - 1.0)
+    gap, trace, pulled = 0.0, 0.0, False
     for r in range(joints):
-        speed = 0.0
-        for i in range(n):
-            speed += S[i, r] * gains[i]
         if z[1, r] > 0.0:
-            gap += z[1, r] * (limits[1, r] - speed)
+            gap += z[1, r] * (limits[1, r] - speed[r])
+            pulled = True
         if z[0, r] > 0.0:
-            gap += z[0, r] * (speed - limits[0, r])
+            gap += z[0, r] * (speed[r] - limits[0, r])
+            pulled = True
     for i in range(n):
-        slope += Z[i, i]
+        trace += Z[i, i]
         for j in range(n):
             gap += C[i, j] * Z[i, j]
-    gap += 0.25 * slope * slope
+    slope = 2.0 * (beta - 1.0) + trace
+    gap += 0.25 * slope * slope - beta * trace
     for i in range(n):
         slope = 2.0 * delta * gains[i]
-        for r in range(joints):
-            slope += S[i, r] * (z[1, r] - z[0, r])
+        if pulled:
+            for r in range(joints):
+                slope += S[i, r] * (z[1, r] - z[0, r])
         for k in range(n):
             slope -= 2.0 * V[k, i] * Z[k, i]
         gap += 0.25 * slope * slope / delta
@@ -128,16 +123,23 @@ def conclude(
         β, slack of the matrix inequality, margin of the limits, gap, whether V is proved to fall.
     """
     n, joints = S.shape
+    C, V, W = squares[0], squares[1], squares[2]
     x, speed = points[0], vectors[0, :joints]
-    fit(S, limits, x[:n], speed)
-    beta = certified(L, G, x[:n], dt, x[n], squares, vectors)
+    gains = x[:n]
+    margin = fit(S, limits, gains, speed)
+    stability_matrix(L, G, gains, 0.0, dt, C, V)
+    for i in range(n):
+        for j in range(n):
+            W[i, j] = C[i, j]
+    beta = least_eigenvalue(W, x[n], 0.0, vectors[3:])
     kept = beta > NOTHING
     if not kept:
         beta = 0.0
         for i in range(n + 1):
             x[i] = 0.0
-    margin = fit(S, limits, x[:n], speed)
-    gap = duality_gap(L, G, S, limits, dt, delta, x[:n], beta, Z, z, squares[0], squares[1])
+        margin = fit(S, limits, gains, speed)
+        stability_matrix(L, G, gains, 0.0, dt, C, V)
+    gap = _duality_gap(S, limits, speed, delta, gains, beta, Z, z, C, V)
     return beta, beta - x[n], margin, gap, kept
 
 

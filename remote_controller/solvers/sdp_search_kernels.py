@@ -84,11 +84,13 @@ def _multipliers(
     n = Z.shape[0]
     for i in range(n):
         for j in range(n):
-            Z[i, j] = 0.0
-            for k in range(rank):
+            Z[i, j] = Y[0, i] * Y[0, j]
+        for k in range(1, rank):
+            for j in range(n):
                 Z[i, j] += Y[k, i] * Y[k, j]
-    for r in range(z.shape[1]):
-        z[0, r], z[1, r] = 0.0, 0.0
+    for side in range(2):
+        for r in range(z.shape[1]):
+            z[side, r] = 0.0
     for a in range(holding):
         side, r = (1, held[a] - 1) if held[a] > 0 else (0, -held[a] - 1)
         z[side, r] = max(nu[a], 0.0)
@@ -175,7 +177,7 @@ def polish(
 @kernel(
     "Tuple((i8, i8, i8))(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, i8, f8[:,::1],"
     " f8[:,::1], i8[:,::1], i8[::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1],"
-    " f8[:,::1], f8[:,::1], f8[:,:,::1])"
+    " f8[:,::1], f8[:,:,::1])"
 )
 def optimise(
     L: Array,
@@ -194,7 +196,6 @@ def optimise(
     z: Array,
     squares: Array,
     K: Array,
-    H: Array,
     vectors: Array,
     sides: Array,
 ) -> tuple[int, int, int]:
@@ -203,13 +204,13 @@ def optimise(
     Args:
         L, G, S, limits, dt, delta: as for `settle`.
         budget: how many iterations are allowed, of both kinds together.
-        points: λ and β, (2, n + 1): the last one, overwritten by the answer, and scratch.
+        points: λ and β, (2, n + 1) or longer: the last one, overwritten by the answer, and scratch.
         Y: of the last one, (any, n); overwritten.
         integers: blocks of L, homes of the y_k, limits that hold, (3, n); the latter two from last.
         counts: how many y_k and how many held limits there are, (2,); none where nothing is known.
         nu: multipliers of the limits, (n,).
         Z, z: written: multipliers of C and the limits, (n, n) and (2, joints).
-        squares, K, H, vectors, sides: scratch; see `SdpGains`.
+        squares, K, vectors, sides: scratch; see `SdpGains`.
 
     Returns:
         Path; Newton steps; iterations of the interior-point method.
@@ -257,7 +258,7 @@ def optimise(
             tolerance,
             budget - newton - inner,
             squares,
-            H,
+            K,
             vectors,
             sides,
         )

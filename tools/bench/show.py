@@ -56,7 +56,7 @@ def show_general(rows: list[dict[str, Any]], machine: dict[str, Any]) -> None:
     _show_machine(machine)
 
 
-def _of(failures: int | None, problems: int) -> str:
+def _of(failures: int | None, problems: int | None) -> str:
     return "" if failures is None else f"{failures} of {problems}"
 
 
@@ -106,6 +106,45 @@ def show_hierarchies(measured: dict[str, Any], machine: dict[str, Any]) -> None:
             f"{row['robot']}, {row['tasks']} tasks, {row['case']}: {row['best_peer']} takes "
             f"{row['times_ghc']:.0f} times as long, of the shortest calls "
             f"{row['times_ghc_min']:.0f} times."
+        )
+    _show_machine(machine)
+
+
+def show_gains(measured: dict[str, Any], machine: dict[str, Any]) -> None:
+    """Print what `bench_gains` gives, a row a solver, and the ratios below."""
+    table = Table(title="us per call, single calls; certified gains along a motion", box=None)
+    figures = ("min_us", "p50_us", "p99_us")
+    told = ("paths", "newton", "worst_gap", "worst_beta")
+    for name in (
+        "solver",
+        "robot",
+        "n",
+        "joints",
+        "samples",
+        *figures,
+        "times_sdp",
+        *told,
+        "failures",
+    ):
+        justify: Any = "left" if name in {"solver", "robot", "paths"} else "right"
+        table.add_column(name.removesuffix("_us"), justify=justify)
+    for row in measured["rows"]:
+        paths, newton, times = row["paths"] or {}, row["newton_mean"], row["times_sdp"]
+        table.add_row(
+            *(str(row[name]) for name in ("solver", "robot", "n", "joints", "samples")),
+            *(f"{row[name]:.1f}" for name in figures),
+            "" if times is None else f"{times:.1f}",
+            ", ".join(f"{name} {share:.2%}" for name, share in paths.items() if share),
+            "" if newton is None else f"{newton:.1f}",
+            *("" if row[name] is None else f"{row[name]:.0e}" for name in told[2:]),
+            _of(row["failures"], row["problems"]),
+        )
+    console.print(table)
+    for row in measured["ratios"]:
+        console.print(
+            f"{row['robot']}, {row['n']} rows, {row['joints']} joints: {row['peer']} takes "
+            f"{row['times_sdp']:.0f} times as long, of the shortest calls "
+            f"{row['times_sdp_min']:.0f} times."
         )
     _show_machine(machine)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from protocol.messages import State
@@ -14,12 +15,19 @@ STATES = 256
 FIRST = 10  # State: those before belong to the start
 
 
-def motion(emulator: str, controller: str, duration: float) -> tuple[Any, list[State]]:
+def motion(
+    emulator: str | Mapping[str, Any],
+    controller: str | Mapping[str, Any],
+    duration: float,
+    *,
+    every: bool = False,
+) -> tuple[Any, list[State]]:
     """A controller after its reset, and States of a motion in lockstep, in their order.
 
     Args:
-        emulator, controller: names of configs.
+        emulator, controller: names of configs, or settings.
         duration: of the motion [s].
+        every: whether all States are wanted, not only some `STATES` of them.
     """
     log, config = MemoryRecorder(), controller_settings(controller)
     lockstep = Lockstep(emulator_settings(emulator, 0), config, log, NoRecorder())
@@ -27,7 +35,8 @@ def motion(emulator: str, controller: str, duration: float) -> tuple[Any, list[S
     description = lockstep.controller.description
     payloads = [record.payload for record in log.records if record.kind == Kind.STATE]
     states = []
-    for payload in payloads[FIRST :: max(1, len(payloads) // STATES)]:
+    stride = 1 if every else max(1, len(payloads) // STATES)
+    for payload in payloads[FIRST::stride]:
         state = State(description.n, 6 * len(description.wrench_sensors))
         state.load(payload)
         states.append(state)
