@@ -261,22 +261,12 @@ def unfit(jacobian: Array, errors: Array, rates: Array, weights: Array, limits: 
 
 
 @inlined
-def feed_forward(B: Array, rates: Array, limits: Array, speed: Array) -> float:
-    """Write B·rates, shortened until it keeps the limits; returns the factor."""
-    n, share, moves = B.shape[0], 1.0, False
+def feed_forward(B: Array, rates: Array, speed: Array) -> None:
+    """Write B·rates: whether the limits allow it is to be seen with what is fed back."""
+    moves = False
     for r in range(speed.size):
         speed[r] = 0.0
-    for i in range(n):
+    for i in range(rates.size):
         moves = moves or rates[i] != 0.0
-    if not moves:
-        return share
-    add_rows(speed, rates, B, 0, n, 0)
-    for r in range(speed.size):
-        if speed[r] > limits[1, r]:
-            share = min(share, limits[1, r] / speed[r])
-        if speed[r] < limits[0, r]:
-            share = min(share, limits[0, r] / speed[r])
-    if share < 1.0:
-        for r in range(speed.size):
-            speed[r] = min(max(share * speed[r], limits[0, r]), limits[1, r])
-    return share
+    if moves:
+        add_rows(speed, rates, B, 0, rates.size, 0)

@@ -34,13 +34,13 @@ class ConstantGains:
     Attributes:
         lower, upper: limits of dq, (joints,), to be written to; ∓inf at first. They hold
             lower ≤ 0 ≤ upper.
-        rates: of the targets, (n,), to be written to; 0 at first. dq = B(Λ e + rates).
+        rates: of the targets, (n,), to be written to; 0 at first. dq = B(Λ e + rates), cut
+            to the limits where no gains keep them.
         gains: λ as they were applied, (n,) [1/s].
         dq: joint speeds, (joints,) [rad/s].
         beta: β [1/s] that the gains certify; not positive, if they certify nothing.
         status: index into `status.NAMES`: `OK`, `OUT_OF_RANGE`, `BAD_INPUT`, `BAD_SHAPE`.
         task_rank: of the stacked Jacobian.
-        feedforward: factor of the rates: 1, if B·rates keeps the limits by itself.
 
     Raises:
         BadProblemError: no task, a size that is not positive, gains or weights that do not fit.
@@ -79,7 +79,7 @@ class ConstantGains:
             np.zeros((n, 2 * n)),
             np.zeros((3, max(n, joints))),
         )
-        self.status, self.task_rank, self.beta, self.feedforward = codes.UNSOLVED, 0, 0.0, 0.0
+        self.status, self.task_rank, self.beta = codes.UNSOLVED, 0, 0.0
 
     def solve(self, jacobian: Array, errors: Array, dt: float) -> int:
         """Find dq and β; see the attributes.
@@ -96,7 +96,7 @@ class ConstantGains:
             BadProblemError: wrong type of array.
         """
         try:
-            self.status, self.task_rank, self.beta, self.feedforward = self._kernel(
+            self.status, self.task_rank, self.beta = self._kernel(
                 jacobian,
                 errors,
                 self.rates,

@@ -21,7 +21,7 @@ ACCURACY = 1e-9  # of β, relative
 
 
 @kernel(
-    "Tuple((i8, i8, f8, f8))(f8[:,::1], f8[::1], f8[::1], i8[::1], f8[::1], f8[:,::1], f8, f8,"
+    "Tuple((i8, i8, f8))(f8[:,::1], f8[::1], f8[::1], i8[::1], f8[::1], f8[:,::1], f8, f8,"
     " f8[::1], f8[:,:,::1], f8[:,:,::1], f8[:,::1], f8[:,::1], f8[::1], f8[::1])"
 )
 def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
@@ -40,8 +40,10 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
     vectors: Array,
     gains: Array,
     dq: Array,
-) -> tuple[int, int, float, float]:
-    """Write dq = B(Λ e + rates) and the gains Λ, shortened together until dq keeps its limits.
+) -> tuple[int, int, float]:
+    """Write dq = B(Λ e + rates) and the gains Λ, shortened alike until dq keeps its limits.
+
+    Where B·rates alone breaks them, the gains are 0 and dq is cut off, each joint by itself.
 
     Args:
         jacobian, errors, rates, offsets: (n, joints), (n,), (n,), (h + 1,).
@@ -54,19 +56,19 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
         gains, dq: written, (n,) and (joints,); zeros where there is no answer.
 
     Returns:
-        Status, rank of the Jacobian, β of the gains that are written, factor of the rates.
+        Status, rank of the Jacobian, β of the gains that are written.
     """
     n, joints = jacobian.shape
     known = gains.size == n and dq.size == joints and wanted.size == n
     if not (known and errors.size == n and rates.size == n and weights.size == n):
-        return BAD_SHAPE, 0, 0.0, 0.0
+        return BAD_SHAPE, 0, 0.0
     for r in range(joints):
         dq[r] = 0.0
     for i in range(n):
         gains[i] = 0.0
     fit = 0.0 < dt <= MAX and 0.0 <= damping <= MAX and not not_finite(wanted)
     if not fit or unfit(jacobian, errors, rates, weights, speeds):
-        return BAD_INPUT, 0, 0.0, 0.0
+        return BAD_INPUT, 0, 0.0
     L, G, roots, move = squares[0], squares[1], vectors[0, :n], vectors[1, :joints]
     for i in range(n):
         roots[i] = math.sqrt(weights[i])
@@ -84,7 +86,7 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
         squares[4],
         own,
     )
-    fed = feed_forward(B, rates, speeds, dq)
+    feed_forward(B, rates, dq)
     for r in range(joints):
         move[r] = 0.0
     for i in range(n):
@@ -111,5 +113,5 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
     if not_finite(dq) or not abs(beta) <= MAX:
         for r in range(joints):
             dq[r] = 0.0
-        return OUT_OF_RANGE, 0, 0.0, 0.0
-    return OK, rank, beta, fed
+        return OUT_OF_RANGE, 0, 0.0
+    return OK, rank, beta

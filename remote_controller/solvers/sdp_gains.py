@@ -64,8 +64,8 @@ class SdpGains:
     Attributes:
         lower, upper: limits of dq [rad/s], (joints,), to be written to; ∓inf at first. They hold
             lower ≤ 0 ≤ upper.
-        rates: of the targets, σ̇*, (n,), to be written to; 0 at first. dq = B(Λ e + σ̇*). The
-            certificate is for constant targets.
+        rates: of the targets, σ̇*, (n,), to be written to; 0 at first. dq = B(Λ e + σ̇*), cut
+            to the limits where B σ̇* exceeds them. The certificate is for constant targets.
         gains: λ [1/s], (n,).
         dq: joint speeds [rad/s], (joints,).
         beta: β [1/s] that the gains certify.
@@ -80,7 +80,6 @@ class SdpGains:
         rank: of the multiplier of the matrix inequality, 0 where it is not known.
         task_rank: of the stacked Jacobian.
         newton, inner: iterations that were taken, of Newton's and the interior-point method.
-        feedforward: factor of the rates: 1, if B σ̇* keeps the limits by itself.
 
     Raises:
         BadProblemError: no task, a size that is not positive, weights that do not fit.
@@ -130,7 +129,6 @@ class SdpGains:
         self.status, self.path, self.desired = codes.UNSOLVED, NONE, 0.0
         self.beta, self.slack, self.margin, self.gap = 0.0, 0.0, 0.0, math.inf
         self.rank = self.task_rank = self.newton = self.inner = 0
-        self.feedforward = 0.0
 
     def forget(self) -> None:
         """Begin the next solve without anything of the last one."""
@@ -170,7 +168,6 @@ class SdpGains:
                 self.slack,
                 self.margin,
                 self.gap,
-                self.feedforward,
             ) = self._kernel(
                 jacobian,
                 errors,

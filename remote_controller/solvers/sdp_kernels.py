@@ -46,7 +46,7 @@ def _forget(gains: Array, counts: Indices) -> None:
 
 
 @kernel(
-    "Tuple((i8, i8, i8, i8, i8, i8, f8, f8, f8, f8, f8))(f8[:,::1], f8[::1], f8, f8, f8, f8, i8,"
+    "Tuple((i8, i8, i8, i8, i8, i8, f8, f8, f8, f8))(f8[:,::1], f8[::1], f8, f8, f8, f8, i8,"
     " i8[::1], i8[:,::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1])"
 )
 def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
@@ -63,7 +63,7 @@ def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
     tall: Array,
     squares: Array,
     unknowns: Array,
-) -> tuple[int, int, int, int, int, int, float, float, float, float, float]:
+) -> tuple[int, int, int, int, int, int, float, float, float, float]:
     """Solve one problem. Arrays of one width share a block: to hand an array over costs 0.1 µs.
 
     Args:
@@ -82,11 +82,11 @@ def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
 
     Returns:
         Status, path, rank of the Jacobian, of Z, Newton steps, iterations of the interior-point
-        method, β, slack of the matrix inequality, margin of dq, gap, factor of the rates.
+        method, β, slack of the matrix inequality, margin of dq, gap.
     """
     n, joints = jacobian.shape
     if not (errors.size == n and rows.shape[1] == n and tall.shape[1] == joints):
-        return BAD_SHAPE, NONE, 0, 0, 0, 0, 0.0, 0.0, 0.0, math.inf, 0.0
+        return BAD_SHAPE, NONE, 0, 0, 0, 0, 0.0, 0.0, 0.0, math.inf
     counts, offsets = plan[:2], plan[2:]
     rates, weights, gains, nu, Y = rows[0], rows[1], rows[2], rows[3], rows[4:]
     speeds, dq = tall[:2], tall[2]
@@ -101,7 +101,7 @@ def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
     fit = fit and 0.0 <= damping <= MAX
     if not fit or unfit(jacobian, errors, rates, weights, speeds):
         _forget(gains, counts)
-        return BAD_INPUT, NONE, 0, 0, 0, 0, 0.0, 0.0, 0.0, math.inf, 0.0
+        return BAD_INPUT, NONE, 0, 0, 0, 0, 0.0, 0.0, 0.0, math.inf
     for i in range(n):
         vectors[0, i] = math.sqrt(weights[i])
     task_rank = prioritised(
@@ -117,10 +117,10 @@ def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
         squares[5],
         K,
     )
-    share = feed_forward(B, rates, speeds, dq)
-    for side in range(2):
-        for r in range(joints):
-            room[side, r] = (speeds[side, r] - dq[r]) / desired
+    feed_forward(B, rates, dq)
+    for r in range(joints):
+        room[0, r] = min(speeds[0, r] - dq[r], 0.0) / desired
+        room[1, r] = max(speeds[1, r] - dq[r], 0.0) / desired
     for i in range(n):
         for j in range(n):
             G[i, j] = 0.0
@@ -175,7 +175,7 @@ def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
         _forget(gains, counts)
         for r in range(joints):
             dq[r] = 0.0
-        return OUT_OF_RANGE, NONE, 0, 0, newton, inner, 0.0, 0.0, 0.0, math.inf, 0.0
+        return OUT_OF_RANGE, NONE, 0, 0, newton, inner, 0.0, 0.0, 0.0, math.inf
     status = OK if gap <= PROVED else UNSOLVED
     if path == BUDGET:
         status = SPENT
@@ -192,5 +192,4 @@ def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
         desired * slack,
         desired * margin,
         desired * desired * gap,
-        share,
     )

@@ -72,6 +72,14 @@ def test_feed_forward_keeps_the_hand_within_a_tenth_of_a_millimetre_of_the_path(
     assert behind > 100.0 * ahead
 
 
+def test_feed_forward_may_exceed_the_bounds_where_feedback_holds_it_back():
+    content = deepcopy(load_yaml(CONFIGS / "clik_sdp_writing.yaml"))
+    hand, wrist = (task["parameters"]["target"] for task in content["parameters"]["tasks"])
+    hand["plane"], wrist["position_m"] = "yz", [0.0, -0.11, 0.0]
+    run = simulate("ur5", content, 3.0)
+    assert column(run, "error_hand")[1500:].max() < 2e-4
+
+
 def test_a_path_is_never_certified_and_says_why():
     run = written(True)
     assert run.controller.present & MOVES
