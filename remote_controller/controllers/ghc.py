@@ -54,6 +54,7 @@ class RankedController(HierarchyController):
         if out.size:
             out[:] = alpha.ravel()
         self.tops[:] = unsurpassed(alpha)
+        self.absent[:] = alpha.diagonal()
 
 
 class GhcController(RankedController):

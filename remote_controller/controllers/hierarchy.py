@@ -142,7 +142,7 @@ class HierarchyController(Controller):
         self._foresee, self._distances = kernels.foresee, kernels.distances
         self.w_r, self._viable = parameters.w_r, parameters.bounds.kind == "viability"
         self.ddq, self.tau, self._wish, self._scratch = np.zeros((4, n))
-        self.tops = np.zeros(len(names), np.bool_)
+        self.tops, self.absent = np.zeros(len(names), np.bool_), np.zeros(len(names))
         self.residual = math.inf
         self._nearest = Tsid(self.torque_max, self.bounds.greatest)
         self._unbounded = np.full(n, np.inf)
@@ -203,7 +203,10 @@ class HierarchyController(Controller):
 
     @abstractmethod
     def count(self, out: FloatArray) -> None:
-        """Take what the importance is now: write it into `out`, and which tasks are `tops`."""
+        """Take what the importance is now.
+
+        Write it into `out`, which tasks are `tops`, and how far each is `absent`, from 0 to 1.
+        """
 
     @abstractmethod
     def solve(self, torque_max: FloatArray) -> bool:
@@ -245,7 +248,7 @@ class HierarchyController(Controller):
             tasks.begin(q, dq, time)
             self._begun = True
         self._settle(state.tick - self._first)  # already done, unless States were missed
-        tasks.update(q, dq, state.wrench, time)
+        tasks.update(q, dq, state.wrench, time, self.absent)
         self.bounds.update(q, dq)
         command.stamp_kinematics = self.now()
         fallback = SOLVED if self.solve(self.torque_max) else self._fall_back(dq)

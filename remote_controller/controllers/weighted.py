@@ -66,6 +66,7 @@ class WeightedController(HierarchyController):
         """Write the weights."""
         out[:] = self.importance.value
         np.greater(self.importance.value, 0.0, out=self.tops)
+        np.logical_not(self.tops, out=self.absent)
 
     def solve(self, torque_max: FloatArray) -> bool:
         """One quadratic program of all."""

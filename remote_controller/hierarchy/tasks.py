@@ -117,13 +117,21 @@ class AccelerationTasks:
         for press in self.presses.values():
             press.reset()
 
-    def update(self, q: FloatArray, dq: FloatArray, wrench: FloatArray, time_s: float) -> None:
+    def update(
+        self,
+        q: FloatArray,
+        dq: FloatArray,
+        wrench: FloatArray,
+        time_s: float,
+        absent: FloatArray,
+    ) -> None:
         """Take a State.
 
         Args:
             q, dq: (n,), finite.
             wrench: of all sensors of the robot, (6s,) [N, N m].
             time_s: of the State [s].
+            absent: how far each task is out, (k,), from 0 to 1.
         """
         dynamics, presses = self.dynamics, self.presses
         dynamics.update(q, dq)
@@ -160,7 +168,8 @@ class AccelerationTasks:
         for i, press in presses.items():
             sensor = self._sensor_of[i]
             turned = dynamics.rotations[self._first_sensor + sensor]
-            press.feel(turned @ self._wrench[SENSOR * sensor : SENSOR * sensor + 3])
+            felt = turned @ self._wrench[SENSOR * sensor : SENSOR * sensor + 3]
+            press.feel(felt, float(absent[i]))
             if press.touches:
                 _, start, size, _ = self.tasks[i]
                 mine = slice(start, start + size)
