@@ -34,9 +34,10 @@ CONDITIONS = (
     "cannot hold its load",
     "priorities in transition",
     "touches",
+    "no task takes part",
 )
 BITS = [1 << bit for bit in range(len(CONDITIONS))]
-NOT_FINITE, UNFIT, TOO_SMALL, UNSOLVED, HELD, HALF_A_TURN, LOADED, MOVING, TOUCHES = BITS
+NOT_FINITE, UNFIT, TOO_SMALL, UNSOLVED, HELD, HALF_A_TURN, LOADED, MOVING, TOUCHES, IDLE = BITS
 
 
 class Importance(Protocol):
@@ -76,8 +77,8 @@ class HierarchyController(Controller):
     without one of all that take part; of nobody else's error is anything said. `v_rate_predicted`
     is V̇ half a period on, and `v_rate_required` is 0 where V does not rise in this period, else how
     fast it may. `certified` says that the problem was solved, by a residual ≤ 10⁻⁹, that its bounds
-    leave each joint able to stop, that every joint can hold its load, that nothing touches, and
-    that priorities are the same in the next tick. `margin` is the least distance from a bound,
+    leave each joint able to stop, that every joint can hold its load, that nothing touches, that
+    some task takes part, and that priorities are the same in the next tick. `margin` is the least distance from a bound,
     relative to the greatest acceleration or torque.
 
     Raises:
@@ -327,7 +328,7 @@ class HierarchyController(Controller):
         command.v_rate_required, command.rho = max(growth, 0.0), 1.0
         command.solver_path = command.fallback = fallback
         touches = any(press.touches for press in tasks.presses.values())
-        loaded = tasks.load > 1.0
+        loaded, idle = tasks.load > 1.0, not self.tops.any()
         solved = fallback == SOLVED
         command.kkt_residual = self.residual if solved and self.proves else 0.0
         command.solver_status = STATUS["uncertified" if solved else "infeasible"]
@@ -340,9 +341,10 @@ class HierarchyController(Controller):
             | (LOADED if loaded else 0)
             | (MOVING if self.importance.moving else 0)
             | (TOUCHES if touches else 0)
+            | (IDLE if idle else 0)
         )
         proved = solved and self.proves and self.residual <= CERTIFIED_RESIDUAL
-        return proved and self._viable and not (touches or loaded)
+        return proved and self._viable and not (touches or loaded or idle)
 
     def _refuse(self) -> Setpoint:
         """Nothing to follow for a State that is not finite."""

@@ -244,6 +244,18 @@ def test_where_nothing_is_within_the_bounds_it_brakes():
     assert (found["fallback"][-20:] == 0).all()
 
 
+def test_where_no_task_takes_part_it_is_at_no_target():
+    """V of nobody is 0, which is no merit; HOAP-3 stands 2 cm beside its target here."""
+    made = controller(
+        COM, POSTURE, priorities={"order": ["com", "posture"], "inactive": ["com", "posture"]}
+    )
+    found = motion(made, 5, {3: lambda: made.change({"insert": "com"})})
+    assert (found["extra"][:3, 0] > 0.01).all()
+    assert (found["status"][:3] == STATUS["uncertified"]).all()
+    idle = found["present"] >> CONDITIONS.index("no task takes part") & 1
+    assert idle.tolist() == [1, 1, 1, 0, 0]
+
+
 def test_its_v_is_that_of_the_tasks_on_top_and_changes_once_priorities_rest():
     made = controller(
         COM,

@@ -160,6 +160,18 @@ def test_any_state_gets_numbers_within_bounds_or_is_said_to_have_none(name):
         assert lies_within(controller) or command.fallback >= 2
 
 
+def test_where_no_task_takes_part_there_is_nothing_to_certify():
+    """V of nobody is 0, which is no merit."""
+    names = ["hand", "elbow", "posture"]
+    for inactive, status in ((names[1:], "certified"), (names, "uncertified")):
+        controller = made("ghc", priorities={"order": names, "inactive": inactive})
+        q = np.array(controller.description.postures["bent"])
+        command = controller.step(state_of(controller, q, np.zeros(q.size)))
+        assert command.solver_status == STATUS[status]
+        idle = bool(controller.present >> CONDITIONS.index("no task takes part") & 1)
+        assert idle == (inactive == names)
+
+
 def test_a_wrench_that_is_not_finite_is_refused():
     controller = made("ghc_force")
     state = states(controller, 1)[0]
