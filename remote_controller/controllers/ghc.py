@@ -64,8 +64,9 @@ class GhcController(RankedController):
         such that τ = M ddq + h, ddq = Σ P_i x_i, lower ≤ ddq ≤ upper, |τ| ≤ torque_max
 
     b_i is what task i asks for less its drift. Strict priorities are exact where `regularise` is
-    `none`: elsewhere lower tasks shift what upper ones do by about ω_r. Allocates nothing where
-    the tasks have an answer.
+    `none`: elsewhere lower tasks shift what upper ones do by about ω_r. Where
+    the tasks have an answer, and priorities rest, it allocates nothing; while they move, some
+    hundred bytes a cycle.
     """
 
     class Parameters(RankedController.Parameters):

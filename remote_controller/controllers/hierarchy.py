@@ -35,9 +35,12 @@ CONDITIONS = (
     "priorities in transition",
     "touches",
     "no task takes part",
+    "its solver proves nothing",
+    "answer not finite",
 )
 BITS = [1 << bit for bit in range(len(CONDITIONS))]
-NOT_FINITE, UNFIT, TOO_SMALL, UNSOLVED, HELD, HALF_A_TURN, LOADED, MOVING, TOUCHES, IDLE = BITS
+NOT_FINITE, UNFIT, TOO_SMALL, UNSOLVED, HELD, HALF_A_TURN = BITS[:6]
+LOADED, MOVING, TOUCHES, IDLE, UNPROVED, OVERFLOWN = BITS[6:]
 
 
 class Importance(Protocol):
@@ -243,7 +246,7 @@ class HierarchyController(Controller):
         judge = self._judge
         if judge(q, dq) or (tasks.presses and judge(state.wrench, state.wrench)):
             command.stamp_kinematics = self.now()
-            return self._refuse()
+            return self._refuse(NOT_FINITE)
         time = state.tick * self._dt
         if not self._begun:
             tasks.begin(q, dq, time)
@@ -255,7 +258,7 @@ class HierarchyController(Controller):
         fallback = SOLVED if self.solve(self.torque_max) else self._fall_back(dq)
         np.subtract(self._given, self._less, out=command.values)
         if judge(command.values, self.ddq):
-            return self._refuse()
+            return self._refuse(OVERFLOWN)
         for place, press in enumerate(tasks.presses.values()):
             self._forces[place] = press.force
         self._counts[:] = self._present_counts
@@ -342,12 +345,13 @@ class HierarchyController(Controller):
             | (MOVING if self.importance.moving else 0)
             | (TOUCHES if touches else 0)
             | (IDLE if idle else 0)
+            | (0 if self.proves else UNPROVED)
         )
         proved = solved and self.proves and self.residual <= CERTIFIED_RESIDUAL
         return proved and self._viable and not (touches or loaded or idle)
 
-    def _refuse(self) -> Setpoint:
-        """Nothing to follow for a State that is not finite."""
+    def _refuse(self, condition: int) -> Setpoint:
+        """Nothing to follow where a State, or the answer to it, is not finite."""
         command = self.command
         command.values[:] = np.nan
         command.v = command.v_rate_required = command.v_rate_predicted = command.rho = 0.0
@@ -355,5 +359,5 @@ class HierarchyController(Controller):
         command.extra[:] = 0.0
         command.active_joints = command.solver_path = command.fallback = 0
         command.solver_status = STATUS["infeasible"]
-        self.present = NOT_FINITE
+        self.present = condition
         return command

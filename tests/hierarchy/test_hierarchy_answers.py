@@ -181,6 +181,14 @@ def test_a_wrench_that_is_not_finite_is_refused():
     assert command.solver_status == STATUS["infeasible"]
 
 
+@pytest.mark.parametrize("name", ["ghc", "hqp"])
+def test_an_answer_that_overflows_is_not_blamed_on_the_state(name):
+    controller = made(name)
+    command = controller.step(state_of(controller, np.zeros(7), np.full(7, 1e160)))
+    assert np.isnan(command.values).all()
+    assert controller.present == 1 << CONDITIONS.index("answer not finite")
+
+
 def test_a_robot_that_takes_accelerations_gets_them():
     controller = made("ghc", robot("lwr_weightless", command_kinds=("acceleration",)))
     state = states(controller, 1)[0]

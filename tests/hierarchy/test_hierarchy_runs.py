@@ -7,6 +7,8 @@ import pytest
 from hierarchy_runs import content, made, robot, state_of
 
 from remote_controller.controllers.controller import STATUS
+from remote_controller.controllers.hierarchy import CONDITIONS
+from tools.certificate_count import CertificateCount, in_a_line
 from tools.simulate import Simulation, simulate
 
 T = 1e-3
@@ -138,6 +140,20 @@ def test_weights_change_smoothly_and_by_request():
     assert seen[:11] == [1.0] * 11
     assert seen[20] == pytest.approx(0.5)
     assert seen[30:] == [0.0] * 10
+
+
+def test_the_summary_of_a_baseline_says_that_nothing_is_proved():
+    """Bounds that it reaches, here all the time, are not why."""
+    slow = {"acceleration_max": [0.5]}
+    settings, count = content("weighted", bounds=slow), CertificateCount()
+    done = simulate("lwr_weightless", settings, 0.05)
+    for record in done.records:
+        count.add(record)
+    held = 1 << CONDITIONS.index("held by bounds of joints")
+    assert done.controller.present & held
+    said = in_a_line(count.figures())
+    assert said.startswith("0 of ")
+    assert said.endswith(" uncertified: its solver proves nothing")
 
 
 def test_thirty_two_joints_keep_the_order_of_five_tasks():
