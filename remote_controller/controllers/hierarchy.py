@@ -67,6 +67,10 @@ class HierarchyController(Controller):
     The command is the torque τ = M·ddq + h, less g(q) where the robot adds that; or ddq, for a
     robot that takes accelerations. h counts what wrench sensors of force tasks measure.
 
+    What no task speaks of would coast: accelerations of 0 keep a velocity. A task of all joints
+    that asks for −d·dq, d = `null_damping_per_s`, stands below those that take part; where they
+    span the robot, as a posture does, it changes nothing.
+
     How much each task counts moves with the time of the robot's ticks since the reset. It is
     settled one tick ahead, so that a certificate knows of it.
 
@@ -94,6 +98,12 @@ class HierarchyController(Controller):
         tasks: tuple[AnyTask, ...] = Field(min_length=1, description="what shall be")
         w_r: float = Field(
             0.01, ge=1e-8, le=1e3, description="ω_r: weight of the regularisation, beside 1"
+        )
+        null_damping_per_s: float = Field(
+            10.0,
+            ge=0,
+            le=1e4,
+            description="d: motion that no task speaks of brakes with −d·dq; 0: it goes on",
         )
         bounds: HierarchyBounds = Field(HierarchyBounds(), description="of the motion")
         compensate_friction: bool = Field(
@@ -133,6 +143,7 @@ class HierarchyController(Controller):
             "parameters.tasks",
             self.torque_max,
             compensate_friction=parameters.compensate_friction,
+            braking_per_s=parameters.null_damping_per_s,
         )
         names = self.tasks.names
         self.extra_names = (

@@ -40,14 +40,15 @@ class HqpController(RankedController):
     def solve(self, torque_max: FloatArray) -> bool:
         """Level by level."""
         tasks, bounds = self.tasks, self.bounds
+        (jacobian, wanted), rows = tasks.with_rest, [*tasks.rows, slice(len(tasks.wanted), None)]
         try:
             self.ddq[:], self.tau[:] = hqp(
-                [tasks.jacobian[rows] for rows in tasks.rows],
-                [tasks.wanted[rows] for rows in tasks.rows],
+                [jacobian[mine] for mine in rows],
+                [wanted[mine] for mine in rows],
                 tasks.dynamics.mass,
                 tasks.dynamics.bias,
                 self.w_r,
-                levels=self.levels,
+                levels=[*self.levels, [len(tasks.rows)]],
                 qdd_lower=bounds.lower,
                 qdd_upper=bounds.upper,
                 tau_lower=-torque_max,

@@ -19,9 +19,9 @@ from remote_controller.solvers.weighted import weighted
 class WeightedController(HierarchyController):
     """(12) of Liu, Tan and Padois (2015): all tasks share one acceleration.
 
-        min Σ ω_i |J_i ddq − b_i|² + ω_r |ddq|² + ω_r |τ − o|²   within the bounds
+        min Σ ω_i |J_i ddq − b_i|² + ω_r |ddq + d·dq|² + ω_r |τ − o|²   within the bounds
 
-    A baseline: it allocates, and nothing of it is certified. V is that of all tasks with weight.
+    The paper has d = 0. A baseline: it allocates, and nothing of it is certified. V is that of all tasks with weight.
     """
 
     class Parameters(HierarchyController.Parameters):
@@ -80,6 +80,7 @@ class WeightedController(HierarchyController):
                 tasks.dynamics.bias,
                 self.w_r,
                 regularise=self._regularise,
+                towards=tasks.with_rest[1][len(tasks.wanted) :],
                 qdd_lower=bounds.lower,
                 qdd_upper=bounds.upper,
                 tau_lower=-torque_max,

@@ -27,24 +27,32 @@ def pieces(controller):
 
 @pytest.mark.parametrize("regularise", ["none", "torque", "gravity_compensated"])
 @pytest.mark.parametrize("gravity", ["none", "full"])
-def test_ghc_is_the_plain_program_of_an_independent_solver(regularise, gravity):
+@pytest.mark.parametrize("damping", [0.0, 10.0])
+def test_ghc_is_the_plain_program_of_an_independent_solver(regularise, gravity, damping):
+    """With a task that brakes below all, or without one."""
     description = robot("lwr_weightless", gravity=gravity)
     bounds = {"kind": "viability", "torque_max": [40.0]}
-    alpha = [[0.0, 0.3, 0.0], [0.7, 0.0, 0.0], [1.0, 1.0, 0.2]]
+    alpha = np.array([[0.0, 0.3, 0.0], [0.7, 0.0, 0.0], [1.0, 1.0, 0.2]])
+    whole = np.block([[alpha, np.zeros((3, 1))], [np.array([1.0, 1.0, 0.8, 0.0])]])
     controller = made(
         "ghc",
         description,
         regularise=regularise,
         bounds=bounds,
-        priorities={"matrix": alpha},
+        priorities={"matrix": alpha.tolist()},
         w_r=1e-3,
+        null_damping_per_s=damping,
     )
     compared = held = 0
     for state in states(controller, 40):
         controller.reset(state, None)
         command = controller.step(state)
         dynamics, limits = controller.tasks.dynamics, controller.bounds
-        problem = (*pieces(controller), alpha, dynamics.mass, dynamics.bias, 1e-3)
+        rows, wanted = pieces(controller)
+        if damping:
+            rows, wanted = [*rows, np.eye(7)], [*wanted, -damping * state.dq]
+        priorities = whole if damping else alpha
+        problem = rows, wanted, priorities, dynamics.mass, dynamics.bias, 1e-3
         try:
             ddq, tau = lqp(
                 *problem,
@@ -129,7 +137,7 @@ def test_motors_that_are_too_weak_are_asked_for_as_little_as_possible_and_it_is_
 def test_tasks_that_keep_each_other_out_altogether_leave_the_nearest_answer():
     """In a cycle nothing may move; a joint that is too fast must brake all the same."""
     cycle = {"matrix": [[1.0, 1.0, 1.0]] * 3}
-    controller = made("ghc", priorities=cycle, regularise="none")
+    controller = made("ghc", priorities=cycle, regularise="none", null_damping_per_s=0.0)
     description = controller.description
     fast = np.zeros(7)
     q = description.initial_position.copy()
@@ -139,6 +147,35 @@ def test_tasks_that_keep_each_other_out_altogether_leave_the_nearest_answer():
     assert command.fallback == 1
     assert lies_within(controller)
     assert np.isfinite(command.values).all()
+
+
+@pytest.mark.parametrize("name", ["ghc", "hqp", "weighted"])
+def test_what_no_task_speaks_of_brakes(name):
+    """Accelerations of 0 would keep a velocity."""
+    speeds = 0.02 * np.arange(1.0, 8.0)
+    for damping in (0.0, 10.0, 1e4):
+        given = {"null_damping_per_s": damping, "w_r": 1e-6}
+        if name != "hqp":
+            given["regularise"] = "none"
+        none = {"weights": dict.fromkeys(["hand", "elbow", "posture"], 0.0)}
+        if name != "weighted":
+            none = {"matrix": [[1.0] * 3] * 3}
+        controller = made(name, priorities=none, bounds=FREE, **given)
+        q = np.array(controller.description.postures["bent"])
+        command = controller.step(state_of(controller, q, speeds))
+        assert command.fallback == 0
+        d = min(damping, 1.0 / controller.description.period_s)  # no faster than to rest at once
+        np.testing.assert_allclose(controller.ddq, -d * speeds, atol=1e-3 * (1.0 + d))
+
+
+def test_where_tasks_span_the_robot_there_is_nothing_to_brake():
+    """The hierarchies of the paper's Table 1: the same to the last digit."""
+    plain, braking = made("ghc", null_damping_per_s=0.0), made("ghc")
+    for state in states(braking, 10):
+        for each in (plain, braking):
+            each.reset(state, None)
+            each.step(state)
+        np.testing.assert_array_equal(plain.tau, braking.tau)
 
 
 def lies_within(controller) -> bool:
