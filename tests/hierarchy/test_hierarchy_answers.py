@@ -258,6 +258,17 @@ def test_levels_are_found_from_priorities():
     assert levels_of(removed) == [[0], [2]]
     cycle = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
     assert levels_of(cycle) == [[0, 1, 2]]
+    above = np.array(
+        [[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0, 0, 1, 0]]
+    )
+    assert levels_of(above) == [[0, 1, 2], [3]]
+    swapped = [3, 1, 0, 2]
+    assert levels_of(above[np.ix_(swapped, swapped)]) == [[1, 2, 3], [0]]
+    assert levels_of(np.block([[0.0, np.zeros(4)], [np.ones((4, 1)), above]])) == [
+        [0],
+        [1, 2, 3],
+        [4],
+    ]
     assert levels_of(np.ones((2, 2))) == []
 
 
