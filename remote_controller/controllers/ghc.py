@@ -77,10 +77,10 @@ class GhcController(RankedController):
         min Σ |J_i x_i − b_i|² + ω_r Σ |x_i|² + ω_r |τ − o|²
         such that τ = M ddq + h, ddq = Σ P_i x_i, lower ≤ ddq ≤ upper, |τ| ≤ torque_max
 
-    b_i is what task i asks for less its drift. The last task is what brakes where no other speaks. Strict priorities are exact where `regularise` is
-    `none`: elsewhere lower tasks shift what upper ones do by about ω_r. Where
-    the tasks have an answer, and priorities rest, it allocates nothing; while they move, some
-    hundred bytes a cycle.
+    b_i is what task i asks for less its drift; the last task brakes, where no other speaks. Strict
+    priorities are exact where `regularise` is `none`: elsewhere lower tasks shift what upper ones
+    do by about ω_r. Where the tasks have an answer, and priorities rest, it allocates nothing;
+    while they move, some hundred bytes a cycle.
     """
 
     class Parameters(RankedController.Parameters):

@@ -85,8 +85,8 @@ class HierarchyController(Controller):
     is V̇ half a period on, and `v_rate_required` is 0 where V does not rise in this period, else how
     fast it may. `certified` says that the problem was solved, by a residual ≤ 10⁻⁹, that its bounds
     leave each joint able to stop, that every joint can hold its load, that nothing touches, that
-    some task takes part, and that priorities are the same in the next tick. `margin` is the least distance from a bound,
-    relative to the greatest acceleration or torque.
+    some task takes part, and that priorities are the same in the next tick. `margin` is the least
+    distance from a bound, relative to the greatest acceleration or torque.
 
     Raises:
         ConfigError: tasks, priorities or bounds that do not fit the robot, or each other.

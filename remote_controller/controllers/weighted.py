@@ -21,7 +21,8 @@ class WeightedController(HierarchyController):
 
         min Σ ω_i |J_i ddq − b_i|² + ω_r |ddq + d·dq|² + ω_r |τ − o|²   within the bounds
 
-    The paper has d = 0. A baseline: it allocates, and nothing of it is certified. V is that of all tasks with weight.
+    The paper has d = 0. A baseline: it allocates, and nothing of it is certified. V is that of all
+    tasks with weight.
     """
 
     class Parameters(HierarchyController.Parameters):
