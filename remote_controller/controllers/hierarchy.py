@@ -83,10 +83,10 @@ class HierarchyController(Controller):
     Certificate: V = ½ Σ |e|² of those tasks above which nothing stands [m², rad²], in a cycle
     without one of all that take part; of nobody else's error is anything said. `v_rate_predicted`
     is V̇ half a period on, and `v_rate_required` is 0 where V does not rise in this period, else how
-    fast it may. `certified` says that the problem was solved, by a residual ≤ 10⁻⁹, that its bounds
-    leave each joint able to stop, that every joint can hold its load, that nothing touches, that
-    some task takes part, and that priorities are the same in the next tick. `margin` is the least
-    distance from a bound, relative to the greatest acceleration or torque.
+    fast it may. `certified` says that the condensed problem was solved, by a residual ≤ 10⁻⁹,
+    that its bounds leave each joint able to stop, that every joint can hold its load, that nothing
+    touches, that some task takes part, and that priorities are the same in the next tick. `margin`
+    is the least distance from a bound, relative to the greatest acceleration or torque.
 
     Raises:
         ConfigError: tasks, priorities or bounds that do not fit the robot, or each other.
@@ -97,7 +97,7 @@ class HierarchyController(Controller):
 
         tasks: tuple[AnyTask, ...] = Field(min_length=1, description="what shall be")
         w_r: float = Field(
-            0.01, ge=1e-8, le=1e3, description="ω_r: weight of the regularisation, beside 1"
+            0.01, ge=1e-6, le=1e3, description="ω_r: weight of the regularisation, beside 1"
         )
         null_damping_per_s: float = Field(
             10.0,

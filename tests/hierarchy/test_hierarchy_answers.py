@@ -101,12 +101,12 @@ def test_a_task_inserted_below_changes_nothing_for_those_above():
 
 def test_at_level_one_all_three_agree_where_nothing_is_regularised_but_a_little():
     order = {"order": ["hand", "elbow", "posture"]}
-    ranked = {"bounds": FREE, "w_r": 1e-7, "priorities": order}
-    weights = {"weights": {"hand": 1.0, "elbow": 1e-6, "posture": 1e-9}}
+    ranked = {"bounds": FREE, "w_r": 1e-6, "priorities": order}
+    weights = {"weights": {"hand": 100.0, "elbow": 1e-4, "posture": 1e-7}}
     three = (
         made("ghc", regularise="none", **ranked),
         made("hqp", **ranked),
-        made("weighted", regularise="none", bounds=FREE, w_r=1e-10 + 1e-8, priorities=weights),
+        made("weighted", regularise="none", bounds=FREE, w_r=1e-6, priorities=weights),
     )
     for state in states(three[0], 10):
         for controller in three:
