@@ -26,13 +26,14 @@ MOST_LOGGED = 6  # tasks whose priorities are logged, k² columns
 FREE, BOUNDED = 0, 1  # solver_path
 FALLBACKS = {status.OK: 0, status.INFEASIBLE: 1}
 GAVE_UP = 2
-_, INFEASIBLE, UNSOLVED, HELD, MOVING = (1 << bit for bit in range(5))
+_, INFEASIBLE, UNSOLVED, HELD, MOVING, IDLE = (1 << bit for bit in range(6))
 CONDITIONS = (
     "state not finite",
     "no velocity within the bounds",
     "QP not solved",
     "held by bounds of joints",
     "priorities in transition",
+    "no task takes part",
 )
 
 
@@ -52,10 +53,10 @@ class GhcVelocityController(LabelledTasksController):
     Certificate: V is the sum of those of the tasks that nothing is above, alpha_ij = 0 for all j;
     in a cycle without such a task, of all that take part. After a change of priorities it is about
     the new ones as soon as these rest. `v_rate_required` is 0: V shall not rise. `certified` says
-    that the QP was solved, by a residual ≤ 10⁻⁹, that priorities rest, and that V, evaluated where
-    u leads, falls as V̇ says, to 1 %. `at_target` says the first two, and that these tasks are
+    that the condensed QP was solved, by a residual ≤ 10⁻⁹, that priorities rest, and that V,
+    evaluated where u leads, falls as V̇ says, to 1 %. `at_target` says the first two, and that these tasks are
     within 10⁻⁵ m or rad, where V is not told from what an Euler step of the tasks below makes of
-    it. Nothing is claimed of tasks below.
+    it. Nothing is claimed of tasks below, and where no task takes part nothing at all.
     `margin` is the least distance of u from a bound [rad/s or m/s].
 
     Raises:
@@ -148,6 +149,7 @@ class GhcVelocityController(LabelledTasksController):
             | (UNSOLVED if found not in FALLBACKS else 0)
             | (HELD if solver.active else 0)
             | (0 if settled else MOVING)
+            | (0 if self._top else IDLE)
         )
         self._certify(base, now, found, settled)
 
@@ -168,7 +170,7 @@ class GhcVelocityController(LabelledTasksController):
                 command.v = command.v_rate_predicted = 0.0
             return
         command.rho, command.kkt_residual = 1.0, solver.kkt_residual
-        solved = settled and solver.kkt_residual <= CERTIFIED_RESIDUAL
+        solved = settled and bool(self._top) and solver.kkt_residual <= CERTIFIED_RESIDUAL
         if solved and 2.0 * V <= AT_TARGET**2:
             command.solver_status = STATUS["at_target"]
             return

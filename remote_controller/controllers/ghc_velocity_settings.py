@@ -25,7 +25,7 @@ class Parameters(LabelledTaskParameters):
         PrioritySettings(), description="which tasks keep which out; without any, none does"
     )
     regularisation: float = Field(
-        1e-6, ge=1e-8, description="ω_r: how soon a task gives way near a singularity [m² or rad²]"
+        1e-6, ge=1e-6, description="ω_r: how soon a task gives way near a singularity [m² or rad²]"
     )
     smoothing: float = Field(
         0.0,

@@ -34,9 +34,13 @@ CONDITIONS = (
     "cannot hold its load",
     "priorities in transition",
     "touches",
+    "no task takes part",
+    "its solver proves nothing",
+    "answer not finite",
 )
 BITS = [1 << bit for bit in range(len(CONDITIONS))]
-NOT_FINITE, UNFIT, TOO_SMALL, UNSOLVED, HELD, HALF_A_TURN, LOADED, MOVING, TOUCHES = BITS
+NOT_FINITE, UNFIT, TOO_SMALL, UNSOLVED, HELD, HALF_A_TURN = BITS[:6]
+LOADED, MOVING, TOUCHES, IDLE, UNPROVED, OVERFLOWN = BITS[6:]
 
 
 class Importance(Protocol):
@@ -63,6 +67,10 @@ class HierarchyController(Controller):
     The command is the torque τ = M·ddq + h, less g(q) where the robot adds that; or ddq, for a
     robot that takes accelerations. h counts what wrench sensors of force tasks measure.
 
+    What no task speaks of would coast: accelerations of 0 keep a velocity. A task of all joints
+    that asks for −d·dq, d = `null_damping_per_s`, stands below those that take part; where they
+    span the robot, as a posture does, it changes nothing.
+
     How much each task counts moves with the time of the robot's ticks since the reset. It is
     settled one tick ahead, so that a certificate knows of it.
 
@@ -75,10 +83,10 @@ class HierarchyController(Controller):
     Certificate: V = ½ Σ |e|² of those tasks above which nothing stands [m², rad²], in a cycle
     without one of all that take part; of nobody else's error is anything said. `v_rate_predicted`
     is V̇ half a period on, and `v_rate_required` is 0 where V does not rise in this period, else how
-    fast it may. `certified` says that the problem was solved, by a residual ≤ 10⁻⁹, that its bounds
-    leave each joint able to stop, that every joint can hold its load, that nothing touches, and
-    that priorities are the same in the next tick. `margin` is the least distance from a bound,
-    relative to the greatest acceleration or torque.
+    fast it may. `certified` says that the condensed problem was solved, by a residual ≤ 10⁻⁹,
+    that its bounds leave each joint able to stop, that every joint can hold its load, that nothing
+    touches, that some task takes part, and that priorities are the same in the next tick. `margin`
+    is the least distance from a bound, relative to the greatest acceleration or torque.
 
     Raises:
         ConfigError: tasks, priorities or bounds that do not fit the robot, or each other.
@@ -89,7 +97,13 @@ class HierarchyController(Controller):
 
         tasks: tuple[AnyTask, ...] = Field(min_length=1, description="what shall be")
         w_r: float = Field(
-            0.01, ge=1e-8, le=1e3, description="ω_r: weight of the regularisation, beside 1"
+            0.01, ge=1e-6, le=1e3, description="ω_r: weight of the regularisation, beside 1"
+        )
+        null_damping_per_s: float = Field(
+            10.0,
+            ge=0,
+            le=1e4,
+            description="d: motion that no task speaks of brakes with −d·dq; 0: it goes on",
         )
         bounds: HierarchyBounds = Field(HierarchyBounds(), description="of the motion")
         compensate_friction: bool = Field(
@@ -129,6 +143,7 @@ class HierarchyController(Controller):
             "parameters.tasks",
             self.torque_max,
             compensate_friction=parameters.compensate_friction,
+            braking_per_s=parameters.null_damping_per_s,
         )
         names = self.tasks.names
         self.extra_names = (
@@ -142,7 +157,7 @@ class HierarchyController(Controller):
         self._foresee, self._distances = kernels.foresee, kernels.distances
         self.w_r, self._viable = parameters.w_r, parameters.bounds.kind == "viability"
         self.ddq, self.tau, self._wish, self._scratch = np.zeros((4, n))
-        self.tops = np.zeros(len(names), np.bool_)
+        self.tops, self.absent = np.zeros(len(names), np.bool_), np.zeros(len(names))
         self.residual = math.inf
         self._nearest = Tsid(self.torque_max, self.bounds.greatest)
         self._unbounded = np.full(n, np.inf)
@@ -203,7 +218,10 @@ class HierarchyController(Controller):
 
     @abstractmethod
     def count(self, out: FloatArray) -> None:
-        """Take what the importance is now: write it into `out`, and which tasks are `tops`."""
+        """Take what the importance is now.
+
+        Write it into `out`, which tasks are `tops`, and how far each is `absent`, from 0 to 1.
+        """
 
     @abstractmethod
     def solve(self, torque_max: FloatArray) -> bool:
@@ -239,19 +257,19 @@ class HierarchyController(Controller):
         judge = self._judge
         if judge(q, dq) or (tasks.presses and judge(state.wrench, state.wrench)):
             command.stamp_kinematics = self.now()
-            return self._refuse()
+            return self._refuse(NOT_FINITE)
         time = state.tick * self._dt
         if not self._begun:
             tasks.begin(q, dq, time)
             self._begun = True
         self._settle(state.tick - self._first)  # already done, unless States were missed
-        tasks.update(q, dq, state.wrench, time)
+        tasks.update(q, dq, state.wrench, time, self.absent)
         self.bounds.update(q, dq)
         command.stamp_kinematics = self.now()
         fallback = SOLVED if self.solve(self.torque_max) else self._fall_back(dq)
         np.subtract(self._given, self._less, out=command.values)
         if judge(command.values, self.ddq):
-            return self._refuse()
+            return self._refuse(OVERFLOWN)
         for place, press in enumerate(tasks.presses.values()):
             self._forces[place] = press.force
         self._counts[:] = self._present_counts
@@ -324,7 +342,7 @@ class HierarchyController(Controller):
         command.v_rate_required, command.rho = max(growth, 0.0), 1.0
         command.solver_path = command.fallback = fallback
         touches = any(press.touches for press in tasks.presses.values())
-        loaded = tasks.load > 1.0
+        loaded, idle = tasks.load > 1.0, not self.tops.any()
         solved = fallback == SOLVED
         command.kkt_residual = self.residual if solved and self.proves else 0.0
         command.solver_status = STATUS["uncertified" if solved else "infeasible"]
@@ -337,12 +355,14 @@ class HierarchyController(Controller):
             | (LOADED if loaded else 0)
             | (MOVING if self.importance.moving else 0)
             | (TOUCHES if touches else 0)
+            | (IDLE if idle else 0)
+            | (0 if self.proves else UNPROVED)
         )
         proved = solved and self.proves and self.residual <= CERTIFIED_RESIDUAL
-        return proved and self._viable and not (touches or loaded)
+        return proved and self._viable and not (touches or loaded or idle)
 
-    def _refuse(self) -> Setpoint:
-        """Nothing to follow for a State that is not finite."""
+    def _refuse(self, condition: int) -> Setpoint:
+        """Nothing to follow where a State, or the answer to it, is not finite."""
         command = self.command
         command.values[:] = np.nan
         command.v = command.v_rate_required = command.v_rate_predicted = command.rho = 0.0
@@ -350,5 +370,5 @@ class HierarchyController(Controller):
         command.extra[:] = 0.0
         command.active_joints = command.solver_path = command.fallback = 0
         command.solver_status = STATUS["infeasible"]
-        self.present = NOT_FINITE
+        self.present = condition
         return command

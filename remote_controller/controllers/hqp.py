@@ -40,14 +40,15 @@ class HqpController(RankedController):
     def solve(self, torque_max: FloatArray) -> bool:
         """Level by level."""
         tasks, bounds = self.tasks, self.bounds
+        (jacobian, wanted), rows = tasks.with_rest, [*tasks.rows, slice(len(tasks.wanted), None)]
         try:
             self.ddq[:], self.tau[:] = hqp(
-                [tasks.jacobian[rows] for rows in tasks.rows],
-                [tasks.wanted[rows] for rows in tasks.rows],
+                [jacobian[mine] for mine in rows],
+                [wanted[mine] for mine in rows],
                 tasks.dynamics.mass,
                 tasks.dynamics.bias,
                 self.w_r,
-                levels=self.levels,
+                levels=[*self.levels, [len(tasks.rows)]],
                 qdd_lower=bounds.lower,
                 qdd_upper=bounds.upper,
                 tau_lower=-torque_max,
@@ -59,11 +60,20 @@ class HqpController(RankedController):
 
 
 def levels_of(alpha: FloatArray) -> list[list[int]]:
-    """Tasks by level, highest first, of a matrix of priorities, (k, k)."""
+    """Tasks by level, highest first, of a matrix of priorities, (k, k).
+
+    On the highest are those that stand above whatever stands above them: what is alone there, and
+    cycles; then the same of what is left.
+    """
     left = [i for i in range(len(alpha)) if alpha[i, i] <= ABOVE]
+    above = [{j for j in left if j != i and alpha[i, j] > ABOVE} for i in range(len(alpha))]
     levels: list[list[int]] = []
+    for middle in left:  # above all those that stand above one of them (Warshall)
+        for i in left:
+            if middle in above[i]:
+                above[i] |= above[middle]
     while left:
-        free = [i for i in left if not any(alpha[i, j] > ABOVE for j in left if j != i)]
-        levels.append(free or left)
-        left = [i for i in left if i not in levels[-1]]
+        level = [i for i in left if all(i in above[j] for j in above[i].intersection(left))]
+        levels.append(level)
+        left = [i for i in left if i not in level]
     return levels

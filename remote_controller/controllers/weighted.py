@@ -19,9 +19,10 @@ from remote_controller.solvers.weighted import weighted
 class WeightedController(HierarchyController):
     """(12) of Liu, Tan and Padois (2015): all tasks share one acceleration.
 
-        min Σ ω_i |J_i ddq − b_i|² + ω_r |ddq|² + ω_r |τ − o|²   within the bounds
+        min Σ ω_i |J_i ddq − b_i|² + ω_r |ddq + d·dq|² + ω_r |τ − o|²   within the bounds
 
-    A baseline: it allocates, and nothing of it is certified. V is that of all tasks with weight.
+    The paper has d = 0. A baseline: it allocates, and nothing of it is certified. V is that of all
+    tasks with weight.
     """
 
     class Parameters(HierarchyController.Parameters):
@@ -66,6 +67,7 @@ class WeightedController(HierarchyController):
         """Write the weights."""
         out[:] = self.importance.value
         np.greater(self.importance.value, 0.0, out=self.tops)
+        np.logical_not(self.tops, out=self.absent)
 
     def solve(self, torque_max: FloatArray) -> bool:
         """One quadratic program of all."""
@@ -79,6 +81,7 @@ class WeightedController(HierarchyController):
                 tasks.dynamics.bias,
                 self.w_r,
                 regularise=self._regularise,
+                towards=tasks.with_rest[1][len(tasks.wanted) :],
                 qdd_lower=bounds.lower,
                 qdd_upper=bounds.upper,
                 tau_lower=-torque_max,

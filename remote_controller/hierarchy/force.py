@@ -20,6 +20,10 @@ class Press:
     presses with is w = f_d + kp·(f_d − f) + ki·∫(f_d − f), less a damping kd·v. It touches from
     the first force of `touch_n` on; if the surface then goes away, it follows.
 
+    The integral counts only while the task takes part in full and feels `touch_n` or more: of a
+    force that it may not, or cannot, have it learns nothing. A task that is out forgets it, and
+    that it touched: put in again, it comes to its target as at first.
+
     Args:
         settings: of the task.
         normal: n, of the surface towards the robot, in the root's axes, (3,), of length 1.
@@ -43,16 +47,24 @@ class Press:
             np.zeros(joints),
             np.zeros(joints),
         )
-        self.touches, self.force, self._integral = False, 0.0, 0.0
+        self.touches, self.force, self._integral, self._learns = False, 0.0, 0.0, False
 
     def reset(self) -> None:
         """Nothing touches yet."""
         self.touches, self.force, self._integral = False, 0.0, 0.0
 
-    def feel(self, force: FloatArray) -> None:
-        """Take what the surface does to the robot, (3,) [N] in the root's axes."""
+    def feel(self, force: FloatArray, absent: float) -> None:
+        """Take what the surface does to the robot.
+
+        Args:
+            force: (3,) [N] in the root's axes.
+            absent: how far the task is out, from 0 to 1: α_ii.
+        """
+        if absent >= 1.0:
+            self.reset()
         self.force = float(self._normal @ force)
-        self.touches = self.touches or self.force >= self._settings.touch_n
+        felt = self.force >= self._settings.touch_n
+        self.touches, self._learns = self.touches or felt, felt and absent <= 0.0
 
     def update(
         self, mass: FloatArray, jacobian: FloatArray, ahead: FloatArray, rows: list[Any]
@@ -68,8 +80,9 @@ class Press:
         wanted = self._settings
         missing = wanted.force_n - self.force
         most = MOST * wanted.force_n
-        grown = self._integral + wanted.force_ki_per_s * self._period * missing
-        self._integral = min(max(grown, -most), most)
+        if self._learns:
+            grown = self._integral + wanted.force_ki_per_s * self._period * missing
+            self._integral = min(max(grown, -most), most)
         pressing = wanted.force_n + wanted.force_kp * missing + self._integral
         mobile = self._mobility(
             mass, jacobian, self._normal, self._factor, self._row, self._scratch

@@ -73,7 +73,9 @@ class ForceSettings(_Task):
     force_kd: float = Field(
         0.0, ge=0, description="of the velocity along the normal while it touches [1/s]"
     )
-    touch_n: float = Field(0.5, gt=0, description="force from which on it touches, for good")
+    touch_n: float = Field(
+        0.5, gt=0, description="force from which on it touches, until it is removed"
+    )
 
     @model_validator(mode="after")
     def _a_direction(self) -> Self:

@@ -39,11 +39,13 @@ class AccelerationTasks:
         file, key: where they stand, for errors. Other files are sought beside `file`.
         torque_max: greatest torques, (n,), that `load` is relative to.
         compensate_friction: whether viscous friction counts among the torques.
+        braking_per_s: d; rows of I stand below the tasks', and ask for −d·dq.
 
     Attributes:
         names, sizes, rows: of the tasks, how many rows each has, and which.
         dynamics: M and h, the latter with friction and without what sensors feel.
         jacobian, wanted: J (m, n), and what J·ddq shall be, (m,).
+        with_rest: the same, and below it the rows that brake: (m + n, n) and (m + n,).
         error, motion, rate, slope: of each row, (m,): `ask_kernels.ask`.
         tasks: (k, 4) kind, first row, rows and frame of each.
         presses: where forces are kept, by task.
@@ -63,6 +65,7 @@ class AccelerationTasks:
         torque_max: FloatArray,
         *,
         compensate_friction: bool,
+        braking_per_s: float,
     ) -> None:
         from remote_controller.hierarchy import ask_kernels as kernels  # noqa: PLC0415 - compiles
 
@@ -74,14 +77,17 @@ class AccelerationTasks:
             len(joints) or (POSE if isinstance(each, PoseSettings) else POSITION)
             for each, joints in zip(settings, self._joints, strict=True)
         ]
-        m, k = sum(self.sizes), len(settings)
+        m, k, n = sum(self.sizes), len(settings), robot.n
         edges = np.cumsum([0, *self.sizes])
         self.rows = [slice(start, end) for start, end in pairwise(edges)]
         self._sensors = self._sensors_of(settings)
         self.dynamics = self._dynamics(settings, edges, m)
         self.jacobian = self.dynamics.jacobian[:m]
-        self._sensor_rows = self.dynamics.jacobian[m:]
-        self.error, self.motion, self.rate, self.slope, self.wanted = np.zeros((5, m))
+        self._sensor_rows = self.dynamics.jacobian[m + n :]
+        self.error, self.motion, self.rate, self.slope = np.zeros((4, m))
+        self.with_rest = self.dynamics.jacobian[: m + n], np.zeros(m + n)
+        self.wanted, self._brakes = self.with_rest[1][:m], self.with_rest[1][m:]
+        self._braking = -min(braking_per_s, 1.0 / robot.period_s)  # no faster than to rest at once
         self._rows = (self.error, self.motion, self.rate, self.slope, self.wanted)
         self._targets, self._turns = np.zeros((k, 3, 3)), np.zeros((k, 3, 3))
         self._posture, self._of_joint = np.zeros(m), np.zeros(m, np.int64)
@@ -117,16 +123,25 @@ class AccelerationTasks:
         for press in self.presses.values():
             press.reset()
 
-    def update(self, q: FloatArray, dq: FloatArray, wrench: FloatArray, time_s: float) -> None:
+    def update(
+        self,
+        q: FloatArray,
+        dq: FloatArray,
+        wrench: FloatArray,
+        time_s: float,
+        absent: FloatArray,
+    ) -> None:
         """Take a State.
 
         Args:
             q, dq: (n,), finite.
             wrench: of all sensors of the robot, (6s,) [N, N m].
             time_s: of the State [s].
+            absent: how far each task is out, (k,), from 0 to 1.
         """
         dynamics, presses = self.dynamics, self.presses
         dynamics.update(q, dq)
+        np.multiply(dq, self._braking, out=self._brakes)
         for place in self._moving:
             place.update(time_s)
         self.opposite = self._ask(
@@ -160,7 +175,8 @@ class AccelerationTasks:
         for i, press in presses.items():
             sensor = self._sensor_of[i]
             turned = dynamics.rotations[self._first_sensor + sensor]
-            press.feel(turned @ self._wrench[SENSOR * sensor : SENSOR * sensor + 3])
+            felt = turned @ self._wrench[SENSOR * sensor : SENSOR * sensor + 3]
+            press.feel(felt, float(absent[i]))
             if press.touches:
                 _, start, size, _ = self.tasks[i]
                 mine = slice(start, start + size)
@@ -215,8 +231,10 @@ class AccelerationTasks:
                 problem = f"robot {self._robot.name!r} has no such frame"
                 raise ConfigError(self._file, where, each.frame, problem, remedy)
             rows.append(FrameRows(each.frame, int(edges[i]), self.sizes[i]))
-        rows += [FrameRows(name, m + SENSOR * s, SENSOR) for s, name in enumerate(self._sensors)]
-        dynamics = FramesDynamics(self._robot, rows, m + SENSOR * len(self._sensors))
+        end, sensors = m + self._robot.n, self._sensors  # rows of I come first
+        rows += [FrameRows(name, end + SENSOR * s, SENSOR) for s, name in enumerate(sensors)]
+        dynamics = FramesDynamics(self._robot, rows, end + SENSOR * len(sensors))
+        dynamics.jacobian[m:end] = np.eye(self._robot.n)
         for i, joints in enumerate(self._joints):
             dynamics.jacobian[np.arange(len(joints)) + edges[i], joints] = 1.0
         return dynamics

@@ -4,25 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
+from protocol.errors import ConfigError
 from protocol.settings import Settings, parse
 from remote_controller.priorities.matrix import place
 from remote_controller.priorities.settings import Seconds
 from remote_controller.priorities.transition import Transition
 
 LIVE = "change of weights"
-Weight = Annotated[float, Field(ge=0, le=1e6)]
+Weight = Annotated[float, Field(strict=True, ge=0, le=1e6)]
 
 
 class WeightRequest(Settings):
     """One change of weights."""
 
     over_s: Seconds = Field(0.0, description="duration of the transition, (15) [s]; 0: at once")
-    weights: dict[str, Weight] = Field(description="of some tasks")
+    weights: dict[str, Weight] = Field(min_length=1, description="of some tasks")
 
 
 class WeightChange(WeightRequest):
@@ -50,7 +52,7 @@ class Weights:
         moving: whether a transition is under way.
 
     Raises:
-        ConfigError: an unknown task.
+        ConfigError: an unknown task, or two changes of one weight that overlap in time.
     """
 
     def __init__(self, names: Sequence[str], settings: WeightSettings, file: str, key: str) -> None:
@@ -60,7 +62,10 @@ class Weights:
         for number, change in enumerate(settings.timeline):
             where = f"{key}.timeline.{number}.weights"
             self._write(change.weights, self._start.copy(), file, where)
-        self._timeline = sorted(settings.timeline, key=lambda change: change.at_s)
+        given = sorted(enumerate(settings.timeline), key=lambda item: item[1].at_s)
+        for earlier, later in combinations(given, 2):
+            _apart(earlier, later, file, key)
+        self._timeline = [change for _, change in given]
         self._transition = Transition(self._start)
         self.value, self._goal = self._transition.value, self._start.copy()
         self.reset()
@@ -117,3 +122,20 @@ class Weights:
     ) -> None:
         for name, value in wanted.items():
             out[place(name, self.names, file, f"{key}.{name}")] = value
+
+
+def _apart(
+    earlier: tuple[int, WeightChange], later: tuple[int, WeightChange], file: str, key: str
+) -> None:
+    """Refuse two numbered changes of one weight, unless one is over when the other begins."""
+    (first, before), (number, after) = earlier, later
+    end_s = before.at_s + before.over_s
+    shared = [name for name in before.weights if name in after.weights]
+    if not shared or (after.at_s > before.at_s and after.at_s >= end_s):
+        return
+    where, problem = f"{key}.timeline.{number}.at_s", f"overlaps timeline.{first}"
+    problem += f", {before.at_s:g} s to {end_s:g} s, in the weight of {shared[0]}"
+    remedy = f"Let one end before the other begins: at_s {max(end_s, after.at_s):g}"
+    if end_s == after.at_s:
+        remedy = "Make one change of both, or give them different times"
+    raise ConfigError(file, where, after.at_s, problem, remedy)

@@ -50,8 +50,10 @@ class Ghc:
         qdd_multipliers, tau_multipliers: of the bounds, (n,), positive where the upper one holds.
         active: number of bounds that hold the answer back.
         steps: of the active set; 0 where the free optimum satisfies the bounds.
-        kkt_residual: how far the answer is from optimal by the conditions of the problem, computed
-            without the solver's factors; relative, without units; inf where there is no answer.
+        kkt_residual: how far the answer is from optimal by the conditions of the condensed problem,
+            from its S and q₀, without the factors and the active set of the solver; relative,
+            without units; inf where there is no answer. That S and q₀ are those of (13) it does not
+            prove: tests do, against other solvers.
 
     Raises:
         BadProblemError: no task, or a size or n that is not positive.
@@ -123,12 +125,14 @@ class Ghc:
                 out of j. alpha[i, i] fades task i out. Cycles are allowed.
             mass: M, (n, n), symmetric.
             bias: n, what gravity and motion take, (n,).
-            w_r: ω_r ≥ 1e-8: its inverse stands beside the rest, and takes as many digits.
+            w_r: ω_r ≥ 1e-8: its inverse stands beside the rest, and takes as many digits: at bounds
+                the residual is some 10⁻¹⁶·|J|²/ω_r.
 
         Returns:
             `status.OK`; `INFEASIBLE`: no q̈ that the tasks span satisfies the bounds, or a lower one
-            is above the upper one; `UNSOLVED`: the active set did not come to an end, which no
-            problem is known to cause;
+            is above the upper one; `UNSOLVED`: likewise, but ω_r is so small beside a task's |J|²,
+            10⁻¹³ of it or less, that rounding may have hidden an answer; or the active set did not
+            come to an end, which no problem is known to cause;
             `OUT_OF_RANGE`: numbers so large that the answer overflows; `BAD_INPUT`: a value is not
             finite or outside its range; `BAD_SHAPE`.
 
@@ -228,4 +232,7 @@ def _failure(status: int, stack: Stack, alpha: Array, w_r: float, smoothing: flo
         )
     if status == OUT_OF_RANGE:
         return BadProblemError("GHC: the answer overflows. Check the units.")
-    return SolverError(f"GHC: no answer found (status {status}, not {OK}).")
+    return SolverError(
+        f"GHC: no answer found (status {status}, not {OK}). If w_r is less than 1e-13 of the "
+        "square of a Jacobian, raise it."
+    )

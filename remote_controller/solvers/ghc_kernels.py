@@ -40,7 +40,14 @@ from remote_controller.solvers.product_kernels import (
     gram,
     multiply,
 )
-from remote_controller.solvers.status import BAD_INPUT, BAD_SHAPE, INFEASIBLE, OK, OUT_OF_RANGE
+from remote_controller.solvers.status import (
+    BAD_INPUT,
+    BAD_SHAPE,
+    INFEASIBLE,
+    OK,
+    OUT_OF_RANGE,
+    UNSOLVED,
+)
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -50,6 +57,7 @@ LEAST_WEIGHT = 1e-8  # of w: 1/w stands beside numbers near 1, and the rounding 
 WELL_APART = 1e-9  # of the diagonal of S: pivots above need no order
 ROUNDING = 1e-12  # of what S is a difference from: pivots above are no rounding
 SINGULAR = 1e-14  # of the same: a pivot up to that is 0
+TOLD_APART = 1e-13  # of a task's |J|²: with less of ω_r, directions of S are cut that matter
 SMALLEST = 1e-6  # rad/s²: accelerations below it count as that much
 
 
@@ -90,7 +98,7 @@ def optimality(
     g: Array,
     away: Array,
 ) -> float:
-    """How far q̈ is from optimal for its multipliers (μ, ν), by the definition of the problem.
+    """How far q̈ is from optimal for its multipliers (μ, ν), for the condensed problem.
 
     q̈ = q₀ − S(w M·effort + μ + M ν), and each value of a multiplier that is not 0 at its bound, the
     others within theirs: the largest deviation, the former relative to max(|q̈|, |q₀|), the latter
@@ -137,6 +145,18 @@ def _unfit(
             found = found or not 0.0 <= alpha[i, j] <= 1.0
     for j in range(bounds.shape[1]):
         found = found or not (bounds[0, j] < math.inf and bounds[1, j] > -math.inf)
+    return found
+
+
+@inlined
+def _too_stiff(jacobian: Array, offsets: Indices, w: float) -> bool:
+    """Whether what a task leaves to ω_r is so little of S that rounding hides it."""
+    found = False
+    for i in range(offsets.size - 1):
+        square = 0.0
+        for row in range(offsets[i], offsets[i + 1]):
+            square += dot(jacobian[row], jacobian[row])
+        found = found or w < TOLD_APART * square
     return found
 
 
@@ -293,6 +313,8 @@ def ghc_kernel(
         )
         _torques(mass, qdd, bias, tau)
     residual = math.inf
+    hidden = status == INFEASIBLE and _too_stiff(jacobian, offsets, w)
+    status = UNSOLVED if hidden else status
     if status == OK:
         for i in range(n):
             pull[i] = tau[i] - (1.0 - offset) * bias[i]

@@ -60,17 +60,19 @@ def weighted(
     w_r: float,
     *,
     regularise: str = "gravity_compensated",
+    towards: ArrayLike | None = None,
     qdd_lower: ArrayLike | None = None,
     qdd_upper: ArrayLike | None = None,
     tau_lower: ArrayLike | None = None,
     tau_upper: ArrayLike | None = None,
 ) -> tuple[Array, Array]:
-    """Min Σ ω_i |J_i q̈ − b_i|² + ω_r |q̈|² + ω_r |τ − o|² within bounds, τ = M q̈ + n.
+    """Min Σ ω_i |J_i q̈ − b_i|² + ω_r |q̈ − r|² + ω_r |τ − o|² within bounds, τ = M q̈ + n.
 
     Args:
         jacobians, targets, M, bias, regularise: as for `ghc`.
         weights: ω_i of the tasks, (k,), not negative.
         w_r: ω_r, positive.
+        towards: r, (n,); 0 by default, as the paper has it.
         qdd_lower, qdd_upper, tau_lower, tau_upper: bounds, (n,).
 
     Returns:
@@ -92,6 +94,10 @@ def weighted(
     mass, one = stack.mass, np.eye(stack.n)
     scaled = np.repeat(omega, stack.sizes)[:, None] * stack.jacobian
     H, f = scaled.T @ stack.jacobian + w * one, scaled.T @ stack.targets
+    if towards is not None:
+        rest = array("towards", towards, 1)
+        fit("towards", rest, (stack.n,))
+        f += w * rest
     if regularise != "none":
         H += w * mass.T @ mass
         f -= w * mass.T @ (stack.bias * (regularise == "torque"))

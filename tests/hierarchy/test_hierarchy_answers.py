@@ -27,24 +27,32 @@ def pieces(controller):
 
 @pytest.mark.parametrize("regularise", ["none", "torque", "gravity_compensated"])
 @pytest.mark.parametrize("gravity", ["none", "full"])
-def test_ghc_is_the_plain_program_of_an_independent_solver(regularise, gravity):
+@pytest.mark.parametrize("damping", [0.0, 10.0])
+def test_ghc_is_the_plain_program_of_an_independent_solver(regularise, gravity, damping):
+    """With a task that brakes below all, or without one."""
     description = robot("lwr_weightless", gravity=gravity)
     bounds = {"kind": "viability", "torque_max": [40.0]}
-    alpha = [[0.0, 0.3, 0.0], [0.7, 0.0, 0.0], [1.0, 1.0, 0.2]]
+    alpha = np.array([[0.0, 0.3, 0.0], [0.7, 0.0, 0.0], [1.0, 1.0, 0.2]])
+    whole = np.block([[alpha, np.zeros((3, 1))], [np.array([1.0, 1.0, 0.8, 0.0])]])
     controller = made(
         "ghc",
         description,
         regularise=regularise,
         bounds=bounds,
-        priorities={"matrix": alpha},
+        priorities={"matrix": alpha.tolist()},
         w_r=1e-3,
+        null_damping_per_s=damping,
     )
     compared = held = 0
     for state in states(controller, 40):
         controller.reset(state, None)
         command = controller.step(state)
         dynamics, limits = controller.tasks.dynamics, controller.bounds
-        problem = (*pieces(controller), alpha, dynamics.mass, dynamics.bias, 1e-3)
+        rows, wanted = pieces(controller)
+        if damping:
+            rows, wanted = [*rows, np.eye(7)], [*wanted, -damping * state.dq]
+        priorities = whole if damping else alpha
+        problem = rows, wanted, priorities, dynamics.mass, dynamics.bias, 1e-3
         try:
             ddq, tau = lqp(
                 *problem,
@@ -93,12 +101,12 @@ def test_a_task_inserted_below_changes_nothing_for_those_above():
 
 def test_at_level_one_all_three_agree_where_nothing_is_regularised_but_a_little():
     order = {"order": ["hand", "elbow", "posture"]}
-    ranked = {"bounds": FREE, "w_r": 1e-7, "priorities": order}
-    weights = {"weights": {"hand": 1.0, "elbow": 1e-6, "posture": 1e-9}}
+    ranked = {"bounds": FREE, "w_r": 1e-6, "priorities": order}
+    weights = {"weights": {"hand": 100.0, "elbow": 1e-4, "posture": 1e-7}}
     three = (
         made("ghc", regularise="none", **ranked),
         made("hqp", **ranked),
-        made("weighted", regularise="none", bounds=FREE, w_r=1e-10 + 1e-8, priorities=weights),
+        made("weighted", regularise="none", bounds=FREE, w_r=1e-6, priorities=weights),
     )
     for state in states(three[0], 10):
         for controller in three:
@@ -129,7 +137,7 @@ def test_motors_that_are_too_weak_are_asked_for_as_little_as_possible_and_it_is_
 def test_tasks_that_keep_each_other_out_altogether_leave_the_nearest_answer():
     """In a cycle nothing may move; a joint that is too fast must brake all the same."""
     cycle = {"matrix": [[1.0, 1.0, 1.0]] * 3}
-    controller = made("ghc", priorities=cycle, regularise="none")
+    controller = made("ghc", priorities=cycle, regularise="none", null_damping_per_s=0.0)
     description = controller.description
     fast = np.zeros(7)
     q = description.initial_position.copy()
@@ -139,6 +147,35 @@ def test_tasks_that_keep_each_other_out_altogether_leave_the_nearest_answer():
     assert command.fallback == 1
     assert lies_within(controller)
     assert np.isfinite(command.values).all()
+
+
+@pytest.mark.parametrize("name", ["ghc", "hqp", "weighted"])
+def test_what_no_task_speaks_of_brakes(name):
+    """Accelerations of 0 would keep a velocity."""
+    speeds = 0.02 * np.arange(1.0, 8.0)
+    for damping in (0.0, 10.0, 1e4):
+        given = {"null_damping_per_s": damping, "w_r": 1e-6}
+        if name != "hqp":
+            given["regularise"] = "none"
+        none = {"weights": dict.fromkeys(["hand", "elbow", "posture"], 0.0)}
+        if name != "weighted":
+            none = {"matrix": [[1.0] * 3] * 3}
+        controller = made(name, priorities=none, bounds=FREE, **given)
+        q = np.array(controller.description.postures["bent"])
+        command = controller.step(state_of(controller, q, speeds))
+        assert command.fallback == 0
+        d = min(damping, 1.0 / controller.description.period_s)  # no faster than to rest at once
+        np.testing.assert_allclose(controller.ddq, -d * speeds, atol=1e-3 * (1.0 + d))
+
+
+def test_where_tasks_span_the_robot_there_is_nothing_to_brake():
+    """The hierarchies of the paper's Table 1: the same to the last digit."""
+    plain, braking = made("ghc", null_damping_per_s=0.0), made("ghc")
+    for state in states(braking, 10):
+        for each in (plain, braking):
+            each.reset(state, None)
+            each.step(state)
+        np.testing.assert_array_equal(plain.tau, braking.tau)
 
 
 def lies_within(controller) -> bool:
@@ -160,6 +197,18 @@ def test_any_state_gets_numbers_within_bounds_or_is_said_to_have_none(name):
         assert lies_within(controller) or command.fallback >= 2
 
 
+def test_where_no_task_takes_part_there_is_nothing_to_certify():
+    """V of nobody is 0, which is no merit."""
+    names = ["hand", "elbow", "posture"]
+    for inactive, status in ((names[1:], "certified"), (names, "uncertified")):
+        controller = made("ghc", priorities={"order": names, "inactive": inactive})
+        q = np.array(controller.description.postures["bent"])
+        command = controller.step(state_of(controller, q, np.zeros(q.size)))
+        assert command.solver_status == STATUS[status]
+        idle = bool(controller.present >> CONDITIONS.index("no task takes part") & 1)
+        assert idle == (inactive == names)
+
+
 def test_a_wrench_that_is_not_finite_is_refused():
     controller = made("ghc_force")
     state = states(controller, 1)[0]
@@ -167,6 +216,14 @@ def test_a_wrench_that_is_not_finite_is_refused():
     command = controller.step(state)
     assert np.isnan(command.values).all()
     assert command.solver_status == STATUS["infeasible"]
+
+
+@pytest.mark.parametrize("name", ["ghc", "hqp"])
+def test_an_answer_that_overflows_is_not_blamed_on_the_state(name):
+    controller = made(name)
+    command = controller.step(state_of(controller, np.zeros(7), np.full(7, 1e160)))
+    assert np.isnan(command.values).all()
+    assert controller.present == 1 << CONDITIONS.index("answer not finite")
 
 
 def test_a_robot_that_takes_accelerations_gets_them():
@@ -201,6 +258,17 @@ def test_levels_are_found_from_priorities():
     assert levels_of(removed) == [[0], [2]]
     cycle = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
     assert levels_of(cycle) == [[0, 1, 2]]
+    above = np.array(
+        [[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0, 0, 1, 0]]
+    )
+    assert levels_of(above) == [[0, 1, 2], [3]]
+    swapped = [3, 1, 0, 2]
+    assert levels_of(above[np.ix_(swapped, swapped)]) == [[1, 2, 3], [0]]
+    assert levels_of(np.block([[0.0, np.zeros(4)], [np.ones((4, 1)), above]])) == [
+        [0],
+        [1, 2, 3],
+        [4],
+    ]
     assert levels_of(np.ones((2, 2))) == []
 
 

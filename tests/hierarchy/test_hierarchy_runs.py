@@ -7,6 +7,8 @@ import pytest
 from hierarchy_runs import content, made, robot, state_of
 
 from remote_controller.controllers.controller import STATUS
+from remote_controller.controllers.hierarchy import CONDITIONS
+from tools.certificate_count import CertificateCount, in_a_line
 from tools.simulate import Simulation, simulate
 
 T = 1e-3
@@ -125,6 +127,23 @@ def test_states_that_are_missed_do_not_delay_the_priorities():
     assert alpha == pytest.approx(0.5)
 
 
+def test_an_arm_whose_tasks_are_removed_comes_to_rest():
+    """Without a brake it coasts into the ends of its ranges, and torques jump there."""
+    speeds = {}
+    for damping in (0.0, 10.0):
+        out = {"at_s": 0.4, "remove": ["posture", "elbow"], "over_s": 0.4}
+        priorities = {"order": ["hand", "elbow", "posture"], "timeline": [out]}
+        settings = content("ghc", priorities=priorities, null_damping_per_s=damping)
+        done = simulate("lwr_weightless", settings, 1.8)
+        ticks = len(done.setpoints)
+        torques = np.abs(np.diff(done.setpoints["values"], axis=0)).max(axis=1)
+        speeds[damping] = np.abs(done.states["dq"][ticks - 1]).max()
+        assert (done.setpoints["fallback"] == 0).all()
+        if damping:
+            assert torques[380:].max() < 0.1
+    assert speeds[10.0] < 0.1 < speeds[0.0]
+
+
 def test_weights_change_smoothly_and_by_request():
     controller = made("weighted")
     state = state_of(controller, controller.description.initial_position, np.zeros(7))
@@ -138,6 +157,20 @@ def test_weights_change_smoothly_and_by_request():
     assert seen[:11] == [1.0] * 11
     assert seen[20] == pytest.approx(0.5)
     assert seen[30:] == [0.0] * 10
+
+
+def test_the_summary_of_a_baseline_says_that_nothing_is_proved():
+    """Bounds that it reaches, here all the time, are not why."""
+    slow = {"acceleration_max": [0.5]}
+    settings, count = content("weighted", bounds=slow), CertificateCount()
+    done = simulate("lwr_weightless", settings, 0.05)
+    for record in done.records:
+        count.add(record)
+    held = 1 << CONDITIONS.index("held by bounds of joints")
+    assert done.controller.present & held
+    said = in_a_line(count.figures())
+    assert said.startswith("0 of ")
+    assert said.endswith(" uncertified: its solver proves nothing")
 
 
 def test_thirty_two_joints_keep_the_order_of_five_tasks():

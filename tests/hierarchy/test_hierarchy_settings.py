@@ -71,6 +71,45 @@ def test_so_are_weights():
         made("weighted", priorities=later)
 
 
+@pytest.mark.parametrize("weight", [True, "2", -1.0, float("nan"), 1e7])
+def test_a_weight_is_a_number_that_is_not_negative(weight):
+    with pytest.raises(ConfigError, match=r"weights\.hand"):
+        made("weighted", priorities={"weights": {"hand": weight}})
+
+
+@pytest.mark.parametrize(
+    ("later", "said"),
+    [
+        ({"at_s": 1.5, "weights": {"hand": 1.0, "elbow": 0.0}}, "at_s 2"),
+        ({"at_s": 1.0, "weights": {"hand": 1.0}}, "Make one change of both"),
+        ({"at_s": 1.5, "weights": {"elbow": 1.0}}, None),
+        ({"at_s": 2.0, "weights": {"hand": 1.0}}, None),
+    ],
+)
+def test_changes_of_one_weight_do_not_overlap(later, said):
+    timeline = {"timeline": [later, {"at_s": 1.0, "over_s": 1.0, "weights": {"hand": 0.0}}]}
+    if not said:
+        made("weighted", priorities=timeline)
+        return
+    with pytest.raises(ConfigError, match=r"timeline\.\d\.at_s: overlaps timeline") as raised:
+        made("weighted", priorities=timeline)
+    assert "hand" in str(raised.value)
+    assert said in str(raised.value)
+
+
+def test_two_changes_of_one_weight_at_one_time_are_one():
+    both = [{"at_s": 1.0, "weights": {"hand": value}} for value in (0.0, 1.0)]
+    with pytest.raises(ConfigError, match="Make one change of both"):
+        made("weighted", priorities={"timeline": both})
+
+
+def test_a_change_of_no_weight_is_none():
+    with pytest.raises(ConfigError, match=r"timeline\.0\.weights"):
+        made("weighted", priorities={"timeline": [{"at_s": 1.0, "weights": {}}]})
+    with pytest.raises(ConfigError, match="weights"):
+        made("weighted").change({"weights": {}})
+
+
 @pytest.mark.parametrize("key", ["torque_max", "speed_max"])
 def test_bounds_have_one_value_or_one_for_each_joint(key):
     with pytest.raises(ConfigError, match=rf"parameters\.bounds\.{key}"):

@@ -103,6 +103,25 @@ def test_stays_accurate_for_small_weights(w_r):
         assert np.abs(qdd - right).max() < 1e-14 / w_r * (1 + np.abs(right).max()) + 1e-10
 
 
+@pytest.mark.parametrize(("size", "w_r"), [(10.0, 1e-6), (1e3, 1e-8), (1e4, 1e-6), (1e5, 1e-2)])
+def test_no_problem_that_has_an_answer_is_called_infeasible(size, w_r):
+    """q̈ = 0 is within the bounds. Where digits do not suffice to see that, it says so."""
+    n, given_up = 7, 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        J = np.vstack([size * rng.normal(size=(3, n)), rng.normal(size=(3, n)), np.eye(n)])
+        b = np.concatenate([size * rng.normal(size=3), rng.normal(size=3 + n)])
+        problem = J, b, np.tril(np.ones((3, 3)), -1), np.eye(n), np.zeros(n), w_r
+        solver = Ghc([3, 3, n], n, regularise="none")
+        assert solver.solve(*problem) == codes.OK
+        solver.qdd_upper[:] = 0.3 * np.abs(solver.qdd).max()
+        solver.qdd_lower[:] = -solver.qdd_upper
+        found = solver.solve(*problem)
+        assert found in {codes.OK, codes.UNSOLVED}
+        given_up += found == codes.UNSOLVED
+    assert bool(given_up) == (size**2 / w_r > 1e13)
+
+
 class TestPriorities:
     """What priorities mean for the tasks, with nothing else regularised."""
 

@@ -160,7 +160,8 @@ def follow(
     with tempfile.TemporaryDirectory() as folder:
         name = ROBOT if ends else free_arm(Path(folder))
         robot = {"robot": name, "posture": START, "command": "torque", "plant": plant}
-        config = {"controller": controller, "parameters": dict(parameters)}
+        paper = {"null_damping_per_s": 0.0}  # its (12) and (13) have no task but those named
+        config = {"controller": controller, "parameters": {**paper, **parameters}}
         return run_of(simulate(robot, config, seconds))
 
 
