@@ -94,7 +94,7 @@ class GhcController(RankedController):
         smoothing: float = Field(
             0.0,
             ge=0,
-            le=1e3,
+            le=1,
             description="s₀ of the projector: levels whose singular values are below it fade out; "
             "0: the paper's",
         )

@@ -30,6 +30,7 @@ class Parameters(LabelledTaskParameters):
     smoothing: float = Field(
         0.0,
         ge=0,
+        le=1,
         description="s₀: singular values from which on a direction is kept free in full; 0: all, "
         "however small, as the paper has it",
     )

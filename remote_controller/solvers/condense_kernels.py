@@ -135,7 +135,7 @@ def _look(jacobian: Array, offsets: Indices, alpha: Array, closes: Indices, rise
 
 @kernel(
     "f8(f8[:,::1], i8[::1], f8[::1], f8[:,::1], f8, f8, f8[:,::1], f8[::1], f8[:,::1],"
-    " f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[::1], i8[:,::1])",
+    " f8[:,::1], f8[:,::1], f8[:,::1], f8[::1], i8[:,::1])",
     superwords=True,
 )
 def condense(
@@ -150,7 +150,6 @@ def condense(
     X: Array,
     B: Array,
     diagonals: Array,
-    V: Array,
     K: Array,
     scratch: Array,
     integers: Indices,
@@ -167,7 +166,7 @@ def condense(
         smoothing: s₀, or 0.
         S, q0: (n, n) and (n,).
         X: scratch, (m·k + m, n).
-        B, V: scratch, (m + 1, n) and (m, n).
+        B: scratch, (2m + 1, n).
         diagonals: scratch, (3, m + 1).
         K: scratch, (2m, m + 1).
         scratch: at least as long as X has rows.
@@ -195,7 +194,6 @@ def condense(
                 rows,
                 B,
                 D,
-                V,
                 K[:m],
                 K[m:],
             )

@@ -39,7 +39,8 @@ class Ghc:
             tasks by what gravity takes; "gravity_compensated" is |τ − n|²; "none" is nothing, and
             strict priorities are exact only then: otherwise lower tasks shift what upper ones do by
             about ω_r.
-        smoothing: s₀ of `generalized_projector`; 0 for the paper's projector.
+        smoothing: s₀ of `generalized_projector`; 0 for the paper's projector. Beyond 1 this differs
+            from that: a task whose Jacobian is I leaves nothing here, however large s₀ is.
 
     Attributes:
         n: number of joints.
@@ -87,12 +88,12 @@ class Ghc:
         (self.qdd_lower, self.tau_lower), (self.qdd_upper, self.tau_upper) = self._bounds.reshape(
             2, 2, n
         )
-        rows = m * k + 2 * m
+        rows = m * k + m
         self._work = (
             np.empty((5, n, n)),
             np.empty((n + 6, 2 * n)),
             np.empty((rows, n)),
-            np.empty((m + 1, n)),
+            np.empty((2 * m + 1, n)),
             np.empty((2 * m, m + 1)),
             np.empty((3, m + 1)),
             np.empty(max(rows, 2 * n)),

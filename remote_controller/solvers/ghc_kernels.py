@@ -285,7 +285,6 @@ def ghc_kernel(
         X,
         basis,
         diagonals,
-        X[X.shape[0] - m :],
         K,
         scratch,
         integers[2:],

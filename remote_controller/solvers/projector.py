@@ -24,11 +24,11 @@ def generalized_projector(
         alpha_rows: priority of each row of the Jacobian over the task, (m,): 1 keeps the task out
             of that row's direction, 0 leaves it free. Rows may come in any order.
         jacobian: the rows of all tasks, (m, n): dependent ones, zero ones, more than n.
-        smoothing: s₀ in the units of the Jacobian: where a level's singular values, within what
-            the levels above leave, are below it, the level fades out, so that P is continuous in
-            the Jacobian. 0 gives the paper's projector, which is continuous in the priorities but
-            jumps where the rank changes. A smoothed P is the same wherever all of them are
-            above; otherwise it jumps where levels in conflict change their order.
+        smoothing: s₀ in the units of the Jacobian: directions fade out where singular values of the
+            rows of some priority and above are below it, so that P is continuous in the Jacobian as
+            well as in the priorities. 0 gives the paper's projector, which jumps where the rank
+            changes. A smoothed P is the same wherever all singular values are s₀ or more; below,
+            rows of priority 1 feel up to 0.26·s₀ of what P lets through.
 
     Returns:
         P, (n, n), symmetric, with eigenvalues from 0 to 1.

@@ -14,12 +14,14 @@ A row counts as dependent where what is left of it is 1e-9 of the row. The paper
 positive number there, with which rounding errors become directions.
 
 **Smoothed** (not in the paper): P jumps where the rank of the rows changes. Instead of N_l the
-smoothed form uses, with J_l the rows of level l and K = J_l N_{l−1} J_lᵀ,
+smoothed form uses, with J_l all rows of priority ≥ a_l,
 
-    N_l = N_{l−1} − N_{l−1} J_lᵀ g(K) J_l N_{l−1},   g(σ²) = φ(σ/s₀)/σ²,   φ(t) = 3t² − 2t³ up to 1
+    N_l = I − J_lᵀ g(J_l J_lᵀ) J_l,   g(σ²) = φ(σ/s₀)/σ²,   φ(t) = 3t² − 2t³ up to 1, then 1
 
-which is continuous in J and the exact N_l where all σ ≥ s₀. Every N_l lies between 0 and N_{l−1},
-so a level that N_{l−1} keeps strictly stays strict.
+which is the exact one where all singular values σ of J_l are s₀ or more. It depends on which rows
+have which priority, and on nothing else, so P is continuous in J, and in the priorities wherever
+they meet: what a level is split into has the weight of the split. The price is that below s₀ no row
+is quite strict: |J_l N_l x| ≤ max t(1 − φ(t))·s₀|x| = 0.26 s₀|x|, and so for P and any strict row.
 """
 
 from __future__ import annotations
@@ -47,7 +49,8 @@ Indices = NDArray[np.int64]
 DEPENDENT = 1e-9  # of a row: less than that of it left is rounding
 SURE = 0.5  # of a row: with as much left, one orthogonalisation is enough
 HUGE, SMALL = 1e100, 1e-100  # rows beyond are scaled before they are squared
-DROPPED = 1e-30  # of a projector's eigenvalue
+DROPPED = 1e-20  # of a projector's eigenvalue
+LEAST_WIDTH = 1e-5  # of s₀, relative to the rows: below it σ is rounding
 
 
 @inlined
@@ -160,29 +163,44 @@ def exact_basis(
 
 
 @inlined
-def _smooth_level(
-    V: Array, jacobian: Array, rows: Indices, width: float, U: Array, K: Array, Q: Array
+def _fade(
+    jacobian: Array, rows: Indices, share: float, width: float, B: Array, K: Array, Q: Array
 ) -> None:
-    """Write the rows √g(σ²)·qᵀ J N of a level into U, from V = J N, q the eigenvectors of K."""
-    m, n = V.shape
+    """Write the rows √(share·g(σ²))·qᵀJ into B, q the eigenvectors of K = J Jᵀ."""
+    m, n, whole = rows.size, jacobian.shape[1], 0.0
     for a in range(m):
         for b in range(a, m):
-            K[a, b] = 0.5 * (dot(jacobian[rows[a]], V[b]) + dot(jacobian[rows[b]], V[a]))
+            K[a, b] = dot(jacobian[rows[a]], jacobian[rows[b]])
             K[b, a] = K[a, b]
+        whole += K[a, a]
     eigenvectors(K, Q, m)
+    narrow = max(width, SMALL, LEAST_WIDTH * math.sqrt(whole))
     for e in range(m):
         squared = max(K[e, e], 0.0)
-        t = math.sqrt(squared) / width
-        root = math.sqrt(3.0 - 2.0 * t) / width if t < 1.0 else 1.0 / math.sqrt(squared)
+        t = math.sqrt(squared) / narrow
+        root = math.sqrt(3.0 - 2.0 * t) / narrow if t < 1.0 else 1.0 / math.sqrt(squared)
         for i in range(n):
-            U[e, i] = 0.0
+            B[e, i] = 0.0
         for a in range(m):
-            add(U[e], root * Q[e, a], V[a])
+            add(B[e], math.sqrt(share) * root * Q[e, a], jacobian[rows[a]])
+
+
+@inlined
+def _compress(B: Array, count: int, most: int) -> int:
+    """Make the first rows of B orthogonal, with the same BᵀB; returns how many are left."""
+    orthogonalise(B, count)
+    kept = 0
+    for p in range(count):
+        if dot(B[p], B[p]) > DROPPED and kept < most:
+            for i in range(B.shape[1]):
+                B[kept, i] = B[p, i]
+            kept += 1
+    return kept
 
 
 @kernel(
     "Tuple((i8, f8))(f8[:,::1], i8[::1], i8[::1], f8[::1], f8, i8[::1], i8, i8[::1], f8[:,::1],"
-    " f8[::1], f8[:,::1], f8[:,::1], f8[:,::1])",
+    " f8[::1], f8[:,::1], f8[:,::1])",
     superwords=True,
 )
 def smooth_basis(
@@ -196,7 +214,6 @@ def smooth_basis(
     rows: Indices,
     B: Array,
     D: Array,
-    V: Array,
     K: Array,
     Q: Array,
 ) -> tuple[int, float]:
@@ -206,44 +223,32 @@ def smooth_basis(
         jacobian, offsets, closes, alpha, order, count: as there.
         width: s₀, in the units of the Jacobian.
         rows: scratch, (m,).
-        B, D: (m, n) and (m,).
-        V, K, Q: scratch, (m, n), (m, m) and (m, m) or larger.
+        B, D: (2m, n) and (m,).
+        K, Q: scratch, (m, m) or larger.
     """
-    n, rank, base = jacobian.shape[1], 0, 0.0
-    t = 0
-    while t < count:
-        level, m = alpha[order[t]], 0
-        if closes[order[t]]:
-            base = level
+    m, base = 0, 0.0
+    for t in range(count):
+        j = order[t]
+        if closes[j]:
+            base = alpha[j]
             break
-        while t < count and alpha[order[t]] == level:
-            for row in range(offsets[order[t]], offsets[order[t] + 1]):
-                for i in range(n):
-                    V[m, i] = jacobian[row, i]
-                for p in range(rank):
-                    add(V[m], -dot(jacobian[row], B[p]), B[p])
-                rows[m] = row
-                m += 1
-            t += 1
-        _smooth_level(V[:m], jacobian, rows, width, B[rank:], K, Q)
-        for p in range(rank, rank + m):
-            D[p] = level
-        rank += m
+        for row in range(offsets[j], offsets[j + 1]):
+            rows[m], D[m] = row, alpha[j]
+            m += 1
+    rank, end = 0, 0
+    while end < m:
+        level = D[end]
+        while end < m and D[end] == level:
+            end += 1
+        below = D[end] if end < m else base
+        _fade(jacobian, rows[:end], level - below, width, B[rank:], K, Q)
+        rank = _compress(B, rank + end, end)
     for p in range(rank):
-        root = math.sqrt(D[p] - base)
-        for i in range(n):
-            B[p, i] *= root
-    orthogonalise(B, rank)
-    kept = 0
-    for p in range(rank):
-        length = dot(B[p], B[p])
-        if length > DROPPED:
-            inverse = 1.0 / math.sqrt(length)
-            for i in range(n):
-                B[kept, i] = inverse * B[p, i]
-            D[kept] = length
-            kept += 1
-    return kept, 1.0 - base
+        D[p] = dot(B[p], B[p])
+        inverse = 1.0 / math.sqrt(D[p])
+        for i in range(B.shape[1]):
+            B[p, i] *= inverse
+    return rank, 1.0 - base
 
 
 @kernel("i8(f8[::1], f8[:,::1], f8, f8[:,::1])")
@@ -264,12 +269,12 @@ def projector_kernel(alpha: Array, jacobian: Array, width: float, out: Array) ->
         return BAD_INPUT
     offsets, closes = np.arange(m + 1), np.zeros(m, np.int64)
     order, rows = np.empty(m, np.int64), np.empty(m, np.int64)
-    B, D, ranks = np.empty((m + 1, n)), np.empty(m), np.zeros(m + 1, np.int64)
+    B, D, ranks = np.empty((2 * m + 1, n)), np.empty(m), np.zeros(m + 1, np.int64)
     count = sort_tasks(alpha, closes, np.zeros(m), order)
     if width > 0.0:
-        V, K, Q = np.empty((m, n)), np.empty((m, m)), np.empty((m, m))
+        K, Q = np.empty((m, m)), np.empty((m, m))
         rank, c = smooth_basis(
-            jacobian, offsets, closes, alpha, width, order, count, rows, B, D, V, K, Q
+            jacobian, offsets, closes, alpha, width, order, count, rows, B, D, K, Q
         )
     else:
         rank, c = exact_basis(jacobian, offsets, closes, alpha, order, count, 0, B, D, ranks)

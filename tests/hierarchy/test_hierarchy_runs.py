@@ -97,6 +97,17 @@ def test_a_transition_makes_torques_move_smoothly():
     assert steps[0.4] < 0.02 * steps[0.0]
 
 
+@pytest.mark.parametrize("smoothing", [0.05, 0.2])
+def test_a_smoothed_transition_begins_without_a_jump(smoothing):
+    """Hand and elbow, a level that the posture is kept out of, conflict; the elbow leaves it."""
+    out = {"at_s": 0.8, "over_s": 5.0, "remove": "elbow"}
+    priorities = {"order": ["hand", "elbow", "posture"], "timeline": [out]}
+    settings = content("ghc", priorities=priorities, smoothing=smoothing)
+    done = simulate("lwr_weightless", settings, 0.82)
+    torques = np.abs(np.diff(done.setpoints["values"], axis=0)).max(axis=1)
+    assert torques[795:815].max() < 0.02
+
+
 def test_a_change_that_is_asked_for_is_as_one_of_the_timeline():
     change = {"order": ["elbow", "hand"], "over_s": 0.05}
     start = {"order": ["hand", "elbow", "posture"]}

@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from protocol.errors import BadProblemError, InfeasibleError, UnknownNameError
 from remote_controller.solvers import Ghc, generalized_projector, ghc
 from remote_controller.solvers import status as codes
+from remote_controller.solvers.lqp import PlainLqp
+from remote_controller.solvers.stacked import stacked
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -120,6 +122,25 @@ def test_no_problem_that_has_an_answer_is_called_infeasible(size, w_r):
         assert found in {codes.OK, codes.UNSOLVED}
         given_up += found == codes.UNSOLVED
     assert bool(given_up) == (size**2 / w_r > 1e13)
+
+
+@pytest.mark.parametrize("smoothing", [0.05, 0.3, 0.9])
+def test_its_smoothed_projectors_are_those_of_the_plain_program(smoothing):
+    """`generalized_projector` knows no task whose Jacobian is I; `Ghc` has a way of its own there.
+
+    Such a task is the last one here, and as often above others as below.
+    """
+    identities = 0
+    for seed in range(60):
+        it = hierarchy(seed)
+        stack = stacked("test", it.jacobians, it.targets, it.M, it.bias)
+        identities += any(np.array_equal(J, np.eye(stack.n)) for J in it.jacobians)
+        qdd, _ = ghc(*it.arguments, regularise=it.regularise, smoothing=smoothing)
+        right = (
+            PlainLqp(stack.n).solve(stack, it.alpha, it.w_r, it.regularise, smoothing=smoothing).qdd
+        )
+        assert np.abs(qdd - right).max() < 1e-6 * (1.0 + np.abs(right).max()), seed
+    assert identities > 10
 
 
 class TestPriorities:

@@ -168,15 +168,44 @@ class TestSmoothed:
             jump = np.linalg.norm(near - there, 2)
             assert (jump < bar) if smoothing else (jump > bar)
 
-    @given(SEEDS)
-    def test_keeps_a_well_conditioned_strict_level(self, seed):
+    @given(SEEDS, st.sampled_from([0.02, 0.5]))
+    def test_a_strict_row_feels_no_more_than_a_quarter_of_the_width(self, seed, smoothing):
+        """max t·(1 − 3t² + 2t³) = 0.2597 of it, at t = 0.42; nothing where σ ≥ s₀."""
         alpha, J = hard_case(seed)
         J = np.clip(J, -9, 9)
-        n = J.shape[1]
-        J = np.vstack([np.eye(n)[: n // 2 + 1], J])
-        alpha = np.concatenate([np.ones(n // 2 + 1), 0.9 * alpha])
-        P = generalized_projector(alpha, J, smoothing=0.5)
-        assert np.abs(P[: n // 2 + 1]).max() < 1e-12
+        alpha[0] = 1.0
+        P = generalized_projector(alpha, J, smoothing=smoothing)
+        strict = J[alpha == 1.0]
+        assert np.linalg.norm(strict @ P, 2) <= 0.26 * smoothing + 1e-9
+        wide = np.eye(J.shape[1])[: len(J) // 2 + 1]
+        P = generalized_projector(np.ones(len(wide)), wide, smoothing=smoothing)
+        assert np.abs(wide @ P).max() < 1e-12
+
+    @given(SEEDS)
+    def test_does_not_jump_where_priorities_meet_or_change_their_order(self, seed):
+        """Rows in conflict, which the width fades: one leaves the level of the others."""
+        rng = np.random.default_rng(seed)
+        J = 0.3 * rng.normal(size=(6, 7))
+        J[3:5] = J[:2] + 0.02 * rng.normal(size=(2, 7))
+        together = rng.choice([0.3, 1.0], size=6)
+        there = generalized_projector(together, J, smoothing=0.05)
+        for row in range(6):
+            for step in (-1e-9, 1e-9):
+                apart = together.copy()
+                apart[row] = min(apart[row] + step, 1.0)
+                near = generalized_projector(apart, J, smoothing=0.05)
+                assert np.linalg.norm(near - there, 2) < 1e-7
+
+    @given(SEEDS)
+    def test_an_identity_leaves_nothing_in_whatever_order(self, seed):
+        rng = np.random.default_rng(seed)
+        near = rng.normal(size=(1, 4)) + 1e-3 * rng.normal(size=(3, 4))
+        J, alpha = (
+            np.vstack([near, np.eye(4)]),
+            np.repeat(rng.choice([0.4, 0.7, 1], size=2), [3, 4]),
+        )
+        P = generalized_projector(alpha, J, smoothing=0.9)
+        assert np.linalg.norm(P, 2) <= 1.0 - alpha[-1] + 1e-9
 
 
 class TestOthers:
