@@ -108,19 +108,19 @@ class SdpGains:
         self._kernel = sdp_kernels.sdp_gains_kernel
         columns = (math.isqrt(8 * n + 9) - 1) // 2  # of Y: r(r + 1)/2 ≤ n + 1
         unknowns = n + 1 + n * columns + n
-        plan = np.concatenate([[0, 0, 0], np.cumsum(sizes)]).astype(np.int64)
+        plan = np.concatenate([[0, 0, 0, 0, 0], np.cumsum(sizes)]).astype(np.int64)
         rows = np.zeros((4 + max(columns, n), n))
         tall = np.zeros((17 + 3 * n, joints))
-        self._counts, self.offsets = plan[:2], plan[2:]
+        self._counts, self.offsets = plan[:4], plan[4:]
         self.rates, self.weights, self.gains = rows[:3]
         self.lower, self.upper, self.dq = tall[:3]
         self.weights[:], self.lower[:], self.upper[:] = given, -math.inf, math.inf
         self._work = (
             plan,
-            np.zeros((4, n), np.int64),
+            np.zeros((5, n), np.int64),
             rows,
             tall,
-            np.zeros((16, n, n)),
+            np.zeros((18, n, n)),
             np.zeros((8 + unknowns, max(unknowns, joints))),
         )
         self._still()

@@ -45,6 +45,37 @@ def _forget(gains: Array, counts: Indices) -> None:
     counts[0], counts[1] = 0, 0
 
 
+@inlined
+def _look_ahead(
+    x: Array, Y: Array, nu: Array, held: Indices, counts: Indices, older: Array, former: Indices
+) -> None:
+    """Go on from the last two answers along a line, where the same rank and limits were active.
+
+    What is guessed decides how many of Newton's steps are left, and nothing else.
+
+    Args:
+        x, Y, nu, held: the last answer; the former three overwritten by the guess.
+        counts: rank and held limits of it, and of the one before, (4,).
+        older, former: the answer before it, (2, n, n), and its held limits, (n,); written.
+    """
+    n, columns = nu.size, older[0]
+    steady = n > 1 and 0 < counts[0] <= n and counts[0] == counts[2] and counts[1] == counts[3]
+    for a in range(counts[1]):
+        steady = steady and held[a] == former[a]
+        former[a] = held[a]
+    counts[2], counts[3] = counts[0], counts[1]
+    for k in range(min(counts[0], n)):
+        for i in range(n):
+            step = Y[k, i] - columns[k, i]
+            columns[k, i] = Y[k, i]
+            Y[k, i] += step if steady else 0.0
+    for i in range(n if n > 1 else 0):
+        step, pull = x[i] - older[1, 0, i], nu[i] - older[1, 1, i]
+        older[1, 0, i], older[1, 1, i] = x[i], nu[i]
+        x[i] += step if steady else 0.0
+        nu[i] += pull if steady and i < counts[1] else 0.0
+
+
 @kernel(
     "Tuple((i8, i8, i8, i8, i8, i8, f8, f8, f8, f8))(f8[:,::1], f8[::1], f8, f8, f8, f8, i8,"
     " i8[::1], i8[:,::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1])"
@@ -87,13 +118,13 @@ def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
     n, joints = jacobian.shape
     if not (errors.size == n and rows.shape[1] == n and tall.shape[1] == joints):
         return BAD_SHAPE, NONE, 0, 0, 0, 0, 0.0, 0.0, 0.0, math.inf
-    counts, offsets = plan[:2], plan[2:]
+    counts, offsets = plan[:4], plan[4:]
     rates, weights, gains, nu, Y = rows[0], rows[1], rows[2], rows[3], rows[4:]
     speeds, dq = tall[:2], tall[2]
     Q, B, S = tall[3 : 3 + n], tall[3 + n : 3 + 2 * n], tall[3 + 2 * n : 3 + 3 * n]
     sides = tall[3 + 3 * n :].reshape(7, 2, joints)
     points, vectors, K = unknowns[:2], unknowns[2:8], unknowns[8:]
-    L, G, Z, spare = squares[0], squares[1], squares[2], squares[3:]
+    L, G, Z, older, spare = squares[0], squares[1], squares[2], squares[3:5], squares[5:]
     room, z = sides[0], sides[1]
     for r in range(joints):
         dq[r] = 0.0
@@ -112,9 +143,9 @@ def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
         L,
         B,
         Q,
-        squares[3],
-        squares[4],
-        squares[5],
+        spare[0],
+        spare[1],
+        spare[2],
         K,
     )
     feed_forward(B, rates, dq)
@@ -130,13 +161,14 @@ def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
     for i in range(n):
         for j in range(i):
             G[i, j] = G[j, i]
-    block, before, same = integers[0], integers[3], True
+    block, held, before, same = integers[0], integers[2], integers[3], True
     find_blocks(L, block)
     for i in range(n):
         same = same and block[i] == before[i]
         before[i] = block[i]
     if not same:
         counts[0] = 0
+    _look_ahead(points[0], Y, nu, held, counts, older, integers[4])
     path, newton, inner = optimise(
         L,
         G,
