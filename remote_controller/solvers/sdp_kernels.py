@@ -1,7 +1,7 @@
 """The gains of prioritised tasks with a certificate, from Jacobians and errors, in one call.
 
 Marti-Saumell et al.: min (β − β̃)² + δ|λ|² such that V falls by V⁺ ≤ (1 − β Δt) V, and the joint
-speeds dq = B(Λ e + rates) stay within their limits. From the last answer Newton's method takes two
+speeds dq = B(Λ e + rates) stay within their limits. From the last two answers Newton's method takes two
 or three steps (`sdp_newton_kernels`); where it does not arrive, an interior-point method comes near
 enough for it (`sdp_interior_kernels`). Either may stop early: whatever λ is returned, β is what it
 certifies, λ_min(C(λ, 0)), and a gap of duality says how far from optimal it may be.
@@ -78,7 +78,7 @@ def _look_ahead(
 
 @kernel(
     "Tuple((i8, i8, i8, i8, i8, i8, f8, f8, f8, f8))(f8[:,::1], f8[::1], f8, f8, f8, f8, i8,"
-    " i8[::1], i8[:,::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1])"
+    " i8[::1], f8[:,::1], f8[:,::1], f8[:,::1])"
 )
 def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
     jacobian: Array,
@@ -89,10 +89,8 @@ def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
     damping: float,
     budget: int,
     plan: Indices,
-    integers: Indices,
     rows: Array,
     tall: Array,
-    squares: Array,
     unknowns: Array,
 ) -> tuple[int, int, int, int, int, int, float, float, float, float]:
     """Solve one problem. Arrays of one width share a block: to hand an array over costs 0.1 µs.
@@ -100,14 +98,13 @@ def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
     Args:
         jacobian, errors: (n, joints), (n,).
         dt, desired, delta, damping, budget: Δt, β̃, δ, d, iterations.
-        plan: how many y_k and held limits the last solve had, (2,), and where each task begins, and
-            n, (h + 1,).
-        integers: blocks of L, homes of the y_k, limits that hold, and the blocks before, (4, n).
+        plan: how many y_k and held limits the last solve had, and the one before, (4,); blocks of
+            L, homes of the y_k, limits that hold, the blocks and the limits before, (5, n); where
+            each task begins, and n, (h + 1,).
         rows: rates; weights of the squared errors in V; λ of the last solve, overwritten; ν of the
-            last; then its Y, (any, n).
+            last; its Y, (n, n); then scratch, (18, n, n).
         tall: lower and upper limits of dq; dq, written, zeros where there is no answer; then
             scratch, (3n + 14, joints).
-        squares: scratch, (16, n, n).
         unknowns: λ and β of the last solve in its first n + 1 columns; then scratch: 7 rows and as
             many as `optimise` has unknowns, each as long, or as the joints, whichever is more.
 
@@ -118,8 +115,9 @@ def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
     n, joints = jacobian.shape
     if not (errors.size == n and rows.shape[1] == n and tall.shape[1] == joints):
         return BAD_SHAPE, NONE, 0, 0, 0, 0, 0.0, 0.0, 0.0, math.inf
-    counts, offsets = plan[:4], plan[4:]
-    rates, weights, gains, nu, Y = rows[0], rows[1], rows[2], rows[3], rows[4:]
+    counts, integers, offsets = plan[:4], plan[4 : 4 + 5 * n].reshape(5, n), plan[4 + 5 * n :]
+    rates, weights, gains, nu, Y = rows[0], rows[1], rows[2], rows[3], rows[4 : 4 + n]
+    squares = rows[4 + n :].reshape(18, n, n)
     speeds, dq = tall[:2], tall[2]
     Q, B, S = tall[3 : 3 + n], tall[3 + n : 3 + 2 * n], tall[3 + 2 * n : 3 + 3 * n]
     sides = tall[3 + 3 * n :].reshape(7, 2, joints)
