@@ -54,9 +54,9 @@ class GhcVelocityController(LabelledTasksController):
     in a cycle without such a task, of all that take part. After a change of priorities it is about
     the new ones as soon as these rest. `v_rate_required` is 0: V shall not rise. `certified` says
     that the condensed QP was solved, by a residual ≤ 10⁻⁹, that priorities rest, and that V,
-    evaluated where u leads, falls as V̇ says, to 1 %. `at_target` says the first two, and that these tasks are
-    within 10⁻⁵ m or rad, where V is not told from what an Euler step of the tasks below makes of
-    it. Nothing is claimed of tasks below, and where no task takes part nothing at all.
+    evaluated where u leads, falls as V̇ says, to 1 %. `at_target` says the first two, and that these
+    tasks are within 10⁻⁵ m or rad, where V is not told from what an Euler step of the tasks below
+    makes of it. Nothing is claimed of tasks below, and where no task takes part nothing at all.
     `margin` is the least distance of u from a bound [rad/s or m/s].
 
     Raises:

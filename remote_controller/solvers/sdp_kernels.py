@@ -1,9 +1,9 @@
 """The gains of prioritised tasks with a certificate, from Jacobians and errors, in one call.
 
 Marti-Saumell et al.: min (β − β̃)² + δ|λ|² such that V falls by V⁺ ≤ (1 − β Δt) V, and the joint
-speeds dq = B(Λ e + rates) stay within their limits. From the last two answers Newton's method takes two
-or three steps (`sdp_newton_kernels`); where it does not arrive, an interior-point method comes near
-enough for it (`sdp_interior_kernels`). Either may stop early: whatever λ is returned, β is what it
+speeds dq = B(Λ e + rates) stay within their limits. From the last two answers Newton's method takes
+two or three steps (`sdp_newton_kernels`); where it does not arrive, an interior-point method comes
+near enough for it (`sdp_interior_kernels`). Either may stop early: whatever λ is returned, β is what it
 certifies, λ_min(C(λ, 0)), and a gap of duality says how far from optimal it may be.
 """
 
@@ -80,7 +80,7 @@ def _look_ahead(
     "Tuple((i8, i8, i8, i8, i8, i8, f8, f8, f8, f8))(f8[:,::1], f8[::1], f8, f8, f8, f8, i8,"
     " i8[::1], f8[:,::1], f8[:,::1], f8[:,::1])"
 )
-def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
+def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     jacobian: Array,
     errors: Array,
     dt: float,
