@@ -160,9 +160,9 @@ class ConicGains(SdpGains):
         self.budget, self.polish = budget, False
         if self.path != BUDGET:
             return None
-        n, (_, _, _, tall, squares, _) = self.n, self._work
-        S, room = tall[3 + 2 * n : 3 + 3 * n], tall[3 + 3 * n : 5 + 3 * n]
-        P, q, A, b, self._used, size = conic(squares[0], S, room, dt * desired, delta)
+        n, (_, rows, tall, _) = self.n, self._work
+        L, S, room = rows[4 + n : 4 + 2 * n], tall[3 + 2 * n : 3 + 3 * n], tall[3 + 3 * n :][:2]
+        P, q, A, b, self._used, size = conic(L, S, room, dt * desired, delta)
         return P, q, A, b, self._used.size, size
 
     def solve(
@@ -172,12 +172,14 @@ class ConicGains(SdpGains):
         program = self.program(jacobian, errors, dt, desired, delta)
         if program is None:
             return self.status
-        plan, integers, narrow, tall, squares, unknowns = self._work
+        plan, narrow, tall, unknowns = self._work
         n, scaled = self.n, dt * desired
-        counts, nu, Y, S = plan[:2], narrow[3], narrow[4:], tall[3 + 2 * n : 3 + 3 * n]
+        counts, integers = plan[:4], plan[4 : 4 + 5 * n].reshape(5, n)
+        nu, Y, squares = narrow[3], narrow[4 : 4 + n], narrow[4 + n :].reshape(18, n, n)
+        S = tall[3 + 2 * n : 3 + 3 * n]
         room, z = tall[3 + 3 * n : 7 + 3 * n].reshape(2, 2, self.joints)
         points, vectors, K = unknowns[:2], unknowns[2:8], unknowns[8:]
-        L, G, Z, spare = squares[0], squares[1], squares[2], squares[3:]
+        L, G, Z, spare = squares[0], squares[1], squares[2], squares[5:]
         x, dual = self._solve_conic(*program)
         used, size = self._used, program[-1]
         each = np.zeros(2 * self.joints)

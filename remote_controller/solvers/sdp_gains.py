@@ -19,8 +19,8 @@ It is local, as the paper has it: how far the model holds depends on |dq| Δt.
   status is ``STATIONARY``: gains and β are 0, and there is no certificate. Nearly dependent tasks
   have a β near 0: V falls, but need not converge.
 * The first solve, and one after the active limits or the rank changed at once, takes an
-  interior-point method; the others a few Newton steps from the last answer. So the last digits of
-  an answer depend on the solves before. `forget` begins anew.
+  interior-point method; the others a few Newton steps from where the last two answers lead. So the
+  last digits of an answer depend on the solves before. `forget` begins anew.
 * `budget` counts iterations, not time, and what is done does not depend on the clock. When it is
   spent, the answer is the last gains, shortened until dq keeps its limits, or the best point that
   was found if that certifies more; the status is ``SPENT``, β is what these gains certify, or 0
@@ -108,19 +108,17 @@ class SdpGains:
         self._kernel = sdp_kernels.sdp_gains_kernel
         columns = (math.isqrt(8 * n + 9) - 1) // 2  # of Y: r(r + 1)/2 ≤ n + 1
         unknowns = n + 1 + n * columns + n
-        plan = np.concatenate([[0, 0, 0], np.cumsum(sizes)]).astype(np.int64)
-        rows = np.zeros((4 + max(columns, n), n))
+        plan = np.concatenate([np.zeros(5 + 5 * n), np.cumsum(sizes)]).astype(np.int64)
+        rows = np.zeros((4 + 19 * n, n))
         tall = np.zeros((17 + 3 * n, joints))
-        self._counts, self.offsets = plan[:2], plan[2:]
+        self._counts, self.offsets = plan[:4], plan[4 + 5 * n :]
         self.rates, self.weights, self.gains = rows[:3]
         self.lower, self.upper, self.dq = tall[:3]
         self.weights[:], self.lower[:], self.upper[:] = given, -math.inf, math.inf
         self._work = (
             plan,
-            np.zeros((4, n), np.int64),
             rows,
             tall,
-            np.zeros((16, n, n)),
             np.zeros((8 + unknowns, max(unknowns, joints))),
         )
         self._still()

@@ -1,10 +1,10 @@
 """The gains of prioritised tasks with a certificate, from Jacobians and errors, in one call.
 
 Marti-Saumell et al.: min (β − β̃)² + δ|λ|² such that V falls by V⁺ ≤ (1 − β Δt) V, and the joint
-speeds dq = B(Λ e + rates) stay within their limits. From the last answer Newton's method takes two
-or three steps (`sdp_newton_kernels`); where it does not arrive, an interior-point method comes near
-enough for it (`sdp_interior_kernels`). Either may stop early: whatever λ is returned, β is what it
-certifies, λ_min(C(λ, 0)), and a gap of duality says how far from optimal it may be.
+speeds dq = B(Λ e + rates) stay within their limits. From the last two answers Newton's method takes
+two or three steps (`sdp_newton_kernels`); where it does not arrive, an interior-point method comes
+near enough for it (`sdp_interior_kernels`). Either may stop early: whatever λ is returned, β is
+what it certifies, λ_min(C(λ, 0)), and a gap of duality says how far from optimal it may be.
 """
 
 from __future__ import annotations
@@ -45,11 +45,42 @@ def _forget(gains: Array, counts: Indices) -> None:
     counts[0], counts[1] = 0, 0
 
 
+@inlined
+def _look_ahead(
+    x: Array, Y: Array, nu: Array, held: Indices, counts: Indices, older: Array, former: Indices
+) -> None:
+    """Go on from the last two answers along a line, where the same rank and limits were active.
+
+    What is guessed decides how many of Newton's steps are left, and nothing else.
+
+    Args:
+        x, Y, nu, held: the last answer; the former three overwritten by the guess.
+        counts: rank and held limits of it, and of the one before, (4,).
+        older, former: the answer before it, (2, n, n), and its held limits, (n,); written.
+    """
+    n, columns = nu.size, older[0]
+    steady = n > 1 and 0 < counts[0] <= n and counts[0] == counts[2] and counts[1] == counts[3]
+    for a in range(counts[1]):
+        steady = steady and held[a] == former[a]
+        former[a] = held[a]
+    counts[2], counts[3] = counts[0], counts[1]
+    for k in range(min(counts[0], n)):
+        for i in range(n):
+            step = Y[k, i] - columns[k, i]
+            columns[k, i] = Y[k, i]
+            Y[k, i] += step if steady else 0.0
+    for i in range(n if n > 1 else 0):
+        step, pull = x[i] - older[1, 0, i], nu[i] - older[1, 1, i]
+        older[1, 0, i], older[1, 1, i] = x[i], nu[i]
+        x[i] += step if steady else 0.0
+        nu[i] += pull if steady and i < counts[1] else 0.0
+
+
 @kernel(
     "Tuple((i8, i8, i8, i8, i8, i8, f8, f8, f8, f8))(f8[:,::1], f8[::1], f8, f8, f8, f8, i8,"
-    " i8[::1], i8[:,::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1])"
+    " i8[::1], f8[:,::1], f8[:,::1], f8[:,::1])"
 )
-def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
+def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     jacobian: Array,
     errors: Array,
     dt: float,
@@ -58,10 +89,8 @@ def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
     damping: float,
     budget: int,
     plan: Indices,
-    integers: Indices,
     rows: Array,
     tall: Array,
-    squares: Array,
     unknowns: Array,
 ) -> tuple[int, int, int, int, int, int, float, float, float, float]:
     """Solve one problem. Arrays of one width share a block: to hand an array over costs 0.1 µs.
@@ -69,14 +98,13 @@ def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
     Args:
         jacobian, errors: (n, joints), (n,).
         dt, desired, delta, damping, budget: Δt, β̃, δ, d, iterations.
-        plan: how many y_k and held limits the last solve had, (2,), and where each task begins, and
-            n, (h + 1,).
-        integers: blocks of L, homes of the y_k, limits that hold, and the blocks before, (4, n).
+        plan: how many y_k and held limits the last solve had, and the one before, (4,); blocks of
+            L, homes of the y_k, limits that hold, the blocks and the limits before, (5, n); where
+            each task begins, and n, (h + 1,).
         rows: rates; weights of the squared errors in V; λ of the last solve, overwritten; ν of the
-            last; then its Y, (any, n).
+            last; its Y, (n, n); then scratch, (18, n, n).
         tall: lower and upper limits of dq; dq, written, zeros where there is no answer; then
             scratch, (3n + 14, joints).
-        squares: scratch, (16, n, n).
         unknowns: λ and β of the last solve in its first n + 1 columns; then scratch: 7 rows and as
             many as `optimise` has unknowns, each as long, or as the joints, whichever is more.
 
@@ -87,13 +115,14 @@ def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
     n, joints = jacobian.shape
     if not (errors.size == n and rows.shape[1] == n and tall.shape[1] == joints):
         return BAD_SHAPE, NONE, 0, 0, 0, 0, 0.0, 0.0, 0.0, math.inf
-    counts, offsets = plan[:2], plan[2:]
-    rates, weights, gains, nu, Y = rows[0], rows[1], rows[2], rows[3], rows[4:]
+    counts, integers, offsets = plan[:4], plan[4 : 4 + 5 * n].reshape(5, n), plan[4 + 5 * n :]
+    rates, weights, gains, nu, Y = rows[0], rows[1], rows[2], rows[3], rows[4 : 4 + n]
+    squares = rows[4 + n :].reshape(18, n, n)
     speeds, dq = tall[:2], tall[2]
     Q, B, S = tall[3 : 3 + n], tall[3 + n : 3 + 2 * n], tall[3 + 2 * n : 3 + 3 * n]
     sides = tall[3 + 3 * n :].reshape(7, 2, joints)
     points, vectors, K = unknowns[:2], unknowns[2:8], unknowns[8:]
-    L, G, Z, spare = squares[0], squares[1], squares[2], squares[3:]
+    L, G, Z, older, spare = squares[0], squares[1], squares[2], squares[3:5], squares[5:]
     room, z = sides[0], sides[1]
     for r in range(joints):
         dq[r] = 0.0
@@ -112,9 +141,9 @@ def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
         L,
         B,
         Q,
-        squares[3],
-        squares[4],
-        squares[5],
+        spare[0],
+        spare[1],
+        spare[2],
         K,
     )
     feed_forward(B, rates, dq)
@@ -130,13 +159,14 @@ def sdp_gains_kernel(  # noqa: PLR0912 - one case after the other
     for i in range(n):
         for j in range(i):
             G[i, j] = G[j, i]
-    block, before, same = integers[0], integers[3], True
+    block, held, before, same = integers[0], integers[2], integers[3], True
     find_blocks(L, block)
     for i in range(n):
         same = same and block[i] == before[i]
         before[i] = block[i]
     if not same:
         counts[0] = 0
+    _look_ahead(points[0], Y, nu, held, counts, older, integers[4])
     path, newton, inner = optimise(
         L,
         G,

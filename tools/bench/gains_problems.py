@@ -17,48 +17,9 @@ from tools.bench.steps import motion
 
 Array = NDArray[np.float64]
 
-HOAP3: dict[str, Any] = {
-    "controller": "clik_sdp",
-    "parameters": {
-        "beta_per_s": 2.0,
-        "bounds": {"acceleration_rad_s2": 50.0},
-        "tasks": [
-            {
-                "name": "foot",
-                "task": "frame_pose",
-                "parameters": {
-                    "frame": "l_sole",
-                    "reference": "r_sole",
-                    "target": {"kind": "point", "position_m": [0.02, 0.1, 0.02]},
-                },
-            },
-            {
-                "name": "com",
-                "task": "com",
-                "weight": 1e-2,
-                "parameters": {
-                    "frame": "r_sole",
-                    "target": {"kind": "point", "position_m": [0.0, 0.03, 0.28]},
-                },
-            },
-            {
-                "name": "hand",
-                "task": "frame_position",
-                "weight": 1e-4,
-                "parameters": {
-                    "frame": "r_forearm",
-                    "reference": "pelvis",
-                    "target": {"kind": "point", "position_m": [0.1, -0.15, 0.1]},
-                },
-            },
-        ],
-    },
-}
-"""The three tasks of `clik_sdp_humanoid` for a robot of 21 joints."""
-
-MOTIONS: dict[str, tuple[Any, Any]] = {
+MOTIONS: dict[str, tuple[Any, str]] = {
     "ur5": ({"robot": "ur5", "posture": "outstretched"}, "clik_sdp_ur5"),
-    "hoap3": ("hoap3", HOAP3),
+    "hoap3": ("hoap3", "clik_sdp_hoap3"),
     "humanoid32": ("humanoid32", "clik_sdp_humanoid"),
 }
 """Settings of emulator and controller."""
