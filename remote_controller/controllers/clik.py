@@ -175,8 +175,9 @@ class ClikController(_Clik):
 class ClikSdpController(_Clik):
     """Gains by semidefinite programming in each cycle, as large a β as the limits allow, up to β̃.
 
-    Where no gains have a certificate, all are 0, and the robot keeps still. `kkt_residual` is the
-    duality gap over β̃², at most 1; `solver_path` is 0 none, 1 warm, 2 ipm, 3 budget.
+    Where no gains have a certificate, all are 0, and the robot does what moving targets feed
+    forward, or keeps still. `kkt_residual` is the duality gap over β̃², at most 1; `solver_path` is
+    0 none, 1 warm, 2 ipm, 3 budget.
     """
 
     Parameters: ClassVar[Any] = settings.SdpParameters

@@ -174,7 +174,7 @@ class ConicGains(SdpGains):
             return self.status
         plan, narrow, tall, unknowns = self._work
         n, scaled = self.n, dt * desired
-        counts, integers = plan[:4], plan[4 : 4 + 5 * n].reshape(5, n)
+        counts, integers = plan[:4], plan[4 : 4 + 6 * n].reshape(6, n)
         nu, Y, squares = narrow[3], narrow[4 : 4 + n], narrow[4 + n :].reshape(18, n, n)
         S = tall[3 + 2 * n : 3 + 3 * n]
         room, z = tall[3 + 3 * n : 7 + 3 * n].reshape(2, 2, self.joints)

@@ -108,10 +108,10 @@ class SdpGains:
         self._kernel = sdp_kernels.sdp_gains_kernel
         columns = (math.isqrt(8 * n + 9) - 1) // 2  # of Y: r(r + 1)/2 ≤ n + 1
         unknowns = n + 1 + n * columns + n
-        plan = np.concatenate([np.zeros(5 + 5 * n), np.cumsum(sizes)]).astype(np.int64)
+        plan = np.concatenate([np.zeros(5 + 6 * n), np.cumsum(sizes)]).astype(np.int64)
         rows = np.zeros((4 + 19 * n, n))
         tall = np.zeros((17 + 3 * n, joints))
-        self._counts, self.offsets = plan[:4], plan[4 + 5 * n :]
+        self._counts, self.offsets = plan[:4], plan[4 + 6 * n :]
         self.rates, self.weights, self.gains = rows[:3]
         self.lower, self.upper, self.dq = tall[:3]
         self.weights[:], self.lower[:], self.upper[:] = given, -math.inf, math.inf
@@ -181,6 +181,9 @@ class SdpGains:
             self.forget()
             self.dq[:] = 0.0
             raise BadProblemError(f"SDP gains: wrong type of argument. {KERNEL_ARRAYS}") from error
+        if self.status == codes.BAD_SHAPE:
+            self.forget()
+            self.dq[:] = 0.0
         return self.status
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from protocol.compilation import inlined, kernel
 from remote_controller.solvers.clik_kernels import feed_forward, prioritised, unfit
-from remote_controller.solvers.dense_kernels import MAX, not_finite
+from remote_controller.solvers.dense_kernels import MAX, dot, not_finite
 from remote_controller.solvers.lmi_kernels import find_blocks
 from remote_controller.solvers.product_kernels import gram
 from remote_controller.solvers.sdp_proof_kernels import conclude, keep_better
@@ -47,26 +47,29 @@ def _forget(gains: Array, counts: Indices) -> None:
 
 @inlined
 def _look_ahead(
-    x: Array, Y: Array, nu: Array, held: Indices, counts: Indices, older: Array, former: Indices
+    x: Array, Y: Array, nu: Array, integers: Indices, counts: Indices, older: Array
 ) -> None:
-    """Go on from the last two answers along a line, where the same rank and limits were active.
+    """Go on from the last two answers along a line, where the same was active in both.
 
     What is guessed decides how many of Newton's steps are left, and nothing else.
 
     Args:
-        x, Y, nu, held: the last answer; the former three overwritten by the guess.
-        counts: rank and held limits of it, and of the one before, (4,).
-        older, former: the answer before it, (2, n, n), and its held limits, (n,); written.
+        x, Y, nu: the last answer; overwritten by the guess.
+        integers: its homes and held limits in rows 1 and 2, those before in rows 4 and 5; written.
+        counts: rank and held limits of it, and of the one before, (4,); written.
+        older: the answer before it, (2, n, n); written.
     """
     n, columns = nu.size, older[0]
     steady = n > 1 and 0 < counts[0] <= n and counts[0] == counts[2] and counts[1] == counts[3]
-    for a in range(counts[1]):
-        steady = steady and held[a] == former[a]
-        former[a] = held[a]
+    for side in range(2):
+        for a in range(min(counts[side], n)):
+            steady = steady and integers[1 + side, a] == integers[4 + side, a]
+            integers[4 + side, a] = integers[1 + side, a]
     counts[2], counts[3] = counts[0], counts[1]
     for k in range(min(counts[0], n)):
+        sign = 1.0 if dot(Y[k], columns[k]) >= 0.0 else -1.0  # Y Yᵀ says nothing of it
         for i in range(n):
-            step = Y[k, i] - columns[k, i]
+            step = Y[k, i] - sign * columns[k, i]
             columns[k, i] = Y[k, i]
             Y[k, i] += step if steady else 0.0
     for i in range(n if n > 1 else 0):
@@ -99,7 +102,7 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
         jacobian, errors: (n, joints), (n,).
         dt, desired, delta, damping, budget: Δt, β̃, δ, d, iterations.
         plan: how many y_k and held limits the last solve had, and the one before, (4,); blocks of
-            L, homes of the y_k, limits that hold, the blocks and the limits before, (5, n); where
+            L, homes of the y_k, limits that hold, and those three of the one before, (6, n); where
             each task begins, and n, (h + 1,).
         rows: rates; weights of the squared errors in V; λ of the last solve, overwritten; ν of the
             last; its Y, (n, n); then scratch, (18, n, n).
@@ -115,7 +118,7 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     n, joints = jacobian.shape
     if not (errors.size == n and rows.shape[1] == n and tall.shape[1] == joints):
         return BAD_SHAPE, NONE, 0, 0, 0, 0, 0.0, 0.0, 0.0, math.inf
-    counts, integers, offsets = plan[:4], plan[4 : 4 + 5 * n].reshape(5, n), plan[4 + 5 * n :]
+    counts, integers, offsets = plan[:4], plan[4 : 4 + 6 * n].reshape(6, n), plan[4 + 6 * n :]
     rates, weights, gains, nu, Y = rows[0], rows[1], rows[2], rows[3], rows[4 : 4 + n]
     squares = rows[4 + n :].reshape(18, n, n)
     speeds, dq = tall[:2], tall[2]
@@ -159,14 +162,14 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     for i in range(n):
         for j in range(i):
             G[i, j] = G[j, i]
-    block, held, before, same = integers[0], integers[2], integers[3], True
+    block, before, same = integers[0], integers[3], True
     find_blocks(L, block)
     for i in range(n):
         same = same and block[i] == before[i]
         before[i] = block[i]
     if not same:
         counts[0] = 0
-    _look_ahead(points[0], Y, nu, held, counts, older, integers[4])
+    _look_ahead(points[0], Y, nu, integers, counts, older)
     path, newton, inner = optimise(
         L,
         G,

@@ -233,7 +233,7 @@ def optimise(
             held,
             counts[1],
             nu,
-            budget,
+            max(budget // 2, 1),  # from a guess that misleads, there must be time to begin anew
             squares[0],
             squares[1],
             K,

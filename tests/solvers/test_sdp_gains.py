@@ -328,8 +328,11 @@ class TestBadInput:
         assert not solver.dq.any()
 
     def test_of_the_wrong_shape_or_type(self):
-        solver = ur5(0).solver()
+        solver = ur5(0).solved()
+        assert solver.dq.any()
         assert solver.solve(np.ones((3, 6)), np.ones(4), 0.01, 2.0) == status.BAD_SHAPE
+        assert not solver.dq.any()
+        assert not solver.gains.any()
         with pytest.raises(BadProblemError, match="float64"):
             solver.solve([[1.0]], np.ones(4), 0.01, 2.0)
 

@@ -1,0 +1,43 @@
+"""What a solver knows of the last two answers shortens the way to the next, and is not in it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from sdp_problems import random
+
+from remote_controller.solvers import status
+
+TICKS = 15
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 10**6), st.sampled_from(["", "decoupled"]))
+@example(24, "decoupled")  # one whose multiplier moves into another block
+@example(991, "decoupled")  # one whose guess takes all iterations, if it may
+def test_along_a_walk_with_jumps_each_answer_is_that_of_a_fresh_solver(seed, kind):
+    it, rng = random(seed, kind), np.random.default_rng(seed + 1)
+    some, solver = it.J != 0.0, it.solver()
+    for _ in range(TICKS):
+        it.J += 0.02 * some * rng.normal(size=it.J.shape)
+        it.e += 0.02 * rng.normal(size=it.e.size)
+        chance = rng.random()
+        if chance < 0.1:
+            it.e[:] = rng.normal(size=it.e.size)
+        elif chance < 0.2:
+            it.desired = float(rng.uniform(0.5, 10.0))
+        elif chance < 0.3:
+            it.lower[:], it.upper[:] = -rng.uniform(0.2, 5.0), rng.uniform(0.2, 5.0)
+            solver.lower[:], solver.upper[:] = it.lower, it.upper
+        elif chance < 0.35:
+            solver.solve(np.nan * it.J, it.e, it.dt, it.desired, it.delta)
+        fresh = it.solved()
+        solver.solve(it.J, it.e, it.dt, it.desired, it.delta)
+        if fresh.status == status.OK:
+            assert solver.gap <= 1e-6 * it.desired**2  # rarely above what counts as proved
+            near = solver.status != status.OK
+            assert solver.beta == pytest.approx(fresh.beta, abs=1e-4 if near else 1e-6)
+            size = 1e-3 if near else 2e-5
+            np.testing.assert_allclose(solver.gains, fresh.gains, rtol=size, atol=size)
