@@ -17,7 +17,10 @@ from remote_controller.solvers.stable_kernels import MAXIMUM, NO_BOUND, NORM
 TIED = 1e-9  # of max|y|: joints as fast as that by this much are among the fastest
 
 
-@kernel("f8(f8[::1], f8[::1], f8[::1], f8[:,::1], f8[::1], f8[::1], i8, f8, i8, f8, b1, f8[::1])")
+@kernel(
+    "UniTuple(f8, 2)(f8[::1], f8[::1], f8[::1], f8[:,::1], f8[::1], f8[::1], i8, f8, i8, f8, b1,"
+    " f8[::1])"
+)
 def residual_kernel(  # noqa: PLR0912 - one branch for each kind and each side
     y: NDArray[np.float64],
     pull: NDArray[np.float64],
@@ -31,8 +34,8 @@ def residual_kernel(  # noqa: PLR0912 - one branch for each kind and each side
     kappa: float,
     equality: bool,
     wanted: NDArray[np.float64],
-) -> float:
-    """How far y is from optimal for its multipliers, computed without any solver.
+) -> tuple[float, float]:
+    """How far y is from optimal for its multipliers, computed without any solver; what it breaks.
 
     With r = pull − rowsᵀ·multipliers, which would be y if there were no bounds and no kink in Φ,
 
@@ -45,7 +48,11 @@ def residual_kernel(  # noqa: PLR0912 - one branch for each kind and each side
     s·y is its target. The residual is the largest deviation from all that, relative to max|y|, or
     to a thousandth of the largest bound where that is more. The deviation of y_i may also be
     relative to a millionth of κ or of the largest multiplier: it is a difference of such numbers.
+    How far y is beyond a bound is no such difference, however large they are.
     inf instead of NaN.
+
+    The second number is by how much y is beyond a bound or a row at the most, whatever the
+    multipliers are; the target is not among them.
 
     Args:
         y: (n,).
@@ -62,11 +69,12 @@ def residual_kernel(  # noqa: PLR0912 - one branch for each kind and each side
         wanted: scratch, (n,).
     """
     n, count = y.size, rows.shape[0]
-    span, widest, worst = largest(y), 0.0, 0.0
+    span, widest, worst, broken = largest(y), 0.0, 0.0, 0.0
     if not (span <= MAX and largest(multipliers) <= MAX and largest(pull) <= MAX):
-        return math.inf
+        return math.inf, math.inf
     for i in range(n):
         wanted[i] = pull[i]
+        broken = max(broken, least[i] - y[i], y[i] - most[i])
         for bound in (least[i], most[i]):
             if abs(bound) < NO_BOUND:
                 widest = max(widest, abs(bound))
@@ -86,10 +94,12 @@ def residual_kernel(  # noqa: PLR0912 - one branch for each kind and each side
                 worst = max(worst, abs(min(multiplier, -miss)))
         elif j > m:
             worst = max(worst, abs(given - most[n + j]))
+            broken = max(broken, abs(given - most[n + j]))
         elif most[n + j] >= NO_BOUND:
             worst = max(worst, abs(multiplier))
         else:
             worst = max(worst, abs(min(multiplier, most[n + j] - given)))
+            broken = max(broken, given - most[n + j])
     surely, perhaps, tied, away = 0.0, 0.0, 0, 0.0
     for i in range(n):
         low, high, r = least[i], most[i], wanted[i]
@@ -108,5 +118,6 @@ def residual_kernel(  # noqa: PLR0912 - one branch for each kind and each side
         short = kappa - perhaps if span > 0.0 else 0.0
         away = max(away, max(short, surely - kappa) / max(tied, 1))
     scale = max(span, 1e-3 * widest, TINY)
-    residual = max(worst / scale, away / max(scale, 1e-6 * max(kappa, largest(multipliers))))
-    return residual if residual <= MAX else math.inf
+    numbers = max(scale, 1e-6 * max(kappa, largest(multipliers)))
+    residual = max(max(worst, broken) / scale, away / numbers)
+    return residual if residual <= MAX else math.inf, broken

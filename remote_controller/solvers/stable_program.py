@@ -22,6 +22,7 @@ SMALL_SQUARES = 1e-6  # weight of ½|u|² beside ℓ1, ℓ∞ and least squares:
 MOST_GAMMA = 1.0 / (1.0 + SMALL_SQUARES)
 NO_BOUND = 1e30
 PROXIMAL_STEPS = 10
+ROUNDING = 1e-9  # of max|y|: how far beyond a limit an answer may be, besides its tolerance
 
 
 class StableProgram:
@@ -111,7 +112,10 @@ class StableProgram:
     def _solve(
         self, gamma: float, tolerance: float, price: float, target: float | None, equality: bool
     ) -> bool:
-        """Solve, and prove the answer for s·y = target, or for the s·y that it has."""
+        """Solve, and prove the answer for s·y = target, or for the s·y that it has.
+
+        False where there is none, or what the solver calls one is beyond a bound or a row.
+        """
         program, rows, n = self._program, self._scaled, self._scaled.n
         f = program.f
         slope, kappa = rows.slope, 0.0
@@ -144,7 +148,7 @@ class StableProgram:
         if target is None:
             proof[rows.used] += price  # the reward stands for part of the equation's multiplier
             target = float(slope @ self.y)
-        self.residual = self._prove(
+        self.residual, broken = self._prove(
             self.y,
             self._pull,
             proof,
@@ -158,7 +162,7 @@ class StableProgram:
             equality,
             self._wanted,
         )
-        return True
+        return bool(broken <= tolerance + ROUNDING * float(np.abs(self.y).max()))
 
     def _settle(self, tolerance: float, x: Array, multipliers: Array) -> tuple[bool, Array, Array]:
         """Proximal steps for max|y|: its square is added around its last value until it stays."""

@@ -64,7 +64,7 @@ CLOSE = 1e-9  # rates, divided by top, that rounding may take for each other
 ATTEMPTS = (
     *((1e-9, 1e-11), (1e-9, 1e-8), (1e-7, 1e-8), (1e-5, 1e-8)),
     *((1e-9, 1e-6), (1e-5, 1e-6), (1e-3, 1e-6)),  # where constraints leave no room at all
-    *((1e-2, 1e-8), (1e-1, 1e-8)),  # where a row is nearly parallel to ∇V
+    *((1e-2, 1e-8), (1e-1, 1e-8), (0.5, 1e-8), (1.0, 1e-8)),  # a row nearly parallel to ∇V
 )
 """How far to stay inside the feasible rates, relative, and daqp's tolerance, in units of W u."""
 DAMPED_TOLERANCES = (1e-13, 1e-11, 1e-8)  # of daqp; the tighter, the better the proof
