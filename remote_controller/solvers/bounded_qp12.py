@@ -32,7 +32,6 @@ class BoundedQp12:
         weights: of the joints, (n,); may be changed between solves.
         kkt_residual: how far the last answer is from optimal, relative and without units; inf
             where an error was raised.
-        clamped: joints of the last answer that were clamped to a limit.
 
     Raises:
         BadProblemError: the weights are not n numbers.
@@ -49,7 +48,7 @@ class BoundedQp12:
         if given.shape != (n,):
             raise BadProblemError(f"weights must have shape ({n},), one for each joint.")
         self.weights[:] = given
-        self.kkt_residual, self.clamped = math.inf, 0
+        self.kkt_residual = math.inf
 
     def solve(
         self,
@@ -77,14 +76,14 @@ class BoundedQp12:
                 1e307.
         """
         try:
-            status, self.clamped, self.kkt_residual = self._kernel(
-                self.n, gradient, decrease, gamma, lower, upper, self._work, out
-            )
+            found = self._kernel(gradient, decrease, gamma, lower, upper, self._work, out)
         except TypeError as error:
-            self.kkt_residual, self.clamped = math.inf, 0
+            self.kkt_residual = math.inf
             raise BadProblemError(f"QP12: wrong type of argument. {KERNEL_ARRAYS}") from error
-        if status:
-            raise _failure(status, self.n, decrease, gamma)
+        if found < 0.0:
+            self.kkt_residual = math.inf
+            raise _failure(int(-found), self.n, decrease, gamma)
+        self.kkt_residual = found
 
 
 def qp12_bounded(

@@ -68,7 +68,7 @@ def test_agrees_with_quadprog() -> None:
         decrease = sign * most(gradient, lower, upper, sign) * rng.choice([0.1, 0.5, 0.9, 0.99])
         solver, u = BoundedQp12(n, w), np.zeros(n)
         solver.solve(gradient, decrease, gamma, lower, upper, u)
-        clamped += solver.clamped > 0
+        clamped += bool(np.any((u != 0.0) & ((u == lower) | (u == upper))))
         assert solver.kkt_residual < 1e-14
         x = quadprog_answer(gradient, decrease, gamma, lower, upper, w)
         if x is not None:
