@@ -148,7 +148,8 @@ class ConicGains(SdpGains):
         super().__init__(sizes, joints, weights=weights, damping=damping, budget=budget)
         self._solve_conic, self._polished, self.polish = SOLVERS[solver], polished, False
         self._polish, self._conclude = sdp_search_kernels.polish, sdp_proof_kernels.conclude
-        self._enough, self._used = sdp_kernels.PROVED, np.zeros(0, np.intp)
+        self._enough, self._fastest = sdp_kernels.PROVED, sdp_kernels.FASTEST
+        self._used = np.zeros(0, np.intp)
 
     def program(
         self, jacobian: Array, errors: Array, dt: float, desired: float, delta: float = DELTA
@@ -160,6 +161,7 @@ class ConicGains(SdpGains):
         self.budget, self.polish = budget, False
         if self.path != BUDGET:
             return None
+        desired = min(desired, self._fastest / dt)
         n, (_, rows, tall, _) = self.n, self._work
         L, S, room = rows[4 + n : 4 + 2 * n], tall[3 + 2 * n : 3 + 3 * n], tall[3 + 3 * n :][:2]
         P, q, A, b, self._used, size = conic(L, S, room, dt * desired, delta)
@@ -172,6 +174,7 @@ class ConicGains(SdpGains):
         program = self.program(jacobian, errors, dt, desired, delta)
         if program is None:
             return self.status
+        desired = min(desired, self._fastest / dt)
         plan, narrow, tall, unknowns = self._work
         n, scaled = self.n, dt * desired
         counts, integers = plan[:4], plan[4 : 4 + 6 * n].reshape(6, n)

@@ -14,7 +14,8 @@ everything else.
 What is certified: that V falls as fast as `beta` says, for constant targets, by the linear model.
 It is local, as the paper has it: how far the model holds depends on |dq| Δt.
 
-* β does not exceed 1/Δt, at which every error vanishes in one step: a larger β̃ is met by 1/Δt.
+* β does not exceed 1/Δt, at which every error vanishes in one step: a larger β̃ is met by 1/Δt, and
+  one above 100/Δt counts as 100/Δt (β differs by less than 1e-8 of it).
 * Where no gains make V fall (β* = 0), and there are such tasks even among independent ones, the
   status is ``STATIONARY``: gains and β are 0, and there is no certificate. Nearly dependent tasks
   have a β near 0: V falls, but need not converge.

@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 PROVED = 1e-9  # of β̃²: a gap up to that proves that the gains are optimal
+FASTEST = 100.0  # of 1/Δt: a larger β̃, the unit of what is computed, counts as this one
 
 
 @inlined
@@ -134,6 +135,7 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     if not fit or unfit(jacobian, errors, rates, weights, speeds):
         _forget(gains, counts)
         return BAD_INPUT, NONE, 0, 0, 0, 0, 0.0, 0.0, 0.0, math.inf
+    desired = min(desired, FASTEST / dt)
     for i in range(n):
         vectors[0, i] = math.sqrt(weights[i])
     task_rank = prioritised(

@@ -1,4 +1,7 @@
-"""What a solver knows of the last two answers shortens the way to the next, and is not in it."""
+"""What a solver knows of the last two answers shortens the way to the next, and is not in it.
+
+Nor is how much more than possible is asked for.
+"""
 
 from __future__ import annotations
 
@@ -41,3 +44,18 @@ def test_along_a_walk_with_jumps_each_answer_is_that_of_a_fresh_solver(seed, kin
             assert solver.beta == pytest.approx(fresh.beta, abs=1e-4 if near else 1e-6)
             size = 1e-3 if near else 2e-5
             np.testing.assert_allclose(solver.gains, fresh.gains, rtol=size, atol=size)
+
+
+@pytest.mark.parametrize("times", [1e3, 1e6, 1e12])
+def test_whatever_more_than_a_step_is_asked_for_a_step_is_what_it_gets(times):
+    """From 100/Δt on it is one problem, near that of 10/Δt: not one of worse and worse numbers."""
+    it = random(5, "")
+    answers = []
+    for each in (10.0, 100.0, times):
+        it.desired = each / it.dt
+        answers.append(it.solved())
+        assert answers[-1].status == status.OK
+    ten, hundred, most = answers
+    assert most.beta == hundred.beta == pytest.approx(ten.beta, rel=1e-4)
+    np.testing.assert_array_equal(most.gains, hundred.gains)
+    assert most.beta * it.dt <= 1.0 + 1e-12

@@ -14,7 +14,7 @@ from remote_controller.solvers.sdp_gains import PATHS, SdpGains
 from tools.bench.gains_problems import MOTIONS, Moment, Walk, stretches, walk
 from tools.bench.timing import SETTLE, Contender, Times, race
 
-OURS, COLD, TICK = "sdp", "sdp, cold", "sdp tick"
+OURS, COLD, TICK, BARE = "sdp", "sdp, cold", "sdp tick", "_bare"
 ALONE = 20
 """Ours is timed once more, alone, so many times as often: peers take milliseconds."""
 
@@ -72,12 +72,12 @@ def missing() -> dict[str, str]:
 
 
 def ratios(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """How many times as long as ours each peer takes."""
+    """How many times as long as ours each peer takes, and its bare solver alone."""
     wanted = ("robot", "n", "joints", "times_sdp", "times_sdp_min")
     return [
         {"peer": row["solver"]} | {name: row[name] for name in wanted}
         for row in rows
-        if row["solver"] in SOLVERS
+        if row["solver"].removesuffix(BARE) in SOLVERS
     ]
 
 
@@ -93,26 +93,32 @@ def _rows(along: Walk, samples: int) -> list[dict[str, Any]]:
     longer = [Contender(OURS, call, to_and_fro), Contender(COLD, anew, to_and_fro)]
     alone = race(longer, ALONE * samples, batches=False)
     some = along.moments[:: max(1, len(along.moments) // COLD_ONES)]
-    told = {
+    kinds = {
         OURS: _told(along, (call(*it) for it in to_and_fro)),
         COLD: _told(along, (anew(*it) for it in some)),
     }
-    rows = [_row(along, name, alone[name], alone[OURS]) | told[name] for name in (OURS, COLD)]
+    rows = [_row(along, name, alone[name], alone[OURS]) | kinds[name] for name in (OURS, COLD)]
     for name in (name for name in SOLVERS if name in installed()):
         calls = max(samples // FEWER.get(name, 1), LEAST)
         blocks = min(BLOCKS, calls)
         apart = stretches(along.moments, blocks, SETTLE + calls // blocks)
-        pair = Contender(OURS, call, apart), Contender(name, SOLVERS[name], along.programs(apart))
-        beside = race(pair, calls, blocks, batches=False)
+        peer = along.solver(ConicGains, solver=name, polished=False)
+        three = (
+            Contender(OURS, call, apart),
+            Contender(name, along.call(peer), apart),
+            Contender(name + BARE, SOLVERS[name], along.programs(apart)),
+        )
+        beside = race(three, calls, blocks, batches=False)
         found, away = _compared(along, name, apart, anew)
         timed = found.reshape(blocks, -1)[:, SETTLE:]
         failures = int(np.count_nonzero(~timed))
         if failures == timed.size:
             continue
-        rows.append(
-            _row(along, name, beside[name], beside[OURS], timed)
-            | {"worst_beta": away, "failures": failures, "problems": timed.size}
-        )
+        told = {"worst_beta": away, "failures": failures, "problems": timed.size}
+        rows += [
+            _row(along, each, beside[each], beside[OURS], timed) | told
+            for each in (name, name + BARE)
+        ]
     return rows
 
 
