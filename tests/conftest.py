@@ -1,4 +1,4 @@
-"""Settings that every test shares: hypothesis without deadlines, reproducible where CI says so."""
+"""What all tests share: settings of hypothesis and numpy, and kernels that are compiled once."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import os
 import pytest
 from hypothesis import HealthCheck, settings
 from kernels_first import compile_all, kernel_modules
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # as `hoap3` does; numpy reads it when imported
 
 settings.register_profile("local", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile(
