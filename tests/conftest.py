@@ -1,7 +1,8 @@
-"""What all tests share: settings of hypothesis and numpy, and kernels that are compiled once."""
+"""What all tests share: settings of hypothesis and numpy, kernels, and garbage spared."""
 
 from __future__ import annotations
 
+import gc
 import os
 
 import pytest
@@ -27,3 +28,9 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     ):
         return
     compile_all(kernel_modules())
+
+
+def pytest_collection_finish() -> None:
+    """Keep the garbage collector from visiting again and again what stays until the end."""
+    gc.collect()
+    gc.freeze()
