@@ -1,12 +1,16 @@
-"""Settings that every test shares: hypothesis without deadlines, reproducible where CI says so."""
+"""What all tests share: settings of hypothesis and numpy, kernels, order, and garbage spared."""
 
 from __future__ import annotations
 
+import gc
 import os
 
 import pytest
 from hypothesis import HealthCheck, settings
 from kernels_first import compile_all, kernel_modules
+from longest_first import place
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # as `hoap3` does; numpy reads it when imported
 
 settings.register_profile("local", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile(
@@ -25,3 +29,19 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     ):
         return
     compile_all(kernel_modules())
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Hand files to workers as they are ordered here, not those with the most tests first."""
+    config.option.loadscopereorder = False
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the longest files, each in one piece."""
+    items.sort(key=lambda item: place(item.nodeid))
+
+
+def pytest_collection_finish() -> None:
+    """Keep the garbage collector from visiting again and again what stays until the end."""
+    gc.collect()
+    gc.freeze()

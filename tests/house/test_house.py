@@ -10,6 +10,7 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
+from longest_first import FIRST
 
 HOUSE = Path(__file__).resolve().parents[2]
 MAY_IMPORT = {
@@ -168,3 +169,8 @@ def test_no_two_helpers_of_the_tests_have_one_name():
     helpers = [path for path in (HOUSE / "tests").rglob("*.py") if path.name != "conftest.py"]
     names = [path.name for path in helpers if path.name != "__init__.py"]
     assert sorted(names) == sorted(set(names))
+
+
+@pytest.mark.parametrize("start", FIRST)
+def test_what_begins_is_there(start):
+    assert (HOUSE / start).exists()
