@@ -84,6 +84,7 @@ def test_the_bench_times_everything_in_turn_and_says_what_sampling_took():
 
 
 def test_the_peers_solve_what_the_controller_solves():
+    """ProxQP ends at a gradient of 1e-9, which the least curvature makes 1e-5 of an answer."""
     law, states = motion("baxter", "tsid", 2.0)
     solver, absent = law.solver, bench.missing()
     effort = np.array(law.description.effort)
@@ -93,7 +94,8 @@ def test_the_peers_solve_what_the_controller_solves():
         solver.solve(*given)
         for name, (_, maker) in PEERS.items():
             if name not in absent:
-                np.testing.assert_allclose(maker()(problem), solver.ddq, atol=1e-6)
+                near = 1e-5 if name == "proxqp" else 1e-6
+                np.testing.assert_allclose(maker()(problem), solver.ddq, atol=near)
 
 
 def test_the_bounds_that_are_timed_are_those_that_hold():
