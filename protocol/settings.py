@@ -236,8 +236,10 @@ def _config_error(
     if error["type"] == "too_short" and isinstance(error["input"], list | tuple):
         least, found = error["ctx"]["min_length"], error["ctx"]["actual_length"]
         outer = _models_at(model, path[:-1])
-        entry = path[-1].removesuffix("s") if path and _models_below(outer, path[-1]) else "entry"
-        problem = f"needs a list of {'one' if least == 1 else least} {entry} or more, has {found}"
+        named = path and path[-1].endswith("s") and _models_below(outer, path[-1])
+        entries = path[-1] if named else "values"
+        wanted = f"one {entries.removesuffix('s')}" if least == 1 else f"{least} {entries}"
+        problem = f"needs a list of {wanted} or more, has {found}"
         return ConfigError(file, key, error["input"], problem, "Add to the list")
     siblings = errors[:MOST_MEMBERS]
     members = [_plain(each["msg"]) for each in siblings if _written(content, each) == path]

@@ -155,6 +155,9 @@ def test_the_residual_is_the_gap_over_the_square_of_what_was_asked(budget):
         command = controller.step(body.state)
         assert command.kkt_residual == min(max(controller.solver.gap / 36.0, 0.0), 1.0)
         assert (command.kkt_residual <= 1e-9) == (budget == 60)
+        assert column(controller, "slack") == controller.solver.slack
+        assert (controller.solver.slack > 1e-3) == (budget == 1)  # as far as gains could do less
+        assert column(controller, "rank") == controller.solver.rank
         assert (command.solver_status == STATUS["certified"]) == (budget == 60)
         body.follow(command.values)
 

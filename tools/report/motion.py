@@ -215,7 +215,7 @@ def _may_doubt(log: Log) -> bool:
 
 
 def _reasons(log: Log, session_id: int) -> dict[str, dict[str, int]]:
-    """Why answers have no certificate, or one of little worth, as far as the controller names it."""
+    """Why answers have no certificate, or little of one, as far as the controller names it."""
     count = CertificateCount(session_id)
     for record in log.records():
         count.add(record)
