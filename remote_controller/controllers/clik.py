@@ -58,7 +58,7 @@ class _Clik(LabelledTasksController):
     rows `gain_NAME`, λ [1/s], with the number of the row if a task has more than one.
     """
 
-    own_conditions = CONDITIONS
+    own_conditions: tuple[str, ...] = CONDITIONS
     solver: ConstantGains | SdpGains
 
     def __init__(

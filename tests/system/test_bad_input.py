@@ -192,6 +192,10 @@ def test_a_config_of_another_robot_says_so(tmp_path: Path) -> None:
     done = inside("run", "--lockstep", "--robot", arm(tmp_path), "--controller", nobody)
     refusal(done, "'arm3' has no such frame")
     assert "another robot" not in done.stderr
+    soul = ("--set", "controller.parameters.frame=r_soul")
+    done = inside("run", "--lockstep", "--robot", "hoap3", "--controller", "qp12", *soul)
+    refusal(done, "'hoap3' has no such frame")
+    assert "another robot" not in done.stderr  # it is the one that the config names
 
 
 def test_a_controller_made_for_another_robot(tmp_path: Path) -> None:
