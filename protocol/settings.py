@@ -6,7 +6,6 @@ The models that both services share stand here; each service adds its own.
 from __future__ import annotations
 
 import difflib
-import types
 import typing
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,6 +19,7 @@ from pydantic_core import ErrorDetails
 from protocol.errors import ConfigError
 
 MAX_CONFIG_BYTES = 1 << 20
+LIKE = 0.5  # the least likeness, of 1, of a key that is suggested
 MOST_MEMBERS = 50  # of a union that are named in one error
 NAME_PATTERN = r"^[a-z][a-z0-9_]{0,31}$"
 RobotName = Annotated[str, Field(pattern=NAME_PATTERN)]
@@ -225,17 +225,38 @@ def _config_error(
     key = ".".join([prefix, *path] if prefix else path)
     if error["type"] == "extra_forbidden":
         known = _keys_at(model, path[:-1])
-        close = difflib.get_close_matches(path[-1], known, n=1, cutoff=0.5)
-        guess = f"Did you mean {close[0]!r}? " if close else ""
+        close = _nearest_key(path[-1], known)
+        guess = f"Did you mean {close!r}? " if close else ""
         remedy = f"{guess}Known keys: {', '.join(sorted(known)) or 'none'}"
         return ConfigError(file, key, error["input"], "unknown key", remedy)
     if error["type"] == "missing":
         return ConfigError(file, key, None, "is missing", "Add it")
     if error["type"] == "union_tag_not_found":
         return ConfigError(file, f"{key}.kind", None, "is missing", "Add it")
+    if error["type"] == "too_short" and isinstance(error["input"], list | tuple):
+        least, found = error["ctx"]["min_length"], error["ctx"]["actual_length"]
+        outer = _models_at(model, path[:-1])
+        named = path and path[-1].endswith("s") and _models_below(outer, path[-1])
+        entries = path[-1] if named else "values"
+        wanted = f"one {entries.removesuffix('s')}" if least == 1 else f"{least} {entries}"
+        problem = f"needs a list of {wanted} or more, has {found}"
+        return ConfigError(file, key, error["input"], problem, "Add to the list")
     siblings = errors[:MOST_MEMBERS]
     members = [_plain(each["msg"]) for each in siblings if _written(content, each) == path]
     return ConfigError(file, key, error["input"], ", or ".join(members), "Change the value")
+
+
+def _nearest_key(given: str, known: Sequence[str]) -> str | None:
+    """The key most like what was given, with or without the words at its end, such as a unit."""
+    words = given.count("_") + 1
+
+    def likeness(key: str) -> float:
+        begin = "_".join(key.split("_")[:words])
+        matches = (difflib.SequenceMatcher(None, given, each).ratio() for each in (key, begin))
+        return max(matches)
+
+    best = max(known, key=likeness, default=None)
+    return best if best is not None and likeness(best) >= LIKE else None
 
 
 def _plain(message: str) -> str:
@@ -259,23 +280,30 @@ def _written(content: Any, error: ErrorDetails) -> list[str]:
 
 def _keys_at(model: type[BaseModel], path: Sequence[str]) -> list[str]:
     """Keys that the model knows at a path inside it."""
+    names = (name for inner in _models_at(model, path) for name in inner.model_fields)
+    return list(dict.fromkeys(names))
+
+
+def _models_at(model: type[BaseModel], path: Sequence[str]) -> list[type[BaseModel]]:
+    """The model, or those that it takes, at a path inside it."""
     here: list[type[BaseModel]] = [model]
     for part in path:
-        here = [
-            inner
-            for outer in here
-            if part in outer.model_fields
-            for inner in _models_in(outer.model_fields[part].annotation)
-        ] or here
-    return [name for inner in here for name in inner.model_fields]
+        here = _models_below(here, part) or here
+    return here
+
+
+def _models_below(models: Sequence[type[BaseModel]], key: str) -> list[type[BaseModel]]:
+    """What models take under a key of theirs."""
+    fields = [model.model_fields[key] for model in models if key in model.model_fields]
+    return [inner for field in fields for inner in _models_in(field.annotation)]
 
 
 def _models_in(annotation: Any) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    if typing.get_origin(annotation) in {typing.Union, types.UnionType, Annotated}:
-        return [model for part in typing.get_args(annotation) for model in _models_in(part)]
-    return []
+    """The models that a field takes, also as entries of a list."""
+    if typing.get_origin(annotation) is None:
+        found = isinstance(annotation, type) and issubclass(annotation, BaseModel)
+        return [annotation] if found else []
+    return [model for part in typing.get_args(annotation) for model in _models_in(part)]
 
 
 def _copy(content: Any) -> Any:

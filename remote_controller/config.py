@@ -85,10 +85,44 @@ def build(config: ControllerConfig, description: RobotDescription, file: str = "
         UnknownNameError, ConfigError: it cannot be found, its parameters are wrong, the robot
             lacks a frame that they name, or the controller cannot be built for it.
     """
-    from remote_controller.registry import blame, find  # noqa: PLC0415
+    from remote_controller.registry import find  # noqa: PLC0415
 
     controller = find(config.controller, file)
     parameters = parse(controller.Parameters, config.parameters, file, "parameters")
+    try:
+        return _configured(controller, parameters, config, description, file)
+    except ConfigError as error:
+        hint = of_another_robot(config, description)
+        if not hint:
+            raise
+        remedy = f"{error.remedy}. {hint}"
+        raise ConfigError(error.file, error.key, error.value, error.problem, remedy) from error
+
+
+def of_another_robot(config: ControllerConfig, description: RobotDescription) -> str:
+    """What to add to an error where a config names another robot than it is used for, else "".
+
+    That alone is no error: robots may be called anything.
+    """
+    given = description.name
+    if "robot" not in config.model_fields_set or config.robot == given:
+        return ""
+    return (
+        f"The config is for another robot: its key `robot` names {config.robot!r}, and {given!r} "
+        f"is given. Take --robot {config.robot}, or a config for {given!r}"
+    )
+
+
+def _configured(
+    controller: Any,
+    parameters: Any,
+    config: ControllerConfig,
+    description: RobotDescription,
+    file: str,
+) -> Any:
+    """The controller; what goes wrong is told as an error of the config."""
+    from remote_controller.registry import blame  # noqa: PLC0415
+
     try:
         return controller.configured(description, parameters, file)
     except FrameNotFoundError as error:

@@ -21,6 +21,7 @@ NAMES = ("certified", "at_target", "uncertified", "infeasible")
 _NAME_OF = {value: name for name, value in STATUS.items()}
 _BEGAN, _ENDED = (Event.schema.constants[f"CONDITION_{end}"] for end in ("BEGAN", "ENDED"))
 _LIMITS = ("slowed", "held by ")  # begins of conditions that name a limit rather than a failure
+_DOUBTS = ("beta below ",)  # begins of those that say how little a certificate is worth
 _MOST = 3  # reasons in the line for people
 
 
@@ -61,7 +62,8 @@ class CertificateCount:
         """Counts by status, `without` certificate, and `reasons`; None where nothing was proved.
 
         `reasons` has for each status without certificate the conditions that held meanwhile, with
-        the number of answers; a status that nobody defined is "unknown".
+        the number of answers, and for each with one only those that say how little it is worth; a
+        status that nobody defined is "unknown".
         """
         counts: Counter[str] = Counter(dict.fromkeys(NAMES, 0))
         reasons: dict[str, Counter[str]] = {}
@@ -70,9 +72,8 @@ class CertificateCount:
                 continue
             name = _NAME_OF.get(status, "unknown")
             counts[name] += n
-            if name not in PROVED:
-                found = reasons.setdefault(name, Counter())
-                found.update(dict.fromkeys(sorted(present), n))
+            held = [each for each in sorted(present) if name not in PROVED or doubts(each)]
+            reasons.setdefault(name, Counter()).update(dict.fromkeys(held, n))
         total = counts.total()
         if not total:
             return None
@@ -95,6 +96,11 @@ class CertificateCount:
         self._present = self._present | name if kind == _BEGAN else self._present - name
 
 
+def doubts(condition: str) -> bool:
+    """Whether a condition deserves a word even where all is certified."""
+    return condition.startswith(_DOUBTS)
+
+
 class CountingRecorder:
     """A recorder that keeps nothing but the count.
 
@@ -113,17 +119,24 @@ class CountingRecorder:
 
 
 def in_a_line(figures: Mapping[str, Any] | None) -> str | None:
-    """`0 of 20 answers certified; 20 infeasible: contradictory`; None where none lacks a proof.
+    """`0 of 20 answers certified; 20 infeasible: contradictory`; None where nothing is to be said.
 
-    Of the reasons those are named that most answers share; that a limit slows the robot is one
-    only where there is no other.
+    That is where every answer is proved, and none of these proofs is worth little. Of the reasons
+    those are named that most answers share; that a limit slows the robot is one only where there
+    is no other.
 
     Args:
         figures: as `CertificateCount.figures` gives them.
     """
-    if not figures or not figures["without"]:
+    if not figures:
         return None
-    parts = [f"{figures['n'] - figures['without']} of {figures['n']} answers certified"]
+    little = Counter[str]()
+    for status in PROVED:
+        little.update(figures["reasons"].get(status, {}))
+    if not figures["without"] and not little:
+        return None
+    proved = f"{figures['n'] - figures['without']} of {figures['n']} answers certified"
+    parts = [", ".join([proved, *(f"{n} with {name}" for name, n in little.most_common(_MOST))])]
     for status in ("uncertified", "infeasible", "unknown"):
         if not figures.get(status):
             continue

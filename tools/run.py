@@ -17,7 +17,7 @@ from typing import Any
 from protocol.errors import Hoap3Error, UsageError
 from protocol.recorder import PatientRecorder, Recorder
 from protocol.settings import RealtimeSettings
-from remote_controller.config import ControllerConfig
+from remote_controller.config import ControllerConfig, of_another_robot
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.service import describe
 from tools.certificate_count import CountingRecorder
@@ -88,6 +88,7 @@ def run_realtime(
     emulator = emulator.model_copy(
         update={"link": emulator.link.model_copy(update=here), "realtime": ours}
     )
+    hint = of_another_robot(controller, description)
     controller = controller.model_copy(
         update={
             "robot": description.name,
@@ -102,6 +103,10 @@ def run_realtime(
         work.start("controller", as_yaml(controller), files[1], folder, None)
         outcome = work.watch(duration)
         outcome.summary |= {"interrupted": outcome.interrupted, "duration_s": duration}
+    except UsageError as error:
+        if hint and work.failed == "controller":
+            raise UsageError(f"{error}. {hint}") from error
+        raise
     finally:
         work.stop()
         if work.refused:
@@ -194,9 +199,11 @@ class _Services:
         self._children: dict[str, subprocess.Popen[bytes]] = {}
         self._selector = selectors.DefaultSelector()
         self._buffers: dict[int, bytes] = {}
+        self._commands: dict[int, str] = {}
         self.said: list[str] = []
         self.summary: dict[str, Any] | None = None
         self.failure: Hoap3Error | None = None
+        self.failed = ""  # the one that failed
         self.finals: dict[str, dict[str, Any]] = {}  # last words of both observers
         self.damage = ""
 
@@ -212,7 +219,7 @@ class _Services:
         self._children[command] = start_service(arguments, config, [writer])
         os.close(writer)
         os.set_blocking(reader, False)
-        self._buffers[reader] = b""
+        self._buffers[reader], self._commands[reader] = b"", command
         self._selector.register(reader, selectors.EVENT_READ)
 
     def watch(self, duration: float) -> Outcome:
@@ -279,15 +286,16 @@ class _Services:
             *lines, rest = (self._buffers[key.fd] + data).split(b"\n")
             self._buffers[key.fd] = rest
             for line in lines:
-                self._hear(json.loads(line))
+                self._hear(json.loads(line), self._commands[key.fd])
         return heard
 
-    def _hear(self, item: dict[str, Any]) -> None:
+    def _hear(self, item: dict[str, Any], command: str) -> None:
         if item["news"] in {"said", "damaged"}:
             self.said.append(item["text"])
             self.damage = item["text"] if item["news"] == "damaged" else self.damage
         elif item["news"] == "failed" and self.failure is None:
             self.failure = (UsageError if item["usage"] else Hoap3Error)(item["text"])
+            self.failed = command
         elif item["news"] == "final":
             self.finals[item["side"]] = item
             self.summary = item.get("summary", self.summary)

@@ -32,6 +32,9 @@ CONDITIONS = (
     "held by limits",
     "target moves",
 )
+LITTLE = 0.1  # of β̃: with less than that V falls, but the lower tasks hardly arrive
+LASTING_S = 0.1  # for which β is as little, before anybody is told
+SLOW = "beta below a tenth of what was asked"
 
 
 class _Clik(LabelledTasksController):
@@ -55,7 +58,7 @@ class _Clik(LabelledTasksController):
     rows `gain_NAME`, λ [1/s], with the number of the row if a task has more than one.
     """
 
-    own_conditions = CONDITIONS
+    own_conditions: tuple[str, ...] = CONDITIONS
     solver: ConstantGains | SdpGains
 
     def __init__(
@@ -178,7 +181,13 @@ class ClikSdpController(_Clik):
     Where no gains have a certificate, all are 0, and the robot does what moving targets feed
     forward, or keeps still. `kkt_residual` is the duality gap over β̃², at most 1; `solver_path` is
     0 none, 1 warm, 2 ipm, 3 budget.
+
+    A further condition holds where β has been below a tenth of β̃ for 0.1 s, and the tasks have not
+    arrived: V may be proved to fall, but the lower tasks will hardly arrive. Since β is 1/T at
+    most, a β̃ beyond that counts as 1/T.
     """
+
+    own_conditions = (*CONDITIONS, SLOW)
 
     Parameters: ClassVar[Any] = settings.SdpParameters
     kernels = ("remote_controller.solvers.sdp_kernels", *LabelledTasksController.kernels)
@@ -189,6 +198,8 @@ class ClikSdpController(_Clik):
     ) -> None:
         super().__init__(description, parameters, file)
         self._desired, self._delta = parameters.beta_per_s, parameters.delta
+        self._little = LITTLE * min(self._desired, 1.0 / description.period_s)
+        self._patience, self._slow = round(LASTING_S / description.period_s), 0
         self.solver = SdpGains(
             self.sizes,
             description.n,
@@ -201,6 +212,15 @@ class ClikSdpController(_Clik):
         """Begin anew, also with the gains."""
         super().reset(state, last_command)
         self.solver.forget()
+        self._slow = 0
+
+    def answer(self, state: State, base: FloatArray, now: float, noted: int) -> None:
+        """Joint velocities, their certificate, and whether β stays low."""
+        super().answer(state, base, now, noted)
+        arrived = self.command.solver_status == STATUS["at_target"]
+        self._slow = self._slow + 1 if self.solver.beta < self._little and not arrived else 0
+        if self._slow > self._patience:
+            self.present |= 1 << len(CONDITIONS)
 
     def solve(self) -> tuple[int, int, float, float]:
         """Find the gains."""

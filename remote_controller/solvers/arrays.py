@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import math
+import operator
+from collections.abc import Iterable, Sequence
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -44,6 +49,62 @@ def number(name: str, value: float) -> float:
         return float(value)
     except (TypeError, ValueError, OverflowError) as error:
         raise BadProblemError(f"{name} must be a real number: {error}.") from error
+
+
+def squarable(name: str, value: float) -> float:
+    """The value as a float that is not negative, and whose square is finite.
+
+    Raises:
+        BadProblemError: it is not.
+    """
+    found = number(name, value)
+    if not (found >= 0.0 and math.isfinite(found * found)):
+        raise BadProblemError(
+            f"{name} must be finite and not negative, and so must its square (found {found}). "
+            "Give 0 for none."
+        )
+    return found
+
+
+def whole(solver: str, name: str, value: Any, meaning: str) -> int:
+    """The value as an int of 1 or more.
+
+    Args:
+        solver, name: who asks for what, for errors.
+        value: what was given.
+        meaning: what it is the number of.
+
+    Raises:
+        BadProblemError: it is no whole number, such as 2.5, 2.0 or True, or less than 1.
+    """
+    try:
+        found = 0 if isinstance(value, bool) else operator.index(value)
+    except TypeError:
+        found = 0
+    if found < 1:
+        raise BadProblemError(
+            f"{solver}: {name} must be a whole number, 1 or more (found {value!r:.60}). Give the "
+            f"number of {meaning} as an int."
+        )
+    return found
+
+
+def sizes_of(solver: str, sizes: Sequence[int]) -> list[int]:
+    """Numbers of rows of the tasks.
+
+    Raises:
+        BadProblemError: there is no task, or a size is no whole number of 1 or more.
+    """
+    given: list[Any] = list(sizes) if isinstance(sizes, Iterable) else []
+    if not given:
+        raise BadProblemError(
+            f"{solver}: sizes must be a list of one task or more (found {sizes!r:.60}). Give each "
+            "task's number of rows, such as [3, 1]."
+        )
+    return [
+        whole(solver, f"sizes[{place}]", size, "rows of the task")
+        for place, size in enumerate(given)
+    ]
 
 
 def positive(solver: str, name: str, value: ArrayLike, rows: int) -> NDArray[np.float64]:

@@ -16,9 +16,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from protocol.errors import BadProblemError
 from remote_controller.solvers import status as codes
-from remote_controller.solvers.arrays import KERNEL_ARRAYS, number, positive
+from remote_controller.solvers.arrays import (
+    KERNEL_ARRAYS,
+    positive,
+    sizes_of,
+    squarable,
+    whole,
+)
 
 Array = NDArray[np.float64]
+
+NAME = "constant gains"
 
 
 class ConstantGains:
@@ -43,7 +51,8 @@ class ConstantGains:
         task_rank: of the stacked Jacobian.
 
     Raises:
-        BadProblemError: no task, a size that is not positive, gains or weights that do not fit.
+        BadProblemError: no task; a size or a number of joints that is no whole number of 1 or more;
+            gains or weights that do not fit; a damping that is negative or not finite.
     """
 
     def __init__(
@@ -57,17 +66,11 @@ class ConstantGains:
     ) -> None:
         from remote_controller.solvers import constant_gains_kernels  # noqa: PLC0415 (compiles)
 
-        if joints < 1 or not sizes or min(sizes) < 1:
-            raise BadProblemError(
-                f"constant gains: give joints, and tasks of one row or more (found {joints} "
-                f"joints, sizes {list(sizes)})."
-            )
+        sizes, joints = sizes_of(NAME, sizes), whole(NAME, "joints", joints, "joints")
         n = self.n = sum(sizes)
-        self.damping = number("damping", damping)
-        self.wanted = positive("constant gains", "wanted", wanted, n)
-        self.weights = positive(
-            "constant gains", "weights", [1] * n if weights is None else weights, n
-        )
+        self.damping = squarable("damping", damping)
+        self.wanted = positive(NAME, "wanted", wanted, n)
+        self.weights = positive(NAME, "weights", [1] * n if weights is None else weights, n)
         self.offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
         self._kernel = constant_gains_kernels.constant_gains_kernel
         self._limits = np.array([np.full(joints, -math.inf), np.full(joints, math.inf)])
@@ -111,7 +114,5 @@ class ConstantGains:
                 self.dq,
             )
         except TypeError as error:
-            raise BadProblemError(
-                f"constant gains: wrong type of argument. {KERNEL_ARRAYS}"
-            ) from error
+            raise BadProblemError(f"{NAME}: wrong type of argument. {KERNEL_ARRAYS}") from error
         return self.status

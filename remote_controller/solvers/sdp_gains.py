@@ -40,13 +40,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from protocol.errors import BadProblemError, SolverError
 from remote_controller.solvers import status as codes
-from remote_controller.solvers.arrays import KERNEL_ARRAYS, array, number, positive
+from remote_controller.solvers.arrays import (
+    KERNEL_ARRAYS,
+    array,
+    number,
+    positive,
+    sizes_of,
+    squarable,
+    whole,
+)
 
 Array = NDArray[np.float64]
 
 PATHS = ("none", "warm", "ipm", "budget")
 NONE, WARM, IPM, BUDGET = range(4)
 DELTA = 5e-5  # of the paper
+NAME = "SDP gains"
+FAR = 1e6  # of 1/Δt: a β̃ beyond is as far, and so far no gap would prove anything
 
 
 class SdpGains:
@@ -83,7 +93,8 @@ class SdpGains:
         newton, inner: iterations that were taken, of Newton's and the interior-point method.
 
     Raises:
-        BadProblemError: no task, a size that is not positive, weights that do not fit.
+        BadProblemError: no task; a size, a number of joints or a budget that is no whole number
+            of 1 or more; weights that do not fit; a damping that is negative or not finite.
     """
 
     def __init__(
@@ -97,15 +108,12 @@ class SdpGains:
     ) -> None:
         from remote_controller.solvers import sdp_kernels  # noqa: PLC0415 (compiles)
 
-        if joints < 1 or not sizes or min(sizes) < 1 or budget < 1:
-            raise BadProblemError(
-                f"SDP gains: give joints, tasks of one row or more and a budget of one iteration "
-                f"or more (found {joints} joints, sizes {list(sizes)}, budget {budget})."
-            )
+        sizes = sizes_of(NAME, sizes)
         n = self.n = sum(sizes)
-        self.joints, self.budget = joints, budget
-        self.damping = number("damping", damping)
-        given = positive("SDP gains", "weights", [1] * n if weights is None else weights, n)
+        self.joints = joints = whole(NAME, "joints", joints, "joints")
+        self.budget = whole(NAME, "budget", budget, "iterations that one solve may take")
+        self.damping = squarable("damping", damping)
+        given = positive(NAME, "weights", [1] * n if weights is None else weights, n)
         self._kernel = sdp_kernels.sdp_gains_kernel
         columns = (math.isqrt(8 * n + 9) - 1) // 2  # of Y: r(r + 1)/2 ≤ n + 1
         unknowns = n + 1 + n * columns + n
@@ -181,7 +189,7 @@ class SdpGains:
             self._still()
             self.forget()
             self.dq[:] = 0.0
-            raise BadProblemError(f"SDP gains: wrong type of argument. {KERNEL_ARRAYS}") from error
+            raise BadProblemError(f"{NAME}: wrong type of argument. {KERNEL_ARRAYS}") from error
         if self.status == codes.BAD_SHAPE:
             self.forget()
             self.dq[:] = 0.0
@@ -217,12 +225,12 @@ def sdp_gains(
         0 where no gains have a certificate.
 
     Raises:
-        BadProblemError: wrong shape, a value that is not finite or outside its range, or an answer
-            that overflows.
+        BadProblemError: wrong shape, a value that is not finite or outside its range, a row of a
+            Jacobian whose squared length overflows, or an answer that does.
     """
     if not len(jacobians) or len(jacobians) != len(errors):
         raise BadProblemError(
-            f"SDP gains: give a Jacobian and errors for each task (found {len(jacobians)} "
+            f"{NAME}: give a Jacobian and errors for each task (found {len(jacobians)} "
             f"and {len(errors)})."
         )
     rows = [array(f"jacobians[{i}]", J, 2) for i, J in enumerate(jacobians)]
@@ -247,23 +255,42 @@ def sdp_gains(
         if limits.shape != (joints,):
             raise BadProblemError(f"{name} has shape {limits.shape}; give it ({joints},).")
         place[:] = limits
+    for i, J in enumerate(rows):
+        _check_lengths(f"jacobians[{i}]", J)
     numbers = [number("dt", dt), number("beta_desired", beta_desired), number("delta", delta)]
+    if numbers[0] > 0.0 and math.isfinite(numbers[1]):
+        numbers[1] = min(numbers[1], FAR / numbers[0])
     status = solver.solve(np.vstack(rows), np.concatenate(targets), *numbers)
     if status in (codes.BAD_INPUT, codes.BAD_SHAPE, codes.OUT_OF_RANGE):
         raise _failure(status, solver, np.vstack(rows), np.concatenate(targets), numbers)
     return solver.gains.copy(), solver.beta
 
 
+def _check_lengths(name: str, jacobian: Array) -> None:
+    """Refuse rows that are too long for floats: nothing would be certified, without a word.
+
+    Raises:
+        BadProblemError: the squared length of a finite row is not finite.
+    """
+    with np.errstate(over="ignore"):
+        lengths = np.einsum("ij,ij->i", jacobian, jacobian)
+    for row in np.flatnonzero(np.isinf(lengths)):
+        longest = np.abs(jacobian[row]).max()
+        if math.isfinite(longest):
+            raise BadProblemError(
+                f"{name}: the squared length of row {row} overflows (found entries up to "
+                f"{longest:.3g}). Check the units."
+            )
+
+
 def _failure(
     status: int, solver: SdpGains, jacobian: Array, errors: Array, numbers: list[float]
 ) -> SolverError:
     if status == codes.OUT_OF_RANGE:
-        return BadProblemError("SDP gains: the answer overflows. Check the units.")
+        return BadProblemError(f"{NAME}: the answer overflows. Check the units.")
     for name, value in zip(("dt", "beta_desired", "delta"), numbers, strict=True):
         if not (value > 0.0 and math.isfinite(value)):
             return BadProblemError(f"{name} must be positive and finite (found {value}).")
-    if not (solver.damping >= 0.0 and math.isfinite(solver.damping)):
-        return BadProblemError(f"damping must be finite and not negative (found {solver.damping}).")
     outside = np.flatnonzero(~((solver.lower <= 0.0) & (solver.upper >= 0.0)))
     if outside.size:
         r = int(outside[0])

@@ -110,7 +110,7 @@ def test_more_than_one_over_the_period_is_met_by_that():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"tasks": []}, ("parameters.tasks", "at least 1 item")),
+        ({"tasks": []}, ("parameters.tasks", "needs a list of one task or more, has 0")),
         ({"bounds": {"speed_rad_s": 0.0}}, ("bounds.speed_rad_s", "greater than 0")),
         ({"bounds": {"speed_rad_s": math.inf}}, ("bounds.speed_rad_s", "finite number")),
         ({"bounds": {"acceleration_rad_s2": 0.0}}, ("acceleration_rad_s2", "greater than 0")),

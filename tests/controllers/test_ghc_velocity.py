@@ -327,7 +327,7 @@ def test_the_shipped_motion_is_what_its_comments_say():
 
 
 BAD = [
-    ({"tasks": []}, "parameters.tasks", "at least 1"),
+    ({"tasks": []}, "parameters.tasks", "a list of one task or more"),
     ({"tasks": [COM, COM]}, "parameters.tasks.1.name", "two tasks have this name"),
     ({"tasks": [{**COM, "task": "comm"}]}, "parameters.tasks.0.task", "comm"),
     ({"tasks": [{**COM, "gain_per_s": 0.0}]}, "parameters.tasks.0.gain_per_s", "greater than 0"),

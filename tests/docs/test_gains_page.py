@@ -12,12 +12,13 @@ from pages import page, table
 
 from protocol.settings import load_yaml
 from remote_controller.config import CONFIGS
-from remote_controller.controllers.clik import CONDITIONS, FIGURES
+from remote_controller.controllers.clik import CONDITIONS, FIGURES, SLOW
 from remote_controller.controllers.controller import STATUS
 from remote_controller.kinematics import Kinematics
 from remote_controller.solvers.sdp_gains import PATHS, SdpGains
 from remote_controller.tasks.registry import TaskSettings, build
 from robot_emulator.robots import load
+from tools.certificate_count import CertificateCount, in_a_line
 from tools.simulate import simulate
 
 PAGE = "gains.md"
@@ -26,7 +27,7 @@ START = {"robot": "ur5", "posture": "outstretched"}
 
 def test_every_condition_column_and_path_is_named():
     text = page(PAGE).replace("\n", " ")
-    for name in (*CONDITIONS, *FIGURES):
+    for name in (*CONDITIONS, SLOW, *FIGURES):
         assert f"`{name}`" in text, name
     for number, name in enumerate(PATHS):
         assert f"{number} `{name}`" in text, name
@@ -85,6 +86,21 @@ def test_bounds_that_are_too_narrow_cost_certificates():
     )
     assert certified(wide) == pytest.approx(0.01 * share, abs=0.01)
     assert certified(narrow) == pytest.approx(0.5, abs=0.1)
+
+
+def test_weights_of_one_are_told_as_the_page_says():
+    n, certified, slow, words = re.search(
+        r"`(\d+) of (\d+) answers certified, (\d+) with ([a-z ]+)`", page(PAGE)
+    ).groups()
+    config = settings("clik_sdp_hoap3")
+    for task in config["parameters"]["tasks"]:
+        task["weight"] = 1.0
+    count = CertificateCount()
+    for record in simulate("hoap3", config, 0.5).records:
+        count.add(record)
+    assert (
+        in_a_line(count.figures()) == f"{n} of {certified} answers certified, {slow} with {words}"
+    )
 
 
 def beta_of(config, robot, q, order=(0, 1, 2), weights=None) -> float:

@@ -18,7 +18,7 @@ WRONG = [
     ([{**HAND, "reference": "link_2"}], "parameters.tasks.0.reference", "joints move it"),
     ([{**HAND, "name": "a b"}], "parameters.tasks.0", "pattern"),
     ([{**HAND, "kind": "positon"}], "parameters.tasks.0", "positon"),
-    ([], "parameters.tasks", "least"),
+    ([], "parameters.tasks", "one task or more"),
     ([{**PRESS, "sensor": "elbow"}], "parameters.tasks.0.sensor", "no wrench sensor"),
     ([{**PRESS, "normal": [0.0, 0.0, 0.0]}], "parameters.tasks.0", "normal"),
     (

@@ -36,6 +36,13 @@ class Limits(Settings):
     upper: float
 
 
+class Stage(Settings):
+    """An entry of a list."""
+
+    beta_per_s: float = 1.0
+    delta: float = 1.0
+
+
 class Service(Settings):
     """One of everything."""
 
@@ -43,6 +50,8 @@ class Service(Settings):
     gains: Gains | None = None
     either: Gains | Limits = Gains()
     table: dict[str, float] = Field(default_factory=dict)
+    stages: tuple[Stage, ...] = Field((Stage(),), min_length=1)
+    axes: tuple[str, ...] = Field(("x", "y"), min_length=2)
     even: int = 0
     link: LinkSettings = LinkSettings()
     realtime: RealtimeSettings = RealtimeSettings()
@@ -90,7 +99,12 @@ def test_what_is_right_is_taken():
         ({"robott": 1}, "robott", 1, "Did you mean 'robot'?"),
         ({"link": {"lease": 5}}, "link.lease", 5, "Did you mean 'lease_ms'?"),
         ({"gains": {"rat": 2}}, "gains.rat", 2, "Did you mean 'rate'?"),
-        ({"zzzzzz": 1}, "zzzzzz", 1, "Known keys: either, even, gains, link, log, realtime"),
+        ({"zzzzzz": 1}, "zzzzzz", 1, "Known keys: axes, either, even, gains, link, log, realtime"),
+        ({"stages": [{"bta": 1}]}, "stages.0.bta", 1, "Did you mean 'beta_per_s'?"),
+        ({"stages": [{"dlta": 1}]}, "stages.0.dlta", 1, "Did you mean 'delta'?"),
+        ({"stages": [{"gain_per_s": 1}]}, "stages.0.gain_per_s", 1, "Did you mean 'beta_per_s'?"),
+        ({"stages": [{"zzz": 1}]}, "stages.0.zzz", 1, "Known keys: beta_per_s, delta"),
+        ({"either": {"zz": 1}}, "either.zz", 1, "Known keys: kind, rate, upper"),
         ({"int": 1}, "int", 1, "Known keys"),
         ({"a[0]": 1}, "a[0]", 1, "Known keys"),
         ({"link": {"float": 1}}, "link.float", 1, "connect, lease_ms, listen, mode"),
@@ -112,6 +126,8 @@ def test_an_unknown_key_like_no_other_gets_no_guess():
     ("content", "key", "value", "problem"),
     [
         ({"robot": 5}, "robot", 5, "should be a valid string"),
+        ({"stages": []}, "stages", [], "needs a list of one stage or more, has 0"),
+        ({"axes": ["x"]}, "axes", ["x"], "needs a list of 2 values or more, has 1"),
         ({"robot": "Arm"}, "robot", "Arm", "should match pattern"),
         ({"gains": 3}, "gains", 3, "should be a valid dictionary"),
         ({"gains": {"rate": "fast"}}, "gains.rate", "fast", "valid number"),

@@ -139,9 +139,9 @@ class TestBadInput:
     @pytest.mark.parametrize(
         ("change", "named"),
         [
-            ({"sizes": ()}, "tasks of one row or more"),
-            ({"sizes": (3, 0)}, "tasks of one row or more"),
-            ({"joints": 0}, "give joints"),
+            ({"sizes": ()}, "sizes must be a list of one task or more"),
+            ({"sizes": (3, 0)}, r"sizes\[1\] must be a whole number, 1 or more"),
+            ({"joints": 0}, "joints must be a whole number, 1 or more"),
             ({"wanted": [1.0, 1.0]}, "wanted must be 4 positive"),
             ({"wanted": [1.0, 1.0, 1.0, 0.0]}, "wanted must be 4 positive"),
             ({"wanted": [1.0, 1.0, 1.0, np.nan]}, "wanted must be 4 positive"),

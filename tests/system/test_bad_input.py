@@ -173,6 +173,31 @@ def test_a_robot_without_the_frame_of_the_task(tmp_path: Path) -> None:
     apart.assert_no_orphan()
 
 
+def test_a_config_of_another_robot_says_so(tmp_path: Path) -> None:
+    command = ("--robot", "hoap3", "--controller", "clik_sdp_ur5", "--duration", "1")
+    words = (
+        "parameters.tasks.0.parameters.frame: robot 'hoap3' has no such frame (found 'tool0')",
+        "The config is for another robot: its key `robot` names 'ur5', and 'hoap3' is given.",
+        "Take --robot ur5, or a config for 'hoap3'",
+    )
+    refusal(inside("run", "--lockstep", *command), *words)
+    refusal(inside("config", "check", "clik_sdp_ur5", "--robot", "hoap3"), *words)
+    apart = hoap3("run", *command, "--out", tmp_path / "run")
+    refusal(Done(apart.end(), apart.stdout, apart.stderr), *words)
+    apart.assert_no_orphan()
+    nobody = written(
+        tmp_path,
+        "controller: qp12\nparameters: {frame: r_soul}\n",  # names no robot: any will do
+    )
+    done = inside("run", "--lockstep", "--robot", arm(tmp_path), "--controller", nobody)
+    refusal(done, "'arm3' has no such frame")
+    assert "another robot" not in done.stderr
+    soul = ("--set", "controller.parameters.frame=r_soul")
+    done = inside("run", "--lockstep", "--robot", "hoap3", "--controller", "qp12", *soul)
+    refusal(done, "'hoap3' has no such frame")
+    assert "another robot" not in done.stderr  # it is the one that the config names
+
+
 def test_a_controller_made_for_another_robot(tmp_path: Path) -> None:
     written(
         tmp_path,

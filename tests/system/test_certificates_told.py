@@ -47,6 +47,33 @@ def test_the_report_says_the_same_in_its_terminal_and_in_json(run: Done, folder:
     assert {name: figures[name] for name in counted} == counted
 
 
+def test_certificates_that_are_worth_little_are_told_though_every_answer_has_one(
+    tmp_path: Path,
+) -> None:
+    flat = (f"controller.parameters.tasks.{place}.weight=1" for place in range(3))
+    weights = [word for each in flat for word in ("--set", each)]
+    slow = (*("--robot", "hoap3", "--controller", "clik_sdp_hoap3"), *weights)
+    words = "beta below a tenth of what was asked"
+    line = f"200 of 200 answers certified, 100 with {words}"
+    folder = tmp_path / "run"
+    run = lockstep(*slow, "--out", folder)
+    assert run.code == 0
+    assert f"certificates  {line}" in run.stderr
+    told = inside("report", folder)
+    assert f"certificates: {line}" in told.stderr.splitlines()
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    assert f"In 100 of 200 answers a certificate says little: {words}." in text
+    assert f"{words} 100" in text  # in the table of certificates
+    found = inside("report", folder, "--json").json()
+    assert found["certificates"]["reasons"] == {"certified": {words: 100}}
+    (condition,) = (each for each in found["conditions"] if each["condition"] == words)
+    assert (condition["ticks"], condition["longest"], condition["times"]) == (100, 100, 1)
+    again = lockstep(*slow, "--json", "--set", "emulator.log.record=false").json()
+    assert again["certificates"]["reasons"] == {"certified": {words: 100}}
+    with_weights = lockstep(*slow[:4], "--out", tmp_path / "other")
+    assert "answers certified" not in with_weights.stderr
+
+
 def test_a_proved_run_has_the_counts_and_no_line(tmp_path: Path) -> None:
     command = lockstep("--out", tmp_path / "run")
     assert "certificates" not in command.stderr

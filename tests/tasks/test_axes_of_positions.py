@@ -34,7 +34,8 @@ def test_a_task_of_some_axes_has_those_rows_of_the_whole(axes, rows):
 
 
 @pytest.mark.parametrize(
-    ("axes", "word"), [([], "at least 1"), (["x", "x"], "each axis once"), (["w"], "'x', 'y'")]
+    ("axes", "word"),
+    [([], "one value or more"), (["x", "x"], "each axis once"), (["w"], "'x', 'y'")],
 )
 def test_axes_that_say_nothing_are_refused(axes, word):
     settings = TaskSettings(

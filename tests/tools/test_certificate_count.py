@@ -15,7 +15,7 @@ from tools.statistics import RunStatistics
 
 CERTIFIED, AT_TARGET, UNCERTIFIED, INFEASIBLE, NONE = range(5)
 STATUSES = ["certified", "at_target", "uncertified", "infeasible"]
-NAMES = ("slowed", "contradictory", "behind")
+NAMES = ("slowed", "contradictory", "behind", "beta below a tenth of what was asked")
 EVENTS = Event.schema.constants
 MS = 1_000_000
 
@@ -105,6 +105,18 @@ def test_people_read_one_line(present, words):
     records = [session(), *(condition(place, True) for place in sorted(present))]
     found = figures(*records, answer(CERTIFIED), answer(INFEASIBLE), answer(INFEASIBLE))
     assert in_a_line(found) == f"1 of 3 answers certified; 2 infeasible{words}"
+
+
+def test_of_proofs_that_are_worth_little_there_is_a_word_even_where_all_is_proved():
+    records = [session(), condition(0, True), condition(3, True), answer(CERTIFIED)]
+    records += [answer(CERTIFIED), answer(AT_TARGET), condition(3, False), answer(CERTIFIED)]
+    found = figures(*records)
+    assert found["reasons"] == {"certified": {NAMES[3]: 2}, "at_target": {NAMES[3]: 1}}
+    assert found["without"] == 0
+    assert in_a_line(found) == f"4 of 4 answers certified, 3 with {NAMES[3]}"
+    found = figures(*records, condition(2, True), answer(UNCERTIFIED))
+    line = f"4 of 5 answers certified, 3 with {NAMES[3]}; 1 uncertified: slowed, behind"
+    assert in_a_line(found) == line.replace("slowed, ", "")
 
 
 def test_where_all_is_proved_there_is_nothing_to_say():

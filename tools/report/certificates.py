@@ -51,8 +51,8 @@ class Certificates:
         rho: (k,), ρ.
         margin: (k,), smallest true margin, in the unit of its constraint.
         duration_s: of the motion.
-        reasons: by status, conditions that held during answers without certificate, and during
-            how many; as `tools.certificate_count` has them.
+        reasons: by status, conditions that held during answers without certificate, or that say
+            how little one is worth, and during how many; as `tools.certificate_count` has them.
     """
 
     tick: NDArray[np.uint64]
@@ -103,16 +103,21 @@ class Certificates:
     @property
     def gaps(self) -> list[str]:
         """What the head of the page has to say of it."""
+        little = {name: n for status in PROVED for name, n in self.reasons.get(status, {}).items()}
+        said = [
+            f"In {count(n)} of {count(self.n)} answers a certificate says little: {name}."
+            for name, n in little.items()
+        ]
         longest = self.longest
         if longest is None:
-            return []
+            return said
         first, seconds = self.stretches[0], f"{longest.begin_s:.3f}".replace("-", "−")
-        said = (
+        without = (
             f"{count(self.without)} of {count(self.n)} answers came without a certificate, the "
             f"first at tick {first.tick}; the longest stretch has {count(longest.answers)}, from "
             f"{seconds} s on. What V and the constraints do there, nobody has proved."
         )
-        return [said]
+        return [without, *said]
 
     def as_json(self) -> dict[str, Any]:
         """Counts, first and longest stretch, least ρ and margin, as `--json` prints them."""

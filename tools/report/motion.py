@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from protocol.description import RobotDescription
 from protocol.errors import DescriptionError, LogError
 from protocol.messages import FloatArray, Setpoint, State
-from tools.certificate_count import PROVED, STATUS, CertificateCount
+from tools.certificate_count import PROVED, STATUS, CertificateCount, doubts
 from tools.log import Log
 from tools.report.certificates import Certificates
 from tools.report.sources import Sources
@@ -134,8 +134,9 @@ def read_motion(sources: Sources) -> Motion | None:
     duration_s = (int(active["stamp_intended"][-1]) - start) / 1e9 + description.period_s
     certificates = _certificates(rows[proved], answers[proved], start, duration_s)
     session_id = int(active["session_id"][0])
-    if certificates and certificates.without and sources.controller is not None:
-        reasons = _reasons(sources.controller, session_id)
+    theirs = sources.controller
+    if certificates and theirs is not None and (certificates.without or _may_doubt(theirs)):
+        reasons = _reasons(theirs, session_id)
         certificates = replace(certificates, reasons=reasons)
     gaps += certificates.gaps if certificates else []
     sole = _sole(description, frame)
@@ -208,8 +209,13 @@ def _certificates(states: Any, answers: Any, start: int, duration_s: float) -> C
     )
 
 
+def _may_doubt(log: Log) -> bool:
+    """Whether the controller has a condition that says how little a certificate is worth."""
+    return any(doubts(name) for name in log.names("conditions"))
+
+
 def _reasons(log: Log, session_id: int) -> dict[str, dict[str, int]]:
-    """Why answers have no certificate, as far as the controller names it."""
+    """Why answers have no certificate, or little of one, as far as the controller names it."""
     count = CertificateCount(session_id)
     for record in log.records():
         count.add(record)

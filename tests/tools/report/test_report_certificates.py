@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from html_page import Page
@@ -71,6 +73,13 @@ def test_the_head_says_it_twice(shown):
     assert "first at 0.050 s, longest stretch 40" in tile
     said = shown.root.all("div", "gaps")[0].text()
     assert "43 of 400 answers came without a certificate, the first at tick 50" in said
+
+
+def test_certificates_that_are_worth_little_are_told_beside_those_that_are_missing(content):
+    reasons = {"certified": {"beta below": 7}, "infeasible": {"contradictory": 40}}
+    gaps = replace(content.motion.certificates, reasons=reasons).gaps
+    assert "43 of 400 answers came without a certificate" in gaps[0]
+    assert gaps[1:] == ["In 7 of 400 answers a certificate says little: beta below."]
 
 
 def test_the_section_counts_by_status(shown):
