@@ -56,7 +56,6 @@ PATHS = ("none", "warm", "ipm", "budget")
 NONE, WARM, IPM, BUDGET = range(4)
 DELTA = 5e-5  # of the paper
 NAME = "SDP gains"
-FAR = 1e6  # of 1/Δt: a β̃ beyond is as far, and so far no gap would prove anything
 
 
 class SdpGains:
@@ -258,8 +257,6 @@ def sdp_gains(
     for i, J in enumerate(rows):
         _check_lengths(f"jacobians[{i}]", J)
     numbers = [number("dt", dt), number("beta_desired", beta_desired), number("delta", delta)]
-    if numbers[0] > 0.0 and math.isfinite(numbers[1]):
-        numbers[1] = min(numbers[1], FAR / numbers[0])
     status = solver.solve(np.vstack(rows), np.concatenate(targets), *numbers)
     if status in (codes.BAD_INPUT, codes.BAD_SHAPE, codes.OUT_OF_RANGE):
         raise _failure(status, solver, np.vstack(rows), np.concatenate(targets), numbers)
