@@ -14,6 +14,7 @@ from protocol.compilation import kernel
 from remote_controller.solvers.scaling_kernels import MAX, TINY, largest
 from remote_controller.solvers.stable_kernels import MAXIMUM, NO_BOUND, NORM
 
+ROUNDING = 1e-9  # of max|y|: what is beyond a limit by so little is not
 TIED = 1e-9  # of max|y|: joints as fast as that by this much are among the fastest
 
 
@@ -51,8 +52,8 @@ def residual_kernel(  # noqa: PLR0912 - one branch for each kind and each side
     How far y is beyond a bound is no such difference, however large they are.
     inf instead of NaN.
 
-    The second number is by how much y is beyond a bound or a row at the most, whatever the
-    multipliers are; the target is not among them.
+    The second number is by how much y is beyond a bound or a row at the most, less 1e-9 of max|y|,
+    whatever the multipliers are; the target is not among them.
 
     Args:
         y: (n,).
@@ -120,4 +121,4 @@ def residual_kernel(  # noqa: PLR0912 - one branch for each kind and each side
     scale = max(span, 1e-3 * widest, TINY)
     numbers = max(scale, 1e-6 * max(kappa, largest(multipliers)))
     residual = max(max(worst, broken) / scale, away / numbers)
-    return residual if residual <= MAX else math.inf, broken
+    return residual if residual <= MAX else math.inf, broken - ROUNDING * span

@@ -22,7 +22,6 @@ SMALL_SQUARES = 1e-6  # weight of ½|u|² beside ℓ1, ℓ∞ and least squares:
 MOST_GAMMA = 1.0 / (1.0 + SMALL_SQUARES)
 NO_BOUND = 1e30
 PROXIMAL_STEPS = 10
-ROUNDING = 1e-9  # of max|y|: how far beyond a limit an answer may be, besides its tolerance
 
 
 class StableProgram:
@@ -162,7 +161,7 @@ class StableProgram:
             equality,
             self._wanted,
         )
-        return bool(broken <= tolerance + ROUNDING * float(np.abs(self.y).max()))
+        return broken <= tolerance
 
     def _settle(self, tolerance: float, x: Array, multipliers: Array) -> tuple[bool, Array, Array]:
         """Proximal steps for max|y|: its square is added around its last value until it stays."""
