@@ -197,7 +197,10 @@ class ClikSdpController(_Clik):
         self, description: RobotDescription, parameters: Any, file: str = "config"
     ) -> None:
         super().__init__(description, parameters, file)
-        self._desired, self._delta = parameters.beta_per_s, parameters.delta
+        from remote_controller.solvers.sdp_kernels import FASTEST  # noqa: PLC0415 - compiles
+
+        self._desired = min(parameters.beta_per_s, FASTEST / description.period_s)
+        self._delta = parameters.delta
         self._little = LITTLE * min(self._desired, 1.0 / description.period_s)
         self._patience, self._slow = round(LASTING_S / description.period_s), 0
         self.solver = SdpGains(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -95,7 +95,10 @@ def sizes_of(solver: str, sizes: Sequence[int]) -> list[int]:
     Raises:
         BadProblemError: there is no task, or a size is no whole number of 1 or more.
     """
-    given: list[Any] = list(sizes) if isinstance(sizes, Iterable) else []
+    try:
+        given: list[Any] = list(sizes)
+    except TypeError:  # not a list of anything
+        given = []
     if not given:
         raise BadProblemError(
             f"{solver}: sizes must be a list of one task or more (found {sizes!r:.60}). Give each "

@@ -53,7 +53,7 @@ def residual_kernel(  # noqa: PLR0912 - one branch for each kind and each side
     inf instead of NaN.
 
     The second number is by how much y is beyond a bound or a row at the most, less 1e-9 of max|y|,
-    whatever the multipliers are; the target is not among them.
+    whatever the multipliers are, if they are finite; the target is not among the rows.
 
     Args:
         y: (n,).

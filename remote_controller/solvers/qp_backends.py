@@ -24,6 +24,8 @@ Answer: TypeAlias = tuple[bool, Array, Array]
 Backend: TypeAlias = Callable[[float], Answer]
 
 EQUATION = 5  # daqp's word for it
+ENDS = {"daqp": 0.0, "osqp": 1e-7, "proxqp": 1e-9, "piqp": 1e-10}
+"""Each one's tolerance at the least: splitting and interior-point methods end near the optimum."""
 
 
 @dataclass
@@ -91,8 +93,8 @@ def osqp(program: Program) -> Backend:
             l=np.where(program.least <= -1e30, -np.inf, program.least),
             u=np.where(program.most >= 1e30, np.inf, program.most),
             verbose=False,
-            eps_abs=max(tolerance, 1e-7),
-            eps_rel=max(tolerance, 1e-7),
+            eps_abs=max(tolerance, ENDS["osqp"]),
+            eps_rel=max(tolerance, ENDS["osqp"]),
             polishing=True,
             max_iter=20_000,
         )
@@ -114,7 +116,7 @@ def proxqp(program: Program) -> Backend:
         equal = program.sense[variables:] == EQUATION
         least, most = program.least, program.most
         model: Any = library.dense.QP(variables, int(equal.sum()), int((~equal).sum()), True)
-        model.settings.eps_abs, model.settings.eps_rel = max(tolerance, 1e-9), 0.0
+        model.settings.eps_abs, model.settings.eps_rel = max(tolerance, ENDS["proxqp"]), 0.0
         model.init(
             program.H,
             program.f,
@@ -146,7 +148,7 @@ def piqp(program: Program) -> Backend:
         least = np.where(program.least <= -1e30, -np.inf, program.least)
         most = np.where(program.most >= 1e30, np.inf, program.most)
         model: Any = library.DenseSolver()
-        model.settings.eps_abs, model.settings.eps_rel = max(tolerance, 1e-10), 0.0
+        model.settings.eps_abs, model.settings.eps_rel = max(tolerance, ENDS["piqp"]), 0.0
         model.setup(
             program.H,
             program.f,

@@ -14,8 +14,8 @@ everything else.
 What is certified: that V falls as fast as `beta` says, for constant targets, by the linear model.
 It is local, as the paper has it: how far the model holds depends on |dq| Δt.
 
-* β does not exceed 1/Δt, at which every error vanishes in one step: a larger β̃ is met by 1/Δt, and
-  one above 100/Δt counts as 100/Δt (β differs by less than 1e-8 of it).
+* β does not exceed 1/Δt, at which every error vanishes in one step: a larger β̃ is met by 1/Δt. One
+  above 100/Δt counts as 100/Δt, also in the objective.
 * Where no gains make V fall (β* = 0), and there are such tasks even among independent ones, the
   status is ``STATIONARY``: gains and β are 0, and there is no certificate. Nearly dependent tasks
   have a β near 0: V falls, but need not converge.
@@ -85,8 +85,8 @@ class SdpGains:
         slack: λ_min(C) [1/s] of the matrix inequality for the β of the program, which is active at
             the optimum: 0 but for rounding.
         margin: how near a joint comes to its limit [rad/s].
-        gap: the objective is at most this much above its optimum [1/s²], by duality; so β is at
-            most its root from the optimal one.
+        gap: the objective, with β̃ as it counts, is at most this much above its optimum [1/s²], by
+            duality; so β is at most its root from the optimal one.
         rank: of the multiplier of the matrix inequality, 0 where it is not known.
         task_rank: of the stacked Jacobian.
         newton, inner: iterations that were taken, of Newton's and the interior-point method.

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocol.errors import BadProblemError
-from remote_controller.solvers.qp_backends import EQUATION, Program, backend
+from remote_controller.solvers.qp_backends import ENDS, EQUATION, Program, backend
 from remote_controller.solvers.steepest import Steepest
 
 Array = NDArray[np.float64]
@@ -22,6 +22,7 @@ SMALL_SQUARES = 1e-6  # weight of ½|u|² beside ℓ1, ℓ∞ and least squares:
 MOST_GAMMA = 1.0 / (1.0 + SMALL_SQUARES)
 NO_BOUND = 1e30
 PROXIMAL_STEPS = 10
+BEYOND = 10.0  # of a solver's own end: as far beyond a limit an answer may be
 
 
 class StableProgram:
@@ -47,7 +48,7 @@ class StableProgram:
         self._prove = proof_kernels.residual_kernel
         self._kind, self._scaled, self._equality = kind, scaled, equality
         self._program = _program(kind, scaled)
-        self._attempt = backend(solver, self._program)
+        self._attempt, self._end = backend(solver, self._program), BEYOND * ENDS[solver]
         self._pull, self._wanted = np.zeros(scaled.n), np.zeros(scaled.n)
         self.y, self.residual, self._held = np.zeros(scaled.n), math.inf, 0.0
 
@@ -161,7 +162,7 @@ class StableProgram:
             equality,
             self._wanted,
         )
-        return broken <= tolerance
+        return broken <= max(tolerance, self._end)
 
     def _settle(self, tolerance: float, x: Array, multipliers: Array) -> tuple[bool, Array, Array]:
         """Proximal steps for max|y|: its square is added around its last value until it stays."""
