@@ -135,7 +135,10 @@ def test_every_picture_has_a_function_that_draws_it(studio):
 
 
 def differences(drawing, old, new):
-    """Curves that differ between two files, by their ids."""
+    """Curves that differ between two files, by their ids [points; pictures are 100 to 200 high].
+
+    Processors round differently, and cusps and chatter show it: 0.6 and a sixth were seen.
+    """
     committed, made = drawing.data(old), drawing.data(new)
     assert committed.keys() == made.keys()
     assert committed
@@ -143,9 +146,9 @@ def differences(drawing, old, new):
     for name, points in committed.items():
         if name.startswith("rough"):  # chatter: only the space that it takes is compared
             spans = [np.ptp(each, axis=0) for each in (points, made[name])]
-            same = np.allclose(*spans, rtol=0.1, atol=2.0)
+            same = np.allclose(*spans, rtol=0.2, atol=2.0)
         else:
-            same = points.shape == made[name].shape and np.allclose(points, made[name], atol=0.5)
+            same = points.shape == made[name].shape and np.allclose(points, made[name], atol=0.75)
         if not same:
             found.append(name)
     return found

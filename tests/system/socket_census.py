@@ -16,7 +16,8 @@ TABLES = ("tcp", "tcp6", "udp", "udp6")
 
 def addresses(pid: int) -> set[str]:
     """Addresses on which a process listens (TCP), or could be sent to (UDP)."""
-    handles = {_read(handle.readlink) for handle in _read(Path(f"/proc/{pid}/fd").iterdir) or ()}
+    open_now = _read(lambda: list(Path(f"/proc/{pid}/fd").iterdir())) or ()
+    handles = {_read(handle.readlink) for handle in open_now}
     found = set()
     for name in TABLES:
         for row in (_read(Path(f"/proc/{pid}/net/{name}").read_text) or "").splitlines()[1:]:
