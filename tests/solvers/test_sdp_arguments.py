@@ -119,7 +119,7 @@ def test_the_function_passes_on_what_it_is_given():
         assert np.abs(other - gains).max() > 1e-6, name
 
 
-def test_after_a_wrong_type_nothing_of_an_answer_is_left():
+def test_after_wrong_arrays_nothing_of_an_answer_is_left():
     it = ur5(0)
     solver = it.solved()
     assert solver.beta > 0.0
