@@ -85,7 +85,7 @@ def build(config: ControllerConfig, description: RobotDescription, file: str = "
         UnknownNameError, ConfigError: it cannot be found, its parameters are wrong, the robot
             lacks a frame that they name, or the controller cannot be built for it.
     """
-    from remote_controller.registry import find  # noqa: PLC0415
+    from remote_controller.registry import find  # noqa: PLC0415 - loads controllers' base
 
     controller = find(config.controller, file)
     parameters = parse(controller.Parameters, config.parameters, file, "parameters")
@@ -121,7 +121,7 @@ def _configured(
     file: str,
 ) -> Any:
     """The controller; what goes wrong is told as an error of the config."""
-    from remote_controller.registry import blame  # noqa: PLC0415
+    from remote_controller.registry import blame  # noqa: PLC0415 - loads controllers' base
 
     try:
         return controller.configured(description, parameters, file)
@@ -151,7 +151,7 @@ def _configured(
 
 def check_parameters(config: ControllerConfig, file: str) -> None:
     """Refuse a controller or parameters that are wrong for any robot."""
-    from remote_controller.registry import find  # noqa: PLC0415
+    from remote_controller.registry import find  # noqa: PLC0415 - loads controllers' base
 
     controller = find(config.controller, file)
     controller.check(parse(controller.Parameters, config.parameters, file, "parameters"), file)

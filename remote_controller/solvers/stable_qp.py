@@ -18,6 +18,7 @@ solve. The way to the answer, cheapest first:
    parallel to ∇V, it is none, and ρ goes further below ρ*, by a tenth at most. If that does not
    help, as with ℓ1, whose numbers are far apart, the even optimum of the largest ρ stands for the
    one that is asked for, without a proof: where hardly anything is feasible, they are alike.
+   Up to 20 QPs are tried then: with ℓ1 and the largest ρ, 1 to 2 ms, longer than a period of 1 kHz.
 
 Each answer comes with a KKT residual that is computed from the multipliers, not by the solver. It
 proves u for the ρ that V̇ has; for a damped ρ also that no other is worth its speed; and for
