@@ -212,6 +212,7 @@ def bias_and_inertia(
     "Tuple((i8, i8))(f8[:,::1], i8[::1], b1[::1], f8[::1], f8[:,::1], b1, f8[:,::1], f8[:,::1],"
     " f8[:,:,:,::1])",
     nogil=True,
+    allocates=True,
 )
 def sample(
     links: FloatArray,
@@ -267,6 +268,7 @@ def sample(
 @kernel(
     "f8(f8[:,::1], i8[::1], b1[::1], f8[::1], f8[:,::1], i8, b1, f8[::1], f8[::1])",
     nogil=True,
+    allocates=True,
 )
 def polish(
     links: FloatArray,

@@ -95,7 +95,7 @@ def contact_rows(
                 rows_out[c, r, i] = axes[c, r, 0] * vx + axes[c, r, 1] * vy + axes[c, r, 2] * vz
 
 
-@kernel("void(f8[:,:,::1], f8[::1], f8[:,::1], f8[::1], f8, f8[:,::1], f8[::1])")
+@kernel("void(f8[:,:,::1], f8[::1], f8[:,::1], f8[::1], f8, f8[:,::1], f8[::1])", allocates=True)
 def react(
     rows: FloatArray,
     depths: FloatArray,
@@ -235,7 +235,8 @@ def _settle(
 
 @kernel(
     "void(f8[:,:], i8[::1], f8[:,:,::1], f8[::1], f8[:,::1], f8[::1], f8,"
-    " f8[:,::1], f8[:,:,::1], f8[:,:,:,::1], f8[:,::1], f8[::1])"
+    " f8[:,::1], f8[:,:,::1], f8[:,:,:,::1], f8[:,::1], f8[::1])",
+    allocates=True,
 )
 def push(
     mass: FloatArray,
@@ -289,7 +290,8 @@ def push(
 
 @kernel(
     "void(f8[:,:,::1], i8[::1], f8[:,:,::1], b1[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1], f8,"
-    " f8[::1])"
+    " f8[::1])",
+    allocates=True,
 )
 def sense(
     places: FloatArray,

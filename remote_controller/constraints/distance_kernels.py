@@ -214,7 +214,8 @@ def _measure(
 @kernel(
     "Tuple((f8, i8, i8, i8))(f8[:,:], f8[:,:,:], f8[:,:], i8[::1], i8[::1], f8[:,::1],"
     " f8[:,:,::1], f8[:,::1], f8[::1], f8[::1], i8[:,::1], f8[:,::1], f8[::1], f8[::1],"
-    " f8[:,::1], f8[::1])"
+    " f8[:,::1], f8[::1])",
+    allocates=True,
 )
 def distance_rows(
     origins: FloatArray,

@@ -207,6 +207,7 @@ def active_set(  # noqa: PLR0912 - one loop inside the other, as in the paper
     "Tuple((i8, i8))(f8[:,::1], f8[::1], f8[:,::1], f8[::1], f8[::1], f8[:,::1], f8[:,::1],"
     " f8[::1], f8[::1])",
     superwords=True,
+    allocates=True,
 )
 def bounded_values_kernel(
     H: Array,

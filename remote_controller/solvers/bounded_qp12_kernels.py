@@ -10,8 +10,9 @@ QP12 is solved for the free joints; those beyond their limit are clamped to it, 
 is taken off the decrease, and the rest is solved again. A clamped joint delivers less than it
 would have, so the multiplier of the equation can only rise: no clamp is ever taken back, and the
 set is exact after at most n rounds. Where the multiplier is is guessed first, by Newton's method on
-what all joints deliver together, so that one round is nearly always enough; what is clamped for
-a guess is beyond its limit by more than rounding, so guessing costs no digit.
+what all joints deliver together. Who moves at the guess nearly always moves at the answer, which
+then takes no round at all but one exact sum over them, and a check of every joint. What is clamped
+for a guess is beyond its limit by more than rounding, so guessing costs no digit.
 
 As a joint moves only down the gradient (Lemma 4; up for a negative decrease), only one of its
 limits counts. The most that the bounds allow is Σ |gradient_i|·limit_i, the closed form of (7).
@@ -38,6 +39,7 @@ TRIALS = 16  # of the search for the multiplier
 SETTLED = 1e-12  # of the decrease: by so little too little, it is found
 SHORT = 0.5 * SETTLED  # of the decrease: what is aimed at lies below it, for certain
 CERTAIN = 1e-14  # relative: more than rounding
+LARGE = 1e100  # what lies between this and its inverse is squared without a second thought
 ROUNDING = 1e-15  # a decrease beyond the largest possible one by n times this is still that one
 
 
@@ -118,15 +120,17 @@ def _clamp(
     demand: float,
     gamma: float,
     out: NDArray[np.float64],
-) -> tuple[float, int]:
+    step: NDArray[np.float64],
+) -> tuple[float, int, bool]:
     """Clamp joints that are beyond their limit for certain; what is left to deliver, and how many.
 
-    Their a becomes 0, and their u, in the signs of a positive decrease, is written.
+    Their a becomes 0, and their u, in the signs of a positive decrease, is written. The third value
+    says that `step` is the answer for the others.
     """
     kappa, rest, clamped = gamma / (1.0 - gamma), demand, 0
     guess = _multiplier(a, limit, demand, kappa)
     if not guess * demand <= MAX:
-        return rest, clamped
+        return rest, clamped, False
     for i in range(a.size):
         x = abs(a[i]) * guess
         certain = x - kappa > limit[i] + CERTAIN * (x + kappa)
@@ -134,7 +138,39 @@ def _clamp(
         out[i] = math.copysign(limit[i], -a[i]) if certain else 0.0
         a[i] = 0.0 if certain else a[i]
         clamped += certain
-    return max(rest, 0.0), clamped
+    rest = max(rest, 0.0)
+    return rest, clamped, _share(a, limit, rest, kappa, guess, step)
+
+
+@inlined
+def _share(
+    a: NDArray[np.float64],
+    limit: NDArray[np.float64],
+    rest: float,
+    kappa: float,
+    guess: float,
+    step: NDArray[np.float64],
+) -> bool:
+    """Write QP12's answer for what is left, if those move that do at the guess; whether they do.
+
+    The formula and its order of operations are those of `qp12_kernels`, which scales first.
+    """
+    A = 0.0
+    for i in range(a.size):
+        step[i] = abs(a[i]) if guess * abs(a[i]) > kappa else 0.0
+        A = max(A, step[i])
+    if not (1.0 / LARGE <= A <= LARGE and 1.0 / LARGE <= rest <= LARGE and kappa <= LARGE):
+        return False
+    price, supply, weight = kappa / A, rest, 0.0
+    for i in range(a.size):
+        supply += step[i] * (price * (A - step[i]))
+        weight += step[i] * step[i]
+    tau, as_guessed = supply / weight, True
+    for i in range(a.size):
+        x = abs(a[i]) * tau - price * (A - abs(a[i]))
+        as_guessed &= (x <= limit[i]) & ((x > 0.0) == (step[i] > 0.0))
+        step[i] = math.copysign(max(x, 0.0), -a[i])
+    return as_guessed
 
 
 @inlined
@@ -178,11 +214,11 @@ def solve_bounded_qp12(
         a[i] = 0.0 if limit[i] == 0.0 and abs(slope) <= MAX else slope
     if not fit:
         return BAD_INPUT, 0
-    demand, clamped = abs(decrease), 0
+    demand, clamped, done = abs(decrease), 0, False
     rest = demand
-    if gamma < 1.0 and 0.0 < demand <= MAX:
-        rest, clamped = _clamp(a, limit, demand, gamma, out)
-    while True:
+    if 0.0 <= gamma < 1.0 and 0.0 < demand <= MAX:
+        rest, clamped, done = _clamp(a, limit, demand, gamma, out, step)
+    while not done:
         status = solve_qp12(a, rest, gamma, step)
         if status == INFEASIBLE and rest <= n * ROUNDING * demand:
             status = OK  # all joints are at their limits, and that is all there is

@@ -251,7 +251,7 @@ def smooth_basis(
     return rank, 1.0 - base
 
 
-@kernel("i8(f8[::1], f8[:,::1], f8, f8[:,::1])")
+@kernel("i8(f8[::1], f8[:,::1], f8, f8[:,::1])", allocates=True)
 def projector_kernel(alpha: Array, jacobian: Array, width: float, out: Array) -> int:
     """Write P for priorities of the single rows; the status is `OK` or `BAD_INPUT`.
 

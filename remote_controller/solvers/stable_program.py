@@ -43,19 +43,25 @@ class StableProgram:
     """
 
     def __init__(self, kind: int, scaled: Steepest, *, equality: bool, solver: str) -> None:
-        from remote_controller.solvers import proof_kernels  # noqa: PLC0415 (compiles)
+        from remote_controller.solvers import across_kernels, proof_kernels  # noqa: PLC0415
 
-        self._prove = proof_kernels.residual_kernel
+        self._prove, self._write = proof_kernels.residual_kernel, across_kernels.across_kernel
         self._kind, self._scaled, self._equality = kind, scaled, equality
         self._program = _program(kind, scaled)
         self._attempt, self._end = backend(solver, self._program), BEYOND * ENDS[solver]
         self._pull, self._wanted = np.zeros(scaled.n), np.zeros(scaled.n)
         self.y, self.residual, self._held = np.zeros(scaled.n), math.inf, 0.0
+        self._turned = [each.copy() for each in (scaled.qp_rows, scaled.qp_least, scaled.qp_most)]
+        self._turns = np.zeros((len(scaled.rows), 2))
 
-    def run(self, gamma: float, fall: float | None, tolerance: float) -> bool:
+    def run(
+        self, gamma: float, fall: float | None, tolerance: float, *, across: bool = False
+    ) -> bool:
         """Solve the QP with −s·y = fall (or ≥), or without; False where the solver gave up.
 
-        γ, at most `MOST_GAMMA`, is QP12's, and without effect for other kinds.
+        γ, at most `MOST_GAMMA`, is QP12's, and without effect for other kinds. With `across` an
+        equation −s·y = fall is taken out of the other rows before: slower, and right even where
+        they are nearly parallel to s.
         """
         program, row = self._laid_out(), self._program.f.size + self._scaled.used
         target = NO_BOUND if fall is None else -fall
@@ -63,7 +69,10 @@ class StableProgram:
         program.most[row] = target
         program.least[row] = target if equation else -NO_BOUND
         program.sense[row] = EQUATION if equation else 0
-        return self._solve(gamma, tolerance, 0.0, target, self._equality)
+        if not (across and equation):
+            return self._solve(gamma, tolerance, 0.0, target, self._equality)
+        turns = self._turn(target)
+        return self._solve(gamma, tolerance, 0.0, target, self._equality, turns)
 
     def run_damped(self, gamma: float, fall: float, worth: float, tolerance: float) -> bool:
         """Solve the QP with −s·y ≤ fall and a reward for −s·y; False where the solver gave up.
@@ -101,6 +110,19 @@ class StableProgram:
         scale = max(float(np.abs(self.y).max()), 1e-6 * abs(price))
         return wrong / scale if scale > 0.0 else wrong
 
+    def _turn(self, target: float) -> Array:
+        """Give the solver rows without what is along s, s·y = target; returns their λ, μ."""
+        program, scaled = self._program, self._scaled
+        turned, least, most = self._turned
+        turns = self._turns[: len(scaled.rows)]
+        rows, limits = len(program.A), program.most.size
+        turned, least, most = turned[:rows], least[:limits], most[:limits]
+        self._write(
+            scaled.used, target, program.A, program.least, program.most, turns, turned, least, most
+        )
+        program.A, program.least, program.most = turned, least, most
+        return turns
+
     def _laid_out(self) -> Program:
         """The program over the rows that were written last."""
         program, scaled = self._program, self._scaled
@@ -110,11 +132,18 @@ class StableProgram:
         return program
 
     def _solve(
-        self, gamma: float, tolerance: float, price: float, target: float | None, equality: bool
+        self,
+        gamma: float,
+        tolerance: float,
+        price: float,
+        target: float | None,
+        equality: bool,
+        turns: Array | None = None,
     ) -> bool:
         """Solve, and prove the answer for s·y = target, or for the s·y that it has.
 
-        False where there is none, or what the solver calls one is beyond a bound or a row.
+        `turns` has λ and μ of rows that were turned. False where there is no answer, or what the
+        solver calls one is beyond a bound or a row.
         """
         program, rows, n = self._program, self._scaled, self._scaled.n
         f = program.f
@@ -144,6 +173,9 @@ class StableProgram:
         if self._kind == SQUARES:
             self._pull[:] = self.y - (program.H @ self.y + f)
         proof = multipliers[: len(rows.rows)]
+        if turns is not None:
+            proof *= turns[:, 0]
+            proof[rows.used] -= float(turns[:, 1] @ proof)
         self._held = float(proof[rows.used])
         if target is None:
             proof[rows.used] += price  # the reward stands for part of the equation's multiplier

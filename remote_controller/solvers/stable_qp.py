@@ -14,11 +14,8 @@ solve. The way to the answer, cheapest first:
 3. If that has no solution, the LP (7), which is then bounded, and the QP with ρ a little below ρ*
    (by 1e-9 of it): at ρ* itself the feasible set is a point, which rounding may remove. While ρ
    stays below 1, the LP comes first at the next solves: that changes their time, not their answer.
-   Where the solver's answer is beyond a bound or a row, which happens where a row is nearly
-   parallel to ∇V, it is none, and ρ goes further below ρ*, by a tenth at most. If that does not
-   help, as with ℓ1, whose numbers are far apart, the even optimum of the largest ρ stands for the
-   one that is asked for, without a proof: where hardly anything is feasible, they are alike.
-   Up to 20 QPs are tried then: with ℓ1 and the largest ρ, 1 to 2 ms, longer than a period of 1 kHz.
+   As V's rate is given by then, what the other rows have along ∇V is taken out of them: a row that
+   is nearly parallel to ∇V, as where a target lies beyond an edge, would cost the QP solver digits.
 
 Each answer comes with a KKT residual that is computed from the multipliers, not by the solver. It
 proves u for the ρ that V̇ has; for a damped ρ also that no other is worth its speed; and for
@@ -66,13 +63,9 @@ STILL, FREE, CLAMPED, QP = range(4)
 RHO, RESIDUAL = 1, 3  # places in the results of `stable_kernels`
 ROUNDING = 1e-14  # of ρ
 CLOSE = 1e-9  # rates, divided by top, that rounding may take for each other
-ATTEMPTS = (
-    *((1e-9, 1e-11), (1e-9, 1e-8), (1e-7, 1e-8), (1e-5, 1e-8)),
-    *((1e-9, 1e-6), (1e-5, 1e-6), (1e-3, 1e-6)),  # where constraints leave no room at all
-    *((1e-2, 1e-8), (1e-1, 1e-8)),  # where a row is nearly parallel to ∇V
-)
+ATTEMPTS = ((1e-9, 1e-11), (1e-9, 1e-8), (1e-7, 1e-8), (1e-5, 1e-8), (1e-3, 1e-6))
 """How far to stay inside the feasible rates, relative, and daqp's tolerance, in units of W u."""
-EVEN = 0.0  # γ of what stands for another optimum
+PROVED = 1e-8  # residual: less is one
 DAMPED_TOLERANCES = (1e-13, 1e-11, 1e-8)  # of daqp; the tighter, the better the proof
 
 
@@ -326,12 +319,12 @@ class StableQp:
         if self._effort and self._equality and self._damped(gamma, drift / top, wanted):
             return
         possible = abs(wanted) < NO_BOUND
-        if possible and not self._limited and run(gamma, wanted, ATTEMPTS[0][1]):
+        if possible and not self._limited and self._exactly(gamma, wanted):
             self._reached = self._equality
             return
         found, best = self._steepest.fall()
         enough = best >= wanted - CLOSE * (1.0 + abs(wanted))
-        if possible and self._limited and enough and run(gamma, wanted, ATTEMPTS[0][1]):
+        if possible and self._limited and enough and self._exactly(gamma, wanted):
             self._reached, self._limited = self._equality, False
             return
         self._limited, inwards = True, -1.0
@@ -347,12 +340,19 @@ class StableQp:
         if self.status == status.STATIONARY:
             return
         near = [(best + inwards * inside * abs(best), limit) for inside, limit in ATTEMPTS]
-        if any(run(gamma, fall, tolerance) for fall, tolerance in near):
-            return
-        if gamma > EVEN and any(run(EVEN, fall, tolerance) for fall, tolerance in near):
-            self._program.residual = math.inf
-            return
+        for worst in (PROVED, math.inf):  # an answer without proof is better than none
+            for fall, tolerance in near:
+                if run(gamma, fall, tolerance, across=True) and self._program.residual <= worst:
+                    return
         self._give_up(status.UNSOLVED)
+
+    def _exactly(self, gamma: float, wanted: float) -> bool:
+        """Solve the QP for what is wanted, and again where that has no proof: rows across s."""
+        run, tolerance = self._program.run, ATTEMPTS[0][1]
+        if not run(gamma, wanted, tolerance):
+            return False
+        proved = self._program.residual <= PROVED
+        return proved or run(gamma, wanted, tolerance, across=True)
 
     def _damped(self, gamma: float, drift: float, wanted: float) -> bool:
         """Find the answer for a damped ρ; False where there is none."""

@@ -22,7 +22,9 @@ Array = NDArray[np.float64]
 
 NO_BOUND = 1e30
 EQUATION = 5  # daqp's word for it
-INFEASIBLE, BOUNDLESS = -1, -3  # flags of daqp
+INFEASIBLE, BOUNDLESS, TIRED = -1, -3, -4  # flags of daqp
+STEPS = 1000  # of daqp: ten times what a vertex takes
+BROKEN = 1e-9  # by so much a point may be beyond its limits and count as within
 TOLERANCES = (1e-11, 1e-8)  # of daqp, in units of W u; the second where rounding misleads the first
 
 
@@ -118,6 +120,9 @@ class Steepest:
     def fall(self, direction: float = 1.0, enough: float = NO_BOUND) -> tuple[int, float]:
         """Largest −s·y, s = W⁻¹∇V/top, up to `enough`; the largest s·y for direction −1.
 
+        Where rows are within 1e-4 of parallel, the solver may not get to the vertex in time: then
+        it is what the last point within all limits has.
+
         Returns:
             `OK` and that; `CONTRADICTORY`: no y keeps the constraints; `UNBOUNDED`; `UNSOLVED`.
         """
@@ -128,14 +133,22 @@ class Steepest:
         flag = 0
         for tolerance in TOLERANCES:
             x, _, flag, info = self._solve(
-                None, slope, self.rows, self.most, self.least, self.sense, primal_tol=tolerance
-            )
-            if flag == 1:
+                None, slope, self.rows, self.most, self.least, self.sense,
+                primal_tol=tolerance, iter_limit=STEPS,
+            )  # fmt: skip
+            if flag == 1 or (flag == TIRED and self._within(x)):
                 self.v[:], self._multipliers = x, info["lam"][self.n :]
                 return OK, -float(slope @ x)
             if flag == BOUNDLESS:
                 return UNBOUNDED, math.inf
         return (CONTRADICTORY if flag == INFEASIBLE else UNSOLVED), 0.0
+
+    def _within(self, y: Array) -> bool:
+        """Whether a point keeps all limits."""
+        limits = self.n + len(self.rows)
+        values = np.concatenate([y, self.rows @ y])
+        room = np.minimum(values - self.least[:limits], self.most[:limits] - values)
+        return bool(room.min() >= -BROKEN)
 
     def proved(self) -> float:
         """What no −s·y within the constraints exceeds, by the multipliers of the last LP.

@@ -12,6 +12,7 @@ import tempfile
 from pathlib import Path
 
 import numba
+import numpy as np
 import pytest
 
 from protocol import compilation
@@ -264,6 +265,21 @@ class TestKernel:
             assert twice(3.0) == 6.0
         assert seen == [1, 0]
         assert before == numba.config.SLP_VECTORIZE
+
+    def test_asks_who_makes_arrays_to_say_so(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(compilation, "CACHE_DIRECTORY", None)
+
+        def zeros(n: int) -> float:
+            return float(np.zeros(n).sum())
+
+        def copies(a: object, b: object) -> None:
+            a[:] = b  # type: ignore[index]
+
+        for signature, function in (("f8(i8)", zeros), ("void(f8[::1], f8[::1])", copies)):
+            with pytest.raises(numba.core.errors.NumbaError) as error:
+                compilation.kernel(signature)(function)
+            assert "allocates=True" in error.value.__notes__[0]
+            compilation.kernel(signature, allocates=True)(function)
 
     @pytest.mark.parametrize("option", ["fastmath", "parallel"])
     def test_refuses_options_that_change_bits(self, option: str) -> None:

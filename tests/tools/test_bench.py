@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -43,6 +44,24 @@ def test_all_take_their_turn_in_each_block_and_go_on_with_their_own_problems():
         assert [k for each, k in calls if each == name] == [k % size for k in range(4 * turn)]
         assert times[name].single.shape == (4, 5)
         assert times[name].batch.shape == (4,)
+
+
+def test_arrays_are_read_before_they_are_timed_wherever_they_are_in_a_problem(monkeypatch):
+    seen: list[object] = []
+
+    class Watched(np.ndarray):
+        def sum(self, *given, **named):
+            seen.append(len(self))
+            return super().sum(*given, **named)
+
+    @dataclass
+    class Program:
+        H: object
+
+    first, second, third = (np.ones(n).view(Watched) for n in (1, 2, 3))
+    problems = [(first, 0.5, [second], Program(third))]
+    race([Contender("a", lambda *problem: seen.append("call"), problems)], samples=1, batches=False)
+    assert seen == [1, 2, 3] * (SETTLE + 1) + ["call"] * (SETTLE + 1)
 
 
 def test_without_batches_there_are_none():
