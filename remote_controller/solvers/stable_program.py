@@ -156,9 +156,10 @@ class StableProgram:
             kappa = f[-1] = 1.0 / SMALL_SQUARES
         else:
             kappa = gamma / (1.0 - gamma)
-            np.multiply(slope, price, out=f[:n])
-            np.negative(f[:n], out=f[n:])
-            f += kappa
+            f.fill(kappa)
+            if price != 0.0:
+                f[:n] += price * slope
+                f[n:] -= price * slope
         solved, x, multipliers = self._attempt(tolerance)
         if solved and self._kind == MAXIMUM:  # which has no square of its own
             solved, x, multipliers = self._settle(tolerance, x, multipliers)
