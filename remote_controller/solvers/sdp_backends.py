@@ -1,12 +1,7 @@
 """The gains by general solvers of conic programs, to compare ours with: Clarabel and SCS.
 
-Marti-Saumell et al. (24) to (29) with the objective as a quadratic one, in the form
-
-    min ½ xᵀP x + qᵀx   subject to   A x + s = b,  s ∈ K,   x = (λ, β)
-
-K: the limits of S λ, then the 2n × 2n matrix inequality whose Schur complement `lmi_kernels` has,
-[L Λ + Λ Lᵀ − βI, √Δt Λ Lᵀ; √Δt L Λ, I] ⪰ 0. Neither solver is accurate in λ, in which the
-objective is nearly flat, so Newton's method follows (`settle`), unless it is told not to.
+Neither is accurate in λ, in which the objective is nearly flat, so Newton's method follows
+(`settle`), unless it is told not to.
 """
 
 from __future__ import annotations
@@ -20,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from protocol.errors import NotInstalledError, UnknownNameError
 from remote_controller.solvers import status as codes
+from remote_controller.solvers.conic_form import ConicForm
 from remote_controller.solvers.sdp_gains import BUDGET, DELTA, IPM, NONE, SdpGains
 
 Array = NDArray[np.float64]
@@ -53,32 +49,9 @@ def gain_solver(name: str, sizes: Sequence[int], joints: int, **options: Any) ->
 def conic(
     L: Array, S: Array, limits: Array, dt: float, delta: float
 ) -> tuple[Any, Array, Any, Array, NDArray[np.intp], int]:
-    """P, q, A and b in the units of β̃ = 1, which rows of ±S A has, and the matrix's size.
-
-    Rows of the matrix inequality are its upper triangle, column by column, off-diagonals times √2.
-    """
-    from scipy import sparse  # noqa: PLC0415 - comes with osqp
-
-    n, root = L.shape[0], np.sqrt(dt)
-    bounds = np.concatenate([limits[1], -limits[0]])
-    used = np.flatnonzero(np.isfinite(bounds))
-    columns, rows = np.tril_indices(2 * n)
-    factors = np.where(rows == columns, 1.0, np.sqrt(2.0))
-    triangle = np.zeros((rows.size, n + 1))
-    for i in range(n):
-        matrix = np.zeros((2 * n, 2 * n))
-        matrix[:n, i] += L[:, i]
-        matrix[i, :n] += L[:, i]
-        matrix[n:, i] += root * L[:, i]
-        matrix[i, n:] += root * L[:, i]
-        triangle[:, i] = matrix[rows, columns] * factors
-    triangle[:, n] = -np.where((rows == columns) & (rows < n), 1.0, 0.0)
-    inequalities = np.hstack([np.vstack([S.T, -S.T]), np.zeros((2 * S.shape[1], 1))])[used]
-    constant = np.where((rows == columns) & (rows >= n), 1.0, 0.0)
-    P = sparse.csc_matrix(np.diag([*np.full(n, 2.0 * delta), 2.0]))
-    A = sparse.csc_matrix(np.vstack([inequalities, -triangle]))
-    q, b = np.append(np.zeros(n), -2.0), np.concatenate([bounds[used], constant])
-    return P, q, A, b, used, 2 * n
+    """P, q, A and b of `ConicForm.fill`, which rows of ±S A has, and the matrix's size."""
+    form = ConicForm(*S.shape)
+    return (*form.fill(L, S, limits, dt, delta), form.used, form.size)
 
 
 def clarabel(P: Any, q: Array, A: Any, b: Array, limits: int, size: int) -> tuple[Array, Array]:
@@ -149,7 +122,7 @@ class ConicGains(SdpGains):
         self._solve_conic, self._polished, self.polish = SOLVERS[solver], polished, False
         self._polish, self._conclude = sdp_search_kernels.polish, sdp_proof_kernels.conclude
         self._enough, self._fastest = sdp_kernels.PROVED, sdp_kernels.FASTEST
-        self._used = np.zeros(0, np.intp)
+        self._form = ConicForm(self.n, self.joints)
 
     def program(
         self, jacobian: Array, errors: Array, dt: float, desired: float, delta: float = DELTA
@@ -163,9 +136,10 @@ class ConicGains(SdpGains):
             return None
         desired = min(desired, self._fastest / dt)
         n, (_, rows, tall, _) = self.n, self._work
-        L, S, room = rows[4 + n : 4 + 2 * n], tall[3 + 2 * n : 3 + 3 * n], tall[3 + 3 * n :][:2]
-        P, q, A, b, self._used, size = conic(L, S, room, dt * desired, delta)
-        return P, q, A, b, self._used.size, size
+        L, S, room = rows[6 + 3 * n : 6 + 4 * n], tall[3 + 2 * n : 3 + 3 * n], tall[3 + 3 * n :][:2]
+        form = self._form
+        P, q, A, b = form.fill(L, S, room, dt * desired, delta)
+        return P, q, A, b, form.used.size, form.size
 
     def solve(
         self, jacobian: Array, errors: Array, dt: float, desired: float, delta: float = DELTA
@@ -177,21 +151,20 @@ class ConicGains(SdpGains):
         desired = min(desired, self._fastest / dt)
         plan, narrow, tall, unknowns = self._work
         n, scaled = self.n, dt * desired
-        counts, integers = plan[:4], plan[4 : 4 + 6 * n].reshape(6, n)
-        nu, Y, squares = narrow[3], narrow[4 : 4 + n], narrow[4 + n :].reshape(18, n, n)
+        counts, integers = plan[:5], plan[5 : 5 + 6 * n].reshape(6, n)
+        nu, Y, squares = narrow[3], narrow[4 : 4 + n], narrow[6 + 3 * n :].reshape(16, n, n)
         S = tall[3 + 2 * n : 3 + 3 * n]
         room, z = tall[3 + 3 * n : 7 + 3 * n].reshape(2, 2, self.joints)
-        points, vectors, K = unknowns[:2], unknowns[2:8], unknowns[8:]
-        L, G, Z, spare = squares[0], squares[1], squares[2], squares[5:]
+        points, vectors, K = unknowns[:4], unknowns[4:10], unknowns[10:]
+        L, G, Z, spare = squares[0], squares[1], squares[2], squares[3:]
         x, dual = self._solve_conic(*program)
-        used, size = self._used, program[-1]
-        each = np.zeros(2 * self.joints)
+        form, each = self._form, np.zeros(2 * self.joints)
+        used = form.used
         each[used] = np.maximum(dual[: used.size], 0.0)
         z[1], z[0] = each[: self.joints], each[self.joints :]
-        columns, rows = np.tril_indices(size)
-        whole = np.zeros((size, size))
-        whole[rows, columns] = dual[used.size :] / np.where(rows == columns, 1.0, np.sqrt(2.0))
-        whole[columns, rows] = whole[rows, columns]
+        whole = np.zeros((form.size, form.size))
+        entries = dual[used.size :] / form.roots
+        whole[form.rows, form.columns] = whole[form.columns, form.rows] = entries
         Z[:] = whole[:n, :n]
         points[0, : n + 1] = x
         if self._polished:

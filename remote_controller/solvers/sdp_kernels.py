@@ -20,7 +20,7 @@ from remote_controller.solvers.dense_kernels import MAX, dot, not_finite
 from remote_controller.solvers.lmi_kernels import find_blocks
 from remote_controller.solvers.product_kernels import gram
 from remote_controller.solvers.sdp_proof_kernels import conclude, keep_better
-from remote_controller.solvers.sdp_search_kernels import BUDGET, NONE, optimise
+from remote_controller.solvers.sdp_search_kernels import BUDGET, NONE, WARM, optimise
 from remote_controller.solvers.status import (
     BAD_INPUT,
     BAD_SHAPE,
@@ -48,36 +48,49 @@ def _forget(gains: Array, counts: Indices) -> None:
 
 @inlined
 def _look_ahead(
-    x: Array, Y: Array, nu: Array, integers: Indices, counts: Indices, older: Array
+    points: Array, Y: Array, nu: Array, integers: Indices, counts: Indices, past: Array
 ) -> None:
-    """Go on from the last two answers along a line, where the same was active in both.
+    """Go on from the last answers along a parabola, or a line, where the same was active in them.
 
     What is guessed decides how many of Newton's steps are left, and nothing else.
 
     Args:
-        x, Y, nu: the last answer; overwritten by the guess.
+        points: λ and β, (4, n + 1) or longer: the last answer, overwritten by the guess; scratch;
+            the answer before, written; the way from there to here, written.
+        Y, nu: the last answer's; overwritten by the guess.
         integers: its homes and held limits in rows 1 and 2, those before in rows 4 and 5; written.
-        counts: rank and held limits of it, and of the one before, (4,); written.
-        older: the answer before it, (2, n, n); written.
+        counts: rank and held limits of it, and of the one before (rank 0 where no way leads from
+            there), and for how many ticks they have been the same, (5,); written.
+        past: Y of the answer before and the way from there to here, (2n, n), and so of ν, (2, n);
+            written.
     """
-    n, columns = nu.size, older[0]
-    steady = n > 1 and 0 < counts[0] <= n and counts[0] == counts[2] and counts[1] == counts[3]
+    n, x, before, way = nu.size, points[0], points[2], points[3]
+    same = 0 < counts[0] <= n and counts[0] == counts[2] and counts[1] == counts[3]
     for side in range(2):
         for a in range(min(counts[side], n)):
-            steady = steady and integers[1 + side, a] == integers[4 + side, a]
+            same = same and integers[1 + side, a] == integers[4 + side, a]
             integers[4 + side, a] = integers[1 + side, a]
     counts[2], counts[3] = counts[0], counts[1]
+    counts[4] = counts[4] + 1 if same else 0
+    ahead, bend = 1.0 if same else 0.0, 1.0 if counts[4] > 1 else 0.0
     for k in range(min(counts[0], n)):
-        sign = 1.0 if dot(Y[k], columns[k]) >= 0.0 else -1.0  # Y Yᵀ says nothing of it
+        last, steps = past[k], past[n + k]
+        sign = 1.0 if dot(Y[k], last) >= 0.0 else -1.0  # Y Yᵀ says nothing of it
         for i in range(n):
-            step = Y[k, i] - sign * columns[k, i]
-            columns[k, i] = Y[k, i]
-            Y[k, i] += step if steady else 0.0
-    for i in range(n if n > 1 else 0):
-        step, pull = x[i] - older[1, 0, i], nu[i] - older[1, 1, i]
-        older[1, 0, i], older[1, 1, i] = x[i], nu[i]
-        x[i] += step if steady else 0.0
-        nu[i] += pull if steady and i < counts[1] else 0.0
+            step = Y[k, i] - sign * last[i]
+            turn = step - sign * steps[i]
+            last[i], steps[i] = Y[k, i], step
+            Y[k, i] += ahead * (step + bend * turn)
+    for i in range(n + 1):
+        step = x[i] - before[i]
+        turn = step - way[i]
+        before[i], way[i] = x[i], step
+        x[i] += ahead * (step + bend * turn)
+    for i in range(n):
+        step = nu[i] - past[2 * n, i]
+        turn = step - past[2 * n + 1, i]
+        past[2 * n, i], past[2 * n + 1, i] = nu[i], step
+        nu[i] += ahead * (step + bend * turn) if i < counts[1] else 0.0
 
 
 @kernel(
@@ -102,15 +115,17 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     Args:
         jacobian, errors: (n, joints), (n,).
         dt, desired, delta, damping, budget: Δt, β̃, δ, d, iterations.
-        plan: how many y_k and held limits the last solve had, and the one before, (4,); blocks of
-            L, homes of the y_k, limits that hold, and those three of the one before, (6, n); where
-            each task begins, and n, (h + 1,).
+        plan: `counts` of `_look_ahead`, (5,); blocks of L, homes of the y_k, limits that hold, of
+            the last solve, and those of the one before, (6, n); where each task begins, and n,
+            (h + 1,).
         rows: rates; weights of the squared errors in V; λ of the last solve, overwritten; ν of the
-            last; its Y, (n, n); then scratch, (18, n, n).
+            last; its Y, (n, n); what `_look_ahead` remembers of Y and ν, (2n + 2, n); then scratch,
+            (16, n, n).
         tall: lower and upper limits of dq; dq, written, zeros where there is no answer; then
             scratch, (3n + 14, joints).
-        unknowns: λ and β of the last solve in its first n + 1 columns; then scratch: 7 rows and as
-            many as `optimise` has unknowns, each as long, or as the joints, whichever is more.
+        unknowns: `points` of `_look_ahead` in the first n + 1 columns, 4 rows; then scratch: 6 rows
+            and as many as `optimise` has unknowns, each as long, or as the joints, whichever is
+            more.
 
     Returns:
         Status, path, rank of the Jacobian, of Z, Newton steps, iterations of the interior-point
@@ -119,14 +134,14 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     n, joints = jacobian.shape
     if not (errors.size == n and rows.shape[1] == n and tall.shape[1] == joints):
         return BAD_SHAPE, NONE, 0, 0, 0, 0, 0.0, 0.0, 0.0, math.inf
-    counts, integers, offsets = plan[:4], plan[4 : 4 + 6 * n].reshape(6, n), plan[4 + 6 * n :]
+    counts, integers, offsets = plan[:5], plan[5 : 5 + 6 * n].reshape(6, n), plan[5 + 6 * n :]
     rates, weights, gains, nu, Y = rows[0], rows[1], rows[2], rows[3], rows[4 : 4 + n]
-    squares = rows[4 + n :].reshape(18, n, n)
+    past, squares = rows[4 + n : 6 + 3 * n], rows[6 + 3 * n :].reshape(16, n, n)
     speeds, dq = tall[:2], tall[2]
     Q, B, S = tall[3 : 3 + n], tall[3 + n : 3 + 2 * n], tall[3 + 2 * n : 3 + 3 * n]
     sides = tall[3 + 3 * n :].reshape(7, 2, joints)
-    points, vectors, K = unknowns[:2], unknowns[2:8], unknowns[8:]
-    L, G, Z, older, spare = squares[0], squares[1], squares[2], squares[3:5], squares[5:]
+    points, vectors, K = unknowns[:4], unknowns[4:10], unknowns[10:]
+    L, G, Z, spare = squares[0], squares[1], squares[2], squares[3:]
     room, z = sides[0], sides[1]
     for r in range(joints):
         dq[r] = 0.0
@@ -171,7 +186,7 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
         before[i] = block[i]
     if not same:
         counts[0] = 0
-    _look_ahead(points[0], Y, nu, integers, counts, older)
+    _look_ahead(points, Y, nu, integers, counts, past)
     path, newton, inner = optimise(
         L,
         G,
@@ -192,6 +207,8 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
         vectors,
         sides[2:],
     )
+    if path != WARM:
+        counts[2] = 0  # no way leads from the answer before to this one
     if path == BUDGET:
         keep_better(L, G, S, room, dt * desired, desired, gains, points, spare, vectors)
     beta, slack, margin, gap, kept = conclude(

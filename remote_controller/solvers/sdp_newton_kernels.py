@@ -29,7 +29,7 @@ from remote_controller.solvers.quasidefinite_kernels import solve_quasidefinite
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-CONVERGED = 1e-6  # of 1 + |λ|: the step after one of that size is rounding
+CONVERGED = 1e-5  # of 1 + |λ|: the step after one of that size is a thousandth of it, mostly less
 STEPS = 8  # of one Newton iteration; from a good guess it takes two or three
 FAR = 1e3  # of 1 + |λ|: a step as long leads nowhere
 SLOW = 0.5  # of the step before: after the first few, a step that is longer leads nowhere
@@ -90,6 +90,7 @@ def _fill(  # noqa: PLR0912 - one case after the other
         for i in range(n):
             b[i] += 2.0 * w[i] * Y[k, i]
             b[n] -= Y[k, i] * Y[k, i]
+        begin = size
         for p in range(n):
             if block[p] != home[k]:
                 continue
@@ -97,15 +98,13 @@ def _fill(  # noqa: PLR0912 - one case after the other
                 K[i, size] = -2.0 * V[p, i] * Y[k, i]
             K[p, size] -= 2.0 * w[p]
             K[n, size] = 2.0 * Y[k, p]
-            column = n + 1
-            for other in range(k + 1):
-                for q in range(n):
-                    if block[q] == home[other] and column <= size:
-                        K[column, size] = 0.0
-                        if other == k:
-                            K[column, size] = -2.0 * C[p, q]
-                        column += 1
-            pull = 0.0
+            for column in range(n + 1, begin):
+                K[column, size] = 0.0
+            column, pull = begin, 0.0
+            for q in range(p + 1):
+                if block[q] == home[k]:
+                    K[column, size] = -2.0 * C[p, q]
+                    column += 1
             for q in range(n):
                 pull += C[p, q] * Y[k, q]
             b[size] = 2.0 * pull

@@ -1,4 +1,4 @@
-"""What a solver knows of the last two answers shortens the way to the next, and is not in it.
+"""What a solver knows of the last three answers shortens the way to the next, and is not in it.
 
 Nor is how much more than possible is asked for.
 """
@@ -44,6 +44,28 @@ def test_along_a_walk_with_jumps_each_answer_is_that_of_a_fresh_solver(seed, kin
             assert solver.beta == pytest.approx(fresh.beta, abs=1e-4 if near else 1e-6)
             size = 1e-3 if near else 2e-5
             np.testing.assert_allclose(solver.gains, fresh.gains, rtol=size, atol=size)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_along_a_smooth_motion_one_newton_step_is_enough_and_as_good_as_many(seed):
+    it, rng = random(seed, ""), np.random.default_rng(seed)
+    solver, J, e = it.solver(), it.J.copy(), it.e.copy()
+    turn, fade = rng.normal(size=J.shape), rng.normal(size=e.size)
+    steps, judged = [], 0
+    for tick in range(200):
+        it.J[:] = J + 0.2 * np.sin(1e-3 * tick) * turn
+        it.e[:] = e + 0.2 * (np.exp(-2e-3 * tick) - 1.0) * fade
+        fresh = it.solved()
+        solver.solve(it.J, it.e, it.dt, it.desired, it.delta)
+        steps.append(solver.newton)
+        if fresh.status == status.OK:
+            judged += 1
+            assert solver.status == status.OK
+            assert solver.beta == pytest.approx(fresh.beta, abs=1e-6)
+            np.testing.assert_allclose(solver.gains, fresh.gains, rtol=1e-6, atol=1e-6)
+    assert judged > 150
+    assert np.median(steps) == 1
+    assert np.mean(steps) < 1.5
 
 
 @pytest.mark.parametrize("times", [1e3, 1e6, 1e12])
