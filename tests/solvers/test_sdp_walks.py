@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from sdp_problems import random
 
 from remote_controller.solvers import status
+from remote_controller.solvers.sdp_gains import IPM, WARM
+from tools.bench.gains_problems import walk
 
 TICKS = 15
 
@@ -66,6 +68,18 @@ def test_along_a_smooth_motion_one_newton_step_is_enough_and_as_good_as_many(see
     assert judged > 150
     assert np.median(steps) == 1
     assert np.mean(steps) < 1.5
+
+
+def test_no_way_leads_across_a_jump():
+    """Where the UR5 comes to a limit the method begins anew, once: the next ticks go on from it."""
+    along = walk("ur5", 0.05)
+    solver = along.solver()
+    call = along.call(solver)
+    paths = [call(*moment).path for moment in along.moments]
+    jumps = [k for k, path in enumerate(paths) if path == IPM]
+    assert jumps[0] == 0
+    assert len(jumps) > 1
+    assert all(paths[k + 1 : k + 4] == [WARM] * 3 for k in jumps)
 
 
 @pytest.mark.parametrize("times", [1e3, 1e6, 1e12])
