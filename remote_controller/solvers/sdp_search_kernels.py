@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 NONE, WARM, IPM, BUDGET = range(4)  # the ways to an answer
-FIRST_TRY, LAST_TRY = 1e-2, 1e-9  # of λ: how near the interior-point method is to bring Newton's
+FIRST_TRY, LAST_TRY = 1e-3, 1e-9  # of λ: how near the interior-point method is to bring Newton's
 
 
 @kernel(
