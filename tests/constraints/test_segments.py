@@ -13,7 +13,7 @@ from remote_controller.constraints import segment_box_kernels as segments
 SEEDS = st.integers(0, 2**32 - 1)
 
 
-@kernel("Tuple((f8, f8, f8, f8, f8))(f8[::1], f8[::1], f8[::1], f8)")
+@kernel("Tuple((f8, f8, f8, f8, f8))(f8[::1], f8[::1], f8[::1], f8)", allocates=True)
 def probe(a0, d, half, level):
     """The nearest s, both ends of the level, and the distance and depth there."""
     normal = np.empty(3)
