@@ -151,11 +151,11 @@ class ConicGains(SdpGains):
         desired = min(desired, self._fastest / dt)
         plan, narrow, tall, unknowns = self._work
         n, scaled = self.n, dt * desired
-        counts, integers = plan[:5], plan[5 : 5 + 6 * n].reshape(6, n)
+        counts, integers = plan[:6], plan[6 : 6 + 6 * n].reshape(6, n)
         nu, Y, squares = narrow[3], narrow[4 : 4 + n], narrow[6 + 3 * n :].reshape(16, n, n)
         S = tall[3 + 2 * n : 3 + 3 * n]
         room, z = tall[3 + 3 * n : 7 + 3 * n].reshape(2, 2, self.joints)
-        points, vectors, K = unknowns[:4], unknowns[4:10], unknowns[10:]
+        points, vectors, K = unknowns[:5], unknowns[5:11], unknowns[11:]
         L, G, Z, spare = squares[0], squares[1], squares[2], squares[3:]
         x, dual = self._solve_conic(*program)
         form, each = self._form, np.zeros(2 * self.joints)

@@ -116,10 +116,10 @@ class SdpGains:
         self._kernel = sdp_kernels.sdp_gains_kernel
         columns = (math.isqrt(8 * n + 9) - 1) // 2  # of Y: r(r + 1)/2 ≤ n + 1
         unknowns = n + 1 + n * columns + n
-        plan = np.concatenate([np.zeros(6 + 6 * n), np.cumsum(sizes)]).astype(np.int64)
+        plan = np.concatenate([np.zeros(7 + 6 * n), np.cumsum(sizes)]).astype(np.int64)
         rows = np.zeros((6 + 19 * n, n))
         tall = np.zeros((17 + 3 * n, joints))
-        self._counts, self.offsets = plan[:5], plan[5 + 6 * n :]
+        self._counts, self.offsets = plan[:6], plan[6 + 6 * n :]
         self.rates, self.weights, self.gains = rows[:3]
         self.lower, self.upper, self.dq = tall[:3]
         self.weights[:], self.lower[:], self.upper[:] = given, -math.inf, math.inf
@@ -127,7 +127,7 @@ class SdpGains:
             plan,
             rows,
             tall,
-            np.zeros((10 + unknowns, max(unknowns, joints))),
+            np.zeros((11 + unknowns, max(unknowns, joints))),
         )
         self._still()
 

@@ -197,6 +197,14 @@ def _hessian(
                 K[i, j] += scratch[r] * S[i, r] * S[j, r]
 
 
+@inlined
+def _begin_limit(limits: Array, side: int, r: int, least: float, slack: Array, z: Array) -> None:
+    """The first slack and multiplier of a limit, as units suggest; inf and 0 for none."""
+    size = math.inf if locked(limits, r) else max(abs(limits[side, r]), least)
+    slack[side, r] = size
+    z[side, r] = min(0.1, 1.0 / size)
+
+
 @kernel("void(f8[:,::1], f8[:,::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,::1])")
 def begin_inside(S: Array, limits: Array, x: Array, Z: Array, z: Array, slack: Array) -> None:
     """Write the first iterate: λ = 0, β = −1, Z as stationarity in β has it, z as units suggest."""
@@ -210,9 +218,21 @@ def begin_inside(S: Array, limits: Array, x: Array, Z: Array, z: Array, slack: A
     x[n] = -1.0
     for side in range(2):
         for r in range(joints):
-            size = math.inf if locked(limits, r) else max(abs(limits[side, r]), SHARE * largest)
-            slack[side, r] = size
-            z[side, r] = min(0.1, 1.0 / size)
+            _begin_limit(limits, side, r, SHARE * largest, slack, z)
+
+
+@kernel("void(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1])")
+def renew(S: Array, limits: Array, z: Array, slack: Array) -> None:
+    """Begin anew for each limit that was none, or is none now."""
+    largest = ROOM
+    for i in range(S.shape[0]):
+        for r in range(S.shape[1]):
+            largest = max(largest, abs(S[i, r]))
+    for side in range(2):
+        for r in range(S.shape[1]):
+            none = locked(limits, r) or abs(limits[side, r]) == math.inf
+            if none != (slack[side, r] == math.inf):
+                _begin_limit(limits, side, r, SHARE * largest, slack, z)
 
 
 @kernel(

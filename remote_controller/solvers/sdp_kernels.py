@@ -43,7 +43,7 @@ def _forget(gains: Array, counts: Indices) -> None:
     """Stand still, and begin anew the next time."""
     for i in range(gains.size):
         gains[i] = 0.0
-    counts[0], counts[1] = 0, 0
+    counts[0], counts[1], counts[5] = 0, 0, 0
 
 
 @inlined
@@ -60,7 +60,7 @@ def _look_ahead(
         Y, nu: the last answer's; overwritten by the guess.
         integers: its homes and held limits in rows 1 and 2, those before in rows 4 and 5; written.
         counts: rank and held limits of it, and of the one before (rank 0 where no way leads from
-            there), and for how many ticks they have been the same, (5,); written.
+            there), and for how many ticks they have been the same, (5,) or longer; written.
         past: Y of the answer before and the way from there to here, (2n, n), and so of ν, (2, n);
             written.
     """
@@ -115,17 +115,17 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     Args:
         jacobian, errors: (n, joints), (n,).
         dt, desired, delta, damping, budget: Δt, β̃, δ, d, iterations.
-        plan: `counts` of `_look_ahead`, (5,); blocks of L, homes of the y_k, limits that hold, of
-            the last solve, and those of the one before, (6, n); where each task begins, and n,
-            (h + 1,).
+        plan: `counts` of `_look_ahead` and `optimise`, (6,); blocks of L, homes of the y_k, limits
+            that hold, of the last solve, and those of the one before, (6, n); where each task
+            begins, and n, (h + 1,).
         rows: rates; weights of the squared errors in V; λ of the last solve, overwritten; ν of the
             last; its Y, (n, n); what `_look_ahead` remembers of Y and ν, (2n + 2, n); then scratch,
             (16, n, n).
         tall: lower and upper limits of dq; dq, written, zeros where there is no answer; then
             scratch, (3n + 14, joints).
-        unknowns: `points` of `_look_ahead` in the first n + 1 columns, 4 rows; then scratch: 6 rows
-            and as many as `optimise` has unknowns, each as long, or as the joints, whichever is
-            more.
+        unknowns: `points` of `_look_ahead` and `optimise` in the first n + 1 columns, 5 rows; then
+            scratch: 6 rows and as many as `optimise` has unknowns, each as long, or as the joints,
+            whichever is more.
 
     Returns:
         Status, path, rank of the Jacobian, of Z, Newton steps, iterations of the interior-point
@@ -134,13 +134,13 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     n, joints = jacobian.shape
     if not (errors.size == n and rows.shape[1] == n and tall.shape[1] == joints):
         return BAD_SHAPE, NONE, 0, 0, 0, 0, 0.0, 0.0, 0.0, math.inf
-    counts, integers, offsets = plan[:5], plan[5 : 5 + 6 * n].reshape(6, n), plan[5 + 6 * n :]
+    counts, integers, offsets = plan[:6], plan[6 : 6 + 6 * n].reshape(6, n), plan[6 + 6 * n :]
     rates, weights, gains, nu, Y = rows[0], rows[1], rows[2], rows[3], rows[4 : 4 + n]
     past, squares = rows[4 + n : 6 + 3 * n], rows[6 + 3 * n :].reshape(16, n, n)
     speeds, dq = tall[:2], tall[2]
     Q, B, S = tall[3 : 3 + n], tall[3 + n : 3 + 2 * n], tall[3 + 2 * n : 3 + 3 * n]
     sides = tall[3 + 3 * n :].reshape(7, 2, joints)
-    points, vectors, K = unknowns[:4], unknowns[4:10], unknowns[10:]
+    points, vectors, K = unknowns[:5], unknowns[5:11], unknowns[11:]
     L, G, Z, spare = squares[0], squares[1], squares[2], squares[3:]
     room, z = sides[0], sides[1]
     for r in range(joints):

@@ -29,7 +29,7 @@ from remote_controller.solvers.quasidefinite_kernels import solve_quasidefinite
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-CONVERGED = 1e-5  # of 1 + |λ|: the step after one of that size is a thousandth of it, mostly less
+CONVERGED = 1e-6  # of 1 + |λ|: the step after one of that size is rounding
 STEPS = 8  # of one Newton iteration; from a good guess it takes two or three
 FAR = 1e3  # of 1 + |λ|: a step as long leads nowhere
 SLOW = 0.5  # of the step before: after the first few, a step that is longer leads nowhere

@@ -11,14 +11,25 @@ from protocol.compilation import inlined, kernel
 from remote_controller.solvers.dense_kernels import dot, eigenvectors
 from remote_controller.solvers.lmi_kernels import stability_matrix
 from remote_controller.solvers.products_kernels import dot_column
-from remote_controller.solvers.sdp_interior_kernels import SPRING, begin_inside, interior, locked
+from remote_controller.solvers.sdp_interior_kernels import (
+    SPRING,
+    begin_inside,
+    interior,
+    locked,
+    renew,
+)
 from remote_controller.solvers.sdp_newton_kernels import settle
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 NONE, WARM, IPM, BUDGET = range(4)  # the ways to an answer
-FIRST_TRY, LAST_TRY = 1e-3, 1e-9  # of λ: how near the interior-point method is to bring Newton's
+FIRST_TRY = 1e-3  # of λ: how near the interior-point method is to bring Newton's
+TRIES = 6  # more, each ten times as near
+INSIDE, CLOSE = (
+    1,
+    2,
+)  # where the budget ended: on the way, or so near that Newton's method had begun
 
 
 @kernel(
@@ -174,6 +185,34 @@ def polish(
     return good, taken
 
 
+@inlined
+def _begin_or_go_on(
+    S: Array,
+    limits: Array,
+    points: Array,
+    Z: Array,
+    z: Array,
+    sides: Array,
+    counts: Indices,
+) -> bool:
+    """Write where the interior-point method begins: where the last budget ended, if it did.
+
+    A limit that has become one since, or is none any more, begins anew. Returns whether it goes on.
+    On the way from inside it may; close to the optimum of the tick before a limit or an eigenvalue
+    is nearly 0, from where it would not get on, and Newton's method is all there is to try.
+    """
+    x, inside, slack = points[0], points[4], sides[0]
+    going_on: bool = counts[5] > 0
+    for i in range(S.shape[0] + 1 if going_on else 0):
+        x[i] = inside[i]
+    if going_on:
+        renew(S, limits, z, slack)
+    else:
+        begin_inside(S, limits, x, Z, z, slack)
+    counts[5] = 0
+    return going_on
+
+
 @kernel(
     "Tuple((i8, i8, i8))(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, i8, f8[:,::1],"
     " f8[:,::1], i8[:,::1], i8[::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1],"
@@ -204,12 +243,15 @@ def optimise(
     Args:
         L, G, S, limits, dt, delta: as for `settle`.
         budget: how many iterations are allowed, of both kinds together.
-        points: λ and β, (2, n + 1) or longer: the last one, overwritten by the answer, and scratch.
+        points: λ and β, (5, n + 1) or longer: the last one, overwritten by the answer; scratch; two
+            that are others'; where the interior-point method is when the budget is spent.
         Y: of the last one, (any, n); overwritten.
         integers: blocks of L, homes of the y_k, limits that hold, (3, n); the latter two from last.
-        counts: how many y_k and how many held limits there are, (2,); none where nothing is known.
+        counts: how many y_k and how many held limits there are, none where nothing is known; three
+            that are others'; where the budget ended, for the next time; (6,).
         nu: multipliers of the limits, (n,).
-        Z, z: written: multipliers of C and the limits, (n, n) and (2, joints).
+        Z, z: written: multipliers of C and the limits, (n, n) and (2, joints). They and the first
+            of `sides` are to be kept where the interior-point method goes on the next time.
         squares, K, vectors, sides: scratch; see `SdpGains`.
 
     Returns:
@@ -242,26 +284,28 @@ def optimise(
         if good:
             _multipliers(Y, counts[0], held, counts[1], nu, Z, z)
             return WARM, newton, 0
-    begin_inside(S, limits, x, Z, z, sides[0])
-    tolerance, inner = FIRST_TRY, 0
+    tries, inner, close, spent = 0, 0, counts[5] == CLOSE, False
+    going_on = _begin_or_go_on(S, limits, points, Z, z, sides, counts)
     while True:
-        near, taken = interior(
-            L,
-            G,
-            S,
-            limits,
-            dt,
-            delta,
-            x,
-            Z,
-            z,
-            tolerance,
-            budget - newton - inner,
-            squares,
-            K,
-            vectors,
-            sides,
-        )
+        near, taken = True, 0
+        if not close:
+            near, taken = interior(
+                L,
+                G,
+                S,
+                limits,
+                dt,
+                delta,
+                x,
+                Z,
+                z,
+                FIRST_TRY * 0.1**tries,
+                budget - newton - inner,
+                squares,
+                K,
+                vectors,
+                sides,
+            )
         inner += taken
         good, taken = polish(
             L,
@@ -285,8 +329,16 @@ def optimise(
         newton += taken
         if good:
             return IPM, newton, inner
-        if not near or tolerance <= LAST_TRY or newton + inner >= budget:
+        spent = newton + inner >= budget
+        if going_on and not spent and (close or not near):
+            going_on, close = _begin_or_go_on(S, limits, points, Z, z, sides, counts), False
+            continue
+        if not near or tries == TRIES or spent:
             break
-        tolerance *= 0.1
+        tries += 1
+    if spent and not close:
+        counts[5] = CLOSE if near else INSIDE
+        for i in range(S.shape[0] + 1):
+            points[4, i] = x[i]
     _spring_multipliers(S, limits, x, z)
-    return BUDGET if newton + inner >= budget else IPM, newton, inner
+    return BUDGET if spent else IPM, newton, inner

@@ -37,6 +37,7 @@ class StableProgram:
     Attributes:
         y: the last answer, W u, (n,).
         residual: its KKT residual, see `proof_kernels`.
+        end: how far beyond a limit an answer of this solver may be.
 
     Raises:
         UnknownNameError: no such solver, or it is not installed.
@@ -48,7 +49,7 @@ class StableProgram:
         self._prove, self._write = proof_kernels.residual_kernel, across_kernels.across_kernel
         self._kind, self._scaled, self._equality = kind, scaled, equality
         self._program = _program(kind, scaled)
-        self._attempt, self._end = backend(solver, self._program), BEYOND * ENDS[solver]
+        self._attempt, self.end = backend(solver, self._program), BEYOND * ENDS[solver]
         self._pull, self._wanted = np.zeros(scaled.n), np.zeros(scaled.n)
         self.y, self.residual, self._held = np.zeros(scaled.n), math.inf, 0.0
         self._turned = [each.copy() for each in (scaled.qp_rows, scaled.qp_least, scaled.qp_most)]
@@ -195,7 +196,7 @@ class StableProgram:
             equality,
             self._wanted,
         )
-        return broken <= max(tolerance, self._end)
+        return broken <= max(tolerance, self.end)
 
     def _settle(self, tolerance: float, x: Array, multipliers: Array) -> tuple[bool, Array, Array]:
         """Proximal steps for max|y|: its square is added around its last value until it stays."""

@@ -152,7 +152,7 @@ class StableQp:
         self._result, self._reached = np.zeros(4), False
         self._limited = False  # whether the last QP had to go below the ρ it was asked for
         self._size = np.array([n, m, k])
-        self.u = np.zeros(n)
+        self.u, self._spare = np.zeros(n), np.zeros(n)
         self.path, self.status = STILL, status.UNSOLVED
         self.rho, self.rate, self.required = 0.0, 0.0, 0.0
         self.margin, self.kkt_residual = -math.inf, math.inf
@@ -285,7 +285,7 @@ class StableQp:
             lower,
             upper,
             self._work,
-            self.u,
+            self._spare,
             self._result,
         )
         if found != status.OK:
@@ -301,6 +301,8 @@ class StableQp:
         found, fall = self._steepest.fall(1.0, wanted)
         if found != status.OK:
             return found, 0.0
+        if not self._steepest.sure:
+            return status.UNSOLVED, 0.0
         if fall >= wanted - ROUNDING * abs(wanted):
             return found, 1.0
         verdict = self._verdict(fall, wanted, drift / top, 1.0, self._forced() <= 0.0)
@@ -323,7 +325,8 @@ class StableQp:
             self._reached = self._equality
             return
         found, best = self._steepest.fall()
-        enough = best >= wanted - CLOSE * (1.0 + abs(wanted))
+        sure = self._steepest.sure
+        enough = best >= wanted - CLOSE * (1.0 + abs(wanted)) or not sure
         if possible and self._limited and enough and self._exactly(gamma, wanted):
             self._reached, self._limited = self._equality, False
             return
@@ -338,21 +341,41 @@ class StableQp:
             return
         self.status = self._verdict(best, wanted, drift / top, 1.0, self._forced() <= 0.0)
         if self.status == status.STATIONARY:
+            if not sure:
+                self._give_up(status.UNSOLVED)
             return
         near = [(best + inwards * inside * abs(best), limit) for inside, limit in ATTEMPTS]
-        for worst in (PROVED, math.inf):  # an answer without proof is better than none
-            for fall, tolerance in near:
-                if run(gamma, fall, tolerance, across=True) and self._program.residual <= worst:
-                    return
-        self._give_up(status.UNSOLVED)
+        if not self._first_proved(gamma, near, across=True):
+            self._give_up(status.UNSOLVED)
 
     def _exactly(self, gamma: float, wanted: float) -> bool:
-        """Solve the QP for what is wanted, and again where that has no proof: rows across s."""
-        run, tolerance = self._program.run, ATTEMPTS[0][1]
-        if not run(gamma, wanted, tolerance):
+        """Solve the QP for what is wanted; where that has no proof, with its rows across s too."""
+        attempt = [(wanted, ATTEMPTS[0][1])]
+        if not self._first_proved(gamma, attempt):
             return False
-        proved = self._program.residual <= PROVED
-        return proved or run(gamma, wanted, tolerance, across=True)
+        if self._equality and not self._proved():
+            residual, y = self._program.residual, self._program.y.copy()
+            if not self._first_proved(gamma, attempt, across=True) or not self._proved():
+                self._program.residual, self._program.y[:] = residual, y
+        return True
+
+    def _first_proved(
+        self, gamma: float, attempts: list[tuple[float, float]], *, across: bool = False
+    ) -> bool:
+        """Solve QPs until one has a proof; else the one that is nearest to it counts, if any."""
+        program, best = self._program, None
+        for fall, tolerance in attempts:
+            if program.run(gamma, fall, tolerance, across=across):
+                if self._proved():
+                    return True
+                if best is None or program.residual < best[0]:
+                    best = program.residual, program.y.copy()
+        if best is not None:
+            program.residual, program.y[:] = best
+        return best is not None
+
+    def _proved(self) -> bool:
+        return self._program.residual <= max(PROVED, self._program.end)
 
     def _damped(self, gamma: float, drift: float, wanted: float) -> bool:
         """Find the answer for a damped ρ; False where there is none."""

@@ -51,6 +51,7 @@ class Steepest:
         qp_rows: of the QP; `qp_least` and `qp_most` are the limits of its variables and rows, and
             `qp_sense` says which are equations.
         v: where the last LP was solved, W v*, (n,).
+        sure: whether nothing falls faster than it said.
 
     Raises:
         BadProblemError: the weights are not n positive numbers.
@@ -69,7 +70,7 @@ class Steepest:
             raise BadProblemError(f"weights must be {n} positive numbers, one for each joint.")
         self.n, self._kind = n, kind
         count = m + 1 + k
-        self._k, self.top, self.v = k, 0.0, np.zeros(n)
+        self._k, self.top, self.v, self.sure = k, 0.0, np.zeros(n), True
         self._multipliers = np.zeros(count)
         extra = 2 * n if kind == kernels.MAXIMUM else 0
         variables = {kernels.NORM: 2 * n, kernels.MAXIMUM: n + 1}.get(kind, n)
@@ -121,7 +122,7 @@ class Steepest:
         """Largest −s·y, s = W⁻¹∇V/top, up to `enough`; the largest s·y for direction −1.
 
         Where rows are within 1e-4 of parallel, the solver may not get to the vertex in time: then
-        it is what the last point within all limits has.
+        it is what the last point within all limits has, and `sure` is False.
 
         Returns:
             `OK` and that; `CONTRADICTORY`: no y keeps the constraints; `UNBOUNDED`; `UNSOLVED`.
@@ -137,6 +138,7 @@ class Steepest:
                 primal_tol=tolerance, iter_limit=STEPS,
             )  # fmt: skip
             if flag == 1 or (flag == TIRED and self._within(x)):
+                self.sure = flag == 1
                 self.v[:], self._multipliers = x, info["lam"][self.n :]
                 return OK, -float(slope @ x)
             if flag == BOUNDLESS:

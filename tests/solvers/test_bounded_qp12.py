@@ -258,3 +258,31 @@ def test_limits_a_hair_from_where_joints_would_go_are_judged_rightly(apart, seed
     except InfeasibleError:
         return
     assert solver.kkt_residual <= 1e-13
+
+
+@pytest.mark.parametrize("power", [-535, 535])
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_power_of_two_changes_no_bit(power: int, seed: int) -> None:
+    """Where squares overflow the sets are found in rounds: an answer that knows nothing of guesses.
+
+    With ties, with γ next to 1, and with limits a hair from where joints would go.
+    """
+    rng = np.random.default_rng(seed)
+    n = int(rng.choice([1, 2, 5, 21]))
+    gamma = float(rng.choice([0.0, 0.3, 0.99986, 1.0 - 1e-16]))
+    gradient = rng.normal(size=n) if rng.random() < 0.6 else rng.choice([-1.0, 1.0], n)
+    limits = rng.uniform(0.01, 1.0, n)
+    if rng.random() < 0.5:
+        try:
+            free = np.abs(qp12(gradient, 0.3, gamma))
+            limits = np.maximum(free * (1.0 + 1e-12 * rng.normal(size=n)), 1e-6)
+        except BadProblemError:
+            return
+    decrease = 0.3 if rng.random() < 0.5 else 0.9 * most(gradient, -limits, limits)
+    if decrease >= most(gradient, -limits, limits):
+        return
+    solver, near, far = BoundedQp12(n), np.zeros(n), np.zeros(n)
+    solver.solve(gradient, decrease, gamma, -limits, limits, near)
+    scale = 2.0**power
+    solver.solve(scale * gradient, scale * decrease, gamma, -limits, limits, far)
+    np.testing.assert_allclose(near, far, rtol=1e-12, atol=1e-13)

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numba
 import numpy as np
@@ -280,6 +281,19 @@ class TestKernel:
                 compilation.kernel(signature)(function)
             assert "allocates=True" in error.value.__notes__[0]
             compilation.kernel(signature, allocates=True)(function)
+
+    def test_refuses_to_return_a_part_of_an_array_as_the_whole(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(compilation, "CACHE_DIRECTORY", None)
+
+        def parts(x: Any) -> tuple[Any, Any]:
+            return x[2:], x[:1]
+
+        with pytest.raises(TypeError, match="allocates=True"):
+            compilation.kernel("UniTuple(f8[::1], 2)(f8[::1])")(parts)
+        lent = compilation.kernel("UniTuple(f8[::1], 2)(f8[::1])", allocates=True)(parts)
+        assert [len(part) for part in lent(np.ones(5))] == [3, 1]
 
     @pytest.mark.parametrize("option", ["fastmath", "parallel"])
     def test_refuses_options_that_change_bits(self, option: str) -> None:

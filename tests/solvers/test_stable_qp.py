@@ -216,7 +216,7 @@ class TestWhatCannotBeDone:
             return 0.0 * x, value, flag, info | {"lam": 0.0 * info["lam"]}
 
         monkeypatch.setattr(solver._steepest, "_solve", idle)
-        monkeypatch.setattr(solver._program, "run", lambda *_: False)
+        monkeypatch.setattr(solver._program, "run", lambda *_, **__: False)
         solver.solve(gradient, 9.0, 0.0, *rest)
         assert solver.status == status.STATIONARY
         assert solver.kkt_residual > 0.1

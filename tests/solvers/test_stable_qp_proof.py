@@ -109,6 +109,41 @@ def test_a_row_along_the_equation_is_left_as_short_as_it_becomes() -> None:
     assert high[3] == pytest.approx(0.5)
 
 
+def test_what_the_lp_is_not_sure_of_lowers_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where it ends before the vertex the QP is asked first, whatever was solved before."""
+    problem, solver = problem_of_the_qp().arguments, StableQp(N, 5)
+    fall = solver._steepest.fall
+
+    def short(*given: float) -> tuple[int, float]:
+        found, best = fall(*given)
+        solver._steepest.sure = False
+        return found, 0.5 * best
+
+    monkeypatch.setattr(solver._steepest, "fall", short)
+    solver._limited = True
+    assert solver.solve(*problem) == status.OK
+    assert solver.rho == 1.0
+    assert solver.kkt_residual <= 1e-8
+    assert solver.rho_star(*problem)[0] == status.UNSOLVED
+
+
+@pytest.mark.parametrize("objective", ["qp12", 1, 2, np.inf])
+def test_equations_nearly_parallel_to_the_gradient_are_kept(objective: str | float) -> None:
+    rng = np.random.default_rng(7)
+    solver = StableQp(N, 0, 1, objective=objective)
+    none, nothing = np.zeros((0, N)), np.zeros(0)
+    for _ in range(60):
+        gradient, bound = rng.normal(size=N), np.full(N, 0.5)
+        aside, inside = rng.normal(size=N), rng.uniform(-0.1, 0.1, N)
+        C = (gradient + 10.0 ** rng.uniform(-7, -3) * aside)[None]
+        c = C @ (inside - np.sign(gradient) * 0.2)
+        psi = 10.0 * float(np.abs(gradient).sum())
+        found = solver.solve(gradient, psi, 0.0, none, nothing, -bound, bound, C, c)
+        assert found in (status.OK, status.STATIONARY)
+        assert float(np.abs(C @ solver.u - c)[0]) <= 1e-9
+        assert solver.kkt_residual <= 1e-8
+
+
 def _spoilt(solver: StableQp, monkeypatch: pytest.MonkeyPatch, beyond: float) -> None:
     """Have the backend's answers exceed a bound, with multipliers that explain anything."""
     attempt = solver._program._attempt

@@ -50,9 +50,9 @@ def test_arrays_are_read_before_they_are_timed_wherever_they_are_in_a_problem(mo
     seen: list[object] = []
 
     class Watched(np.ndarray):
-        def sum(self, *given, **named):
+        def tobytes(self, *given):
             seen.append(len(self))
-            return super().sum(*given, **named)
+            return super().tobytes(*given)
 
     @dataclass
     class Program:

@@ -107,10 +107,12 @@ def race(
 def _read(value: object) -> None:
     """Bring every array in a problem, or in a list of problems, near the processor."""
     if isinstance(value, np.ndarray):
-        value.sum()
+        value.tobytes()
     elif isinstance(value, list | tuple):
         for each in value:
             _read(each)
+    elif hasattr(value, "indptr"):  # a sparse matrix
+        _read([getattr(value, name) for name in ("data", "indices", "indptr")])
     elif is_dataclass(value):
         for field in fields(value):
             _read(getattr(value, field.name))
