@@ -22,6 +22,7 @@ SMALL_SQUARES = 1e-6  # weight of ½|u|² beside ℓ1, ℓ∞ and least squares:
 MOST_GAMMA = 1.0 / (1.0 + SMALL_SQUARES)
 NO_BOUND = 1e30
 PROXIMAL_STEPS = 10
+PROVED = 1e-8  # residual: less is one
 BEYOND = 10.0  # of a solver's own end: as far beyond a limit an answer may be
 
 
@@ -37,7 +38,6 @@ class StableProgram:
     Attributes:
         y: the last answer, W u, (n,).
         residual: its KKT residual, see `proof_kernels`.
-        end: how far beyond a limit an answer of this solver may be.
 
     Raises:
         UnknownNameError: no such solver, or it is not installed.
@@ -49,7 +49,7 @@ class StableProgram:
         self._prove, self._write = proof_kernels.residual_kernel, across_kernels.across_kernel
         self._kind, self._scaled, self._equality = kind, scaled, equality
         self._program = _program(kind, scaled)
-        self._attempt, self.end = backend(solver, self._program), BEYOND * ENDS[solver]
+        self._attempt, self._end = backend(solver, self._program), BEYOND * ENDS[solver]
         self._pull, self._wanted = np.zeros(scaled.n), np.zeros(scaled.n)
         self.y, self.residual, self._held = np.zeros(scaled.n), math.inf, 0.0
         self._turned = [each.copy() for each in (scaled.qp_rows, scaled.qp_least, scaled.qp_most)]
@@ -74,6 +74,38 @@ class StableProgram:
             return self._solve(gamma, tolerance, 0.0, target, self._equality)
         turns = self._turn(target)
         return self._solve(gamma, tolerance, 0.0, target, self._equality, turns)
+
+    def run_exactly(self, gamma: float, fall: float, tolerance: float) -> bool:
+        """As `run`; an equation once more with rows across s where the answer has no proof."""
+        attempt = [(fall, tolerance)]
+        if not self.run_some(gamma, attempt):
+            return False
+        if self._equality and not self._proved():
+            residual, y = self.residual, self.y.copy()
+            if not self.run_some(gamma, attempt, across=True) or not self._proved():
+                self.residual, self.y[:] = residual, y
+        return True
+
+    def run_some(
+        self, gamma: float, attempts: list[tuple[float, float]], *, across: bool = False
+    ) -> bool:
+        """Run with one fall and tolerance after the other until an answer has a proof.
+
+        Else the one that is nearest to it counts; False where there is none.
+        """
+        best: tuple[float, Array] | None = None
+        for fall, tolerance in attempts:
+            if self.run(gamma, fall, tolerance, across=across):
+                if self._proved():
+                    return True
+                if best is None or self.residual < best[0]:
+                    best = self.residual, self.y.copy()
+        if best is not None:
+            self.residual, self.y[:] = best
+        return best is not None
+
+    def _proved(self) -> bool:
+        return self.residual <= max(PROVED, self._end)
 
     def run_damped(self, gamma: float, fall: float, worth: float, tolerance: float) -> bool:
         """Solve the QP with −s·y ≤ fall and a reward for −s·y; False where the solver gave up.
@@ -196,7 +228,7 @@ class StableProgram:
             equality,
             self._wanted,
         )
-        return broken <= max(tolerance, self.end)
+        return broken <= max(tolerance, self._end)
 
     def _settle(self, tolerance: float, x: Array, multipliers: Array) -> tuple[bool, Array, Array]:
         """Proximal steps for max|y|: its square is added around its last value until it stays."""

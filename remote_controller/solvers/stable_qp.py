@@ -65,7 +65,6 @@ ROUNDING = 1e-14  # of ρ
 CLOSE = 1e-9  # rates, divided by top, that rounding may take for each other
 ATTEMPTS = ((1e-9, 1e-11), (1e-9, 1e-8), (1e-7, 1e-8), (1e-5, 1e-8), (1e-3, 1e-6))
 """How far to stay inside the feasible rates, relative, and daqp's tolerance, in units of W u."""
-PROVED = 1e-8  # residual: less is one
 DAMPED_TOLERANCES = (1e-13, 1e-11, 1e-8)  # of daqp; the tighter, the better the proof
 
 
@@ -311,6 +310,7 @@ class StableQp:
     def _search(self, gamma: float, drift: float, asked: float) -> None:
         """Solve the QP, with a lower ρ if need be; sets status, path and y."""
         top, run, self._reached = self._steepest.top, self._program.run, False
+        exactly = self._program.run_exactly
         if top == 0.0:  # V̇ is the drift, whatever u
             if not self._equality and drift <= 0.0:
                 self.status = status.OK
@@ -321,13 +321,13 @@ class StableQp:
         if self._effort and self._equality and self._damped(gamma, drift / top, wanted):
             return
         possible = abs(wanted) < NO_BOUND
-        if possible and not self._limited and self._exactly(gamma, wanted):
+        if possible and not self._limited and exactly(gamma, wanted, ATTEMPTS[0][1]):
             self._reached = self._equality
             return
         found, best = self._steepest.fall()
         sure = self._steepest.sure
         enough = best >= wanted - CLOSE * (1.0 + abs(wanted)) or not sure
-        if possible and self._limited and enough and self._exactly(gamma, wanted):
+        if possible and self._limited and enough and exactly(gamma, wanted, ATTEMPTS[0][1]):
             self._reached, self._limited = self._equality, False
             return
         self._limited, inwards = True, -1.0
@@ -345,37 +345,8 @@ class StableQp:
                 self._give_up(status.UNSOLVED)
             return
         near = [(best + inwards * inside * abs(best), limit) for inside, limit in ATTEMPTS]
-        if not self._first_proved(gamma, near, across=True):
+        if not self._program.run_some(gamma, near, across=True):
             self._give_up(status.UNSOLVED)
-
-    def _exactly(self, gamma: float, wanted: float) -> bool:
-        """Solve the QP for what is wanted; where that has no proof, with its rows across s too."""
-        attempt = [(wanted, ATTEMPTS[0][1])]
-        if not self._first_proved(gamma, attempt):
-            return False
-        if self._equality and not self._proved():
-            residual, y = self._program.residual, self._program.y.copy()
-            if not self._first_proved(gamma, attempt, across=True) or not self._proved():
-                self._program.residual, self._program.y[:] = residual, y
-        return True
-
-    def _first_proved(
-        self, gamma: float, attempts: list[tuple[float, float]], *, across: bool = False
-    ) -> bool:
-        """Solve QPs until one has a proof; else the one that is nearest to it counts, if any."""
-        program, best = self._program, None
-        for fall, tolerance in attempts:
-            if program.run(gamma, fall, tolerance, across=across):
-                if self._proved():
-                    return True
-                if best is None or program.residual < best[0]:
-                    best = program.residual, program.y.copy()
-        if best is not None:
-            program.residual, program.y[:] = best
-        return best is not None
-
-    def _proved(self) -> bool:
-        return self._program.residual <= max(PROVED, self._program.end)
 
     def _damped(self, gamma: float, drift: float, wanted: float) -> bool:
         """Find the answer for a damped ρ; False where there is none."""
