@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocol.compilation import kernel
+from remote_controller.solvers.stable_kernels import NO_BOUND
 
-NO_BOUND = 1e30
 PARALLEL = 1e-13  # of a row's length: what is left of it is rounding
 
 
@@ -38,13 +38,13 @@ def across_kernel(
     Args:
         place: of s among the rows.
         r: s·x.
-        rows: (r, v).
-        least: of the variables and the rows, (v + r,).
+        rows: (m, v).
+        least: of the variables and the rows, (v + m,).
         most: likewise.
         turns: where to write λ and μ, 1 and 0 for s itself, of as many rows, the first ones, as
-            shall be turned, (count, 2).
-        turned: where to write the rows, (r, v).
-        turned_least: where to write their limits, behind the variables' own, (v + r,).
+            shall be turned, (m, 2) or shorter.
+        turned: where to write the rows, (m, v).
+        turned_least: where to write their limits, behind the variables' own, (v + m,).
         turned_most: likewise.
     """
     count, v = rows.shape

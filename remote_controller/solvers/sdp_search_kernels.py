@@ -26,10 +26,8 @@ Indices = NDArray[np.int64]
 NONE, WARM, IPM, BUDGET = range(4)  # the ways to an answer
 FIRST_TRY = 1e-3  # of λ: how near the interior-point method is to bring Newton's
 TRIES = 6  # more, each ten times as near
-INSIDE, CLOSE = (
-    1,
-    2,
-)  # where the budget ended: on the way, or so near that Newton's method had begun
+INSIDE = 1  # where the budget ended: on the way from inside
+CLOSE = 2  # or so near the optimum that Newton's method had begun
 
 
 @kernel(

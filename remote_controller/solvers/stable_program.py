@@ -46,7 +46,7 @@ class StableProgram:
     def __init__(self, kind: int, scaled: Steepest, *, equality: bool, solver: str) -> None:
         from remote_controller.solvers import across_kernels, proof_kernels  # noqa: PLC0415
 
-        self._prove, self._write = proof_kernels.residual_kernel, across_kernels.across_kernel
+        self._prove, self._across = proof_kernels.residual_kernel, across_kernels.across_kernel
         self._kind, self._scaled, self._equality = kind, scaled, equality
         self._program = _program(kind, scaled)
         self._attempt, self._end = backend(solver, self._program), BEYOND * ENDS[solver]
@@ -150,7 +150,7 @@ class StableProgram:
         turns = self._turns[: len(scaled.rows)]
         rows, limits = len(program.A), program.most.size
         turned, least, most = turned[:rows], least[:limits], most[:limits]
-        self._write(
+        self._across(
             scaled.used, target, program.A, program.least, program.most, turns, turned, least, most
         )
         program.A, program.least, program.most = turned, least, most

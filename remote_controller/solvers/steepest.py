@@ -131,7 +131,7 @@ class Steepest:
         self.least[row] = -enough if direction > 0.0 else -NO_BOUND
         self.most[row] = NO_BOUND if direction > 0.0 else enough
         slope = direction * self.slope
-        flag = 0
+        flag, self.sure = 0, True
         for tolerance in TOLERANCES:
             x, _, flag, info = self._solve(
                 None, slope, self.rows, self.most, self.least, self.sense,
