@@ -17,7 +17,8 @@ SOFT_TOLERANCE = 1e-9
 SINGULAR = 1e-14  # the fallback weighs its squares so differently that daqp takes more for singular
 VIOLATION = 1e4, 1e2, 1.0
 """Weight of a torque's violation, relative to its effort, beside the task's; the next one where
-the solver gives up, as it may where all has different scales."""
+the solver gives up or errs, as it may where all has different scales."""
+ERRS = 1e-3  # of the greatest violation: by that much the solver's may differ from the torques'
 
 
 class Tsid:
@@ -135,9 +136,18 @@ class Tsid:
         for weight in VIOLATION:
             soft.A.flat[n :: 2 * n + 1] = -self._effort / math.sqrt(weight)
             solved, x, _ = self._soften(SOFT_TOLERANCE)
-            if solved:
-                return status.INFEASIBLE, np.ascontiguousarray(x[:n])
+            ddq = np.clip(x[:n], soft.least[:n], soft.most[:n])
+            if solved and self._meant(ddq, np.abs(x[n:]) / math.sqrt(weight)):
+                return status.INFEASIBLE, ddq
         return status.UNSOLVED, posture
+
+    def _meant(self, ddq: Array, violation: Array) -> bool:
+        """Whether the torques of ddq violate their efforts as the solver says: relative to them."""
+        hard, n = self._program, self.n
+        tau = hard.A @ ddq
+        beyond = np.maximum(tau - hard.most[n:], hard.least[n:] - tau) / self._effort
+        true = np.maximum(0.0, beyond)
+        return bool(np.abs(true - violation).max() <= ERRS * true.max())
 
 
 def _program(rows: int, variables: int) -> Program:

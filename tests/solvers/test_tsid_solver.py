@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import quadprog
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from remote_controller.solvers import status
-from remote_controller.solvers.tsid import Tsid
+from remote_controller.solvers.tsid import VIOLATION, Tsid
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -99,11 +99,12 @@ def test_its_residual_tells_a_wrong_answer(seed):
         assert off <= 1e-8 or solver.kkt_residual > 1e-9
 
 
-def least_violation(it: Problem) -> float:
-    """Least |s|², s the violation of the efforts relative to them, by quadprog."""
-    n = len(it.p)
-    meet, one, zero = it.lower == it.upper, np.eye(n), np.zeros((n, n))
-    S = np.diag(it.effort)
+def exceeding(it: Problem, weight: float) -> np.ndarray:
+    """The best ddq where efforts may be exceeded at that weight, by quadprog."""
+    n, meet = len(it.p), it.lower == it.upper
+    one, zero = np.eye(n), np.zeros((n, n))
+    H, f = it.J.T @ it.J + it.w * one, it.J.T @ it.y + it.w * it.p
+    S = np.diag(it.effort) / np.sqrt(weight * H.diagonal().max())
     rows = np.vstack(
         [
             np.hstack([one[meet], zero[meet]]),
@@ -114,13 +115,21 @@ def least_violation(it: Problem) -> float:
         ]
     )
     least = [it.lower[meet], it.lower[~meet], -it.upper[~meet], -it.effort - it.h, it.h - it.effort]
-    H = np.diag(np.r_[np.full(n, 1e-10), np.ones(n)])
-    x = quadprog.solve_qp(H, np.zeros(2 * n), rows.T, np.concatenate(least), int(meet.sum()))[0]
-    return float(x[n:] @ x[n:])
+    H, f = np.block([[H, zero], [zero, one]]), np.r_[f, np.zeros(n)]
+    return quadprog.solve_qp(H, f, rows.T, np.concatenate(least), int(meet.sum()))[0][:n]
 
 
+def cost(it: Problem, ddq: np.ndarray, weight: float) -> float:
+    """Of the task and of exceeded efforts."""
+    task = np.sum((it.y - it.J @ ddq) ** 2) + it.w * np.sum((it.p - ddq) ** 2)
+    largest = (it.J.T @ it.J).diagonal().max() + it.w
+    beyond = np.maximum(0.0, np.abs(it.M @ ddq + it.h) / it.effort - 1.0)
+    return float(task + weight * largest * (beyond @ beyond))
+
+
+@example(11200780)  # daqp takes a point for solved that exceeds an effort by a third more
 @given(SEEDS)
-def test_where_efforts_are_too_small_the_bounds_are_kept_and_the_torques_exceeded_least(seed):
+def test_where_efforts_are_too_small_the_bounds_are_kept_and_torques_cost_as_little_as_can_be(seed):
     it = problem(seed, strength=0.5)
     found, solver = it.solve()
     assert found in {status.OK, status.INFEASIBLE}
@@ -131,7 +140,8 @@ def test_where_efforts_are_too_small_the_bounds_are_kept_and_the_torques_exceede
         beyond = np.maximum(0.0, np.abs(solver.tau) / it.effort - 1.0)
         assert beyond.max() > 0.0
         assert solver.torque_margin == pytest.approx(-beyond.max())
-        assert beyond @ beyond <= 1.02 * least_violation(it) + 1e-3
+        costs = [(cost(it, solver.ddq, w), cost(it, exceeding(it, w), w)) for w in VIOLATION[:2]]
+        assert min(mine / least for mine, least in costs) <= 1.0 + 1e-4
         assert solver.kkt_residual == np.inf
 
 
