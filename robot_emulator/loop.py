@@ -3,9 +3,9 @@
 Everything happens in one thread and in one order, on whatever clock and link it is given, so the
 same code runs against the wall clock, in lockstep, and under the tests' virtual time.
 
-In real time a tick's State should leave at once. Where the answer to the last one is here, nothing
-that comes later can change what the robot does next: so it is done ahead of the tick, and when that
-begins only the State is left to be sent.
+In real time a tick's State should leave at once. Where the answer to the last one is here, or none
+was asked for, nothing that comes later can change what the robot does next: so it is done ahead of
+the tick, and when that begins only the State is left to be sent.
 """
 
 from __future__ import annotations
@@ -166,11 +166,12 @@ class RobotLoop:
 
     def _may_act_ahead(self, ticker: Ticker) -> bool:
         """Whether the next tick is still to come, and all is known that it depends on."""
-        if not self._lead or self.mode != State.ACTIVE:
+        if not self._lead:
             return False
         self._clock.sleep_until(ticker.next - self._lead)
         self._receive(self._published)
-        return self.inbox.in_time(self._asked_tick) and self._clock.now() < ticker.next
+        known = self._asked_tick < 0 or self.inbox.in_time(self._asked_tick)
+        return known and self._clock.now() < ticker.next
 
     def _act(self, tick: int) -> None:
         """What the robot does for a tick before it measures."""
