@@ -19,8 +19,8 @@ EVENTS = Event.schema.constants
 
 LONGEST_CHANGE = 16_384  # bytes
 
-REHEARSALS = 3
-"""Last silent ticks before the robot follows, at each of which the controller begins anew, as it
+RUN_UP = 3
+"""Last silent ticks before the robot follows us, at each of which the controller begins anew, as it
 will then: what it does only at a beginning is slow where it has not just been done."""
 
 DOUBTS = 100
@@ -97,8 +97,8 @@ class ControllerLoop:
         """Answer a State that arrived at `received` [ns]; None where no answer is asked for.
 
         A controller without authority, or of a robot that is not active, follows in silence: it
-        takes every step, so that it is warm, and sends nothing. The last of them are rehearsals
-        (`REHEARSALS`). Call `sent` afterwards.
+        takes every step, so that it is warm, and sends nothing. It begins anew at each of the last
+        of them (`RUN_UP`). Call `sent` afterwards.
 
         Raises:
             Hoap3Error: the controller failed; names the tick, and the place in its code.
@@ -125,7 +125,7 @@ class ControllerLoop:
         self._unrecorded.append((Kind.STATE, received, payload))
         asked = state.mode == State.ACTIVE and state.epoch == self.epoch != 0
         try:
-            if not self._started or asked != self._engaged or self._rehearses(state, asked):
+            if not self._started or asked != self._engaged or self._runs_up(state, asked):
                 self._reset(state)
                 self._engaged = asked
             command = controller.step(state)
@@ -154,10 +154,10 @@ class ControllerLoop:
             return False
         return state.epoch != 0 or state.epoch_from_tick == 0
 
-    def _rehearses(self, state: State, asked: bool) -> bool:
+    def _runs_up(self, state: State, asked: bool) -> bool:
         """Whether the robot follows us from one of the next ticks on."""
         ahead = state.epoch_from_tick - state.tick
-        return self.epoch != 0 and not asked and 0 < ahead <= REHEARSALS
+        return self.epoch != 0 and not asked and 0 < ahead <= RUN_UP
 
     def _doubt(self, strange: bool) -> None:
         """One such State may be old, or forged; many in a row are not."""

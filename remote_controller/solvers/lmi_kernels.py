@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from protocol.compilation import inlined, kernel
+from remote_controller.solvers.dense_kernels import add, add_rows, dot
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -68,32 +69,26 @@ def _tridiagonal(W: Array, diagonal: Array, beside: Array, p: Array) -> None:
     """Reflect a symmetric matrix to a tridiagonal one (Householder); W is overwritten."""
     n = W.shape[0]
     for k in range(n - 1):
+        row, q = W[k, k + 1 :], p[: n - 1 - k]
         diagonal[k] = W[k, k]
-        first, tail, shared = W[k, k + 1], 0.0, 0.0
-        for j in range(k + 1, n):
-            tail += W[k, j] * W[k, j]
+        first, tail = row[0], dot(row, row)
         if k == n - 2 or tail <= first * first:
             beside[k] = first
             continue
         size = -math.copysign(math.sqrt(tail), first)
         beside[k] = size
         factor = 1.0 / (tail - size * first)
-        W[k, k + 1] -= size
-        for j in range(k + 1, n):
-            p[j] = 0.0
-        for i in range(k + 1, n):
-            entry = factor * W[k, i]
-            for j in range(k + 1, n):
-                p[j] += entry * W[i, j]
-        for j in range(k + 1, n):
-            shared += p[j] * W[k, j]
-        shared *= 0.5 * factor
-        for j in range(k + 1, n):
-            p[j] -= shared * W[k, j]
-        for i in range(k + 1, n):
-            v, q = W[k, i], p[i]
-            for j in range(k + 1, n):
-                W[i, j] -= v * p[j] + q * W[k, j]
+        row[0] -= size
+        for j in range(q.size):
+            q[j] = 0.0
+        add_rows(q, row, W[k + 1 :], 0, q.size, k + 1)
+        for j in range(q.size):
+            q[j] *= factor
+        add(q, -0.5 * factor * dot(q, row), row)
+        for i in range(q.size):
+            rest = W[k + 1 + i, k + 1 :]
+            for j in range(q.size):
+                rest[j] -= row[i] * q[j] + q[i] * row[j]
     diagonal[n - 1] = W[n - 1, n - 1]
 
 

@@ -3,10 +3,12 @@
     min (β − 1)² + δ|λ|²   subject to   C(λ, β) ⪰ 0,  lower ≤ S λ ≤ upper
 
 Mehrotra's predictor and corrector along the direction of Helmberg, Rendl, Vanderbei and Wolkowicz
-(SIAM Journal on Optimization 6, 1996). C is quadratic in λ and concave, so no larger matrix that is
-linear in λ is needed: its curvature enters the Hessian, 2Δt G∘Z, and the linearised condition
-C Z = μI. Every iterate has C ≻ 0; λ = 0 with β = −1 is the first. The distances to the limits are
-unknowns of their own and positive, so a limit of 0 does no harm; the others are kept throughout.
+(SIAM Journal on Optimization 6, 1996). What a step aims at is told by the length of the one before,
+not by that of the predictor, which saves two of four eigenvalues. C is quadratic in λ and concave,
+so no larger matrix that is linear in λ is needed: its curvature enters the Hessian, 2Δt G∘Z, and
+the linearised condition C Z = μI. Every iterate has C ≻ 0; λ = 0 with β = −1 is the first. The
+distances to the limits are unknowns of their own and positive, so a limit of 0 does no harm; the
+others are kept throughout.
 """
 
 from __future__ import annotations
@@ -41,11 +43,11 @@ ROOM = 1e-10  # limits closer to 0 than that on both sides let nothing move
 SHARE = 0.1  # of the largest entry of S: a limit closer to 0 is kept only in the end
 SPRING = 1e10  # holds a joint that may not move at all, whose two limits leave no interior
 COARSE = 1e-2  # accuracy of the eigenvalues that tell how far a step may go
-MOST_CENTRED, LEAST_CENTRED = 0.8, 1e-5  # of μ: what a step aims at
+CENTRED, LEAST_CENTRED = 0.4, 1e-5  # of μ: what a step aims at after one of length 0, and of 1
 SMALL = 1e-3  # step: nothing is gained any more
 
 
-@kernel("f8(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1])")
+@kernel("f8(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1])", superwords=True)
 def _reach(P: Array, D: Array, W: Array, X: Array, vectors: Array) -> float:
     """The longest step a, with A + a D ⪰ 0 where P A Pᵀ = I."""
     n = P.shape[0]
@@ -153,7 +155,8 @@ def _shorten(
 
 @kernel(
     "void(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1],"
-    " f8[:,::1], f8[:,::1], f8, f8, f8[:,::1], f8[:,::1], f8[::1], f8[:,::1])"
+    " f8[:,::1], f8[:,::1], f8, f8, f8[:,::1], f8[:,::1], f8[::1], f8[::1], f8[:,::1])",
+    superwords=True,
 )
 def _hessian(
     G: Array,
@@ -171,6 +174,7 @@ def _hessian(
     VXV: Array,
     VZV: Array,
     scratch: Array,
+    weighted: Array,
     K: Array,
 ) -> None:
     """The upper triangle of the matrix of a step, with the multipliers eliminated."""
@@ -192,9 +196,10 @@ def _hessian(
         scratch[r] = z[0, r] / slack[0, r] + z[1, r] / slack[1, r]
         scratch[r] = SPRING if locked(limits, r) else scratch[r]
     for i in range(n):
+        for r in range(joints):
+            weighted[r] = scratch[r] * S[i, r]
         for j in range(i, n):
-            for r in range(joints):
-                K[i, j] += scratch[r] * S[i, r] * S[j, r]
+            K[i, j] += dot(weighted[:joints], S[j])
 
 
 @inlined
@@ -284,6 +289,7 @@ def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to it
     g: Array = vectors[1, : n + 1]
     scratch, spectrum = vectors[2], vectors[3:]
     slack, fall, dz, aim, miss = sides[0], sides[1], sides[2], sides[3], sides[4]
+    primal, dual = 0.5, 0.5  # steps before the first
     for taken in range(budget):
         stability_matrix(L, G, x[:n], float(x[n]), dt, C, V)
         _missing(S, limits, x, scratch[:joints], slack, miss)
@@ -304,7 +310,7 @@ def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to it
                     count += 1
         times(X, V, XV)
         times(Z, V, ZV)
-        _hessian(G, S, limits, Z, z, X, V, XV, ZV, slack, dt, delta, D, W, scratch, K)
+        _hessian(G, S, limits, Z, z, X, V, XV, ZV, slack, dt, delta, D, W, scratch, spectrum[0], K)
         if factorise(K, n + 1, 0.0, scratch) < n + 1:
             return False, taken
         for i in range(n):
@@ -329,28 +335,15 @@ def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to it
         if not error < math.inf:
             return False, taken
 
-        # the predictor: how far it would take μ down
+        # the predictor: where it leads tells what is neglected, of second order
         clear(Q)
         _change(V, dx, D)
         _dual_step(X, Z, D, Q, W, T, dZ)
-        _bend(G, dx, dt, D, W)
-        primal = min(1.0, _reach(P, W, T, U, spectrum))
-        dual = min(1.0, _reach(PZ, dZ, T, U, spectrum))
         _limit_step(S, dx, slack, z, miss, aim, fall, dz)
-        primal, dual = _shorten(slack, fall, z, dz, 1.0, primal, dual)
-        left, least = 0.0, min(primal, dual)
-        for i in range(n):
-            for j in range(n):
-                left += (C[i, j] + primal * D[i, j]) * (Z[i, j] + dual * dZ[i, j])
-        for side in range(2):
-            for r in range(joints):
-                if slack[side, r] < math.inf:
-                    remains = slack[side, r] - primal * fall[side, r]
-                    left += remains * (z[side, r] + dual * dz[side, r])
-        centred = (max(left, 0.0) / gap) ** max(1.0, 3.0 * least * least)
-        mu = gap / count * min(max(centred, LEAST_CENTRED), MOST_CENTRED)
+        least = min(primal, dual)
+        mu = gap / count * max(CENTRED * (1.0 - least), LEAST_CENTRED)
 
-        # the corrector: with what the predictor neglects, of second order
+        # the corrector: with that, and aimed at μ
         times(D, dZ, W)
         for i in range(n):
             for k in range(n):

@@ -33,6 +33,7 @@ CONVERGED = 1e-6  # of 1 + |λ|: the step after one of that size is rounding
 STEPS = 8  # of one Newton iteration; from a good guess it takes two or three
 FAR = 1e3  # of 1 + |λ|: a step as long leads nowhere
 SLOW = 0.5  # of the step before: after the first few, a step that is longer leads nowhere
+NEAR = 0.1  # of 1 + |λ|: after a step as short it shows which limits are wrong
 NOTHING = 1e-300  # squares of that size are none
 KEPT = 1e-10  # of 1 + |limit|: how far a limit may be broken
 PULLING = -1e-10  # a multiplier below it says that its limit need not hold
@@ -273,7 +274,7 @@ def settle(  # noqa: PLR0912 - one case after the other
     K: Array,
     vectors: Array,
 ) -> tuple[bool, int, int]:
-    """Find the optimum by Newton's method, and which limits hold, one at a time.
+    """Find the optimum by Newton's method, and which limits hold: one more, or less, at a time.
 
     Args:
         L, G: (n, n), and LᵀL.
@@ -297,14 +298,14 @@ def settle(  # noqa: PLR0912 - one case after the other
         Whether x is optimal: the conditions hold and C is positive semidefinite; how many limits
         hold; Newton steps taken.
     """
-    n, taken, dual = block.size, 0, 0
+    n, joints, taken, dual = block.size, S.shape[1], 0, 0
     for k in range(rank):
         for other in range(k + 1):
             dual += 1 if home[other] == home[k] else 0
     for _ in range(2 * n + 2):
-        close, before = False, math.inf
         if rank == 0 or dual + holding > n + 1:
             break
+        close, before, out, broken = False, math.inf, -1, 0
         for step in range(STEPS):
             if taken == budget:
                 return False, holding, taken
@@ -334,15 +335,15 @@ def settle(  # noqa: PLR0912 - one case after the other
             if not solve_quasidefinite(K, size, vectors[0], vectors[1], vectors[2]):
                 return False, holding, taken
             length = _move(x, Y, block, home, rank, nu, holding, vectors[0])
-            if length < CONVERGED:
-                close = True
-                break
-            if not length < math.inf or (step > 2 and length > SLOW * before):
-                break
+            close = length < CONVERGED
+            lost = not length < math.inf or (step > 2 and length > SLOW * before)
+            if lost and not close:
+                return False, holding, taken
             before = length
-        if not close:
-            return False, holding, taken
-        out, broken = _first_wrong(S, limits, x, held, holding, nu, vectors[3, : S.shape[1]])
+            if length < NEAR:
+                out, broken = _first_wrong(S, limits, x, held, holding, nu, vectors[3, :joints])
+            if close or out >= 0 or broken != 0:
+                break
         if out >= 0:
             holding -= 1
             for a in range(out, holding):
@@ -352,6 +353,8 @@ def settle(  # noqa: PLR0912 - one case after the other
                 return False, holding, taken
             held[holding], nu[holding] = broken, 0.0
             holding += 1
+        elif not close:
+            break
         else:
             stability_matrix(L, G, x[:n], x[n], dt, C, V)
             return _positive(C, Y, rank, K, vectors[1]), holding, taken

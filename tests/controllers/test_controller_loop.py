@@ -17,7 +17,7 @@ from protocol.recorder import MemoryRecorder
 from protocol.ring import Kind
 from protocol.settings import Settings
 from remote_controller.controllers.controller import Controller
-from remote_controller.loop import DOUBTS, LONGEST_CHANGE, REHEARSALS, ControllerLoop
+from remote_controller.loop import DOUBTS, LONGEST_CHANGE, RUN_UP, ControllerLoop
 
 SESSION = 7
 RESET = Event.schema.constants["RESET"]
@@ -223,19 +223,19 @@ def test_it_resets_at_the_beginning_at_engagement_and_at_disengagement_and_never
     assert events == [0, 4, 8, 12]
 
 
-def test_the_last_silent_ticks_are_rehearsals_of_the_first_answer():
+def test_it_begins_anew_at_each_of_the_last_silent_ticks_as_at_the_first_answer():
     bench, first = Bench(epoch=2), 9
     for tick in range(first):
         bench.answer(bench.state(tick, mode=State.IDLE, epoch=0, epoch_from_tick=first))
     for tick in range(first, first + 3):
         bench.answer(bench.state(tick, epoch=2, epoch_from_tick=first))
-    rehearsals = range(first - REHEARSALS, first)
-    assert bench.controller.resets == [(tick, None) for tick in (0, *rehearsals, first)]
+    run_up = range(first - RUN_UP, first)
+    assert bench.controller.resets == [(tick, None) for tick in (0, *run_up, first)]
     assert bench.controller.steps == list(range(first + 3))
     assert bench.loop.answered == 3
 
 
-def test_what_another_controller_is_granted_is_not_rehearsed():
+def test_it_does_not_begin_anew_for_what_another_controller_is_granted():
     bench = Bench(epoch=0)
     for tick in range(5):
         bench.answer(bench.state(tick, mode=State.IDLE, epoch=0, epoch_from_tick=5))
