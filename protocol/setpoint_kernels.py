@@ -61,12 +61,15 @@ def stopping_speed(room: float, acceleration: float, T: float) -> float:
 
 
 @inlined
-def brake_reserve(place: float, speed: float, acceleration: float, T: float) -> float:
-    """Room that rounding may cost while a joint brakes to `place`, from `speed` at most."""
+def brake_reserve(place: float, room: float, speed: float, acceleration: float, T: float) -> float:
+    """Room that rounding may cost while a joint brakes to `place`, from `speed` at most.
+
+    Meanwhile it is as far away as that takes, or as it is now, `room`, whichever is less.
+    """
     if not abs(place) < math.inf:
         return 0.0  # there is no such wall
     steps = min(speed / (acceleration * T), MOST_STEPS) + 2.0
-    return 8.0 * ULP * steps * (abs(place) + 0.5 * steps * speed * T)
+    return 8.0 * ULP * steps * (abs(place) + min(0.5 * steps * speed * T, max(room, 0.0)))
 
 
 @inlined
@@ -85,7 +88,7 @@ def approach_speed(
         acceleration: of braking.
         T: period [s].
     """
-    left = room - brake_reserve(place, speed, acceleration, T)
+    left = room - brake_reserve(place, room, speed, acceleration, T)
     if 0.5 * wanted * (wanted / acceleration + T) + acceleration * T * T / 8.0 <= left:
         return wanted
     last = min(max(room, 0.0) / T, acceleration * T)

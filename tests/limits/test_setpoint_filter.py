@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from setpoint_attacks import ATTACKS, Attacked, N, T
 
@@ -79,6 +79,7 @@ def test_turning_round_as_fast_as_can_be_passes_bit_by_bit(seed, back):
 
 
 @settings(max_examples=20)
+@example(seed=1056)  # a joint so weak that braking from its greatest speed takes minutes
 @given(seed=SEEDS)
 def test_a_jump_is_reached_in_the_least_time_and_never_passed(seed):
     robot = Attacked(seed)
