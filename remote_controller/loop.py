@@ -20,8 +20,8 @@ EVENTS = Event.schema.constants
 LONGEST_CHANGE = 16_384  # bytes
 
 RUN_UP = 3
-"""Last silent ticks before the robot follows us, at each of which the controller begins anew, as it
-will then: what it does only at a beginning is slow where it has not just been done."""
+"""Ticks before a grant begins at each of which the controller begins anew, as it will then: what it
+does only at a beginning is slow where it has not just been done."""
 
 DOUBTS = 100
 """States in a row that do not fit what was agreed, after which it is agreed anew."""
@@ -98,7 +98,7 @@ class ControllerLoop:
 
         A controller without authority, or of a robot that is not active, follows in silence: it
         takes every step, so that it is warm, and sends nothing. It begins anew at each of the last
-        of them (`RUN_UP`). Call `sent` afterwards.
+        ticks before its grant begins (`RUN_UP`). Call `sent` afterwards.
 
         Raises:
             Hoap3Error: the controller failed; names the tick, and the place in its code.
@@ -125,7 +125,7 @@ class ControllerLoop:
         self._unrecorded.append((Kind.STATE, received, payload))
         asked = state.mode == State.ACTIVE and state.epoch == self.epoch != 0
         try:
-            if not self._started or asked != self._engaged or self._runs_up(state, asked):
+            if not self._started or asked != self._engaged or self._runs_up(state):
                 self._reset(state)
                 self._engaged = asked
             command = controller.step(state)
@@ -154,10 +154,10 @@ class ControllerLoop:
             return False
         return state.epoch != 0 or state.epoch_from_tick == 0
 
-    def _runs_up(self, state: State, asked: bool) -> bool:
-        """Whether the robot follows us from one of the next ticks on."""
+    def _runs_up(self, state: State) -> bool:
+        """Whether the robot, at rest, follows us from one of the next ticks on."""
         ahead = state.epoch_from_tick - state.tick
-        return self.epoch != 0 and not asked and 0 < ahead <= RUN_UP
+        return state.mode == State.IDLE and self.epoch != 0 and 0 < ahead <= RUN_UP
 
     def _doubt(self, strange: bool) -> None:
         """One such State may be old, or forged; many in a row are not."""

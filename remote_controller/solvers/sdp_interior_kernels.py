@@ -2,13 +2,13 @@
 
     min (β − 1)² + δ|λ|²   subject to   C(λ, β) ⪰ 0,  lower ≤ S λ ≤ upper
 
-Mehrotra's predictor and corrector along the direction of Helmberg, Rendl, Vanderbei and Wolkowicz
-(SIAM Journal on Optimization 6, 1996). What a step aims at is told by the length of the one before,
-not by that of the predictor, which saves two of four eigenvalues. C is quadratic in λ and concave,
-so no larger matrix that is linear in λ is needed: its curvature enters the Hessian, 2Δt G∘Z, and
-the linearised condition C Z = μI. Every iterate has C ≻ 0; λ = 0 with β = −1 is the first. The
-distances to the limits are unknowns of their own and positive, so a limit of 0 does no harm; the
-others are kept throughout.
+Predictor and corrector, after Mehrotra, along the direction of Helmberg, Rendl, Vanderbei and
+Wolkowicz (SIAM Journal on Optimization 6, 1996). What a step aims at is told by the length of the
+one before, not by that of the predictor, which saves two of four eigenvalues. C is quadratic in λ
+and concave, so no larger matrix that is linear in λ is needed: its curvature enters the Hessian,
+2Δt G∘Z, and the linearised condition C Z = μI. Every iterate has C ≻ 0; λ = 0 with β = −1 is the
+first. The distances to the limits are unknowns of their own and positive, so a limit of 0 does no
+harm; the others are kept throughout.
 """
 
 from __future__ import annotations

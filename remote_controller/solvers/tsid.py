@@ -79,7 +79,7 @@ class Tsid:
 
         Returns:
             `status.OK`; `INFEASIBLE` where efforts are too small for the bounds and ddq is the
-            fallback; `UNSOLVED` where the solver gave up and ddq is p within the bounds.
+            fallback; `UNSOLVED` where the solver gave up or erred and ddq is p within the bounds.
         """
         program = self._program
         self._lay_out(
@@ -147,7 +147,7 @@ class Tsid:
         tau = hard.A @ ddq
         beyond = np.maximum(tau - hard.most[n:], hard.least[n:] - tau) / self._effort
         true = np.maximum(0.0, beyond)
-        return bool(np.abs(true - violation).max() <= ERRS * true.max())
+        return bool(np.abs(true - violation).max() <= ERRS * true.max() + SOFT_TOLERANCE)
 
 
 def _program(rows: int, variables: int) -> Program:

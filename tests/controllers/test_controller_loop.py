@@ -197,7 +197,7 @@ def test_a_robot_that_is_not_active_is_not_answered(mode):
     assert bench.controller.steps == [0]
 
 
-def test_it_resets_at_the_beginning_at_engagement_and_at_disengagement_and_never_else():
+def test_without_a_run_up_it_resets_at_the_beginning_at_engagement_and_at_disengagement():
     bench = Bench(epoch=2)
     for tick in range(4):
         bench.answer(bench.state(tick, mode=State.IDLE, epoch=0))
@@ -235,7 +235,7 @@ def test_it_begins_anew_at_each_of_the_last_silent_ticks_as_at_the_first_answer(
     assert bench.loop.answered == 3
 
 
-def test_it_does_not_begin_anew_for_what_another_controller_is_granted():
+def test_without_authority_it_has_no_run_up():
     bench = Bench(epoch=0)
     for tick in range(5):
         bench.answer(bench.state(tick, mode=State.IDLE, epoch=0, epoch_from_tick=5))

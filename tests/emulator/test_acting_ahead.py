@@ -70,6 +70,36 @@ def test_states_and_counts_are_the_same(script, late, forged):
     assert [event[::2] for event in ahead.events()] == [event[::2] for event in waiting.events()]
 
 
+def asked_for(lead: int, grace: int, requests: dict[int, str]) -> Bench:
+    """Somebody asks for something as soon as a State is out."""
+    bench = Bench(lead=lead, grace=grace)
+    bench.speed[:] = 0.1
+    published = bench.link.publish
+
+    def publish(payload: bytes) -> None:
+        published(payload)
+        if bench.robot.tick in requests:
+            bench.link.ask(requests[bench.robot.tick], "test")
+
+    bench.link.publish = publish
+    stop = iter([False] * TICKS)
+    bench.robot.run(0, lambda: next(stop, True))
+    return bench
+
+
+@given(
+    st.sampled_from([0, 3]),
+    st.dictionaries(
+        st.integers(0, TICKS), st.sampled_from(["acquire", "release", "stop", "recover"])
+    ),
+)
+def test_requests_are_served_at_the_same_ticks(grace, requests):
+    waiting = asked_for(0, grace, requests)
+    ahead = asked_for(LEAD, grace, requests)
+    assert [state.dump() for state in ahead.states()] == [s.dump() for s in waiting.states()]
+    assert [event[::2] for event in ahead.events()] == [event[::2] for event in waiting.events()]
+
+
 def test_the_body_has_moved_before_the_tick_begins():
     bench, moved = Bench(lead=LEAD, grace=3), []
     bench.link.ask("acquire", "test")
