@@ -125,9 +125,12 @@ class ControllerLoop:
         self._unrecorded.append((Kind.STATE, received, payload))
         asked = state.mode == State.ACTIVE and state.epoch == self.epoch != 0
         try:
-            if not self._started or asked != self._engaged or self._runs_up(state):
+            if not self._started or asked != self._engaged:
                 self._reset(state)
                 self._engaged = asked
+                self._note("RESET", state.tick)
+            elif self._runs_up(state):
+                self._reset(state)
             command = controller.step(state)
             command.stamp_solved = self._clock.now()
         except (Exception, SystemExit) as error:  # nobody else may end us
@@ -250,4 +253,3 @@ class ControllerLoop:
         last: FloatArray | None = command.values.copy() if self._last_answer else None
         self._controller.reset(state, last)
         self._started = True
-        self._note("RESET", state.tick)

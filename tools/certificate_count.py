@@ -122,8 +122,8 @@ def in_a_line(figures: Mapping[str, Any] | None) -> str | None:
     """`0 of 20 answers certified; 20 infeasible: contradictory`; None where nothing is to be said.
 
     That is where every answer is proved, and none of these proofs is worth little. Of the reasons
-    those are named that most answers share; that a limit slows the robot is one only where there
-    is no other.
+    those are named that most answers share; that a limit slows the robot is one only where the
+    others are too few for all answers.
 
     Args:
         figures: as `CertificateCount.figures` gives them.
@@ -142,6 +142,7 @@ def in_a_line(figures: Mapping[str, Any] | None) -> str | None:
             continue
         reasons = figures["reasons"].get(status, {})
         failures = [name for name in reasons if not name.startswith(_LIMITS)]
-        words = ", ".join((failures or list(reasons))[:_MOST])
+        enough = sum(reasons[name] for name in failures) >= figures[status]
+        words = ", ".join((failures if enough else list(reasons))[:_MOST])
         parts.append(f"{figures[status]} {status}" + (f": {words}" if words else ""))
     return "; ".join(parts)

@@ -82,10 +82,22 @@ def test_bounds_that_are_too_narrow_cost_certificates():
         return float((run.setpoints["solver_status"] == STATUS["certified"]).mean())
 
     (share, wide, narrow) = said(
-        r"in (\d+) % of its cycles with (\d+) rad/s², and in half .* with (\d)"
+        r"in (\d+) % of its cycles with (\d+) rad/s², and in half .*? with (\d)"
     )
     assert certified(wide) == pytest.approx(0.01 * share, abs=0.01)
     assert certified(narrow) == pytest.approx(0.5, abs=0.1)
+
+
+def test_the_humanoid_is_cut_to_its_bounds_at_the_start_as_often_as_the_page_says():
+    cut, rises = said(
+        r"has (\d+) such cycles in its first tenth of a second, and in (\d+) of them V"
+    )
+    run = simulate("humanoid32", "clik_sdp_humanoid", 0.1)
+    held = run.setpoints["margin"] <= 0.0
+    held &= run.setpoints["solver_status"] == STATUS["uncertified"]
+    held &= run.setpoints["solver_path"] == PATHS.index("warm")
+    assert np.count_nonzero(held) == cut
+    assert np.count_nonzero(column(run, "beta_actual")[held] < 0.0) == rises
 
 
 def test_weights_of_one_are_told_as_the_page_says():

@@ -107,6 +107,12 @@ def test_people_read_one_line(present, words):
     assert in_a_line(found) == f"1 of 3 answers certified; 2 infeasible{words}"
 
 
+def test_a_limit_is_a_reason_where_others_are_too_few():
+    records = [session(), condition(0, True), answer(UNCERTIFIED), answer(UNCERTIFIED)]
+    records += [condition(2, True), answer(UNCERTIFIED)]
+    assert in_a_line(figures(*records)) == "0 of 3 answers certified; 3 uncertified: slowed, behind"
+
+
 def test_of_proofs_that_are_worth_little_there_is_a_word_even_where_all_is_proved():
     records = [session(), condition(0, True), condition(3, True), answer(CERTIFIED)]
     records += [answer(CERTIFIED), answer(AT_TARGET), condition(3, False), answer(CERTIFIED)]
