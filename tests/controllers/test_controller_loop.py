@@ -1,105 +1,18 @@
-"""The controller's cycle on a virtual clock: what it answers, when it resets, what it records."""
+"""The controller's cycle on a virtual clock: what it answers, and what it records."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import pytest
+from loop_bench import SESSION, Bench
 from small_arm import arm
 
-from protocol.clock import VirtualClock
 from protocol.errors import Hoap3Error, UsageError
-from protocol.messages import Event, Setpoint, State
-from protocol.recorder import MemoryRecorder
+from protocol.messages import Setpoint, State
 from protocol.ring import Kind
-from protocol.settings import Settings
-from remote_controller.controllers.controller import Controller
-from remote_controller.loop import DOUBTS, LONGEST_CHANGE, RUN_UP, ControllerLoop
-
-SESSION = 7
-RESET = Event.schema.constants["RESET"]
-
-
-class Wanderer(Controller):
-    """Moves on by a thousandth at each step, takes its time, and remembers what it was told."""
-
-    def __init__(self, clock: VirtualClock) -> None:
-        super().__init__(arm(), Settings())
-        self.clock = clock
-        self.resets: list[tuple[int, list[float] | None]] = []
-        self.steps: list[int] = []
-        self.told: list[Mapping[str, Any]] = []
-        self.pace: object = 1
-
-    def reset(self, state: State, last_command: np.ndarray | None) -> None:
-        kept = None if last_command is None else last_command.tolist()
-        self.resets.append((state.tick, kept))
-
-    def change(self, request: Mapping[str, Any]) -> None:
-        if not request["pace"]:
-            raise UsageError("no pace")
-        self.told.append(request)
-
-    def changeable(self) -> dict[str, Any]:
-        return {"pace": self.pace}
-
-    def step(self, state: State) -> Setpoint:
-        self.steps.append(state.tick)
-        self.clock.advance(100)
-        self.command.stamp_kinematics = self.now()
-        self.clock.advance(20)
-        np.add(state.reference, 1e-3, out=self.command.values)
-        return self.command
-
-
-class Bench:
-    """A loop whose States the test writes."""
-
-    def __init__(self, epoch: int = 1) -> None:
-        self.clock = VirtualClock(1_000)
-        self.recorder = MemoryRecorder()
-        self.controller = Wanderer(self.clock)
-        self.loop = ControllerLoop(self.controller, self.clock, self.recorder, SESSION)
-        if epoch:
-            self.loop.grant(epoch)
-
-    def state(self, tick: int, **changes: object) -> bytes:
-        state = State(3)
-        state.session_id, state.mode, state.epoch, state.tick = SESSION, State.ACTIVE, 1, tick
-        state.stamp_published = 1_000_000 * tick + 50
-        state.q[:] = state.reference[:] = 0.1 * tick
-        for name, value in changes.items():
-            setattr(state, name, value)
-        return state.dump()
-
-    def answer(self, payload: bytes) -> bytes | None:
-        answer = self.loop.answer(self.clock.now(), payload)
-        self.clock.advance(7)
-        self.loop.sent()
-        return answer
-
-    def setpoint(self, payload: bytes) -> Setpoint:
-        answer = self.answer(payload)
-        assert answer is not None
-        setpoint = Setpoint(3)
-        setpoint.load(answer)
-        return setpoint
-
-    def recorded(self, kind: Kind) -> list[bytes]:
-        return [record.payload for record in self.recorder.records if record.kind == kind]
-
-    def resets_told(self) -> list[int]:
-        """Ticks of all events, which are resets."""
-        ticks = []
-        for payload in self.recorded(Kind.EVENT):
-            event = Event()
-            event.load(payload)
-            assert event.kind == RESET
-            ticks.append(event.detail)
-        return ticks
+from remote_controller.loop import DOUBTS, LONGEST_CHANGE, ControllerLoop
 
 
 def test_an_answer_belongs_to_its_state():
@@ -205,75 +118,6 @@ def test_a_robot_that_is_not_active_is_not_answered(mode):
     bench = Bench()
     assert bench.answer(bench.state(0, mode=mode)) is None
     assert bench.controller.steps == [0]
-
-
-def test_without_a_run_up_it_resets_at_the_beginning_at_engagement_and_at_disengagement():
-    bench = Bench(epoch=2)
-    for tick in range(4):
-        bench.answer(bench.state(tick, mode=State.IDLE, epoch=0))
-    for tick in range(4, 8):
-        bench.answer(bench.state(tick, epoch=2))
-    for tick in range(8, 12):
-        bench.answer(bench.state(tick, mode=State.STOPPING, epoch=2))
-    for tick in range(12, 16):
-        bench.answer(bench.state(tick, epoch=2))
-    last = (np.full(3, 0.1) * 7 + 1e-3).tolist()
-    assert bench.controller.resets == [
-        (0, None),
-        (4, None),
-        (8, pytest.approx(last)),  # what was last sent
-        (12, None),  # nothing has been sent since
-    ]
-    assert bench.resets_told() == [0, 4, 8, 12]
-
-
-def test_it_begins_anew_at_each_of_the_last_silent_ticks_as_at_the_first_answer():
-    bench, first = Bench(epoch=2), 9
-    for tick in range(first):
-        bench.answer(bench.state(tick, mode=State.IDLE, epoch=0, epoch_from_tick=first))
-    for tick in range(first, first + 3):
-        bench.answer(bench.state(tick, epoch=2, epoch_from_tick=first))
-    run_up = range(first - RUN_UP, first)
-    assert bench.controller.resets == [(tick, None) for tick in (0, *run_up, first)]
-    assert bench.controller.steps == list(range(first + 3))
-    assert bench.loop.answered == 3
-    assert bench.resets_told() == [0, first]  # what nobody sees is not told
-
-
-def test_without_authority_it_has_no_run_up():
-    bench = Bench(epoch=0)
-    for tick in range(5):
-        bench.answer(bench.state(tick, mode=State.IDLE, epoch=0, epoch_from_tick=5))
-    for tick in range(5, 8):
-        bench.answer(bench.state(tick, epoch=1, epoch_from_tick=5))
-    assert bench.controller.resets == [(0, None)]
-
-
-def test_it_resets_once_where_it_begins_engaged():
-    bench = Bench()
-    for tick in range(3):
-        bench.answer(bench.state(tick))
-    assert bench.controller.resets == [(0, None)]
-
-
-def test_a_new_epoch_alone_ends_and_begins_an_engagement():
-    bench = Bench(epoch=1)
-    bench.answer(bench.state(0))
-    bench.answer(bench.state(1, epoch=2))
-    bench.loop.grant(2)
-    assert bench.answer(bench.state(2, epoch=2)) is not None
-    assert [tick for tick, _ in bench.controller.resets] == [0, 1, 2]
-
-
-def test_the_reset_comes_before_the_step_that_it_prepares():
-    bench = Bench()
-    order: list[str] = []
-    reset, step = bench.controller.reset, bench.controller.step
-    bench.controller.reset = lambda *args: order.append("reset") or reset(*args)
-    bench.controller.step = lambda *args: order.append("step") or step(*args)
-    bench.answer(bench.state(0))
-    bench.answer(bench.state(1))
-    assert order == ["reset", "step", "step"]
 
 
 def test_stamps_follow_the_cycle():
