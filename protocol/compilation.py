@@ -23,7 +23,6 @@ import importlib
 import os
 import pickle
 import shutil
-import stat
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
@@ -33,6 +32,8 @@ from typing import Any, TypeVar, cast
 
 import llvmlite.binding  # type: ignore[import-untyped]
 import numba
+
+from protocol.private_directory import is_private
 
 ROOMS = ("protocol", "remote_controller", "robot_emulator", "tools")
 SOURCES = ("*_kernels.py", "status.py")
@@ -143,7 +144,7 @@ def fingerprint() -> str:
 def cache_directory() -> Path | None:
     """Where machine code is kept; None where not even a temporary directory can be made."""
     kept = _base() / f"kernels-{fingerprint()}"
-    if kept.is_absolute() and _is_private(kept):
+    if kept.is_absolute() and is_private(kept):
         return kept
     try:
         fresh = tempfile.mkdtemp(prefix="hoap3-kernels-")
@@ -161,18 +162,6 @@ def _base() -> Path:
     if not shared.is_absolute():  # the XDG specification has relative paths ignored
         shared = Path(os.path.expanduser("~/.cache"))  # stays "~/.cache" for a user without home
     return shared / "hoap3"
-
-
-def _is_private(path: Path) -> bool:
-    """Make the directory; is it this user's alone, and can it be written?"""
-    try:
-        path.mkdir(mode=0o700, parents=True, exist_ok=True)
-        found = path.lstat()
-        tempfile.TemporaryFile(dir=path).close()
-    except OSError:
-        return False
-    owned = stat.S_ISDIR(found.st_mode) and found.st_uid == os.geteuid()
-    return owned and not found.st_mode & 0o077
 
 
 def _remove(path: str, process: int) -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import gc
 import os
+import shutil
+import tempfile
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -11,6 +14,8 @@ from kernels_first import compile_all, kernel_modules
 from longest_first import place
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # as `hoap3` does; numpy reads it when imported
+os.environ["HOAP3_RUNTIME_DIR"] = tempfile.mkdtemp(prefix="hoap3-")  # short: it holds sockets
+atexit.register(shutil.rmtree, os.environ["HOAP3_RUNTIME_DIR"], ignore_errors=True)
 
 settings.register_profile("local", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile(

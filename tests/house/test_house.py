@@ -65,8 +65,8 @@ def test_only_its_own_modules_import_zenoh_and_pinocchio():
 
 
 @pytest.mark.parametrize("path", SOURCES + TESTS, ids=lambda path: str(path.relative_to(HOUSE)))
-def test_files_stay_under_400_lines(path):
-    assert len(path.read_text(encoding="utf-8").splitlines()) < 400
+def test_files_stay_within_600_lines(path):
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= 600
 
 
 @pytest.mark.parametrize(
