@@ -23,6 +23,7 @@ from tools.cli_options import finite
 from tools.cli_report import report
 from tools.cli_reproduce import reproduce
 from tools.rooms import check_rooms
+from tools.terminal import echo, one_line
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 config_app = typer.Typer(no_args_is_help=True, help="Look at settings before anything runs.")
@@ -178,7 +179,7 @@ def list_all(
         _print_json(found)
         return
     for kind, names in found.items():
-        typer.echo(f"{kind}: {', '.join(names) or 'none'}", err=True)
+        echo(f"{kind}: {', '.join(names) or 'none'}", err=True)
 
 
 @app.command()
@@ -235,13 +236,13 @@ def record(
         if as_json:
             _print_json(report.as_json())
         else:
-            typer.echo(str(report), err=True)
+            echo(str(report), err=True)
         return
     outcome = record_robot(robot, connect, out, duration, to_people)
     if as_json:
         _print_json(outcome)
     else:
-        typer.echo(
+        echo(
             f"{outcome['states']} states, {outcome['setpoints']} setpoints: {outcome['log']}",
             err=True,
         )
@@ -266,7 +267,7 @@ def replay(
     if as_json:
         _print_json(report.as_json())
     else:
-        typer.echo(str(report), err=True)
+        echo(str(report), err=True)
     raise typer.Exit(0 if report.identical else 1)
 
 
@@ -279,7 +280,7 @@ def export(
     """Write a log as CSV or as numpy arrays."""
     from tools.export import export as write
 
-    typer.echo(str(write(log, to, side)), err=True)
+    echo(str(write(log, to, side)), err=True)
 
 
 @config_app.command("show")
@@ -306,7 +307,7 @@ def config_check(
     from tools.settings import checked
 
     for name in names:
-        typer.echo(f"{name}: {checked(name, sets, robot)}", err=True)
+        echo(f"{name}: {checked(name, sets, robot)}", err=True)
 
 
 @config_app.command("schema")
@@ -330,7 +331,7 @@ def _version(value: bool) -> None:
         from tools.machine import versions
 
         for name, version in versions().items():
-            typer.echo(f"{name} {version}")
+            echo(f"{name} {version}")
         raise typer.Exit
 
 
@@ -351,7 +352,9 @@ def _tell(robot: str, verb: str, connect: str, as_json: bool) -> None:
     if as_json:
         _print_json(answer)
     else:
-        typer.echo(f"{robot}: {answer['mode']}, follows {answer['holder'] or 'nobody'}", err=True)
+        echo(
+            f"{robot}: {answer['mode']}, follows {one_line(answer['holder'] or 'nobody')}", err=True
+        )
     if answer.get("recovered") is False:
         from tools.processes import to_people
 
@@ -379,7 +382,9 @@ def main() -> None:
 
         if not isinstance(error, Hoap3Error):
             raise
-        sys.stderr.write(f"error: {error}\n")
+        from tools.processes import to_people
+
+        to_people(f"error: {error}")
         sys.exit(2 if isinstance(error, UsageError) else 1)
 
 

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from tools.cli_options import finite
+from tools.terminal import echo, one_line
 
 priorities_app = typer.Typer(
     no_args_is_help=True,
@@ -126,10 +127,10 @@ def _tell(robot: str, request: dict[str, Any] | None, connect: str, as_json: boo
 
     show_matrix("α", present["names"], present["alpha"])
     if present["moving"]:
-        typer.echo("on its way", err=True)
+        echo("on its way", err=True)
     if present["out"]:
-        names = ", ".join(present["out"])
-        typer.echo(f"out: {names}; what is set for them holds once they are inserted", err=True)
+        names = one_line(", ".join(present["out"]))
+        echo(f"out: {names}; what is set for them holds once they are inserted", err=True)
 
 
 def _write(content: dict[str, Any]) -> None:

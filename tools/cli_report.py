@@ -9,6 +9,8 @@ from typing import Annotated
 
 import typer
 
+from tools.terminal import echo
+
 
 def report(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Folder of a run, or one *.mcap.")],
@@ -28,8 +30,8 @@ def report(
     if as_json:
         sys.stdout.write(json.dumps(figures, indent=2) + "\n")
     else:
-        sys.stderr.write(f"{figures['report']}: {figures['verdict'] or 'no verdict'}\n")
+        echo(f"{figures['report']}: {figures['verdict'] or 'no verdict'}", err=True)
         unproved = in_a_line(figures["certificates"])
         if unproved is not None:
-            sys.stderr.write(f"certificates: {unproved}\n")
+            echo(f"certificates: {unproved}", err=True)
     raise typer.Exit(1 if figures["verdict"] == "unfit" else 0)

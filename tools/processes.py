@@ -15,6 +15,8 @@ from collections.abc import Callable, Mapping, Sequence
 from types import FrameType
 from typing import Any
 
+from tools.terminal import printable
+
 PARENT = "HOAP3_PARENT"
 _PR_SET_PDEATHSIG = 1
 
@@ -55,9 +57,9 @@ class StopFlag:
 
 
 def to_people(text: str) -> None:
-    """A line on standard error; nobody is waited for, and nothing depends on who reads it."""
+    """A printable line on standard error; nothing waits for, or depends on, who reads it."""
     with contextlib.suppress(OSError):  # the terminal, or the pipe to it, is gone
-        sys.stderr.write(text + "\n")
+        sys.stderr.write(printable(text) + "\n")
         sys.stderr.flush()
 
 

@@ -11,12 +11,25 @@ from rich.live import Live
 from rich.markup import escape
 from rich.progress import Progress
 from rich.table import Table
+from rich.text import Text
 
 from tools.certificate_count import in_a_line
+from tools.terminal import printable
 
-console = Console(stderr=True, highlight=False)
+
+class PrintableConsole(Console):
+    """A console that escapes control characters in every string it is given, also in tables."""
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """A string as styled text."""
+        return super().render_str(printable(text), **options)
+
+
+console = PrintableConsole(stderr=True, highlight=False)
 if not console.is_terminal:
-    console = Console(stderr=True, highlight=False, width=200)  # hashes and paths stay whole
+    console = PrintableConsole(
+        stderr=True, highlight=False, width=200
+    )  # hashes and paths stay whole
 
 COLOURS = {"fit": "green", "warn": "yellow", "unfit": "red"}
 _COLUMNS = {"n": "n", "min": "min", "p50": "p50", "p90": "p90", "p99": "p99", "p99_9": "p99.9",
