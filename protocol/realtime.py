@@ -11,19 +11,23 @@ import fcntl
 import gc
 import os
 import resource
+import stat
 import sys
-import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
 
 from protocol.clock import Clock
+from protocol.private_directory import runtime_directory
 from protocol.settings import RealtimeSettings
 
 _PR_SET_TIMERSLACK = 29
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 _RTTIME_LIMIT_US = 10_000_000  # CPU time without a sleep that ends a runaway loop; builds take less
 _SWITCH_INTERVAL_S = 1e-4
+
+SIDES = ("robot", "controller")
+"""Each CPU can be claimed for one robot and one controller."""
 
 
 @dataclass(frozen=True)
@@ -45,48 +49,60 @@ class Measure:
 
 
 class CpuClaim:
-    """The exclusive claim of one CPU among the runs on this machine, held until released."""
+    """The claim of one CPU among the runs on this machine, held until released."""
 
-    def __init__(self, cpu: int, lock: IO[str]) -> None:
-        self.cpu, self._lock = cpu, lock
+    def __init__(self, cpu: int, locks: list[int]) -> None:
+        self.cpu, self._locks = cpu, locks
 
     def release(self) -> None:
         """Let another run have it."""
-        self._lock.close()
+        while self._locks:
+            os.close(self._locks.pop())
 
 
-def claim_cpu(allowed: set[int] | None = None, *, leave: int = 0) -> CpuClaim | None:
-    """Claim the highest allowed CPU that nobody has claimed, or None.
+def claim_cpu(
+    allowed: set[int] | None = None, *, leave: int = 0, sides: Sequence[str] = SIDES
+) -> CpuClaim | None:
+    """Claim the highest allowed CPU that no other run has claimed, or None.
 
-    The last CPU is left for others by habit: interrupts and services gather on the first.
+    The highest comes first: interrupts and services gather on the first. Claims are locks in the
+    user's runtime directory, so that runs of other users do not see them; where there is no such
+    directory, nothing is locked.
 
     Args:
         allowed: CPUs to choose from, by default those that this process may run on.
         leave: so many of the last are taken only where no other is free.
+        sides: both, for a CPU of one's own; one of `SIDES` where a service of the other side may
+            share it.
     """
     order = sorted(os.sched_getaffinity(0) if allowed is None else allowed, reverse=True)
+    directory = runtime_directory()
     for cpu in order[leave:] + order[:leave]:
-        path = Path(tempfile.gettempdir()) / f"hoap3-cpu{cpu}.lock"
-        try:
-            lock = os.fdopen(_open_lock(path))
-        except OSError:
-            continue  # another user's, and not ours to open
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            lock.close()
-            continue
-        return CpuClaim(cpu, lock)
+        paths = [directory / f"cpu{cpu}-{side}.lock" for side in sides] if directory else []
+        locks = [_locked(path) for path in paths]
+        held = [lock for lock in locks if lock is not None]
+        claim = CpuClaim(cpu, held)
+        if len(held) == len(locks):
+            return claim
+        claim.release()
     return None
 
 
-def _open_lock(path: Path) -> int:
-    """Open a lock file for reading, which is enough to lock it, also where another user made it."""
-    flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+def _locked(path: Path) -> int | None:
+    """The file, locked without waiting; None where another run has it or it is no plain file."""
+    flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
     try:
-        return os.open(path, flags)
-    except FileNotFoundError:
-        return os.open(path, flags | os.O_CREAT, 0o644)
+        lock = os.open(path, flags, 0o600)
+    except OSError:
+        return None
+    try:
+        if stat.S_ISREG(os.fstat(lock).st_mode):
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return lock
+    except BlockingIOError:
+        pass
+    os.close(lock)
+    return None
 
 
 def virtual_machine() -> bool:

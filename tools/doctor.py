@@ -15,9 +15,10 @@ from rich.table import Table
 from tools import doctor_checks as checks
 from tools import doctor_probes as probes
 from tools import doctor_stack as stack
-from tools.doctor_placement import measure_placement
 from tools.doctor_system import Finding, Level, System
 from tools.machine import machine_block
+from tools.placement import remember
+from tools.placement_probe import measure_placement
 from tools.show import console
 
 Check = Callable[[System], Finding]
@@ -48,7 +49,7 @@ LOOKS: tuple[Check, ...] = (
 MEASURES: tuple[Check, ...] = (probes.clock, probes.load, probes.wake_up, stack.log_disk)
 """Take a second together, and load the machine a little."""
 
-BARE_RTT_US, BARE_TAIL_US = 500.0, 1000.0  # for a byte there and back: half a period, a whole one
+LARGE_RTT_US, LARGE_TAIL_US = 500.0, 1000.0  # half a period, and a whole one
 
 _COLOURS: dict[str, str] = {"ok": "green", "advice": "yellow", "problem": "red"}
 _VERDICTS: dict[Level, str] = {"ok": "fit", "advice": "warn", "problem": "unfit"}
@@ -80,20 +81,14 @@ def judge_placement(placement: dict[str, Any]) -> Finding:
         if key in placement
     )
     found = f"RTT p50 / p99 on {found}; {placement['rights']}"
-    cpu = placement["realtime_cpu"]
-    sides = f"emulator.realtime.cpu={cpu['emulator']} controller.realtime.cpu={cpu['controller']}"
-    if best["p50"] > BARE_RTT_US:
-        remedy = "Half of each period is gone on a bare socket: see all the findings above"
+    if best["p50"] > LARGE_RTT_US:
+        remedy = "Half of each period is gone on the link alone: see all the findings above"
         return Finding(name, "problem", found, remedy)
-    if best["p99"] > BARE_TAIL_US:
-        remedy = "One answer in a hundred is late on a bare socket: grant priority, end other load"
+    if best["p99"] > LARGE_TAIL_US:
+        remedy = "One answer in a hundred is late on the link alone: grant priority, end other load"
         return Finding(name, "advice", found, remedy)
-    if not placement["run_does_it"]:
-        return Finding(name, "advice", found, f"{placement['why']}: set {sides}")
-    if placement["recommended"] == "one_cpu" and "two_cpus" in placement:
-        remedy = f"`run` does so by itself; services on their own: realtime.cpu={cpu['emulator']}"
-        return Finding(name, "ok", found, remedy)
-    return Finding(name, "ok", found)
+    choice = placement["recommended"].replace("_", " ")
+    return Finding(name, "ok", f"{found}. Runs and services take {choice} until the next boot")
 
 
 def verdict(findings: Sequence[Finding]) -> str:
@@ -114,6 +109,7 @@ def diagnose(*, measure: bool = True, logs: Path = Path("logs")) -> dict[str, An
     placement: dict[str, Any] = {"measured": False, "why": "not asked for"}
     if measure:
         placement = measure_placement()
+        remember(placement)
         findings.append(judge_placement(placement))
     return {
         "verdict": verdict(findings),

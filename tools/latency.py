@@ -87,7 +87,7 @@ def measure_latency(
     echoes: list[Exchanges] = []
     said: list[str] = []
     with (
-        _placement(plan) as (robot, controller),
+        _placement(plan, progress) as (robot, controller),
         tempfile.TemporaryDirectory(prefix="hoap3-latency-") as scratch,
     ):
         folder = plan.out or Path(scratch)
@@ -239,13 +239,15 @@ def _echo(
 
 
 @contextmanager
-def _placement(plan: Plan) -> Iterator[tuple[RealtimeSettings, RealtimeSettings]]:
+def _placement(
+    plan: Plan, progress: Progress
+) -> Iterator[tuple[RealtimeSettings, RealtimeSettings]]:
     """Places for both sides, as `hoap3 run` would give them, for as long as this is held."""
     if not plan.realtime:
         plain = RealtimeSettings(policy="none", cpu="none", lock_memory=False)
         yield plain, plain
         return
-    robot, controller, claims = placed(plan.emulator.realtime, RealtimeSettings())
+    robot, controller, claims = placed(plan.emulator.realtime, RealtimeSettings(), progress)
     try:
         if controller.cpu == "auto":
             allowed = sorted(os.sched_getaffinity(0))

@@ -81,7 +81,11 @@ def run_realtime(
     log = emulator.log if out is None else emulator.log.model_copy(update={"directory": str(out)})
     made = is_new(out)
     folder = run_folder(log, exact=out is not None)
-    ours, theirs, claims = placed(emulator.realtime, controller.realtime)
+
+    def report(text: str) -> None:
+        news({"news": "said", "text": text})
+
+    ours, theirs, claims = placed(emulator.realtime, controller.realtime, report)
     ours, theirs = _watched(ours, theirs)
     endpoint = f"tcp/127.0.0.1:{_free_port()}"
     here, there = links or ({"listen": (endpoint,)}, {"connect": (endpoint,)})

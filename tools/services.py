@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import yaml
 
 from protocol.errors import ConfigError, Hoap3Error, UsageError
-from protocol.realtime import CpuClaim, claim_cpu
+from protocol.realtime import CpuClaim
 from protocol.recorder import PatientRecorder, Recorder, RingRecorder
 from protocol.settings import (
     LogSettings,
@@ -31,6 +31,7 @@ from robot_emulator.service import describe, serve, serve_lockstep
 from tools.log_format import SIDES, file_name
 from tools.machine import machine_block, versions
 from tools.observer import Observer
+from tools.placement import settled_alone
 from tools.processes import StopFlag, to_people
 from tools.refusal import forget, is_new, nothing_happened
 from tools.simulate import emulator_content
@@ -189,13 +190,10 @@ def watched_cpus(realtime: RealtimeSettings) -> tuple[int, ...]:
     return (realtime.cpu,) if watch and isinstance(realtime.cpu, int) else ()
 
 
-def settled(config: Config) -> tuple[Config, CpuClaim | None]:
+def settled(config: Config, report: Callable[[str], None]) -> tuple[Config, CpuClaim | None]:
     """The config with the CPU that `auto` gets, where there is one, and the claim that holds it."""
-    leave = 1 if isinstance(config, EmulatorConfig) else 0  # the last is for its controller
-    claim = claim_cpu(leave=leave) if config.realtime.cpu == "auto" else None
-    if claim is None:
-        return config, None
-    realtime = config.realtime.model_copy(update={"cpu": claim.cpu})
+    side = "robot" if isinstance(config, EmulatorConfig) else "controller"
+    realtime, claim = settled_alone(config.realtime, side, report)
     return config.model_copy(update={"realtime": realtime}), claim
 
 
@@ -223,7 +221,8 @@ def run_emulator(
     period_ns = round(description.period_s * 1e9)
     made, refused = is_new(out), False
     folder = _folder(config.log, out, "robot")
-    config, claim = (config, None) if lockstep else settled(config)
+    voice = Voice(status_fd)
+    config, claim = (config, None) if lockstep else settled(config, voice.say)
     observer = observer_for(
         "robot",
         description.name,
@@ -235,7 +234,6 @@ def run_emulator(
     )
     recorder = _recorder(observer, lockstep=lockstep)
     ticks = None if duration is None else round(duration * 1e9 / period_ns)
-    voice = Voice(status_fd)
     run = serve_lockstep if lockstep else serve
     try:
         loop = run(config, description, recorder, voice.say, should_stop, ticks)
@@ -269,7 +267,8 @@ def run_controller(
 
     made, refused = is_new(out), False
     folder = _folder(config.log, out, "controller")
-    config, claim = settled(config)
+    voice = Voice(status_fd)
+    config, claim = settled(config, voice.say)
     observer = observer_for(
         "controller",
         config.robot,
@@ -279,7 +278,6 @@ def run_controller(
         lockstep=False,
         status_fd=status_fd,
     )
-    voice = Voice(status_fd)
     hasty = _recorder(observer, lockstep=False)
     patient = _recorder(observer, lockstep=True)
     try:

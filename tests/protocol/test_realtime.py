@@ -32,7 +32,7 @@ def start(folder: Path, *arguments: str) -> subprocess.Popen:
         [sys.executable, str(HERE / "realtime_child.py"), *arguments],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        env={**os.environ, "PYTHONPATH": str(HERE.parent.parent), "TMPDIR": str(folder)},
+        env={**os.environ, "PYTHONPATH": str(HERE.parent.parent)},
         text=True,
     )
 
@@ -50,8 +50,7 @@ def prepared(folder: Path, *, user: str | None = None, **settings: object) -> di
 def locks(monkeypatch) -> Iterator[Path]:
     """A folder of its own for the locks of CPUs, for us and for our children."""
     with tempfile.TemporaryDirectory(prefix="hoap3-locks-") as folder:
-        Path(folder).chmod(0o1777)
-        monkeypatch.setattr(tempfile, "tempdir", folder)
+        monkeypatch.setenv("HOAP3_RUNTIME_DIR", folder)
         yield Path(folder)
 
 
@@ -159,30 +158,48 @@ def test_without_a_list_the_cpus_of_this_process_are_allowed(locks):
     claim.release()
 
 
-def test_a_lock_file_that_another_user_left_behind_claims_nothing(locks):
-    path = locks / "hoap3-cpu2.lock"
-    path.touch()
-    path.chmod(0o444)  # as others see the file of a user
-    child = start(locks, "claim", "2", *([NOBODY] if AS_ROOT else []))
-    assert child.stdout.readline() == "2\n"
+def test_a_robot_and_a_controller_can_share_a_cpu_that_no_other_run_has(locks):
+    robot = claim_cpu({1, 2}, sides=("robot",))
+    controller = claim_cpu({1, 2}, sides=("controller",))
+    assert robot.cpu == controller.cpu == 2
+    whole = claim_cpu({1, 2})
+    assert whole.cpu == 1
+    assert claim_cpu({1, 2}, sides=("robot",)) is None
+    controller.release()
     assert claim_cpu({2}) is None
-    child.communicate()
-    claim = claim_cpu({2})
-    assert claim.cpu == 2
-    claim.release()
+    robot.release()
+    again = claim_cpu({2})
+    assert again.cpu == 2
+    for claim in (whole, again):
+        claim.release()
+
+
+def test_a_side_that_is_taken_leaves_no_lock_of_the_other_behind(locks):
+    controller = claim_cpu({2}, sides=("controller",))
+    assert claim_cpu({2}) is None
+    robot = claim_cpu({2}, sides=("robot",))
+    assert robot.cpu == 2
+    robot.release()
+    controller.release()
+
+
+def test_without_a_private_directory_nothing_is_locked(locks, monkeypatch):
+    locks.chmod(0o777)
+    first, second = claim_cpu({2}), claim_cpu({2})
+    assert first.cpu == second.cpu == 2
+    assert not list(locks.iterdir())
 
 
 def test_what_lies_in_place_of_a_lock_file_is_passed_over(locks):
-    (locks / "hoap3-cpu9.lock").mkdir()
-    (locks / "hoap3-cpu8.lock").symlink_to(locks / "elsewhere")
-    os.mkfifo(locks / "hoap3-cpu7.lock")
+    (locks / "cpu9-robot.lock").mkdir()
+    (locks / "cpu8-robot.lock").symlink_to(locks / "elsewhere")
+    os.mkfifo(locks / "cpu7-robot.lock")
     claim = claim_cpu({6, 8})
     assert claim.cpu == 6
     assert not (locks / "elsewhere").exists()
     claim.release()
-    for odd in (7, 9):  # claimed or passed over, but never waited for
-        if (claim := claim_cpu({odd})) is not None:
-            claim.release()
+    assert claim_cpu({7}) is None  # not waited for
+    assert claim_cpu({9}) is None
 
 
 class Libc:

@@ -202,10 +202,10 @@ def test_this_machine_is_examined(tmp_path):
 
 AS_NOBODY = """
 from tools.doctor import examine
-from tools.doctor_placement import measure_placement
+from tools.placement_probe import measure_placement
 import json
 levels = {finding.name: finding.level for finding in examine(measure=False)}
-print(json.dumps({"levels": levels, "placement": measure_placement(exchanges=20)}))
+print(json.dumps({"levels": levels, "placement": measure_placement(ticks=20)}))
 """
 
 
