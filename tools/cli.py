@@ -1,16 +1,16 @@
 """The command line. It only wires: what a command does stands in a module of its own.
 
-People read standard error; `--json` puts one JSON object on standard output. Exit codes: 0 fit,
-1 findings, 2 wrong usage or settings.
+Results go to standard output, with `--json` as one JSON object; notes, progress and errors go to
+standard error. Exit codes: 0 fit, 1 findings, 2 wrong usage or settings.
 """
 
 from __future__ import annotations
 
-import json
+import io
 import os
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -23,7 +23,7 @@ from tools.cli_options import finite
 from tools.cli_report import report
 from tools.cli_reproduce import reproduce
 from tools.rooms import check_rooms
-from tools.terminal import echo, one_line
+from tools.terminal import one_line
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 config_app = typer.Typer(no_args_is_help=True, help="Look at settings before anything runs.")
@@ -82,6 +82,7 @@ def run(
     from tools.processes import StopFlag
 
     stop = StopFlag()
+    from tools.output import print_json
     from tools.run import run_lockstep, run_realtime
     from tools.services import controller_config, emulator_config, split_overrides
     from tools.show import LiveTable, show_summary
@@ -100,7 +101,7 @@ def run(
                 emulator, law, duration, out, table.news, files, should_stop=stop
             )
     if as_json:
-        _print_json(outcome.summary)
+        print_json(outcome.summary)
     else:
         show_summary(outcome.summary)
     raise typer.Exit(0 if outcome.summary["verdict"] != "unfit" else 1)
@@ -122,6 +123,7 @@ def emulator(
     from tools.processes import StopFlag
 
     stop = StopFlag()
+    from tools.output import print_json
     from tools.services import emulator_config, run_emulator
     from tools.show import show_summary
 
@@ -136,7 +138,7 @@ def emulator(
         should_stop=stop,
     )
     if summary is not None and as_json:
-        _print_json(summary)
+        print_json(summary)
     elif summary is not None and status_fd is None:
         show_summary(summary)
     raise typer.Exit(code)
@@ -170,16 +172,17 @@ def list_all(
 ) -> None:
     """List robots, controllers, tasks, curves, constraints and configs that can be named."""
     from tools.control import alive
+    from tools.output import print_json, print_line
     from tools.settings import named
 
     found = named()
     if live:
         found["alive"] = alive(connect)
     if as_json:
-        _print_json(found)
+        print_json(found)
         return
     for kind, names in found.items():
-        echo(f"{kind}: {', '.join(names) or 'none'}", err=True)
+        print_line(f"{kind}: {', '.join(names) or 'none'}")
 
 
 @app.command()
@@ -227,6 +230,7 @@ def record(
     as_json: AsJson = False,
 ) -> None:
     """Record a running robot from outside, or mend a log that was cut off."""
+    from tools.output import print_json, print_line
     from tools.processes import to_people
     from tools.record import record_robot
     from tools.repair import repair as mend
@@ -234,17 +238,16 @@ def record(
     if repair is not None:
         report = mend(repair)
         if as_json:
-            _print_json(report.as_json())
+            print_json(report.as_json())
         else:
-            echo(str(report), err=True)
+            print_line(str(report))
         return
     outcome = record_robot(robot, connect, out, duration, to_people)
     if as_json:
-        _print_json(outcome)
+        print_json(outcome)
     else:
-        echo(
-            f"{outcome['states']} states, {outcome['setpoints']} setpoints: {outcome['log']}",
-            err=True,
+        print_line(
+            f"{outcome['states']} states, {outcome['setpoints']} setpoints: {outcome['log']}"
         )
 
 
@@ -261,13 +264,14 @@ def replay(
     as_json: AsJson = False,
 ) -> None:
     """Run the logged controller on its logged inputs and compare every setpoint."""
+    from tools.output import print_json, print_line
     from tools.replay import replay as again
 
     report = again(log, sets, tolerance=tolerance, allow_code=allow_code)
     if as_json:
-        _print_json(report.as_json())
+        print_json(report.as_json())
     else:
-        echo(str(report), err=True)
+        print_line(str(report))
     raise typer.Exit(0 if report.identical else 1)
 
 
@@ -279,8 +283,9 @@ def export(
 ) -> None:
     """Write a log as CSV or as numpy arrays."""
     from tools.export import export as write
+    from tools.output import print_line
 
-    echo(str(write(log, to, side)), err=True)
+    print_line(write(log, to, side))
 
 
 @config_app.command("show")
@@ -289,9 +294,10 @@ def config_show(
     sets: Sets = [],  # noqa: B006
 ) -> None:
     """Print the whole of a config, defaults included, as YAML."""
+    from tools.output import print_line
     from tools.settings import resolved
 
-    typer.echo(resolved(name, sets)[0], nl=False)
+    print_line(resolved(name, sets)[0].rstrip("\n"))
 
 
 @config_app.command("check")
@@ -304,10 +310,11 @@ def config_check(
     ] = None,
 ) -> None:
     """Check configs, those of controllers also against their robots, as a start does."""
+    from tools.output import print_line
     from tools.settings import checked
 
     for name in names:
-        echo(f"{name}: {checked(name, sets, robot)}", err=True)
+        print_line(f"{name}: {checked(name, sets, robot)}")
 
 
 @config_app.command("schema")
@@ -321,17 +328,19 @@ def config_schema(
     ] = None,
 ) -> None:
     """Print the JSON Schema of a config, or of a task or a constraint in one, for editors."""
+    from tools.output import print_json
     from tools.settings import json_schema
 
-    _print_json(json_schema(kind, name))
+    print_json(json_schema(kind, name))
 
 
 def _version(value: bool) -> None:
     if value:
         from tools.machine import versions
+        from tools.output import print_line
 
         for name, version in versions().items():
-            echo(f"{name} {version}")
+            print_line(f"{name} {version}")
         raise typer.Exit
 
 
@@ -347,14 +356,13 @@ def _root(
 
 def _tell(robot: str, verb: str, connect: str, as_json: bool) -> None:
     from tools.control import tell
+    from tools.output import print_json, print_line
 
     answer = tell(robot, verb, connect)
     if as_json:
-        _print_json(answer)
+        print_json(answer)
     else:
-        echo(
-            f"{robot}: {answer['mode']}, follows {one_line(answer['holder'] or 'nobody')}", err=True
-        )
+        print_line(f"{robot}: {answer['mode']}, follows {one_line(answer['holder'] or 'nobody')}")
     if answer.get("recovered") is False:
         from tools.processes import to_people
 
@@ -362,15 +370,14 @@ def _tell(robot: str, verb: str, connect: str, as_json: bool) -> None:
         raise typer.Exit(1)
 
 
-def _print_json(content: Any) -> None:
-    sys.stdout.write(json.dumps(content, indent=2) + "\n")
-
-
 def main() -> None:
     """Entry point of `hoap3`."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # read once, when numpy is imported
     try:
         check_rooms()
+        for stream in (sys.stdout, sys.stderr):  # a terminal that knows ASCII only shows `?`
+            if isinstance(stream, io.TextIOWrapper):
+                stream.reconfigure(errors="replace")
         from tools.processes import die_with_parent
 
         die_with_parent()

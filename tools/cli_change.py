@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import sys
 from typing import Annotated, Any
 
 import typer
 
 from tools.cli_options import finite
-from tools.terminal import echo, one_line
+from tools.terminal import one_line
 
 priorities_app = typer.Typer(
     no_args_is_help=True,
@@ -34,6 +33,7 @@ def change(
 ) -> None:
     """Change something in a controller that runs; its log has it, and a replay repeats it."""
     from protocol.errors import UsageError
+    from tools.output import print_json
 
     try:
         content = json.loads(request)
@@ -41,7 +41,7 @@ def change(
         raise UsageError(f"{request!r:.60} is not JSON ({error})") from error
     if not isinstance(content, dict):
         raise UsageError(f"{request!r:.60} is no JSON object: write '{{\"kp\": 20}}', say")
-    _write(_ask(robot, content, connect))
+    print_json(_ask(robot, content, connect))
 
 
 @priorities_app.command("show")
@@ -114,6 +114,7 @@ def _ask(robot: str, request: dict[str, Any] | None, connect: str) -> dict[str, 
 
 def _tell(robot: str, request: dict[str, Any] | None, connect: str, as_json: bool) -> None:
     from protocol.errors import UsageError
+    from tools.output import print_json, print_line
 
     present = _ask(robot, request, connect).get("priorities")
     if present is None:
@@ -121,17 +122,13 @@ def _tell(robot: str, request: dict[str, Any] | None, connect: str, as_json: boo
             f"the controller of {robot!r} has no priorities; ghc, ghc_velocity and hqp have"
         )
     if as_json:
-        _write(present)
+        print_json(present)
         return
     from tools.show import show_matrix
 
     show_matrix("α", present["names"], present["alpha"])
     if present["moving"]:
-        echo("on its way", err=True)
+        print_line("on its way")
     if present["out"]:
         names = one_line(", ".join(present["out"]))
-        echo(f"out: {names}; what is set for them holds once they are inserted", err=True)
-
-
-def _write(content: dict[str, Any]) -> None:
-    sys.stdout.write(json.dumps(content, indent=2) + "\n")
+        print_line(f"out: {names}; what is set for them holds once they are inserted")

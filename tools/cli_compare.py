@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -44,7 +43,8 @@ def compare(
     """Set controllers beside each other: on a robot each in lockstep, or on the States of a log."""
     from tools.compare.comparison import compare as make
     from tools.compare.show import show
-    from tools.compare.write import as_text, check_folder, write
+    from tools.compare.write import check_folder, write
+    from tools.output import print_json
     from tools.processes import to_people
 
     made = make(
@@ -60,7 +60,7 @@ def compare(
     files = write(made, out)
     if as_json:
         names = [str(path) for path in files]
-        sys.stdout.write(as_text({**made.as_json(), "timing": made.timing, "files": names}))
+        print_json({**made.as_json(), "timing": made.timing, "files": names})
     else:
         show(made, files)
     raise typer.Exit(1 if made.findings else 0)

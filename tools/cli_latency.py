@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -38,6 +36,7 @@ def latency(
     stop = StopFlag()
     from tools.latency import Plan, analyse_log, measure_latency
     from tools.latency_show import show_latency
+    from tools.output import print_json
     from tools.services import emulator_config
 
     if log is not None:
@@ -47,7 +46,7 @@ def latency(
         plan = Plan(emulator, link, blocks, ticks, realtime=not no_realtime, out=out)
         found = measure_latency(plan, to_people, stop)
     if as_json:
-        sys.stdout.write(json.dumps(found, indent=2) + "\n")
+        print_json(found)
     else:
         show_latency(found)
     raise typer.Exit(0 if found["verdict"] != "unfit" else 1)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from typing import Annotated, Literal
 
 import typer
@@ -25,13 +23,13 @@ def limits(
     ] = False,
 ) -> None:
     """What the torque limits of a robot leave of its joints' accelerations, in the worst state."""
+    from tools.output import print_json, progress
     from tools.sampled_limits import sample, show
-    from tools.show import progress
 
-    with progress(f"states of {robot}") as report:
-        found = sample(robot, samples, velocities, polish, seed, report)
+    with progress(f"states of {robot}") as meter:
+        found = sample(robot, samples, velocities, polish, seed, meter.part)
     if as_json:
-        sys.stdout.write(json.dumps(found, indent=2) + "\n")
+        print_json(found)
     else:
         show(found)
     raise typer.Exit(1 if found["findings"] else 0)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -40,14 +38,21 @@ def bench_solvers(
     from tools.bench.show import show_general, show_missing, show_rows
     from tools.bench.solvers import bench_solvers as measure
     from tools.machine import machine_block
+    from tools.output import print_json, progress
 
     machine = machine_block()
-    rows = measure(joints, samples, gamma)
+    with progress("bench solvers, without constraints") as meter:
+        rows = measure(joints, samples, gamma, meter.part)
     fewer = max(samples // 5, 10)  # peers take up to milliseconds for each of these
-    constrained = general.bench_general(joints, fewer, gamma, ("feasible", "limited"))
+    with progress("bench solvers, with constraints") as meter:
+        constrained = general.bench_general(
+            joints, fewer, gamma, ("feasible", "limited"), meter.part
+        )
     missing = {**peers.missing(), **general.missing()}
     if as_json:
-        _write({"rows": rows, "general": constrained, "missing": list(missing), "machine": machine})
+        print_json(
+            {"rows": rows, "general": constrained, "missing": list(missing), "machine": machine}
+        )
     else:
         show_rows(rows, machine)
         show_general(constrained, machine)
@@ -72,17 +77,17 @@ def bench_scaling(
     from tools.bench.scaling import bench_scaling as measure
     from tools.bench.show import show_missing, show_scaling
     from tools.machine import machine_block
-    from tools.show import console
+    from tools.output import print_json, progress
 
     if plot is not None:
         check_picture(plot)
     machine = machine_block()
-    with console.status("") as status:  # silent where standard error is no terminal
-        measured = measure(samples, [n for n in SIZES if n <= most], report=status.update)
+    with progress("bench scaling") as meter:
+        measured = measure(samples, [n for n in SIZES if n <= most], report=meter.step)
     if plot is not None:
         plot_scaling(measured, machine, plot)
     if as_json:
-        _write({**measured, "missing": list(missing()), "machine": machine})
+        print_json({**measured, "missing": list(missing()), "machine": machine})
     else:
         show_scaling(measured, machine)
         show_missing()
@@ -98,11 +103,13 @@ def bench_cycle(
     from tools.bench.cycle import bench_cycle as measure
     from tools.bench.show import show_rows
     from tools.machine import machine_block
+    from tools.output import print_json, progress
 
     machine = machine_block()
-    rows = measure(controller, samples)
+    with progress("bench cycle") as meter:
+        rows = measure(controller, samples, meter.part)
     if as_json:
-        _write({"rows": rows, "machine": machine})
+        print_json({"rows": rows, "machine": machine})
     else:
         show_rows(rows, machine)
 
@@ -119,15 +126,18 @@ def bench_limits(
     from tools.bench import limits
     from tools.bench.show import show_missing, show_rows, show_sampling
     from tools.machine import machine_block
-    from tools.show import progress
+    from tools.output import print_json, progress
 
     machine = machine_block()
-    rows = limits.bench_limits(samples)
-    with progress("Algorithm 4") as report:
-        sampling = limits.bench_sampling(sampled, report)
+    with progress("bench limits") as meter:
+        rows = limits.bench_limits(samples, meter.part)
+    with progress("Algorithm 4") as meter:
+        sampling = limits.bench_sampling(sampled, meter.part)
     missing = limits.missing()
     if as_json:
-        _write({"rows": rows, "sampling": sampling, "missing": list(missing), "machine": machine})
+        print_json(
+            {"rows": rows, "sampling": sampling, "missing": list(missing), "machine": machine}
+        )
     else:
         show_rows(rows, machine)
         show_sampling(sampling)
@@ -153,18 +163,18 @@ def bench_hierarchy(
     from tools.bench.plot import check_picture, plot_hierarchies
     from tools.bench.show import show_hierarchies, show_missing
     from tools.machine import machine_block
-    from tools.show import console
+    from tools.output import print_json, progress
 
     if plot is not None:
         check_picture(plot)
     machine = machine_block()
-    with console.status("") as status:
+    with progress("bench hierarchy") as meter:
         calls, tasks = (10, QUICK_TASKS) if quick else (samples, TASKS)
-        measured = measure(calls, tasks, report=status.update)
+        measured = measure(calls, tasks, report=meter.step)
     if plot is not None:
         plot_hierarchies(measured, machine, plot)
     if as_json:
-        _write({**measured, "missing": list(missing()), "machine": machine})
+        print_json({**measured, "missing": list(missing()), "machine": machine})
     else:
         show_hierarchies(measured, machine)
         show_missing(missing())
@@ -190,19 +200,15 @@ def bench_gains(
     from tools.bench.gains_problems import MOTIONS
     from tools.bench.show import show_gains, show_missing
     from tools.machine import machine_block
-    from tools.show import console
+    from tools.output import print_json, progress
 
     machine = machine_block()
-    with console.status("") as status:
+    with progress("bench gains") as meter:
         calls, seconds = (10, QUICK_S) if quick else (samples, MOTION_S)
         robots = robot or (QUICK_ROBOTS if quick else list(MOTIONS))
-        measured = measure(calls, robots, seconds, report=status.update)
+        measured = measure(calls, robots, seconds, report=meter.step)
     if as_json:
-        _write({**measured, "missing": list(missing()), "machine": machine})
+        print_json({**measured, "missing": list(missing()), "machine": machine})
     else:
         show_gains(measured, machine)
         show_missing(missing())
-
-
-def _write(content: dict[str, Any]) -> None:
-    sys.stdout.write(json.dumps(content, indent=2) + "\n")

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
-
-from tools.terminal import echo
 
 
 def report(
@@ -24,14 +20,15 @@ def report(
 ) -> None:
     """Draw what a log shows, as one HTML file that needs nothing but itself."""
     from tools.certificate_count import in_a_line
+    from tools.output import print_json, print_line
     from tools.report.write import write_report
 
     figures = write_report(log, out)
     if as_json:
-        sys.stdout.write(json.dumps(figures, indent=2) + "\n")
+        print_json(figures)
     else:
-        echo(f"{figures['report']}: {figures['verdict'] or 'no verdict'}", err=True)
+        print_line(f"{figures['report']}: {figures['verdict'] or 'no verdict'}")
         unproved = in_a_line(figures["certificates"])
         if unproved is not None:
-            echo(f"certificates: {unproved}", err=True)
+            print_line(f"certificates: {unproved}")
     raise typer.Exit(1 if figures["verdict"] == "unfit" else 0)

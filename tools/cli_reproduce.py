@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -20,13 +18,14 @@ def reproduce(
     ] = False,
 ) -> None:
     """Re-make a paper's figures and tables, and compare them with what its equations give."""
+    from tools.output import print_json
     from tools.processes import to_people
     from tools.reproduce.remake import reproduce as remake
     from tools.reproduce.show import show_rows
 
     made = remake(paper, out, to_people)
     if as_json:
-        sys.stdout.write(json.dumps(made.as_json(), indent=2) + "\n")
+        print_json(made.as_json())
     else:
         show_rows(made)
     raise typer.Exit(0 if made.passed else 1)

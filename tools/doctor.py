@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -17,9 +15,9 @@ from tools import doctor_probes as probes
 from tools import doctor_stack as stack
 from tools.doctor_system import Finding, Level, System
 from tools.machine import machine_block
+from tools.output import print_json, print_note, results
 from tools.placement import remember
 from tools.placement_probe import measure_placement
-from tools.show import console
 
 Check = Callable[[System], Finding]
 
@@ -122,10 +120,10 @@ def diagnose(*, measure: bool = True, logs: Path = Path("logs")) -> dict[str, An
 def run_doctor(as_json: bool, measure: bool = True) -> int:
     """Examine this machine and tell; exit code 1 where there is a problem, else 0."""
     if measure:  # one line, and no spinner: its thread would disturb what is measured
-        console.print("measuring for some five seconds", style="dim")
+        print_note("measuring for some five seconds")
     diagnosis = diagnose(measure=measure)
     if as_json:
-        sys.stdout.write(json.dumps(diagnosis, indent=2) + "\n")
+        print_json(diagnosis)
     else:
         show(diagnosis)
     return 1 if diagnosis["verdict"] == "unfit" else 0
@@ -140,9 +138,9 @@ def show(diagnosis: dict[str, Any]) -> None:
         if finding["remedy"]:
             text += f"\n[{colour}]→[/] {escape(finding['remedy'])}"
         table.add_row(f"[{colour}]{finding['level']}[/]", finding["name"], text)
-    console.print(table)
+    results.print(table)
     levels = [finding["level"] for finding in diagnosis["findings"]]
-    console.print(
+    results.print(
         f"{diagnosis['verdict']}: {levels.count('problem')} problems, "
         f"{levels.count('advice')} pieces of advice; docs/realtime_rights.md explains each",
     )

@@ -6,20 +6,21 @@ from typing import Any
 
 from rich.table import Table
 
-from tools.show import COLOURS, console, durations_table, known, machine_line
+from tools.output import results
+from tools.show import COLOURS, durations_table, known, machine_line
 
 
 def show_latency(found: dict[str, Any]) -> None:
     """Print the figures of `measure_latency` or `analyse_log`."""
-    console.print(_verdict(found))
+    results.print(_verdict(found))
     if "rtt_us" in found:
-        console.print(_durations(found))
-        console.print(_worst(found["worst"]))
-    console.print(machine_line(found), markup=False)
+        results.print(_durations(found))
+        results.print(_worst(found["worst"]))
+    results.print(machine_line(found), markup=False)
     for measure in found.get("realtime", []):
-        console.print(f"  {measure}", markup=False)
+        results.print(f"  {measure}", markup=False)
     if found["log"]:
-        console.print(f"log: {found['log']}", markup=False, soft_wrap=True)
+        results.print(f"log: {found['log']}", markup=False, soft_wrap=True)
 
 
 def _verdict(found: dict[str, Any]) -> Table:

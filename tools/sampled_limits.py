@@ -11,8 +11,8 @@ from rich.table import Table
 from protocol.dynamics import Dynamics
 from protocol.torque_limits import Velocities, torque_acceleration_bounds
 from robot_emulator.service import describe
+from tools.output import results
 from tools.services import emulator_config
-from tools.show import console
 
 
 def sample(
@@ -72,7 +72,7 @@ def _findings(row: dict[str, Any], none: tuple[str, ...]) -> list[str]:
 
 
 def show(found: dict[str, Any]) -> None:
-    """Print a row a joint on standard error, and the findings below."""
+    """Print a row a joint on standard output, and the findings below."""
     title = f"{found['robot']}: accelerations [rad/s² or m/s²] that torques leave in every state"
     table = Table(title=escape(title), box=None)
     for name in ("joint", "lower", "upper", "either way", "brake_acceleration"):
@@ -80,8 +80,8 @@ def show(found: dict[str, Any]) -> None:
     for row in found["joints"]:
         figures = (row["lower"], row["upper"], row["either_way"], row["brake_acceleration"])
         table.add_row(row["joint"], *(f"{figure:.4g}" for figure in figures))
-    console.print(table)
+    results.print(table)
     tried = f"{found['samples']:,} states, velocities: {found['velocities']}"
-    console.print(f"{tried}, seed {found['seed']}.", style="dim")
+    results.print(f"{tried}, seed {found['seed']}.", style="dim")
     for finding in found["findings"]:
-        console.print(finding, markup=False)
+        results.print(finding, markup=False)

@@ -31,6 +31,7 @@ from robot_emulator.service import describe, serve, serve_lockstep
 from tools.log_format import SIDES, file_name
 from tools.machine import machine_block, versions
 from tools.observer import Observer
+from tools.output import print_line
 from tools.placement import settled_alone
 from tools.processes import StopFlag, to_people
 from tools.refusal import forget, is_new, nothing_happened
@@ -292,7 +293,7 @@ def run_controller(
             forget([observer.final], folder, made=made)
         if claim is not None:
             claim.release()
-    voice.say(f"log: {folder or 'none'}")
+    voice.result(f"log: {folder or 'none'}")
     return 0
 
 
@@ -330,6 +331,13 @@ class Voice:
     def say(self, text: str, news: str = "said") -> None:
         """Something to know; of which kind, for the process that started us."""
         self._send({"news": news, "text": text})
+
+    def result(self, text: str) -> None:
+        """What the service leaves; to people on standard output."""
+        if self._stream is None:
+            print_line(text)
+        else:
+            self.say(text)
 
     def fail(self, error: Hoap3Error) -> int:
         """Tell what ended the service; its exit code. With nobody to tell, raise it again."""

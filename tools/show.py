@@ -2,50 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import Any
 
-from rich.console import Console
 from rich.live import Live
 from rich.markup import escape
-from rich.progress import Progress
 from rich.table import Table
-from rich.text import Text
 
 from tools.certificate_count import in_a_line
-from tools.terminal import printable
-
-
-class PrintableConsole(Console):
-    """A console that escapes control characters in every string it is given, also in tables."""
-
-    def render_str(self, text: str, **options: Any) -> Text:
-        """A string as styled text."""
-        return super().render_str(printable(text), **options)
-
-
-console = PrintableConsole(stderr=True, highlight=False)
-if not console.is_terminal:
-    console = PrintableConsole(
-        stderr=True, highlight=False, width=200
-    )  # hashes and paths stay whole
+from tools.output import notes, print_note, results, watched
 
 COLOURS = {"fit": "green", "warn": "yellow", "unfit": "red"}
 _COLUMNS = {"n": "n", "min": "min", "p50": "p50", "p90": "p90", "p99": "p99", "p99_9": "p99.9",
             "max": "max"}  # fmt: skip
-
-
-@contextmanager
-def progress(title: str) -> Iterator[Callable[[int, int], None]]:
-    """A bar on standard error, of which the caller says how much is done, and of how much."""
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(title, total=None)
-
-        def report(done: int, whole: int) -> None:
-            bar.update(task, completed=done, total=whole)
-
-        yield report
 
 
 class LiveTable:
@@ -53,8 +22,10 @@ class LiveTable:
 
     def __init__(self, title: str) -> None:
         self._title = title
-        self._live = Live(console=console, refresh_per_second=4, transient=True)
-        self._watched = console.is_terminal
+        self._live = Live(
+            console=notes, refresh_per_second=4, transient=True, redirect_stdout=False
+        )
+        self._watched = watched()
 
     def __enter__(self) -> LiveTable:
         if self._watched:
@@ -70,7 +41,7 @@ class LiveTable:
         if item["news"] == "live" and self._watched:
             self._live.update(self._table(item))
         elif item["news"] in {"event", "said", "damaged"}:
-            console.print(item["text"], style="dim", markup=False, soft_wrap=True)
+            print_note(item["text"])
 
     def _table(self, item: dict[str, Any]) -> Table:
         table = Table(title=self._title, show_header=False, box=None)
@@ -90,7 +61,7 @@ class LiveTable:
 
 
 def show_summary(summary: dict[str, Any]) -> None:
-    """Print the summary of a run for people."""
+    """Print the summary of a run for people, on standard output."""
     verdict = summary["verdict"]
     misses, rate = summary["misses"], summary["success_rate"]
     table = Table(show_header=False, box=None, pad_edge=False)
@@ -141,14 +112,14 @@ def show_summary(summary: dict[str, Any]) -> None:
     if summary.get("interrupted"):
         table.add_row("ended", f"by the user, before {summary['duration_s']:g} s had passed")
     table.add_row("log", str(summary["log"] or "none"))
-    console.print(table)
+    results.print(table)
     for side, value in summary.get("payload_sha256", {}).items():
-        console.print(f"sha256 {side} {value}", soft_wrap=True)
+        results.print(f"sha256 {side} {value}", soft_wrap=True)
     if summary.get("rtt_us", {}).get("n"):
         rows = {"RTT": summary["rtt_us"], "wake-up": summary["wakeup_us"]}
         rows |= {f"  {name}": stage for name, stage in summary["stages_us"].items()}
-        console.print(durations_table(rows, summary["jitter_us"]))
-    console.print(machine_line(summary), markup=False)
+        results.print(durations_table(rows, summary["jitter_us"]))
+    results.print(machine_line(summary), markup=False)
 
 
 def durations_table(rows: dict[str, dict[str, Any]], jitter: dict[str, Any]) -> Table:
@@ -180,7 +151,7 @@ def show_matrix(title: str, names: Sequence[str], values: Sequence[Sequence[floa
         table.add_column(escape(name), justify="right")
     for name, row in zip(names, values, strict=True):
         table.add_row(escape(name), *(f"{value:.4g}" for value in row))
-    console.print(table)
+    results.print(table)
 
 
 def machine_line(found: dict[str, Any]) -> str:

@@ -6,8 +6,6 @@ obeys the escape sequences in them: it would hide a line, fake another, or set i
 
 from __future__ import annotations
 
-import sys
-
 
 def printable(text: str) -> str:
     """A whole text: control characters as in a Python string; line breaks and tabs stay."""
@@ -17,12 +15,6 @@ def printable(text: str) -> str:
 def one_line(name: object) -> str:
     """A name or a sentence inside a line: line breaks and tabs are escaped, too."""
     return "".join(_visible(char, "") for char in str(name))
-
-
-def echo(text: object, *, err: bool = False) -> None:
-    """A printable text as a line on standard output, or on standard error."""
-    stream = sys.stderr if err else sys.stdout
-    stream.write(printable(str(text)) + "\n")
 
 
 def _visible(char: str, keep: str) -> str:

@@ -31,14 +31,14 @@ def run(folder: Path) -> Done:
 
 def test_the_terminal_says_it_and_the_verdict_stays(run: Done) -> None:
     assert run.code == 0
-    assert f"certificates  {LINE}" in run.stderr
-    assert "fit" in run.stderr
+    assert f"certificates  {LINE}" in run.stdout
+    assert "fit" in run.stdout
 
 
 def test_the_report_says_the_same_in_its_terminal_and_in_json(run: Done, folder: Path) -> None:
     told = inside("report", folder)
     assert told.code == 0
-    assert f"certificates: {LINE}" in told.stderr.splitlines()
+    assert f"certificates: {LINE}" in told.stdout.splitlines()
     assert "contradictory 200" in (folder / "report.html").read_text(encoding="utf-8")
     figures = inside("report", folder, "--json").json()["certificates"]
     again = lockstep(*CONTRADICTORY, "--json", "--set", "emulator.log.record=false")
@@ -58,9 +58,9 @@ def test_certificates_that_are_worth_little_are_told_though_every_answer_has_one
     folder = tmp_path / "run"
     run = lockstep(*slow, "--out", folder)
     assert run.code == 0
-    assert f"certificates  {line}" in run.stderr
+    assert f"certificates  {line}" in run.stdout
     told = inside("report", folder)
-    assert f"certificates: {line}" in told.stderr.splitlines()
+    assert f"certificates: {line}" in told.stdout.splitlines()
     text = (folder / "report.html").read_text(encoding="utf-8")
     assert f"In 100 of 200 answers a certificate says little: {words}." in text
     assert f"{words} 100" in text  # in the table of certificates
@@ -71,13 +71,13 @@ def test_certificates_that_are_worth_little_are_told_though_every_answer_has_one
     again = lockstep(*slow, "--json", "--set", "emulator.log.record=false").json()
     assert again["certificates"]["reasons"] == {"certified": {words: 100}}
     with_weights = lockstep(*slow[:4], "--out", tmp_path / "other")
-    assert "answers certified" not in with_weights.stderr
+    assert "answers certified" not in with_weights.stdout
 
 
 def test_a_proved_run_has_the_counts_and_no_line(tmp_path: Path) -> None:
     command = lockstep("--out", tmp_path / "run")
-    assert "certificates" not in command.stderr
-    assert "certificates" not in inside("report", tmp_path / "run").stderr
+    assert "certificates" not in command.stdout
+    assert "certificates" not in inside("report", tmp_path / "run").stdout
 
 
 def test_in_real_time_it_is_told_as_well(tmp_path: Path) -> None:

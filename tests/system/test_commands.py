@@ -68,8 +68,8 @@ def test_list_knows_what_can_be_named() -> None:
     assert set(found["constraints"]) >= set(CONSTRAINTS)
     assert set(found["curves"]) >= {"ellipse", "joint_ellipse"}
     people = inside("list")
-    assert people.stdout == ""
-    assert "joint_acceleration, osqp, pinv, qp12" in people.stderr
+    assert people.stderr == ""
+    assert "joint_acceleration, osqp, pinv, qp12" in people.stdout
 
 
 @pytest.mark.parametrize("name", ["hoap3", "baxter", "qp12", "pinv", "osqp", "tsid"])
@@ -83,7 +83,7 @@ def test_a_shown_config_is_a_config(name: str, tmp_path: Path) -> None:
     checked = inside("config", "check", copy, name)
     assert checked.code == 0
     side = "an emulator" if name in {"hoap3", "baxter"} else "a controller"
-    assert f"{copy}: a correct config of {side}" in checked.stderr
+    assert f"{copy}: a correct config of {side}" in checked.stdout
 
 
 def test_show_tells_what_a_set_would_do() -> None:
@@ -149,7 +149,7 @@ def test_a_whole_log_needs_no_repair(folder: Path) -> None:
     before = (folder / "robot.mcap").read_bytes()
     done = inside("record", "--repair", folder / "robot.mcap")
     assert done.code == 0
-    assert "nothing was done" in done.stderr
+    assert "nothing was done" in done.stdout
     assert (folder / "robot.mcap").read_bytes() == before
 
 
@@ -169,7 +169,7 @@ def test_status_live_list_and_a_recording_from_outside(tmp_path: Path) -> None:
             while tell("status", at, "test_robot")["tick"] < tick + 200:
                 continue
             people = inside("status", "test_robot", "--connect", at)
-            assert people.stderr.startswith("test_robot: active, follows qp12-")
+            assert people.stdout.startswith("test_robot: active, follows qp12-")
             assert record.end(signal.SIGINT) == 0, record.stderr
             assert_no_traceback(record)
         assert law.end(signal.SIGTERM) == 0

@@ -52,13 +52,13 @@ def test_what_a_run_refuses_the_check_refuses_too(case: str) -> None:
     assert inside("config", "check", "mine.yaml").stderr == run.stderr
     unchecked = inside("config", "check", "nobody.yaml")
     assert unchecked.code == 0
-    assert "it names no robot, so what depends on it was not checked" in unchecked.stderr
+    assert "it names no robot, so what depends on it was not checked" in unchecked.stdout
 
 
 def test_a_robot_is_taken_to_be_given_what_the_controller_gives() -> None:
     done = inside("config", "check", "tsid")
     assert done.code == 0
-    assert "for robot baxter_left_arm" in done.stderr
+    assert "for robot baxter_left_arm" in done.stdout
     Path("hoap3.yaml").write_text(
         "controller: tsid\nrobot: hoap3\nparameters: {frame: l_hand, goal: {posture: q0}}\n",
         encoding="utf-8",
@@ -72,7 +72,7 @@ def test_a_robot_is_taken_to_be_given_what_the_controller_gives() -> None:
 def test_it_says_for_which_robot_it_is_correct(name: str) -> None:
     done = inside("config", "check", name)
     assert done.code == 0
-    assert done.stderr == f"{name}: a correct config of a controller for robot hoap3\n"
+    assert done.stdout == f"{name}: a correct config of a controller for robot hoap3\n"
 
 
 def test_another_robot_can_be_named_and_its_frames_count(tmp_path: Path) -> None:
@@ -80,7 +80,7 @@ def test_another_robot_can_be_named_and_its_frames_count(tmp_path: Path) -> None
     Path("mine.yaml").write_text("controller: qp12\nrobot: my_arm\n", encoding="utf-8")
     unknown = inside("config", "check", "mine.yaml")
     assert unknown.code == 0
-    assert "robot my_arm is not known here" in unknown.stderr
+    assert "robot my_arm is not known here" in unknown.stdout
     refused = inside("config", "check", "mine.yaml", "--robot", arm)
     assert refused.code == 2
     assert "r_sole" in refused.stderr
@@ -106,10 +106,10 @@ def test_a_schema_is_found_beside_the_current_folder(
     importlib.invalidate_caches()
     found = inside("config", "schema", "task", "swing_of_mine:Swing")
     monkeypatch.delitem(sys.modules, "swing_of_mine", raising=False)
-    assert found.code == 0, found.stderr
+    assert found.code == 0, found.stdout
     assert "swing_rad" in found.json()["properties"]["parameters"]["properties"]
 
 
 def test_an_emulator_is_for_no_robot_but_its_own() -> None:
-    assert inside("config", "check", "hoap3").stderr == "hoap3: a correct config of an emulator\n"
+    assert inside("config", "check", "hoap3").stdout == "hoap3: a correct config of an emulator\n"
     assert inside("config", "check", "hoap3", "--robot", "hoap3").code == 2

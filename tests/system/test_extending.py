@@ -72,7 +72,7 @@ def test_an_installed_controller_is_found_by_its_name(tmp_path: Path) -> None:
     assert moved(tmp_path / "log") > 0.01
     again = hoap3("replay", "log", **surroundings)  # it is registered: no --allow-code
     assert again.end() == 0
-    assert "200/200 setpoints identical" in again.stderr
+    assert "200/200 setpoints identical" in again.stdout
     schema = hoap3("config", "schema", "sway", **surroundings).json()
     assert "speed_rad_s" in schema["properties"]["parameters"]["properties"]
 

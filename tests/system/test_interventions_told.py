@@ -23,7 +23,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_they_are_counted_told_and_not_certified(folder: Path) -> None:
-    told = lockstep(*HASTY, "--out", folder).stderr
+    told = lockstep(*HASTY, "--out", folder).stdout
     counts = lockstep(*HASTY, "--json", "--set", "emulator.log.record=false").json()
     held_back = counts["interventions"]
     assert held_back > 0
@@ -37,4 +37,4 @@ def test_they_are_counted_told_and_not_certified(folder: Path) -> None:
 def test_without_any_nothing_is_said(tmp_path: Path) -> None:
     done = lockstep("--out", tmp_path / "run", "--json")
     assert done.json()["interventions"] == 0
-    assert "interventions" not in lockstep("--out", tmp_path / "again").stderr
+    assert "interventions" not in lockstep("--out", tmp_path / "again").stdout

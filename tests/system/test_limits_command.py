@@ -46,7 +46,7 @@ def test_joints_that_cannot_hold_their_load_or_claim_too_much_are_named():
 
 def test_the_table_has_a_row_a_joint():
     done = inside("limits", "baxter", "--samples", "1000")
-    text = done.stderr
+    text = done.stdout
     assert done.code == 1
     assert "rad/s²" in text
     for name in load("baxter_left_arm").joint_names:

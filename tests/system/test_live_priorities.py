@@ -95,7 +95,7 @@ def test_the_pair_changes_places_and_who_asks_is_told(told):
         "out": [],
     }
     assert removed.code == 0
-    assert "elbow" in removed.stderr
+    assert "elbow" in removed.stdout
 
 
 def test_torques_do_not_jump_where_priorities_move(told):

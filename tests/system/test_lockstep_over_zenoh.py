@@ -58,7 +58,7 @@ def test_every_tick_is_answered_in_virtual_time(pair: object, folder: Path) -> N
 def test_the_controllers_log_is_repeated_bit_by_bit(pair: object, folder: Path) -> None:
     again = inside("replay", folder)
     assert again.code == 0
-    assert "1000/1000 setpoints identical" in again.stderr
+    assert "1000/1000 setpoints identical" in again.stdout
 
 
 def test_setpoints_are_those_of_one_process(pair: object, folder: Path) -> None:

@@ -73,4 +73,4 @@ def assert_it_can_be_mended(damaged: Path, killed: int) -> None:
     assert len(Log.open(whole).states()) > 0
     again = inside("record", "--repair", whole)
     assert again.code == 0
-    assert "is whole" in again.stderr
+    assert "is whole" in again.stdout

@@ -111,8 +111,8 @@ def test_simulate_gives_the_payloads_of_the_command(first: Done, folder: Path) -
 def test_a_run_is_repeated_bit_by_bit(first: Done, folder: Path) -> None:
     again = inside("replay", folder)
     assert again.code == 0
-    assert re.search(r"^1500/1500 setpoints identical$", again.stderr, re.MULTILINE)
-    assert again.stdout == ""
+    assert re.search(r"^1500/1500 setpoints identical$", again.stdout, re.MULTILINE)
+    assert again.stderr == ""
 
 
 def test_another_gamma_is_found_at_its_first_tick(
@@ -125,7 +125,7 @@ def test_another_gamma_is_found_at_its_first_tick(
     assert 0 < tick < DURATION * 1000
     changed = inside("replay", folder, "--set", "parameters.gamma=0.4")
     assert changed.code == 1
-    assert f"first difference at tick {tick}: " in changed.stderr
+    assert f"first difference at tick {tick}: " in changed.stdout
     copy = rewritten(folder, tmp_path / "copy.mcap", **config)
     found = inside("replay", copy, "--json")
     assert found.code == 1
@@ -158,8 +158,8 @@ def test_nothing_is_claimed_beyond_a_gap(first: Done, folder: Path, tmp_path: Pa
             kept.append(record)
     report = inside("replay", rewritten(folder, tmp_path / "copy.mcap", kept))
     assert report.code == 0
-    assert "200/200 setpoints identical" in report.stderr
-    assert "not verifiable beyond tick 199" in report.stderr
+    assert "200/200 setpoints identical" in report.stdout
+    assert "not verifiable beyond tick 199" in report.stdout
 
 
 @pytest.mark.parametrize(
@@ -190,7 +190,7 @@ def test_records_that_no_service_has_written_are_refused(
 def test_a_log_without_setpoints_proves_nothing(first: Done, folder: Path, tmp_path: Path) -> None:
     empty = inside("replay", rewritten(folder, tmp_path / "copy.mcap", []))
     assert empty.code == 1
-    assert "no setpoint to compare" in empty.stderr
+    assert "no setpoint to compare" in empty.stdout
 
 
 def test_code_is_not_run_on_the_word_of_a_log(first: Done, folder: Path, tmp_path: Path) -> None:

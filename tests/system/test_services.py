@@ -78,7 +78,7 @@ def assert_stop_latches_until_recover(robot: Command, at: str) -> None:
     wait_for_mode("stopped", at)
     again = hoap3("recover", "--connect", at)
     assert again.end() == 0
-    assert again.stderr.startswith("hoap3: ")
+    assert again.stdout.startswith("hoap3: ")
     wait_for_mode("active", at)
     assert inside("recover", "--connect", at).code == 1  # nothing was latched
 

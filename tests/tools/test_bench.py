@@ -190,7 +190,7 @@ def test_people_are_told_what_to_install(capsys):
     from tools.bench.show import show_missing
 
     show_missing()
-    assert "quadprog (pip install no_such_package)" in capsys.readouterr().err
+    assert "quadprog (pip install no_such_package)" in capsys.readouterr().out
 
 
 def test_people_see_a_row_for_each_solver():
@@ -198,7 +198,7 @@ def test_people_see_a_row_for_each_solver():
     assert done.exit_code == 0
     assert done.stdout == ""
     for word in ("qp12 step", "qp12 answer", "reference", "times_reference", "272.20"):
-        assert word in done.stderr
+        assert word in done.stdout
 
 
 def test_the_command_prints_json_on_standard_output():

@@ -113,5 +113,5 @@ def test_the_command(monkeypatch, measured):
     done = CliRunner().invoke(app, ["bench", "gains", "--samples", "30", "--robot", "hoap3"])
     assert done.exit_code == 0
     for words in ("ur5, 4 rows, 6 joints: clarabel takes", "times as long", TICK):
-        assert words in done.stderr
+        assert words in done.stdout
     assert asked == [(10, ("ur5",), QUICK_S), (30, ["hoap3"], gains.MOTION_S)]

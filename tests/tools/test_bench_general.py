@@ -72,7 +72,7 @@ def test_the_command_has_them_as_a_second_table() -> None:
     done = CliRunner().invoke(app, ["bench", "solvers", "--samples", "10"])
     assert done.exit_code == 0
     for words in ("times_qp12", "stable_qp, limited", "times_daqp", "0 of 6", "failures_at_limit"):
-        assert words in done.stderr
+        assert words in done.stdout
 
 
 def test_the_command_has_them_in_its_json_whole() -> None:

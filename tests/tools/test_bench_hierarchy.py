@@ -158,5 +158,5 @@ def test_the_command(monkeypatch, tmp_path, measured):
     done = CliRunner().invoke(app, ["bench", "hierarchy", "--samples", "30"])
     assert done.exit_code == 0
     for words in ("lwr, 5 tasks, free", "times as long"):
-        assert words in done.stderr
+        assert words in done.stdout
     assert asked == [(10, QUICK_TASKS), (30, hierarchy.TASKS)]

@@ -128,4 +128,4 @@ def test_people_see_a_row_for_each_size():
     assert done.exit_code == 0
     assert done.stdout == ""
     for word in ("median us", "daqp", "osqp_bare", "14", "slope"):
-        assert word in done.stderr
+        assert word in done.stdout

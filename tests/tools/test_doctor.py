@@ -252,11 +252,12 @@ def diagnosis(level: str) -> dict:
 def test_the_exit_code_is_one_where_there_is_a_problem(monkeypatch, capsys, level, code):
     monkeypatch.setattr(doctor, "diagnose", lambda **_: diagnosis(level))
     assert run_doctor(False) == code
+    assert "pieces of advice" in capsys.readouterr().out
     assert run_doctor(True) == code
     assert json.loads(capsys.readouterr().out) == diagnosis(level)
 
 
-def test_people_read_standard_error_and_programs_one_object():
+def test_people_read_standard_output_and_programs_one_object():
     code = "import sys; from tools.doctor import run_doctor; sys.exit(run_doctor({}, False))"
     told, printed = (
         subprocess.run(
@@ -267,11 +268,11 @@ def test_people_read_standard_error_and_programs_one_object():
         )
         for as_json in (False, True)
     )
-    assert told.stdout == ""
+    assert told.stderr == ""
     content = json.loads(printed.stdout)
     assert content.keys() == {"verdict", "findings", "placement", "machine"}
     assert content["machine"]["kernel"]
     for finding in content["findings"]:
         assert finding.keys() == {"name", "level", "found", "remedy"}
-        assert finding["name"] in told.stderr
+        assert finding["name"] in told.stdout
     assert told.returncode == printed.returncode == (content["verdict"] == "unfit")

@@ -128,7 +128,7 @@ def test_the_same_figures_come_from_its_log(measured):
 def test_people_and_programs_are_told_the_same(measured, capsys):
     found, folder, _ = measured
     show_latency(found)
-    printed = capsys.readouterr().err
+    printed = capsys.readouterr().out
     assert f"{found['rtt_ratio']:.2f}, median of" in printed
     assert found["verdict"] in printed
     done = command("--log", folder / "block0", "--json")
@@ -159,7 +159,7 @@ def test_a_log_tells_of_its_worst_ticks(tmp_path, capsys):
     assert found["guilty"] == {"encode": 2}
     assert found["guilty_stage"] == "encode"
     show_latency(found)
-    printed = capsys.readouterr().err
+    printed = capsys.readouterr().out
     assert "encode 2" in printed
     assert "encode 1500" in printed
     assert "0, together 0.0 ms" in printed

@@ -12,7 +12,7 @@ from protocol.ring import Kind
 from remote_controller.config import ControllerConfig, build
 from remote_controller.loop import ControllerLoop
 from tools.bench.reference import reference
-from tools.bench.timing import BATCH, BLOCKS, SETTLE, Contender, race
+from tools.bench.timing import BATCH, BLOCKS, SETTLE, Contender, Report, race, silent
 from tools.simulate import Lockstep, controller_settings, emulator_settings
 
 STATES = 512
@@ -20,7 +20,9 @@ PAPER_US = 272.2
 """CoM 160.95, Jacobian 109.85 and QP12 1.36, as the QP12 paper measured them in section V-B."""
 
 
-def bench_cycle(controller: str = "qp12", samples: int = 5000) -> list[dict[str, Any]]:
+def bench_cycle(
+    controller: str = "qp12", samples: int = 5000, report: Report = silent
+) -> list[dict[str, Any]]:
     """Rows {solver, n, samples, min_us, …} of `step`, of `answer`, and of the fixed reference.
 
     `step` is kinematics, solve and Euler integration; `answer` is all that the service does
@@ -31,7 +33,7 @@ def bench_cycle(controller: str = "qp12", samples: int = 5000) -> list[dict[str,
     description, payloads = motion(config, samples + BLOCKS * (SETTLE + BATCH))
     step = _step(f"{controller} step", config, description, payloads)
     answer = _answer(f"{controller} answer", config, description, payloads)
-    times = race([step, answer, reference()], samples)
+    times = race([step, answer, reference()], samples, report=report)
     paper = {"mean_us": PAPER_US} if description.name == "hoap3" else None
     return [
         {

@@ -14,7 +14,7 @@ from remote_controller.solvers import qp_backends, status
 from remote_controller.solvers.bounded_qp12 import BoundedQp12
 from remote_controller.solvers.stable_qp import QP, StableQp
 from tools.bench.reference import reference
-from tools.bench.timing import Contender, race
+from tools.bench.timing import Contender, Report, race, silent
 
 Array = NDArray[np.float64]
 Problem = tuple[Array, float, float, Array, Array, Array, Array]
@@ -26,7 +26,11 @@ CERTAIN = 1e-8  # of the KKT residual of our answers
 
 
 def bench_general(
-    n: int = 21, samples: int = 2000, gamma: float = GAMMA, kinds: tuple[str, ...] = ("feasible",)
+    n: int = 21,
+    samples: int = 2000,
+    gamma: float = GAMMA,
+    kinds: tuple[str, ...] = ("feasible",),
+    report: Report = silent,
 ) -> list[dict[str, Any]]:
     """Rows {solver, n, samples, min_us, …, failures, times_daqp}, timed in turn.
 
@@ -40,6 +44,7 @@ def bench_general(
         samples: single calls of each; of as many problems, but 256 at most.
         gamma: of the objective.
         kinds: of the streams for `stable_qp`: "feasible", "limited".
+        report: is told how much is done, and of how much.
 
     Returns:
         The rows. `failures` are answers out of `problems`: ours that were not found or have a KKT
@@ -68,7 +73,7 @@ def bench_general(
         failures[name] = sum(not _close(call(program), u) for program, u in feasible)
         failures_at_limit[name] = sum(not _close(call(program), u) for program, u in at_limit)
         contenders.append(Contender(name, call, [(program,) for program, _ in feasible]))
-    times = race([*contenders, reference()], samples)
+    times = race([*contenders, reference()], samples, report=report)
     return [
         {
             "solver": name,

@@ -18,7 +18,7 @@ from robot_emulator.robots import load
 from robot_emulator.safety import Reference
 from tools.bench.reference import reference
 from tools.bench.steps import motion
-from tools.bench.timing import Contender, race
+from tools.bench.timing import Contender, Report, race, silent
 from tools.bench.tsid_peers import PEERS, program
 
 SIZES = (7, 21, 32)
@@ -28,7 +28,7 @@ PAPER_SAMPLING_S = 300.0
 """Algorithm 4 with a million samples takes 5 minutes in the paper's own implementation."""
 
 
-def bench_limits(samples: int = 5000) -> list[dict[str, Any]]:
+def bench_limits(samples: int = 5000, report: Report = silent) -> list[dict[str, Any]]:
     """Rows {solver, n, samples, min_us, …, times_reference} of what each cycle may call.
 
     "bounds" and "naive bounds" are `AccelerationBounds`, "setpoint filter" is what the emulator
@@ -39,7 +39,7 @@ def bench_limits(samples: int = 5000) -> list[dict[str, Any]]:
     rng = np.random.default_rng(0)
     contenders = [each for n in SIZES for each in _bounds(rng, n)]
     contenders += [_filter(rng, 21), *_tsid()]
-    times = race([*contenders, reference()], samples)
+    times = race([*contenders, reference()], samples, report=report)
     return [
         {
             "solver": name.rpartition(" of ")[0] or name,

@@ -8,13 +8,13 @@ from rich.table import Table
 
 from tools.bench.peers import missing as missing_peers
 from tools.bench.scaling import FIT_FROM
-from tools.show import console
+from tools.output import results
 
 COLUMNS = ("min_us", "mean_us", "p50_us", "p99_us", "max_us", "batch_mean_us")
 
 
 def show_rows(rows: list[dict[str, Any]], machine: dict[str, Any]) -> None:
-    """Print a row a solver on standard error, with the machine below it."""
+    """Print a row a solver on standard output, with the machine below it."""
     table = Table(title="us per call, single calls; batch_mean: median of batches of ten", box=None)
     for name in ("solver", "n", "samples"):
         table.add_column(name, justify="left" if name == "solver" else "right")
@@ -32,7 +32,7 @@ def show_rows(rows: list[dict[str, Any]], machine: dict[str, Any]) -> None:
             f"{paper['mean_us']:.2f}" if paper else "",
             "" if error is None else f"{error:.0e}",
         )
-    console.print(table)
+    results.print(table)
     _show_machine(machine)
 
 
@@ -52,7 +52,7 @@ def show_general(rows: list[dict[str, Any]], machine: dict[str, Any]) -> None:
             f"{row['times_daqp']:.2f}",
             *(_of(row[name], row[name.replace("failures", "problems")]) for name in failures),
         )
-    console.print(table)
+    results.print(table)
     _show_machine(machine)
 
 
@@ -73,11 +73,11 @@ def show_scaling(measured: dict[str, Any], machine: dict[str, Any]) -> None:
     slopes = {name: f"{value:.2f}" for name, value in measured["slopes"].items()}
     table.add_section()
     table.add_row("slope", *(slopes.get(name, "") for name in solvers))
-    console.print(table)
-    console.print(f"Slopes of log(time) over log(n), from {FIT_FROM} joints on.", style="dim")
+    results.print(table)
+    results.print(f"Slopes of log(time) over log(n), from {FIT_FROM} joints on.", style="dim")
     for out in measured["left_out"]:
         text = f"Left out from {out['n']} joints on: {out['solver']}, {out['took_s']:.2g} s a call."
-        console.print(text, style="dim")
+        results.print(text, style="dim")
     _show_machine(machine)
 
 
@@ -100,9 +100,9 @@ def show_hierarchies(measured: dict[str, Any], machine: dict[str, Any]) -> None:
             "" if times is None else f"{times:.1f}",
             "" if active is None else f"{active:.1f}",
         )
-    console.print(table)
+    results.print(table)
     for row in measured["ratios"]:
-        console.print(
+        results.print(
             f"{row['robot']}, {row['tasks']} tasks, {row['case']}: {row['best_peer']} takes "
             f"{row['times_ghc']:.0f} times as long, of the shortest calls "
             f"{row['times_ghc_min']:.0f} times."
@@ -139,9 +139,9 @@ def show_gains(measured: dict[str, Any], machine: dict[str, Any]) -> None:
             *("" if row[name] is None else f"{row[name]:.0e}" for name in told[2:]),
             _of(row["failures"], row["problems"]),
         )
-    console.print(table)
+    results.print(table)
     for row in measured["ratios"]:
-        console.print(
+        results.print(
             f"{row['robot']}, {row['n']} rows, {row['joints']} joints: {row['peer']} takes "
             f"{row['times_sdp']:.0f} times as long, of the shortest calls "
             f"{row['times_sdp_min']:.0f} times."
@@ -152,7 +152,7 @@ def show_gains(measured: dict[str, Any], machine: dict[str, Any]) -> None:
 def show_sampling(found: dict[str, Any]) -> None:
     """Say how long Algorithm 4 took."""
     paper = found["paper_seconds"]
-    console.print(
+    results.print(
         f"Algorithm 4 with {found['samples']:,} states of {found['robot']}: "
         f"{found['seconds']:.2f} s{f'; in the paper {paper:g} s' if paper else ''}."
     )
@@ -161,11 +161,11 @@ def show_sampling(found: dict[str, Any]) -> None:
 def show_missing(missing: dict[str, str] | None = None) -> None:
     """Say which solvers are not there, and what to install; by default of the peers of QP12."""
     for name, package in (missing_peers() if missing is None else missing).items():
-        console.print(f"Not installed: {name} (pip install {package}).", style="dim")
+        results.print(f"Not installed: {name} (pip install {package}).", style="dim")
 
 
 def _show_machine(machine: dict[str, Any]) -> None:
-    console.print(
+    results.print(
         f"{machine['processor']}, {machine['cores']} cores, "
         f"{'virtual' if machine['virtual'] else 'bare metal'}, kernel {machine['kernel']}; "
         f"load {machine['load_1min']}. The maximum is the machine's, not the code's.",

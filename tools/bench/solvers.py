@@ -11,7 +11,7 @@ from remote_controller.solvers import Pinv
 from tools.bench.peers import Peer, installed, peer
 from tools.bench.problems import Array, gradients, jacobians
 from tools.bench.reference import reference
-from tools.bench.timing import Contender, race
+from tools.bench.timing import Contender, Report, race, silent
 
 GAMMA = 0.5
 PAPER_US = {
@@ -22,7 +22,12 @@ PAPER_US = {
 """Table I, on the authors' machine in Julia, in batches of ten."""
 
 
-def bench_solvers(n: int = 21, samples: int = 10_000, gamma: float = GAMMA) -> list[dict[str, Any]]:
+def bench_solvers(
+    n: int = 21,
+    samples: int = 10_000,
+    gamma: float = GAMMA,
+    report: Report = silent,
+) -> list[dict[str, Any]]:
     """Rows {solver, n, samples, min_us, …} of every solver that is installed, timed in turn.
 
     `times_qp12` is how many times as long as ours one takes, `worst_error` how far its answers are
@@ -36,7 +41,7 @@ def bench_solvers(n: int = 21, samples: int = 10_000, gamma: float = GAMMA) -> l
     cholesky, svd = _pinv(n), Peer(lambda jacobian, error: np.linalg.pinv(jacobian) @ error)
     contenders += [contender("pinv", cholesky, tasks), contender("pinv_svd", svd, tasks)]
     errors["pinv"] = worst_error(cholesky, svd, tasks)
-    times = race([*contenders, reference()], samples)
+    times = race([*contenders, reference()], samples, report=report)
     return [
         {
             "solver": name,

@@ -18,6 +18,12 @@ BATCH = 10
 SETTLE = 3  # calls that are not counted, after another contender had the caches
 
 Array = NDArray[np.float64]
+Report = Callable[[int, int], None]
+"""Takes how much is done, and of how much."""
+
+
+def silent(_done: int, _whole: int) -> None:
+    """Show no progress."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +74,12 @@ class Times:
 
 
 def race(
-    contenders: Sequence[Contender], samples: int, blocks: int = BLOCKS, *, batches: bool = True
+    contenders: Sequence[Contender],
+    samples: int,
+    blocks: int = BLOCKS,
+    *,
+    batches: bool = True,
+    report: Report = silent,
 ) -> dict[str, Times]:
     """Time all contenders in turn, block by block, so that a drift of the machine meets them all.
 
@@ -83,6 +94,7 @@ def race(
         samples: single calls of each, rounded down to whole blocks.
         blocks: at most; fewer where there are fewer samples.
         batches: whether there are any.
+        report: is told between two blocks how many are done, and of how many.
     """
     blocks = min(blocks, samples)
     calls, ten = samples // blocks, BATCH if batches else 0
@@ -91,6 +103,7 @@ def race(
     batch = {each.name: np.zeros(blocks if batches else 0, np.int64) for each in contenders}
     with undisturbed():
         for block in range(blocks):
+            report(block, blocks)
             for each in contenders:
                 ahead = list(itertools.islice(problems[each.name], SETTLE + calls + ten))
                 _read(ahead)

@@ -1,4 +1,4 @@
-"""A comparison as tables for people, on standard error."""
+"""A comparison as tables for people, on standard output."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from rich.table import Table
 
 from tools.compare.comparison import Comparison
 from tools.compare.words import cell, shown_words, unit
+from tools.output import results
 from tools.report.numbers import number
-from tools.show import console
 
 
 def show(made: Comparison, files: Sequence[Path]) -> None:
@@ -24,14 +24,14 @@ def show(made: Comparison, files: Sequence[Path]) -> None:
         name = f"{word.name} [{shown}]" if shown else word.name
         cells = [cell(found, word.key) for found in made.figures]
         table.add_row(escape(name), *map(escape, cells))
-    console.print(table)
+    results.print(table)
     if made.timing is not None:
-        console.print(_times(made.timing, made.labels))
+        results.print(_times(made.timing, made.labels))
     for each in made.notes:
-        console.print(each, markup=False, soft_wrap=True)
+        results.print(each, markup=False, soft_wrap=True)
     for each in made.findings:
-        console.print(each, style="yellow", markup=False, soft_wrap=True)
-    console.print(", ".join(map(str, files)), markup=False, soft_wrap=True)
+        results.print(each, style="yellow", markup=False, soft_wrap=True)
+    results.print(", ".join(map(str, files)), markup=False, soft_wrap=True)
 
 
 def _times(timing: dict[str, Any], labels: Sequence[str]) -> Table:

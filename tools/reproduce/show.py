@@ -5,15 +5,15 @@ from __future__ import annotations
 from rich.markup import escape
 from rich.table import Table
 
+from tools.output import results
 from tools.reproduce.remake import Reproduction
 from tools.reproduce.rows import Row
-from tools.show import console
 
 _MARKS = {True: "[green]pass[/green]", False: "[red]FAIL[/red]", None: "[dim]–[/dim]"}
 
 
 def show_rows(made: Reproduction) -> None:
-    """Print rows, their reasons as notes, and a summary on standard error."""
+    """Print rows, their reasons as notes, and a summary on standard output."""
     reasons = list(dict.fromkeys(row.why for row in made.rows))
     table = Table(box=None, pad_edge=False)
     for name in ("item", "paper", "ours", "expected", "", "note"):
@@ -23,19 +23,19 @@ def show_rows(made: Reproduction) -> None:
         said = (row.item, _said(row.paper), ours, _expected(row))
         note = str(1 + reasons.index(row.why))
         table.add_row(*map(escape, said), _MARKS[row.passed], note)
-    console.print(table)
+    results.print(table)
     for number, reason in enumerate(reasons, 1):
-        console.print(f"{number:3}  {reason}", style="dim", markup=False, soft_wrap=True)
+        results.print(f"{number:3}  {reason}", style="dim", markup=False, soft_wrap=True)
     judged = [row for row in made.rows if row.passed is not None]
     failed = [row for row in judged if not row.passed]
     machine = made.machine
-    console.print(
+    results.print(
         f"{len(judged) - len(failed)} of {len(judged)} rows pass; the other "
         f"{len(made.rows) - len(judged)} are measurements, on {machine['processor']}, "
         f"{machine['cores']} cores, kernel {machine['kernel']}, load {machine['load_1min']}.",
         style="bold red" if failed else "bold",
     )
-    console.print(
+    results.print(
         f"{len(made.files)} files in {made.files[-1].parent}", markup=False, soft_wrap=True
     )
 

@@ -32,7 +32,7 @@ def told(tmp_path_factory):
 def test_one_line_says_whose_task_differs(told):
     done, folder = told
     assert done.exit_code == 0  # it is no finding
-    assert LINE in done.stderr.splitlines()
+    assert LINE in done.stdout.splitlines()
     assert LINE in (folder / "compare.html").read_text(encoding="utf-8")
 
 

@@ -197,7 +197,7 @@ def test_the_page_lies_beside_the_log_where_nothing_else_is_said(command, lockst
     folder = shutil.copytree(lockstep[0], tmp_path / "run")
     done = command(folder)
     assert (done.exit_code, done.stdout) == (0, "")
-    assert str(folder / "report.html") in done.stderr
+    assert str(folder / "report.html") in done.stdout
     assert (folder / "report.html").is_file()
     assert command(folder / "controller.mcap").exit_code == 0  # over the old one
 
