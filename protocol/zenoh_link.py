@@ -17,8 +17,9 @@ from queue import SimpleQueue
 from typing import Any, Literal
 
 os.environ.setdefault(
-    "ZENOH_RUNTIME",  # read once, at import: one pool of one thread for everything costs least
-    "(rx:(handover:app),tx:(handover:app),acc:(handover:app),net:(handover:app),"
+    "ZENOH_RUNTIME",  # read once, at import: one thread for all data costs least, and another one
+    # for new connections: closing many of those that never say a word would delay the data
+    "(rx:(handover:app),tx:(handover:app),acc:(worker_threads:1),net:(handover:app),"
     "app:(worker_threads:1))",
 )
 
@@ -26,10 +27,14 @@ import zenoh
 
 from protocol.errors import LinkError, NameTakenError, PortInUseError
 from protocol.link import Arrival, Request
+from protocol.session_limits import MAX_MESSAGE_BYTES, SIZE_FILTER, accept_limits
 from protocol.settings import LinkSettings
 from protocol.zenoh_sockets import forbid_lingering
 
-BACKLOG = 1024
+BACKLOG = 1024  # setpoints; of more the oldest are dropped
+WAITING_STOPS = 16  # queries; of more the oldest are dropped, which ends them without an answer
+WAITING_QUERIES = 64
+WAITING_ANSWERS = 256  # beyond this answers are dropped: somebody takes none
 CONTROL = frozenset({"change", "show"})  # what a controller can be asked
 PENDING = 16  # requests to a controller; of more the oldest get no answer
 QUERY_TIMEOUT_S = 2.0
@@ -66,13 +71,16 @@ def open_session(settings: LinkSettings) -> zenoh.Session:
         },
         "transport": {
             "shared_memory": {"enabled": False},
+            "unicast": accept_limits(),
             "link": {
                 "tx": {
                     "lease": settings.lease_ms,
                     "queue": {"congestion_control": {"drop": {"wait_before_drop": DROP_US}}},
-                }
+                },
+                "rx": {"max_message_size": MAX_MESSAGE_BYTES},
             },
         },
+        "low_pass_filter": [SIZE_FILTER],
     }
     try:
         session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
@@ -124,14 +132,12 @@ class ZenohRobotLink:
                 )
             self._state = _fast_publisher(session, key(robot, "state"), blocking)
             self._events = session.declare_publisher(key(robot, "events"), express=True)
-            self._queries = session.declare_queryable(
-                key(robot, "ask/*"), zenoh.handlers.FifoChannel(64)
-            )
+            self._queries = _Queries(session, robot)
             self._clients = session.liveliness().declare_subscriber(
                 key(robot, "clients/*"), zenoh.handlers.FifoChannel(64)
             )
             self._setpoints = session.declare_subscriber(
-                key(robot, "setpoint"), zenoh.handlers.FifoChannel(BACKLOG)
+                key(robot, "setpoint"), zenoh.handlers.RingChannel(BACKLOG)
             )
             self._token = session.liveliness().declare_token(key(robot, "alive"))
         except BaseException:
@@ -181,6 +187,27 @@ class ZenohRobotLink:
                 signal()
         except zenoh.ZError:
             return  # the session was closed
+
+
+class _Queries:
+    """Queries to the robot, `stop` first. A full queue drops its oldest, whose client learns that.
+
+    Zenoh's thread never waits for room here: it also carries what the holder sends.
+    """
+
+    def __init__(self, session: zenoh.Session, robot: str) -> None:
+        stop, ring = key(robot, "ask/stop"), zenoh.handlers.RingChannel
+        self._stops = session.declare_queryable(stop, ring(WAITING_STOPS))
+        self._others = session.declare_queryable(key(robot, "ask/*"), ring(WAITING_QUERIES))
+        self._stop = stop
+
+    def try_recv(self) -> zenoh.Query | None:
+        """The next query, if there is one; both queues get each `stop`, the first one counts."""
+        for queue, stops in ((self._stops, True), (self._others, False)):
+            while (query := queue.try_recv()) is not None:
+                if (str(query.key_expr) == self._stop) == stops:
+                    return query
+        return None
 
 
 class ZenohControllerLink:
@@ -284,7 +311,8 @@ class _Answers:
 
         def answer(content: dict[str, Any] | bytes) -> None:
             payload = content if isinstance(content, bytes) else json.dumps(content).encode()
-            self._due.put((query, payload))
+            if self._due.qsize() < WAITING_ANSWERS:
+                self._due.put((query, payload))
 
         body = query.payload.to_bytes() if query.payload else b""
         return Request(_leaf(query.key_expr), _identity(body), answer, body)
