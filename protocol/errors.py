@@ -25,6 +25,11 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from itertools import islice
+
+LONGEST_KEY = 200  # characters of a dotted key that an error shows
+LONGEST_GUESS = 64  # characters of a name for which the nearest is looked for
+MOST_GUESSES = 1000  # names that it is compared with
 
 
 class Hoap3Error(Exception):
@@ -49,7 +54,7 @@ class ConfigError(UsageError):
     def __init__(self, file: str, key: str, value: object, problem: str, remedy: str) -> None:
         self.file, self.key, self.value = file, key, value
         self.problem, self.remedy = problem, remedy
-        where = f"{file}: {key}" if key else file
+        where = f"{file}: {_cut(key)}" if key else file
         found = "" if value is None else f" (found {_short(value)})"
         super().__init__(f"{where}: {problem}{found}. {remedy}")
 
@@ -69,7 +74,7 @@ class UnknownNameError(UsageError):
         self.nearest = nearest(name, self.known)
         guess = f" Did you mean {self.nearest!r}?" if self.nearest else ""
         listing = ", ".join(self.known) or "none"
-        super().__init__(f"no {kind} is called {name!r}.{guess} Known: {listing}.{hint}")
+        super().__init__(f"no {kind} is called {_short(name)}.{guess} Known: {listing}.{hint}")
 
 
 class NotInstalledError(UnknownNameError):
@@ -106,7 +111,7 @@ class FrameNotFoundError(UsageError):
         guess = nearest(frame, self.known)
         hint = f" Did you mean {guess!r}?" if guess else ""
         super().__init__(
-            f"robot {robot!r} has no frame {frame!r}.{hint} Frames: {', '.join(self.known)}."
+            f"robot {robot!r} has no frame {_short(frame)}.{hint} Frames: {', '.join(self.known)}."
         )
 
 
@@ -167,11 +172,24 @@ class ShadowedError(Hoap3Error):
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
-    """The most alike of the known names, or None if none is alike."""
-    found = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
+    """The most alike of the known names, or None if none is alike.
+
+    Long words and long lists are not compared: that takes time that grows with their product.
+    """
+    if len(name) > LONGEST_GUESS:
+        return None
+    words = [word for word in islice(known, MOST_GUESSES) if len(word) <= LONGEST_GUESS]
+    found = difflib.get_close_matches(name, words, n=1, cutoff=0.5)
     return found[0] if found else None
 
 
 def _short(value: object) -> str:
-    text = repr(value)
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):  # an integer of thousands of digits, or a deep nest
+        return f"a {type(value).__name__} that is too large to print"
     return text if len(text) <= 80 else text[:77] + "..."
+
+
+def _cut(key: str) -> str:
+    return key if len(key) <= LONGEST_KEY else key[: LONGEST_KEY - 3] + "..."

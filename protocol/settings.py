@@ -12,13 +12,15 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 import yaml
-import yaml.composer
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails
 
-from protocol.errors import ConfigError
+from protocol.errors import LONGEST_GUESS, ConfigError
+from protocol.regular_file import read_at_most
+from protocol.yaml_text import MAX_BYTES as MAX_CONFIG_BYTES
+from protocol.yaml_text import read_yaml
 
-MAX_CONFIG_BYTES = 1 << 20
+MAX_PARTS = 32  # of a dotted key
 LIKE = 0.5  # the least likeness, of 1, of a key that is suggested
 MOST_MEMBERS = 50  # of a union that are named in one error
 NAME_PATTERN = r"^[a-z][a-z0-9_]{0,31}$"
@@ -85,12 +87,11 @@ def load_yaml(path: Path) -> dict[str, Any]:
     """Read a YAML mapping.
 
     Raises:
-        ConfigError: missing, too large, not YAML, or not a mapping.
+        ConfigError: missing, not a regular file, too large, not YAML, or not a mapping.
     """
     file = str(path)
     try:
-        with path.open("rb") as stream:
-            data = stream.read(MAX_CONFIG_BYTES + 1)
+        data = read_at_most(path, MAX_CONFIG_BYTES)
     except IsADirectoryError as error:
         raise ConfigError(file, "", None, "is a folder", "Name a YAML file") from error
     except OSError as error:
@@ -106,15 +107,14 @@ def parse_yaml(data: bytes | str, file: str) -> dict[str, Any]:
         ConfigError: too large, not YAML, or not a mapping.
     """
     if len(data) > MAX_CONFIG_BYTES:
-        raise ConfigError(file, "", None, "is larger than 1 MiB", "A config is a few lines")
+        problem = f"is larger than {MAX_CONFIG_BYTES >> 10} KiB"
+        raise ConfigError(file, "", None, problem, "A config is a few lines")
     try:
-        content = _read_yaml(data)
+        content = read_yaml(data)
     except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        place = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        reason = getattr(error, "problem", None) or str(error).partition("\n")[0]
-        problem = f"is not valid YAML{place}: {reason}"
-        raise ConfigError(file, "", None, problem, "Mend the syntax") from error
+        raise ConfigError(
+            file, "", None, f"is not valid YAML{_why(error)}", "Correct it"
+        ) from error
     if content is None:
         return {}
     if not isinstance(content, dict) or not all(isinstance(key, str) for key in content):
@@ -137,15 +137,26 @@ def apply_overrides(content: dict[str, Any], overrides: Sequence[str]) -> dict[s
         parts = key.strip().split(".")
         if not equals or not all(parts):
             raise ConfigError("--set", key, override, "is not key=value", "Write --set a.b=1")
+        if len(parts) > MAX_PARTS:
+            problem = f"has {len(parts)} parts, at most {MAX_PARTS}"
+            raise ConfigError("--set", key, None, problem, "Write --set a.b=1")
         try:
-            value = _read_yaml(text)
+            value = read_yaml(text)
         except yaml.YAMLError as error:
-            raise ConfigError("--set", key, text, "is not a YAML value", "Quote it") from error
+            problem = f"is not a YAML value{_why(error)}"
+            raise ConfigError("--set", key, text, problem, "Quote it") from error
         place: Any = result
         for part in parts[:-1]:
             place = _below(place, part, key)
         place[_where(place, parts[-1], key)] = value
     return result
+
+
+def _why(error: yaml.YAMLError) -> str:
+    """Where a YAML text is wrong, if known, and why."""
+    mark = getattr(error, "problem_mark", None)
+    place = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+    return f"{place}: {getattr(error, 'problem', None) or str(error).partition(chr(10))[0]}"
 
 
 def _below(place: Any, part: str, key: str) -> Any:
@@ -187,36 +198,6 @@ def parse(model: type[Model], content: dict[str, Any], file: str, prefix: str = 
         raise _config_error(model, content, errors, file, prefix) from error
 
 
-class _Loader(yaml.SafeLoader):
-    """Plain values only: no aliases, with which a few lines can unfold to any size, or for ever."""
-
-    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        if self.check_event(yaml.AliasEvent):
-            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
-            raise yaml.composer.ComposerError(None, None, "aliases are not taken", mark)
-        return super().compose_node(parent, index)
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        seen: set[Any] = set()
-        for key, _ in node.value:
-            if key.value in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"the key {key.value!r} stands there twice", key.start_mark
-                )
-            seen.add(key.value)
-        return super().construct_mapping(node, deep)
-
-
-def _read_yaml(text: bytes | str) -> Any:
-    """What a YAML text says; YAMLError where it cannot be read, whatever PyYAML makes of it."""
-    try:
-        return yaml.load(text, _Loader)  # noqa: S506 - a safe loader that knows less
-    except yaml.YAMLError:
-        raise
-    except (ValueError, KeyError, AttributeError, RecursionError) as error:
-        raise yaml.YAMLError(str(error)) from error  # such as 2001-99-99, or a deep nest
-
-
 def _config_error(
     model: type[BaseModel], content: Any, errors: list[ErrorDetails], file: str, prefix: str
 ) -> ConfigError:
@@ -248,6 +229,8 @@ def _config_error(
 
 def _nearest_key(given: str, known: Sequence[str]) -> str | None:
     """The key most like what was given, with or without the words at its end, such as a unit."""
+    if len(given) > LONGEST_GUESS:
+        return None
     words = given.count("_") + 1
 
     def likeness(key: str) -> float:

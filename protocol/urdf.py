@@ -19,6 +19,8 @@ from protocol.errors import DescriptionError, nearest
 MAX_BYTES = 1 << 20
 MAX_DEPTH = 32
 MAX_LINKS = 1024
+MAX_NAME = 128  # characters
+MAX_NUMBER = 64  # characters
 
 MOVABLE = ("revolute", "prismatic")
 SHAPES = ("box", "cylinder", "sphere")
@@ -30,7 +32,7 @@ _WRITE_INSTEAD = {
     "planar": "Write two prismatic joints and a revolute one instead.",
 }
 _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _NUMBERS = {  # attributes that must hold that many finite numbers
     ("origin", "xyz"): 3,
     ("origin", "rpy"): 3,
@@ -91,10 +93,11 @@ def read_urdf(text: str) -> UrdfStructure:
     _check_shapes(robot)
     _check_numbers(robot)
     links = _unique("link", (_name(link) for link in robot.findall("link")))
-    joints = tuple(_joint(element, set(links)) for element in robot.findall("joint"))
-    _unique("joint", (joint.name for joint in joints))
     if len(links) > MAX_LINKS:
         raise DescriptionError(f"URDF: {len(links)} links. At most {MAX_LINKS} are accepted.")
+    known = set(links)
+    joints = tuple(_joint(element, known) for element in robot.findall("joint"))
+    _unique("joint", (joint.name for joint in joints))
     root, moving = _tree(links, joints)
     _check_inertias(robot, moving)
     return UrdfStructure(links, joints, root, moving)
@@ -146,7 +149,7 @@ def _check_shapes(robot: ET.Element) -> None:
 
 def _check_numbers(robot: ET.Element) -> None:
     for part in robot:
-        where = f"URDF {part.tag[:40]} {part.get('name')!r}"
+        where = f"URDF {part.tag[:40]} {part.get('name')!r:.{MAX_NAME}}"
         for element in part.iter():
             for attribute, text in element.attrib.items():
                 count = _NUMBERS.get((element.tag, attribute))
@@ -162,10 +165,17 @@ def _check_numbers(robot: ET.Element) -> None:
 
 def _numbers(where: str, text: str, count: int) -> None:
     words = text.split()
-    if len(words) != count or not all(
-        _NUMBER.fullmatch(word) and math.isfinite(float(word)) for word in words
-    ):
-        raise DescriptionError(f"{where}: found {text[:60]!r}. Write {count} finite number(s).")
+    if len(words) != count or not all(map(_is_finite, words)):
+        raise DescriptionError(
+            f"{where}: found {text[:60]!r}. Write {count} finite number(s), each of at most "
+            f"{MAX_NUMBER} characters."
+        )
+
+
+def _is_finite(word: str) -> bool:
+    if len(word) > MAX_NUMBER or not _NUMBER.fullmatch(word):
+        return False
+    return math.isfinite(float(word))
 
 
 def _check_inertias(robot: ET.Element, moving: frozenset[str]) -> None:
@@ -197,6 +207,11 @@ def _name(element: ET.Element) -> str:
     name = element.get("name")
     if not name:
         raise DescriptionError(f"URDF: a <{element.tag}> without a name. Give it one.")
+    if len(name) > MAX_NAME:
+        raise DescriptionError(
+            f"URDF {element.tag}: the name {name[:40]!r}… has {len(name)} characters. Write at "
+            f"most {MAX_NAME}."
+        )
     if name == RESERVED:
         raise DescriptionError(f"URDF {element.tag} {name!r}: a reserved name. Choose another.")
     return name

@@ -164,6 +164,8 @@ def unpack_input(payload: bytes) -> tuple[Record, bool]:
         if kind == "malformed":
             content = json.loads(body)
             kind, raw = str(content["kind"]), base64.b64decode(content["base64"], validate=True)
+        if not -(2**63) <= int(stamp) < 2**63:
+            raise ValueError("a stamp that is out of range")
         return Record(Kind[kind.upper()], int(stamp), raw), flag == "true"
     except (KeyError, TypeError, RecursionError) as error:
         raise ValueError(f"not the expected content: {error!r:.80}") from error

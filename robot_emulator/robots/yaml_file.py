@@ -30,6 +30,7 @@ from pydantic import BeforeValidator, Field, StrictStr
 from protocol.description import MAX_BYTES, CommandKind, RobotDescription
 from protocol.description_parts import Number
 from protocol.errors import ConfigError, DescriptionError
+from protocol.regular_file import read_at_most
 from protocol.settings import RobotName, Settings, load_yaml, parse
 from protocol.urdf import UrdfStructure, read_urdf
 
@@ -187,8 +188,7 @@ def _given(*values: float | None) -> float | None:
 
 def _read_text(path: Path, file: str) -> str:
     try:
-        with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
+        data = read_at_most(path, MAX_BYTES)
         text = data.decode("utf-8")
     except OSError as error:
         reason = error.strerror or "cannot be read"

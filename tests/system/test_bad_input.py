@@ -55,7 +55,7 @@ WRONG_CONTROLLER = {
     ),
     "nothing": ("", ("controller", "is missing", "Add it")),
     "no mapping": ("- qp12\n", ("is not a mapping", "`key: value`")),
-    "no YAML": ("controller: [qp12\n", ("is not valid YAML", "line 2", "Mend the syntax")),
+    "no YAML": ("controller: [qp12\n", ("is not valid YAML", "line 2", "Correct it")),
     "not text": ("controller: \x00\n", ("is not valid YAML",)),
     "unknown controller": ("controller: qp21\n", ("qp21", "Did you mean 'qp12'?")),
     "bad name": ("controller: qp12\nrobot: HOAP 3\n", ("robot", "'HOAP 3'")),

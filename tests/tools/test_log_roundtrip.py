@@ -124,7 +124,12 @@ def test_a_new_description_takes_the_place_of_the_old_one(tmp_path: Path) -> Non
     assert log.description == second
 
 
-@given(st.sampled_from(list(Kind)), st.integers(), st.binary(max_size=60), st.booleans())
+@given(
+    st.sampled_from(list(Kind)),
+    st.integers(-(2**63), 2**63 - 1),
+    st.binary(max_size=60),
+    st.booleans(),
+)
 def test_inputs_come_back(kind: Kind, stamp: int, payload: bytes, repeated: bool) -> None:
     record = Record(kind, stamp, payload)
     assert unpack_input(pack_input(record, repeated=repeated)) == (record, repeated)

@@ -110,8 +110,9 @@ def _read(words: str) -> tuple[str, ControllerConfig]:
 
 def _pieces(text: str) -> list[str]:
     """Text between commas that stand outside of brackets and quotes."""
-    pieces, depth, quote = [""], 0, ""
-    for sign in text:
+    pieces: list[str] = []
+    begin, depth, quote = 0, 0, ""
+    for at, sign in enumerate(text):
         if quote:
             quote = "" if sign == quote else quote
         elif sign in _QUOTES:
@@ -119,7 +120,6 @@ def _pieces(text: str) -> list[str]:
         elif sign in _OPEN or sign in _CLOSE:
             depth += 1 if sign in _OPEN else -1
         elif sign == "," and depth == 0:
-            pieces.append("")
-            continue
-        pieces[-1] += sign
-    return pieces
+            pieces.append(text[begin:at])
+            begin = at + 1
+    return [*pieces, text[begin:]]

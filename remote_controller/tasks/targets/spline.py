@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 from bisect import bisect_right
 from pathlib import Path
@@ -11,10 +12,12 @@ import numpy as np
 
 from protocol.errors import ConfigError
 from protocol.messages import FloatArray
+from protocol.regular_file import read_at_most
 from remote_controller.tasks.targets.target import Target
 
 COLUMNS = ["t", "x", "y", "z"]
 MAX_ROWS = 100_000
+MAX_BYTES = 1 << 24
 
 
 class Spline(Target):
@@ -121,15 +124,18 @@ def read_csv(path: Path, repeats: bool) -> tuple[FloatArray, FloatArray]:
     file = str(path)
     rows: list[list[float]] = []
     try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            lines = csv.reader(stream, strict=True)
-            header = [name.strip() for name in next(lines, [])]
-            if header != COLUMNS:
-                remedy = f"The first line is {','.join(COLUMNS)}"
-                raise ConfigError(file, "line 1", ",".join(header), "is another header", remedy)
-            for row in lines:
-                if row:
-                    rows.append(_numbers(row, file, lines.line_num, rows))
+        data = read_at_most(path, MAX_BYTES)
+        if len(data) > MAX_BYTES:
+            problem = f"is larger than {MAX_BYTES >> 20} MiB"
+            raise ConfigError(file, "", None, problem, "Leave rows out")
+        lines = csv.reader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
+        header = [name.strip() for name in next(lines, [])]
+        if header != COLUMNS:
+            remedy = f"The first line is {','.join(COLUMNS)}"
+            raise ConfigError(file, "line 1", ",".join(header), "is another header", remedy)
+        for row in lines:
+            if row:
+                rows.append(_numbers(row, file, lines.line_num, rows))
     except OSError as error:
         reason = error.strerror or "cannot be read"
         raise ConfigError(file, "", None, reason, "Name a CSV file that can be read") from error

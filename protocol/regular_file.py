@@ -1,0 +1,55 @@
+"""Opens files that users name, and nothing that could block or never end.
+
+A FIFO would block the reader until somebody writes, and a device may deliver bytes for ever.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from pathlib import Path
+from typing import BinaryIO
+
+
+def open_regular(path: Path) -> BinaryIO:
+    """Open a regular file for reading, in binary mode.
+
+    Raises:
+        IsADirectoryError: it is a folder.
+        OSError: it is missing, may not be read, or is a FIFO, a socket or a device; `strerror`
+            says which.
+    """
+    if "\0" in str(path):
+        raise OSError(errno.EINVAL, "has a NUL character in its name", str(path))
+    _check(os.stat(path).st_mode, path)  # before it is opened: opening a device may act on it
+    fd = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY)
+    try:
+        _check(os.fstat(fd).st_mode, path)  # it may have been replaced in between
+        return os.fdopen(fd, "rb")
+    except OSError:
+        os.close(fd)
+        raise
+
+
+def read_at_most(path: Path, limit: int) -> bytes:
+    """The first `limit + 1` bytes of a regular file: more than `limit` shows that it is too large.
+
+    Raises:
+        OSError: see `open_regular`.
+    """
+    with open_regular(path) as stream:
+        return stream.read(limit + 1)
+
+
+def _check(mode: int, path: Path) -> None:
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(mode):
+        raise OSError(errno.EINVAL, f"is {_kind(mode)}, not a regular file", str(path))
+
+
+def _kind(mode: int) -> str:
+    if stat.S_ISFIFO(mode):
+        return "a FIFO"
+    return "a socket" if stat.S_ISSOCK(mode) else "a device"

@@ -1,0 +1,86 @@
+"""No text, however long and of whatever characters, keeps a parser busy: time grows with length."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from arm3 import URDF, YAML, write
+
+from protocol.errors import ConfigError, DescriptionError
+from protocol.regular_file import open_regular
+from protocol.settings import LogSettings, parse, parse_yaml
+from protocol.urdf import read_urdf
+from remote_controller.tasks.targets.spline import read_csv
+from robot_emulator.robots import load
+
+FEEDER = Path(__file__).with_name("hostile_text.py")
+
+
+def feed(size: int, cpu_s: int) -> list[tuple[float, str, str]]:
+    """CPU time [s], what was read, and what became of it; the slowest first."""
+    fed = subprocess.run(
+        [sys.executable, FEEDER, str(size), str(cpu_s)], capture_output=True, text=True, check=False
+    )
+    lines = fed.stdout.splitlines()
+    assert fed.returncode == 0, f"{lines[-1:]}\n{fed.stderr}"
+    rows = [line.split("\t") for line in lines]
+    return sorted(((float(s), f"{who}: {text}", what) for who, text, s, what in rows), reverse=True)
+
+
+def test_every_parser_is_done_with_every_text() -> None:
+    """About 3 s of CPU; a parser that is quadratic in the length would need minutes."""
+    found = feed(1 << 15, 40)
+    assert len(found) > 3000
+    long = [row for row in found if "Error" in row[2] and int(row[2].split()[2]) > 1500]
+    assert not long
+
+
+@pytest.mark.long
+def test_no_mebibyte_takes_a_second() -> None:
+    found = feed(1 << 20, 900)
+    print(*found[:20], sep="\n")
+    assert found[0][0] < 1.0
+
+
+@pytest.mark.parametrize("number", ["1" * 20_000 + "x", "1" * 65, "0." + "0" * 63])
+def test_a_number_of_more_than_64_characters_is_refused(number: str) -> None:
+    with pytest.raises(DescriptionError, match="each of at most 64 characters"):
+        read_urdf(URDF.replace('mass value="2.0"', f'mass value="{number}"'))
+
+
+@pytest.mark.parametrize("number", ["2.0", "2.", ".5", "+2e0", "2.0E-1", "0" * 60 + "2"])
+def test_numbers_as_they_are_written_are_taken(number: str) -> None:
+    read_urdf(URDF.replace('mass value="2.0"', f'mass value="{number}"'))
+
+
+def test_a_long_name_is_refused_in_few_words() -> None:
+    with pytest.raises(DescriptionError, match="at most 128") as caught:
+        read_urdf(URDF.replace('"tool"', f'"{"t" * 100_000}"'))
+    assert len(str(caught.value)) < 300
+
+
+def test_a_number_too_large_to_print_is_one_error() -> None:
+    with pytest.raises(ConfigError, match="a number of 5002 characters, at most 64"):
+        parse_yaml("cap_mb: 0x" + "f" * 5000, "a.yaml")
+    with pytest.raises(ConfigError, match=r"cap_mb: .* too large to print"):
+        parse(LogSettings, {"cap_mb": -(16**5000)}, "a.yaml")
+
+
+def test_what_is_no_regular_file_is_not_opened(tmp_path: Path) -> None:
+    """Opening a FIFO would wait for a writer for ever."""
+    fifo = tmp_path / "fifo"
+    os.mkfifo(fifo)
+    for name in ("fifo", "/dev/zero", "/dev/tty", "missing\\0", "../x" * 2000):
+        robot = write(tmp_path, YAML.replace("urdf: arm3.urdf", f'urdf: "{name}"'))
+        with pytest.raises(ConfigError, match="urdf: "):
+            load(robot)
+    with pytest.raises(ConfigError, match="is a FIFO, not a regular file"):
+        read_csv(fifo, False)
+    with pytest.raises(ConfigError, match="is a device, not a regular file"):
+        read_csv(Path("/dev/zero"), False)
+    with pytest.raises(IsADirectoryError):
+        open_regular(tmp_path)
