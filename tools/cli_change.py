@@ -121,14 +121,17 @@ def _tell(robot: str, request: dict[str, Any] | None, connect: str, as_json: boo
         raise UsageError(
             f"the controller of {robot!r} has no priorities; ghc, ghc_velocity and hqp have"
         )
+    from protocol.answers import Priorities, check_answer
+
+    found = check_answer(Priorities, present, f"the controller of {robot!r} answers")
     if as_json:
-        print_json(present)
+        print_json(found.model_dump())
         return
     from tools.show import show_matrix
 
-    show_matrix("α", present["names"], present["alpha"])
-    if present["moving"]:
+    show_matrix("α", found.names, found.alpha)
+    if found.moving:
         print_line("on its way")
-    if present["out"]:
-        names = one_line(", ".join(present["out"]))
+    if found.out:
+        names = one_line(", ".join(found.out))
         print_line(f"out: {names}; what is set for them holds once they are inserted")

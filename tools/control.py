@@ -8,8 +8,9 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from protocol.answers import MAX_CONTROL_BYTES, ControlAnswer, Recovery, Status, parse_answer
 from protocol.errors import LinkError, UsageError
-from protocol.settings import NAME_PATTERN, LinkSettings
+from protocol.settings import ENDPOINT_PATTERN, NAME_PATTERN, LinkSettings
 
 
 def tell(robot: str, verb: str, endpoint: str) -> dict[str, Any]:
@@ -21,18 +22,19 @@ def tell(robot: str, verb: str, endpoint: str) -> dict[str, Any]:
         endpoint: where it, or a router, listens.
 
     Raises:
-        UsageError: that cannot be the name of a robot.
+        UsageError: that cannot be the name of a robot, or an endpoint.
         LinkError: it cannot be reached.
+        WireError: its answer makes no sense.
     """
     from protocol.zenoh_link import ask, open_session  # noqa: PLC0415
 
     check_name(robot)
-    with open_session(LinkSettings(connect=(endpoint,), mode="client")) as session:
+    with open_session(client_settings(endpoint)) as session:
         reply = ask(session, robot, verb, f"tool-{os.getpid()}")
     if reply is None:
         raise LinkError(f"no robot called {robot!r} answers at {endpoint}: `hoap3 list --live`")
-    answer: dict[str, Any] = json.loads(reply)
-    return answer
+    expected = Recovery if verb == "recover" else Status
+    return parse_answer(expected, reply, f"robot {robot!r} answers {verb!r}").model_dump()
 
 
 def change(robot: str, request: Mapping[str, Any] | None, endpoint: str) -> dict[str, Any]:
@@ -47,25 +49,46 @@ def change(robot: str, request: Mapping[str, Any] | None, endpoint: str) -> dict
         What can be changed, as it is now.
 
     Raises:
-        UsageError: that cannot be the name of a robot, or the controller refuses.
+        UsageError: that cannot be the name of a robot, or an endpoint, or the controller refuses.
         LinkError: the robot cannot be reached, or follows no controller.
+        WireError: the controller's answer makes no sense.
     """
     from protocol.zenoh_link import ask, open_session  # noqa: PLC0415
 
     check_name(robot)
     verb, body = ("show", "") if request is None else ("change", json.dumps(request))
-    with open_session(LinkSettings(connect=(endpoint,), mode="client")) as session:
+    with open_session(client_settings(endpoint)) as session:
         reply = ask(session, robot, verb, body, whom="control")
     if reply is None:
         raise LinkError(
             f"no controller of a robot called {robot!r} answers at {endpoint}: `hoap3 status` says "
             "whom it follows. In lockstep a controller answers only while its robot moves"
         )
-    answer: dict[str, Any] = json.loads(reply)
-    if answer["error"] is not None:
-        raise UsageError(str(answer["error"]))
-    present: dict[str, Any] = answer["now"]
-    return present
+    who = f"the controller of {robot!r} answers {verb!r}"
+    answer = parse_answer(ControlAnswer, reply, who, MAX_CONTROL_BYTES)
+    if answer.now is None:
+        raise UsageError(answer.error or "the controller refuses, and gives no reason")
+    return answer.now
+
+
+def client_settings(endpoint: str) -> LinkSettings:
+    """Settings of a client that connects to one endpoint.
+
+    Raises:
+        UsageError: not the form of an endpoint.
+    """
+    if not re.fullmatch(ENDPOINT_PATTERN, endpoint):
+        raise UsageError(
+            f"--connect {endpoint!r:.100} is not an endpoint, which has the form "
+            f"PROTOCOL/ADDRESS:PORT: write --connect tcp/{_address(endpoint)}"
+        )
+    return LinkSettings(connect=(endpoint,), mode="client")
+
+
+def _address(endpoint: str) -> str:
+    """What was probably meant as address and port."""
+    words = endpoint.replace("://", "/").rpartition("/")[2].strip()
+    return words if re.fullmatch(r"[\w.\[\]:-]+:[0-9]{1,5}", words) else "127.0.0.1:7447"
 
 
 def check_name(robot: str) -> None:
@@ -75,8 +98,13 @@ def check_name(robot: str) -> None:
 
 
 def alive(endpoint: str) -> list[str]:
-    """Names of the robots that are alive behind an endpoint."""
+    """Names of the robots that are alive behind an endpoint.
+
+    Raises:
+        UsageError: that cannot be an endpoint.
+        LinkError: it cannot be reached.
+    """
     from protocol.zenoh_link import alive_robots, open_session  # noqa: PLC0415
 
-    with open_session(LinkSettings(connect=(endpoint,), mode="client")) as session:
-        return alive_robots(session)
+    with open_session(client_settings(endpoint)) as session:
+        return [name for name in alive_robots(session) if re.fullmatch(NAME_PATTERN, name)]

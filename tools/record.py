@@ -9,11 +9,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from protocol.description import RobotDescription
+from protocol.answers import parse_description
 from protocol.errors import LinkError
 from protocol.ring import Kind, Record
-from protocol.settings import LinkSettings, LogSettings
-from tools.control import check_name
+from protocol.settings import LogSettings
+from tools.control import check_name, client_settings
 from tools.log_writer import LogWriter
 from tools.machine import versions
 from tools.processes import StopFlag
@@ -39,8 +39,9 @@ def record_robot(
         report: is told once everything is in place.
 
     Raises:
-        UsageError: that cannot be the name of a robot.
+        UsageError: that cannot be the name of a robot, or an endpoint.
         LinkError: the robot cannot be reached.
+        WireError: its description makes no sense.
     """
     import zenoh  # noqa: PLC0415
 
@@ -57,11 +58,11 @@ def record_robot(
 
         return note
 
-    with open_session(LinkSettings(connect=(endpoint,), mode="client")) as session:
+    with open_session(client_settings(endpoint)) as session:
         data = ask(session, robot, "description", f"recorder-{os.getpid()}")
         if data is None:
             raise LinkError(f"no robot called {robot!r} answers at {endpoint}")
-        description = RobotDescription.from_json(data)
+        description = parse_description(data, robot)
         settings = LogSettings() if out is None else LogSettings(directory=str(out))
         folder = run_folder(settings, exact=out is not None, sides=("robot",)) or Path()
         writer = LogWriter(

@@ -1,0 +1,172 @@
+"""Answers of a robot and of its controller, checked as strictly as messages.
+
+Every answer from the network passes here before anything else looks at it. What does not fit
+raises `WireError` of the kind "answer", which says who answered what, and what was expected.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import from_json
+
+from protocol.description import RobotDescription
+from protocol.errors import DescriptionError, WireError
+
+MAX_ANSWER_BYTES = 4096  # of a robot; its description has a limit of its own
+MAX_CONTROL_BYTES = 1 << 20  # of a controller, whose matrices are part of the answer
+
+Uint64 = Annotated[int, Field(ge=0, le=2**64 - 1)]
+Kind = TypeVar("Kind", bound="Answer")
+
+
+class Answer(BaseModel):
+    """Base of all: exact types, finite numbers; keys that are not known are left out."""
+
+    model_config = ConfigDict(strict=True, extra="ignore", frozen=True, allow_inf_nan=False)
+
+
+class Status(Answer):
+    """What a robot does.
+
+    Attributes:
+        mode: of its motion.
+        holder: client that has authority, or None. Any text: escape it before it is shown.
+        session_id: one run of the robot's schedule.
+        tick: the newest one.
+        lockstep: whether the robot's time is virtual.
+    """
+
+    mode: Literal["idle", "active", "stopping", "stopped"]
+    holder: Annotated[str, Field(max_length=64)] | None
+    session_id: Uint64
+    tick: Uint64
+    lockstep: bool
+
+
+class Recovery(Status):
+    """Answer to "recover".
+
+    Attributes:
+        recovered: False where the robot was not stopped.
+    """
+
+    recovered: bool
+
+
+class Grant(Status):
+    """Answer to "acquire".
+
+    Attributes:
+        granted: whether the client has authority now.
+        epoch, from_tick: of a grant, None otherwise.
+        reason: of a refusal, in one word, or None.
+    """
+
+    granted: bool
+    epoch: Annotated[int, Field(ge=1, le=2**64 - 1)] | None = None
+    from_tick: Uint64 | None = None
+    reason: Annotated[str, Field(max_length=64)] | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if self.granted and (self.epoch is None or self.from_tick is None):
+            raise ValueError("a grant needs epoch and from_tick")
+        return self
+
+
+class ControlAnswer(Answer):
+    """Answer of a controller.
+
+    Attributes:
+        error: why nothing was changed, or None.
+        now: what can be changed, as it is now; None beside an error.
+    """
+
+    error: Annotated[str, Field(max_length=65_536)] | None
+    now: dict[str, Any] | None
+
+    @model_validator(mode="after")
+    def _either(self) -> Self:
+        if (self.error is None) == (self.now is None):
+            raise ValueError("one of error and now must be null, the other must not")
+        return self
+
+
+class Priorities(Answer):
+    """What a controller with priorities can have changed.
+
+    Attributes:
+        names: of the n tasks.
+        alpha: n rows of n priorities, each 0 to 1.
+        moving: whether a change is on its way.
+        out: tasks that are taken out.
+    """
+
+    names: Annotated[list[Annotated[str, Field(max_length=256)]], Field(max_length=256)]
+    alpha: list[list[Annotated[float, Field(ge=0.0, le=1.0)]]]
+    moving: bool
+    out: list[str]
+
+    @model_validator(mode="after")
+    def _square(self) -> Self:
+        n = len(self.names)
+        if len(self.alpha) != n or any(len(row) != n for row in self.alpha):
+            raise ValueError(f"alpha is not a matrix of {n} rows and columns")
+        return self
+
+
+def parse_answer(model: type[Kind], raw: bytes, who: str, limit: int = MAX_ANSWER_BYTES) -> Kind:
+    """An answer as a `model`.
+
+    Args:
+        model: what is expected.
+        raw: what arrived.
+        who: who answered what, for the error: "robot 'arm' answers 'status'".
+        limit: greatest size [bytes].
+
+    Raises:
+        WireError: too long, not JSON, or not such an answer.
+    """
+    if len(raw) > limit:
+        raise WireError("answer", f"{who} with {len(raw)} bytes; at most {limit} are accepted")
+    try:
+        content = from_json(raw, allow_inf_nan=False)
+    except ValueError as error:
+        raise WireError("answer", f"{who} with something that is not JSON ({error})") from error
+    if isinstance(content, dict) and isinstance(content.get("error"), str) and len(content) == 1:
+        raise WireError("answer", f"{who} with the error {content['error']!r:.200}")
+    return check_answer(model, content, who)
+
+
+def check_answer(model: type[Kind], content: object, who: str) -> Kind:
+    """The same for what has been parsed.
+
+    Raises:
+        WireError: not such an answer.
+    """
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        finding = error.errors(include_url=False, include_context=False)[0]
+        key = ".".join(str(place)[:60] for place in finding["loc"]) or "it"
+        found = "" if finding["type"] == "missing" else f", found {finding['input']!r:.60}"
+        what = finding["msg"].removeprefix("Value error, ")
+        raise WireError("answer", f"{who} with nonsense: {key!r}: {what}{found}") from error
+
+
+def parse_description(raw: bytes, robot: str) -> RobotDescription:
+    """A robot's description, which must bear the name that it was asked under.
+
+    Raises:
+        WireError: not a description that holds together, or of another robot.
+    """
+    who = f"robot {robot!r} answers 'description'"
+    try:
+        description = RobotDescription.from_json(raw)
+    except DescriptionError as error:
+        raise WireError("answer", f"{who} with nonsense: {error}") from error
+    if description.name != robot:
+        raise WireError("answer", f"{who} with that of another robot, {description.name!r}")
+    return description
