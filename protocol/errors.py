@@ -140,15 +140,22 @@ class WireError(Hoap3Error):
 
 
 class AuthorityError(Hoap3Error):
-    """The robot follows another controller.
+    """The robot grants no authority.
 
     Attributes:
-        holder: who it follows.
+        holder: the controller that it follows; None where it does not see our liveliness token.
     """
 
-    def __init__(self, robot: str, holder: str) -> None:
+    def __init__(self, robot: str, holder: str | None) -> None:
         self.holder = holder
-        super().__init__(f"robot {robot!r} follows {holder!r} already; stop that controller first")
+        if holder is None:
+            reason = (
+                "does not see this controller's liveliness token, though it answers; if a router "
+                "is between them, let it pass `robots/*/clients/*`"
+            )
+        else:
+            reason = f"follows {holder!r} already; stop that controller first"
+        super().__init__(f"robot {robot!r} {reason}")
 
 
 class LinkError(Hoap3Error):

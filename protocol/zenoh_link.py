@@ -221,6 +221,8 @@ class ZenohControllerLink:
     Attributes:
         presence: set while the robot is alive.
         departures: how often it went away; it may be back before anybody has looked.
+        linked: whether there has been a connection to anybody. A session that has had none is as
+            good as new.
     """
 
     def __init__(
@@ -230,8 +232,11 @@ class ZenohControllerLink:
         self.presence, self.departures = threading.Event(), 0
         self._asked: deque[tuple[float, Request]] = deque(maxlen=PENDING)
         self._answers = _Answers()
+        self.linked = False
+        self._waking, self._closed = threading.Lock(), False
         self._session = session = open_session(settings)
         try:
+            session.info.declare_link_events_listener(self._link_changed, history=True)
             self._setpoint = _fast_publisher(session, key(robot, "setpoint"), blocking)
             self._states = session.declare_subscriber(
                 key(robot, "state"), zenoh.handlers.RingChannel(1)
@@ -260,8 +265,9 @@ class ZenohControllerLink:
 
     def wake(self) -> None:
         """Make `wait` return None; from any thread."""
-        with contextlib.suppress(zenoh.ZError):  # the session is being closed: nobody waits
-            self._waker.put(b"")
+        with self._waking:
+            if not self._closed:  # else nobody waits
+                self._waker.put(b"")
 
     def ask(self, verb: str, timeout_s: float = QUERY_TIMEOUT_S) -> bytes | None:
         """Ask the robot; its answer, or None where it gives none in time."""
@@ -270,6 +276,11 @@ class ZenohControllerLink:
     def close(self) -> None:
         """Leave the network."""
         self._answers.finish()
+        with self._waking:
+            already, self._closed = self._closed, True
+        if not already:
+            for publisher in (self._setpoint, self._waker):
+                publisher.undeclare()  # else Zenoh keeps some 10 kB of each for ever
         self._session.close()
         self._answers.join()
 
@@ -288,6 +299,9 @@ class ZenohControllerLink:
             self._asked.append((time.monotonic(), request))
         else:
             request.answer({"error": f"unknown request {request.verb!r}"})
+
+    def _link_changed(self, event: zenoh.LinkEvent) -> None:
+        self.linked |= event.kind == zenoh.SampleKind.PUT
 
     def _presence_changed(self, sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.PUT:

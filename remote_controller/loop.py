@@ -48,6 +48,7 @@ class ControllerLoop:
 
     Attributes:
         epoch: authority under which it answers, 0 for none.
+        steps: States that the controller has processed.
         answered, overwritten, repeated, rejected: counts of States.
         stale: the robot has been started anew, or no longer follows us, or its ticks have gone
             back: it is to be asked anew.
@@ -64,7 +65,7 @@ class ControllerLoop:
         self._event = Event()
         self._event.session_id = session_id
         self.epoch = 0
-        self.answered = self.overwritten = self.repeated = self.rejected = 0
+        self.steps = self.answered = self.overwritten = self.repeated = self.rejected = 0
         self.stale = False
         self._strange = 0  # States in a row that do not fit what was agreed
         self._last_tick = -1
@@ -133,6 +134,7 @@ class ControllerLoop:
                 self._reset(state)
             command = controller.step(state)
             command.stamp_solved = self._clock.now()
+            self.steps += 1
         except (Exception, SystemExit) as error:  # nobody else may end us
             self.announce("CONTROLLER_FAILED", state.tick)  # and the log has what it failed on
             raise failure(controller, f"failed at tick {state.tick}", error) from error

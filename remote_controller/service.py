@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import json
+import math
 import os
 import socket
+import threading
+import time
 from collections.abc import Callable, Sequence
-from typing import Any
 
+from protocol.answers import Grant, Status, parse_answer, parse_description
 from protocol.clock import Clock, MonotonicClock, VirtualClock
 from protocol.compilation import warm_up
 from protocol.description import RobotDescription
-from protocol.errors import AuthorityError, UsageError
+from protocol.errors import AuthorityError, LinkError, PortInUseError, UsageError, WireError
 from protocol.link import Request
 from protocol.messages import State
 from protocol.realtime import prepare_process
@@ -21,6 +23,7 @@ from remote_controller.config import ControllerConfig, build
 from remote_controller.controllers.controller import Controller
 from remote_controller.loop import ControllerLoop, failure
 from remote_controller.registry import find
+from remote_controller.silence import SilenceWatch
 
 KERNELS = (
     "remote_controller.solvers.qp12_kernels",
@@ -30,6 +33,11 @@ KERNELS = (
 )
 REHEARSALS = 200
 RETRY_S = 0.2
+SILENCE_S = 3.0
+"""Without a State or an answer, after which a new Zenoh session is opened: three leases, in which
+Zenoh could have connected again by itself. A session that was cut in a flood may never do so."""
+
+TOKEN_TRIES = 25  # how often authority is asked for while the robot does not see our token
 
 
 def prepare(report: Callable[[str], None], own: Sequence[str] = ()) -> None:
@@ -86,6 +94,11 @@ class Service:
         should_stop: asked at each sample.
         patient: where the log goes in lockstep, and nothing of it may be lost.
         on_stop: takes what is to be called when an end is asked for while no sample comes.
+
+    Attributes:
+        loop: of the newest session of the robot, or None.
+        unusable: how many answers of the robot were not what they should be.
+        sessions: how many Zenoh sessions were opened.
     """
 
     def __init__(
@@ -106,7 +119,14 @@ class Service:
         self._departures = 0
         self._controller: Controller | None = None
         self._clock: Clock = MonotonicClock()
+        name = config.controller.replace(":", ".").rsplit(".", 1)[-1].lower()
+        self._name = f"{name[:24]}-{os.getpid()}-{socket.gethostname()[:24]}".replace("/", "-")
+        self._link: ZenohControllerLink | None = None
+        self._stopping = threading.Event()
+        self._unanswered_since = math.inf
+        self._told: set[str] = set()  # since it last followed the robot
         self.loop: ControllerLoop | None = None
+        self.unusable = self.sessions = 0
 
     def run(self) -> None:
         """Answer the robot until told to stop; authority is given back at an orderly end.
@@ -114,86 +134,220 @@ class Service:
         Where the controller fails, it is not: the robot finds its holder gone, and stops safely.
 
         Raises:
-            AuthorityError: the robot follows another controller.
+            AuthorityError: the robot follows another controller, or never sees our token.
             ConfigError: the controller does not fit the robot.
         """
         prepare(self._report, find(self._config.controller, self._file).kernels)
         for measure in prepare_process(self._config.realtime):
             self._report(str(measure))
-        name = self._config.controller.replace(":", ".").rsplit(".", 1)[-1].lower()
-        who = f"{name[:24]}-{os.getpid()}-{socket.gethostname()[:24]}".replace("/", "-")
-        link = ZenohControllerLink(self._config.robot, self._config.link, who)
         if self._on_stop is not None:
-            self._on_stop(link.wake)
+            self._on_stop(self._wake)
+        while not self._should_stop():
+            self._link = self._open()
+            if self._link is None:
+                self._pause()
+                continue
+            try:
+                self._use(self._link)
+            finally:
+                self._link.close()
+        if self.unusable:
+            self._report(f"{self.unusable} answers of robot {self._config.robot!r} were unusable")
+
+    def _wake(self) -> None:
+        """Have whatever waits look whether it shall stop; from any thread."""
+        self._stopping.set()
+        link = self._link
+        if link is not None:
+            link.wake()
+
+    def _pause(self) -> None:
+        self._stopping.wait(RETRY_S)
+
+    def _open(self) -> ZenohControllerLink | None:
+        """A new session, under a name of its own: the robot may still know the last one.
+
+        Returns:
+            None where it cannot be opened now, though it could before.
+        """
+        self.sessions += 1
+        self._unanswered_since = math.inf
+        who = self._name if self.sessions == 1 else f"{self._name}-{self.sessions}"
         try:
-            while not self._should_stop():
-                if self._join(link):
-                    self._follow(link)
+            return ZenohControllerLink(self._config.robot, self._config.link, who)
+        except (LinkError, PortInUseError) as error:
+            if self.sessions == 1:
+                raise
+            self._tell_once("closed", str(error))
+            return None
+
+    def _use(self, link: ZenohControllerLink) -> None:
+        """Join and follow the robot, again and again, until it falls silent or we shall stop."""
+        while self._join(link) and self._follow(link):
+            if self._should_stop():
+                break
+        if self._should_stop() and link.presence.is_set():
             link.ask("release")
-        finally:
-            link.close()
 
     def _join(self, link: ZenohControllerLink) -> bool:
-        """Wait for the robot, build the controller that it needs, ask for authority."""
+        """Wait for the robot, build the controller that it needs, get authority.
+
+        Returns:
+            False where the robot has been silent for too long, or we are told to stop.
+        """
         self._departures = link.departures
         endpoints = ", ".join(self._config.link.connect)
-        said = False
         while not self._should_stop():
-            data = link.ask("description")
-            status = link.ask("status") if data is not None else None
-            if data is not None and status is not None:
-                return self._engage(link, data, json.loads(status))
-            if not said:
-                self._report(f"waiting for robot {link.robot!r} at {endpoints}")
-                said = True
-            link.presence.wait(RETRY_S)
+            try:
+                if self._engage(link):
+                    self._told.clear()
+                    return True
+            except WireError as error:
+                self._count(error)
+            if self._unanswered_since < math.inf:
+                self._tell_once("waiting", f"waiting for robot {link.robot!r} at {endpoints}")
+            if link.linked and time.monotonic() - self._unanswered_since >= SILENCE_S:
+                self._tell_once(
+                    "silent", f"robot {link.robot!r} does not answer: trying a new session"
+                )
+                return False
+            self._pause()
         return False
 
-    def _engage(self, link: ZenohControllerLink, data: bytes, status: dict[str, Any]) -> bool:
-        description = RobotDescription.from_json(data)
+    def _ask(self, link: ZenohControllerLink, verb: str) -> bytes | None:
+        """Ask the robot, and note since when it has not answered."""
+        asked = time.monotonic()
+        answer = link.ask(verb)
+        self._unanswered_since = min(self._unanswered_since, asked) if answer is None else math.inf
+        return answer
+
+    def _count(self, error: WireError) -> None:
+        """An answer that cannot be used: the robot is asked again."""
+        self.unusable += 1
+        self._tell_once("unusable", f"{error}; asking again")
+
+    def _tell_once(self, what: str, text: str) -> None:
+        """Report something, unless the like was reported since the robot was last followed."""
+        if what not in self._told:
+            self._told.add(what)
+            self._report(text)
+
+    def _engage(self, link: ZenohControllerLink) -> bool:
+        """One attempt to get what is needed from the robot.
+
+        Raises:
+            WireError: an answer that cannot be used.
+        """
+        data = self._ask(link, "description")
+        if data is None:
+            return False
+        description = parse_description(data, link.robot)
+        raw = self._ask(link, "status")
+        if raw is None:
+            return False
+        status = parse_answer(Status, raw, f"robot {link.robot!r} answers 'status'")
         if self._controller is None or description.digest != self._digest:
             self._controller = build(self._config, description, self._file)
             self._digest = description.digest
-        self._clock = VirtualClock() if status["lockstep"] else MonotonicClock()
+        self._clock = VirtualClock() if status.lockstep else MonotonicClock()
         rehearse(self._controller, description)
-        recorder = self._patient if status["lockstep"] else self._recorder
-        self.loop = ControllerLoop(self._controller, self._clock, recorder, status["session_id"])
-        self.loop.begin(description, lockstep=status["lockstep"])
-        reply = link.ask("acquire")
-        if reply is None:
+        recorder = self._patient if status.lockstep else self._recorder
+        loop = ControllerLoop(self._controller, self._clock, recorder, status.session_id)
+        loop.begin(description, lockstep=status.lockstep)
+        self.loop = loop
+        grant = self._acquire(link)
+        if grant is None or grant.epoch is None or grant.session_id != status.session_id:
             return False
-        grant = json.loads(reply)
-        if not grant["granted"]:
-            raise AuthorityError(link.robot, str(grant["holder"]))
-        self.loop.grant(grant["epoch"])
-        self.loop.announce("ROBOT_FOUND", grant["epoch"])
-        self._report(f"following robot {link.robot!r} from tick {grant['from_tick']}")
+        loop.grant(grant.epoch)
+        loop.announce("ROBOT_FOUND", grant.epoch)
+        self._report(f"following robot {link.robot!r} from tick {grant.from_tick}")
         return True
 
-    def _follow(self, link: ZenohControllerLink) -> None:
-        """Answer samples until the robot goes, starts anew, or we are told to stop."""
+    def _acquire(self, link: ZenohControllerLink) -> Grant | None:
+        """Ask for authority, again where the answer is unusable or the refusal will pass.
+
+        It passes once the robot sees our token, or no longer that of our last session.
+
+        Returns:
+            The grant, or None where the robot does not answer or we are told to stop.
+
+        Raises:
+            AuthorityError: the robot follows another controller, or never sees our token.
+        """
+        unseen = 0
+        while not self._should_stop():
+            raw = self._ask(link, "acquire")
+            if raw is None:
+                return None
+            try:
+                grant = parse_answer(Grant, raw, f"robot {link.robot!r} answers 'acquire'")
+            except WireError as error:
+                self._count(error)
+                self._pause()
+                continue
+            if grant.granted:
+                return grant
+            if grant.holder is None or grant.reason == "no_token":
+                unseen += 1
+                if unseen >= TOKEN_TRIES:
+                    raise AuthorityError(link.robot, grant.holder)
+            elif not self._is_ours(grant.holder):
+                raise AuthorityError(link.robot, grant.holder)
+            self._pause()
+        return None
+
+    def _is_ours(self, holder: str) -> bool:
+        """Whether that is the name of one of our sessions."""
+        return holder == self._name or holder.startswith(f"{self._name}-")
+
+    def _follow(self, link: ZenohControllerLink) -> bool:
+        """Answer samples until the robot goes, starts anew, falls silent, or we shall stop.
+
+        Returns:
+            False where it fell silent: this session may be of no more use.
+        """
         loop = self.loop
         if loop is None:
-            return
+            return True
         wait, publish, asked = link.wait, link.publish, link.request
         answer, sent = loop.answer, loop.sent
-        while not self._should_stop():
-            arrival = wait()
-            if link.departures != self._departures:
-                break
-            if arrival is None:
-                continue
-            setpoint = answer(*arrival)
-            if setpoint is not None:
-                publish(setpoint)
-            sent()
-            request = asked()
-            if request is not None:
-                serve(request, loop)
-            if loop.stale:
-                break
-        else:
-            return
+        silent = False
+        with SilenceWatch(lambda: loop.steps, link.wake, SILENCE_S) as watch:
+            while not self._should_stop():
+                arrival = wait()
+                if link.departures != self._departures:
+                    break
+                if arrival is None:
+                    silent = watch.silent() and not self._stands_still(link)
+                    if silent:
+                        break
+                    continue
+                setpoint = answer(*arrival)
+                if setpoint is not None:
+                    publish(setpoint)
+                sent()
+                request = asked()
+                if request is not None:
+                    serve(request, loop)
+                    watch.reset()
+                if loop.stale:
+                    break
+            else:
+                return True
         loop.announce("ROBOT_LOST", loop.last_tick)
-        gone = "no longer follows us" if loop.stale else "is gone"
+        gone = "is silent" if silent else "no longer follows us" if loop.stale else "is gone"
         self._report(f"robot {link.robot!r} {gone}")
+        return not silent
+
+    def _stands_still(self, link: ZenohControllerLink) -> bool:
+        """Whether no State comes because virtual time stands still, as it may for any time."""
+        if not isinstance(self._clock, VirtualClock):
+            return False
+        raw = self._ask(link, "status")
+        if raw is None:
+            return False
+        try:
+            parse_answer(Status, raw, f"robot {link.robot!r} answers 'status'")
+        except WireError as error:
+            self._count(error)
+        return True
