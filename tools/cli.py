@@ -104,7 +104,8 @@ def run(
         print_json(outcome.summary)
     else:
         show_summary(outcome.summary)
-    raise typer.Exit(0 if outcome.summary["verdict"] != "unfit" else 1)
+    good = outcome.summary["verdict"] != "unfit" and not outcome.summary["log_lost"]
+    raise typer.Exit(0 if good else 1)
 
 
 @app.command()

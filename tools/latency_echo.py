@@ -7,7 +7,6 @@ answers with as many as a Setpoint has. There is no Zenoh, no loop and no log be
 from __future__ import annotations
 
 import io
-import json
 import socket
 import struct
 import subprocess
@@ -22,7 +21,7 @@ from protocol.clock import Clock, MonotonicClock
 from protocol.errors import Hoap3Error
 from protocol.realtime import Ticker, prepare_process
 from protocol.settings import RealtimeSettings
-from tools.processes import die_with_parent, start_module, tcp_pair
+from tools.processes import die_with_parent, read_order, start_module, tcp_pair
 from tools.tick_logs import NEVER
 
 Stamps = npt.NDArray[np.int64]
@@ -179,7 +178,7 @@ def _plain(settings: RealtimeSettings) -> dict[str, Any]:
 def main() -> None:
     """Be one of the two; the order comes on standard input, stamps go to standard output."""
     die_with_parent()
-    order = json.load(sys.stdin)
+    order = read_order()
     prepare_process(RealtimeSettings(**order["realtime"]))
     question, answer = order["sizes"]
     with socket.socket(fileno=order["fd"]) as stream:

@@ -7,8 +7,6 @@ privileged and placed as they are.
 
 from __future__ import annotations
 
-import json
-import os
 import shutil
 import socket
 import subprocess
@@ -23,7 +21,7 @@ from typing import Any
 from protocol.errors import Hoap3Error, UsageError
 from protocol.realtime import prepare_process
 from protocol.settings import LinkSettings, RealtimeSettings
-from tools.processes import PARENT, die_with_parent
+from tools.processes import die_with_parent, read_order, start_module
 
 LINKS = ("tcp", "udp", "tls", "unixsock", "router")
 LinkPair = tuple[dict[str, Any], dict[str, Any]]
@@ -107,18 +105,10 @@ def self_signed(folder: Path) -> tuple[Path, Path]:
 @contextmanager
 def _router(endpoint: str, realtime: RealtimeSettings) -> Iterator[None]:
     order = {"endpoint": endpoint, "realtime": realtime.model_dump(mode="json")}
-    child = subprocess.Popen(
-        [sys.executable, "-P", "-m", "tools.latency_links"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        start_new_session=True,
-        env={**os.environ, PARENT: str(os.getpid())},
-    )
+    child = start_module("tools.latency_links", order, [])
     try:
-        if child.stdin is None or child.stdout is None:
-            raise Hoap3Error("the router has no standard streams")
-        child.stdin.write(json.dumps(order).encode())
-        child.stdin.close()
+        if child.stdout is None:
+            raise Hoap3Error("the router has no standard output")
         if child.stdout.readline() != _READY:
             raise Hoap3Error("the router did not start")
         yield
@@ -132,7 +122,7 @@ def _router(endpoint: str, realtime: RealtimeSettings) -> Iterator[None]:
 def main() -> None:
     """Be a router until killed; the order comes on standard input."""
     die_with_parent()
-    order = json.load(sys.stdin)
+    order = read_order()
     prepare_process(RealtimeSettings(**order["realtime"]))
     from protocol.zenoh_link import open_session  # noqa: PLC0415 - its threads inherit all that
 

@@ -146,6 +146,13 @@ class LogWriter:
             self._closed = True
             self._finish_file(continues=False)
 
+    def abandon(self) -> None:
+        """Leave the file at hand cut off as it is, after a write that failed; for `close`."""
+        if not self._closed:
+            self._closed = True
+            self._sizes[self._file.path] = self._file.size
+            self._file.abandon()
+
     def __enter__(self) -> Self:
         return self
 

@@ -10,6 +10,7 @@ metadata, and CRCs, also of the data section.
 
 from __future__ import annotations
 
+import errno
 import os
 import struct
 import zlib
@@ -121,6 +122,8 @@ class McapFile:
         """End the chunk and hand it to the operating system, where there is one."""
         if not self.chunk:
             return
+        if not os.fstat(self._fd).st_nlink:
+            raise FileNotFoundError(errno.ENOENT, f"{self.path} was deleted while it was written")
         self.flush()
         raw, self.chunk = self.chunk, bytearray()
         entries = {channel: _index(raw, at) for channel, at in self._offsets.items() if at}
@@ -186,6 +189,10 @@ class McapFile:
             self.flush()
         finally:
             os.close(self._fd)
+
+    def abandon(self) -> None:
+        """Close the file as it is, without what would tell a reader that it is whole."""
+        os.close(self._fd)
 
     def _summarise(self) -> None:
         start, builder = self.size, self._pending

@@ -1,34 +1,40 @@
 """The observer: a process beside each service that records, counts and reports.
 
 It reads the ring that the service's loop writes, at ordinary priority, so that no log, disk or
-terminal can ever hold up the loop. It ends when the service closes the ring, or dies.
+terminal can ever hold up the loop. It ends when the service closes the ring, or dies. Where the log
+cannot be written any more, or the observer itself dies, the service is told at once.
 """
 
 from __future__ import annotations
 
 import json
 import os
-import select
 import signal
-import subprocess
 import sys
+import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
-from protocol.errors import Hoap3Error
+from protocol.errors import Hoap3Error, UsageError
 from protocol.messages import Event
 from protocol.ring import Kind, Record, Ring
 from tools.certificate_count import CertificateCount
 from tools.event_words import CONDITIONS, event_name, in_words
 from tools.outside import OutsideStalls
-from tools.processes import to_people
+from tools.processes import Child, Lifeline, read_order, to_people
 from tools.stalls import PRIORITY, StallMonitor
+
+if TYPE_CHECKING:
+    from tools.log_writer import LogWriter
 
 POLL_S = 0.005
 LIVE_S = 0.25
-DRAIN_S = 30.0
+DRAIN_S = 30.0  # for what is left to be written at the end
+END_S = 5.0  # for the end of a process that has nothing left to do
+REPAIR = "`hoap3 record --repair` mends what there is"
 _EVENTS = Event.schema.constants
 UNWATCHED = f"which takes SCHED_FIFO {PRIORITY} there: `ulimit -r {PRIORITY}`, or root"
 _FREQUENT = {_EVENTS[name] for name in ("SKIPPED", "OVERWRITTEN", "HOST_STALL")}
@@ -49,10 +55,15 @@ class Observer:
         watch: CPUs whose stalls are noted and count as the host's.
         keep_awake: whether these CPUs are kept from falling asleep.
         status_fd: open file that takes a JSON line for every piece of news, or None for people.
+        report: takes what became of the log, once, when it is lost; called in a thread.
 
     Attributes:
         final: what it told at its end: `paths`, `dropped`, number of `states`, of the robot its
-            `summary`, of a controller `certificates`.
+            `summary`, of a controller `certificates`. Empty where it died.
+        lost: why the log is not whole, for people; "" if it is.
+
+    Raises:
+        OSError: its process cannot be started.
     """
 
     def __init__(
@@ -69,10 +80,14 @@ class Observer:
         watch: tuple[int, ...] = (),
         keep_awake: bool = False,
         status_fd: int | None = None,
+        report: Callable[[str], None] = to_people,
     ) -> None:
         self.ring = Ring()
         self.final: dict[str, Any] = {}
-        self._last_words, last_words = os.pipe()
+        self.lost = ""
+        self._side, self._report = side, report
+        self._late = False
+        reader, last_words = os.pipe()
         order = {
             "fd": self.ring.fd,
             "side": side,
@@ -87,21 +102,19 @@ class Observer:
             "keep_awake": keep_awake,
             "status_fd": status_fd,
             "last_words_fd": last_words,
-            "parent": os.getpid(),
         }
         fds = [self.ring.fd, last_words] + ([status_fd] if status_fd is not None else [])
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "tools.observer"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            pass_fds=fds,
-            start_new_session=True,  # a Ctrl-C at the terminal is the service's business
-        )
-        if self._process.stdin is None:
-            raise Hoap3Error("the observer process has no standard input")
-        self._process.stdin.write(json.dumps(order).encode())
-        self._process.stdin.close()
-        os.close(last_words)
+        try:
+            self._process = Child(["tools.observer"], json.dumps(order), fds)
+        except BaseException:
+            os.close(reader)
+            os.close(self.ring.fd)
+            raise
+        finally:
+            os.close(last_words)
+        self._listener = threading.Thread(target=self._listen, args=(reader,), name="observer")
+        self._listener.daemon = True
+        self._listener.start()
 
     @property
     def pid(self) -> int:
@@ -115,26 +128,34 @@ class Observer:
     def close(self) -> bool:
         """Say that nothing follows, and wait until all of it is on disk; False where it is not."""
         self.ring.close()
-        try:
-            self._listen()
-            return self._process.wait(timeout=DRAIN_S) == 0
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            return False
-        finally:
-            os.close(self.ring.fd)
-            os.close(self._last_words)
+        self._listener.join(DRAIN_S)
+        self._late = self._listener.is_alive()
+        self._process.end(0.0 if self._late else END_S)
+        self._listener.join(END_S)
+        os.close(self.ring.fd)
+        return not self.lost
 
-    def _listen(self) -> None:
-        """Take its last words; without waiting for ever, should it never say them."""
-        data, limit = b"", time.monotonic() + DRAIN_S
-        while select.select([self._last_words], [], [], max(0.0, limit - time.monotonic()))[0]:
-            more = os.read(self._last_words, 65536)
-            if not more:
-                break
-            data += more
-        with suppress(ValueError):  # it was killed in the midst of it
-            self.final = json.loads(data or b"{}")
+    def _listen(self, reader: int) -> None:
+        """Take what the observer says until it ends; it sleeps in between."""
+        with os.fdopen(reader) as stream:
+            for line in stream:
+                try:
+                    said = json.loads(line)
+                except ValueError:
+                    break  # it was killed in the midst of it
+                if "lost" in said:
+                    self._lose(said["lost"])
+                else:
+                    self.final = said
+        if not self.final:
+            code = self._process.end(END_S)
+            why = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
+            self._lose(f"its observer {f'took longer than {DRAIN_S:g} s' if self._late else why}")
+
+    def _lose(self, why: str) -> None:
+        if not self.lost:
+            self.lost = f"the {self._side}'s log is not whole: {why}; {REPAIR}"
+            self._report(self.lost)
 
 
 class _Reporter:
@@ -192,13 +213,14 @@ def main() -> int:
     """Run until the ring ends; the order comes on standard input."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the service ends us, after its last record
-    order = json.load(sys.stdin)
+    # The service ends us, after its last record. Ignored, it would be so in the monitors, too.
+    signal.signal(signal.SIGTERM, lambda *_: None)
+    parent, order = Lifeline(), read_order()
     ring = Ring(order["fd"])
     watch = _Watch(order)
     due = time.monotonic() + LIVE_S
     while True:
-        ended = ring.closed or os.getppid() != order["parent"]  # asked before the last reading
+        ended = ring.closed or parent.cut()  # asked before the last reading
         for record in ring.read():
             watch.take(record)
         watch.look_for_stalls()
@@ -220,18 +242,25 @@ class _Watch:
         from tools.log_writer import LogWriter  # noqa: PLC0415 - after the signals are ignored
         from tools.statistics import RunStatistics  # noqa: PLC0415
 
-        self._writer = None
+        self._last_words_fd = order["last_words_fd"]
+        self._writer: LogWriter | None = None
+        self._paths: list[Path] = []
         if order["directory"]:
             cap_bytes, file_bytes = order["limits"]
-            self._writer = LogWriter(
-                Path(order["directory"]),
-                robot=order["robot"],
-                side=order["side"],
-                attachments={name: text.encode() for name, text in order["attachments"].items()},
-                metadata=order["metadata"],
-                cap_bytes=cap_bytes,
-                file_bytes=file_bytes,
-            )
+            try:
+                self._writer = LogWriter(
+                    Path(order["directory"]),
+                    robot=order["robot"],
+                    side=order["side"],
+                    attachments={
+                        name: text.encode() for name, text in order["attachments"].items()
+                    },
+                    metadata=order["metadata"],
+                    cap_bytes=cap_bytes,
+                    file_bytes=file_bytes,
+                )
+            except (OSError, UsageError) as error:
+                self._lose(error)
         self._monitor = StallMonitor(order["watch"], keep_awake=order["keep_awake"])
         self._stalls = OutsideStalls(self._monitor.logs)
         self._said_watched = False
@@ -243,13 +272,15 @@ class _Watch:
         )
         self._certificates = CertificateCount()
         self._reporter = _Reporter(order["status_fd"], order["side"])
-        self._last_words_fd = order["last_words_fd"]
         self._states = 0
 
     def take(self, record: Record) -> None:
         """A record of the loop, or one of our own."""
         if self._writer is not None:
-            self._writer.add(record)
+            try:
+                self._writer.add(record)
+            except OSError as error:
+                self._lose(error)
         if self._is_robot:
             self._statistics.add(record)
         else:
@@ -272,11 +303,18 @@ class _Watch:
             self._unwatched.add(cpu)
             self._obtained.append(f"CPU {cpu}: stalls are not watched, {UNWATCHED}")
             self._reporter.say(self._obtained[-1])
+        for cpu in {*self._monitor.killed()} - self._unwatched:
+            self._unwatched.add(cpu)
+            self._obtained.append(f"CPU {cpu}: stalls are not watched any more, the monitor died")
+            self._reporter.say(self._obtained[-1])
         for _, stall in self._stalls.take():
             self.take(_event("HOST_STALL", stall.start, stall.end - stall.start))
         self._stalls.judge(time.monotonic_ns())
         if self._writer is not None:
-            self._writer.flush_due(time.monotonic_ns())
+            try:
+                self._writer.flush_due(time.monotonic_ns())
+            except OSError as error:
+                self._lose(error)
 
     def tell(self) -> None:
         """What people watch."""
@@ -286,14 +324,18 @@ class _Watch:
     def end(self, dropped: int) -> None:
         """Finish the log and tell what became of it."""
         self._monitor.stop()
-        paths = []
         if self._writer is not None:
-            self._writer.close()
-            paths = [str(path) for path in self._writer.paths]
             if dropped:
                 self._reporter.say(
                     f"the log has gaps: {dropped} records came faster than they were written"
                 )
+            try:
+                self._writer.close()
+            except OSError as error:
+                self._lose(error)
+            else:
+                self._paths = self._writer.paths
+        paths = [str(path) for path in self._paths]
         final: dict[str, Any] = {"paths": paths, "dropped": dropped, "states": self._states}
         if self._is_robot:
             summary = self._statistics.summary()
@@ -302,8 +344,20 @@ class _Watch:
         else:
             final["certificates"] = self._certificates.figures()
         self._reporter.send("final", final)
-        with suppress(BrokenPipeError), os.fdopen(self._last_words_fd, "w") as stream:
-            json.dump(final, stream)
+        self._tell_service(final)
+
+    def _lose(self, error: Exception) -> None:
+        """The log ends here: say so at once, and go on counting."""
+        why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        self._tell_service({"lost": why})
+        writer, self._writer = self._writer, None
+        if writer is not None:
+            writer.abandon()
+            self._paths = writer.paths
+
+    def _tell_service(self, content: dict[str, Any]) -> None:
+        with suppress(BrokenPipeError), open(self._last_words_fd, "w", closefd=False) as stream:
+            stream.write(json.dumps(content) + "\n")  # a broken pipe: it is gone
 
 
 def _event(kind: str, stamp: int, detail: int) -> Record:

@@ -69,7 +69,7 @@ class OutsideStalls:
 
         `FOREVER` ends all waiting.
         """
-        known = min((log.seen for log in self._logs.values()), default=now)
+        known = min((log.seen for log in self._logs.values() if log.runs), default=now)
         limit = now if now == FOREVER else min(now - PATIENCE_NS, known - PATIENCE_NS)
         while self._failures and self._failures[0].end <= limit:
             time = self._failures.popleft()

@@ -25,7 +25,7 @@ from protocol.settings import LinkSettings, RealtimeSettings
 from protocol.statistics import Durations
 from tools.awake import kept_awake
 from tools.latency_links import free_port
-from tools.processes import die_with_parent, start_module
+from tools.processes import die_with_parent, read_order, start_module
 
 PERIOD_NS = 1_000_000
 TICKS = 800  # of each placement: less than a second
@@ -235,7 +235,7 @@ def _start(order: dict[str, Any]) -> subprocess.Popen[bytes]:
 def main() -> None:
     """Be one of the processes; the order comes on standard input, figures go to standard output."""
     die_with_parent()
-    order = json.load(sys.stdin)
+    order = read_order()
     granted = {
         measure.name: measure for measure in prepare_process(RealtimeSettings(**order["realtime"]))
     }

@@ -7,7 +7,6 @@ import os
 import selectors
 import signal
 import socket
-import subprocess
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -25,7 +24,7 @@ from tools.log import Log, payload_hash
 from tools.machine import machine_block
 from tools.observer import Observer
 from tools.placement import placed
-from tools.processes import StopFlag, start_service
+from tools.processes import Child, StopFlag, start_service, to_people
 from tools.refusal import forget, is_new, nothing_happened
 from tools.services import as_yaml, observer_for, run_folder, watched_cpus
 from tools.simulate import suited
@@ -154,14 +153,15 @@ def run_lockstep(
             period_ns=round(description.period_s * 1e9),
             lockstep=True,
             status_fd=silence.fileno(),
+            report=to_people,
         )
         observers[side] = observer
         return PatientRecorder(observer.ring, observer.alive)
 
-    with Path(os.devnull).open("w") as silence:  # events in virtual time go to the log only
-        robot_log = recorder_for("robot", emulator)
-        controller_log = recorder_for("controller", controller)
     try:
+        with Path(os.devnull).open("w") as silence:  # events in virtual time go to the log only
+            robot_log = recorder_for("robot", emulator)
+            controller_log = recorder_for("controller", controller)
         lockstep = Lockstep(emulator, controller, robot_log, controller_log, files=files)
         began = time.monotonic()
         lockstep.run(duration, should_stop or (lambda: False))
@@ -170,20 +170,23 @@ def run_lockstep(
         refused = True
         raise
     finally:
-        whole = [observer.close() for observer in observers.values()]
+        for observer in observers.values():
+            observer.close()
         finals = [observer.final for observer in observers.values()]
         if refused and all(map(nothing_happened, finals)):
             forget(finals, folder, made=made)
-    if not all(whole):
-        raise Hoap3Error("an observer died: the log of this run is not whole")
+    lost = [observer.lost for observer in observers.values() if observer.lost]
+    if not all(finals):
+        raise Hoap3Error("; ".join(lost))
     summary = observers["robot"].final["summary"]
+    summary["log_lost"] = lost
     theirs = observers["controller"].final["certificates"] if folder else unlogged.count.figures()
     _give_reasons(summary, theirs)
     summary["lockstep"] = {
         "wall_s": wall,
         "times_real_time": (lockstep.robot.tick + 1) * description.period_s / wall,
     }
-    if folder is not None:
+    if folder is not None and not lost:
         summary["payload_sha256"] = {
             side: payload_hash(Log.open(folder, side=side)) for side in ("robot", "controller")
         }
@@ -200,7 +203,7 @@ class _Services:
 
     def __init__(self, news: News, should_stop: Callable[[], bool]) -> None:
         self._news, self._stop = news, should_stop
-        self._children: dict[str, subprocess.Popen[bytes]] = {}
+        self._children: dict[str, Child] = {}
         self._selector = selectors.DefaultSelector()
         self._buffers: dict[int, bytes] = {}
         self._commands: dict[int, str] = {}
@@ -209,7 +212,7 @@ class _Services:
         self.failure: Hoap3Error | None = None
         self.failed = ""  # the one that failed
         self.finals: dict[str, dict[str, Any]] = {}  # last words of both observers
-        self.damage = ""
+        self.damage: list[str] = []  # why logs are not whole
 
     def start(
         self, command: str, config: str, file: str, folder: Path | None, duration: float | None
@@ -220,11 +223,13 @@ class _Services:
         arguments += ["--out", str(folder)] if folder else ["--set", "log.record=false"]
         if duration is not None:
             arguments += ["--duration", str(duration)]
-        self._children[command] = start_service(arguments, config, [writer])
-        os.close(writer)
         os.set_blocking(reader, False)
         self._buffers[reader], self._commands[reader] = b"", command
         self._selector.register(reader, selectors.EVENT_READ)
+        try:
+            self._children[command] = start_service(arguments, config, [writer])
+        finally:
+            os.close(writer)
 
     def watch(self, duration: float) -> Outcome:
         """Until the robot has ended its motion, or somebody ends it."""
@@ -248,7 +253,9 @@ class _Services:
             number = -emulator.returncode
             raise Hoap3Error(f"the robot was killed by signal {number}: its count is not whole")
         if self.summary is None:
-            raise Hoap3Error(self.damage or self._failure("the robot ended without a summary"))
+            without = self._failure("the robot ended without a summary")
+            raise Hoap3Error("; ".join(self.damage) or without)
+        self.summary["log_lost"] = self.damage
         _give_reasons(self.summary, self.finals.get("controller", {}).get("certificates"))
         return Outcome(self.summary, self._stop(), self.said)
 
@@ -262,9 +269,7 @@ class _Services:
             limit = time.monotonic() + END_TIMEOUT_S
             while child.poll() is None and time.monotonic() < limit:
                 self._listen(0.05)
-            if child.poll() is None:
-                child.kill()
-                child.wait()
+            child.end(0.0)
         while self._buffers and self._listen(0.0):
             pass
 
@@ -296,7 +301,8 @@ class _Services:
     def _hear(self, item: dict[str, Any], command: str) -> None:
         if item["news"] in {"said", "damaged"}:
             self.said.append(item["text"])
-            self.damage = item["text"] if item["news"] == "damaged" else self.damage
+            if item["news"] == "damaged":
+                self.damage.append(item["text"])
         elif item["news"] == "failed" and self.failure is None:
             self.failure = (UsageError if item["usage"] else Hoap3Error)(item["text"])
             self.failed = command

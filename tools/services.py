@@ -7,7 +7,8 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -161,8 +162,9 @@ def observer_for(
     period_ns: int,
     lockstep: bool,
     status_fd: int | None,
+    report: Callable[[str], None],
 ) -> Observer:
-    """The observer of a service."""
+    """The observer of a service; `report` is told, in a thread, when the log is lost."""
     log = config.log
     return Observer(
         side=side,
@@ -180,6 +182,7 @@ def observer_for(
         watch=() if lockstep else watched_cpus(config.realtime),
         keep_awake=config.realtime.keep_awake,
         status_fd=status_fd,
+        report=report,
     )
 
 
@@ -216,7 +219,8 @@ def run_emulator(
     """Run a robot until it is told to stop.
 
     Returns:
-        Exit code, 0 or 1 after a safe stop, and the summary as `run` has it; None after a failure.
+        Exit code, 0, or 1 after a safe stop or where the log was lost, and the summary as `run` has
+        it; None after a failure.
     """
     description = describe(config, file)
     period_ns = round(description.period_s * 1e9)
@@ -224,35 +228,36 @@ def run_emulator(
     folder = _folder(config.log, out, "robot")
     voice = Voice(status_fd)
     config, claim = (config, None) if lockstep else settled(config, voice.say)
-    observer = observer_for(
-        "robot",
-        description.name,
-        config,
-        folder,
-        period_ns=period_ns,
-        lockstep=lockstep,
-        status_fd=status_fd,
-    )
-    recorder = _recorder(observer, lockstep=lockstep)
     ticks = None if duration is None else round(duration * 1e9 / period_ns)
     run = serve_lockstep if lockstep else serve
-    try:
-        loop = run(config, description, recorder, voice.say, should_stop, ticks)
-    except Hoap3Error as error:
-        refused = True
-        return voice.fail(error), None
-    finally:
-        _close(observer, voice)
-        if refused and nothing_happened(observer.final):
-            forget([observer.final], folder, made=made)
-        if claim is not None:
-            claim.release()
+    with _released(claim):
+        observer = observer_for(
+            "robot",
+            description.name,
+            config,
+            folder,
+            period_ns=period_ns,
+            lockstep=lockstep,
+            status_fd=status_fd,
+            report=voice.lost,
+        )
+        try:
+            recorder = _recorder(observer, lockstep=lockstep)
+            loop = run(config, description, recorder, voice.say, should_stop, ticks)
+        except Hoap3Error as error:
+            refused = True
+            return voice.fail(error), None
+        finally:
+            observer.close()
+            if refused and nothing_happened(observer.final):
+                forget([observer.final], folder, made=made)
     summary = observer.final.get("summary")
     if summary is not None:
+        summary["log_lost"] = [observer.lost] if observer.lost else []
         summary["machine"] = machine_block()
         summary["transport"] = "zenoh, virtual time" if lockstep else "zenoh"
         summary["log"] = str(folder) if folder else None
-    return 1 if loop.safe_stops else 0, summary
+    return 1 if loop.safe_stops or observer.lost else 0, summary
 
 
 def run_controller(
@@ -263,38 +268,48 @@ def run_controller(
     status_fd: int | None,
     should_stop: Callable[[], bool],
 ) -> int:
-    """Run a controller until it is told to stop."""
+    """Run a controller until it is told to stop; exit code 1 where its log was lost."""
     from remote_controller.service import Service  # noqa: PLC0415 - loads numba and Pinocchio
 
     made, refused = is_new(out), False
     folder = _folder(config.log, out, "controller")
     voice = Voice(status_fd)
     config, claim = settled(config, voice.say)
-    observer = observer_for(
-        "controller",
-        config.robot,
-        config,
-        folder,
-        period_ns=1_000_000,
-        lockstep=False,
-        status_fd=status_fd,
-    )
-    hasty = _recorder(observer, lockstep=False)
-    patient = _recorder(observer, lockstep=True)
+    with _released(claim):
+        observer = observer_for(
+            "controller",
+            config.robot,
+            config,
+            folder,
+            period_ns=1_000_000,
+            lockstep=False,
+            status_fd=status_fd,
+            report=voice.lost,
+        )
+        try:
+            hasty = _recorder(observer, lockstep=False)
+            patient = _recorder(observer, lockstep=True)
+            on_stop = should_stop.wake if isinstance(should_stop, StopFlag) else None
+            Service(config, hasty, voice.say, should_stop, file, patient, on_stop).run()
+        except Hoap3Error as error:
+            refused = True
+            return voice.fail(error)
+        finally:
+            observer.close()
+            if refused and nothing_happened(observer.final):
+                forget([observer.final], folder, made=made)
+    voice.result(f"log: {folder or 'none'}")
+    return 1 if observer.lost else 0
+
+
+@contextmanager
+def _released(claim: CpuClaim | None) -> Iterator[None]:
+    """Let others have the CPU again, however this ends."""
     try:
-        on_stop = should_stop.wake if isinstance(should_stop, StopFlag) else None
-        Service(config, hasty, voice.say, should_stop, file, patient, on_stop).run()
-    except Hoap3Error as error:
-        refused = True
-        return voice.fail(error)
+        yield
     finally:
-        _close(observer, voice)
-        if refused and nothing_happened(observer.final):
-            forget([observer.final], folder, made=made)
         if claim is not None:
             claim.release()
-    voice.result(f"log: {folder or 'none'}")
-    return 0
 
 
 def _folder(log: LogSettings, out: Path | None, side: str) -> Path | None:
@@ -302,14 +317,6 @@ def _folder(log: LogSettings, out: Path | None, side: str) -> Path | None:
         return run_folder(log)
     settings = log.model_copy(update={"directory": str(out)})
     return run_folder(settings, exact=True, sides=(side,))
-
-
-def _close(observer: Observer, voice: Voice) -> None:
-    if not observer.close():
-        lost = (
-            "the log is not whole: its observer died; `hoap3 record --repair` mends what there is"
-        )
-        voice.say(lost, news="damaged")
 
 
 def _recorder(observer: Observer, *, lockstep: bool) -> Recorder:
@@ -338,6 +345,10 @@ class Voice:
             print_line(text)
         else:
             self.say(text)
+
+    def lost(self, text: str) -> None:
+        """The log of this service is lost."""
+        self.say(text, news="damaged")
 
     def fail(self, error: Hoap3Error) -> int:
         """Tell what ended the service; its exit code. With nobody to tell, raise it again."""

@@ -111,6 +111,8 @@ def show_summary(summary: dict[str, Any]) -> None:
         )
     if summary.get("interrupted"):
         table.add_row("ended", f"by the user, before {summary['duration_s']:g} s had passed")
+    for lost in summary.get("log_lost", ()):
+        table.add_row("log lost", f"[{COLOURS['unfit']}]{escape(lost)}[/]")
     table.add_row("log", str(summary["log"] or "none"))
     results.print(table)
     for side, value in summary.get("payload_sha256", {}).items():

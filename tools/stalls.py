@@ -16,7 +16,6 @@ import json
 import mmap
 import os
 import signal
-import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterable, Sequence
@@ -27,13 +26,15 @@ import numpy as np
 import numpy.typing as npt
 
 from protocol.clock import Clock, MonotonicClock
-from protocol.errors import Hoap3Error
-from tools.awake import kept_awake
+from tools.awake import kept_awake, let_sleep
+from tools.processes import Child, Lifeline, read_order
 
 GRID_NS = 500_000
 THRESHOLD_NS = 150_000
 CAPACITY = 65_536  # stalls; what is not taken before so many more is overwritten
 PRIORITY = 99
+NO_RIGHTS = 3  # exit code
+PATIENCE_S = 1.0  # with a monitor that is to end; it looks ten times a second
 LOOK_EVERY = 200  # periods between two looks at whether anybody still wants to know
 _HEADER = 8  # int64 words: how many, whether it runs, is kept awake, last seen; then unused
 _PR_SET_TIMERSLACK = 29
@@ -91,8 +92,12 @@ class StallLog:
 
     @property
     def runs(self) -> bool:
-        """Whether the monitor got the rights that it needs."""
+        """Whether the monitor got the rights that it needs, and has not ended."""
         return bool(self._words[1])
+
+    def end(self) -> None:
+        """Say that the monitor does not run any more."""
+        self._words[1] = 0
 
     @property
     def awake(self) -> bool:
@@ -109,45 +114,57 @@ class StallLog:
 
 
 class StallMonitor:
-    """Monitors of some CPUs, one process each.
+    """Monitors of some CPUs, one process each; each ends by itself where this process does.
 
     Args:
         cpus: which.
         keep_awake: whether they never sleep meanwhile. It is up to the monitors since they outlive
             whoever is killed.
+
+    Raises:
+        OSError: a process cannot be started.
     """
 
     def __init__(self, cpus: Iterable[int], *, keep_awake: bool = False) -> None:
         self.logs: dict[int, StallLog] = {}
-        self._processes: list[subprocess.Popen[bytes]] = []
-        for cpu in sorted(set(cpus)):
-            log = StallLog()
-            process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "tools.stalls"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.DEVNULL,
-                pass_fds=[log.fd],
-                start_new_session=True,
-            )
-            if process.stdin is None:
-                raise Hoap3Error("the stall monitor has no standard input")
-            order = {"fd": log.fd, "cpu": cpu, "awake": keep_awake, "parent": os.getpid()}
-            process.stdin.write(json.dumps(order).encode())
-            process.stdin.close()
-            self.logs[cpu] = log
-            self._processes.append(process)
+        self._processes: dict[int, Child] = {}
+        self._keep_awake = keep_awake
+        self._ended: set[int] = set()
+        try:
+            for cpu in sorted(set(cpus)):
+                log = self.logs[cpu] = StallLog()
+                order = {"fd": log.fd, "cpu": cpu, "awake": keep_awake}
+                self._processes[cpu] = Child(["tools.stalls"], json.dumps(order), [log.fd])
+        except BaseException:
+            self.stop()
+            raise
 
     def refused(self) -> list[int]:
         """CPUs whose monitors have ended by themselves: they did not get what they need."""
-        pairs = zip(self.logs, self._processes, strict=True)
-        return [cpu for cpu, process in pairs if process.poll() is not None]
+        return [cpu for cpu in self._gone() if self._processes[cpu].returncode == NO_RIGHTS]
+
+    def killed(self) -> list[int]:
+        """CPUs whose monitors have ended otherwise: their stalls are not known any more."""
+        return [cpu for cpu in self._gone() if self._processes[cpu].returncode != NO_RIGHTS]
 
     def stop(self) -> None:
-        """End the monitors."""
-        for process in self._processes:
-            process.terminate()
-        for process in self._processes:
-            process.wait()
+        """End the monitors, and let CPUs sleep that a killed one kept awake."""
+        for process in self._processes.values():
+            process.cut()
+        for cpu, process in self._processes.items():
+            process.end(PATIENCE_S if self.logs[cpu].runs else 0.0)  # 0: it has not begun
+        if self._keep_awake:
+            let_sleep()
+
+    def _gone(self) -> list[int]:
+        """CPUs whose monitors have ended; what a killed one left is mended."""
+        gone = [cpu for cpu, process in self._processes.items() if process.poll() is not None]
+        for cpu in {*gone} - self._ended:
+            self._ended.add(cpu)
+            self.logs[cpu].end()
+            if self._keep_awake:
+                let_sleep()
+        return gone
 
 
 def overlapping(stalls: Sequence[Stall], start: int, end: int) -> bool:
@@ -170,14 +187,14 @@ def main() -> int:
     """Watch one CPU until told to end, or until whoever asked is gone; exit 3 without rights."""
     ended = threading.Event()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda *_: ended.set())  # ignored by the observer, and so here
-    order = json.load(sys.stdin)
+    signal.signal(signal.SIGTERM, lambda *_: ended.set())
+    parent, order = Lifeline(), read_order()
     log, cpu = StallLog(order["fd"]), order["cpu"]
     if not _rise_above_all(cpu):
-        return 3
+        return NO_RIGHTS
     with kept_awake(cpu) if order["awake"] else nullcontext("not asked for") as refusal:
         log.begin(awake=not refusal)
-        watch(log, lambda: os.getppid() == order["parent"] and not ended.is_set(), MonotonicClock())
+        watch(log, lambda: not (parent.cut() or ended.is_set()), MonotonicClock())
     return 0
 
 

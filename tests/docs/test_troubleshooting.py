@@ -77,9 +77,6 @@ PLACES = {
     "… is in use: another robot runs there. Stop it, or set link.listen to a free port": IN_LINK,
     "nobody answers at …: is the robot running, and is this its endpoint?": IN_LINK,
     "a robot called … is alive already; stop it, or give this one another name": IN_LINK,
-    "the log is not whole: its observer died; `hoap3 record --repair` mends what there is": (
-        "tools/services.py"
-    ),
 }
 
 

@@ -32,6 +32,7 @@ def test_a_killed_observer_costs_less_than_a_second_of_log(tmp_path: Path) -> No
         observer = observer_of_the_robot(run)
         os.kill(observer, signal.SIGKILL)
         wait_for_end(observer)
+        run.hear("robot's log is not whole: its observer was killed by signal 9")
         tick = tell("status", at)["tick"]
         while (status := tell("status", at))["tick"] < tick + 300:
             continue
@@ -42,7 +43,7 @@ def test_a_killed_observer_costs_less_than_a_second_of_log(tmp_path: Path) -> No
     assert run.stdout == ""  # the observer would have counted
     errors = [line for line in run.stderr.splitlines() if line.startswith("error:")]
     assert len(errors) == 1
-    assert errors[0].startswith("error: the log is not whole: its observer died")
+    assert errors[0].startswith("error: the robot's log is not whole: its observer was killed")
     assert "`hoap3 record --repair` mends" in errors[0]
     assert not Log.open(folder, side="controller").truncated
     assert_it_can_be_mended(folder / "robot.mcap", killed)

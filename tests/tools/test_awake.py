@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from tools.awake import kept_awake, may_keep_awake
+from tools.awake import kept_awake, let_sleep, may_keep_awake
 
 ROOT = Path(__file__).parents[2]
 
@@ -66,6 +68,49 @@ def test_what_a_killed_one_left_is_mended_by_the_next(setting, tmp_path):
     with awake(tmp_path):
         pass
     assert setting.read_text() == "7"
+
+
+def test_one_that_somebody_else_keeps_awake_is_left_alone(setting, tmp_path):
+    setting.write_text("n/a")
+    with awake(tmp_path) as first, awake(tmp_path) as second:
+        assert first == second == ""
+    assert setting.read_text() == "n/a"
+
+
+@pytest.mark.parametrize("content", ["", "n/a", "-1", "rm -rf", "7" * 10_000, "\0"])
+def test_a_note_that_is_no_figure_is_never_set(setting, tmp_path, content):
+    (tmp_path / "awake3").write_text(content)
+    with awake(tmp_path) as refusal:
+        assert refusal == ""
+        assert setting.read_text() == "n/a"
+    assert setting.read_text() == "40"
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, Path.mkdir, lambda path: path.symlink_to("/dev/full")])
+def test_what_lies_in_place_of_a_note_is_refused_and_not_waited_for(setting, tmp_path, make):
+    make(tmp_path / "awake3")
+    with awake(tmp_path) as refusal:
+        assert refusal
+    let_sleep(tmp_path, tmp_path)
+    assert setting.read_text() == "40\n"
+
+
+def test_a_locked_note_is_not_waited_for_long(setting, tmp_path, monkeypatch):
+    monkeypatch.setattr("tools.awake.PATIENCE_S", 0.01)
+    with (tmp_path / "awake3").open("w") as squatted:
+        fcntl.flock(squatted, fcntl.LOCK_EX)
+        with awake(tmp_path) as refusal:
+            assert "locked by another process" in refusal
+    assert setting.read_text() == "40\n"
+
+
+def test_without_a_directory_of_ours_no_cpu_is_kept_awake(setting, tmp_path, monkeypatch):
+    tmp_path.chmod(0o777)
+    monkeypatch.setenv("HOAP3_RUNTIME_DIR", str(tmp_path))
+    assert not may_keep_awake(tmp_path)
+    with kept_awake(3, tmp_path) as refusal:
+        assert "HOAP3_RUNTIME_DIR" in refusal
+    assert setting.read_text() == "40\n"
 
 
 def test_a_refusal_says_what_it_takes(tmp_path):

@@ -188,3 +188,30 @@ def test_a_full_disk_costs_one_chunk_and_the_file_stays_whole(
         reader = make_reader(stream, validate_crcs=True)
         kept = [m for _, c, m in reader.iter_messages() if not c.topic.endswith("joint_states")]
     assert len(kept) == len(before + after)
+
+
+def test_a_file_that_is_deleted_while_it_is_written_is_noticed(tmp_path: Path) -> None:
+    clock, path = FakeClock(), tmp_path / "robot.mcap"
+    writer = new_writer(tmp_path, clock)
+    for record in inputs(describe(1)):
+        writer.add(record)
+    path.unlink()
+    clock.now += SECOND
+    with pytest.raises(FileNotFoundError, match="was deleted while it was written"):
+        writer.flush_due(clock.now)
+    writer.abandon()
+
+
+def test_a_log_that_is_abandoned_can_be_told_from_a_whole_one(tmp_path: Path) -> None:
+    clock, path = FakeClock(), tmp_path / "robot.mcap"
+    writer = new_writer(tmp_path, clock)
+    records = inputs(describe(1)) + ticks(1, 6)
+    for record in records:
+        writer.add(record)
+    clock.now += SECOND
+    writer.flush_due(clock.now)
+    writer.abandon()
+    assert writer.paths == [path]
+    log = Log.open(path)
+    assert log.truncated
+    assert list(log.records()) == records

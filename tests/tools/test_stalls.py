@@ -84,7 +84,7 @@ def test_without_rights_there_is_no_monitor(monkeypatch):
         raise PermissionError
 
     log = StallLog()
-    order = {"fd": log.fd, "cpu": 0, "awake": True, "parent": 0}
+    order = {"fd": log.fd, "cpu": 0, "awake": True}
     monkeypatch.setattr(sys, "stdin", io.StringIO(json.dumps(order)))
     monkeypatch.setattr(signal, "signal", lambda *_: None)
     monkeypatch.setattr(os, "sched_setaffinity", lambda *_: None)
@@ -96,7 +96,7 @@ def test_without_rights_there_is_no_monitor(monkeypatch):
 def test_a_cpu_that_cannot_be_watched_is_told():
     monitor = StallMonitor([1023])  # no such CPU
     try:
-        monitor._processes[0].wait()
+        monitor._processes[1023].wait()
         assert monitor.refused() == [1023]
         assert not monitor.logs[1023].runs
     finally:
