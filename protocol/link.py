@@ -26,12 +26,14 @@ class Request:
         who: identity of the client.
         answer: takes the answer, a JSON object or bytes; for "gone" it does nothing.
         body: what came with it.
+        local: whether it came from the robot's own machine and user, not over the network.
     """
 
     verb: str
     who: str
     answer: Callable[[dict[str, Any] | bytes], None]
     body: bytes = b""
+    local: bool = False
 
 
 class RobotLink(Protocol):
@@ -113,10 +115,12 @@ class LockstepLink:
             landed.append((stamp, payload))
         return landed
 
-    def ask(self, verb: str, who: str = "in process") -> list[dict[str, Any] | bytes]:
+    def ask(
+        self, verb: str, who: str = "in process", *, local: bool = False
+    ) -> list[dict[str, Any] | bytes]:
         """Queue a request for the robot's next tick; its answer appears in the returned list."""
         answers: list[dict[str, Any] | bytes] = []
-        self._requests.append(Request(verb, who, answers.append))
+        self._requests.append(Request(verb, who, answers.append, local=local))
         return answers
 
     def requests(self) -> Iterable[Request]:

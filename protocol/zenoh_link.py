@@ -27,6 +27,7 @@ import zenoh
 
 from protocol.errors import LinkError, NameTakenError, PortInUseError
 from protocol.link import Arrival, Request
+from protocol.local_control import LocalControl
 from protocol.session_limits import MAX_MESSAGE_BYTES, SIZE_FILTER, accept_limits
 from protocol.settings import LinkSettings
 from protocol.zenoh_sockets import forbid_lingering
@@ -123,6 +124,7 @@ class ZenohRobotLink:
 
     def __init__(self, robot: str, settings: LinkSettings, *, blocking: bool = False) -> None:
         self.arrival, self._blocking = threading.Event(), blocking
+        self._local: LocalControl | None = None
         self._session = session = open_session(settings)
         try:
             if _alive(session, robot):
@@ -162,13 +164,19 @@ class ZenohRobotLink:
         return [arrived.popleft() for _ in range(len(arrived))]
 
     def requests(self) -> Iterable[Request]:
-        """Vanished clients, then queries."""
+        """Requests of this machine, vanished clients, then queries."""
+        if self._local is not None:
+            yield from self._local.requests()
         while (sample := self._clients.try_recv()) is not None:
             if sample.kind == zenoh.SampleKind.DELETE:
                 who = _identity(_leaf(sample.key_expr).encode())
                 yield Request("gone", who, lambda _: None)
         while (query := self._queries.try_recv()) is not None:
             yield self._answers.request(query)
+
+    def serve_also(self, local: LocalControl) -> None:
+        """Take requests of the robot's own machine, too; they come first."""
+        self._local = local
 
     def close(self) -> None:
         """Leave the network, after the answers that are due; the threads end with it."""

@@ -10,6 +10,7 @@ from typing import Any
 from protocol.clock import VirtualClock
 from protocol.errors import LinkError, WireError
 from protocol.link import LockstepLink, Request
+from protocol.local_control import LocalControl
 from protocol.messages import Setpoint, State
 from protocol.settings import LinkSettings
 from protocol.zenoh_link import ZenohRobotLink
@@ -70,6 +71,10 @@ class ZenohLockstepLink(LockstepLink):
         """Send an Event."""
         self._inner.announce(event)
 
+    def serve_also(self, local: LocalControl) -> None:
+        """Take requests of the robot's own machine, too; they come first."""
+        self._inner.serve_also(local)
+
     def close(self) -> None:
         """Leave the network."""
         self._inner.close()
@@ -104,6 +109,9 @@ class ZenohLockstepLink(LockstepLink):
         self._waiting.extend(self._inner.requests())
 
     def _leaves(self, request: Request) -> bool:
+        """Whether it ends the waiting for an answer: the holder leaves, or the user says so."""
+        if request.local:
+            return request.verb in {"release", "stop"}
         return request.verb in {"release", "gone"} and request.who == self._holder
 
     def _watched(self, request: Request) -> Request:

@@ -295,7 +295,7 @@ class RobotLoop:
             case "acquire":
                 self._grant(request)
             case "release":
-                request.answer({"released": self._release(request.who, "RELEASED")})
+                request.answer({"released": self._release(self._releaser(request), "RELEASED")})
             case "gone":
                 self._release(request.who, "HOLDER_LOST")
             case "stop":
@@ -329,6 +329,11 @@ class RobotLoop:
             self._announce("GRANTED", grant.epoch)
         terms = {"granted": True, "epoch": grant.epoch, "from_tick": grant.from_tick}
         request.answer({**terms, **self._status()})
+
+    def _releaser(self, request: Request) -> str:
+        """Whose authority a request gives back: its own machine's user may take it from anybody."""
+        grant = self._authority.grant
+        return grant.holder if request.local and grant is not None else request.who
 
     def _release(self, who: str, event: str) -> bool:
         epoch = self._authority.drop(who)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import secrets
 from collections.abc import Callable
+from contextlib import closing
 
 from protocol.clock import Clock, MonotonicClock, VirtualClock
 from protocol.description import RobotDescription
 from protocol.errors import ConfigError
 from protocol.link import RobotLink
+from protocol.local_control import LocalControl
 from protocol.realtime import prepare_process
 from protocol.recorder import Recorder
 from protocol.ring import Kind
@@ -119,8 +121,10 @@ def serve(
     try:
         loop = build_loop(config, description, clock, link, recorder, lockstep=False)
         loop.realtime = measures
-        report(f"robot {description.name!r} is alive at {', '.join(config.link.listen)}")
-        loop.run(clock.now() + START_DELAY_NS, should_stop, ticks)
+        with closing(_local_control(config, description, report)) as local:
+            link.serve_also(local)
+            report(f"robot {description.name!r} is alive at {', '.join(config.link.listen)}")
+            loop.run(clock.now() + START_DELAY_NS, should_stop, ticks)
     finally:
         link.close()
     return loop
@@ -148,8 +152,21 @@ def serve_lockstep(
     )
     try:
         loop = build_loop(config, description, clock, link, recorder, lockstep=True)
-        report(f"robot {description.name!r} is alive at {', '.join(config.link.listen)}, lockstep")
-        loop.run(0, should_stop, ticks)
+        with closing(_local_control(config, description, report)) as local:
+            link.serve_also(local)
+            endpoints = ", ".join(config.link.listen)
+            report(f"robot {description.name!r} is alive at {endpoints}, lockstep")
+            loop.run(0, should_stop, ticks)
     finally:
         link.close()
     return loop
+
+
+def _local_control(
+    config: EmulatorConfig, description: RobotDescription, report: Callable[[str], None]
+) -> LocalControl:
+    """What `hoap3 stop` reaches on this machine even where the network does not answer."""
+    local = LocalControl(description.name, config.link.listen or config.link.connect)
+    if local.path is None:
+        report("local control: none, for want of a private directory; see HOAP3_RUNTIME_DIR")
+    return local

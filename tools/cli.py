@@ -19,7 +19,7 @@ from tools.cli_compare import compare
 from tools.cli_latency import latency
 from tools.cli_limits import limits
 from tools.cli_measure import bench_app, doctor
-from tools.cli_options import finite
+from tools.cli_options import ENDPOINT, finite
 from tools.cli_report import report
 from tools.cli_reproduce import reproduce
 from tools.rooms import check_rooms
@@ -32,8 +32,6 @@ app.add_typer(bench_app, name="bench")
 app.add_typer(priorities_app, name="priorities")
 for command in (change, compare, doctor, latency, limits, report, reproduce):
     app.command()(command)
-
-ENDPOINT = "tcp/127.0.0.1:7447"
 
 
 Sets = Annotated[
@@ -54,6 +52,16 @@ Out = Annotated[
 StatusFd = Annotated[int | None, typer.Option("--status-fd", hidden=True)]
 Named = Annotated[str | None, typer.Option("--named", hidden=True)]
 Connect = Annotated[str, typer.Option("--connect", help="Endpoint of the robot or a router.")]
+Somewhere = Annotated[
+    str | None,
+    typer.Option(
+        "--connect",
+        help=f"Endpoint of the robot or a router. Default: this machine, else {ENDPOINT}.",
+    ),
+]
+Running = Annotated[
+    str | None, typer.Argument(help="Name of the robot. Default: the only one that runs.")
+]
 
 
 @app.command()
@@ -188,8 +196,8 @@ def list_all(
 
 @app.command()
 def stop(
-    robot: Annotated[str, typer.Argument(help="Name of the robot.")] = "hoap3",
-    connect: Connect = ENDPOINT,
+    robot: Running = None,
+    connect: Somewhere = None,
     as_json: AsJson = False,
 ) -> None:
     """Bring a running robot to rest; it stays there until `recover`."""
@@ -198,8 +206,8 @@ def stop(
 
 @app.command()
 def recover(
-    robot: Annotated[str, typer.Argument(help="Name of the robot.")] = "hoap3",
-    connect: Connect = ENDPOINT,
+    robot: Running = None,
+    connect: Somewhere = None,
     as_json: AsJson = False,
 ) -> None:
     """Let a stopped robot follow its controller again."""
@@ -208,12 +216,25 @@ def recover(
 
 @app.command()
 def status(
-    robot: Annotated[str, typer.Argument(help="Name of the robot.")] = "hoap3",
-    connect: Connect = ENDPOINT,
+    robot: Running = None,
+    connect: Somewhere = None,
     as_json: AsJson = False,
 ) -> None:
     """Say what a running robot does, and whom it follows."""
     _tell(robot, "status", connect, as_json)
+
+
+@app.command()
+def release(robot: Running = None, as_json: AsJson = False) -> None:
+    """Take authority from whoever holds it over a robot on this machine; the robot brakes."""
+    from tools.find_robot import release_robot
+    from tools.output import print_json, print_line
+
+    name, answer = release_robot(robot)
+    if as_json:
+        print_json(answer)
+    else:
+        print_line(f"{name}: " + ("released" if answer["released"] else "follows nobody"))
 
 
 @app.command()
@@ -355,19 +376,19 @@ def _root(
     """A robot and its remote controller, 1 kHz apart."""
 
 
-def _tell(robot: str, verb: str, connect: str, as_json: bool) -> None:
-    from tools.control import tell
+def _tell(robot: str | None, verb: str, connect: str | None, as_json: bool) -> None:
+    from tools.find_robot import ask_robot
     from tools.output import print_json, print_line
 
-    answer = tell(robot, verb, connect)
+    name, answer = ask_robot(robot, verb, connect)
     if as_json:
         print_json(answer)
     else:
-        print_line(f"{robot}: {answer['mode']}, follows {one_line(answer['holder'] or 'nobody')}")
+        print_line(f"{name}: {answer['mode']}, follows {one_line(answer['holder'] or 'nobody')}")
     if answer.get("recovered") is False:
         from tools.processes import to_people
 
-        to_people(f"error: {robot} is {answer['mode']}: only a stopped robot can be recovered")
+        to_people(f"error: {name} is {answer['mode']}: only a stopped robot can be recovered")
         raise typer.Exit(1)
 
 

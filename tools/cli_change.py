@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from tools.cli_options import finite
+from tools.cli_options import ENDPOINT, finite
 from tools.terminal import one_line
 
 priorities_app = typer.Typer(
@@ -15,21 +15,29 @@ priorities_app = typer.Typer(
     rich_markup_mode=None,
     help="Priorities of the tasks of a controller that runs.",
 )
-Robot = Annotated[str, typer.Option("--robot", help="Name of the robot that it controls.")]
-Connect = Annotated[str, typer.Option("--connect", help="Endpoint of the robot or a router.")]
+Robot = Annotated[
+    str | None,
+    typer.Option("--robot", help="Robot that it controls. Default: the only one that runs."),
+]
+Connect = Annotated[
+    str | None,
+    typer.Option(
+        "--connect",
+        help=f"Endpoint of the robot or a router. Default: this machine's, else {ENDPOINT}.",
+    ),
+]
 Over = Annotated[
     float,
     typer.Option("--over", min=0.0, callback=finite, help="Time that the change takes [s]."),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 Tasks = Annotated[list[str], typer.Argument(help="Names of tasks.")]
-ENDPOINT = "tcp/127.0.0.1:7447"
 
 
 def change(
     request: Annotated[str, typer.Argument(help="JSON object of the controller's own making.")],
-    robot: Robot = "hoap3",
-    connect: Connect = ENDPOINT,
+    robot: Robot = None,
+    connect: Connect = None,
 ) -> None:
     """Change something in a controller that runs; its log has it, and a replay repeats it."""
     from protocol.errors import UsageError
@@ -41,13 +49,11 @@ def change(
         raise UsageError(f"{request!r:.60} is not JSON ({error})") from error
     if not isinstance(content, dict):
         raise UsageError(f"{request!r:.60} is no JSON object: write '{{\"kp\": 20}}', say")
-    print_json(_ask(robot, content, connect))
+    print_json(_ask(robot, content, connect)[1])
 
 
 @priorities_app.command("show")
-def show_priorities(
-    robot: Robot = "hoap3", connect: Connect = ENDPOINT, as_json: AsJson = False
-) -> None:
+def show_priorities(robot: Robot = None, connect: Connect = None, as_json: AsJson = False) -> None:
     """Say what they are: α of the task of each row, kept out of those of the columns."""
     _tell(robot, None, connect, as_json)
 
@@ -61,8 +67,8 @@ def set_priority(
         typer.Argument(min=0.0, max=1.0, callback=finite, help="α: 1 wholly, 0 not at all."),
     ],
     over: Over = 0.0,
-    robot: Robot = "hoap3",
-    connect: Connect = ENDPOINT,
+    robot: Robot = None,
+    connect: Connect = None,
     as_json: AsJson = False,
 ) -> None:
     """Give a task a priority over another; the opposite one becomes 1 − α."""
@@ -73,8 +79,8 @@ def set_priority(
 def order_tasks(
     tasks: Tasks,
     over: Over = 0.0,
-    robot: Robot = "hoap3",
-    connect: Connect = ENDPOINT,
+    robot: Robot = None,
+    connect: Connect = None,
     as_json: AsJson = False,
 ) -> None:
     """Put tasks in a strict order, highest first; `A,B` puts two at one level."""
@@ -86,8 +92,8 @@ def order_tasks(
 def insert_tasks(
     tasks: Tasks,
     over: Over = 0.0,
-    robot: Robot = "hoap3",
-    connect: Connect = ENDPOINT,
+    robot: Robot = None,
+    connect: Connect = None,
     as_json: AsJson = False,
 ) -> None:
     """Let tasks in that are out, at the priorities that they had."""
@@ -98,28 +104,36 @@ def insert_tasks(
 def remove_tasks(
     tasks: Tasks,
     over: Over = 0.0,
-    robot: Robot = "hoap3",
-    connect: Connect = ENDPOINT,
+    robot: Robot = None,
+    connect: Connect = None,
     as_json: AsJson = False,
 ) -> None:
     """Take tasks out; `insert` lets them in again."""
     _tell(robot, {"remove": tasks, "over_s": over}, connect, as_json)
 
 
-def _ask(robot: str, request: dict[str, Any] | None, connect: str) -> dict[str, Any]:
+def _ask(
+    robot: str | None, request: dict[str, Any] | None, connect: str | None
+) -> tuple[str, dict[str, Any]]:
+    """Name of the robot, and what its controller answers."""
     from tools.control import change as ask
+    from tools.find_robot import reach_robot
 
-    return ask(robot, request, connect)
+    name, endpoint = reach_robot(robot, connect)
+    return name, ask(name, request, endpoint)
 
 
-def _tell(robot: str, request: dict[str, Any] | None, connect: str, as_json: bool) -> None:
+def _tell(
+    robot: str | None, request: dict[str, Any] | None, connect: str | None, as_json: bool
+) -> None:
     from protocol.errors import UsageError
     from tools.output import print_json, print_line
 
-    present = _ask(robot, request, connect).get("priorities")
+    name, answer = _ask(robot, request, connect)
+    present = answer.get("priorities")
     if present is None:
         raise UsageError(
-            f"the controller of {robot!r} has no priorities; ghc, ghc_velocity and hqp have"
+            f"the controller of {name!r} has no priorities; ghc, ghc_velocity and hqp have"
         )
     from protocol.answers import Priorities, check_answer
 

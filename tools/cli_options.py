@@ -6,6 +6,9 @@ import math
 
 import typer
 
+ENDPOINT = "tcp/127.0.0.1:7447"
+"""Where a robot listens by default."""
+
 
 def finite(value: float | None) -> float | None:
     """Refuse nan and inf, which pass the comparison with a minimum."""

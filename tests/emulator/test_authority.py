@@ -44,6 +44,21 @@ def test_release_brakes_and_leaves_the_robot_free():
     assert reply[0]["epoch"] == 2
 
 
+def test_the_machines_own_user_takes_authority_from_whoever_holds_it():
+    bench = Bench()
+    bench.link.ask("acquire", "alice")
+    bench.run(50)
+    stranger = bench.link.ask("release", "local")
+    assert bench.run(2).mode == State.ACTIVE
+    assert not stranger[0]["released"]
+    answer = bench.link.ask("release", "local", local=True)
+    assert bench.run(100).mode == State.IDLE
+    assert answer[0]["released"]
+    nobody = bench.link.ask("release", "local", local=True)
+    bench.run(1)
+    assert not nobody[0]["released"]
+
+
 def test_a_holder_that_vanishes_is_a_safe_stop():
     bench = Bench()
     bench.link.ask("acquire", "alice")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 
 import pytest
 from loopback import PATIENCE_S, Network, eventually, free_endpoint, known, next_state, token_seen
@@ -10,6 +11,7 @@ from loopback import PATIENCE_S, Network, eventually, free_endpoint, known, next
 from protocol import zenoh_lockstep
 from protocol.clock import VirtualClock
 from protocol.errors import LinkError
+from protocol.local_control import LocalControl, local_robots
 from protocol.messages import Event, Setpoint, State
 from protocol.settings import LinkSettings
 from protocol.zenoh_link import ZenohControllerLink, key
@@ -162,6 +164,20 @@ def test_time_goes_on_without_an_answer_where_the_holder_vanishes(bench, network
     bench.controller.close()
     published.result(PATIENCE_S)
     assert served(bench.robot) == ["gone"]
+
+
+@pytest.mark.parametrize("verb", ["release", "stop"])
+def test_time_goes_on_without_an_answer_where_the_machines_own_user_says_so(bench, network, verb):
+    with closing(LocalControl("arm", ())) as local:
+        bench.robot.serve_also(local)
+        give_authority(bench, network, "test")
+        published = bench.publish(7)
+        next_state(bench.controller)
+        (robot,) = local_robots()
+        asked = network.start(robot.ask, verb)
+        published.result(PATIENCE_S)
+        assert served(bench.robot) == [verb]
+        assert asked.result(PATIENCE_S)["robot"] == "arm"
 
 
 def test_what_others_ask_meanwhile_waits_for_the_answer_with_the_state(bench, network):

@@ -1,0 +1,94 @@
+"""`hoap3 stop|status|recover|release|change` without an endpoint: the robots of this machine."""
+
+from __future__ import annotations
+
+import signal
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from command_bench import QUIET, emulator, endpoint, inside, tell
+
+from protocol import local_control
+from protocol.errors import LinkError, UsageError
+from protocol.local_control import LocalControl
+from tools import find_robot
+from tools.cli_options import ENDPOINT
+from tools.find_robot import ask_robot, reach_robot, release_robot
+
+
+@pytest.fixture(autouse=True)
+def runtime(tmp_path, monkeypatch) -> Path:
+    folder = tmp_path / "run"
+    monkeypatch.setenv("HOAP3_RUNTIME_DIR", str(folder))
+    return folder
+
+
+def test_the_only_robot_needs_neither_name_nor_endpoint(runtime):
+    at = endpoint()
+    with emulator("hoap3", *QUIET, "--set", "name=arm", at=at) as robot:
+        (path,) = runtime.glob("*.sock")
+        assert path.name == f"robot-arm-{robot.process.pid}.sock"
+        assert inside("status").stdout == "arm: idle, follows nobody\n"
+        assert inside("status", "arm", "--json").json().keys() == tell("status", at, "arm").keys()
+        assert inside("stop", "--json").json()["mode"] == "stopped"
+        assert inside("status", "--connect", at).stdout == "arm: stopped, follows nobody\n"
+        assert inside("recover").stdout == "arm: idle, follows nobody\n"
+        assert inside("recover").code == 1
+        assert inside("release").stdout == "arm: follows nobody\n"
+        assert inside("release", "--json").json() == {"released": False}
+        assert reach_robot(None, None) == reach_robot("arm", None) == ("arm", at)
+        assert reach_robot(None, at) == ("arm", at)
+        robot.end(signal.SIGKILL)
+    assert path.exists()
+    done = inside("release")
+    assert done.code == 1
+    assert "no robot of this user runs on this machine" in done.stderr
+    assert not path.exists()
+
+
+def test_of_several_robots_one_is_to_be_named(runtime, monkeypatch):
+    monkeypatch.setattr(local_control, "ANSWER_TIMEOUT_S", 0.05)  # no loop serves them
+    made = [LocalControl("arm", ("tcp/127.0.0.1:1",))]
+    for number in (1, 2):  # as processes of their own have them
+        other = runtime / f"robot-leg-{number}.sock"
+        made.append(LocalControl("leg", ()))
+        made[-1].path.rename(other)
+        made[-1].path = other
+    try:
+        with pytest.raises(UsageError, match=r"3 robots run on this machine: arm .*leg .*Add its"):
+            ask_robot(None, "stop", None)
+        with pytest.raises(UsageError, match=r"2 robots run .*leg .*leg .*Add --connect"):
+            reach_robot("leg", None)
+    finally:
+        for one in made:
+            one.close()
+
+
+def test_a_robot_that_does_not_run_here_is_looked_for_on_the_network(monkeypatch):
+    asked = []
+    monkeypatch.setattr(find_robot, "tell", lambda *words: asked.append(words) or {})
+    monkeypatch.setattr(find_robot, "alive", lambda _: ["leg"])
+    with closing(LocalControl("arm", ())):
+        assert ask_robot("leg", "stop", None) == ("leg", {})
+        assert ask_robot(None, "stop", "tcp/10.0.0.1:1") == ("leg", {})
+    assert asked == [("leg", "stop", ENDPOINT), ("leg", "stop", "tcp/10.0.0.1:1")]
+
+
+@pytest.mark.parametrize(
+    ("names", "error", "words"),
+    [([], LinkError, "no robot is alive at"), (["arm", "leg"], UsageError, "arm, leg. Name one")],
+)
+def test_on_the_network_only_a_single_robot_needs_no_name(monkeypatch, names, error, words):
+    monkeypatch.setattr(find_robot, "alive", lambda _: names)
+    with pytest.raises(error, match=words):
+        ask_robot(None, "status", None)
+    with pytest.raises(error, match=words):
+        reach_robot(None, None)
+
+
+@pytest.mark.parametrize("robot", ["", "*", "Arm", "../arm", "arm-1"])
+def test_what_is_no_name_is_refused(robot):
+    for ask in (release_robot, lambda name: ask_robot(name, "stop", None)):
+        with pytest.raises(UsageError, match="not the name of a robot"):
+            ask(robot)
