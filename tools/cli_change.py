@@ -137,7 +137,7 @@ def _tell(
         )
     from protocol.answers import Priorities, check_answer
 
-    found = check_answer(Priorities, present, f"the controller of {robot!r} answers")
+    found = check_answer(Priorities, present, f"the controller of {name!r} answers")
     if as_json:
         print_json(found.model_dump())
         return
