@@ -25,6 +25,8 @@ from command_bench import (
 )
 
 from protocol.messages import State
+from protocol.settings import LinkSettings
+from protocol.zenoh_link import ZenohControllerLink
 from robot_emulator.robots import load
 from tools.log import Log
 
@@ -81,6 +83,22 @@ def assert_stop_latches_until_recover(robot: Command, at: str) -> None:
     assert again.stdout.startswith("hoap3: ")
     wait_for_mode("active", at)
     assert inside("recover", "--connect", at).code == 1  # nothing was latched
+
+
+def test_the_name_of_a_client_does_not_steer_the_terminal(robot: Command, at: str) -> None:
+    name = "\x1b]0;mine\x07\x1b[2J"
+    link = ZenohControllerLink("hoap3", LinkSettings(connect=(at,)), name)
+    try:
+        while tell("status", at)["holder"] != name:  # until the robot sees the token
+            link.ask("acquire")
+        done = inside("status", "--connect", at)
+        assert "follows \\x1b]0;mine\\x07\\x1b[2J" in done.stdout
+        assert done.stdout.replace("\n", "").isprintable()
+        link.ask("release")
+    finally:
+        link.close()
+    wait_for_mode("idle", at)
+    assert "\x1b" not in robot.stderr
 
 
 @pytest.mark.long

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import contextlib
 import json
+import sys
 
 import numpy as np
 import pytest
 from html_page import Page
 from hypothesis import given
 from hypothesis import strategies as st
-from log_samples import describe
+from log_samples import START, describe, write
 from report_logs import active_log
 
 from protocol.errors import LogError
+from protocol.messages import Event, Setpoint
+from protocol.ring import Kind, Record
+from tools.certificate_count import STATUS
+from tools.cli import main
 from tools.event_words import in_words
 from tools.log import Log
 from tools.report.content import read_content
@@ -136,6 +141,25 @@ def test_any_text_is_escaped_everywhere(content):
         assert {e.tag for e in read.root.all()} <= {
             "p", "div", "table", "thead", "tbody", "tr", "th", "td",
         }  # fmt: skip
+
+
+def test_texts_of_a_log_do_not_steer_the_terminal(tmp_path, monkeypatch, capsys):
+    esc = "\x1b]0;mine\x07\x1b[2J"
+    evil_log(tmp_path, setpoint={"solver_status": STATUS["uncertified"]})
+    names = json.dumps({"session_id": 7, "lockstep": False, "conditions": [esc]}).encode()
+    began, answer = Event(), Setpoint(2)
+    began.kind, began.session_id = Event.schema.constants["CONDITION_BEGAN"], 7
+    answer.session_id, answer.solver_status = 7, STATUS["uncertified"]
+    payloads = ((Kind.SESSION, names), (Kind.EVENT, began.dump()), (Kind.SETPOINT, answer.dump()))
+    records = [Record(kind, START + i, payload) for i, (kind, payload) in enumerate(payloads)]
+    about = {"description.json": describe(2).to_json()}
+    write(tmp_path / "controller.mcap", records, side="controller", attachments=about)
+    monkeypatch.setattr(sys, "argv", ["hoap3", "report", str(tmp_path)])
+    with pytest.raises(SystemExit):
+        main()
+    told = "".join(capsys.readouterr())
+    assert "uncertified: \\x1b]0;mine\\x07\\x1b[2J" in told
+    assert all(char.isprintable() or char == "\n" for char in told)
 
 
 def test_control_characters_and_turned_writing_are_replaced():
