@@ -124,6 +124,8 @@ def test_a_live_result_is_on_standard_output():
             first, second = (
                 [str(word).replace("TASK", task) for word in words] for task in ("elbow", "posture")
             )
+            if name == "recover":
+                wait_for_mode("stopped", at, "lwr")
             assert_result(inside(*first, "--connect", at))
             if name not in ONE_FORM:
                 assert isinstance(inside(*second, "--connect", at, "--json").json(), dict)
