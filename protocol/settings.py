@@ -12,16 +12,17 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
-from pydantic_core import ErrorDetails
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, ValidationError
+from pydantic_core import ErrorDetails, core_schema
 
 from protocol.errors import LONGEST_GUESS, ConfigError
 from protocol.regular_file import read_at_most
+from protocol.strict_numbers import make_strict
 from protocol.yaml_text import MAX_BYTES as MAX_CONFIG_BYTES
 from protocol.yaml_text import read_yaml
 
 MAX_PARTS = 32  # of a dotted key
-LIKE = 0.5  # the least likeness, of 1, of a key that is suggested
+LIKE = 0.6  # the least likeness, of 1, of a key that is suggested
 MOST_MEMBERS = 50  # of a union that are named in one error
 NAME_PATTERN = r"^[a-z][a-z0-9_]{0,31}$"
 RobotName = Annotated[str, Field(pattern=NAME_PATTERN)]
@@ -35,6 +36,15 @@ class Settings(BaseModel):
     """Base of every settings model: unknown keys are errors, values cannot be changed later."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @classmethod
+    def __get_pydantic_core_schema__(
+        cls, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        """Numbers are numbers: neither `true` nor "3" passes for one."""
+        schema = handler(source)
+        make_strict(schema)
+        return schema
 
 
 class LinkSettings(Settings):
@@ -202,6 +212,8 @@ def _config_error(
     model: type[BaseModel], content: Any, errors: list[ErrorDetails], file: str, prefix: str
 ) -> ConfigError:
     error = errors[0]
+    if error["type"] == "missing":  # perhaps it is there, and misspelt
+        error = next((each for each in errors if each["type"] == "extra_forbidden"), error)
     path = _written(content, error)
     key = ".".join([prefix, *path] if prefix else path)
     if error["type"] == "extra_forbidden":
@@ -227,19 +239,22 @@ def _config_error(
     return ConfigError(file, key, error["input"], ", or ".join(members), "Change the value")
 
 
+def likeness(given: str, known: Sequence[str]) -> float:
+    """How like the most similar of the known keys is, 1 for the same; see `_nearest_key`."""
+    return max((_alike(given, key) for key in known), default=0.0)
+
+
+def _alike(given: str, key: str) -> float:
+    if len(given) > LONGEST_GUESS:
+        return 0.0
+    begin = "_".join(key.split("_")[: given.count("_") + 1])
+    return max(difflib.SequenceMatcher(None, given, each).ratio() for each in (key, begin))
+
+
 def _nearest_key(given: str, known: Sequence[str]) -> str | None:
     """The key most like what was given, with or without the words at its end, such as a unit."""
-    if len(given) > LONGEST_GUESS:
-        return None
-    words = given.count("_") + 1
-
-    def likeness(key: str) -> float:
-        begin = "_".join(key.split("_")[:words])
-        matches = (difflib.SequenceMatcher(None, given, each).ratio() for each in (key, begin))
-        return max(matches)
-
-    best = max(known, key=likeness, default=None)
-    return best if best is not None and likeness(best) >= LIKE else None
+    best = max(known, key=lambda key: _alike(given, key), default=None)
+    return best if best is not None and _alike(given, best) >= LIKE else None
 
 
 def _plain(message: str) -> str:

@@ -31,6 +31,10 @@ _WRITE_INSTEAD = {
     "floating": "Remove it: the base is fixed, the root link stands for it.",
     "planar": "Write two prismatic joints and a revolute one instead.",
 }
+_XACRO = (
+    "URDF: this is a xacro file, from which a URDF is made. Expand it first: "
+    "`xacro FILE > robot.urdf`."
+)
 _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _NUMBERS = {  # attributes that must hold that many finite numbers
@@ -90,6 +94,10 @@ def read_urdf(text: str) -> UrdfStructure:
         DescriptionError: not a URDF that is accepted; the message says what to write instead.
     """
     robot = _parse(text)
+    if robot.find("link") is None:
+        raise DescriptionError(
+            "URDF: no <link>. Write one for each body, and a <joint> between each and the next."
+        )
     _check_shapes(robot)
     _check_numbers(robot)
     links = _unique("link", (_name(link) for link in robot.findall("link")))
@@ -117,12 +125,16 @@ def _parse(text: str) -> ET.Element:
         events = ET.iterparse(io.StringIO(text), ("start", "end"))  # noqa: S314 (no DTD gets here)
         for event, element in events:
             root = element if root is None else root
+            if element.tag.startswith("{") and "xacro" in element.tag.partition("}")[0]:
+                raise DescriptionError(_XACRO)
             depth += 1 if event == "start" else -1
             if depth > MAX_DEPTH:
                 raise DescriptionError(
                     f"URDF: elements nested deeper than {MAX_DEPTH}. Flatten it."
                 )
     except (ET.ParseError, UnicodeError) as error:
+        if "<xacro:" in text:  # a prefix that is not declared
+            raise DescriptionError(_XACRO) from error
         raise DescriptionError(
             f"URDF: not well-formed XML ({error}). Correct that place."
         ) from error

@@ -4,7 +4,7 @@ What PyYAML's own safe loader takes and this one does not:
 
 - aliases, with which a few lines unfold to any size; tags; `%` directives;
 - lists and mappings as keys, and a key that stands twice in one mapping;
-- numbers in base 60, such as 1:30:00, which are text here;
+- numbers in base 60, such as 1:30:00, which are text here, while 1e-3 is a number;
 - more than `MAX_VALUES` values, nests deeper than `MAX_DEPTH`, numbers of more than `MAX_NUMBER`
   characters.
 """
@@ -48,6 +48,7 @@ _Resolver.add_implicit_resolver(
     _FLOAT,
     re.compile(
         r"(?:[-+]?(?:[0-9][0-9_]*\.[0-9_]*|\.[0-9][0-9_]*)(?:[eE][-+][0-9]+)?"
+        r"|[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+"  # YAML 1.1 takes 1e-3 for text
         r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))$"
     ),
     list("-+0123456789."),

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from protocol.errors import ConfigError, UnknownNameError, UsageError
-from protocol.settings import Settings, load_yaml
+from protocol.settings import Settings, likeness, load_yaml
 from remote_controller import registry as controllers
 from remote_controller.config import ControllerConfig, build
 from remote_controller.config import available_configs as controller_configs
@@ -25,6 +26,8 @@ from robot_emulator.robots import available as robots
 from robot_emulator.service import describe
 from tools.services import as_yaml, controller_config, emulator_config
 from tools.simulate import suited
+
+SOME_KEYS = 50  # of a file, by which its side is told
 
 
 def resolved(name: str, overrides: list[str]) -> tuple[str, str]:
@@ -168,4 +171,15 @@ def _is_emulator(name: str) -> bool:
     path = Path(name)
     if path.is_dir():
         return True
-    return path.is_file() and "controller" not in load_yaml(path)
+    return path.is_file() and _has_keys_of_an_emulator(load_yaml(path))
+
+
+def _has_keys_of_an_emulator(content: dict[str, Any]) -> bool:
+    """Whose config a file is; a misspelt key speaks for the side that has the key most like it."""
+    if "controller" in content:
+        return False
+    emulator, controller = (
+        sum(likeness(key, tuple(model.model_fields)) for key in islice(content, SOME_KEYS))
+        for model in (EmulatorConfig, ControllerConfig)
+    )
+    return emulator >= controller

@@ -155,9 +155,10 @@ def in_words(node: dict[str, Any]) -> str:
 
 def limits(node: dict[str, Any]) -> str:
     """Range of a number."""
-    if "exclusiveMinimum" in node:
-        return f" > {node['exclusiveMinimum']:g}"
     least, most = node.get("minimum"), node.get("maximum")
+    if "exclusiveMinimum" in node:
+        above = f" > {node['exclusiveMinimum']:g}"
+        return above if most is None else f"{above}, at most {most:g}"
     if "exclusiveMaximum" in node and node["type"] == "number":
         return f", {least:g} to below {node['exclusiveMaximum']:g}"
     if most is None and "exclusiveMaximum" in node:

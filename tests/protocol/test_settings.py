@@ -122,7 +122,15 @@ def test_an_unknown_key_is_told_with_the_nearest_known_one(content, key, value, 
     assert "unknown key" in str(error)
 
 
+def test_a_misspelt_required_key_is_told_rather_than_missing():
+    with pytest.raises(ConfigError) as caught:
+        parse(Service, {"robto": "arm"}, "robot.yaml")
+    assert caught.value.key == "robto"
+    assert "Did you mean 'robot'?" in caught.value.remedy
+
+
 def test_an_unknown_key_like_no_other_gets_no_guess():
+    assert "Did you mean" not in refused({"tolerance_m": 1}).remedy
     assert "Did you mean" not in refused({"zzzzzz": 1}).remedy
 
 
@@ -275,7 +283,7 @@ def test_a_device_or_a_fifo_is_not_opened(tmp_path):
         ("1_000", 1000),
         ("-1.5e+3", -1500.0),
         (".5", 0.5),
-        ("1e-3", "1e-3"),
+        ("1e-3", 0.001),
         ("-.inf", float("-inf")),
         ("2001-01-02", datetime.date(2001, 1, 2)),
         ("no", False),

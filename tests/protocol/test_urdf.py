@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from arm3 import URDF
 
@@ -118,6 +120,27 @@ def test_mass_on_what_stands_still_is_not_enough(heavy):
         '<link name="base"/>', heavy.format(inertial)
     )
     with pytest.raises(DescriptionError, match="nothing that moves has a mass"):
+        read_urdf(text)
+
+
+@pytest.mark.parametrize("text", ["", "<robot name='r'/>", "<robot><joint name='j'/></robot>"])
+def test_a_urdf_without_links_is_told_to_have_none(text):
+    with pytest.raises(DescriptionError) as caught:
+        read_urdf(text)
+    assert "without a parent" not in str(caught.value)
+    assert "no <link>" in str(caught.value) or not text
+
+
+XACRO = '<xacro:property name="m" value="2"/><xacro:macro name="leg"/>'
+
+
+@pytest.mark.parametrize(
+    "declared", ["", ' xmlns:xacro="http://www.ros.org/wiki/xacro"', ' xmlns:xacro="http://xacro"']
+)
+def test_a_xacro_file_is_called_so(declared):
+    text = re.sub("<robot([^>]*)>", rf"<robot\1{declared}>{XACRO}", URDF, count=1)
+    text = re.sub('mass value="[^"]*"', 'mass value="${m}"', text)
+    with pytest.raises(DescriptionError, match=r"this is a xacro file.*Expand it first"):
         read_urdf(text)
 
 

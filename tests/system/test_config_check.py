@@ -75,6 +75,23 @@ def test_it_says_for_which_robot_it_is_correct(name: str) -> None:
     assert done.stdout == f"{name}: a correct config of a controller for robot hoap3\n"
 
 
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("controler: qp12\n", "'controller'"),
+        ("controler: qp12\nrobot: hoap3\nlink: {}\n", "'controller'"),
+        ("controller: qp12\nparametrs: {gamma: 0.5}\n", "'parameters'"),
+        ("robot: hoap3\nmisses_to_stopp: 3\n", "'misses_to_stop'"),
+        ("robto: hoap3\n", "'robot'"),
+    ],
+)
+def test_a_hint_is_a_key_of_that_level_of_that_side(text: str, hint: str) -> None:
+    Path("mine.yaml").write_text(text, encoding="utf-8")
+    refused = inside("config", "check", "mine.yaml")
+    assert refused.code == 2
+    assert f"Did you mean {hint}?" in refused.stderr
+
+
 def test_another_robot_can_be_named_and_its_frames_count(tmp_path: Path) -> None:
     arm = arm3.write(tmp_path)
     Path("mine.yaml").write_text("controller: qp12\nrobot: my_arm\n", encoding="utf-8")

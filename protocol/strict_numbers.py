@@ -1,0 +1,20 @@
+"""Settings take numbers for numbers: pydantic alone takes `true` for 1 and the text "3" for 3."""
+
+from __future__ import annotations
+
+from typing import Any
+
+_NO_SCHEMAS = {"default", "metadata", "config", "cls", "serialization", "expected"}
+
+
+def make_strict(schema: Any) -> None:
+    """Take numbers only for every integer and every float in a schema of pydantic."""
+    if isinstance(schema, dict):
+        if schema.get("type") in {"int", "float"}:
+            schema["strict"] = True
+        for key, inner in schema.items():
+            if key not in _NO_SCHEMAS:
+                make_strict(inner)
+    elif isinstance(schema, list | tuple):
+        for inner in schema:
+            make_strict(inner)
