@@ -16,6 +16,7 @@ from protocol.description import RobotDescription
 from protocol.errors import AuthorityError, LinkError, PortInUseError, UsageError, WireError
 from protocol.link import Request
 from protocol.messages import State
+from protocol.notes import Detail, Routine, told
 from protocol.realtime import prepare_process
 from protocol.recorder import Recorder
 from protocol.zenoh_link import ZenohControllerLink
@@ -49,7 +50,7 @@ def prepare(report: Callable[[str], None], own: Sequence[str] = ()) -> None:
     """
     import pinocchio  # noqa: F401, PLC0415 - half a second, better now than in the loop
 
-    warm_up((*KERNELS, *own), lambda name: report(f"kernels: {name}"))
+    warm_up((*KERNELS, *own), lambda name: report(Detail(f"kernels: {name}")))
 
 
 def rehearse(controller: Controller, description: RobotDescription) -> None:
@@ -138,8 +139,8 @@ class Service:
             ConfigError: the controller does not fit the robot.
         """
         prepare(self._report, find(self._config.controller, self._file).kernels)
-        for measure in prepare_process(self._config.realtime):
-            self._report(str(measure))
+        for note in told(prepare_process(self._config.realtime)):
+            self._report(note)
         if self._on_stop is not None:
             self._on_stop(self._wake)
         while not self._should_stop():
@@ -205,7 +206,8 @@ class Service:
             except WireError as error:
                 self._count(error)
             if self._unanswered_since < math.inf:
-                self._tell_once("waiting", f"waiting for robot {link.robot!r} at {endpoints}")
+                waiting = Routine(f"waiting for robot {link.robot!r} at {endpoints}")
+                self._tell_once("waiting", waiting)
             if link.linked and time.monotonic() - self._unanswered_since >= SILENCE_S:
                 self._tell_once(
                     "silent", f"robot {link.robot!r} does not answer: trying a new session"
@@ -260,7 +262,7 @@ class Service:
             return False
         loop.grant(grant.epoch)
         loop.announce("ROBOT_FOUND", grant.epoch)
-        self._report(f"following robot {link.robot!r} from tick {grant.from_tick}")
+        self._report(Routine(f"following robot {link.robot!r} from tick {grant.from_tick}"))
         return True
 
     def _acquire(self, link: ZenohControllerLink) -> Grant | None:
@@ -336,7 +338,8 @@ class Service:
                 return True
         loop.announce("ROBOT_LOST", loop.last_tick)
         gone = "is silent" if silent else "no longer follows us" if loop.stale else "is gone"
-        self._report(f"robot {link.robot!r} {gone}")
+        note = f"robot {link.robot!r} {gone}"
+        self._report(note if silent else Routine(note))
         return not silent
 
     def _stands_still(self, link: ZenohControllerLink) -> bool:

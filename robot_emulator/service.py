@@ -12,6 +12,7 @@ from protocol.description import RobotDescription
 from protocol.errors import ConfigError
 from protocol.link import RobotLink
 from protocol.local_control import LocalControl
+from protocol.notes import Detail, Routine, told
 from protocol.realtime import prepare_process
 from protocol.recorder import Recorder
 from protocol.ring import Kind
@@ -112,18 +113,19 @@ def serve(
     from protocol.zenoh_link import ZenohRobotLink  # noqa: PLC0415 - only where there is a network
 
     contact = CONTACT_KERNELS if config.plant.contacts else ()
-    warm_up((*KERNELS, *contact), lambda name: report(f"kernels: {name}"))
-    measures = [str(measure) for measure in prepare_process(config.realtime)]
-    for measure in measures:
-        report(measure)
+    warm_up((*KERNELS, *contact), lambda name: report(Detail(f"kernels: {name}")))
+    measures = prepare_process(config.realtime)
+    for note in told(measures):
+        report(note)
     clock = MonotonicClock()
     link = ZenohRobotLink(description.name, config.link)
     try:
         loop = build_loop(config, description, clock, link, recorder, lockstep=False)
-        loop.realtime = measures
+        loop.realtime = [str(measure) for measure in measures]
         with closing(_local_control(config, description, report)) as local:
             link.serve_also(local)
-            report(f"robot {description.name!r} is alive at {', '.join(config.link.listen)}")
+            endpoints = ", ".join(config.link.listen)
+            report(Routine(f"robot {description.name!r} is alive at {endpoints}"))
             loop.run(clock.now() + START_DELAY_NS, should_stop, ticks)
     finally:
         link.close()
@@ -155,7 +157,7 @@ def serve_lockstep(
         with closing(_local_control(config, description, report)) as local:
             link.serve_also(local)
             endpoints = ", ".join(config.link.listen)
-            report(f"robot {description.name!r} is alive at {endpoints}, lockstep")
+            report(Routine(f"robot {description.name!r} is alive at {endpoints}, lockstep"))
             loop.run(0, should_stop, ticks)
     finally:
         link.close()

@@ -45,6 +45,7 @@ Duration = Annotated[
 NoRealtime = Annotated[
     bool, typer.Option("--no-realtime", help="Neither pin nor ask for priority or locked memory.")
 ]
+Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="Show every note.")]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 Out = Annotated[
     Path | None, typer.Option("--out", help="Folder for the log; default: a new one in logs/.")
@@ -84,6 +85,7 @@ def run(
     out: Out = None,
     as_json: AsJson = False,
     no_realtime: NoRealtime = False,
+    verbose: Verbose = False,
     sets: Sets = [],  # noqa: B006 - typer's own way
 ) -> None:
     """Run a robot and its controller; --set takes emulator.KEY=VALUE and controller.KEY=VALUE."""
@@ -93,7 +95,7 @@ def run(
     from tools.output import print_json
     from tools.run import run_lockstep, run_realtime
     from tools.services import controller_config, emulator_config, split_overrides
-    from tools.show import LiveTable, show_summary
+    from tools.show import LiveTable, show_next, show_summary
 
     ours, theirs = split_overrides(sets)
     if seed is not None:
@@ -104,7 +106,8 @@ def run(
     if lockstep:
         outcome = run_lockstep(emulator, law, duration, out, files, should_stop=stop)
     else:
-        with LiveTable(f"{emulator.robot} and {law.controller}, {duration:g} s") as table:
+        title = f"robot {Path(emulator.robot).name}, controller {controller}, {duration:g} s"
+        with LiveTable(title, verbose=verbose) as table:
             outcome = run_realtime(
                 emulator, law, duration, out, table.news, files, should_stop=stop
             )
@@ -112,6 +115,7 @@ def run(
         print_json(outcome.summary)
     else:
         show_summary(outcome.summary)
+        show_next(outcome.summary["log"])
     good = outcome.summary["verdict"] != "unfit" and not outcome.summary["log_lost"]
     raise typer.Exit(0 if good else 1)
 
@@ -124,6 +128,7 @@ def emulator(
     out: Out = None,
     as_json: AsJson = False,
     no_realtime: NoRealtime = False,
+    verbose: Verbose = False,
     sets: Sets = [],  # noqa: B006
     status_fd: StatusFd = None,
     named: Named = None,
@@ -145,6 +150,7 @@ def emulator(
         out=out,
         status_fd=status_fd,
         should_stop=stop,
+        verbose=verbose,
     )
     if summary is not None and as_json:
         print_json(summary)
@@ -158,6 +164,7 @@ def controller(
     config: Annotated[str, typer.Argument(help="Controller config: a name or a path.")],
     out: Out = None,
     no_realtime: NoRealtime = False,
+    verbose: Verbose = False,
     sets: Sets = [],  # noqa: B006
     status_fd: StatusFd = None,
     named: Named = None,
@@ -169,7 +176,9 @@ def controller(
     from tools.services import controller_config, run_controller
 
     settings, file = controller_config(config, sets, realtime=not no_realtime, named=named)
-    code = run_controller(settings, file, out=out, status_fd=status_fd, should_stop=stop)
+    code = run_controller(
+        settings, file, out=out, status_fd=status_fd, should_stop=stop, verbose=verbose
+    )
     raise typer.Exit(code)
 
 

@@ -42,6 +42,21 @@ _FORCED = {_CONSTANTS["REASON_MISSES"], _CONSTANTS["REASON_HOLDER_LOST"]}
 _OF_JOINTS = {_CONSTANTS["CLIPPED"], _CONSTANTS["TORQUE_LIMITED"]}
 
 
+_ROUTINE = {
+    _CONSTANTS[name]
+    for name in (
+        *("STARTED", "GRANTED", "RELEASED", "AT_REST", "ENDED", "RESET"),
+        *("ROBOT_FOUND", "ROBOT_LOST", "STALLS_WATCHED"),
+    )
+}
+_ORDERLY = {_CONSTANTS["REASON_ENDED"], _CONSTANTS["REASON_SHUTDOWN"]}
+
+
+def is_routine(kind: int, detail: int) -> bool:
+    """Whether an event is part of every run that goes well."""
+    return kind in _ROUTINE or (kind == _CONSTANTS["SAFE_STOP"] and detail in _ORDERLY)
+
+
 def event_name(kind: int, detail: int) -> str:
     """What happened. A safe stop is one that misses or a lost holder forced; others only brake."""
     if kind == _CONSTANTS["SAFE_STOP"] and detail not in _FORCED:

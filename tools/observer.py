@@ -22,7 +22,7 @@ from protocol.errors import Hoap3Error, UsageError
 from protocol.messages import Event
 from protocol.ring import Kind, Record, Ring
 from tools.certificate_count import CertificateCount
-from tools.event_words import CONDITIONS, event_name, in_words
+from tools.event_words import CONDITIONS, event_name, in_words, is_routine
 from tools.outside import OutsideStalls
 from tools.processes import Child, Lifeline, read_order, to_people
 from tools.stalls import PRIORITY, StallMonitor
@@ -177,9 +177,9 @@ class _Reporter:
         except BrokenPipeError:
             self._status = None  # whoever asked is gone; the log goes on
 
-    def say(self, text: str) -> None:
-        """One line for people."""
-        self._tell("said", {"text": f"{self._side}: {text}"})
+    def say(self, text: str, news: str = "said") -> None:
+        """One line for people; of which kind, for the process that asked for it."""
+        self._tell(news, {"text": f"{self._side}: {text}"})
 
     def session(self, record: Record) -> None:
         """Learn what the following events are about."""
@@ -199,9 +199,9 @@ class _Reporter:
         name = event_name(event.kind, event.detail)
         words = in_words(event.kind, event.detail, (), self._conditions)
         text = f"{self._side}: tick {event.tick}: {name}" + (f" ({words})" if words else "")
-        self._tell(
-            "event", {"text": text, "kind": name, "tick": event.tick, "detail": event.detail}
-        )
+        content = {"text": text, "kind": name, "tick": event.tick, "detail": event.detail}
+        routine = is_routine(event.kind, event.detail)
+        self._tell("event", {**content, "routine": routine})
 
     def _tell(self, news: str, content: dict[str, Any]) -> None:
         if self._status is None:
@@ -264,6 +264,7 @@ class _Watch:
         self._monitor = StallMonitor(order["watch"], keep_awake=order["keep_awake"])
         self._stalls = OutsideStalls(self._monitor.logs)
         self._said_watched = False
+        self._keep_awake = bool(order["keep_awake"])
         self._unwatched: set[int] = set()
         self._obtained: list[str] = []
         self._is_robot = order["side"] == "robot"
@@ -297,7 +298,8 @@ class _Watch:
             self._said_watched = True
             for cpu, log in self._monitor.logs.items():
                 self._obtained.append(f"CPU {cpu}: " + ("kept awake" if log.awake else "may sleep"))
-                self._reporter.say(self._obtained[-1])
+                as_asked = log.awake or not self._keep_awake
+                self._reporter.say(self._obtained[-1], "detail" if as_asked else "said")
                 self.take(_event("STALLS_WATCHED", time.monotonic_ns(), cpu))
         for cpu in {*self._monitor.refused()} - self._unwatched:
             self._unwatched.add(cpu)

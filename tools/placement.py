@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from protocol.notes import Detail
 from protocol.private_directory import runtime_directory
 from protocol.realtime import CpuClaim, claim_cpu
 from protocol.settings import RealtimeSettings
@@ -40,7 +41,7 @@ def chosen(report: Report) -> str:
         remember(found)
     choice: str = found.get("recommended", "one_cpu")
     words = {"one_cpu": "one CPU for both sides", "two_cpus": "one CPU for each side"}
-    report(f"placement: {words[choice]} ({found['why']})")
+    report(Detail(f"placement: {words[choice]} ({found['why']})"))
     return choice
 
 

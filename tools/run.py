@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from protocol.errors import Hoap3Error, UsageError
+from protocol.notes import Note
 from protocol.recorder import PatientRecorder, Recorder
 from protocol.settings import RealtimeSettings
 from remote_controller.config import ControllerConfig, of_another_robot
@@ -82,7 +83,10 @@ def run_realtime(
     folder = run_folder(log, exact=out is not None)
 
     def report(text: str) -> None:
-        news({"news": "said", "text": text})
+        news({"news": text.news if isinstance(text, Note) else "said", "text": text})
+
+    where = str(folder) if folder else "none"
+    news({"news": "begins", "robot": description.name, "log": where})
 
     ours, theirs, claims = placed(emulator.realtime, controller.realtime, report)
     ours, theirs = _watched(ours, theirs)
@@ -299,7 +303,7 @@ class _Services:
         return heard
 
     def _hear(self, item: dict[str, Any], command: str) -> None:
-        if item["news"] in {"said", "damaged"}:
+        if item["news"] in {"said", "damaged", "detail", "routine", "not granted"}:
             self.said.append(item["text"])
             if item["news"] == "damaged":
                 self.damage.append(item["text"])

@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import yaml
 
 from protocol.errors import ConfigError, Hoap3Error, UsageError
+from protocol.notes import Note, Routine
 from protocol.realtime import CpuClaim
 from protocol.recorder import PatientRecorder, Recorder, RingRecorder
 from protocol.settings import (
@@ -32,7 +33,7 @@ from robot_emulator.service import describe, serve, serve_lockstep
 from tools.log_format import SIDES, file_name
 from tools.machine import machine_block, versions
 from tools.observer import Observer
-from tools.output import print_line
+from tools.output import Meter, print_line
 from tools.placement import settled_alone
 from tools.processes import StopFlag, to_people
 from tools.refusal import forget, is_new, nothing_happened
@@ -215,6 +216,7 @@ def run_emulator(
     out: Path | None,
     status_fd: int | None,
     should_stop: Callable[[], bool],
+    verbose: bool = False,
 ) -> tuple[int, dict[str, Any] | None]:
     """Run a robot until it is told to stop.
 
@@ -222,11 +224,14 @@ def run_emulator(
         Exit code, 0, or 1 after a safe stop or where the log was lost, and the summary as `run` has
         it; None after a failure.
     """
+    from tools.kernel_news import watch_compilation  # noqa: PLC0415 - loads numba
+
     description = describe(config, file)
     period_ns = round(description.period_s * 1e9)
     made, refused = is_new(out), False
     folder = _folder(config.log, out, "robot")
-    voice = Voice(status_fd)
+    voice = Voice(status_fd, verbose=verbose)
+    watch_compilation(voice.compiling)
     config, claim = (config, None) if lockstep else settled(config, voice.say)
     ticks = None if duration is None else round(duration * 1e9 / period_ns)
     run = serve_lockstep if lockstep else serve
@@ -267,13 +272,17 @@ def run_controller(
     out: Path | None,
     status_fd: int | None,
     should_stop: Callable[[], bool],
+    verbose: bool = False,
 ) -> int:
     """Run a controller until it is told to stop; exit code 1 where its log was lost."""
+    from tools.kernel_news import watch_compilation  # noqa: PLC0415 - loads numba
+
+    voice = Voice(status_fd, verbose=verbose)
+    watch_compilation(voice.compiling)
     from remote_controller.service import Service  # noqa: PLC0415 - loads numba and Pinocchio
 
     made, refused = is_new(out), False
     folder = _folder(config.log, out, "controller")
-    voice = Voice(status_fd)
     config, claim = settled(config, voice.say)
     with _released(claim):
         observer = observer_for(
@@ -330,21 +339,33 @@ class Voice:
 
     Args:
         status_fd: pipe to that process, shared with the observer; None for people.
+        verbose: show people details, too.
     """
 
-    def __init__(self, status_fd: int | None) -> None:
+    def __init__(self, status_fd: int | None, *, verbose: bool = False) -> None:
+        self._verbose = verbose
+        self._meter = Meter("compiling kernels, once for each version", None)
         self._stream = None if status_fd is None else os.fdopen(os.dup(status_fd), "w")
 
     def say(self, text: str, news: str = "said") -> None:
         """Something to know; of which kind, for the process that started us."""
-        self._send({"news": news, "text": text})
+        kind = text.news if isinstance(text, Note) else news
+        if self._stream is not None or kind != "detail" or self._verbose:
+            self._send({"news": kind, "text": text})
+
+    def compiling(self, kernel: str) -> None:
+        """Tell that a kernel is being compiled."""
+        if self._stream is None:
+            self._meter.step(kernel)
+        else:
+            self.say(kernel, news="compiling")
 
     def result(self, text: str) -> None:
         """What the service leaves; to people on standard output."""
         if self._stream is None:
             print_line(text)
         else:
-            self.say(text)
+            self.say(Routine(text))
 
     def lost(self, text: str) -> None:
         """The log of this service is lost."""

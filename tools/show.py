@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from tools.certificate_count import in_a_line
-from tools.output import notes, print_note, results, watched
+from tools.output import Meter, notes, print_note, results, watched
 
 COLOURS = {"fit": "green", "warn": "yellow", "unfit": "red"}
 _COLUMNS = {"n": "n", "min": "min", "p50": "p50", "p90": "p90", "p99": "p99", "p99_9": "p99.9",
@@ -18,10 +19,19 @@ _COLUMNS = {"n": "n", "min": "min", "p50": "p50", "p90": "p90", "p99": "p99", "p
 
 
 class LiveTable:
-    """A table on standard error that follows the news of a run; silent where nobody watches."""
+    """A table on standard error that follows the news of a run; on a terminal only.
 
-    def __init__(self, title: str) -> None:
-        self._title = title
+    Notes are lines in either case: those that matter, or all of them.
+
+    Args:
+        title: what runs.
+        verbose: show all notes.
+    """
+
+    def __init__(self, title: str, *, verbose: bool = False) -> None:
+        self._title, self._verbose = title, verbose
+        self._told: set[str] = set()
+        self._compiling = Meter("compiling kernels, once for each version", None)
         self._live = Live(
             console=notes, refresh_per_second=4, transient=True, redirect_stdout=False
         )
@@ -38,10 +48,26 @@ class LiveTable:
 
     def news(self, item: dict[str, Any]) -> None:
         """Take one piece of news from a service or its observer."""
-        if item["news"] == "live" and self._watched:
+        kind = item["news"]
+        if kind == "live" and self._watched:
             self._live.update(self._table(item))
-        elif item["news"] in {"event", "said", "damaged"}:
+        elif kind == "begins":
+            print_note(f"{self._title}; log: {item['log']}")
+        elif kind == "compiling" and self._watched:
+            self._live.update(f"compiling kernels, once for each version: {item['text']}")
+        elif kind == "compiling":
+            self._compiling.step(item["text"])
+        elif kind == "not granted" and item["text"] in self._told:
+            return  # the other side has said so
+        elif kind in {"said", "damaged", "not granted"} or self._is_shown(item):
+            self._told.add(item["text"])
             print_note(item["text"])
+
+    def _is_shown(self, item: dict[str, Any]) -> bool:
+        """Of events and notes that do not always matter."""
+        if item["news"] == "event":
+            return self._verbose or not item["routine"]
+        return self._verbose and item["news"] in {"detail", "routine"}
 
     def _table(self, item: dict[str, Any]) -> Table:
         table = Table(title=self._title, show_header=False, box=None)
@@ -122,6 +148,16 @@ def show_summary(summary: dict[str, Any]) -> None:
         rows |= {f"  {name}": stage for name, stage in summary["stages_us"].items()}
         results.print(durations_table(rows, summary["jitter_us"]))
     results.print(machine_line(summary), markup=False)
+
+
+def show_next(log: str | None) -> None:
+    """Say what can be done with the log of a run."""
+    if log is None:
+        return
+    folder = shlex.quote(log)
+    print_note(f"next:  hoap3 report {folder}     a page with figures and plots")
+    print_note(f"       hoap3 replay {folder}     repeat it, and compare every setpoint")
+    print_note(f"       hoap3 export {folder} --to run.csv")
 
 
 def durations_table(rows: dict[str, dict[str, Any]], jitter: dict[str, Any]) -> Table:

@@ -40,7 +40,7 @@ BRAKE_RATE = 10.0  # [1/s] default brake_acceleration / velocity
 
 def _not_text(value: object) -> object:
     if isinstance(value, str):
-        problem = "should be a number; YAML takes 1e-3 and '1' for text, 1.0e-3 for a number"
+        problem = "should be a number; in quotes it is text"
         raise ValueError(problem)  # noqa: TRY004 - the error that pydantic understands
     return value
 

@@ -59,6 +59,7 @@ class Command:
 
     Args:
         arguments: behind `hoap3`; the real-time commands get `--no-realtime`.
+        verbose: have `run` say all that its services say, which tests wait for.
         environment: changes of ours; None takes a variable away.
         wrapper: what `hoap3` is started by.
 
@@ -74,10 +75,12 @@ class Command:
         cwd: Path | None = None,
         environment: Mapping[str, str | None] | None = None,
         wrapper: Sequence[str] = (),
+        verbose: bool = True,
     ) -> None:
         self._mark = uuid.uuid4().hex
         words = [str(argument) for argument in arguments]
         plain = ["--no-realtime"] if words[0] in SERVICES else []
+        plain += ["--verbose"] if words[0] == "run" and verbose else []
         changes = {_MARK: self._mark, **(environment or {})}
         merged = {**os.environ, **changes}
         self.process = subprocess.Popen(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from collections.abc import Iterator
+from contextlib import redirect_stderr
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +24,7 @@ from socket_census import census
 from protocol.messages import State
 from protocol.ring import Kind
 from tools.log import Log, payload_hash
+from tools.show import LiveTable
 
 TICKS = 1000
 
@@ -153,6 +156,41 @@ def test_people_get_a_summary_whatever_lies_in_their_folder(tmp_path: Path) -> N
     assert "somebody else" not in run.stderr
     assert_no_traceback(run)
     assert set(tmp_path.rglob("*")) == before  # nothing is written where nothing shall be
+
+
+def test_a_start_is_told_in_five_lines_and_the_end_says_what_is_next(tmp_path: Path) -> None:
+    folder = tmp_path / "a log"
+    words = ("run", "--duration", "0.2", "--out", folder)
+    with Command(*words, verbose=False) as run:
+        assert run.end() in {0, 1}
+    head, _, tail = run.stderr.partition("next:")
+    lines = [line for line in head.splitlines() if not line.startswith("compiling kernels")]
+    assert 1 <= len(lines) <= 5
+    for word in ("robot hoap3", "controller qp12", "0.2 s", str(folder)):
+        assert word in lines[0]
+    assert f"hoap3 report '{folder}'" in tail
+    assert_no_traceback(run)
+
+
+def test_the_normal_course_is_no_news_and_a_failure_is() -> None:
+    quiet, all_of_it = LiveTable("title"), LiveTable("title", verbose=True)
+    routine = [
+        {"news": "event", "text": "robot: tick 0: started", "routine": True},
+        {"news": "routine", "text": "following robot"},
+        {"news": "detail", "text": "timer slack: 1 ns"},
+    ]
+    alarms = [
+        {"news": "event", "text": "robot: tick 9: safe stop (misses)", "routine": False},
+        {"news": "said", "text": "the log has gaps"},
+        {"news": "damaged", "text": "the log is not whole"},
+        {"news": "not granted", "text": "not granted by the system: memory lock"},
+    ]
+    for table, expected in ((quiet, alarms), (all_of_it, [*routine, *alarms])):
+        heard = io.StringIO()
+        with redirect_stderr(heard):
+            for item in (*routine, *alarms, alarms[-1]):  # the other side is refused the same
+                table.news(item)
+        assert heard.getvalue().splitlines() == [item["text"] for item in expected]
 
 
 def test_paths_and_hashes_are_printed_in_one_piece(tmp_path: Path) -> None:
