@@ -106,7 +106,7 @@ def run(
     if lockstep:
         outcome = run_lockstep(emulator, law, duration, out, files, should_stop=stop)
     else:
-        title = f"robot {Path(emulator.robot).name}, controller {controller}, {duration:g} s"
+        title = f"{Path(emulator.robot).name} with {controller}, {duration:g} s"
         with LiveTable(title, verbose=verbose) as table:
             outcome = run_realtime(
                 emulator, law, duration, out, table.news, files, should_stop=stop

@@ -85,13 +85,18 @@ def run_realtime(
     def report(text: str) -> None:
         news({"news": text.news if isinstance(text, Note) else "said", "text": text})
 
-    where = str(folder) if folder else "none"
-    news({"news": "begins", "robot": description.name, "log": where})
-
-    ours, theirs, claims = placed(emulator.realtime, controller.realtime, report)
-    ours, theirs = _watched(ours, theirs)
     endpoint = f"tcp/127.0.0.1:{_free_port()}"
     here, there = links or ({"listen": (endpoint,)}, {"connect": (endpoint,)})
+    news(
+        {
+            "news": "begins",
+            "robot": description.name,
+            "at": ", ".join(here.get("listen", ())),
+            "log": str(folder) if folder else "none",
+        }
+    )
+    ours, theirs, claims = placed(emulator.realtime, controller.realtime, report)
+    ours, theirs = _watched(ours, theirs)
     emulator = emulator.model_copy(
         update={"link": emulator.link.model_copy(update=here), "realtime": ours}
     )

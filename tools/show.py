@@ -52,7 +52,9 @@ class LiveTable:
         if kind == "live" and self._watched:
             self._live.update(self._table(item))
         elif kind == "begins":
-            print_note(f"{self._title}; log: {item['log']}")
+            print_note(
+                f"{self._title}; robot {item['robot']!r} at {item['at']}; log: {item['log']}"
+            )
         elif kind == "compiling" and self._watched:
             self._live.update(f"compiling kernels, once for each version: {item['text']}")
         elif kind == "compiling":

@@ -166,7 +166,7 @@ def test_a_start_is_told_in_five_lines_and_the_end_says_what_is_next(tmp_path: P
     head, _, tail = run.stderr.partition("next:")
     lines = [line for line in head.splitlines() if not line.startswith("compiling kernels")]
     assert 1 <= len(lines) <= 5
-    for word in ("robot hoap3", "controller qp12", "0.2 s", str(folder)):
+    for word in ("hoap3 with qp12", "0.2 s", "tcp/127.0.0.1:", str(folder)):
         assert word in lines[0]
     assert f"hoap3 report '{folder}'" in tail
     assert_no_traceback(run)
