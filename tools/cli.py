@@ -312,11 +312,15 @@ def export(
     to: Annotated[Path, typer.Option("--to", help="File to write: *.csv or *.npz.")],
     side: Annotated[str, typer.Option(help="robot or controller: whose log of a run.")] = "robot",
 ) -> None:
-    """Write a log as CSV or as numpy arrays."""
+    """Write a log as CSV or as numpy arrays; exit code 1 if a part of the log is lost."""
     from tools.export import export as write
-    from tools.output import print_line
+    from tools.output import print_line, print_note
 
-    print_line(write(log, to, side))
+    written = write(log, to, side)
+    print_line(str(written))
+    if written.missing:
+        print_note(f"the log is not complete: {written.missing}")
+    raise typer.Exit(0 if written.complete else 1)
 
 
 @config_app.command("show")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +27,29 @@ PER_JOINT = {"q", "dq", "tau", "reference", "values"}
 Array = npt.NDArray[Any]
 
 
-def export(path: Path, to: Path, side: str = "robot") -> str:
-    """Write a log as `to` is named, `*.csv` or `*.npz`, and say what was written.
+@dataclass(frozen=True)
+class ExportReport:
+    """What was written.
+
+    Attributes:
+        out: the file.
+        count, unit: how many rows, or arrays.
+        missing: what the log has lost, in words, or "".
+        complete: nothing is missing but what the log's own cap has deleted.
+    """
+
+    out: Path
+    count: int
+    unit: str
+    missing: str
+    complete: bool
+
+    def __str__(self) -> str:
+        return f"{self.out}: {self.count} {self.unit}"
+
+
+def export(path: Path, to: Path, side: str = "robot") -> ExportReport:
+    """Write a log as `to` is named, `*.csv` or `*.npz`; damaged chunks of the log are left out.
 
     Args:
         path: a log, or the folder of a run, of which `side` chooses the log.
@@ -42,8 +64,8 @@ def export(path: Path, to: Path, side: str = "robot") -> str:
     write, unit = writers[to.suffix]
     log = Log.open(path, side if path.is_dir() else None)
     count = write(log, to)
-    missing = f"; the log is not complete: {log.missing}" if log.missing else ""
-    return f"{to}: {count} {unit}{missing}"
+    complete = not (log.truncated or log.damages)
+    return ExportReport(to, count, unit, log.missing, complete)
 
 
 def export_npz(log: Log, out: Path) -> int:

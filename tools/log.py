@@ -30,13 +30,18 @@ from tools.log_format import (
     SCHEMAS,
     SIDES,
     TOPICS,
+    pack_gap,
     topic_name,
     unpack_input,
 )
-from tools.mcap_scan import McapScan
+from tools.mcap_scan import Damage, McapMessage, McapScan
 
 Rows = npt.NDArray[Any]
 Stamps = npt.NDArray[np.int64]
+
+MOST_TOLD = 5  # damaged places that are named one by one
+LONGEST_PART = 9  # digits of a file's number
+MOST_LAYOUTS = 32  # of messages of one size that are told apart
 
 _NAME = re.compile(r"(robot|controller)(?:\.(\d{4,}))?\.mcap")
 
@@ -44,8 +49,8 @@ _NAME = re.compile(r"(robot|controller)(?:\.(\d{4,}))?\.mcap")
 class Log:
     """One side of a run.
 
-    What is read is one unbroken stretch: where a file is damaged, cut off or missing, the log ends,
-    even if further files exist; those can be opened by themselves.
+    Where a file is cut off or missing, the log ends, even if further files exist; those can be
+    opened by themselves. Damaged chunks of a file are skipped, and `missing` names them.
 
     Attributes:
         paths: the files, oldest first.
@@ -53,6 +58,7 @@ class Log:
         metadata: facts by group; of several files, the last one that says something.
         attachments: enclosed files by name, likewise.
         truncated: it ends early.
+        damages: what cannot be read inside it, in words, "" for nothing.
         missing: what is lost, in words, "" for nothing.
     """
 
@@ -67,7 +73,10 @@ class Log:
         first = self._scans[0].metadata["log"]
         self.robot, self.side = first["robot"], first["side"]
         before = _lost_at_begin(self.paths[0], first, self.metadata["log"])
-        self.missing = "; ".join(filter(None, (before, lost)))
+        damages = [(scan, damage) for scan in self._scans for damage in scan.damages]
+        repaired = [scan.metadata.get("repair", {}).get("damaged", "") for scan in self._scans]
+        self.damages = "; ".join(filter(None, (*_told(damages, self._begin), *repaired)))
+        self.missing = "; ".join(filter(None, (before, self.damages, lost)))
 
     @classmethod
     def open(cls, path: Path | str, side: str | None = None) -> Log:
@@ -95,6 +104,11 @@ class Log:
             LogError: the log encloses none, or no text.
         """
         return self._attachment("config.yaml").decode(errors="replace")
+
+    @property
+    def _begin(self) -> int:
+        """Log time of its first message [ns], or 0."""
+        return next((scan.begin for scan in self._scans if scan.begin is not None), 0)
 
     def names(self, key: str) -> list[str]:
         """Names that its first session gives: `extra` columns, or `conditions`."""
@@ -125,14 +139,15 @@ class Log:
     def records(self) -> Iterator[Record]:
         """Every record in the order in which it was processed; copies for viewers left out.
 
+        In the place of what is damaged stands a record of kind GAP.
+
         Raises:
-            LogError: a chunk of a finished file is damaged, or of another version.
+            LogError: a record of another version.
         """
         kinds = {channel: kind for kind, channel in KIND_CHANNELS.items()}
         inputs = CHANNELS["inputs"]
         for place, scan in enumerate(self._scans):
-            for message in scan.messages():
-                channel, _, stamp, _, payload = message
+            for channel, _, stamp, _, payload in _with_gaps(scan):
                 kind = kinds.get(channel)
                 if kind is not None:
                     yield Record(kind, stamp, payload)
@@ -157,7 +172,7 @@ class Log:
             kind: STATE, SETPOINT or EVENT.
 
         Raises:
-            LogError: a chunk of a finished file is damaged, or of another version.
+            LogError: messages of another version.
         """
         channel = KIND_CHANNELS[kind]
         by_size: dict[int, tuple[array[int], bytearray]] = {}
@@ -249,6 +264,43 @@ def _unbroken(files: list[Path]) -> tuple[list[McapScan], str | None]:
     return scans, None
 
 
+def _with_gaps(scan: McapScan) -> Iterator[McapMessage]:
+    """The messages of a file; for each damage an input that says so."""
+    newest = scan.begin or 0
+    for part in scan.parts():
+        if isinstance(part, Damage):
+            gap = pack_gap(part.size, part.after or newest)
+            yield CHANNELS["inputs"], 0, part.after or newest, part.after or newest, gap
+        else:
+            yield from part
+
+
+def _told(damages: list[tuple[McapScan, Damage]], begin: int) -> list[str]:
+    """Where chunks are damaged, and between which times no record is left."""
+    words = [
+        f"{scan.path.name}: {damage.size} bytes at byte {damage.start} are damaged, "
+        f"no record is left{_span(damage, begin)}"
+        for scan, damage in damages[:MOST_TOLD]
+    ]
+    more = len(damages) - len(words)
+    return [*words, f"and {more} more such places"] if more else words
+
+
+def _span(damage: Damage, begin: int) -> str:
+    """Between which times of the log a damage lies; "" where no message is left at all."""
+    after, before = damage.after, damage.before
+    if after is None and before is None:
+        return ""
+    if after is None or before is None:
+        word, stamp = ("before", before) if after is None else ("after", after)
+        return f" {word} {((stamp or 0) - begin) / 1e9:.3f} s"
+    return f" between {(after - begin) / 1e9:.3f} s and {(before - begin) / 1e9:.3f} s"
+
+
+def _is_part(text: str) -> bool:
+    return text.isdecimal() and len(text) <= LONGEST_PART
+
+
 def _part(scan: McapScan) -> int:
     return int(scan.metadata["log"]["part"])
 
@@ -260,7 +312,7 @@ def _read_ours(file: Path) -> McapScan:
     ours = {"format", "wire_version", "robot", "side", "part"} <= facts.keys()
     if not scan.whole and scan.profile in {"", PROFILE} and len(scan.channels) < len(TOPICS):
         raise LogError(f"{file}: {scan.problem}, before any record. Nothing can be saved")
-    if not ours or facts["side"] not in SIDES or not facts["part"].isdecimal():
+    if not ours or facts["side"] not in SIDES or not _is_part(facts["part"]):
         raise LogError(f"{file}: is an MCAP file, but none of ours. Name a log of `hoap3`")
     if (facts["format"], facts["wire_version"]) != (FORMAT, str(WIRE_VERSION)):
         raise LogError(
@@ -289,7 +341,7 @@ def _lost_at_end(scan: McapScan) -> str | None:
     if not scan.whole:
         rest = scan.size - scan.end
         return f"{scan.path.name}: {scan.problem}; {rest} bytes and all that came after are lost"
-    if "repair" in scan.metadata:
+    if scan.metadata.get("repair", {}).get("problem"):
         dropped = scan.metadata["repair"].get("dropped_bytes", "?")
         return f"{scan.path.name} was cut off and repaired; {dropped} bytes and what came after"
     return None
@@ -300,11 +352,16 @@ def _empty(schema: Schema) -> np.dtype[Any]:
 
 
 def _of_one_layout(schema: Schema, stamps: Stamps, data: bytearray) -> tuple[Stamps, Rows]:
-    """Those of equally long messages whose arrays are as long as in most of them."""
+    """Those of equally long messages whose arrays are as long as in most of them.
+
+    Of more than `MOST_LAYOUTS` different ones the first count.
+    """
     raw = np.frombuffer(data, np.uint8).reshape(len(stamps), -1)
     left = np.ones(len(stamps), bool)
     best, dtype = np.zeros(len(stamps), bool), _empty(schema)
-    while left.sum() > best.sum():
+    for _ in range(MOST_LAYOUTS):
+        if left.sum() <= best.sum():
+            break
         lengths = schema.lengths_in(raw[int(np.argmax(left))].tobytes())
         alike = left.copy()
         for name, at in schema.offsets(lengths)[0].items():

@@ -149,6 +149,14 @@ def pack_input(record: Record, *, repeated: bool = False) -> bytes:
     )
 
 
+def pack_gap(size: int, stamp: int) -> bytes:
+    """What stands for `size` damaged bytes of a log; `stamp` [ns] is of the newest record before.
+
+    How many records they were is not known.
+    """
+    return pack_input(Record(Kind.GAP, stamp, b'{"dropped": 0, "damaged_bytes": %d}' % size))
+
+
 def unpack_input(payload: bytes) -> tuple[Record, bool]:
     """The record that `pack_input` took, and whether it is a repetition.
 

@@ -1,7 +1,12 @@
-"""Reads an MCAP file from its begin to the last whole record, however it ended.
+"""Reads what is left of an MCAP file, however it ended and whatever is damaged in it.
 
 The library's reader wants a whole file. This one needs nothing but the order of records in the
-data section, trusts no length that a file states, and knows where the good part ends.
+data section. It trusts no length that a file states, skips damaged chunks, and knows where the good
+part ends. Where a record of a finished file is damaged, the index at its end tells where the next
+chunk begins.
+
+Memory and time are bounded by the size of the file: one chunk is unpacked at a time, and a file
+whose chunks claim to unpack to far more than a log of ours is refused.
 """
 
 from __future__ import annotations
@@ -9,10 +14,12 @@ from __future__ import annotations
 import os
 import struct
 import zlib
+from bisect import bisect_right
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from io import BytesIO
-from itertools import chain
+from itertools import chain, islice, pairwise
 from pathlib import Path
 from typing import IO
 
@@ -23,10 +30,17 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
 from protocol.errors import LogError
+from protocol.regular_file import open_regular
 from tools.mcap_write import MAGIC, MESSAGE_FIELDS, MESSAGE_HEAD
 
-MAX_CHUNK = 1 << 28  # of what a chunk may unpack to
+MAX_CHUNK = 1 << 26  # bytes that a chunk may unpack to; ours have 1 MiB and a record more
+MAX_RECORD = 1 << 24  # bytes of an attachment, or of anything else that is kept in memory
+MAX_ENCLOSED = 1 << 26  # bytes of all attachments and metadata together
+MAX_RATIO = 128  # of what all chunks unpack to, and the file; 73 with 128 joints that never move
+MESSAGE_BYTES = 16  # of the file for a message, at least: its entry in the index
+SLACK_MESSAGES = 1 << 16  # beyond that
 _RECORD = struct.Struct("<BQ")
+_FOOTER = struct.Struct("<BQQQI8s")  # with the mark behind it
 _CHUNK_HEAD = struct.Struct("<QQQII")  # first and last time, size, CRC, length of compression
 _PARSERS = {
     int(Opcode.HEADER): records.Header.read,
@@ -51,6 +65,22 @@ class _Chunk:
     compression: bytes
 
 
+@dataclass(frozen=True)
+class Damage:
+    """A stretch of a file that cannot be read.
+
+    Attributes:
+        start, size: where it stands [bytes].
+        after: log time of the newest message before it [ns], None where there is none.
+        before: log time of the oldest message behind it [ns], likewise.
+    """
+
+    start: int
+    size: int
+    after: int | None = None
+    before: int | None = None
+
+
 @dataclass
 class McapScan:
     """What can be read of a file.
@@ -59,6 +89,7 @@ class McapScan:
         size: of the file.
         end: of its last whole record; what follows is lost.
         whole: the file was finished, and nothing is missing at its end.
+        begin: log time of the oldest message [ns], None where there is none.
         problem: why it is not whole.
         profile: from the header.
         channels: by id.
@@ -71,94 +102,145 @@ class McapScan:
     end: int = len(MAGIC)
     whole: bool = False
     problem: str = ""
+    begin: int | None = None
     profile: str = ""
     channels: dict[int, records.Channel] = field(default_factory=dict)
     schemas: dict[int, records.Schema] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
-    _chunks: list[_Chunk] = field(default_factory=list)
+    _parts: list[_Chunk | Damage] = field(default_factory=list)
+    _unpacked: int = 0
+    _enclosed: int = 0
 
     @classmethod
     def of(cls, path: Path) -> McapScan:
-        """Scan a file. Chunks of one that is not whole are verified, and end it where they fail.
+        """Scan a file, and verify its chunks.
 
         Raises:
-            LogError: missing, empty, not MCAP, or it cannot be read.
+            LogError: missing, empty, not MCAP, it cannot be read, or it claims to hold more than a
+                log of its size can.
         """
         try:
-            with path.open("rb") as stream:
+            with open_regular(path) as stream:
                 scan = cls(path, os.fstat(stream.fileno()).st_size)
                 if stream.read(len(MAGIC)) != MAGIC:
                     what = "is not an MCAP file" if scan.size else "is empty"
                     raise LogError(f"{path}: {what}. Name a log that `hoap3` has written")
                 scan._walk(stream)
-                if not scan.whole:
-                    scan.verify()
+                scan._verify(stream)
         except OSError as error:
             raise LogError(
                 f"{path}: cannot be read ({error.strerror}). Name a log, or the folder of a run"
             ) from error
         return scan
 
+    @property
+    def damages(self) -> list[Damage]:
+        """What cannot be read before `end`, in file order."""
+        return [part for part in self._parts if isinstance(part, Damage)]
+
     def messages(self) -> Iterator[McapMessage]:
-        """Every message, in file order.
+        """Every message that can be read, in file order.
 
         Raises:
-            LogError: a chunk of a finished file is damaged.
+            LogError: the file has changed since it was scanned.
         """
-        return chain.from_iterable(self.chunks())
+        return chain.from_iterable(part for part in self.parts() if not isinstance(part, Damage))
 
-    def chunks(self) -> Iterator[Iterator[McapMessage]]:
-        """The same, chunk by chunk; each is to be used before the next is asked for."""
-        with self.path.open("rb") as stream:
-            for chunk in self._chunks:
-                yield self._unpack(chunk, stream)
+    def parts(self) -> Iterator[Iterator[McapMessage] | Damage]:
+        """The same, chunk by chunk, and what is damaged between them.
 
-    def verify(self) -> None:
-        """Check every chunk; the first damaged one is taken for the end of the file."""
-        with self.path.open("rb") as stream:
-            for place, chunk in enumerate(self._chunks):
-                try:
-                    for _ in self._unpack(chunk, stream):
-                        pass
-                except LogError:
-                    self.whole, self.end = False, chunk.start - _RECORD.size
-                    self.problem = f"a damaged chunk at byte {self.end}"
-                    del self._chunks[place:]
-                    return
+        Each chunk is to be used before the next part is asked for.
+        """
+        with open_regular(self.path) as stream:
+            for part in self._parts:
+                yield part if isinstance(part, Damage) else self._unpack(part, stream)
+
+    def _verify(self, stream: IO[bytes]) -> None:
+        """Read every chunk once; neighbours that are damaged become one damage."""
+        parts: list[_Chunk | Damage] = []
+        newest: int | None = None
+        left = self.size // MESSAGE_BYTES + SLACK_MESSAGES
+        for part in self._parts:
+            stamps: list[int] | None = None
+            if isinstance(part, _Chunk):
+                with suppress(LogError):
+                    found = islice(self._unpack(part, stream), left + 1)
+                    stamps = [message[2] for message in found]
+            if stamps is None:
+                start, end = _extent(part)
+                if parts and isinstance(parts[-1], Damage):
+                    start = parts.pop().start
+                parts.append(Damage(start, end - start, newest))
+                continue
+            if len(stamps) > left:
+                raise LogError(self._too_much("messages"))
+            left -= len(stamps)
+            if stamps:
+                if parts and isinstance(parts[-1], Damage):
+                    parts[-1] = replace(parts[-1], before=min(stamps))
+                newest = max(newest or 0, *stamps)
+                self.begin = min(stamps) if self.begin is None else self.begin
+            parts.append(part)
+        if not self.whole and parts and isinstance(parts[-1], Damage):
+            self.end = parts.pop().start  # nothing good comes behind it: the file ends there
+            self.problem = f"a damaged chunk at byte {self.end}"
+        self._parts = parts
 
     def _walk(self, stream: IO[bytes]) -> None:
+        starts, tried = _indexed(stream, self.size), 0
         while True:
-            head = stream.read(_RECORD.size)
-            if len(head) < _RECORD.size:
-                self.problem = f"it ends behind byte {self.end}, unfinished"
-                return
-            opcode, length = _RECORD.unpack(head)
-            start = self.end + _RECORD.size
-            if not opcode or start + length > self.size:
-                self.problem = f"it ends inside a record that begins at byte {self.end}"
-                return
-            try:
-                self._take(opcode, start, length, stream)
-            except (McapError, ValueError, struct.error) as error:
-                self.problem = f"a damaged record at byte {self.end} ({error!r:.60})"
-                return
-            self.end = start + length
-            if opcode == Opcode.FOOTER:
-                self.whole = stream.read() == MAGIC
-                self.problem = "" if self.whole else "the mark at its end is missing"
-                self.end = self.size if self.whole else self.end
-                return
             stream.seek(self.end)
+            self.problem = self._next(stream)
+            if self.problem:  # go back to the first chunk that was not found, if there is one
+                tried = max([tried, *(_extent(part)[0] for part in self._parts[-1:])])
+                place = bisect_right(starts, tried)
+                if place == len(starts):
+                    return
+                self.end = tried = starts[place]
+            elif self.whole:
+                break
+        found = {_extent(part)[0] for part in self._parts}
+        lost = [Damage(at, end - at) for at, end in pairwise(starts) if at not in found]
+        self._parts = sorted([*self._parts, *lost], key=_extent)
+
+    def _next(self, stream: IO[bytes]) -> str:
+        """Take the record at `end`; what is wrong with it, or ""."""
+        head = stream.read(_RECORD.size)
+        if len(head) < _RECORD.size:
+            return f"it ends behind byte {self.end}, unfinished"
+        opcode, length = _RECORD.unpack(head)
+        start = self.end + _RECORD.size
+        if not opcode or start + length > self.size:
+            return f"it ends inside a record that begins at byte {self.end}"
+        if opcode == Opcode.FOOTER:
+            if stream.read(length + len(MAGIC) + 1)[length:] != MAGIC:
+                self.end = start + length
+                return "the mark at its end is missing"
+            self.whole, self.end = True, self.size
+            return ""
+        try:
+            self._take(opcode, start, length, stream)
+        except (McapError, ValueError, struct.error) as error:
+            return f"a damaged record at byte {self.end} ({error!r:.60})"
+        self.end = start + length
+        return ""
 
     def _take(self, opcode: int, start: int, length: int, stream: IO[bytes]) -> None:
         if opcode == Opcode.CHUNK:
-            self._chunks.append(_read_chunk(start, length, stream))
+            chunk = _read_chunk(start, length, stream)
+            if chunk.unpacked <= MAX_CHUNK:  # others are damaged, and are not unpacked
+                self._unpacked += chunk.unpacked
+            if self._unpacked > MAX_CHUNK + MAX_RATIO * self.size:
+                raise LogError(self._too_much("bytes"))
+            self._parts.append(chunk)
             return
         parser = _PARSERS.get(opcode)
         if parser is None:
-            stream.seek(length, os.SEEK_CUR)
             return
+        self._enclosed += length
+        if length > MAX_RECORD or self._enclosed > MAX_ENCLOSED:
+            raise ValueError(f"{length} bytes are too many")
         match parser(ReadDataStream(BytesIO(stream.read(length)))):
             case records.Header(profile=profile):
                 self.profile = profile
@@ -183,10 +265,11 @@ class McapScan:
             yield channel, sequence, log, publish, raw[start:at]
 
     def _read(self, chunk: _Chunk, stream: IO[bytes]) -> bytes:
-        stream.seek(chunk.start + _CHUNK_HEAD.size + len(chunk.compression) + 8)
-        data = stream.read(chunk.length - _CHUNK_HEAD.size - len(chunk.compression) - 8)
-        if chunk.unpacked > MAX_CHUNK:
+        packed = chunk.length - _CHUNK_HEAD.size - len(chunk.compression) - 8
+        if chunk.unpacked > MAX_CHUNK or packed > MAX_CHUNK + MAX_RECORD:
             raise self._damaged(chunk)
+        stream.seek(chunk.start + _CHUNK_HEAD.size + len(chunk.compression) + 8)
+        data = stream.read(packed)
         if chunk.compression == b"zstd":
             try:
                 if zstandard.frame_content_size(data) != chunk.unpacked:
@@ -202,9 +285,50 @@ class McapScan:
 
     def _damaged(self, chunk: _Chunk) -> LogError:
         return LogError(
-            f"{self.path}: the chunk at byte {chunk.start - _RECORD.size} is damaged. "
-            "`hoap3 record --repair` saves what stands before it"
+            f"{self.path}: the chunk at byte {chunk.start - _RECORD.size} is damaged, and was not "
+            "when it was read first. Wait until nothing writes to the log"
         )
+
+    def _too_much(self, what: str) -> str:
+        return (
+            f"{self.path}: its chunks unpack to more {what} than a log of {self.size} bytes holds. "
+            "No service of ours has written it; do not read it"
+        )
+
+
+def _extent(part: _Chunk | Damage) -> tuple[int, int]:
+    """First byte of a part, and the one behind its last."""
+    if isinstance(part, Damage):
+        return part.start, part.start + part.size
+    return part.start - _RECORD.size, part.start + part.length
+
+
+def _indexed(stream: IO[bytes], size: int) -> list[int]:
+    """Where the index at the end says that chunks and the summary begin; nothing if it is damaged.
+
+    In rising order.
+    """
+    if size < len(MAGIC) + _FOOTER.size:
+        return []
+    stream.seek(size - _FOOTER.size)
+    opcode, length, start, _, crc, mark = _FOOTER.unpack(stream.read(_FOOTER.size))
+    if (opcode, length, mark) != (Opcode.FOOTER, 20, MAGIC):
+        return []
+    end = size - _FOOTER.size
+    if not 0 < start <= end or end - start > MAX_ENCLOSED:
+        return []
+    stream.seek(start)
+    summary = stream.read(end - start + _FOOTER.size)
+    if zlib.crc32(summary[: -len(MAGIC) - 4]) != crc:
+        return []
+    starts, at = {start}, 0
+    while at + _RECORD.size <= end - start:
+        opcode, length = _RECORD.unpack_from(summary, at)
+        at += _RECORD.size
+        if opcode == Opcode.CHUNK_INDEX and length >= 24:
+            starts.add(struct.unpack_from("<Q", summary, at + 16)[0])  # behind the time range
+        at += length
+    return sorted(place for place in starts if place <= start)
 
 
 def _read_chunk(start: int, length: int, stream: IO[bytes]) -> _Chunk:

@@ -1,4 +1,4 @@
-"""Makes a whole log of one that was cut off.
+"""Makes a whole log of one that was cut off, or has damaged chunks.
 
 The safe way is the default: the result stands beside the original, as `<name>.repaired.mcap`, and
 the original is not touched. In place, the original is kept as `<name>.mcap.damaged`.
@@ -16,7 +16,8 @@ from mcap.records import Attachment, Metadata
 from protocol import __version__
 from protocol.errors import LogError, UsageError
 from tools.log import Log
-from tools.mcap_scan import McapScan
+from tools.log_format import CHANNELS, pack_gap
+from tools.mcap_scan import Damage, McapScan
 from tools.mcap_write import McapFile
 
 
@@ -31,6 +32,7 @@ class RepairReport:
         messages: how many it holds, or how many could be saved.
         last_stamp: log time of the newest of them [ns], or None.
         dropped_bytes: what could not be read at its end.
+        damaged: what could not be read before that, in words, or "".
     """
 
     path: Path
@@ -39,6 +41,7 @@ class RepairReport:
     messages: int
     last_stamp: int | None
     dropped_bytes: int
+    damaged: str = ""
 
     def as_json(self) -> dict[str, Any]:
         """All of it."""
@@ -48,8 +51,9 @@ class RepairReport:
         if self.whole:
             return f"{self.path}: is whole, {self.messages} messages; nothing was done"
         until = "" if self.last_stamp is None else f", the last one at {self.last_stamp} ns"
+        inside = f"; {self.damaged}" if self.damaged else ""
         return (
-            f"{self.out}: {self.messages} messages saved{until}; "
+            f"{self.out}: {self.messages} messages saved{until}{inside}; "
             f"{self.dropped_bytes} bytes at the end could not be read"
         )
 
@@ -70,10 +74,8 @@ def repair(path: Path, out: Path | None = None, *, in_place: bool = False) -> Re
         raise LogError(f"{path}: is a folder. Name the file to mend")
     log = Log.open(path)  # refuses what is not ours
     scan = McapScan.of(path)
-    if scan.whole:
-        scan.verify()
     messages, last = 0, None
-    if scan.whole:
+    if scan.whole and not scan.damages:
         for message in scan.messages():
             messages, last = messages + 1, max(last or 0, message[2])
         return RepairReport(
@@ -84,8 +86,13 @@ def repair(path: Path, out: Path | None = None, *, in_place: bool = False) -> Re
     dropped = scan.size - scan.end
     try:
         _copy_head(log, scan, file, dropped)
-        for chunk in scan.chunks():
-            for channel, sequence, log_time, publish_time, data in chunk:
+        for part in scan.parts():
+            if isinstance(part, Damage):
+                stamp = part.after or scan.begin or 0
+                gap = pack_gap(part.size, stamp)
+                file.message(CHANNELS["inputs"], 0, stamp, stamp, gap)
+                continue
+            for channel, sequence, log_time, publish_time, data in part:
                 file.message(channel, sequence, log_time, publish_time, data)
                 messages, last = messages + 1, max(last or 0, log_time)
             file.cut()
@@ -99,7 +106,7 @@ def repair(path: Path, out: Path | None = None, *, in_place: bool = False) -> Re
         os.link(path, _damaged(path))  # refuses to replace an older one
         target.replace(path)
         target = path
-    return RepairReport(path, target, False, messages, last, dropped)
+    return RepairReport(path, target, False, messages, last, dropped, log.damages)
 
 
 def _target(path: Path, out: Path | None, *, in_place: bool) -> Path:
@@ -118,9 +125,9 @@ def _damaged(path: Path) -> Path:
 
 def _copy_head(log: Log, scan: McapScan, file: McapFile, dropped: int) -> None:
     """Everything that stands before the messages, and what was lost behind them."""
-    facts = {"dropped_bytes": str(dropped), "problem": scan.problem}
+    facts = {"dropped_bytes": str(dropped), "problem": scan.problem, "damaged": log.damages}
     for name, group in {**scan.metadata, "repair": facts}.items():
-        if name != "end":
+        if name != "end" or scan.whole:
             file.add(Metadata(name, group))
     clock = log.metadata.get("clock", {})
     logged, created = (int(clock.get(key, "0")) for key in ("monotonic_ns", "realtime_ns"))

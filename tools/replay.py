@@ -98,7 +98,7 @@ def replay(
         )
     try:
         report = replay_records(log.records(), config, tolerance=tolerance, file=file)
-    except (WireError, LookupError, TypeError, ValueError) as error:
+    except (WireError, LookupError, TypeError, ValueError, RecursionError) as error:
         raise LogError(
             f"{path}: holds a record that no service of ours has written "
             f"({type(error).__name__}: {error}). Name a log of a controller"

@@ -150,29 +150,6 @@ def test_a_repair_replaces_nothing(tmp_path: Path, sample: Sample) -> None:
     assert (tmp_path / "robot.repaired.mcap").read_text() == "mine"
 
 
-@given(data=st.data())
-def test_one_wrong_byte_never_passes_unseen(
-    tmp_path_factory: pytest.TempPathFactory, sample: Sample, data: st.DataObject
-) -> None:
-    chunk = data.draw(st.sampled_from(sample.chunks))
-    start = chunk.chunk_start_offset + 9 + 16  # behind the time range, which nothing relies on
-    at = data.draw(st.integers(start, chunk.chunk_start_offset + chunk.chunk_length - 1))
-    content = bytearray(sample.content)
-    content[at] ^= data.draw(st.integers(1, 255))
-    path = tmp_path_factory.mktemp("wrong") / "robot.mcap"
-    path.write_bytes(content)
-    expected = sample.readable(chunk.chunk_start_offset)
-    log = Log.open(path)
-    if log.truncated:  # the record itself no longer makes sense
-        assert list(log.records()) == expected
-    else:
-        with pytest.raises(LogError, match="--repair"):
-            list(log.records())
-    report = repair(path)
-    assert not report.whole
-    assert list(Log.open(report.out).records()) == expected
-
-
 def test_holes_of_zeros_end_the_log(tmp_path: Path, sample: Sample) -> None:
     """What a power failure may leave: the size is right, the last pages are empty."""
     middle = sample.chunks[1].chunk_start_offset + 50

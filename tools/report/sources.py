@@ -106,6 +106,17 @@ class Sources:
             return {}
 
 
+_NEVER_OURS = (
+    WireError,
+    LookupError,
+    TypeError,
+    ValueError,
+    OverflowError,
+    AttributeError,
+    RecursionError,
+)
+
+
 @contextmanager
 def of_ours(path: Path) -> Iterator[None]:
     """Turn what a log of ours could never lead to into an error that names the log.
@@ -115,7 +126,7 @@ def of_ours(path: Path) -> Iterator[None]:
     """
     try:
         yield
-    except (WireError, LookupError, TypeError, ValueError, OverflowError) as error:
+    except _NEVER_OURS as error:
         raise LogError(
             f"{path}: holds a record that no service of ours has written "
             f"({type(error).__name__}: {error}). Name a log of `hoap3`"
