@@ -26,14 +26,22 @@ class Request:
         who: identity of the client.
         answer: takes the answer, a JSON object or bytes; for "gone" it does nothing.
         body: what came with it.
+<<<<<<< HEAD
         local: whether it came from the robot's own machine and user, not over the network.
+=======
+        present: whether the client's liveliness token is seen; counts for "acquire" only.
+>>>>>>> 1d9a4ea (Grant authority only to clients whose token is seen)
     """
 
     verb: str
     who: str
     answer: Callable[[dict[str, Any] | bytes], None]
     body: bytes = b""
+<<<<<<< HEAD
     local: bool = False
+=======
+    present: bool = True
+>>>>>>> 1d9a4ea (Grant authority only to clients whose token is seen)
 
 
 class RobotLink(Protocol):
@@ -50,6 +58,9 @@ class RobotLink(Protocol):
 
     def announce(self, event: bytes) -> None:
         """Send an Event to whoever listens."""
+
+    def look_again(self, who: str) -> None:
+        """Check whether a client is alive; returns at once, and "gone" follows if it is not."""
 
     def close(self) -> None:
         """Leave the network."""
@@ -131,6 +142,9 @@ class LockstepLink:
     def announce(self, event: bytes) -> None:
         """Keep the Event for whoever looks."""
         self.announced.append(event)
+
+    def look_again(self, who: str) -> None:
+        """Nothing to check: clients in this process vanish only when a test says so."""
 
     def close(self) -> None:
         """Nothing to leave."""

@@ -12,7 +12,8 @@ import os
 import threading
 import time
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from queue import SimpleQueue
 from typing import Any, Literal
 
@@ -40,6 +41,11 @@ CONTROL = frozenset({"change", "show"})  # what a controller can be asked
 PENDING = 16  # requests to a controller; of more the oldest get no answer
 QUERY_TIMEOUT_S = 2.0
 FRESH_S = 0.75 * QUERY_TIMEOUT_S  # of a request to a controller: who asked still waits
+MAX_CLIENTS = 1024  # whose tokens a robot remembers; the oldest are forgotten first
+TOKENS = 256  # that came or went and wait for the loop; of more the oldest are lost
+TOKENS_AT_ONCE = 8  # that are taken before each request
+LOOKS = 8  # clients whose tokens are looked up together
+LOOK_PAUSE_S = 0.05  # before each look-up: requests may come by the thousand
 DROP_US = 100
 """How long a State waits for room on its way to a peer that takes nothing: at each tick."""
 
@@ -135,9 +141,7 @@ class ZenohRobotLink:
             self._state = _fast_publisher(session, key(robot, "state"), blocking)
             self._events = session.declare_publisher(key(robot, "events"), express=True)
             self._queries = _Queries(session, robot)
-            self._clients = session.liveliness().declare_subscriber(
-                key(robot, "clients/*"), zenoh.handlers.FifoChannel(64)
-            )
+            self._clients = _Clients(session, robot)
             self._setpoints = session.declare_subscriber(
                 key(robot, "setpoint"), zenoh.handlers.RingChannel(BACKLOG)
             )
@@ -146,6 +150,8 @@ class ZenohRobotLink:
             session.close()
             raise
         self._arrived: deque[Arrival] = deque(maxlen=BACKLOG)
+        self._query: zenoh.Query | None = None  # taken, and not served yet
+        self._clients.start()
         self._answers = _Answers()
         self._receiver = threading.Thread(target=self._receive, name="receive", daemon=True)
         self._receiver.start()
@@ -164,15 +170,36 @@ class ZenohRobotLink:
         return [arrived.popleft() for _ in range(len(arrived))]
 
     def requests(self) -> Iterable[Request]:
+<<<<<<< HEAD
         """Requests of this machine, vanished clients, then queries."""
         if self._local is not None:
             yield from self._local.requests()
         while (sample := self._clients.try_recv()) is not None:
             if sample.kind == zenoh.SampleKind.DELETE:
                 who = _identity(_leaf(sample.key_expr).encode())
+=======
+        """Queries, and vanished clients.
+
+        The tokens are looked at after a query was taken, and before it is served: so a client's
+        token is known if it was declared before the query was sent, and also if it has gone since.
+        """
+        while True:
+            if self._query is None:
+                self._query = self._queries.try_recv()
+            for who in self._clients.vanished():
+>>>>>>> 1d9a4ea (Grant authority only to clients whose token is seen)
                 yield Request("gone", who, lambda _: None)
-        while (query := self._queries.try_recv()) is not None:
-            yield self._answers.request(query)
+            if self._query is None:
+                return
+            query, self._query = self._query, None
+            request = self._answers.request(query)
+            if request.verb == "acquire":
+                request = replace(request, present=self._clients.asks(request.who))
+            yield request
+
+    def look_again(self, who: str) -> None:
+        """Check whether a client is alive, in a thread."""
+        self._clients.look_again(who)
 
     def serve_also(self, local: LocalControl) -> None:
         """Take requests of the robot's own machine, too; they come first."""
@@ -181,8 +208,10 @@ class ZenohRobotLink:
     def close(self) -> None:
         """Leave the network, after the answers that are due; the threads end with it."""
         self._answers.finish()
+        self._clients.finish()
         self._session.close()
         self._answers.join()
+        self._clients.join()
         self._receiver.join(timeout=2.0)
 
     def _receive(self) -> None:
@@ -216,6 +245,98 @@ class _Queries:
                 if (str(query.key_expr) == self._stop) == stops:
                     return query
         return None
+
+
+class _Clients:
+    """The clients whose liveliness tokens are seen.
+
+    Tokens come and go as samples, which the robot's loop takes. A single client is looked up by a
+    thread, because that may block. All other methods belong to the loop, and never block. Under a
+    flood samples are lost rather than that they hold up setpoints; a look-up makes up for that.
+
+    Args:
+        session, robot: whose clients.
+    """
+
+    def __init__(self, session: zenoh.Session, robot: str) -> None:
+        self._liveliness, self._robot = session.liveliness(), robot
+        self._samples = self._liveliness.declare_subscriber(
+            key(robot, "clients/*"), zenoh.handlers.RingChannel(TOKENS), history=True
+        )
+        self._seen: dict[str, int] = {}  # after how many samples; the oldest first
+        self._asked: dict[str, int] = {}  # for authority, likewise
+        self._taken = self._deleted = 0  # samples, and that of the last token that went
+        self._wanted: SimpleQueue[str | None] = SimpleQueue()
+        self._found: SimpleQueue[tuple[str, bool, int]] = SimpleQueue()
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._look, name="clients", daemon=True)
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def asks(self, who: str) -> bool:
+        """Note that a client asks for authority; whether its token is seen."""
+        _remember(self._asked, who, self._taken)
+        return who in self._seen
+
+    def vanished(self) -> Iterator[str]:
+        """Clients that asked for authority and whose tokens have gone.
+
+        Each is to be served before the next is taken.
+        """
+        for _ in range(TOKENS_AT_ONCE):
+            sample = self._samples.try_recv()
+            if sample is None:
+                break
+            self._taken += 1
+            who = _client(sample.key_expr)
+            if sample.kind == zenoh.SampleKind.PUT:
+                _remember(self._seen, who, self._taken)
+            else:
+                self._deleted = self._taken
+                self._seen.pop(who, None)
+                if self._asked.pop(who, None) is not None:
+                    yield who
+        while not self._found.empty():
+            who, alive, taken = self._found.get()
+            if alive and self._deleted <= taken:
+                _remember(self._seen, who, self._taken)
+            elif not alive and self._seen.get(who, 0) <= taken:
+                self._seen.pop(who, None)
+                yield who
+
+    def look_again(self, who: str) -> None:
+        """Have the thread look up a client; where many wait for that, it is not done."""
+        if self._wanted.qsize() < LOOKS:
+            self._wanted.put(who)
+
+    def finish(self) -> None:
+        """Look up nothing more; before the session is closed."""
+        self._closing.set()
+        self._wanted.put(None)
+
+    def join(self) -> None:
+        """Wait for the thread; after the session was closed."""
+        self._thread.join(timeout=2.0)
+
+    def _look(self) -> None:
+        while not self._closing.is_set():
+            wanted = {self._wanted.get()}
+            if self._closing.wait(LOOK_PAUSE_S):
+                return
+            wanted.update(self._wanted.get() for _ in range(self._wanted.qsize()))
+            for who in wanted - {None}:
+                with contextlib.suppress(zenoh.ZError):  # a name that no key can have, or closing
+                    self._look_up(str(who))
+
+    def _look_up(self, who: str) -> None:
+        taken = self._taken  # what comes or goes after this is newer than what is found
+        token = key(self._robot, f"clients/{who}")
+        replies = list(self._liveliness.get(token, timeout=QUERY_TIMEOUT_S))
+        if all(reply.ok for reply in replies):  # else it took too long
+            names = {_client(reply.ok.key_expr) for reply in replies if reply.ok}
+            self._found.put((who, who in names, taken))  # a wildcard finds others
 
 
 class ZenohControllerLink:
@@ -413,6 +534,12 @@ def _nothing() -> None:
     """Nobody waits for an arrival in real time."""
 
 
+def _remember(clients: dict[str, int], who: str, taken: int) -> None:
+    clients[who] = taken
+    if len(clients) > MAX_CLIENTS:
+        del clients[next(iter(clients))]
+
+
 def _alive(session: zenoh.Session, robot: str) -> bool:
     replies = session.liveliness().get(key(robot, "alive"), timeout=0.5)
     return any(reply.ok is not None for reply in replies)
@@ -421,6 +548,11 @@ def _alive(session: zenoh.Session, robot: str) -> bool:
 def _leaf(expression: Any) -> str:
     """Last chunk of a key expression; a wildcard such as `**` may be all there is of it."""
     return str(expression).rsplit("/", 1)[-1]
+
+
+def _client(token: Any) -> str:
+    """Name of the client that holds a token."""
+    return _identity(_leaf(token).encode())
 
 
 def _identity(name: bytes) -> str:

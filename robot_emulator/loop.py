@@ -80,6 +80,8 @@ class RobotLoop:
         self._plant.reset(start)
         self._gate.reset(start)
         self._authority = Authority()
+        self._lease_ticks = round(config.link.lease_ms * 1e6 / self.period)
+        self._look_tick = 0  # when the holder is looked up next
         self._grace_ticks, self._lead = grace_ticks, lead
         self._acted = False  # for the next tick
         self._epoch = 0
@@ -178,6 +180,7 @@ class RobotLoop:
         self.tick = tick
         for request in islice(self._link.requests(), self._requests_per_tick):
             self._serve(request)
+        self._look_after_holder()
         self._receive(self._published)
         self._judge()
         self._obey_grant()
@@ -303,6 +306,7 @@ class RobotLoop:
                 request.answer(self._status())
             case "recover":
                 request.answer({"recovered": self._recover(), **self._status()})
+                self._look_tick = self.tick
             case "status":
                 request.answer(self._status())
             case other:
@@ -320,20 +324,38 @@ class RobotLoop:
 
     def _grant(self, request: Request) -> None:
         held = self._authority.grant
+        if not request.present and (held is None or held.holder == request.who):
+            self._link.look_again(request.who)
+            self._refuse(request, "no_token", 0)
+            return
         grant = self._authority.acquire(request.who, self.tick + self._grace_ticks)
         if grant is None:
-            self._announce("REFUSED", held.epoch if held else 0)
-            request.answer({"granted": False, **self._status()})
+            self._look_tick = self.tick
+            self._refuse(request, "held", held.epoch if held else 0)
             return
         if held is None:
+            self._look_tick = self.tick + self._lease_ticks
             self._announce("GRANTED", grant.epoch)
         terms = {"granted": True, "epoch": grant.epoch, "from_tick": grant.from_tick}
         request.answer({**terms, **self._status()})
 
+<<<<<<< HEAD
     def _releaser(self, request: Request) -> str:
         """Whose authority a request gives back: its own machine's user may take it from anybody."""
         grant = self._authority.grant
         return grant.holder if request.local and grant is not None else request.who
+=======
+    def _refuse(self, request: Request, reason: str, epoch: int) -> None:
+        self._announce("REFUSED", epoch)
+        request.answer({"granted": False, "reason": reason, **self._status()})
+
+    def _look_after_holder(self) -> None:
+        """Have the holder looked up once each lease, and after a refusal or a recovery."""
+        grant = self._authority.grant
+        if grant is not None and self.tick >= self._look_tick:
+            self._look_tick = self.tick + self._lease_ticks
+            self._link.look_again(grant.holder)
+>>>>>>> 1d9a4ea (Grant authority only to clients whose token is seen)
 
     def _release(self, who: str, event: str) -> bool:
         epoch = self._authority.drop(who)

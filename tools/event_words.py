@@ -77,6 +77,8 @@ def in_words(kind: int, detail: int, joints: Sequence[str], conditions: Sequence
         return conditions[detail] if known else f"condition {detail}"
     if kind == _CONSTANTS["SAFE_STOP"]:
         return _REASONS.get(detail, f"reason {detail}")
+    if kind == _CONSTANTS["REFUSED"] and not detail:
+        return "the client's liveliness token is not seen"
     if kind == _CONSTANTS["REJECTED"]:
         known = 0 <= detail < len(REJECTION_KINDS)
         return REJECTION_KINDS[detail] if known else f"kind {detail}"

@@ -63,6 +63,9 @@ def test_a_holder_of_authority_is_named():
     error = AuthorityError("hoap3", "alice")
     assert error.holder == "alice"
     assert "'hoap3' follows 'alice' already" in str(error)
+    unseen = AuthorityError("hoap3", None)
+    assert unseen.holder is None
+    assert "robot 'hoap3' does not see" in str(unseen)
 
 
 def test_a_rejection_carries_the_name_under_which_it_is_counted():

@@ -213,7 +213,8 @@ def test_requests_are_answered_as_the_table_says():
     assert keys <= named <= keys | words
     assert set(found[1]) == status
     assert set(found[2]) == {"granted", "epoch", "from_tick"} | status
-    assert set(found[3]) == {"granted"} | status
+    assert set(found[3]) == {"granted", "reason"} | status
+    assert found[3]["reason"] == "held"
     assert (found[2]["granted"], found[3]["granted"], found[3]["holder"]) == (True, False, "a")
     assert (found[4], found[5]) == ({"released": False}, {"released": True})
     assert set(found[6]) == status

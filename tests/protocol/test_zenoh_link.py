@@ -255,6 +255,7 @@ def test_a_client_that_is_killed_is_gone(network):
     assert child.stdout.readline() == b"ready\n"
     token_seen(robot, "victim")
     assert list(robot.requests()) == []  # that it came is no request
+    robot._clients.asks("victim")
     child.kill()
     assert (gone(robot).verb, child.wait()) == ("gone", -9)
     child.communicate()
