@@ -26,22 +26,16 @@ class Request:
         who: identity of the client.
         answer: takes the answer, a JSON object or bytes; for "gone" it does nothing.
         body: what came with it.
-<<<<<<< HEAD
         local: whether it came from the robot's own machine and user, not over the network.
-=======
         present: whether the client's liveliness token is seen; counts for "acquire" only.
->>>>>>> 1d9a4ea (Grant authority only to clients whose token is seen)
     """
 
     verb: str
     who: str
     answer: Callable[[dict[str, Any] | bytes], None]
     body: bytes = b""
-<<<<<<< HEAD
     local: bool = False
-=======
     present: bool = True
->>>>>>> 1d9a4ea (Grant authority only to clients whose token is seen)
 
 
 class RobotLink(Protocol):

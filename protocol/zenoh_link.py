@@ -170,24 +170,17 @@ class ZenohRobotLink:
         return [arrived.popleft() for _ in range(len(arrived))]
 
     def requests(self) -> Iterable[Request]:
-<<<<<<< HEAD
-        """Requests of this machine, vanished clients, then queries."""
-        if self._local is not None:
-            yield from self._local.requests()
-        while (sample := self._clients.try_recv()) is not None:
-            if sample.kind == zenoh.SampleKind.DELETE:
-                who = _identity(_leaf(sample.key_expr).encode())
-=======
-        """Queries, and vanished clients.
+        """Requests of this machine, then queries, and clients that vanished before each.
 
         The tokens are looked at after a query was taken, and before it is served: so a client's
         token is known if it was declared before the query was sent, and also if it has gone since.
         """
+        if self._local is not None:
+            yield from self._local.requests()
         while True:
             if self._query is None:
                 self._query = self._queries.try_recv()
             for who in self._clients.vanished():
->>>>>>> 1d9a4ea (Grant authority only to clients whose token is seen)
                 yield Request("gone", who, lambda _: None)
             if self._query is None:
                 return

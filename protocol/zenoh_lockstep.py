@@ -71,15 +71,13 @@ class ZenohLockstepLink(LockstepLink):
         """Send an Event."""
         self._inner.announce(event)
 
-<<<<<<< HEAD
     def serve_also(self, local: LocalControl) -> None:
         """Take requests of the robot's own machine, too; they come first."""
         self._inner.serve_also(local)
-=======
+
     def look_again(self, who: str) -> None:
         """Check whether a client is alive."""
         self._inner.look_again(who)
->>>>>>> 1d9a4ea (Grant authority only to clients whose token is seen)
 
     def close(self) -> None:
         """Leave the network."""

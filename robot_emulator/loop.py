@@ -339,12 +339,11 @@ class RobotLoop:
         terms = {"granted": True, "epoch": grant.epoch, "from_tick": grant.from_tick}
         request.answer({**terms, **self._status()})
 
-<<<<<<< HEAD
     def _releaser(self, request: Request) -> str:
         """Whose authority a request gives back: its own machine's user may take it from anybody."""
         grant = self._authority.grant
         return grant.holder if request.local and grant is not None else request.who
-=======
+
     def _refuse(self, request: Request, reason: str, epoch: int) -> None:
         self._announce("REFUSED", epoch)
         request.answer({"granted": False, "reason": reason, **self._status()})
@@ -355,7 +354,6 @@ class RobotLoop:
         if grant is not None and self.tick >= self._look_tick:
             self._look_tick = self.tick + self._lease_ticks
             self._link.look_again(grant.holder)
->>>>>>> 1d9a4ea (Grant authority only to clients whose token is seen)
 
     def _release(self, who: str, event: str) -> bool:
         epoch = self._authority.drop(who)
