@@ -39,7 +39,7 @@ class FakeCpu:
     def assert_nothing_left(self) -> None:
         """The CPU may sleep as before; no note is left, and no lock is held."""
         assert self.setting == BEFORE
-        for path in self.runtime.iterdir():
+        for path in filter(Path.is_file, self.runtime.iterdir()):
             assert path.read_bytes() == b""
             with path.open() as file:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import resource
 import select
 import signal
 import socket
@@ -20,10 +21,11 @@ from collections.abc import Callable, Mapping, Sequence
 from types import FrameType
 from typing import Any
 
-from protocol.errors import Hoap3Error
+from protocol.errors import Hoap3Error, UsageError
 from tools.terminal import printable
 
 ORDERLY_END_S = 60.0  # for a service whose parent is gone; then it is killed
+OPEN_FILES = 64  # a robot with its controller and tools had 15
 _LIFELINE = "HOAP3_LIFELINE"
 
 
@@ -189,6 +191,20 @@ def start_module(
 def start_service(arguments: Sequence[str], config: str, pass_fds: Sequence[int]) -> Child:
     """Start one of our own commands as a child that ends with us; `config` is its input."""
     return Child(["tools.cli", *arguments], config, pass_fds)
+
+
+def check_open_files() -> None:
+    """Refuse to start a service that could not open what it needs.
+
+    Raises:
+        UsageError: too few files may be open at a time.
+    """
+    allowed, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if allowed != resource.RLIM_INFINITY and allowed < OPEN_FILES:
+        raise UsageError(
+            f"this process may open {allowed} files at a time, and needs up to {OPEN_FILES}: "
+            "`ulimit -n 1024`, or LimitNOFILE=1024 in its systemd unit"
+        )
 
 
 def read_order() -> dict[str, Any]:

@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from protocol.answers import parse_description
-from protocol.errors import LinkError
+from protocol.errors import Hoap3Error, LinkError
 from protocol.ring import Kind, Record
 from protocol.settings import LogSettings
 from tools.control import check_name, client_settings
 from tools.log_writer import LogWriter
 from tools.machine import versions
+from tools.observer import REPAIR
 from tools.processes import StopFlag
 from tools.services import run_folder
 
@@ -41,6 +42,7 @@ def record_robot(
     Raises:
         UsageError: that cannot be the name of a robot, or an endpoint.
         LinkError: the robot cannot be reached.
+        Hoap3Error: the log was lost while it was written.
         WireError: its description makes no sense.
     """
     import zenoh  # noqa: PLC0415
@@ -84,17 +86,24 @@ def record_robot(
         report(f"recording robot {robot!r} into {folder}")
         end = None if duration is None else time.monotonic() + duration
         try:
-            while not stop() and (end is None or time.monotonic() < end):
-                while heard:
-                    record = heard.popleft()
-                    counts[record.kind] += 1
-                    writer.add(record)
-                writer.flush_due(time.monotonic_ns())
-                time.sleep(POLL_S)
-        finally:
-            for subscriber in subscribers:
-                subscriber.undeclare()
-            writer.close()
+            try:
+                while not stop() and (end is None or time.monotonic() < end):
+                    while heard:
+                        record = heard.popleft()
+                        counts[record.kind] += 1
+                        writer.add(record)
+                    writer.flush_due(time.monotonic_ns())
+                    time.sleep(POLL_S)
+            except OSError:
+                writer.abandon()
+                raise
+            finally:
+                for subscriber in subscribers:
+                    subscriber.undeclare()
+                writer.close()
+        except OSError as error:
+            why = error.strerror or str(error)
+            raise Hoap3Error(f"the log in {folder} is not whole: {why}; {REPAIR}") from error
     return {
         "states": counts[Kind.STATE],
         "setpoints": counts[Kind.SETPOINT],

@@ -25,7 +25,7 @@ from tools.log import Log, payload_hash
 from tools.machine import machine_block
 from tools.observer import Observer
 from tools.placement import placed
-from tools.processes import Child, StopFlag, start_service, to_people
+from tools.processes import Child, StopFlag, check_open_files, start_service, to_people
 from tools.refusal import forget, is_new, nothing_happened
 from tools.services import as_yaml, observer_for, run_folder, watched_cpus
 from tools.simulate import suited
@@ -76,6 +76,7 @@ def run_realtime(
     Raises:
         Hoap3Error: a service could not do its work; carries what it said.
     """
+    check_open_files()
     emulator = suited(emulator, controller, files[1])
     description = describe(emulator, files[0])
     log = emulator.log if out is None else emulator.log.model_copy(update={"directory": str(out)})
@@ -143,6 +144,7 @@ def run_lockstep(
     """Run both in this process on virtual time; arguments as for `run_realtime`."""
     from tools.simulate import Lockstep  # noqa: PLC0415 - loads numba and Pinocchio
 
+    check_open_files()
     emulator = suited(emulator, controller, files[1])
     description = describe(emulator, files[0])
     log = emulator.log if out is None else emulator.log.model_copy(update={"directory": str(out)})

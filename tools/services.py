@@ -35,7 +35,7 @@ from tools.machine import machine_block, versions
 from tools.observer import Observer
 from tools.output import Meter, print_line
 from tools.placement import settled_alone
-from tools.processes import StopFlag, to_people
+from tools.processes import StopFlag, check_open_files, to_people
 from tools.refusal import forget, is_new, nothing_happened
 from tools.simulate import emulator_content
 
@@ -224,6 +224,7 @@ def run_emulator(
         Exit code, 0, or 1 after a safe stop or where the log was lost, and the summary as `run` has
         it; None after a failure.
     """
+    check_open_files()
     from tools.kernel_news import watch_compilation  # noqa: PLC0415 - loads numba
 
     description = describe(config, file)
@@ -275,6 +276,7 @@ def run_controller(
     verbose: bool = False,
 ) -> int:
     """Run a controller until it is told to stop; exit code 1 where its log was lost."""
+    check_open_files()
     from tools.kernel_news import watch_compilation  # noqa: PLC0415 - loads numba
 
     voice = Voice(status_fd, verbose=verbose)

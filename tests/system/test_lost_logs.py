@@ -87,6 +87,21 @@ def test_a_folder_that_is_deleted_while_a_service_runs(tmp_path: Path, side: str
 
 
 @pytest.mark.long
+def test_a_folder_that_is_deleted_while_somebody_records_into_it(tmp_path: Path) -> None:
+    at, out = endpoint(), tmp_path / "log"
+    with (
+        emulator("hoap3", *QUIET, at=at),
+        Command("record", "--connect", at, "--out", out) as recorder,
+    ):
+        recorder.hear("recording robot")
+        shutil.rmtree(out)
+        assert recorder.end() == 1
+        assert_no_traceback(recorder)
+        assert recorder.stderr.count("error:") == 1
+        assert "was deleted while it was written" in recorder.stderr
+
+
+@pytest.mark.long
 @pytest.mark.parametrize("side", ["robot", "controller"])
 def test_a_killed_observer_of_a_service(tmp_path: Path, side: str) -> None:
     at, out = endpoint(), tmp_path / "log"

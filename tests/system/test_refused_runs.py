@@ -80,3 +80,13 @@ def test_a_controller_that_fails_on_a_state_keeps_the_log_of_it(tmp_path: Path) 
     failed = lockstep(tmp_path / "run", "--controller", tmp_path / "fails.yaml")
     assert failed.code == 1
     assert {path.name for path in (tmp_path / "run").iterdir()} == LOGS
+
+
+@pytest.mark.parametrize("words", [("run", "--lockstep"), ("emulator", "hoap3")])
+def test_too_few_open_files_are_named(tmp_path: Path, words: tuple[str, ...]) -> None:
+    few = ("sh", "-c", 'ulimit -n 8; exec "$0" "$@"')
+    with hoap3(*words, "--out", tmp_path / "run", wrapper=few) as refused:
+        assert refused.end() == 2
+        assert refused.stderr.startswith("error: this process may open 8 files at a time")
+        assert "ulimit -n 1024" in refused.stderr
+    assert not (tmp_path / "run").exists()
