@@ -26,6 +26,7 @@ from protocol.ring import Kind
 from robot_emulator.authority import Authority
 from robot_emulator.body import build_body
 from robot_emulator.config import EmulatorConfig
+from robot_emulator.event_limit import EventLimit
 from robot_emulator.inbox import REJECTION_KINDS, Inbox
 
 GRACE_TICKS = 20
@@ -97,6 +98,7 @@ class RobotLoop:
         self._state.session_id = session_id
         self._event = Event()
         self._event.session_id = session_id
+        self._event_limit = EventLimit()
         self.tick = self._published = -1
         self.realtime: list[str] = []
 
@@ -181,6 +183,7 @@ class RobotLoop:
         for request in islice(self._link.requests(), self._requests_per_tick):
             self._serve(request)
         self._look_after_holder()
+        self._tell_left_out()
         self._receive(self._published)
         self._judge()
         self._obey_grant()
@@ -371,7 +374,14 @@ class RobotLoop:
         self._announce("RECOVERED", 0)
         return True
 
+    def _tell_left_out(self) -> None:
+        """Announce how many events were left out, at most once a second for each kind."""
+        for kind, count in self._event_limit.left_out(self._clock.now()):
+            self._announce("SUPPRESSED", count << 8 | EVENTS[kind])
+
     def _announce(self, kind: str, detail: int) -> None:
+        if not self._event_limit.passes(kind, self._clock.now()):
+            return
         event = self._event
         event.kind, event.tick, event.detail = EVENTS[kind], max(self.tick, 0), detail
         event.stamp = self._clock.now()

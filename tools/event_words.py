@@ -82,6 +82,8 @@ def in_words(kind: int, detail: int, joints: Sequence[str], conditions: Sequence
     if kind == _CONSTANTS["REJECTED"]:
         known = 0 <= detail < len(REJECTION_KINDS)
         return REJECTION_KINDS[detail] if known else f"kind {detail}"
+    if kind == _CONSTANTS["SUPPRESSED"]:
+        return f"{detail >> 8} of {event_name(detail & 0xFF, 0)!r}"
     if kind in _OF_JOINTS:
         return joints[detail] if 0 <= detail < len(joints) else f"joint {detail}"
     if kind == _CONSTANTS["HOST_STALL"]:

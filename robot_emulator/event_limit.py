@@ -1,0 +1,62 @@
+"""Limits how many events of one kind are announced and logged.
+
+Anybody on the network can ask for authority thousands of times a second. Without a limit each
+refusal would be an event on the network, a record in the log and a line on the terminal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+LIMITED = ("REFUSED", "GRANTED", "RELEASED", "HOLDER_LOST", "RECOVERED")
+"""Kinds that requests cause. Safe stops are not limited: each takes at least 20 ticks."""
+
+BURST = 10  # of one kind that may come at once
+PERIOD_NS = 1_000_000_000  # after which one more may come
+
+
+class EventLimit:
+    """Says which events pass, and how many of each kind were left out.
+
+    Args:
+        kinds: that are limited; all others pass.
+    """
+
+    def __init__(self, kinds: Iterable[str] = LIMITED) -> None:
+        self._room = dict.fromkeys(kinds, BURST)
+        self._since = dict.fromkeys(kinds, 0)  # when the room last grew, or was full [ns]
+        self._left_out = dict.fromkeys(kinds, 0)
+        self._told = dict.fromkeys(kinds, 0)  # when left_out began, or was told [ns]
+        self._any_left_out = False
+
+    def passes(self, kind: str, now: int) -> bool:
+        """Whether an event of this kind may be announced now [ns]; if not, it is counted."""
+        if kind not in self._room:
+            return True
+        if self._room[kind] == BURST:
+            self._since[kind] = now
+        grown = (now - self._since[kind]) // PERIOD_NS
+        self._since[kind] += grown * PERIOD_NS
+        self._room[kind] = min(BURST, self._room[kind] + grown)
+        if self._room[kind]:
+            self._room[kind] -= 1
+            return True
+        if not self._left_out[kind]:
+            self._told[kind] = now
+        self._left_out[kind] += 1
+        self._any_left_out = True
+        return False
+
+    def left_out(self, now: int) -> list[tuple[str, int]]:
+        """Kinds, and how many of each were left out in the last second; each is told once."""
+        if not self._any_left_out:
+            return []
+        told = [
+            (kind, count)
+            for kind, count in self._left_out.items()
+            if count and now - self._told[kind] >= PERIOD_NS
+        ]
+        for kind, _ in told:
+            self._left_out[kind] = 0
+        self._any_left_out = any(self._left_out.values())
+        return told
