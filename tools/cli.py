@@ -92,7 +92,10 @@ def run(
     from tools.processes import StopFlag
 
     stop = StopFlag()
-    from tools.output import print_json
+    from tools.kernel_news import watch_compilation
+
+    watch_compilation()
+    from tools.output import print_json, progress
     from tools.run import run_lockstep, run_realtime
     from tools.services import controller_config, emulator_config, split_overrides
     from tools.show import LiveTable, show_next, show_summary
@@ -103,10 +106,13 @@ def run(
     law, law_file = controller_config(controller, theirs, realtime=not no_realtime)
     emulator, emulator_file = emulator_config(robot or law.robot, ours, realtime=not no_realtime)
     files = (emulator_file, law_file)
+    title = f"{Path(emulator.robot).name} with {controller}, {duration:g} s"
     if lockstep:
-        outcome = run_lockstep(emulator, law, duration, out, files, should_stop=stop)
+        with progress(f"{title} in lockstep") as meter:
+            outcome = run_lockstep(
+                emulator, law, duration, out, files, should_stop=stop, report=meter.part
+            )
     else:
-        title = f"{Path(emulator.robot).name} with {controller}, {duration:g} s"
         with LiveTable(title, verbose=verbose) as table:
             outcome = run_realtime(
                 emulator, law, duration, out, table.news, files, should_stop=stop
@@ -295,10 +301,14 @@ def replay(
     as_json: AsJson = False,
 ) -> None:
     """Run the logged controller on its logged inputs and compare every setpoint."""
-    from tools.output import print_json, print_line
+    from tools.kernel_news import watch_compilation
+
+    watch_compilation()
+    from tools.output import print_json, print_line, progress
     from tools.replay import replay as again
 
-    report = again(log, sets, tolerance=tolerance, allow_code=allow_code)
+    with progress(f"replay {log}") as meter:
+        report = again(log, sets, tolerance=tolerance, allow_code=allow_code, say=meter.step)
     if as_json:
         print_json(report.as_json())
     else:
@@ -314,10 +324,13 @@ def export(
 ) -> None:
     """Write a log as CSV or as numpy arrays; exit code 1 if a part of the log is lost."""
     from tools.export import export as write
-    from tools.output import print_line, print_note
+    from tools.output import print_line, print_note, progress
 
-    written = write(log, to, side)
+    with progress(f"export {log}") as meter:
+        written = write(log, to, side, meter.step)
     print_line(str(written))
+    if written.replaced:
+        print_note("It takes the place of an earlier file.")
     if written.missing:
         print_note(f"the log is not complete: {written.missing}")
     raise typer.Exit(0 if written.complete else 1)
@@ -345,6 +358,9 @@ def config_check(
     ] = None,
 ) -> None:
     """Check configs, those of controllers also against their robots, as a start does."""
+    from tools.kernel_news import watch_compilation
+
+    watch_compilation()
     from tools.output import print_line
     from tools.settings import checked
 

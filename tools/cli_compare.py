@@ -35,29 +35,37 @@ def compare(
     timing: Annotated[
         bool, typer.Option("--timing/--no-timing", help="Also measure how long answers take.")
     ] = True,
-    out: Annotated[Path, typer.Option("--out", help="Folder for the files.")] = Path("compared"),
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", help="Folder for the files; default: a new one in compared/."),
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON object on standard output.")
     ] = False,
 ) -> None:
     """Set controllers beside each other: on a robot each in lockstep, or on the States of a log."""
+    from tools.kernel_news import watch_compilation
+
+    watch_compilation()
     from tools.compare.comparison import compare as make
     from tools.compare.show import show
-    from tools.compare.write import check_folder, write
-    from tools.output import print_json
-    from tools.processes import to_people
+    from tools.compare.write import RESULT, write
+    from tools.output import print_json, progress
+    from tools.result_folder import make_folder, new_name
 
-    made = make(
-        controllers,
-        robot,
-        duration,
-        seed,
-        log,
-        timing=timing,
-        say=to_people,
-        ready=lambda: check_folder(out),
-    )
-    files = write(made, out)
+    folder = out or new_name(Path("compared"))
+    with progress("compare") as meter:
+        made = make(
+            controllers,
+            robot,
+            duration,
+            seed,
+            log,
+            timing=timing,
+            say=meter.step,
+            ready=lambda: make_folder(folder, RESULT),
+        )
+        files = write(made, folder)
     if as_json:
         names = [str(path) for path in files]
         print_json({**made.as_json(), "timing": made.timing, "files": names})

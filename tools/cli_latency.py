@@ -31,12 +31,12 @@ def latency(
     ] = False,
 ) -> None:
     """Measure the link with a controller that computes nothing, beside a bare TCP echo."""
-    from tools.processes import StopFlag, to_people
+    from tools.processes import StopFlag
 
     stop = StopFlag()
     from tools.latency import Plan, analyse_log, measure_latency
     from tools.latency_show import show_latency
-    from tools.output import print_json
+    from tools.output import print_json, progress
     from tools.services import emulator_config
 
     if log is not None:
@@ -44,7 +44,8 @@ def latency(
     else:
         emulator, _ = emulator_config(robot, [], realtime=not no_realtime)
         plan = Plan(emulator, link, blocks, ticks, realtime=not no_realtime, out=out)
-        found = measure_latency(plan, to_people, stop)
+        with progress("latency") as meter:
+            found = measure_latency(plan, meter.step, stop)
     if as_json:
         print_json(found)
     else:

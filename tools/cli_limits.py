@@ -23,6 +23,9 @@ def limits(
     ] = False,
 ) -> None:
     """What the torque limits of a robot leave of its joints' accelerations, in the worst state."""
+    from tools.kernel_news import watch_compilation
+
+    watch_compilation()
     from tools.output import print_json, progress
     from tools.sampled_limits import sample, show
 

@@ -34,6 +34,9 @@ def bench_solvers(
     as_json: AsJson = False,
 ) -> None:
     """Time QP12 and constrained problems beside daqp, OSQP, PINV, and what else is installed."""
+    from tools.kernel_news import watch_compilation
+
+    watch_compilation()
     from tools.bench import general, peers
     from tools.bench.show import show_general, show_missing, show_rows
     from tools.bench.solvers import bench_solvers as measure
@@ -71,6 +74,9 @@ def bench_scaling(
     as_json: AsJson = False,
 ) -> None:
     """Time QP12 and its peers from 7 to 1000 joints, and fit how fast each grows."""
+    from tools.kernel_news import watch_compilation
+
+    watch_compilation()
     from tools.bench.peers import missing
     from tools.bench.plot import check_picture, plot_scaling
     from tools.bench.scaling import SIZES
@@ -100,6 +106,9 @@ def bench_cycle(
     as_json: AsJson = False,
 ) -> None:
     """Time one answer: kinematics, solve and integration; and all from bytes to bytes."""
+    from tools.kernel_news import watch_compilation
+
+    watch_compilation()
     from tools.bench.cycle import bench_cycle as measure
     from tools.bench.show import show_rows
     from tools.machine import machine_block
@@ -123,6 +132,9 @@ def bench_limits(
     as_json: AsJson = False,
 ) -> None:
     """Time bounds of accelerations, the setpoint filter, inverse dynamics, and Algorithm 4."""
+    from tools.kernel_news import watch_compilation
+
+    watch_compilation()
     from tools.bench import limits
     from tools.bench.show import show_missing, show_rows, show_sampling
     from tools.machine import machine_block
@@ -158,6 +170,9 @@ def bench_hierarchy(
     as_json: AsJson = False,
 ) -> None:
     """Time hierarchies of 1 to 7 tasks for 7 and 32 joints, beside the plain program (13)."""
+    from tools.kernel_news import watch_compilation
+
+    watch_compilation()
     from tools.bench.hierarchy import QUICK_TASKS, TASKS, missing
     from tools.bench.hierarchy import bench_hierarchy as measure
     from tools.bench.plot import check_picture, plot_hierarchies
@@ -195,6 +210,9 @@ def bench_gains(
     as_json: AsJson = False,
 ) -> None:
     """Time certified gains along motions of 6, 21 and 32 joints, beside conic solvers."""
+    from tools.kernel_news import watch_compilation
+
+    watch_compilation()
     from tools.bench.gains import MOTION_S, QUICK_ROBOTS, QUICK_S, missing
     from tools.bench.gains import bench_gains as measure
     from tools.bench.gains_problems import MOTIONS

@@ -20,10 +20,11 @@ def report(
 ) -> None:
     """Draw what a log shows, as one HTML file that needs nothing but itself."""
     from tools.certificate_count import in_a_line
-    from tools.output import print_json, print_line
+    from tools.output import print_json, print_line, print_note, progress
     from tools.report.write import write_report
 
-    figures = write_report(log, out)
+    with progress(f"report {log}") as meter:
+        figures = write_report(log, out, meter.step)
     if as_json:
         print_json(figures)
     else:
@@ -31,4 +32,6 @@ def report(
         unproved = in_a_line(figures["certificates"])
         if unproved is not None:
             print_line(f"certificates: {unproved}")
+        if figures["replaced"]:
+            print_note("It takes the place of an earlier report.")
     raise typer.Exit(1 if figures["verdict"] == "unfit" else 0)

@@ -11,19 +11,25 @@ import typer
 def reproduce(
     paper: Annotated[str, typer.Argument(help="Its name: bounds, ghc, qp12 or sdp.")],
     out: Annotated[
-        Path | None, typer.Option("--out", help="Folder for the files; default: reproduced/PAPER.")
+        Path | None,
+        typer.Option(
+            "--out", help="Folder for the files; default: a new one in reproduced/PAPER/."
+        ),
     ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON object on standard output.")
     ] = False,
 ) -> None:
     """Re-make a paper's figures and tables, and compare them with what its equations give."""
-    from tools.output import print_json
-    from tools.processes import to_people
+    from tools.kernel_news import watch_compilation
+
+    watch_compilation()
+    from tools.output import print_json, progress
     from tools.reproduce.remake import reproduce as remake
     from tools.reproduce.show import show_rows
 
-    made = remake(paper, out, to_people)
+    with progress(f"reproduce {paper}") as meter:
+        made = remake(paper, out, meter.step)
     if as_json:
         print_json(made.as_json())
     else:

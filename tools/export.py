@@ -7,7 +7,7 @@ are made block by block.
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,7 @@ class ExportReport:
         count, unit: how many rows, or arrays.
         missing: what the log has lost, in words, or "".
         complete: nothing is missing but what the log's own cap has deleted.
+        replaced: an earlier file lay there.
     """
 
     out: Path
@@ -43,16 +44,22 @@ class ExportReport:
     unit: str
     missing: str
     complete: bool
+    replaced: bool
 
     def __str__(self) -> str:
         return f"{self.out}: {self.count} {self.unit}"
 
 
-def export(path: Path, to: Path, side: str = "robot") -> ExportReport:
+def export(
+    path: Path, to: Path, side: str = "robot", say: Callable[[str], None] = lambda _: None
+) -> ExportReport:
     """Write a log as `to` is named, `*.csv` or `*.npz`; damaged chunks of the log are left out.
 
     Args:
         path: a log, or the folder of a run, of which `side` chooses the log.
+        to: the file; one that is there already is replaced.
+        side: "robot" or "controller".
+        say: takes what is being done.
 
     Raises:
         LogError: no log of ours.
@@ -62,13 +69,15 @@ def export(path: Path, to: Path, side: str = "robot") -> ExportReport:
     if to.suffix not in writers:
         raise UsageError(f"{to}: cannot tell the format. End the name in .csv or .npz")
     write, unit = writers[to.suffix]
+    say("reading the log")
     log = Log.open(path, side if path.is_dir() else None)
-    count = write(log, to)
+    replaced = to.is_file()
+    count = write(log, to, say)
     complete = not (log.truncated or log.damages)
-    return ExportReport(to, count, unit, log.missing, complete)
+    return ExportReport(to, count, unit, log.missing, complete, replaced)
 
 
-def export_npz(log: Log, out: Path) -> int:
+def export_npz(log: Log, out: Path, say: Callable[[str], None] = lambda _: None) -> int:
     """One array a field: `state.q`, `setpoint.tick`, `event.kind`, …, in file order.
 
     `state.log_time` and its like are the monotonic stamps of the log [ns]; `joint_names` names the
@@ -83,6 +92,7 @@ def export_npz(log: Log, out: Path) -> int:
     """
     arrays: dict[str, Array] = {"joint_names": np.array(_joint_names(log), dtype=np.str_)}
     for kind in (Kind.STATE, Kind.SETPOINT, Kind.EVENT):
+        say(f"reading {kind.name.lower()}s")
         stamps, rows = log.table(kind)
         prefix = kind.name.lower()
         arrays[f"{prefix}.log_time"] = stamps
@@ -95,7 +105,7 @@ def export_npz(log: Log, out: Path) -> int:
     return len(arrays)
 
 
-def export_csv(log: Log, out: Path) -> int:
+def export_csv(log: Log, out: Path, say: Callable[[str], None] = lambda _: None) -> int:
     """One row a tick: the State, and the first Setpoint that answers it, or empty fields.
 
     The columns of the Setpoint begin with `setpoint.`; arrays give a column a joint, such as
@@ -121,6 +131,7 @@ def export_csv(log: Log, out: Path) -> int:
             writer = csv.writer(stream, lineterminator="\n")
             writer.writerow([*left.header, *right.header])
             for at in range(0, len(first), BLOCK):
+                say(f"row {at} of {len(first)}")
                 found = answers[at : at + BLOCK]
                 ours = left.rows(first[at : at + BLOCK])
                 theirs = right.rows(found[found >= 0])

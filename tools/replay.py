@@ -7,7 +7,7 @@ Bit identity is promised for the same machine and versions; elsewhere there is a
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,8 @@ from remote_controller.config import ControllerConfig, build
 from remote_controller.loop import ControllerLoop
 from remote_controller.registry import is_registered
 from tools.log import Log
+
+SAID_SETPOINTS = 500  # after so many the progress is told
 
 
 @dataclass
@@ -73,7 +75,12 @@ class ReplayReport:
 
 
 def replay(
-    path: Path, overrides: list[str], *, tolerance: float = 0.0, allow_code: bool = False
+    path: Path,
+    overrides: list[str],
+    *,
+    tolerance: float = 0.0,
+    allow_code: bool = False,
+    say: Callable[[str], None] = lambda _: None,
 ) -> ReplayReport:
     """Repeat a log.
 
@@ -82,6 +89,7 @@ def replay(
         overrides: changes of the logged settings, as `--set` takes them.
         tolerance: largest difference of a value that counts as equal.
         allow_code: import a controller that the log names by a dotted path.
+        say: takes how far it is, in words.
 
     Raises:
         LogError: not a controller's log, or one that names code.
@@ -97,7 +105,7 @@ def replay(
             "run on the word of a log. If you trust it, add --allow-code"
         )
     try:
-        report = replay_records(log.records(), config, tolerance=tolerance, file=file)
+        report = replay_records(log.records(), config, tolerance=tolerance, file=file, say=say)
     except (WireError, LookupError, TypeError, ValueError, RecursionError) as error:
         raise LogError(
             f"{path}: holds a record that no service of ours has written "
@@ -113,6 +121,7 @@ def replay_records(
     *,
     tolerance: float = 0.0,
     file: str = "config",
+    say: Callable[[str], None] = lambda _: None,
 ) -> ReplayReport:
     """Repeat the records of a controller's log; see `replay`."""
     report = ReplayReport(tolerance=tolerance)
@@ -143,6 +152,8 @@ def replay_records(
             break
         elif record.kind == Kind.SETPOINT and comparison is not None:
             report.setpoints += 1
+            if report.setpoints % SAID_SETPOINTS == 0:
+                say(f"{report.setpoints} setpoints")
             field = comparison.difference(record.payload, answer)
             if field is None:
                 report.same += 1

@@ -140,8 +140,12 @@ def run_lockstep(
     files: tuple[str, str] = ("config", "config"),
     *,
     should_stop: Callable[[], bool] | None = None,
+    report: Callable[[int, int], None] | None = None,
 ) -> Outcome:
-    """Run both in this process on virtual time; arguments as for `run_realtime`."""
+    """Run both in this process on virtual time; arguments as for `run_realtime`.
+
+    `report` takes how many ticks are done, of how many.
+    """
     from tools.simulate import Lockstep  # noqa: PLC0415 - loads numba and Pinocchio
 
     check_open_files()
@@ -175,7 +179,7 @@ def run_lockstep(
             controller_log = recorder_for("controller", controller)
         lockstep = Lockstep(emulator, controller, robot_log, controller_log, files=files)
         began = time.monotonic()
-        lockstep.run(duration, should_stop or (lambda: False))
+        lockstep.run(duration, should_stop or (lambda: False), report)
         wall = time.monotonic() - began
     except Hoap3Error:
         refused = True

@@ -6,7 +6,6 @@ import errno
 import json
 import os
 import sys
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -37,6 +36,7 @@ from tools.output import Meter, print_line
 from tools.placement import settled_alone
 from tools.processes import StopFlag, check_open_files, to_people
 from tools.refusal import forget, is_new, nothing_happened
+from tools.result_folder import new_name
 from tools.simulate import emulator_content
 
 NO_REALTIME = {"policy": "none", "cpu": "none", "lock_memory": False}
@@ -126,12 +126,8 @@ def run_folder(
     if not log.record:
         return None
     base = Path(log.directory)
-    folder = base if exact else base / time.strftime("%Y%m%d-%H%M%S")
+    folder = base if exact else new_name(base)
     try:
-        number = 1
-        while not exact and folder.exists():
-            number += 1
-            folder = base / f"{time.strftime('%Y%m%d-%H%M%S')}-{number}"
         folder.mkdir(parents=True, exist_ok=exact)
         _check_folder(folder, sides)
     except OSError as error:

@@ -29,6 +29,8 @@ from robot_emulator.robots import available as available_robots
 from robot_emulator.robots import load
 from robot_emulator.service import build_loop, describe
 
+REPORTED_TICKS = 100  # after so many ticks the progress is told
+
 
 class Lockstep:
     """Robot and controller joined by a link on virtual time.
@@ -69,8 +71,18 @@ class Lockstep:
         self._failure: Hoap3Error | None = None
         self._grants = self.link.ask("acquire", "lockstep")
 
-    def run(self, duration: float, should_stop: Callable[[], bool] = lambda: False) -> None:
+    def run(
+        self,
+        duration: float,
+        should_stop: Callable[[], bool] = lambda: False,
+        report: Callable[[int, int], None] | None = None,
+    ) -> None:
         """Run for `duration` [s] of virtual time, then bring the robot to rest.
+
+        Args:
+            duration: of the motion [s].
+            should_stop: asked at each tick.
+            report: takes how many ticks are done, of how many.
 
         Raises:
             Hoap3Error: the controller failed; the robot has come to rest.
@@ -78,6 +90,8 @@ class Lockstep:
         ticks = round(duration * 1e9 / self.robot.period)
 
         def ended() -> bool:
+            if report is not None and self.robot.tick % REPORTED_TICKS == 0:
+                report(min(self.robot.tick, ticks), ticks)
             stopped = self._failure is not None and self.robot.mode != State.ACTIVE
             return stopped or should_stop()
 
@@ -136,6 +150,7 @@ def simulate(
     duration: float = 5.0,
     seed: int = 0,
     fate: Fate | None = None,
+    report: Callable[[int, int], None] | None = None,
 ) -> Simulation:
     """Run a robot and a controller against each other, faster than real time.
 
@@ -145,6 +160,7 @@ def simulate(
         duration: of the motion [s]; the robot then comes to rest.
         seed: names the session, and everything random.
         fate: what becomes of each answer on its way, see `protocol.link.LockstepLink`.
+        report: takes how many ticks are done, of how many.
 
     Raises:
         UsageError: something in the settings is wrong.
@@ -155,7 +171,7 @@ def simulate(
     log, robot_log = MemoryRecorder(), MemoryRecorder()
     files = "simulate(robot)", controller_file(controller)
     lockstep = Lockstep(emulator, controller_settings(controller), robot_log, log, fate, files)
-    lockstep.run(duration)
+    lockstep.run(duration, report=report)
     return Simulation(
         states=_table(robot_log.records, Kind.STATE, State),
         setpoints=_table(log.records, Kind.SETPOINT, Setpoint),

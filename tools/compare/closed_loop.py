@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from protocol.messages import Setpoint, State
@@ -10,6 +12,8 @@ from robot_emulator.config import EmulatorConfig
 from tools.compare.answers import MOST_TIMED, Answers, Tape, table
 from tools.compare.candidates import Candidate
 from tools.simulate import Lockstep
+
+SAID_TICKS = 1000  # after so many the progress is told
 
 
 class ClosedLoop:
@@ -28,14 +32,19 @@ class ClosedLoop:
         tapes = self._states, self._setpoints
         self._lockstep = Lockstep(emulator, candidate.config, *tapes, files=(file, candidate.words))
 
-    def run(self, duration: float) -> Answers:
-        """Move for `duration` [s] of virtual time.
+    def run(self, duration: float, say: Callable[[str], None] = lambda _: None) -> Answers:
+        """Move for `duration` [s] of virtual time; `say` takes how far it is, in words.
 
         Raises:
             Hoap3Error: the controller failed.
         """
         lockstep = self._lockstep
-        lockstep.run(duration)
+
+        def report(done: int, whole: int) -> None:
+            if done % SAID_TICKS == 0:
+                say(f"{100 * done // whole} % of {duration:g} s in lockstep")
+
+        lockstep.run(duration, report=report)
         states = table(self._states.payloads, State)
         setpoints = table(self._setpoints.payloads, Setpoint)
         _, asked, answers = np.intersect1d(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -164,9 +165,8 @@ def _closed(
     ready()
     answers = []
     for each, loop in zip(candidates, loops, strict=True):
-        say(f"{each.label}: {duration:g} s in lockstep")
         with _naming(each.label):
-            answers.append(loop.run(duration))
+            answers.append(loop.run(duration, partial(_say_of, each.label, say)))
     facts = {"mode": "closed loop", **_robot(answers[0])}
     return {**facts, "duration_s": duration, "seed": seed, "log": None}, answers
 
@@ -186,6 +186,10 @@ def _open(
     stamps, period = answers[0].states["stamp_intended"], asked.description.period_s
     duration = max(0.0, float(stamps[-1] - stamps[0]) / 1e9) + period
     return {**facts, "duration_s": duration, "seed": None, "log": str(log)}, answers
+
+
+def _say_of(label: str, say: Say, text: str) -> None:
+    say(f"{label}: {text}")
 
 
 @contextmanager

@@ -8,38 +8,24 @@ import json
 from pathlib import Path
 from typing import Any
 
-from protocol.errors import ConfigError
 from tools.compare.comparison import Comparison
 from tools.compare.figures import WORDS, value
 from tools.compare.page import page
+from tools.result_folder import unwritable
 from tools.whole_file import whole_file
 
+RESULT = "compare.json"
 TIMING = "timing.json"
 
 
-def check_folder(folder: Path) -> None:
-    """Make the folder, before minutes of work rather than after.
-
-    Raises:
-        ConfigError: it cannot be made or written.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with whole_file(folder / ".try") as draft:
-            draft.touch()
-        (folder / ".try").unlink()
-    except OSError as error:
-        raise _unwritable(folder, error) from error
-
-
 def write(made: Comparison, folder: Path) -> list[Path]:
-    """Write all files; those of an earlier comparison are replaced, its times removed.
+    """Write all files into a folder that holds no comparison yet; see `make_folder`.
 
     Raises:
         ConfigError: the folder cannot be written.
     """
     texts = {
-        "compare.json": as_text(made.as_json()),
+        RESULT: as_text(made.as_json()),
         "compare.csv": _csv(made),
         "compare.html": page(made),
     }
@@ -49,10 +35,8 @@ def write(made: Comparison, folder: Path) -> list[Path]:
         for name, text in texts.items():
             with whole_file(folder / name) as draft:
                 draft.write_text(text, encoding="utf-8", errors="replace")
-        if made.timing is None:
-            (folder / TIMING).unlink(missing_ok=True)
     except OSError as error:
-        raise _unwritable(folder, error) from error
+        raise unwritable(folder, error) from error
     return [folder / name for name in texts]
 
 
@@ -69,10 +53,3 @@ def _csv(made: Comparison) -> str:
     for label, found in zip(made.labels, made.figures, strict=True):
         writer.writerow([label, found["unit"], *(value(found, word.key) for word in WORDS)])
     return text.getvalue()
-
-
-def _unwritable(folder: Path, error: OSError) -> ConfigError:
-    reason = error.strerror or "no reason given"
-    return ConfigError(
-        "--out", "", str(folder), f"cannot be written: {reason}", "Name another folder"
-    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,24 +13,31 @@ from tools.report.sources import of_ours
 from tools.whole_file import whole_file
 
 
-def write_report(log: Path, out: Path | None = None) -> dict[str, Any]:
+def write_report(
+    log: Path, out: Path | None = None, say: Callable[[str], None] = lambda _: None
+) -> dict[str, Any]:
     """Write the report of a log.
 
     Args:
         log: folder of a run, or one `*.mcap`.
-        out: the file; None for `report.html` beside the log, which may exist.
+        out: the file; None for `report.html` beside the log. An earlier report is replaced.
+        say: takes what is being done.
 
     Returns:
-        its figures, as `--json` prints them, with the path of the page as `report`.
+        its figures, as `--json` prints them, with the path of the page as `report`, and whether it
+        `replaced` an earlier one.
 
     Raises:
         LogError: there is no log of ours.
         UsageError: `out` cannot be written.
     """
+    say("reading the log")
     content = read_content(log)
+    say("drawing")
     with of_ours(log):
         drawn = page(content)
     target = out or (log if log.is_dir() else log.parent) / "report.html"
+    replaced = target.is_file()
     try:
         with whole_file(target) as draft:
             draft.write_text(drawn, encoding="utf-8", errors="replace")
@@ -38,4 +46,4 @@ def write_report(log: Path, out: Path | None = None) -> dict[str, Any]:
         raise UsageError(
             f"{target}: cannot be written ({reason}). Choose another place with --out"
         ) from error
-    return {**content.as_json(), "report": str(target)}
+    return {**content.as_json(), "report": str(target), "replaced": replaced}

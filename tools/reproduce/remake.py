@@ -11,11 +11,14 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from protocol.errors import ConfigError, UnknownNameError
+from protocol.errors import UnknownNameError
 from tools.machine import machine_block
 from tools.reproduce import papers as shelf
 from tools.reproduce.figures import Figure, save
 from tools.reproduce.rows import Row
+from tools.result_folder import make_folder, new_name, unwritable
+
+RESULT = "rows.json"
 
 
 @dataclass(frozen=True)
@@ -58,22 +61,18 @@ def reproduce(
 
     Args:
         paper: one of `papers()`.
-        out: folder for the files, made where there is none; default: `reproduced/<paper>`. Files
-            of an earlier run are replaced.
+        out: folder for the files, made where there is none; default: a new one in
+            `reproduced/<paper>`.
         say: takes what is being done, for people.
 
     Raises:
         UnknownNameError: no such paper; carries the nearest name.
-        ConfigError: the folder cannot be written.
+        ConfigError: the folder cannot be written, or holds a reproduction already.
     """
     if paper not in papers():
         raise UnknownNameError("paper", paper, papers())
-    folder = Path("reproduced") / paper if out is None else out
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "rows.csv").touch()  # before minutes of work, not after
-    except OSError as error:
-        raise _unwritable(folder, error) from error
+    folder = out or new_name(Path("reproduced") / paper)
+    make_folder(folder, RESULT)
     figures: list[Figure]
     rows: list[Row]
     figures, rows = importlib.import_module(f"{shelf.__name__}.{paper}").remake(say)
@@ -83,11 +82,11 @@ def reproduce(
             say(f"drawing {figure.name}")
             files += save(figure, folder)
         files.append(_write_rows(rows, folder / "rows.csv"))
-        made = Reproduction(rows, machine_block(), [*files, folder / "rows.json"])
+        made = Reproduction(rows, machine_block(), [*files, folder / RESULT])
         text = json.dumps(made.as_json(), indent=2) + "\n"
-        (folder / "rows.json").write_text(text, encoding="utf-8")
+        (folder / RESULT).write_text(text, encoding="utf-8")
     except OSError as error:
-        raise _unwritable(folder, error) from error
+        raise unwritable(folder, error) from error
     return made
 
 
@@ -98,9 +97,3 @@ def _write_rows(rows: list[Row], path: Path) -> Path:
         writer.writeheader()
         writer.writerows(row.as_json() for row in rows)
     return path
-
-
-def _unwritable(folder: Path, error: OSError) -> ConfigError:
-    return ConfigError(
-        "--out", "", str(folder), f"cannot be written: {error.strerror}", "Name another folder"
-    )

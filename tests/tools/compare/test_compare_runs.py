@@ -123,11 +123,21 @@ def test_a_comparison_without_findings_ends_with_0_and_has_its_times_apart(tmp_p
         assert written["machine"]["kernel"] not in text
 
 
-def test_times_of_an_earlier_comparison_do_not_stay(tmp_path):
-    (tmp_path / "timing.json").write_text("old", encoding="utf-8")
-    done = invoke("qp12", "qp12", "--duration", "0.01", "--no-timing", "--out", tmp_path)
-    assert done.exit_code == 0
-    assert not (tmp_path / "timing.json").exists()
+def test_no_earlier_comparison_is_replaced(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ("qp12", "qp12", "--duration", "0.01", "--no-timing")
+    for number in (1, 2):
+        done = invoke(*words)
+        assert done.exit_code == 0
+        folders = {path.parent for path in (tmp_path / "compared").glob("*/compare.json")}
+        assert len(folders) == number
+    newest = max(folders, key=lambda folder: folder.stat().st_mtime_ns).relative_to(tmp_path)
+    assert f"{newest}/compare.json" in done.stdout  # it is told where they are
+    before = (newest / "compare.json").read_bytes()
+    again = invoke("qp12", "pinv", "--duration", "0.01", "--out", newest)
+    assert isinstance(again.exception, ConfigError)
+    assert "holds compare.json already" in str(again.exception)
+    assert (newest / "compare.json").read_bytes() == before
 
 
 def test_people_see_a_table_on_standard_output(tmp_path):

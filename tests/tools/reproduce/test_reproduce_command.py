@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from pathlib import Path
 
 import pytest
 import typer
@@ -87,7 +88,21 @@ def test_people_see_rows_and_reasons_on_standard_output(shelve, tmp_path):
     done = CliRunner().invoke(app, ["tiny_people", "--out", str(tmp_path)])
     for words in ("Fig. 1: [y]", "FAIL", "as it is", "0 of 1 rows pass"):
         assert words in done.stdout
-    assert "measuring" in done.stderr
+    assert done.stderr == ""  # it took less than two seconds
+
+
+def test_no_earlier_reproduction_is_replaced(shelve, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shelve("tiny_again", 2.0)
+    for number in (1, 2):
+        done = invoke("tiny_again")
+        assert done.exit_code == 0
+        folders = {path.parent for path in Path("reproduced/tiny_again").glob("*/rows.json")}
+        assert len(folders) == number
+    assert any(str(folder) in done.stdout for folder in folders)
+    error = invoke("tiny_again", "--out", folders.pop()).exception
+    assert isinstance(error, ConfigError)
+    assert "holds rows.json already" in str(error)
 
 
 def test_an_unknown_paper_is_answered_with_the_nearest(tmp_path):
