@@ -55,6 +55,16 @@ class Recovery(Status):
     recovered: bool
 
 
+class Release(Answer):
+    """Answer to "release".
+
+    Attributes:
+        released: False where nothing was held.
+    """
+
+    released: bool
+
+
 class Grant(Status):
     """Answer to "acquire".
 
@@ -115,6 +125,16 @@ class Priorities(Answer):
         if len(self.alpha) != n or any(len(row) != n for row in self.alpha):
             raise ValueError(f"alpha is not a matrix of {n} rows and columns")
         return self
+
+
+ROBOT_ANSWERS: dict[str, type[Answer]] = {
+    "status": Status,
+    "stop": Status,
+    "recover": Recovery,
+    "release": Release,
+    "acquire": Grant,
+}
+"""What a robot answers, by the verb of the request; "description" has a function of its own."""
 
 
 def parse_answer(model: type[Kind], raw: bytes, who: str, limit: int = MAX_ANSWER_BYTES) -> Kind:

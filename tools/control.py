@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from protocol.answers import MAX_CONTROL_BYTES, ControlAnswer, Recovery, Status, parse_answer
+from protocol.answers import MAX_CONTROL_BYTES, ROBOT_ANSWERS, ControlAnswer, parse_answer
 from protocol.errors import LinkError, UsageError
 from protocol.settings import ENDPOINT_PATTERN, NAME_PATTERN, LinkSettings
 
@@ -33,8 +33,8 @@ def tell(robot: str, verb: str, endpoint: str) -> dict[str, Any]:
         reply = ask(session, robot, verb, f"tool-{os.getpid()}")
     if reply is None:
         raise LinkError(f"no robot called {robot!r} answers at {endpoint}: `hoap3 list --live`")
-    expected = Recovery if verb == "recover" else Status
-    return parse_answer(expected, reply, f"robot {robot!r} answers {verb!r}").model_dump()
+    who = f"robot {robot!r} answers {verb!r}"
+    return parse_answer(ROBOT_ANSWERS[verb], reply, who).model_dump()
 
 
 def change(robot: str, request: Mapping[str, Any] | None, endpoint: str) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from protocol.answers import ROBOT_ANSWERS, check_answer
 from protocol.errors import LinkError, UsageError
 from protocol.local_control import LocalRobot, local_robots
 from tools.cli_options import ENDPOINT
@@ -25,13 +26,14 @@ def ask_robot(robot: str | None, verb: str, endpoint: str | None) -> tuple[str, 
         Its name and its answer.
 
     Raises:
-        UsageError: several robots run, or that cannot be a name.
+        UsageError: several robots run, or that cannot be a name, or an endpoint.
         LinkError: none runs, or it does not answer.
+        WireError: its answer makes no sense.
     """
     found = find_local(robot) if endpoint is None else None
     if found is not None:
-        return found.name, _only_answer(found.ask(verb))
-    place = endpoint or ENDPOINT
+        return found.name, _answer(found, verb)
+    place = ENDPOINT if endpoint is None else endpoint
     name = robot or only_alive(place)
     return name, tell(name, verb, place)
 
@@ -52,7 +54,7 @@ def release_robot(robot: str | None) -> tuple[str, dict[str, Any]]:
             f"no robot{f' called {robot!r}' if robot else ''} of this user runs on this machine: "
             "run `hoap3 release` where the robot runs, as its user"
         )
-    return found.name, _only_answer(found.ask("release"))
+    return found.name, _answer(found, "release")
 
 
 def reach_robot(robot: str | None, endpoint: str | None) -> tuple[str, str]:
@@ -64,7 +66,7 @@ def reach_robot(robot: str | None, endpoint: str | None) -> tuple[str, str]:
     found = find_local(robot) if endpoint is None else None
     if found is not None:
         return found.name, endpoint_of(found) or ENDPOINT
-    place = endpoint or ENDPOINT
+    place = ENDPOINT if endpoint is None else endpoint
     return robot or only_alive(place), place
 
 
@@ -108,6 +110,7 @@ def endpoint_of(robot: LocalRobot) -> str | None:
     return endpoints[0] if isinstance(endpoints[0], str) else None
 
 
-def _only_answer(answer: dict[str, Any]) -> dict[str, Any]:
-    """What the robot's loop answers, as over the network."""
-    return {key: value for key, value in answer.items() if key not in ("robot", "endpoints")}
+def _answer(robot: LocalRobot, verb: str) -> dict[str, Any]:
+    """What the robot's loop answers, checked as if it came over the network."""
+    who = f"robot {robot.name!r} answers {verb!r}"
+    return check_answer(ROBOT_ANSWERS[verb], robot.ask(verb), who).model_dump()

@@ -9,6 +9,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -25,6 +26,7 @@ from protocol.answers import (
     parse_description,
 )
 from protocol.errors import WireError
+from protocol.local_control import LocalRobot
 from protocol.messages import State
 from protocol.recorder import MemoryRecorder
 from protocol.settings import parse
@@ -208,6 +210,16 @@ def test_hundreds_of_malformed_answers_end_no_command(robots):
         assert len(done.stderr.splitlines()) == 1
 
 
+@pytest.mark.parametrize("verb", ["status", "stop", "recover", "release"])
+def test_an_answer_over_the_local_socket_is_checked_too(verb, monkeypatch):
+    local = LocalRobot("hoap3", 1, Path("nowhere"))
+    monkeypatch.setattr("tools.find_robot.find_local", lambda _: local)
+    monkeypatch.setattr(LocalRobot, "ask", lambda *_: {"mode": 3, "released": "yes"})
+    done = inside(verb)
+    assert (done.code, len(done.stderr.splitlines())) == (1, 1)
+    assert f"robot 'hoap3' answers '{verb}' with nonsense" in done.stderr
+
+
 def test_priorities_that_are_none_are_one_error(robots):
     content = {"error": None, "now": {"priorities": {"names": "ab", "alpha": [[1]]}}}
     _, at = robots(lambda *_: json.dumps(content).encode())
@@ -314,3 +326,17 @@ def test_virtual_time_that_stands_still_is_no_silence(robots, monkeypatch):
 
 def test_all_that_an_honest_robot_says_is_known_to_the_fake_one():
     assert GOOD.keys() >= MODELS.keys()
+
+
+def test_an_end_while_new_sessions_are_tried_comes_at_once(robots, monkeypatch):
+    monkeypatch.setattr(service, "SILENCE_S", 0.01)
+    monkeypatch.setattr(service, "RETRY_S", 0.01)
+    _, at = robots(lambda *_: None)
+    before = threading.active_count()
+    with Controller(at, monkeypatch) as controller:
+        controller.wait_for(lambda: controller.service.sessions > 3)
+        controller.stop()
+    assert threading.active_count() == before
+    assert controller.link._session.is_closed()
+    told = [line for line in controller.said if "trying a new session" in line]
+    assert len(told) == 1
