@@ -40,6 +40,7 @@ class AccelerationBounds:
             thrown back with all it has [rad or m]. 0 where what is asked for is done exactly.
         shrink: where the limits violate condition (11), lower the accelerations to what satisfies
             it, instead of raising.
+        naive: for `solve_naive` only, which takes limits that violate (11), too.
         names: of the joints, for errors.
 
     Attributes:
@@ -47,9 +48,10 @@ class AccelerationBounds:
         up, down: (n,) greatest accelerations that are in use, after shrinking.
 
     Raises:
-        BadProblemError: limits that contradict each other or violate (11) with T_b. (11) is both
-            necessary and sufficient for bounds to exist in every state from which a joint can stop:
-            speed ≥ T·max(up, down), and the range must hold the way of two opposite steps.
+        BadProblemError: limits that contradict each other or, unless `naive`, violate (11) with
+            T_b. (11) is both necessary and sufficient for bounds to exist in every state from
+            which a joint can stop: speed ≥ T·max(up, down), and the range must hold the way of two
+            opposite steps.
     """
 
     def __init__(
@@ -65,6 +67,7 @@ class AccelerationBounds:
         brake_share: float = 1.0,
         softness: float = 0.0,
         shrink: bool = False,
+        naive: bool = False,
         names: Iterable[str] = (),
     ) -> None:
         from protocol import limits_kernels as kernels  # noqa: PLC0415 - compiles
@@ -95,7 +98,9 @@ class AccelerationBounds:
         self._check_limits()
         if shrink:
             self._shrink()
-        self._check_condition()
+        self._only_naive = naive
+        if not naive:
+            self._check_condition()
         ends = np.abs(self._limits[:2])
         self._limits[5] = np.where(np.isfinite(ends), ends, 0.0).max(axis=0)
         self._kernel, self._naive = kernels.acceleration_bounds_kernel, kernels.naive_bounds_kernel
@@ -112,8 +117,11 @@ class AccelerationBounds:
             lower_out, upper_out: (n,) [rad/s² or m/s²]; untouched on an error.
 
         Raises:
-            BadProblemError: q or dq is not finite, or an array of the wrong type or shape.
+            BadProblemError: q or dq is not finite, or an array of the wrong type or shape; or
+                these are `naive` bounds, whose limits were not checked for (11).
         """
+        if self._only_naive:
+            raise BadProblemError("naive bounds have no solve: call solve_naive.")
         try:
             status, joint = self._kernel(
                 *(q, dq, self._limits, self._held, self._share, self._softness),
@@ -128,7 +136,10 @@ class AccelerationBounds:
     def solve_naive(
         self, q: FloatArray, dq: FloatArray, lower_out: FloatArray, upper_out: FloatArray
     ) -> None:
-        """As `solve`, but by (2): to compare with, for it does not keep the limits."""
+        """As `solve`, but by (2): to compare with, for it does not keep the limits.
+
+        Where the bounds cross, as they may where (11) is violated, they meet at the upper one.
+        """
         try:
             status, joint = self._naive(q, dq, self._limits, self._held, lower_out, upper_out)
         except TypeError as error:
@@ -235,9 +246,16 @@ def naive_acceleration_bounds(
     *,
     deceleration: ArrayLike | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """As `acceleration_bounds`, but by (2): to compare with, for it does not keep the limits."""
+    """As `acceleration_bounds`, but by (2): to compare with, for it does not keep the limits.
+
+    Limits that violate (11) are accepted: there the bounds may cross, and meet at the upper one.
+
+    Raises:
+        BadProblemError: limits that contradict each other, or q or dq that is not finite.
+    """
     limits = lower, upper, velocity, acceleration, period_s
-    return _of_state(AccelerationBounds.solve_naive, q, dq, *limits, deceleration=deceleration)
+    settings: dict[str, Any] = {"deceleration": deceleration, "naive": True}
+    return _of_state(AccelerationBounds.solve_naive, q, dq, *limits, **settings)
 
 
 def _of_state(

@@ -114,6 +114,7 @@ class JointBounds:
                 brake_share=settings.brake_share,
                 softness=settings.softness_rad,
                 shrink=settings.shrink,
+                naive=settings.kind == "naive",
                 names=robot.joint_names,
             )
         except BadProblemError as error:

@@ -240,6 +240,27 @@ def test_the_naive_bounds_are_those_of_2():
     assert naive_acceleration_bounds(1.9999, 0.05, *LIMITS, T) == (least, most)
 
 
+@pytest.mark.parametrize("T", [0.2, 1.0])
+def test_the_naive_bounds_need_no_condition_11(T):
+    """As in Fig. 4, where 20 periods violate it; at 1 s the bounds of both walls cross."""
+    with pytest.raises(BadProblemError, match=r"\(11\) is violated"):
+        acceleration_bounds(0.0, 0.0, *LIMITS, T)
+    least, most = naive_acceleration_bounds([1.9, -1.9, 0.0], [1.0, -2.0, 0.0], *LIMITS, T)
+    a = 12.0
+    for joint, (q, v) in enumerate([(1.9, 1.0), (-1.9, -2.0), (0.0, 0.0)]):
+        top = np.clip(min((2.0 - v) / T, 2.0 * (2.0 - q - T * v) / T**2), -a, a)
+        low = np.clip(max((-2.0 - v) / T, 2.0 * (-2.0 - q - T * v) / T**2), -a, a)
+        assert (least[joint], most[joint]) == pytest.approx((min(low, top), top))
+
+
+def test_naive_bounds_answer_by_2_only():
+    bounds = AccelerationBounds(*LIMITS, 0.2, naive=True)
+    with pytest.raises(BadProblemError, match="solve_naive"):
+        bounds.solve(*np.zeros((4, 1)))
+    with pytest.raises(BadProblemError, match="no room"):
+        naive_acceleration_bounds(0.0, 0.0, 1.0, -1.0, 2.0, 12.0, T)
+
+
 def excess_where_braking_is_weak(brake_share):
     """How far joints get out that brake 8 % too weakly, and speed up 8 % too strongly."""
     rng, n, T = np.random.default_rng(0), 500, 0.001

@@ -28,7 +28,7 @@ class Joint:
     period_s: float
 
     def bounds(
-        self, states: int, periods: float = 1.0, *, shrink: bool = False
+        self, states: int, periods: float = 1.0, *, shrink: bool = False, naive: bool = False
     ) -> AccelerationBounds:
         """The shipped bounds, for many states of this joint at once.
 
@@ -36,9 +36,10 @@ class Joint:
             states: how many.
             periods: T_b/δt.
             shrink: whether the acceleration may be lowered to what (11) asks for.
+            naive: for `solve_naive` only.
 
         Raises:
-            BadProblemError: (11) is violated.
+            BadProblemError: (11) is violated, and they are not naive.
         """
         ends = np.full(states, self.end)
         return AccelerationBounds(
@@ -49,6 +50,7 @@ class Joint:
             self.period_s,
             horizon_s=periods * self.period_s,
             shrink=shrink,
+            naive=naive,
         )
 
     def viable(self, q: Array, dq: Array) -> NDArray[np.bool_]:

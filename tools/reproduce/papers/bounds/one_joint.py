@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from protocol.errors import BadProblemError
-from protocol.limits_kernels import naive_bounds_kernel
 from remote_controller.controllers.joint_acceleration_kernels import accelerate_to
 from tools.reproduce.figures import Array
 from tools.reproduce.papers.bounds.joint import FIG_4, Joint
@@ -110,22 +109,19 @@ def move(periods: float, *, naive: bool = False, shrink: bool = False) -> Run:
     """Bring the joint of Fig. 4 to its limit.
 
     Raises:
-        BadProblemError: (11) is violated.
+        BadProblemError: (11) is violated, and the bounds are not naive.
     """
     joint = FIG_4
     ticks = round(SECONDS / joint.period_s)
     motion = np.zeros((3, ticks))
     q, dq, after, lower, upper = np.zeros((5, 1))
-    a, ends, target = np.zeros(1), np.array([joint.end]), np.array([TARGET])
+    a, target = np.zeros(1), np.array([TARGET])
     gains = KP, 2.0 * math.sqrt(KP)
-    bounds = None if naive else joint.bounds(1, periods, shrink=shrink)
+    bounds = joint.bounds(1, periods, shrink=shrink, naive=naive)
+    solve = bounds.solve_naive if naive else bounds.solve
     most = np.array([joint.acceleration])
-    limits = np.vstack([-ends, ends, [joint.speed], most, most, ends])
     for k in range(ticks):
-        if bounds is None:
-            naive_bounds_kernel(q, dq, limits, periods * joint.period_s, lower, upper)
-        else:
-            bounds.solve(q, dq, lower, upper)
+        solve(q, dq, lower, upper)
         motion[0, k], motion[1, k] = q[0], dq[0]
         accelerate_to(q, dq, target, *gains, lower, upper, most, joint.period_s, a, after, dq)
         motion[2, k], q[0] = a[0], after[0]
