@@ -48,7 +48,10 @@ def change(
     except ValueError as error:
         raise UsageError(f"{request!r:.60} is not JSON ({error})") from error
     if not isinstance(content, dict):
-        raise UsageError(f"{request!r:.60} is no JSON object: write '{{\"kp\": 20}}', say")
+        raise UsageError(
+            f"{request!r:.60} is no JSON object: write what the controller takes, such as "
+            '\'{"order": ["foot", "com", "posture"]}\' with ghc_velocity'
+        )
     print_json(_ask(robot, content, connect)[1])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 import numpy as np
@@ -9,12 +10,15 @@ import pytest
 import yaml
 from story import check
 
-from remote_controller.config import CONFIGS
+from protocol.messages import State
+from remote_controller.config import CONFIGS, build
 from remote_controller.kinematics import Kinematics
 from robot_emulator.robots import load
+from robot_emulator.service import describe
 from tools.settings import json_schema
-from tools.simulate import simulate
+from tools.simulate import controller_settings, emulator_settings, simulate
 
+ROOT = CONFIGS.parents[1]
 NAMES = sorted(path.stem for path in CONFIGS.glob("*.yaml"))
 
 
@@ -37,7 +41,7 @@ def test_commands_in_their_comments_work(name):
         )
 
 
-@pytest.mark.parametrize("name", ["stable_qp", "com_tracking"])
+@pytest.mark.parametrize("name", ["stable_qp_hoap3", "com_tracking"])
 def test_the_left_foot_moves_as_their_comments_say(name):
     robot = load("hoap3")
     kinematics = Kinematics(robot)
@@ -50,3 +54,22 @@ def test_the_left_foot_moves_as_their_comments_say(name):
     moves = np.linalg.norm(places[1] - places[0]) > 1e-3
     assert moves
     assert moves == ("Nothing holds the left" in comments(name))
+
+
+def test_the_change_that_the_readme_shows_is_taken_by_the_config_that_it_names():
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    request, name = re.search(r"`hoap3 change '(\{.*?\})'` \(with `(\w+)`\)", readme).groups()
+    robot = describe(emulator_settings("hoap3", 0))
+    controller = build(controller_settings(name), robot)
+    state = State(robot.n)
+    state.mode = State.ACTIVE
+    state.q[:] = state.reference[:] = robot.initial_position
+    controller.reset(state, None)
+    controller.step(state)
+    before = controller.changeable()["priorities"]
+    controller.change(json.loads(request))
+    for state.tick in range(1, 1500):
+        controller.step(state)
+    after = controller.changeable()["priorities"]
+    assert after["alpha"] != before["alpha"]
+    assert not after["moving"]
