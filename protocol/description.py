@@ -19,14 +19,24 @@ import pydantic_core
 from numpy.typing import NDArray
 from pydantic import StrictFloat, StrictStr
 
-from protocol.description_parts import Joint, Number, Part, Sole, guess, refuse
+from protocol.description_parts import DefaultTask, Joint, Number, Part, Sole, guess, refuse
 from protocol.errors import DescriptionError
 from protocol.urdf import UrdfStructure, read_urdf
 
-__all__ = ["CommandKind", "Gravity", "Joint", "RobotDescription", "Sole", "Vector"]
+__all__ = [
+    "COM",
+    "CommandKind",
+    "DefaultTask",
+    "Gravity",
+    "Joint",
+    "RobotDescription",
+    "Sole",
+    "Vector",
+]
 
 MAX_BYTES = 1 << 20
 MAX_JOINTS = 128
+COM = "com"  # the centre of mass, as the point of a task
 
 Vector = NDArray[np.float64]
 CommandKind = Literal["position", "acceleration", "torque"]
@@ -52,6 +62,7 @@ class RobotDescription(Part):
             ones, or `none`.
         soles: the frames that can stand, with their support polygons.
         wrench_sensors: frames in which a wrench is measured.
+        default_task: what a controller does whose config names no task; None: nothing is known.
     """
 
     kind: ClassVar[str] = "robot"
@@ -68,6 +79,7 @@ class RobotDescription(Part):
     gravity: Gravity = "full"
     soles: tuple[Sole, ...] = ()
     wrench_sensors: tuple[StrictStr, ...] = ()
+    default_task: DefaultTask | None = None
 
     @classmethod
     def from_json(cls, raw: bytes) -> Self:
@@ -87,8 +99,10 @@ class RobotDescription(Part):
         return cls.model_validate(data)
 
     def to_json(self) -> bytes:
-        """Canonical JSON: sorted keys, no blanks, ASCII."""
+        """Canonical JSON: sorted keys, no blanks, ASCII; no key for a default task of None."""
         fields = self.model_dump(mode="json")
+        if self.default_task is None:
+            del fields["default_task"]  # as in logs from before there was one
         return json.dumps(fields, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
@@ -242,6 +256,10 @@ class RobotDescription(Part):
         used = [("base_frame", self.base_frame)]
         used += [("soles", sole.frame) for sole in self.soles]
         used += [("wrench_sensors", frame) for frame in self.wrench_sensors]
+        if self.default_task is not None:
+            used.append(("default_task.reference", self.default_task.reference))
+            if self.default_task.point != COM:
+                used.append(("default_task.point", self.default_task.point))
         for key, frame in used:
             if frame not in self.frames:
                 refuse(key, frame, guess(frame, self.frames, "Add that link to the URDF"))

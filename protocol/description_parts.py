@@ -1,4 +1,4 @@
-"""The pieces of a robot description: joints and soles, each checked for itself."""
+"""The pieces of a robot description: joints, soles, default task, each checked for itself."""
 
 from __future__ import annotations
 
@@ -137,6 +137,31 @@ class Sole(Part):
         slack = 1e-12 * float(np.ptp(corners, axis=0).max()) ** 2  # of corners in one line
         if not ((left >= -slack).all() and (left > slack).any()):
             refuse("polygon", self.polygon, "Go round a convex outline counter-clockwise.")
+
+
+class DefaultTask(Part):
+    """What controllers do whose config names no task: bring a point of the robot to a target.
+
+    Attributes:
+        point: a link, for its origin, or `com`, the centre of mass.
+        reference: the link that the point is seen from.
+        target_m: (x, y, z) where the point shall be, in the reference's axes [m]; or instead
+        move_m: (x, y, z) how far from where it is in the initial posture [m].
+    """
+
+    kind: ClassVar[str] = "default task"
+    label: ClassVar[str] = "point"
+
+    point: StrictStr
+    reference: StrictStr
+    target_m: tuple[Number, Number, Number] | None = None
+    move_m: tuple[Number, Number, Number] | None = None
+
+    def check(self) -> None:
+        """Refuse two targets, or none."""
+        if (self.target_m is None) == (self.move_m is None):
+            found = [key for key in ("target_m", "move_m") if getattr(self, key) is not None]
+            refuse("target", found, "Write either target_m or move_m.")
 
 
 def refuse(key: str, value: object, remedy: str) -> NoReturn:

@@ -59,6 +59,10 @@ class ConfigError(UsageError):
         super().__init__(f"{where}: {problem}{found}. {remedy}")
 
 
+class NoDefaultTaskError(ConfigError):
+    """A config names no task, and neither does the robot."""
+
+
 class UnknownNameError(UsageError):
     """Nothing is registered under that name.
 

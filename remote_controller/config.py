@@ -9,7 +9,14 @@ from typing import Any
 from pydantic import Field
 
 from protocol.description import RobotDescription
-from protocol.errors import ConfigError, FrameNotFoundError, Hoap3Error, UnknownNameError
+from protocol.errors import (
+    ConfigError,
+    DescriptionError,
+    FrameNotFoundError,
+    Hoap3Error,
+    NoDefaultTaskError,
+    UnknownNameError,
+)
 from protocol.settings import (
     Endpoint,
     LinkSettings,
@@ -20,6 +27,7 @@ from protocol.settings import (
     load_yaml,
     parse,
 )
+from remote_controller.pairs import configs_for
 
 CONFIGS = Path(__file__).parent / "configs"
 
@@ -93,10 +101,13 @@ def build(config: ControllerConfig, description: RobotDescription, file: str = "
         return _configured(controller, parameters, config, description, file)
     except ConfigError as error:
         hint = of_another_robot(config, description)
-        if not hint:
+        if not hint or isinstance(error, NoDefaultTaskError):  # which any robot can have
             raise
         remedy = f"{error.remedy}. {hint}"
         raise ConfigError(error.file, error.key, error.value, error.problem, remedy) from error
+    except DescriptionError as error:
+        hint = of_another_robot(config, description)
+        raise (DescriptionError(f"{error}. {hint}") if hint else error) from error
 
 
 def of_another_robot(config: ControllerConfig, description: RobotDescription) -> str:
@@ -107,9 +118,11 @@ def of_another_robot(config: ControllerConfig, description: RobotDescription) ->
     given = description.name
     if "robot" not in config.model_fields_set or config.robot == given:
         return ""
+    fitting = configs_for(given)
+    listing = f": {', '.join(fitting)}" if fitting else ""
     return (
         f"The config is for another robot: its key `robot` names {config.robot!r}, and {given!r} "
-        f"is given. Take --robot {config.robot}, or a config for {given!r}"
+        f"is given. Take --robot {config.robot}, or a config for {given!r}{listing}"
     )
 
 

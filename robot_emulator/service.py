@@ -31,10 +31,11 @@ LEAD = 4  # the part of a period that a robot in real time may act ahead of a ti
 
 
 def describe(config: EmulatorConfig, file: str = "config") -> RobotDescription:
-    """Description of the configured robot, under the name that it has on the network."""
+    """Description of the configured robot: its name, start posture and command as configured."""
     description = load(config.robot)
     if config.posture is not None:
         check_posture(config.posture, list(description.postures), file)
+        description = description.model_copy(update={"initial_posture": config.posture})
     if config.name is not None:
         description = description.model_copy(update={"name": config.name})
     kind = config.command or description.command_kinds[0]

@@ -15,6 +15,7 @@ from remote_controller.controllers.labelled_tasks import LabelledTasksController
 from remote_controller.solvers import status
 from remote_controller.solvers.constant_gains import ConstantGains
 from remote_controller.solvers.sdp_gains import SdpGains
+from remote_controller.tasks.default import default_goal
 
 AT_TARGET = 1e-5  # of |e|, all tasks [m or rad]
 FIRST_ORDER = 0.01  # of β: by how much V may fall slower than the linear model has it
@@ -35,6 +36,13 @@ CONDITIONS = (
 LITTLE = 0.1  # of β̃: with less than that V falls, but the lower tasks hardly arrive
 LASTING_S = 0.1  # for which β is as little, before anybody is told
 SLOW = "beta below a tenth of what was asked"
+
+
+def _with_default_task(parameters: Any, description: RobotDescription, file: str) -> Any:
+    """The parameters with the robot's default task as their only one."""
+    goal = default_goal(description, file, "parameters.tasks").settings
+    content = {**parameters.model_dump(), "tasks": (goal.model_dump(),)}
+    return type(parameters).model_validate(content)
 
 
 class _Clik(LabelledTasksController):
@@ -64,8 +72,11 @@ class _Clik(LabelledTasksController):
     def __init__(
         self, description: RobotDescription, parameters: Any, file: str = "config"
     ) -> None:
+        if parameters.tasks is None:
+            parameters = _with_default_task(parameters, description, file)
         super().__init__(description, parameters, file)
-        self._weights = [task.weight for task in parameters.tasks]
+        self._tasks = parameters.tasks
+        self._weights = [task.weight for task in self._tasks]
         first = len(self.labels)
         self._errors_logged = slice(0, first)
         self._figures = slice(first, first + len(FIGURES))
@@ -160,7 +171,7 @@ class ClikController(_Clik):
         self, description: RobotDescription, parameters: Any, file: str = "config"
     ) -> None:
         super().__init__(description, parameters, file)
-        gains = [task.gain_per_s for task in parameters.tasks]
+        gains = [task.gain_per_s for task in self._tasks]
         self.solver = ConstantGains(
             self.sizes,
             description.n,

@@ -10,6 +10,8 @@ from remote_controller.controllers.labelled_tasks_settings import (
 )
 from remote_controller.solvers.sdp_gains import DELTA
 
+TASKS = "what shall be done, the most important first; null: the default task of the robot"
+
 
 class WeightedTask(LabelledTask):
     """A task of V = ½ Σ w|e|²."""
@@ -28,9 +30,7 @@ class SteadyTask(WeightedTask):
 class ClikParameters(LabelledTaskParameters):
     """What both have."""
 
-    tasks: tuple[WeightedTask, ...] = Field(
-        min_length=1, description="what shall be done, the most important first"
-    )
+    tasks: tuple[WeightedTask, ...] | None = Field(None, min_length=1, description=TASKS)
     damping: float = Field(
         0.0, ge=0, le=1e6, description="d: Jᵀ(JJᵀ + d²I)⁻¹ stands for the pseudoinverse J⁺"
     )
@@ -39,9 +39,7 @@ class ClikParameters(LabelledTaskParameters):
 class SteadyParameters(ClikParameters):
     """Constant gains."""
 
-    tasks: tuple[SteadyTask, ...] = Field(
-        min_length=1, description="what shall be done, the most important first"
-    )
+    tasks: tuple[SteadyTask, ...] | None = Field(None, min_length=1, description=TASKS)
 
 
 class SdpParameters(ClikParameters):

@@ -1,19 +1,22 @@
-"""Controllers that make V = |e|²/2 of one task decrease at a chosen rate (QP12, section V)."""
+"""Controllers that make V = |e|²/2 of one point decrease at a chosen rate (QP12, section V)."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 from pydantic import Field
 
-from protocol.description import RobotDescription
+from protocol.description import COM, RobotDescription
 from protocol.messages import FloatArray, State
 from remote_controller.controllers.controller import STATUS, VelocityController
+from remote_controller.controllers.ramp import Ramp
 from remote_controller.kinematics import Kinematics
 from remote_controller.solvers import status
 from remote_controller.tasks.com import ComTask
+from remote_controller.tasks.default import default_goal
+from remote_controller.tasks.frame_position import FramePositionTask
 
 PSI_SCALES = {"inverse_sqrt_n": 0, "one": 1, "max_norm": 2}
 CERTIFIED_RESIDUAL = 1e-9
@@ -21,18 +24,26 @@ ROUNDING = 1e-12  # of a speed relative to u_max
 
 
 class DescentController(VelocityController):
-    """Brings the centre of mass to a target; subclasses choose among the velocities that do.
+    """Brings the centre of mass, or a frame, to a target; subclasses choose how the joints move.
 
     Raises:
-        FrameNotFoundError: the robot does not have the task's frame.
+        FrameNotFoundError: the robot does not have a frame of the task.
+        ConfigError: the task is not named in full, and the robot has no default task.
     """
 
     class Parameters(VelocityController.Parameters):
         """Task, rate of decrease, and what is fed back."""
 
-        frame: str = Field("r_sole", description="frame fixed to the ground")
-        target_m: tuple[float, float, float] = Field(
-            (0.01, 0.025, 0.2869), description="where the CoM shall be, in that frame [m]"
+        point: str | None = Field(
+            None,
+            description="what is brought to the target: com, or a frame; null: the robot's default "
+            "task decides, or com where frame is named",
+        )
+        frame: str | None = Field(
+            None, description="frame that it is seen from; null: that of the default task"
+        )
+        target_m: tuple[float, float, float] | None = Field(
+            None, description="where it shall be, in that frame [m]; null: as the default task"
         )
         u_max_rad_s: float = Field(0.6, gt=0, description="joint speed that Ψ is scaled by")
         beta: float = Field(46.0, gt=0, description="β of R(q), (41) [1/m]")
@@ -40,20 +51,36 @@ class DescentController(VelocityController):
             "inverse_sqrt_n",
             description="Ψ = u_max·|∇V|₂·R/√n as (16) has it, without 1/√n, or u_max·|∇V|∞·R",
         )
+        ramp_s: float = Field(
+            0.0, ge=0, description="time in which Ψ rises to that after the start [s]; 0: at once"
+        )
         kinematics_from: Literal["measured", "reference"] = Field(
             "measured", description="joint positions that kinematics are computed from"
         )
 
     def __init__(self, description: RobotDescription, parameters: Parameters) -> None:
+        parameters = _complete(parameters, description, "config")
         super().__init__(description, parameters)
         self.kinematics = Kinematics(description)
-        self.task = ComTask(self.kinematics, parameters.frame, np.array(parameters.target_m))
+        self.task = _task(self.kinematics, parameters)
+        self._ramp = Ramp(parameters.ramp_s, description.period_s)
         self._from_reference = parameters.kinematics_from == "reference"
         self._least_margin = -ROUNDING * parameters.u_max_rad_s
         self.u = np.zeros(description.n)
 
+    @classmethod
+    def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Self:
+        """One for a robot, whose default task stands for what the parameters do not name."""
+        return cls(description, _complete(parameters, description, file))
+
+    def reset(self, state: State, last_command: FloatArray | None) -> None:
+        """Begin again from rest."""
+        super().reset(state, last_command)
+        self._ramp.restart()
+
     def velocity(self, state: State) -> FloatArray:
         """Joint velocities that decrease V, and their certificate."""
+        self._ramp.advance(state)
         self.kinematics.update(state.reference if self._from_reference else state.q)
         self.task.update(self.kinematics)
         command = self.command
@@ -64,6 +91,8 @@ class DescentController(VelocityController):
     @abstractmethod
     def descend(self, certificate: FloatArray) -> int:
         """Write u into `self.u` and (V, required V̇, predicted V̇, ρ, margin, residual).
+
+        Ψ is that of u_max times `self._ramp.share`.
 
         Returns:
             Status of the solver, one of `solvers.status`.
@@ -79,3 +108,28 @@ class DescentController(VelocityController):
         optimal = command.kkt_residual <= CERTIFIED_RESIDUAL
         slow_enough = command.margin >= self._least_margin
         return STATUS["certified"] if optimal and slow_enough else STATUS["uncertified"]
+
+
+def _complete(
+    parameters: DescentController.Parameters, description: RobotDescription, file: str
+) -> DescentController.Parameters:
+    """The parameters with what they leave to the robot's default task."""
+    point = parameters.point or (COM if parameters.frame else None)
+    reference, target = parameters.frame, parameters.target_m
+    if point is None or reference is None or target is None:
+        key = "parameters.target_m" if target is None else "parameters.frame"
+        goal = default_goal(description, file, key, point, reference)
+        point, reference, target = goal.point, goal.reference, target or goal.target_m
+    update = {"point": point, "frame": reference, "target_m": target}
+    return parameters.model_copy(update=update)
+
+
+def _task(
+    kinematics: Kinematics, parameters: DescentController.Parameters
+) -> ComTask | FramePositionTask:
+    """The task of complete parameters."""
+    point, reference = str(parameters.point), str(parameters.frame)
+    target = np.array(parameters.target_m)
+    if point == COM:
+        return ComTask(kinematics, reference, target)
+    return FramePositionTask(kinematics, point, reference, target)

@@ -8,12 +8,13 @@ from typing import Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from protocol.description import RobotDescription
+from protocol.description import COM, RobotDescription
 from protocol.errors import ConfigError
 from protocol.messages import FloatArray
 from protocol.settings import Settings
 from remote_controller.controllers.postures import posture_of
-from remote_controller.dynamics import FramesDynamics
+from remote_controller.dynamics import FrameDynamics, FramesDynamics
+from remote_controller.tasks.default import Goal
 
 Triple = tuple[float, float, float]
 
@@ -47,6 +48,24 @@ class Gains(Settings):
     def both(self) -> tuple[float, float]:
         """Gains kp and kd."""
         return self.kp, 2.0 * math.sqrt(self.kp) if self.kd is None else self.kd
+
+
+def default_pose(
+    robot: RobotDescription, goal: Goal, file: str, key: str
+) -> tuple[FloatArray, FloatArray]:
+    """H_d of the robot's default task, with the orientation of the initial posture; as `pose_of`.
+
+    Raises:
+        ConfigError: the default task is for the centre of mass, or seen from a frame that moves.
+        FrameNotFoundError: the robot has no such frame.
+    """
+    if goal.point == COM:
+        problem = f"is missing, and the default task of {robot.name!r} is for its centre of mass"
+        raise ConfigError(file, key, None, problem, "Name a frame and a goal for it")
+    dynamics = FrameDynamics(robot, goal.point)
+    origin, axes = reference_of(robot, dynamics, goal.reference, file, key)
+    _, rotation = dynamics.placement(robot.initial_position, goal.point)
+    return origin + axes @ np.array(goal.target_m), rotation
 
 
 def pose_of(

@@ -59,11 +59,12 @@ class LabelledTasksController(VelocityController):
             labelled_tasks_kernels as kernels,
         )
 
-        self.labels = labels_of(parameters.tasks, file)
+        given = parameters.tasks or ()
+        self.labels = labels_of(given, file)
         self.kinematics = Kinematics(description)
         self.functions = [
             _task(task, description, self.kinematics, file, f"parameters.tasks.{number}")
-            for number, task in enumerate(parameters.tasks)
+            for number, task in enumerate(given)
         ]
         self.sizes = [len(function.error) for function in self.functions]
         self.extra_names = (*(f"error_{label}" for label in self.labels), *self.columns())
@@ -91,8 +92,9 @@ class LabelledTasksController(VelocityController):
     @classmethod
     def check(cls, parameters: Any, file: str) -> None:
         """Refuse tasks that are wrong for any robot."""
-        check_tasks(parameters.tasks, file)
-        labels_of(parameters.tasks, file)
+        given = parameters.tasks or ()
+        check_tasks(given, file)
+        labels_of(given, file)
 
     def columns(self) -> tuple[str, ...]:
         """Columns beside the errors; called once, when labels and sizes are known."""

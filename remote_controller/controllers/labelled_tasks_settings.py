@@ -95,7 +95,7 @@ class VelocityBounds(Settings):
 class LabelledTaskParameters(VelocityController.Parameters):
     """What all of them have."""
 
-    tasks: tuple[LabelledTask, ...] = Field(min_length=1, description="what shall be done")
+    tasks: tuple[LabelledTask, ...] | None = Field(min_length=1, description="what shall be done")
     bounds: VelocityBounds = Field(VelocityBounds(), description="of the joint velocities")
     kinematics_from: Literal["measured", "reference"] = Field(
         "measured", description="joint positions that kinematics are computed from"

@@ -45,14 +45,13 @@ class OsqpController(DescentController):
 
         super().__init__(description, parameters)
         self._problem, self._certify = osqp_problem, osqp_certificate
+        self._u_max = parameters.u_max_rad_s
         self._settings = (
-            parameters.u_max_rad_s,
             parameters.beta,
             PSI_SCALES[parameters.psi_scale],
             parameters.gamma,
             parameters.adaptive_gamma,
         )
-        self._u_max = parameters.u_max_rad_s
         self._solver = OsqpQp12(
             description.n,
             parameters.tolerance,
@@ -69,13 +68,14 @@ class OsqpController(DescentController):
     def descend(self, certificate: FloatArray) -> int:
         """Solve (40)."""
         task, solver, found = self.task, self._solver, status.OK
+        u_max = self._u_max * self._ramp.share
         decrease, gamma = self._problem(
-            task.error, task.jacobian, *self._settings, self.gradient, certificate
+            task.error, task.jacobian, u_max, *self._settings, self.gradient, certificate
         )
         try:
             solver.solve(self.gradient, decrease, gamma, self.u)
         except SolverError:
             found = status.INFEASIBLE
-        self._certify(self.gradient, decrease, gamma, self._u_max, self.u, certificate)
+        self._certify(self.gradient, decrease, gamma, u_max, self.u, certificate)
         self.command.extra[0] = solver.iterations
         return found

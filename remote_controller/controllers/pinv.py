@@ -31,22 +31,24 @@ class PinvController(DescentController):
 
         super().__init__(description, parameters)
         self._kernel = pinv_descent
+        self._u_max = parameters.u_max_rad_s
         self._settings = (
-            parameters.u_max_rad_s,
             parameters.beta,
             PSI_SCALES[parameters.psi_scale],
-            parameters.gain_per_s if parameters.law == "plain" else 0.0,
         )
+        self._gain = parameters.gain_per_s if parameters.law == "plain" else 0.0
         self._work = np.zeros(work_shape(3, description.n))
         self.gradient = np.zeros(description.n)
 
     def descend(self, certificate: FloatArray) -> int:
         """Find u, and what it does to V."""
-        task = self.task
+        task, u_max = self.task, self._u_max * self._ramp.share
         return self._kernel(
             task.error,
             task.jacobian,
+            u_max,
             *self._settings,
+            self._gain * self._ramp.share,
             self._work,
             self.gradient,
             self.u,

@@ -28,8 +28,8 @@ class Qp12Controller(DescentController):
 
         super().__init__(description, parameters)
         self._kernel = qp12_descent
+        self._u_max = parameters.u_max_rad_s
         self._settings = (
-            parameters.u_max_rad_s,
             parameters.beta,
             PSI_SCALES[parameters.psi_scale],
             parameters.gamma,
@@ -39,7 +39,7 @@ class Qp12Controller(DescentController):
 
     def descend(self, certificate: FloatArray) -> int:
         """Solve (40)."""
-        task = self.task
+        task, u_max = self.task, self._u_max * self._ramp.share
         return self._kernel(
-            task.error, task.jacobian, *self._settings, self.gradient, self.u, certificate
+            task.error, task.jacobian, u_max, *self._settings, self.gradient, self.u, certificate
         )

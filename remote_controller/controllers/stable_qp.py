@@ -15,12 +15,14 @@ from remote_controller.controllers import stable_qp_settings as settings
 from remote_controller.controllers.controller import STATUS, VelocityController
 from remote_controller.controllers.descent_kernels import GAMMA_SLOPE
 from remote_controller.controllers.objective import check_objective, solver_of
+from remote_controller.controllers.ramp import Ramp
 from remote_controller.controllers.watch import Watch
 from remote_controller.kinematics import Kinematics
 from remote_controller.solvers import status
 from remote_controller.solvers.descent_rate import FORMS
 from remote_controller.solvers.stable_qp import STILL
 from remote_controller.tasks import registry as tasks
+from remote_controller.tasks.default import default_goal
 from remote_controller.tasks.persistent_motion import PersistentMotion
 
 PROVEN = (status.OK, status.STATIONARY)
@@ -72,11 +74,12 @@ class StableQpController(VelocityController):
             rate_kernel,
         )
 
+        task = parameters.task
+        if task is None:
+            task = default_goal(description, file, "parameters.task").settings
         super().__init__(description, parameters)
         self.kinematics = Kinematics(description)
-        self.function = tasks.build(
-            parameters.task, description, self.kinematics, file, "parameters.task"
-        )
+        self.function = tasks.build(task, description, self.kinematics, file, "parameters.task")
         self.stack = constraints.build(
             parameters.constraints, description, self.kinematics, description.period_s, file
         )
@@ -96,6 +99,7 @@ class StableQpController(VelocityController):
         bounded = psi.form not in ("tanh", "exponential")
         self._psi = (psi.u_max_rad_s, psi.beta) if bounded else (psi.eta_per_s, psi.kappa)
         self._form = FORMS.index(psi.form)
+        self._ramp = Ramp(psi.ramp_s, description.period_s)
         self._from_reference = parameters.kinematics_from == "reference"
         self._watch = Watch(self.stack)
         self.conditions = self._watch.names
@@ -111,7 +115,8 @@ class StableQpController(VelocityController):
     @classmethod
     def check(cls, parameters: Any, file: str) -> None:
         """Refuse parts that are wrong for any robot."""
-        tasks.check_parameters(parameters.task, file, "parameters.task")
+        if parameters.task is not None:
+            tasks.check_parameters(parameters.task, file, "parameters.task")
         constraints.read(parameters.constraints, file)
         check_objective(parameters, file)
 
@@ -125,6 +130,7 @@ class StableQpController(VelocityController):
         """Have the task start where the robot is, and ρ at 1; `kinematics` is up to date."""
         self.function.reset(self.kinematics, state.tick * self._dt)
         self.stack.reset()
+        self._ramp.restart()
         self._solver.forget()
         self._begun = True
 
@@ -141,7 +147,8 @@ class StableQpController(VelocityController):
         command.stamp_kinematics = self.now()
         V, gradient, drift = function.value, function.gradient, function.rate
         error = math.sqrt(2.0 * V) if V >= 0.0 else math.nan
-        psi = self._rate_kernel(self._form, V, gradient, error, *self._psi)
+        self._ramp.advance(state)
+        psi = self._rate_kernel(self._form, V, gradient, error, *self._psi) * self._ramp.share
         if self._adaptive:
             slope = GAMMA_SLOPE * math.sqrt(gradient @ gradient)
             solver.gamma = 2.0 * self._gamma / math.pi * math.atan(slope)

@@ -56,12 +56,17 @@ class RateSettings(Settings):
     beta: float = Field(46.0, gt=0, description="β of R = (2/π)·atan(β|e|), (41) [1/m]")
     eta_per_s: float = Field(1.0, gt=0, description="η of the last two [1/s]")
     kappa: float = Field(10.0, gt=0, description="κ of tanh, in 1/|∇V|")
+    ramp_s: float = Field(
+        0.0, ge=0, description="time in which Ψ rises to that after the start [s]; 0: at once"
+    )
 
 
 class Parameters(VelocityController.Parameters):
     """Problem (3), choice by choice."""
 
-    task: TaskSettings = Field(description="what V is")
+    task: TaskSettings | None = Field(
+        None, description="what V is; null: the default task of the robot"
+    )
     objective: Objective = Field(Qp12Objective(), description="Φ: qp12, lp or least_squares")
     psi: RateSettings = Field(RateSettings(), description="Ψ: how fast V shall fall")
     constraints: tuple[ConstraintSettings, ...] = Field((), description="what u must keep")

@@ -10,12 +10,13 @@ from protocol.description import RobotDescription
 from protocol.messages import FloatArray, Setpoint, State
 from remote_controller.controllers import tsid_settings as settings
 from remote_controller.controllers.controller import STATUS, Controller
-from remote_controller.controllers.goals import pose_of
+from remote_controller.controllers.goals import default_pose, pose_of
 from remote_controller.controllers.joint_bounds import JointBounds
 from remote_controller.controllers.postures import posture_of
 from remote_controller.dynamics import FrameDynamics
 from remote_controller.solvers import status
 from remote_controller.solvers.tsid import Tsid
+from remote_controller.tasks.default import default_goal
 
 CERTIFIED_RESIDUAL = 1e-9
 FALLBACKS = {status.OK: 0, status.INFEASIBLE: 1, status.UNSOLVED: 2}
@@ -70,12 +71,9 @@ class TsidController(Controller):
         self._judge, self._aim = kernels.judge, kernels.aim
         self._prepare, self._finish = kernels.prepare, kernels.finish
         self._not_finite, self._half_a_turn = kernels.NOT_FINITE, kernels.AT_HALF_A_TURN
-        self.dynamics = FrameDynamics(description, parameters.frame)
+        self.dynamics, self.goal = _target(description, parameters, file)
         self.bounds = JointBounds(description, parameters.bounds, file, "parameters.bounds")
         self.solver = Tsid(np.array(description.effort), self.bounds.greatest)
-        self.goal = pose_of(
-            description, self.dynamics, parameters.frame, parameters.goal, file, "parameters.goal"
-        )
         rest = parameters.posture
         self._posture = posture_of(
             description, rest.posture, rest.posture_rad, file, "parameters.posture.posture"
@@ -206,3 +204,16 @@ class TsidController(Controller):
         command.solver_status = STATUS["infeasible"]
         self.present = NOT_FINITE
         return command
+
+
+def _target(
+    description: RobotDescription, parameters: settings.Parameters, file: str
+) -> tuple[FrameDynamics, tuple[FloatArray, FloatArray]]:
+    """Dynamics of the frame of a config, or of the robot's default task, and H_d."""
+    frame, goal, key = parameters.frame, parameters.goal, "parameters.goal"
+    if goal is None:
+        default = default_goal(description, file, key, frame)
+        pose = default_pose(description, default, file, key)
+        return FrameDynamics(description, default.point), pose
+    dynamics = FrameDynamics(description, str(frame))
+    return dynamics, pose_of(description, dynamics, str(frame), goal, file, key)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from pydantic import Field
+from typing import Self
+
+from pydantic import Field, model_validator
 
 from remote_controller.controllers.controller import Controller
 from remote_controller.controllers.goals import Gains, GoalSettings
@@ -40,11 +42,23 @@ class TsidBounds(BoundSettings):
 class Parameters(Controller.Parameters):
     """Problem (33), part by part."""
 
-    frame: str = Field(description="frame that shall get there")
-    goal: GoalSettings = Field(description="where it shall be")
+    frame: str | None = Field(
+        None, description="frame that shall get there; null: that of the robot's default task"
+    )
+    goal: GoalSettings | None = Field(
+        None,
+        description="where it shall be; null: where the robot's default task has it, with the "
+        "orientation that it has at the start",
+    )
     task: Gains = Field(Gains(), description="of the frame's acceleration")
     posture: PostureSettings = Field(PostureSettings(), description="of the null space")
     bounds: TsidBounds = Field(TsidBounds(), description="of the accelerations")
     compensate_friction: bool = Field(
         True, description="count the viscous friction of the URDF among the torques"
     )
+
+    @model_validator(mode="after")
+    def _frame_of_goal(self) -> Self:
+        if self.frame is None and self.goal is not None:
+            raise ValueError("has a goal, but no frame that shall get there: add `frame`")
+        return self

@@ -17,6 +17,7 @@ What is not written has a default:
 `base_frame`                 the root link of the URDF
 `period_s`                   0.001
 `command_kinds`              position
+`default_task`               none: controllers whose config names no task refuse the robot
 ===========================  ================================================================
 """
 
@@ -74,6 +75,19 @@ class SoleEntry(Settings):
     )
 
 
+class DefaultTaskEntry(Settings):
+    """What controllers do whose config names no task."""
+
+    point: StrictStr = Field(description="a link of the URDF, such as the tool, or com")
+    reference: StrictStr = Field(description="the link that the point is seen from")
+    target_m: tuple[Figure, Figure, Figure] | None = Field(
+        None, description="where the point shall be, in the reference's axes [m]"
+    )
+    move_m: tuple[Figure, Figure, Figure] | None = Field(
+        None, description="or: how far from where it is in the start posture [m]"
+    )
+
+
 def _entry(value: object) -> object:
     return {"name": value} if isinstance(value, str) else value
 
@@ -97,6 +111,9 @@ class RobotFile(Settings):
     soles: tuple[SoleEntry, ...] = ()
     base_frame: StrictStr | None = Field(None, description="the link fixed to the ground")
     wrench_sensors: tuple[StrictStr, ...] = Field((), description="links that measure a wrench")
+    default_task: DefaultTaskEntry | None = Field(
+        None, description="what controllers do whose config names no task"
+    )
 
 
 def read_robot(path: Path) -> RobotDescription:
@@ -139,6 +156,7 @@ def describe(robot: RobotFile, urdf: str) -> RobotDescription:
             "command_kinds": robot.command_kinds,
             "soles": [sole.model_dump() for sole in robot.soles],
             "wrench_sensors": robot.wrench_sensors,
+            "default_task": robot.default_task and robot.default_task.model_dump(),
         }
     )
 

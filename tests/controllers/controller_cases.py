@@ -27,7 +27,7 @@ from robot_emulator.body import build_body
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.config import available_configs as emulator_configs
 from robot_emulator.service import describe
-from tools.simulate import emulator_content
+from tools.simulate import emulator_content, suited
 
 _named = os.environ.get("HOAP3_TEST_CONTROLLERS", "")
 CASES = [name.strip() for name in _named.split(",") if name.strip()] or available_configs()
@@ -45,7 +45,8 @@ def emulator(case: str = "") -> EmulatorConfig:
     fitting = [
         known for known in shipped if known.robot == wanted and known.command in {None, *gives}
     ]
-    return fitting[0] if fitting else parse(EmulatorConfig, *emulator_content(wanted))
+    found = fitting[0] if fitting else parse(EmulatorConfig, *emulator_content(wanted))
+    return suited(found, config(case), case) if case else found
 
 
 @cache

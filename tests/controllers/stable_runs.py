@@ -20,7 +20,7 @@ NAMES = {value: name for name, value in STATUS.items()}
 EVENTS = Event.schema.constants
 
 
-def settings(config: str = "stable_qp", **changes: Any) -> dict[str, Any]:
+def settings(config: str = "stable_qp_hoap3", **changes: Any) -> dict[str, Any]:
     """A shipped config with other parameters; `target_m` moves its point."""
     content = copy.deepcopy(load_yaml(CONFIGS / f"{config}.yaml"))
     target = changes.pop("target_m", None)

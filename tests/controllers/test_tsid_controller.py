@@ -32,7 +32,7 @@ def log_norm(simulation: Simulation) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def shipped() -> Simulation:
-    return simulate("baxter", "tsid", duration=4.0)
+    return simulate("baxter", "tsid_baxter", duration=4.0)
 
 
 def test_the_hand_comes_to_its_goal_and_every_cycle_is_certified(shipped):
@@ -78,7 +78,7 @@ def test_an_arm_that_cannot_hold_its_load_is_told_of_and_not_certified():
 
 
 def test_the_robot_has_nothing_to_hold_back():
-    sides = emulator_settings("baxter", 0), controller_settings("tsid")
+    sides = emulator_settings("baxter", 0), controller_settings("tsid_baxter")
     lockstep = Lockstep(*sides, MemoryRecorder(), MemoryRecorder())
     lockstep.run(2.0)
     gate = lockstep.robot._gate

@@ -42,7 +42,7 @@ def baxter(
 
 def tsid(description: RobotDescription, **parameters: object) -> TsidController:
     """The shipped controller with some other parameters."""
-    content, file = read_config("tsid")
+    content, file = read_config("tsid_baxter")
     content["parameters"] = {**content["parameters"], **parameters}
     controller: TsidController = build(parse(ControllerConfig, content, file), description, file)
     controller.now = lambda: 0

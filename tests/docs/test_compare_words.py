@@ -13,7 +13,10 @@ from tools.compare.comparison import DURATION_S, ROBOT, SEED, compare
 from tools.compare.figures import LEAST_MARGIN, WORDS, value
 
 PAGE = "compare.md"
-EXAMPLE = ["qp12@gamma=0", "qp12@gamma=0.5", "qp12@gamma=0.99", "pinv", "osqp"]
+EXAMPLE = [
+    *("qp12_paper@gamma=0", "qp12_paper@gamma=0.5", "qp12_paper@gamma=0.99"),
+    *("pinv@ramp_s=0", "osqp@ramp_s=0,adaptive_gamma=false"),
+]
 ROWS = {
     "error at the end [mm]": ("error.end", 1e3),
     "to 1 % of the start [s]": ("error.settled_s", 1.0),

@@ -31,6 +31,7 @@ from remote_controller.tasks import registry as tasks
 from remote_controller.tasks.curve import CURVES
 from remote_controller.tasks.targets.settings import TargetSettings
 from robot_emulator.config import EmulatorConfig
+from robot_emulator.robots import load
 
 MODELS: dict[str, type[Settings]] = {
     "Keys of the emulator": EmulatorConfig,
@@ -112,8 +113,10 @@ def flat(schema: dict[str, Any], defaults: dict[str, Any]) -> dict[str, tuple[st
                 descend(whole, values.get(name, given(whole)), f"{prefix}{name}.")
                 continue
             found[prefix + name] = (in_words(inner), values.get(name, "required"))
-            of_each = inner.get("items", {}).get("$ref")
-            if of_each is not None:
+            options = inner.get("anyOf", [inner])
+            for of_each in [option.get("items", {}).get("$ref") for option in options]:
+                if of_each is None:
+                    continue
                 each = schema["$defs"][of_each.split("/")[-1]]
                 descend(each, given(each), f"{prefix}{name}.N.")
 
@@ -234,7 +237,11 @@ def test_everything_that_a_table_is_about_stands_before_it(heading):
         assert f"`{name}`" in text
 
 
-@pytest.mark.parametrize(("name", "law"), [("qp12", Qp12Controller), ("osqp", OsqpController)])
-def test_a_shipped_config_says_nothing_but_defaults(name, law):
-    content = yaml.safe_load((CONFIGS / f"{name}.yaml").read_text(encoding="utf-8"))
-    assert law.Parameters(**content["parameters"]) == law.Parameters()
+def test_the_papers_config_says_nothing_but_what_hoap3_does_by_default():
+    content = yaml.safe_load((CONFIGS / "qp12_paper.yaml").read_text(encoding="utf-8"))
+    robot = load("hoap3")
+    written_out, by_default = (
+        Qp12Controller(robot, Qp12Controller.Parameters(**parameters)).parameters
+        for parameters in (content["parameters"], {})
+    )
+    assert written_out == by_default

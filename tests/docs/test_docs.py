@@ -15,7 +15,7 @@ from protocol.errors import Hoap3Error
 from protocol.messages import Setpoint
 from protocol.ring import Kind
 from robot_emulator.inbox import REJECTION_KINDS
-from robot_emulator.robots.yaml_file import JointEntry, RobotFile, SoleEntry
+from robot_emulator.robots.yaml_file import DefaultTaskEntry, JointEntry, RobotFile, SoleEntry
 from tools.log_format import TOPICS
 from tools.machine import machine_block
 from tools.statistics import RunStatistics
@@ -177,6 +177,7 @@ def test_the_keys_of_a_robot_file_are_those_that_are_read():
     read = [*RobotFile.model_fields]
     read += [f"joints.{name}" for name in JointEntry.model_fields]
     read += [f"soles.{name}" for name in SoleEntry.model_fields]
+    read += [f"default_task.{name}" for name in DefaultTaskEntry.model_fields]
     assert sorted(written) == sorted(read)
 
 

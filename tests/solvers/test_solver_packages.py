@@ -49,7 +49,7 @@ def test_one_that_is_missing_is_said_to_be(
     monkeypatch.setattr(
         qp_backends, "find_spec", lambda each: (each != package and spec(each)) or None
     )
-    shipped = parse(ControllerConfig, read_config("stable_qp")[0], "shipped")
+    shipped = parse(ControllerConfig, read_config("stable_qp_hoap3")[0], "shipped")
     config = shipped.model_copy(update={"parameters": {**shipped.parameters, "solver": name}})
     with pytest.raises(ConfigError) as error:
         build(config, load("hoap3"), "mine.yaml")

@@ -164,8 +164,8 @@ def arm(folder: Path) -> Path:
     return arm3.write(folder)
 
 
-def test_a_robot_without_the_frame_of_the_task(tmp_path: Path) -> None:
-    words = ("qp12.yaml", "parameters.frame", "'r_sole'", "'arm3' has no such frame", "tool")
+def test_a_robot_without_a_default_task(tmp_path: Path) -> None:
+    words = ("qp12.yaml", "parameters.target_m", "'arm3' has no default task", "robot.yaml")
     robot = arm(tmp_path)
     refusal(inside(*LOCKSTEP, "--robot", robot), *words)
     apart = hoap3("run", "--duration", "1", "--robot", robot)

@@ -85,7 +85,7 @@ def test_the_bench_times_everything_in_turn_and_says_what_sampling_took():
 
 def test_the_peers_solve_what_the_controller_solves():
     """ProxQP ends at a gradient of 1e-9, which the least curvature makes 1e-5 of an answer."""
-    law, states = motion("baxter", "tsid", 2.0)
+    law, states = motion("baxter", "tsid_baxter", 2.0)
     solver, absent = law.solver, bench.missing()
     effort = np.array(law.description.effort)
     for state in states[::40]:

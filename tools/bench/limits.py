@@ -100,7 +100,7 @@ def _filter(rng: np.random.Generator, n: int) -> Contender:
 
 
 def _tsid() -> list[Contender]:
-    law, states = motion("baxter", "tsid", 2.0)
+    law, states = motion("baxter", "tsid_baxter", 2.0)
     steps = Contender(f"tsid step of {law.description.n}", law.step, [(each,) for each in states])
     given = [_arguments(law, state) for state in states]
     solve = Contender(f"tsid QP of {law.description.n}", law.solver.solve, given)

@@ -95,7 +95,7 @@ def test_the_csv_has_every_figure_of_the_json(five):
 
 
 def test_each_controller_does_what_it_does_alone():
-    made = compare(["pinv", "qp12@gamma=0.1"], duration=0.2, seed=3, timing=False)
+    made = compare(["pinv", "qp12_paper@gamma=0.1"], duration=0.2, seed=3, timing=False)
     alone = simulate("hoap3", {"controller": "qp12", "parameters": {"gamma": 0.1}}, 0.2, seed=3)
     v = alone.setpoints["v"]
     assert np.array_equal(made.series[1].v, v)

@@ -53,7 +53,7 @@ def test_what_would_compare_them_is_null_for_them_alone(told):
         (("qp12", "stable_qp"), []),  # neither names its task as the other does: V is the same
         (("qp12", "qp12@target_m=[0.02,0.02,0.28]"), ["qp12@target_m=[0.02,0.02,0.28]"]),
         (("qp12", "obstacle"), ["obstacle"]),
-        (("stable_qp", f"round=stable_qp@task.parameters.target={ROUND}"), ["round"]),
+        (("stable_qp_hoap3", f"round=stable_qp_hoap3@task.parameters.target={ROUND}"), ["round"]),
     ],
 )
 def test_tasks_are_told_apart_by_name_or_by_v_at_the_start(pair, others):

@@ -44,7 +44,7 @@ def weak(tmp_path_factory):
     folder = tmp_path_factory.mktemp("weak") / "run"
     emulator, _ = emulator_config("baxter", ["posture=zero"])
     changes = ["parameters.goal.posture=zero"]
-    ended = run_lockstep(emulator, controller_config("tsid", changes)[0], 0.3, folder)
+    ended = run_lockstep(emulator, controller_config("tsid_baxter", changes)[0], 0.3, folder)
     return folder, ended.summary
 
 

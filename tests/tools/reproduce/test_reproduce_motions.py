@@ -51,7 +51,7 @@ def test_rounding_of_v_is_no_rise():
 
 
 def test_a_run_is_what_the_controller_said():
-    content = certified.config("stable_qp")
+    content = certified.config("stable_qp_hoap3")
     run = certified.run(content, 0.05)
     assert len(run.v) == len(run.q) == len(run.time_s) == 50
     np.testing.assert_allclose(run.required, -run.rho * run.psi)

@@ -26,7 +26,7 @@ from tools.reproduce.papers.qp12.certified import (
 from tools.reproduce.papers.qp12.experiments import PERIOD_S, com_path, sole
 from tools.reproduce.rows import Row, bounded
 
-CONFIG = "stable_qp"
+CONFIG = "stable_qp_hoap3"
 SECONDS = 4.0
 BEYOND_M = 0.08
 """x of the target; the sole ends at 0.054 m."""

@@ -57,12 +57,13 @@ class ConfiguredTasks:
             if frame is not None:
                 self._move(task["parameters"], frame)
         parameters = parse(SdpParameters, given, file)
+        tasks = parameters.tasks or ()
         self._functions = [
             registry.build(task, self.robot, self._kinematics, file, f"parameters.tasks.{number}")
-            for number, task in enumerate(parameters.tasks)
+            for number, task in enumerate(tasks)
         ]
         self.sizes = [len(function.error) for function in self._functions]
-        self.weights = np.repeat([task.weight for task in parameters.tasks], self.sizes)
+        self.weights = np.repeat([task.weight for task in tasks], self.sizes)
         self.desired, self.delta = parameters.beta_per_s, parameters.delta
 
     def _move(self, parameters: dict[str, Any], frame: str) -> None:

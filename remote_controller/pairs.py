@@ -1,0 +1,55 @@
+"""Which shipped controller configs run on which robots: for errors, `hoap3 list` and the docs.
+
+A config that leaves its task to the robot runs on every robot that takes its commands. One that
+names frames, postures or targets is for the robots that have them. `tests/system/test_pairs.py`
+runs every pair, and refuses a config that is missing here.
+"""
+
+from __future__ import annotations
+
+HOAP3, HUMANOID, UR5 = ("hoap3",), ("humanoid32",), ("ur5",)
+ARMS = ("ur5", "lwr", "baxter", "baxter_left_arm", "baxter_right_arm")
+
+PAIRS: dict[str, tuple[str, ...]] = {
+    "qp12": (*HOAP3, *HUMANOID, *ARMS),
+    "pinv": (*HOAP3, *HUMANOID, *ARMS),
+    "osqp": (*HOAP3, *HUMANOID, *ARMS),
+    "stable_qp": (*HOAP3, *HUMANOID, *ARMS),
+    "clik_sdp": (*HOAP3, *HUMANOID, *ARMS),
+    "tsid": (*HUMANOID, *ARMS),
+    "clik_sdp_hoap3": HOAP3,
+    "clik_sdp_humanoid": HUMANOID,
+    "clik_sdp_ur5": UR5,
+    "clik_sdp_writing": UR5,
+    "clik_ur5": UR5,
+    "com_circulation": HOAP3,
+    "com_tracking": HOAP3,
+    "ghc": ("lwr_weightless",),
+    "ghc_force": ("lwr_with_table",),
+    "ghc_humanoid": ("humanoid32_torque",),
+    "ghc_velocity": HOAP3,
+    "hqp": ("lwr_weightless",),
+    "joint_acceleration": HOAP3,
+    "obstacle": HOAP3,
+    "qp12_bounded": HOAP3,
+    "qp12_paper": HOAP3,
+    "stable_qp_hoap3": HOAP3,
+    "tsid_baxter": ("baxter",),
+    "weighted": ("lwr_weightless",),
+}
+"""By controller config, what `--robot` takes: names of robots, and of emulator configs."""
+
+POSTURES = {
+    ("clik_sdp_ur5", "ur5"): "outstretched",
+    ("clik_sdp_writing", "ur5"): "outstretched",
+    ("clik_ur5", "ur5"): "outstretched",
+}
+"""Where a pair does not start in the robot's own posture: `--set emulator.posture=…`."""
+
+HELD_BACK = {("pinv", "hoap3"), ("osqp", "hoap3")}
+"""Pairs whose controller knows no joint limits, so that the robot holds a joint back at one."""
+
+
+def configs_for(robot: str) -> list[str]:
+    """Names of the shipped controller configs that run on a robot, or on an emulator config."""
+    return [name for name, robots in PAIRS.items() if robot in robots]
