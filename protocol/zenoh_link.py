@@ -44,6 +44,7 @@ FRESH_S = 0.75 * QUERY_TIMEOUT_S  # of a request to a controller: who asked stil
 MAX_CLIENTS = 1024  # whose tokens a robot remembers; the oldest are forgotten first
 TOKENS = 256  # that came or went and wait for the loop; of more the oldest are lost
 TOKENS_AT_ONCE = 8  # that are taken before each request
+EVENTS = 16  # of the robot that a controller keeps; of more the oldest are lost
 LOOKS = 8  # clients whose tokens are looked up together
 LOOK_PAUSE_S = 0.05  # before each look-up: requests may come by the thousand
 DROP_US = 100
@@ -363,6 +364,9 @@ class ZenohControllerLink:
             self._states = session.declare_subscriber(
                 key(robot, "state"), zenoh.handlers.RingChannel(1)
             )
+            self._events = session.declare_subscriber(
+                key(robot, "events"), zenoh.handlers.RingChannel(EVENTS)
+            )
             self._waker = session.declare_publisher(
                 key(robot, "state"), allowed_destination=zenoh.Locality.SESSION_LOCAL
             )
@@ -413,6 +417,11 @@ class ZenohControllerLink:
             if time.monotonic() < asked_s + FRESH_S:
                 return request
         return None
+
+    def event(self) -> bytes | None:
+        """The oldest Event of the robot that is kept, if there is one."""
+        sample = self._events.try_recv()
+        return None if sample is None else sample.payload.to_bytes()
 
     def _queried(self, query: zenoh.Query) -> None:
         """In a thread of Zenoh's. Nobody is woken: the next State does it."""

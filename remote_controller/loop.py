@@ -23,6 +23,9 @@ RUN_UP = 3
 """Ticks before a grant begins at each of which the controller begins anew, as it will then: what it
 does only at a beginning is slow where it has not just been done."""
 
+CONFLICT_PAUSE_NS = 1_000_000_000
+"""Between two records of the robot's word that another client sends setpoints, too."""
+
 DOUBTS = 100
 """States in a row that do not fit what was agreed, after which it is agreed anew."""
 
@@ -67,6 +70,7 @@ class ControllerLoop:
         self.epoch = 0
         self.steps = self.answered = self.overwritten = self.repeated = self.rejected = 0
         self.stale = False
+        self._robot_event, self._conflict_due = Event(), 0
         self._strange = 0  # States in a row that do not fit what was agreed
         self._last_tick = -1
         self._last_answer: bytes | None = None
@@ -173,6 +177,19 @@ class ControllerLoop:
         """The answer is on its way: now there is time to record what was done."""
         self._sent_previous = self._clock.now()
         self._record()
+
+    def hear(self, payload: bytes) -> None:
+        """Take an Event of the robot, and record it where it says that setpoints conflict."""
+        event = self._robot_event
+        try:
+            event.load(payload)
+        except WireError:
+            return  # anybody may publish there
+        now = self._clock.now()
+        conflict = event.kind == EVENTS["CONFLICTING_SETPOINTS"]
+        if conflict and event.session_id == self._session_id and now >= self._conflict_due:
+            self._conflict_due = now + CONFLICT_PAUSE_NS
+            self.announce("CONFLICTING_SETPOINTS", event.detail)
 
     def change(self, payload: bytes) -> None:
         """Have the controller take over a change, a JSON object, and record it.

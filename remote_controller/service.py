@@ -312,7 +312,7 @@ class Service:
         if loop is None:
             return True
         wait, publish, asked = link.wait, link.publish, link.request
-        answer, sent = loop.answer, loop.sent
+        answer, sent, event = loop.answer, loop.sent, link.event
         silent = False
         with SilenceWatch(lambda: loop.steps, link.wake, SILENCE_S) as watch:
             while not self._should_stop():
@@ -328,6 +328,8 @@ class Service:
                 if setpoint is not None:
                     publish(setpoint)
                 sent()
+                while (told := event()) is not None:
+                    loop.hear(told)
                 request = asked()
                 if request is not None:
                     serve(request, loop)

@@ -6,6 +6,8 @@ for one named reason. A tick that asked for an answer got it in time, late, or n
 
 from __future__ import annotations
 
+import numpy as np
+
 from protocol.errors import WireError
 from protocol.messages import Setpoint
 from protocol.statistics import Deadlines
@@ -37,6 +39,8 @@ class Inbox:
     Attributes:
         setpoint: the newest accepted one.
         fresh: whether `setpoint` has not been taken by a tick yet.
+        duplicate: setpoints for a tick that was answered before.
+        conflicting: those of them whose values are not those of the first answer.
         rejections: counts by reason.
         deadlines: outcomes of ticks.
     """
@@ -52,10 +56,11 @@ class Inbox:
         self._epochs = [0] * HISTORY
         self._deadline = [0] * HISTORY
         self._arrival = [-1] * HISTORY
+        self._values = np.zeros((HISTORY, joints))  # of the first answer
         self._counted_lost = [False] * HISTORY
         self.fresh = False
         self.newest_tick = -1
-        self.duplicate = self.out_of_order = 0
+        self.duplicate = self.conflicting = self.out_of_order = 0
         self.rejections = dict.fromkeys(REJECTION_KINDS, 0)
         self.deadlines = Deadlines()
 
@@ -86,8 +91,10 @@ class Inbox:
         setpoint, place = self._incoming, self._incoming.tick % HISTORY
         if self._arrival[place] >= 0:
             self.duplicate += 1
+            self.conflicting += setpoint.values.tobytes() != self._values[place].tobytes()
             return None
         self._arrival[place] = stamp
+        self._values[place] = setpoint.values
         if self._counted_lost[place]:
             self.deadlines.lost_arrived()
         if setpoint.tick <= self.newest_tick:

@@ -32,6 +32,7 @@ from robot_emulator.inbox import REJECTION_KINDS, Inbox
 GRACE_TICKS = 20
 """Ticks between a grant and the first answer that is asked for, in real time."""
 
+CONFLICT_PAUSE_NS = 1_000_000_000  # between two events that tell of conflicting setpoints
 REQUESTS_PER_TICK = 4  # in real time; the rest waits for the next tick
 
 EVENTS = Event.schema.constants
@@ -90,6 +91,7 @@ class RobotLoop:
         self._stop_began = 0
         self._asked_tick = self._first_active_tick = -1
         self._clipped = False
+        self._conflicts_told = self._conflict_due = 0
         self._weak = -1
         self.mode = State.IDLE
         self.safe_stops = self.skipped = 0
@@ -147,6 +149,7 @@ class RobotLoop:
             "safe_stops": self.safe_stops,
             "interventions": self._gate.interventions,
             "torque_limited": self._gate.torque_limited,
+            "conflicting": self.inbox.conflicting,
             "rejections": {name: n for name, n in self.inbox.rejections.items() if n},
             "realtime": self.realtime,
         }
@@ -224,6 +227,16 @@ class RobotLoop:
             reason = self.inbox.accept(stamp, payload, published)
             if reason is not None and self.inbox.rejections[reason] == 1:
                 self._announce("REJECTED", REJECTION_KINDS.index(reason))
+        if self.inbox.conflicting != self._conflicts_told:
+            self._tell_conflicts()
+
+    def _tell_conflicts(self) -> None:
+        """Announce that another client sends setpoints, too: at once, then once a second."""
+        now = self._clock.now()
+        if now >= self._conflict_due:
+            self._conflict_due = now + CONFLICT_PAUSE_NS
+            self._conflicts_told = self.inbox.conflicting
+            self._announce("CONFLICTING_SETPOINTS", self._conflicts_told)
 
     def _judge(self) -> None:
         """Count the outcome of the last tick that asked, and stop after too many misses."""

@@ -31,6 +31,7 @@ _SAYING = {
     "OVERWRITTEN": "States never seen: {}",
     "CONTROLLER_FAILED": "at tick {}",
     "CHANGED": "after tick {}",
+    "CONFLICTING_SETPOINTS": "{} so far: another client sends setpoints in the holder's name",
     "STALLS_WATCHED": "CPU {}",
     "STARTED": "",
     "ENDED": "",

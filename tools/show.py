@@ -117,6 +117,9 @@ def show_summary(summary: dict[str, Any]) -> None:
         f"duplicate {misses['duplicate']}, out of order {misses['out_of_order']}, "
         f"rejected {misses['rejected']}" + _kinds(summary.get("rejections", {})),
     )
+    if misses.get("conflicting"):
+        told = f"{misses['conflicting']}: another client sends setpoints in the holder's name"
+        table.add_row("conflicting", f"[{COLOURS['unfit']}]{told}[/]")
     if summary.get("safe_stops"):
         table.add_row("safe stops", str(summary["safe_stops"]))
     if summary.get("interventions"):

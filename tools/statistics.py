@@ -6,10 +6,13 @@ import json
 import math
 from typing import Any
 
+import numpy as np
+
 from protocol.errors import WireError
-from protocol.messages import Setpoint, State
+from protocol.messages import COMMANDS, Setpoint, State
 from protocol.ring import Kind, Record
 from protocol.statistics import Durations, Jitter, verdict
+from robot_emulator.inbox import HISTORY, MAX_EXTRAS
 from tools.certificate_count import CertificateCount
 from tools.outside import FOREVER, OutsideStalls
 
@@ -21,11 +24,6 @@ what remains of the RTT, both ways together, so no two clocks are ever compared.
 _STATE = (  # in the order of the schema: quickest to read
     "mode", "session_id", "tick", "epoch", "stamp_intended", "stamp_actual", "skipped", "late",
     "lost", "duplicate", "out_of_order", "rejected", "success_rate",
-)  # fmt: skip
-_SETPOINT = (
-    "session_id", "tick", "epoch", "stamp_state", "stamp_received", "stamp_decoded",
-    "stamp_kinematics", "stamp_solved", "stamp_encoded", "stamp_sent_previous", "v",
-    "solver_status",
 )  # fmt: skip
 
 
@@ -53,6 +51,9 @@ class RunStatistics:
         self._summary: dict[str, Any] | None = None
         self._v = math.nan
         self._certificates, self._answered = CertificateCount(), -1
+        self._takes: tuple[int, int] | None = None  # kind of command and joints, once known
+        self._asked: dict[int, tuple[int, int]] = {}  # epoch and publication of ticks that asked
+        self._setpoint: Setpoint | None = None  # takes every message in turn
         self._jitter = Jitter(period_ns)
         self._skipped = 0
         self._active_tick = -1
@@ -70,6 +71,9 @@ class RunStatistics:
                 self._add_setpoint(record)
             elif record.kind == Kind.SUMMARY:
                 self._summary = json.loads(record.payload)
+            elif record.kind == Kind.DESCRIPTION:
+                robot = json.loads(record.payload)
+                self._takes = (COMMANDS[robot["command_kinds"][0]], len(robot["joints"]))
         except WireError:
             return  # the robot refused it too, and counts it
 
@@ -108,6 +112,7 @@ class RunStatistics:
                 "lost": state.get("lost", 0),
                 "rejected": state.get("rejected", 0),
                 "duplicate": state.get("duplicate", 0),
+                "conflicting": robot.get("conflicting", 0),
                 "out_of_order": state.get("out_of_order", 0),
                 "longest_run": robot.get("longest_run", 0),
             },
@@ -169,8 +174,15 @@ class RunStatistics:
             self._stalls.end = intended
 
     def _add_state(self, payload: bytes) -> None:
+        was_active = bool(self._state) and self._state[0] == State.ACTIVE
         self._state = values = State.scalars(payload, *_STATE)
-        mode, _, tick, _, intended, actual, skipped = values[:7]
+        mode, _, tick, epoch, intended, actual, skipped = values[:7]
+        if mode == State.ACTIVE:
+            if not was_active:  # no answer to an earlier tick is followed any more
+                self._answered = max(self._answered, tick - 1)
+            self._asked[tick] = (epoch, *State.scalars(payload, "stamp_published"))
+            if len(self._asked) > HISTORY:
+                del self._asked[next(iter(self._asked))]
         if self._timing:
             self._note_failures(mode, intended, actual, skipped)
             self._note_motion(mode == State.ACTIVE, intended)
@@ -185,20 +197,24 @@ class RunStatistics:
         self._skipped = skipped
 
     def _add_setpoint(self, record: Record) -> None:
-        values = Setpoint.scalars(record.payload, *_SETPOINT)
-        session, tick, epoch, sent, received, decoded, kinematics, solved = values[:8]
-        encoded, sent_previous, v, status = values[8:]
-        if not self._state or session != self._state[1] or tick > self._state[2]:
-            return  # an answer to nothing that this robot has asked
-        if tick > self._answered:  # not of duplicates; also of those that came after a stop
-            self._certificates.answer(status)
-            self._answered = tick
-        if epoch != self._state[3]:
+        """Take a setpoint; only one that the robot accepts for the newest answer counts."""
+        setpoint = self._load(record.payload)
+        tick = setpoint.tick
+        if not self._state or setpoint.session_id != self._state[1] or tick <= self._answered:
             return
-        self._v = v if status != _NO_CERTIFICATE else math.nan
-        if not self._timing:
+        epoch, published = self._asked.get(tick, (0, 0))  # no epoch is 0
+        fits = self._takes in {None, (setpoint.command, len(setpoint.values))}
+        if setpoint.epoch != epoch or not fits or not np.isfinite(setpoint.values).all():
             return
-        rtt = record.stamp - sent
+        self._answered = tick
+        self._certificates.answer(setpoint.solver_status)
+        self._v = setpoint.v if setpoint.solver_status != _NO_CERTIFICATE else math.nan
+        if not self._timing or setpoint.stamp_state != published:
+            return  # without a true echo its stamps are worth nothing
+        received, decoded = setpoint.stamp_received, setpoint.stamp_decoded
+        kinematics, solved = setpoint.stamp_kinematics, setpoint.stamp_solved
+        encoded = setpoint.stamp_encoded
+        rtt = record.stamp - published
         self.rtt.add(rtt, tick)
         self.stages["decode"].add(decoded - received, tick)
         self.stages["kinematics"].add(kinematics - decoded, tick)
@@ -206,8 +222,19 @@ class RunStatistics:
         self.stages["encode"].add(encoded - solved, tick)
         self.stages["network"].add(rtt - (encoded - received), tick)
         if self._encoded is not None and self._encoded[0] == tick - 1:
-            self.stages["send"].add(sent_previous - self._encoded[1], tick - 1)
+            sent = setpoint.stamp_sent_previous - self._encoded[1]
+            self.stages["send"].add(sent, tick - 1)
         self._encoded = (tick, encoded)
+
+    def _load(self, payload: bytes) -> Setpoint:
+        """Read a setpoint with as many extras as it has."""
+        setpoint = self._setpoint
+        if setpoint is None or len(payload) != setpoint.size:
+            lengths = Setpoint.schema.lengths_in(payload)
+            setpoint = Setpoint(lengths["values"], min(lengths["extra"], MAX_EXTRAS))
+            self._setpoint = setpoint
+        setpoint.load(payload)
+        return setpoint
 
 
 def _share(robot: dict[str, Any], skipped: int) -> float:
