@@ -10,6 +10,7 @@ from typing import Any
 
 from protocol.answers import MAX_CONTROL_BYTES, ROBOT_ANSWERS, ControlAnswer, parse_answer
 from protocol.errors import LinkError, UsageError
+from protocol.session_limits import MAX_REQUEST_BYTES
 from protocol.settings import ENDPOINT_PATTERN, NAME_PATTERN, LinkSettings
 
 
@@ -57,6 +58,10 @@ def change(robot: str, request: Mapping[str, Any] | None, endpoint: str) -> dict
 
     check_name(robot)
     verb, body = ("show", "") if request is None else ("change", json.dumps(request))
+    if len(body.encode()) > MAX_REQUEST_BYTES:
+        raise UsageError(
+            f"the change has {len(body.encode())} bytes; a robot takes {MAX_REQUEST_BYTES} at most"
+        )
     with open_session(client_settings(endpoint)) as session:
         reply = ask(session, robot, verb, body, whom="control")
     if reply is None:

@@ -12,7 +12,7 @@ from command_bench import QUIET, emulator, endpoint, inside, tell
 from protocol import local_control
 from protocol.errors import LinkError, UsageError
 from protocol.local_control import LocalControl
-from tools import find_robot
+from tools import control, find_robot
 from tools.cli_options import ENDPOINT
 from tools.find_robot import ask_robot, reach_robot, release_robot
 
@@ -85,6 +85,11 @@ def test_on_the_network_only_a_single_robot_needs_no_name(monkeypatch, names, er
         ask_robot(None, "status", None)
     with pytest.raises(error, match=words):
         reach_robot(None, None)
+
+
+def test_a_change_that_no_robot_takes_is_refused_before_it_is_sent():
+    with pytest.raises(UsageError, match="the change has 70011 bytes; a robot takes 65536"):
+        control.change("arm", {"key": "x" * 70_000}, "tcp/127.0.0.1:1")
 
 
 @pytest.mark.parametrize("robot", ["", "*", "Arm", "../arm", "arm-1"])
