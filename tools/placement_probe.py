@@ -13,7 +13,6 @@ import struct
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -23,7 +22,7 @@ from protocol.messages import Setpoint, State
 from protocol.realtime import CpuClaim, Ticker, claim_cpu, prepare_process
 from protocol.settings import LinkSettings, RealtimeSettings
 from protocol.statistics import Durations
-from tools.awake import kept_awake
+from tools.awake_apart import kept_awake_apart
 from tools.latency_links import free_port
 from tools.processes import die_with_parent, read_order, start_module
 
@@ -154,9 +153,7 @@ def measure_placement(
     cpus = [claimed.cpu for claimed in claims]
     echoes = dict(zip(("one_cpu", "two_cpus"), cpus, strict=False))
     try:
-        with ExitStack() as awake:
-            for cpu in cpus:
-                awake.enter_context(kept_awake(cpu))
+        with kept_awake_apart(cpus):
             figures = (runner or run_processes)(Order(cpus[0], echoes, ticks, policy=policy))
     except (OSError, ValueError, subprocess.SubprocessError) as error:
         return {"measured": False, "why": f"the processes gave no figures: {error}"}

@@ -17,6 +17,13 @@ from tools import awake
 from tools.stalls import StallMonitor
 
 ROOT = Path(__file__).parents[2]
+KEEPER = """
+import sys
+from tools.awake_apart import kept_awake_apart
+with kept_awake_apart([0]):
+    print(flush=True)
+    sys.stdin.read()
+"""
 HOLDER = """
 import sys
 from tools.stalls import StallMonitor
@@ -133,4 +140,28 @@ def test_what_both_left_that_were_killed_together_the_next_one_mends(cpu: FakeCp
     os.close(handle)
     assert cpu.setting == awake.NO_LATENCY
     StallMonitor([], keep_awake=True).stop()
+    cpu.assert_nothing_left()
+
+
+@pytest.mark.parametrize("dies", [False, True])
+def test_who_keeps_a_cpu_awake_apart_may_be_killed(cpu: FakeCpu, dies: bool) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", KEEPER],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+    )
+    assert process.stdout is not None
+    process.stdout.readline()
+    assert cpu.setting == awake.NO_LATENCY
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    handles = [os.pidfd_open(int(child)) for child in children]
+    assert handles
+    if dies:
+        process.kill()
+    process.communicate()
+    for handle in handles:
+        assert select.select([handle], [], [], 60.0)[0]
+        os.close(handle)
     cpu.assert_nothing_left()

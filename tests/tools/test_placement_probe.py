@@ -102,16 +102,16 @@ def test_the_better_placement_by_p99_then_p50_is_chosen(one, two, tails, choice,
 @pytest.fixture(autouse=True)
 def awake(monkeypatch):
     """CPUs that are kept awake, by word only."""
-    cpus: list[int] = []
+    awake: list[int] = []
 
     @contextmanager
-    def kept_awake(cpu):
-        cpus.append(cpu)
-        yield ""
-        cpus.remove(cpu)
+    def kept_awake(cpus):
+        awake.extend(cpus)
+        yield
+        awake.clear()
 
-    monkeypatch.setattr("tools.placement_probe.kept_awake", kept_awake)
-    return cpus
+    monkeypatch.setattr("tools.placement_probe.kept_awake_apart", kept_awake)
+    return awake
 
 
 def test_cpus_are_kept_awake_as_in_a_run(awake):
