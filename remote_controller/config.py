@@ -28,6 +28,7 @@ from protocol.settings import (
     parse,
 )
 from remote_controller.pairs import configs_for
+from remote_controller.user_code import may_import
 
 CONFIGS = Path(__file__).parent / "configs"
 
@@ -60,7 +61,7 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
     """Content and file name of a shipped config, of the user's own, or of a bare controller.
 
     The folder of the user's own file joins the end of the import path, so that a controller
-    can lie beside it.
+    can lie beside it; not where `user_code` forbids to import it.
 
     Raises:
         ConfigError: the file cannot be read.
@@ -77,7 +78,7 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
     if path.suffix in {".yaml", ".yml"} or path.exists():
         content = load_yaml(path)
         folder = str(path.resolve().parent)
-        if folder not in sys.path:
+        if folder not in sys.path and may_import():
             sys.path.append(folder)
         return content, str(path)
     if ":" in name:

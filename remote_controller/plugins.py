@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from protocol.errors import ConfigError, UnknownNameError
+from remote_controller.user_code import before_import
 
 
 @dataclass(frozen=True)
@@ -48,12 +49,14 @@ class Family:
 
         Raises:
             UnknownNameError: nobody registered it.
-            ConfigError: it cannot be imported, or does not belong to the family.
+            ConfigError: it cannot be imported, may not be (see `user_code`), or does not belong to
+                the family.
         """
         known = self.registered()
         if name in known:
             point = known[name]
         elif ":" in name:
+            before_import(name, file, key)
             point = EntryPoint(name, name, self.group)
         else:
             hint = f" ({file}: {key}; your own is named package.module:Class)"

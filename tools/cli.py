@@ -50,6 +50,9 @@ AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on standar
 Out = Annotated[
     Path | None, typer.Option("--out", help="Folder for the log; default: a new one in logs/.")
 ]
+AllowCode = Annotated[
+    bool, typer.Option("--allow-code", help="Import code that the config names by dotted path.")
+]
 StatusFd = Annotated[int | None, typer.Option("--status-fd", hidden=True)]
 Named = Annotated[str | None, typer.Option("--named", hidden=True)]
 Connect = Annotated[str, typer.Option("--connect", help="Endpoint of the robot or a router.")]
@@ -340,12 +343,20 @@ def export(
 def config_show(
     name: Annotated[str, typer.Argument(help="Config: a name or a path.")],
     sets: Sets = [],  # noqa: B006
+    allow_code: AllowCode = False,
 ) -> None:
     """Print the whole of a config, defaults included, as YAML."""
-    from tools.output import print_line
-    from tools.settings import resolved
+    from remote_controller.user_code import user_code
+    from tools.output import print_line, print_note
+    from tools.settings import shown
 
-    print_line(resolved(name, sets)[0].rstrip("\n"))
+    with user_code(allowed=allow_code, say=print_note) as code:
+        print_line(shown(name, sets, code).rstrip("\n"))
+    if code.names and not allow_code:
+        print_note(
+            f"parameters are as they are written: {', '.join(code.names)} is code, and is imported "
+            "only with --allow-code"
+        )
 
 
 @config_app.command("check")
@@ -356,16 +367,19 @@ def config_check(
         str | None,
         typer.Option(help="Robot or emulator config that controllers are built for."),
     ] = None,
+    allow_code: AllowCode = False,
 ) -> None:
     """Check configs, those of controllers also against their robots, as a start does."""
     from tools.kernel_news import watch_compilation
 
     watch_compilation()
-    from tools.output import print_line
+    from remote_controller.user_code import user_code
+    from tools.output import print_line, print_note
     from tools.settings import checked
 
     for name in names:
-        print_line(f"{name}: {checked(name, sets, robot)}")
+        with user_code(allowed=allow_code, say=print_note):
+            print_line(f"{name}: {checked(name, sets, robot)}")
 
 
 @config_app.command("schema")

@@ -24,6 +24,7 @@ from protocol.settings import apply_overrides, parse, parse_yaml
 from remote_controller.config import ControllerConfig, build
 from remote_controller.loop import ControllerLoop
 from remote_controller.registry import is_registered
+from remote_controller.user_code import user_code
 from tools.log import Log
 
 SAID_SETPOINTS = 500  # after so many the progress is told
@@ -88,7 +89,7 @@ def replay(
         path: log of a controller, or the folder of a run.
         overrides: changes of the logged settings, as `--set` takes them.
         tolerance: largest difference of a value that counts as equal.
-        allow_code: import a controller that the log names by a dotted path.
+        allow_code: import what the log names by a dotted path: a controller, a task, a constraint.
         say: takes how far it is, in words.
 
     Raises:
@@ -105,7 +106,8 @@ def replay(
             "run on the word of a log. If you trust it, add --allow-code"
         )
     try:
-        report = replay_records(log.records(), config, tolerance=tolerance, file=file, say=say)
+        with user_code(allowed=allow_code):
+            report = replay_records(log.records(), config, tolerance=tolerance, file=file, say=say)
     except (WireError, LookupError, TypeError, ValueError, RecursionError) as error:
         raise LogError(
             f"{path}: holds a record that no service of ours has written "

@@ -10,15 +10,17 @@ from typing import Any
 import numpy as np
 
 from protocol.errors import ConfigError, UnknownNameError, UsageError
-from protocol.settings import Settings, likeness, load_yaml
+from protocol.settings import Settings, apply_overrides, likeness, load_yaml, parse
 from remote_controller import registry as controllers
 from remote_controller.config import ControllerConfig, build
 from remote_controller.config import available_configs as controller_configs
+from remote_controller.config import read_config as read_controller_config
 from remote_controller.constraints import registry as constraints
 from remote_controller.constraints.registry import ConstraintSettings
 from remote_controller.tasks import registry as tasks
 from remote_controller.tasks.curve import CURVES
 from remote_controller.tasks.registry import TaskSettings
+from remote_controller.user_code import UserCode
 from robot_emulator.body import build_body
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.config import available_configs as emulator_configs
@@ -51,6 +53,25 @@ def resolved(name: str, overrides: list[str]) -> tuple[str, str]:
     )
     whole = config.model_copy(update={"parameters": parameters.model_dump(mode="json")})
     return as_yaml(whole), "a controller"
+
+
+def shown(name: str, overrides: list[str], code: UserCode) -> str:
+    """The whole of a config as YAML.
+
+    Where `code` forbids an import that the defaults of its parameters need, the parameters are as
+    they are written.
+
+    Raises:
+        UnknownNameError: nothing has that name.
+        UsageError: what it says is wrong.
+    """
+    try:
+        return resolved(name, overrides)[0]
+    except ConfigError:
+        if code.allowed or not code.names:
+            raise
+    content, file = read_controller_config(name)
+    return as_yaml(parse(ControllerConfig, apply_overrides(content, overrides), file))
 
 
 def checked(name: str, overrides: list[str], robot: str | None = None) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 
 from protocol.errors import ConfigError
 from remote_controller.plugins import blame
+from remote_controller.user_code import before_import
 
 
 def load_function(name: str, key: str) -> Callable[..., Any]:
@@ -18,10 +19,11 @@ def load_function(name: str, key: str) -> Callable[..., Any]:
         key: where it was named, for errors.
 
     Raises:
-        ConfigError: with file "": it cannot be imported, or cannot be called.
+        ConfigError: with file "": it cannot be imported, may not be, or cannot be called.
     """
     if ":" not in name:
         raise ConfigError("", key, name, "is no dotted path", "Write package.module:function")
+    before_import(name, "", key)
     try:
         loaded: Callable[..., Any] = EntryPoint(name, name, "").load()
     except Exception as error:

@@ -235,7 +235,7 @@ def test_a_controller_that_is_none(
     head = "from remote_controller.controllers.controller import Controller\n"
     written(tmp_path, head + code, f"{name}.py")
     law = written(tmp_path, f"controller: {name}:Mine\n")
-    for command in ((*LOCKSTEP, "--controller", law), ("config", "check", law)):
+    for command in ((*LOCKSTEP, "--controller", law), ("config", "check", "--allow-code", law)):
         refusal(inside(*command), str(law), f"{name}:Mine", *words)
 
 

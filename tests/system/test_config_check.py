@@ -132,3 +132,81 @@ def test_a_schema_is_found_beside_the_current_folder(
 def test_an_emulator_is_for_no_robot_but_its_own() -> None:
     assert inside("config", "check", "hoap3").stdout == "hoap3: a correct config of an emulator\n"
     assert inside("config", "check", "hoap3", "--robot", "hoap3").code == 2
+
+
+CODE = """
+from pathlib import Path
+
+Path(__file__).with_name("ran").touch()
+from remote_controller.controllers.pinv import PinvController as Law
+from remote_controller.tasks.com import ComTask as Task
+
+
+def rows(*arguments):
+    raise NotImplementedError
+"""
+POINT = "{target: {kind: point, position_m: [0.01, 0.025, 0.2869]}}"
+NAMING_CODE = {
+    "controller": "controller: code_of_mine:Law\nrobot: hoap3\n",
+    "task": "controller: stable_qp\nrobot: hoap3\n"
+    f"parameters: {{task: {{task: 'code_of_mine:Task', parameters: {POINT}}}}}\n",
+    "function": f"controller: stable_qp\nrobot: hoap3\nparameters: {{task: {TASK}, "
+    "constraints: [{constraint: pfaffian, parameters: {function: 'code_of_mine:rows'}}]}\n",
+}
+
+
+@pytest.mark.parametrize("kind", NAMING_CODE)
+def test_code_is_named_and_not_run_unless_it_is_allowed(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    Path("code_of_mine.py").write_text(CODE, encoding="utf-8")
+    Path("mine.yaml").write_text(NAMING_CODE[kind], encoding="utf-8")
+    ran = tmp_path / "ran"
+    refused = inside("config", "check", "mine.yaml")
+    assert refused.code == 2
+    assert "'code_of_mine:" in refused.stderr
+    assert "add --allow-code" in refused.stderr
+    assert inside("config", "check", "qp12", "--set", "robot=hoap3").code == 0
+    shown = inside("config", "show", "mine.yaml")
+    assert shown.code == 0
+    assert str(tmp_path) not in sys.path  # where also installed packages could be imitated
+    assert not ran.exists()
+    importlib.invalidate_caches()
+    allowed = inside("config", "check", "mine.yaml", "--allow-code")
+    sys.modules.pop("code_of_mine")
+    assert ran.exists()
+    assert "imports code_of_mine:" in allowed.stderr
+    assert allowed.code == (2 if kind == "function" else 0), allowed.stderr
+
+
+def test_a_package_beside_a_config_is_no_installed_one(tmp_path: Path) -> None:
+    """Else its entry points would be code by a registered name."""
+    facts = tmp_path / "law_of_mine-1.0.dist-info"
+    facts.mkdir()
+    (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: law-of-mine\nVersion: 1.0\n")
+    (facts / "entry_points.txt").write_text("[hoap3.controllers]\nmine = code_of_mine:Law\n")
+    Path("code_of_mine.py").write_text(CODE, encoding="utf-8")
+    Path("mine.yaml").write_text("controller: mine\nrobot: hoap3\n", encoding="utf-8")
+    refused = inside("config", "check", "mine.yaml")
+    assert refused.code == 2
+    assert "'mine'" in refused.stderr
+    assert not (tmp_path / "ran").exists()
+
+
+def test_a_log_runs_no_code_by_what_its_parameters_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    short = ("run", "--lockstep", "--duration", 0.1, "--controller", "stable_qp", "--out", "log")
+    inside(*short)
+    Path("code_of_mine.py").write_text(CODE, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    task = f"parameters.task={{task: 'code_of_mine:Task', parameters: {POINT}}}"
+    refused = inside("replay", "log", "--set", task)  # stands for a log that names it
+    assert refused.code == 2
+    assert "add --allow-code" in refused.stderr
+    assert not (tmp_path / "ran").exists()
+    allowed = inside("replay", "log", "--set", task, "--allow-code")
+    sys.modules.pop("code_of_mine")
+    assert allowed.code in {0, 1}, allowed.stderr
+    assert (tmp_path / "ran").exists()
