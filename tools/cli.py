@@ -333,7 +333,7 @@ def export(
         written = write(log, to, side, meter.step)
     print_line(str(written))
     if written.replaced:
-        print_note("It takes the place of an earlier file.")
+        print_note("written in place of an earlier file")
     if written.missing:
         print_note(f"the log is not complete: {written.missing}")
     raise typer.Exit(0 if written.complete else 1)

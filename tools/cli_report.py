@@ -33,5 +33,5 @@ def report(
         if unproved is not None:
             print_line(f"certificates: {unproved}")
         if figures["replaced"]:
-            print_note("It takes the place of an earlier report.")
+            print_note("written in place of an earlier report")
     raise typer.Exit(1 if figures["verdict"] == "unfit" else 0)

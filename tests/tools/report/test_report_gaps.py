@@ -196,10 +196,13 @@ def test_the_command_writes_the_page_and_prints_one_object(command, story, tmp_p
 def test_the_page_lies_beside_the_log_where_nothing_else_is_said(command, lockstep, tmp_path):
     folder = shutil.copytree(lockstep[0], tmp_path / "run")
     done = command(folder)
-    assert (done.exit_code, done.stdout) == (0, "")
+    assert done.exit_code == 0
     assert str(folder / "report.html") in done.stdout
+    assert "earlier" not in done.stderr
     assert (folder / "report.html").is_file()
-    assert command(folder / "controller.mcap").exit_code == 0  # over the old one
+    again = command(folder / "controller.mcap")
+    assert again.exit_code == 0
+    assert "in place of an earlier report" in again.stderr
 
 
 def test_an_unfit_run_is_a_finding(command, tmp_path):
