@@ -23,6 +23,7 @@ MOST_GAMMA = 1.0 / (1.0 + SMALL_SQUARES)
 NO_BOUND = 1e30
 PROXIMAL_STEPS = 10
 PROVED = 1e-8  # residual: less is one
+KEPT = 1e-8  # [of W u] how far beyond a bound or a row an answer may be, whatever the tolerance
 BEYOND = 10.0  # of a solver's own end: as far beyond a limit an answer may be
 
 
@@ -228,7 +229,7 @@ class StableProgram:
             equality,
             self._wanted,
         )
-        return broken <= max(tolerance, self._end)
+        return broken <= max(min(tolerance, KEPT), self._end)
 
     def _settle(self, tolerance: float, x: Array, multipliers: Array) -> tuple[bool, Array, Array]:
         """Proximal steps for max|y|: its square is added around its last value until it stays."""

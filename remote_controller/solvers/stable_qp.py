@@ -47,6 +47,7 @@ from protocol.errors import BadProblemError
 from remote_controller.solvers import status
 from remote_controller.solvers.arrays import KERNEL_ARRAYS
 from remote_controller.solvers.stable_program import (
+    KEPT,
     MOST_GAMMA,
     NO_BOUND,
     NORM,
@@ -345,8 +346,20 @@ class StableQp:
                 self._give_up(status.UNSOLVED)
             return
         near = [(best + inwards * inside * abs(best), limit) for inside, limit in ATTEMPTS]
-        if not self._program.run_some(gamma, near, across=True):
+        if not self._program.run_some(gamma, near, across=True) and not self._take_vertex(best):
             self._give_up(status.UNSOLVED)
+
+    def _take_vertex(self, best: float) -> bool:
+        """Answer with the point that the last LP found, if V falls by `best` there; no proof.
+
+        Where limits are as tight as rounding, the LP has a point within them and the QP none.
+        """
+        v = self._steepest.v
+        reached = -float(self._steepest.slope @ v)
+        if abs(reached - best) > CLOSE * (1.0 + abs(best)) or not self._steepest.keeps(v, KEPT):
+            return False
+        self._program.y[:], self._program.residual = v, math.inf
+        return True
 
     def _damped(self, gamma: float, drift: float, wanted: float) -> bool:
         """Find the answer for a damped ρ; False where there is none."""

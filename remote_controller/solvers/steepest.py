@@ -137,7 +137,7 @@ class Steepest:
                 None, slope, self.rows, self.most, self.least, self.sense,
                 primal_tol=tolerance, iter_limit=STEPS,
             )  # fmt: skip
-            if flag == 1 or (flag == TIRED and self._within(x)):
+            if flag == 1 or (flag == TIRED and self.keeps(x, BROKEN)):
                 self.sure = flag == 1
                 self.v[:], self._multipliers = x, info["lam"][self.n :]
                 return OK, -float(slope @ x)
@@ -145,12 +145,12 @@ class Steepest:
                 return UNBOUNDED, math.inf
         return (CONTRADICTORY if flag == INFEASIBLE else UNSOLVED), 0.0
 
-    def _within(self, y: Array) -> bool:
-        """Whether a point keeps all limits."""
+    def keeps(self, y: Array, slack: float) -> bool:
+        """Whether a point is within all limits, (n,) [of W u], or beyond by `slack` at most."""
         limits = self.n + len(self.rows)
         values = np.concatenate([y, self.rows @ y])
         room = np.minimum(values - self.least[:limits], self.most[:limits] - values)
-        return bool(room.min() >= -BROKEN)
+        return bool(room.min() >= -slack)
 
     def proved(self) -> float:
         """What no −s·y within the constraints exceeds, by the multipliers of the last LP.

@@ -105,3 +105,46 @@ def test_promises(
             assert s.rate == pytest.approx(-s.rho * psi, abs=1e-9)
     else:
         assert found in (status.FLAT, status.CONTRADICTORY)
+
+
+def tiny_problem(seed: int) -> tuple[StableQp, int, Array, Array]:
+    """The answer to a problem whose bounds are partly 1e-7 to 1e-4, its A and its b."""
+    rng = np.random.default_rng(seed)
+    n, m = int(rng.integers(1, 6)), int(rng.integers(0, 5))
+    objective: str | float = ["qp12", 1, 2, math.inf][seed % 4]
+    psi = float(rng.choice([0.0, rng.uniform(0, 5)]))
+    drift = float(rng.choice([rng.uniform(-3, 3), 1.0]))
+    gradient, A = rng.uniform(-3, 3, n).round(2), rng.uniform(-3, 3, (m, n)).round(1)
+    b = rng.choice([0.0, 1.0], m) * rng.uniform(-0.5, 2, m)
+
+    def magnitude() -> Array:
+        tiny, large = 10.0 ** rng.uniform(-7, -4, n), rng.uniform(0, 2, n)
+        return np.where(rng.random(n) < 0.5, tiny, large) * (rng.random(n) < 0.85)
+
+    lower, upper = -magnitude(), magnitude()
+    solver = StableQp(n, m, objective=objective)
+    return solver, solver.solve(gradient, psi, drift, A, b, lower, upper), A, b
+
+
+@pytest.mark.parametrize("seed", [7, 1659, 2307, 2431])
+def test_an_answer_keeps_its_rows_also_where_bounds_are_tiny(seed: int) -> None:
+    """These were answered with a status of success, and a row exceeded by up to 1.4e-6."""
+    solver, found, A, b = tiny_problem(seed)
+    assert found in (status.BEHIND, status.AHEAD)
+    assert (b - A @ solver.u).min() >= -1e-7
+    assert solver.margin >= -1e-7
+
+
+@pytest.mark.parametrize("first", [0, 100, 200, 300])
+def test_so_do_others_and_none_is_given_up(first: int) -> None:
+    for seed in range(first, first + 100):
+        solver, found, _, _ = tiny_problem(seed)
+        assert found != status.UNSOLVED, seed
+        if found in (status.OK, status.BEHIND, status.AHEAD, status.STATIONARY):
+            assert solver.margin >= -1e-7, seed
+
+
+@pytest.mark.long
+def test_so_do_thousands() -> None:
+    for first in range(400, 12_000, 100):
+        test_so_do_others_and_none_is_given_up(first)
