@@ -1,4 +1,4 @@
-"""What the robot did: centre of mass, Lyapunov function, control inputs, active joints.
+"""What the robot did: path of its point, positions, Lyapunov function, inputs, active joints.
 
 These are the quantities that section V of the QP12 paper shows, of one session of a log.
 """
@@ -11,15 +11,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.description import RobotDescription
+from protocol.description import COM, RobotDescription
 from protocol.errors import DescriptionError, LogError
 from protocol.messages import FloatArray, Setpoint, State
+from remote_controller.tasks.default import default_goal
 from tools.certificate_count import PROVED, STATUS, CertificateCount, doubts
 from tools.log import Log
 from tools.report.certificates import Certificates
 from tools.report.sources import Sources
 
 MOST_POINTS = 20_000  # of the path; more cannot be seen, and each costs a pass of kinematics
+NAMES_TASK = {
+    **dict.fromkeys(("qp12", "pinv", "osqp"), "target_m"),
+    **dict.fromkeys(("clik", "clik_sdp"), "tasks"),
+    "stable_qp": "task",
+    "tsid": "goal",
+}
+"""Controllers that do the robot's default task unless they have this parameter."""
 UNITS = {0: "rad/s", 1: "rad/s²", 2: "N m"}
 """Of the control inputs, by `Setpoint.command`; for a prismatic joint read m for rad."""
 
@@ -34,10 +42,13 @@ class Motion:
         start_ns: begin of the first tick that asked for an answer; all times count from there.
         duration_s: from there to the last one.
         joints: names in wire order.
-        path_time_s, path_m: (m,) and (m, 3), centre of mass as seen from `frame`.
+        path_time_s, path_m: (m,) and (m, 3), the point as seen from `frame`.
         frame: that of the task, or the robot's base.
-        sole_m: (c, 2), support polygon in that frame, or None.
-        target_m: (3,), where the centre of mass shall be, or None.
+        sole_m: (c, 2), support polygon in that frame, or None, as of a frame's path.
+        target_m: (3,), where the point shall be, or None.
+        point: `com`, the centre of mass, or a frame.
+        range_used: (m, n), joint positions within their usable range: 0 at its lower end, 1 at its
+            upper.
         every: one State of so many is in the path.
         time_s: (k,), of the States that were answered.
         v, psi, fall: (k,), V, Ψ = −(required V̇), −(predicted V̇); NaN without a certificate.
@@ -67,6 +78,8 @@ class Motion:
     inputs: FloatArray
     unit: str
     active: FloatArray
+    point: str = COM
+    range_used: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
     certificates: Certificates | None = None
     gaps: list[str] = field(default_factory=list)
 
@@ -114,12 +127,14 @@ def read_motion(sources: Sources) -> Motion | None:
             f"{log.paths[0]}: its States have {active['q'].shape[1]} joints, its "
             f"description {description.n}. Name a log that a service of ours has written"
         )
-    parameters = sources.settings("controller").get("parameters")
+    settings = sources.settings("controller")
+    parameters = settings.get("parameters")
     parameters = parameters if isinstance(parameters, dict) else {}
     start = int(active["stamp_intended"][0])
     every = -(-len(active) // MOST_POINTS)
-    frame = _frame(parameters, description)
-    path = com_path(active["q"][::every], description, frame)
+    point, frame, target = _goal(settings.get("controller"), parameters, description)
+    positions = np.asarray(active["q"][::every], float)
+    path = point_path(positions, description, point, frame)
     rows, answers = _answered(active, setpoints)
     if not len(rows):
         gaps.append("Nobody answered: V, Ψ and the control inputs are not known.")
@@ -139,8 +154,8 @@ def read_motion(sources: Sources) -> Motion | None:
         reasons = _reasons(theirs, session_id)
         certificates = replace(certificates, reasons=reasons)
     gaps += certificates.gaps if certificates else []
-    sole = _sole(description, frame)
-    if sole is None:
+    sole = _sole(description, frame) if point == COM else None
+    if sole is None and description.soles and point == COM:
         gaps.append(
             f"The description of {description.name} has no sole in the frame {frame}: there is "
             "no support polygon."
@@ -155,7 +170,7 @@ def read_motion(sources: Sources) -> Motion | None:
         path_m=path,
         frame=frame,
         sole_m=sole,
-        target_m=_target(parameters),
+        target_m=target,
         every=every,
         time_s=_seconds(rows, start),
         v=np.where(proved, answers["v"], np.nan),
@@ -165,6 +180,8 @@ def read_motion(sources: Sources) -> Motion | None:
         inputs=inputs,
         unit=unit,
         active=joints_active,
+        point=point,
+        range_used=(positions - description.lower) / (description.upper - description.lower),
         certificates=certificates,
         gaps=gaps,
     )
@@ -227,11 +244,29 @@ def _seconds(states: Any, start: int) -> FloatArray:
     return np.asarray((states["stamp_intended"] - start) / 1e9, float)
 
 
-def _frame(parameters: dict[str, Any], description: RobotDescription) -> str:
-    """That of a target for the centre of mass; a frame that is itself brought somewhere is none."""
-    frame = parameters.get("frame")
-    ours = _target(parameters) is not None and frame in description.frames
-    return str(frame) if ours else description.base_frame
+def _goal(
+    controller: object, parameters: dict[str, Any], description: RobotDescription
+) -> tuple[str, str, FloatArray | None]:
+    """Point, the frame that it is seen from, and its target, or None where that is not known.
+
+    What a config names counts; else the robot's default task, whose target counts only where the
+    config leaves it the task.
+    """
+    target, named = _target(parameters), parameters.get("frame")
+    if target is not None and named in description.frames:
+        point = parameters.get("point", COM)
+        return point if point in description.frames else COM, str(named), target
+    default = description.default_task
+    if default is None:
+        return COM, description.base_frame, target
+    key = NAMES_TASK.get(str(controller))
+    if key is None or parameters.get(key):
+        return default.point, default.reference, target
+    try:
+        goal = default_goal(description, "log", "parameters")
+    except DescriptionError as error:
+        raise LogError(f"the robot in the log cannot be built: {error}") from error
+    return goal.point, goal.reference, np.array(goal.target_m)
 
 
 def _target(parameters: dict[str, Any]) -> FloatArray | None:
@@ -252,17 +287,36 @@ def _sole(description: RobotDescription, frame: str) -> FloatArray | None:
 
 def com_path(q: FloatArray, description: RobotDescription, frame: str) -> FloatArray:
     """Centre of mass of each row of q, seen from a frame, (m, 3) [m]."""
+    return point_path(q, description, COM, frame)
+
+
+def point_path(q: FloatArray, description: RobotDescription, point: str, frame: str) -> FloatArray:
+    """A frame's origin, or with `com` the centre of mass, for each row of q, (m, 3) [m].
+
+    Args:
+        q: (m, n) joint positions.
+        description: of the robot.
+        point, frame: what is seen, and the frame that it is seen from.
+
+    Raises:
+        LogError: Pinocchio cannot build the robot.
+    """
     from remote_controller.kinematics import Kinematics  # noqa: PLC0415 - loads Pinocchio
 
     try:
         kinematics = Kinematics(description)
     except DescriptionError as error:
         raise LogError(f"the robot in the log cannot be built: {error}") from error
-    number = kinematics.frame_id(frame)
-    path, jacobian = np.empty((len(q), 3)), np.empty((3, description.n))
+    reference, n = kinematics.frame_id(frame), description.n
+    number = reference if point == COM else kinematics.frame_id(point)
+    path, jacobian = np.empty((len(q), 3)), np.empty((3, n))
+    rotation, twist = np.empty((3, 3)), np.empty((6, n))
     for row, place in zip(q, path, strict=True):
         kinematics.update(row)
-        kinematics.com(number, place, jacobian)
+        if point == COM:
+            kinematics.com(reference, place, jacobian)
+        else:
+            kinematics.frame(number, reference, place, rotation, twist)
     return path
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from protocol.description import COM
 from protocol.messages import FloatArray
 from tools.report.canvas import BEYOND, Canvas, canvas, thin
 from tools.report.drawing import Drawing, Key
@@ -43,7 +44,8 @@ TOLD = {
 
 def motion_drawings(motion: Motion) -> list[Drawing]:
     """Every figure that this motion has the data for."""
-    drawings = [_sole(motion), _close_up(motion)]
+    drawings = [_sole(motion)] if motion.point == COM else []
+    drawings += [_close_up(motion), _positions(motion)]
     if motion.has_certificates:
         drawings += [_lyapunov(motion), _rate(motion)]
     if len(motion.time_s):
@@ -87,20 +89,61 @@ def _close_up(motion: Motion) -> Drawing:
         _draw_path(drawing, path_mm, motion)
         _fit(drawing.axes, _shown(motion))
     figures = f"{_points(motion)} · length {number(length)} mm · start to end {number(straight)} mm"
-    title = "The way to the target, close up"
+    what = "the centre of mass" if motion.point == COM else motion.point
+    title = f"The way of {what} to the target, from above"
     if motion.target_m is not None:
         errors = 1e3 * np.linalg.norm(motion.path_m - motion.target_m, axis=1)
         figures += f" · to the target, in space, at the end {number(errors[-1])} mm"
     else:
-        title = "The way of the centre of mass, close up"
+        title = f"The way of {what}, from above"
     return Drawing(
         "path",
         title,
         drawing.svg,
         _path_keys(motion),
         figures,
-        "The same path, enlarged; both axes have the same scale. Paper: Fig. 4.",
+        f"The path of {what}, seen from the frame {motion.frame}, by our own kinematics; both axes "
+        "have the same scale. Paper: Fig. 4.",
         "Kinks, loops, or an end that is not at the target; a zigzag of one encoder count.",
+    )
+
+
+def _positions(motion: Motion) -> Drawing:
+    used = 100.0 * motion.range_used
+    room = np.minimum(used, 100.0 - used).min(axis=0)
+    order = np.argsort(room, kind="stable")
+    named = [int(joint) for joint in order[:NAMED]]
+    with canvas("positions") as drawing:
+        for joint in order[NAMED:]:
+            points = thin(motion.path_time_s, used[:, joint])
+            drawing.axes.plot(*points, color=LIGHT["faint"], linewidth=0.8)
+        for role, joint in reversed(list(zip(SERIES, named, strict=False))):
+            points = thin(motion.path_time_s, used[:, joint])
+            drawing.axes.plot(*points, color=LIGHT[role], linewidth=1.4)
+        for end in (0.0, 100.0):
+            drawing.axes.axhline(end, color=LIGHT["red"], linewidth=1.0, linestyle="--")
+        drawing.time(motion.duration_s, "position [% of the usable range]")
+    keys = [
+        Key(role, f"{motion.joints[joint]} {number(float(room[joint]))} %")
+        for role, joint in zip(SERIES, named, strict=False)
+    ]
+    if len(order) > NAMED:
+        keys.append(Key("faint", f"{len(order) - NAMED} others"))
+    first, least = motion.joints[named[0]], float(room[named[0]])
+    beyond = int((room < 0.0).sum())
+    title = f"{first} comes nearest to a limit, to {number(least)} % of its range"
+    if beyond:
+        title = f"{beyond} of {len(order)} joints leave their usable range"
+    return Drawing(
+        "positions",
+        title,
+        drawing.svg,
+        (*keys, Key("red", "limits")),
+        f"{_points(motion)} · least distance to a limit {number(least)} %",
+        "Measured position of each joint within its usable range, as the robot's description gives "
+        "it: 0 % is the lower limit, 100 % the upper. The percentage is the joint's least distance "
+        "to a limit.",
+        "A joint that rests at a limit, or beyond it: the target may ask for more than it can do.",
     )
 
 

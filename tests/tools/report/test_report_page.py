@@ -10,7 +10,7 @@ from html_page import Page
 from tools.report.content import read_content
 from tools.report.page import POLICY, SECTIONS, page
 
-MOTION = ["sole", "path", "v", "psi", "u", "active"]
+MOTION = ["sole", "path", "positions", "v", "psi", "u", "active"]
 CERTIFICATES = ["rho", "margin"]
 TIMES = ["deadlines", "success", "rtt", "wakeup", "typical", "tail"]
 LOADING = {"script", "link", "img", "iframe", "object", "embed", "base", "form", "audio", "video"}
