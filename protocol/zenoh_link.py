@@ -18,9 +18,10 @@ from queue import SimpleQueue
 from typing import Any, Literal
 
 os.environ.setdefault(
-    "ZENOH_RUNTIME",  # read once, at import: one thread for all data costs least, and another one
-    # for new connections: closing many of those that never say a word would delay the data
-    "(rx:(handover:app),tx:(handover:app),acc:(worker_threads:1),net:(handover:app),"
+    # Read once, at import. Few threads cost least, but receiving may wait until something is sent,
+    # and closing many connections that never say a word would delay the data.
+    "ZENOH_RUNTIME",
+    "(rx:(handover:app),tx:(worker_threads:1),acc:(worker_threads:1),net:(handover:app),"
     "app:(worker_threads:1))",
 )
 
@@ -36,7 +37,7 @@ from protocol.zenoh_sockets import forbid_lingering
 BACKLOG = 1024  # setpoints; of more the oldest are dropped
 WAITING_STOPS = 16  # queries; of more the oldest are dropped, which ends them without an answer
 WAITING_QUERIES = 64
-WAITING_ANSWERS = 256  # beyond this answers are dropped: somebody takes none
+WAITING_ANSWERS = 256  # with as many no further request is taken: somebody takes none
 CONTROL = frozenset({"change", "show"})  # what a controller can be asked
 PENDING = 16  # requests to a controller; of more the oldest get no answer
 QUERY_TIMEOUT_S = 2.0
@@ -47,6 +48,7 @@ TOKENS_AT_ONCE = 8  # that are taken before each request
 EVENTS = 16  # of the robot that a controller keeps; of more the oldest are lost
 LOOKS = 8  # clients whose tokens are looked up together
 LOOK_PAUSE_S = 0.05  # before each look-up: requests may come by the thousand
+CLOSE_US = 1_000_000  # a peer that takes no answer for so long is disconnected
 DROP_US = 100
 """How long a State waits for room on its way to a peer that takes nothing: at each tick."""
 
@@ -83,7 +85,12 @@ def open_session(settings: LinkSettings) -> zenoh.Session:
             "link": {
                 "tx": {
                     "lease": settings.lease_ms,
-                    "queue": {"congestion_control": {"drop": {"wait_before_drop": DROP_US}}},
+                    "queue": {
+                        "congestion_control": {
+                            "drop": {"wait_before_drop": DROP_US},
+                            "block": {"wait_before_close": CLOSE_US},
+                        }
+                    },
                 },
                 "rx": {"max_message_size": MAX_MESSAGE_BYTES},
             },
@@ -180,7 +187,7 @@ class ZenohRobotLink:
             yield from self._local.requests()
         while True:
             if self._query is None:
-                self._query = self._queries.try_recv()
+                self._query = None if self._answers.full() else self._queries.try_recv()
             for who in self._clients.vanished():
                 yield Request("gone", who, lambda _: None)
             if self._query is None:
@@ -456,11 +463,14 @@ class _Answers:
 
         def answer(content: dict[str, Any] | bytes) -> None:
             payload = content if isinstance(content, bytes) else json.dumps(content).encode()
-            if self._due.qsize() < WAITING_ANSWERS:
-                self._due.put((query, payload))
+            self._due.put((query, payload))
 
         body = query.payload.to_bytes() if query.payload else b""
         return Request(_leaf(query.key_expr), _identity(body), answer, body)
+
+    def full(self) -> bool:
+        """Whether so many answers wait to be sent that no further request is to be taken."""
+        return self._due.qsize() >= WAITING_ANSWERS
 
     def finish(self) -> None:
         """Send what is due, unless somebody froze; before the session is closed."""
