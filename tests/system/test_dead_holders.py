@@ -42,8 +42,10 @@ class Attack:
     def close(self) -> None:
         self._session.close()
 
-    def granted_after(self, name: str, when: str, held_s: float, queue: int) -> float:
-        """Seconds until the next client is granted authority; infinite where it is never.
+    def refused_for(self, name: str, when: str, held_s: float, queue: int) -> float:
+        """Seconds after which the next client still asked in vain; infinite where it always did.
+
+        The time is that of the request, so a machine too busy to answer soon changes nothing.
 
         Args:
             name: of the client that dies.
@@ -78,13 +80,14 @@ class Attack:
         return self._until_granted(began, name)
 
     def _until_granted(self, began: float, name: str) -> float:
-        while (waited := time.monotonic() - began) < GIVE_UP_S:
+        refused = 0.0
+        while (asked := time.monotonic() - began) < GIVE_UP_S:
             answer = json.loads(ask(self._session, "hoap3", "acquire", "next") or b"{}")
             if answer.get("granted"):
-                waited = time.monotonic() - began
                 ask(self._session, "hoap3", "release", "next")
                 ask(self._session, "hoap3", "recover", "next")
-                return waited
+                return refused
+            refused = asked
             time.sleep(AGAIN_S)
         ask(self._session, "hoap3", "release", name)  # so that the next trial starts as this one
         ask(self._session, "hoap3", "recover", "next")
@@ -106,9 +109,9 @@ def attack() -> Iterator[Attack]:
 def test_the_next_client_is_granted_within_the_lease(attack, when, queue):
     held = random.Random(queue)
     waits = [
-        attack.granted_after(f"dead{trial}", when, held.uniform(0.005, 0.2), queue)
+        attack.refused_for(f"dead{trial}", when, held.uniform(0.005, 0.2), queue)
         for trial in range(TRIALS)
     ]
     late = sum(wait > LEASE_S for wait in waits)
-    print(f"{late} of {TRIALS} beyond the lease; longest wait {max(waits):.3f} s")
+    print(f"{late} of {TRIALS} beyond the lease; last refusal after {max(waits):.3f} s")
     assert late == 0
