@@ -42,7 +42,7 @@ class Kind(IntEnum):
     DESCRIPTION = 4  # RobotDescription as JSON
     SESSION = 5  # JSON: what the following records belong to
     AUTHORITY = 6  # JSON: epoch under which the controller answers from now on
-    SUMMARY = 7  # JSON: what the robot counted, at its end
+    SUMMARY = 7  # JSON: what the robot counted, or the controller, at its end
     GAP = 8  # JSON: how many records were dropped here, since the observer fell behind
     CHANGE = 9  # JSON: what somebody changed in the controller while it ran
 

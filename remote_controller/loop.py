@@ -12,6 +12,7 @@ from protocol.messages import Event, FloatArray, State
 from protocol.recorder import Recorder
 from protocol.ring import Kind
 from remote_controller.controllers.controller import Controller
+from remote_controller.outcome import Outcome
 from remote_controller.registry import blame
 
 EVENTS = Event.schema.constants
@@ -55,6 +56,8 @@ class ControllerLoop:
         answered, overwritten, repeated, rejected: counts of States.
         stale: the robot has been started anew, or no longer follows us, or its ticks have gone
             back: it is to be asked anew.
+        summary: what the answers came to, as `Outcome.as_json` has it; None before the first
+            `sum_up`.
     """
 
     def __init__(
@@ -78,6 +81,9 @@ class ControllerLoop:
         self._sent_previous = 0
         self._present = 0  # conditions of the last cycle
         self._unrecorded: list[tuple[Kind, int, bytes]] = []
+        self._outcome = Outcome(controller, controller.description)
+        self._noted = 0  # answers
+        self.summary: dict[str, Any] | None = None
 
     def begin(self, description: RobotDescription, *, lockstep: bool) -> None:
         """Record what everything after this belongs to."""
@@ -131,6 +137,7 @@ class ControllerLoop:
         asked = state.mode == State.ACTIVE and state.epoch == self.epoch != 0
         try:
             if not self._started or asked != self._engaged:
+                self.sum_up()
                 self._reset(state)
                 self._engaged = asked
                 self._note("RESET", state.tick)
@@ -176,6 +183,9 @@ class ControllerLoop:
     def sent(self) -> None:
         """The answer is on its way: now there is time to record what was done."""
         self._sent_previous = self._clock.now()
+        if self.answered != self._noted:
+            self._noted = self.answered
+            self._outcome.note(self._state, self._controller.command)
         self._record()
 
     def hear(self, payload: bytes) -> None:
@@ -190,6 +200,25 @@ class ControllerLoop:
         if conflict and event.session_id == self._session_id and now >= self._conflict_due:
             self._conflict_due = now + CONFLICT_PAUSE_NS
             self.announce("CONFLICTING_SETPOINTS", event.detail)
+
+    def sum_up(self) -> None:
+        """Record what the answers so far came to, unless there is none since the last time.
+
+        Called when the robot stops following, and at the end.
+
+        Raises:
+            Hoap3Error: the controller failed to tell the errors of its tasks.
+        """
+        told = 0 if self.summary is None else self.summary["answers"]
+        if self._outcome.answers == told:
+            return
+        try:
+            self.summary = self._outcome.as_json()
+            payload = json.dumps({"session_id": self._session_id, **self.summary}).encode()
+        except (Exception, SystemExit) as error:
+            what = "failed to tell the errors of its tasks"
+            raise failure(self._controller, what, error) from error
+        self._recorder.record_large(Kind.SUMMARY, self._clock.now(), payload)
 
     def change(self, payload: bytes) -> None:
         """Have the controller take over a change, a JSON object, and record it.

@@ -337,7 +337,9 @@ class Service:
                 if loop.stale:
                     break
             else:
+                loop.sum_up()
                 return True
+        loop.sum_up()
         loop.announce("ROBOT_LOST", loop.last_tick)
         gone = "is silent" if silent else "no longer follows us" if loop.stale else "is gone"
         note = f"robot {link.robot!r} {gone}"

@@ -81,6 +81,7 @@ class _Clik(LabelledTasksController):
         self._errors_logged = slice(0, first)
         self._figures = slice(first, first + len(FIGURES))
         self._gains_logged = slice(first + len(FIGURES), len(self.extra_names))
+        self.not_certified_in = MOVING
         self._has_gains = len(self.extra_names) > first + len(FIGURES)
 
     def columns(self) -> tuple[str, ...]:
@@ -90,6 +91,10 @@ class _Clik(LabelledTasksController):
             ends = [f"_{row}" for row in range(1, rows + 1)] if rows > 1 else [""]
             gains += [f"gain_{label}{end}" for end in ends]
         return (*FIGURES, *(gains if len(gains) <= MOST_LOGGED else ()))
+
+    def judged(self) -> list[bool]:
+        """The first task: the others move in its null space."""
+        return [number == 0 for number in range(len(self.labels))]
 
     @abstractmethod
     def solve(self) -> tuple[int, int, float, float]:

@@ -14,6 +14,7 @@ from protocol.description import CommandKind, RobotDescription
 from protocol.errors import BadProblemError, DescriptionError, UsageError
 from protocol.messages import COMMANDS, FloatArray, Setpoint, State, schema
 from protocol.settings import Settings
+from remote_controller.tasks.accuracy import TaskError
 
 STATUS = {
     name.removeprefix("STATUS_").lower(): value
@@ -61,6 +62,11 @@ class Controller(ABC):
         conditions: names of what may hold in a cycle and people should know.
         present: which of them hold in this cycle: bit i for `conditions[i]`. Where one begins or
             ends, the log says so.
+        certifies: whether it can certify its answers. False for one that certifies only some, by
+            its design: then the share of certified answers says nothing of the motion.
+        not_certified_in: conditions, by bit, in which nothing is certified by design.
+        margin_tolerance: how far the certificate's `margin` may be below 0 by rounding, in its
+            unit; None for a controller without constraints.
     """
 
     class Parameters(Settings):
@@ -75,6 +81,8 @@ class Controller(ABC):
     def __init__(self, description: RobotDescription, parameters: Settings) -> None:
         self.conditions: tuple[str, ...] = ()
         self.present = 0
+        self.certifies, self.not_certified_in = True, 0
+        self.margin_tolerance: float | None = None
         self.description, self.parameters = description, parameters
         self.now: Callable[[], int] = time.monotonic_ns
         self.command = Setpoint(description.n, len(self.extra_names))
@@ -114,6 +122,13 @@ class Controller(ABC):
     @abstractmethod
     def step(self, state: State) -> Setpoint:
         """Answer `state`; returns `self.command` with `values` and the certificate filled in."""
+
+    def task_errors(self) -> list[TaskError]:
+        """Errors of the tasks at the last `step`, each with its tolerance; empty without a target.
+
+        Called outside the loop, when the robot stops following; it must not change anything.
+        """
+        return []
 
     def change(self, request: Mapping[str, Any]) -> None:
         """Take over what somebody wants to be otherwise from now on: all of it, or nothing.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import replace
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -14,6 +15,7 @@ from remote_controller.controllers.controller import STATUS, VelocityController
 from remote_controller.controllers.ramp import Ramp
 from remote_controller.kinematics import Kinematics
 from remote_controller.solvers import status
+from remote_controller.tasks.accuracy import TOLERANCE_M, TaskError
 from remote_controller.tasks.com import ComTask
 from remote_controller.tasks.default import default_goal
 from remote_controller.tasks.frame_position import FramePositionTask
@@ -45,6 +47,9 @@ class DescentController(VelocityController):
         target_m: tuple[float, float, float] | None = Field(
             None, description="where it shall be, in that frame [m]; null: as the default task"
         )
+        tolerance_m: float = Field(
+            TOLERANCE_M, gt=0, description="|e| at the end that counts as reached [m]"
+        )
         u_max_rad_s: float = Field(0.6, gt=0, description="joint speed that Ψ is scaled by")
         beta: float = Field(46.0, gt=0, description="β of R(q), (41) [1/m]")
         psi_scale: Literal["inverse_sqrt_n", "one", "max_norm"] = Field(
@@ -63,6 +68,8 @@ class DescentController(VelocityController):
         super().__init__(description, parameters)
         self.kinematics = Kinematics(description)
         self.task = _task(self.kinematics, parameters)
+        self.task.tolerance_m = parameters.tolerance_m
+        self._point = parameters.point or "task"
         self._ramp = Ramp(parameters.ramp_s, description.period_s)
         self._from_reference = parameters.kinematics_from == "reference"
         self._least_margin = -ROUNDING * parameters.u_max_rad_s
@@ -87,6 +94,11 @@ class DescentController(VelocityController):
         command.stamp_kinematics = self.now()
         command.solver_status = self._verdict(self.descend(command.certificate))
         return self.u
+
+    def task_errors(self) -> list[TaskError]:
+        """|e|."""
+        asked = np.ones(len(self.task.error), np.bool_)
+        return [replace(error, task=self._point) for error in self.task.accuracy(asked)]
 
     @abstractmethod
     def descend(self, certificate: FloatArray) -> int:

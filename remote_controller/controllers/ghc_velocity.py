@@ -84,6 +84,7 @@ class GhcVelocityController(LabelledTasksController):
         self._mass, self._bias = np.eye(n), np.zeros(n)
         self._first, self._time = 0, 0.0  # tick of the reset, and seconds since then
         self._top: list[LyapunovFunction] = []
+        self.not_certified_in = MOVING | IDLE
         self._stale = True  # the top tasks are those of priorities that have moved since
 
     @classmethod
@@ -96,6 +97,10 @@ class GhcVelocityController(LabelledTasksController):
         """Of few tasks alpha, row by row."""
         names = self.priorities.names if len(self.priorities.names) <= MOST_LOGGED else ()
         return tuple(f"alpha_{a}_{b}" for a in names for b in names)
+
+    def judged(self) -> list[bool]:
+        """The tasks that nothing is above."""
+        return [function in self._top for function in self.functions]
 
     def change(self, request: Mapping[str, Any]) -> None:
         """Begin a change of priorities now, as `Priorities.change` has it.

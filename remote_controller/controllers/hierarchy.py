@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from protocol.description import RobotDescription
@@ -19,8 +21,10 @@ from remote_controller.hierarchy.settings import AnyTask
 from remote_controller.hierarchy.tasks import AccelerationTasks
 from remote_controller.solvers import status
 from remote_controller.solvers.tsid import Tsid
+from remote_controller.tasks.accuracy import ABSENT, LOWER, TaskError
 
 CERTIFIED_RESIDUAL = 1e-9
+MARGIN_ROUNDING = 1e-9  # relative to the greatest acceleration or torque
 SOLVED, NEAREST, OVERLOADED_MOTORS, GAVE_UP = range(4)  # Setpoint.fallback
 FALLBACKS = {status.OK: NEAREST, status.INFEASIBLE: OVERLOADED_MOTORS, status.UNSOLVED: GAVE_UP}
 BRAKE_PER_S = 10.0  # of −dq, where not even the bounds of accelerations have an answer
@@ -172,7 +176,9 @@ class HierarchyController(Controller):
         self._present_counts = np.zeros(self._counts.size)
         self._dt, self._begun = description.period_s, False
         self._first = self._settled = 0
-        self.conditions = CONDITIONS
+        self.conditions, self.margin_tolerance = CONDITIONS, MARGIN_ROUNDING
+        self.certifies = self.proves and self._viable
+        self.not_certified_in = MOVING | TOUCHES | IDLE
 
     @classmethod
     def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Any:
@@ -222,6 +228,23 @@ class HierarchyController(Controller):
 
         Write it into `out`, which tasks are `tops`, and how far each is `absent`, from 0 to 1.
         """
+
+    def judged(self) -> NDArray[np.bool_]:
+        """Which tasks must reach their target, (k,): those that nothing stands above."""
+        return self.tops
+
+    def task_errors(self) -> list[TaskError]:
+        """Errors of all tasks; those of lower priority, and those left out, are not judged."""
+        judged = self.judged()
+        notes = [
+            ABSENT if self.absent[i] >= 1.0 else "" if judged[i] else LOWER
+            for i in range(len(judged))
+        ]
+        return [
+            replace(error, task=name, note=notes[i])
+            for i, name in enumerate(self.tasks.names)
+            for error in self.tasks.errors_of(i)
+        ]
 
     @abstractmethod
     def solve(self, torque_max: FloatArray) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from pydantic import Field
@@ -12,7 +13,15 @@ from protocol.messages import FloatArray, Setpoint, State
 from remote_controller.controllers.controller import STATUS, Controller
 from remote_controller.controllers.joint_bounds import BoundSettings, JointBounds
 from remote_controller.controllers.postures import posture_of
+from remote_controller.tasks.accuracy import (
+    TOLERANCE_DEG,
+    TOLERANCE_M,
+    TaskError,
+    joint_errors,
+    prismatic_joints,
+)
 
+MARGIN_ROUNDING = 1e-9  # relative to the greatest acceleration
 HELD = 1  # solver_path: some joint is held by a bound; 0: none
 
 
@@ -42,6 +51,14 @@ class JointAccelerationController(Controller):
             None, description="q_r, one of the robot's description; null: where it starts"
         )
         posture_rad: tuple[float, ...] = Field((), description="q_r itself instead [rad or m]")
+        tolerance_deg: float = Field(
+            TOLERANCE_DEG,
+            gt=0,
+            description="error of each revolute joint at the end that counts as reached [degrees]",
+        )
+        tolerance_m: float = Field(
+            TOLERANCE_M, gt=0, description="the same for prismatic joints [m]"
+        )
         kp: float = Field(100.0, gt=0, description="of q_r − q [1/s²]")
         kd: float | None = Field(None, ge=0, description="of dq [1/s]; null: 2√kp")
         bounds: BoundSettings = Field(BoundSettings(), description="of the accelerations")
@@ -71,6 +88,9 @@ class JointAccelerationController(Controller):
         self._viable = parameters.bounds.kind == "viability"
         kd = 2.0 * math.sqrt(parameters.kp) if parameters.kd is None else parameters.kd
         self._gains = parameters.kp, kd
+        self._prismatic = prismatic_joints(description)
+        self._tolerances = parameters.tolerance_m, parameters.tolerance_deg
+        self.certifies, self.margin_tolerance = self._viable, MARGIN_ROUNDING
         self._positions = self.kind == "position"
         self._dt, n = description.period_s, description.n
         self._q, self._dq, self._before, self._next, self._ddq = np.zeros((5, n))
@@ -84,6 +104,12 @@ class JointAccelerationController(Controller):
     ) -> JointAccelerationController:
         """One for a robot."""
         return cls(description, parameters, file)
+
+    def task_errors(self) -> list[TaskError]:
+        """The greatest error of any joint."""
+        error = self._target - self._q
+        found = joint_errors(error, self._prismatic, *self._tolerances)
+        return [replace(each, task="posture") for each in found]
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Begin with the motion that the robot has: its reference, as fast as its joints move."""

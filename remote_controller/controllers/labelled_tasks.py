@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, ClassVar, Self
 
@@ -21,7 +22,10 @@ from remote_controller.controllers.labelled_tasks_settings import (
 from remote_controller.kinematics import Kinematics
 from remote_controller.tasks import registry as tasks
 from remote_controller.tasks import status as task_status
+from remote_controller.tasks.accuracy import LOWER, TaskError
 from remote_controller.tasks.lyapunov import LyapunovFunction
+
+MARGIN_ROUNDING = 1e-9  # of a velocity beside its bounds [rad/s or m/s]
 
 
 class LabelledTasksController(VelocityController):
@@ -83,6 +87,7 @@ class LabelledTasksController(VelocityController):
         self._from_reference = parameters.kinematics_from == "reference"
         self.conditions = (*self.own_conditions, *task_status.NAMES[1:])
         self._begun, self._periods_seen = False, 0
+        self.margin_tolerance = MARGIN_ROUNDING
 
     @classmethod
     def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Self:
@@ -95,6 +100,20 @@ class LabelledTasksController(VelocityController):
         given = parameters.tasks or ()
         check_tasks(given, file)
         labels_of(given, file)
+
+    @abstractmethod
+    def judged(self) -> list[bool]:
+        """Which tasks must reach their target: those that no other may keep from it."""
+
+    def task_errors(self) -> list[TaskError]:
+        """Errors of all tasks; those of lower priority are not judged."""
+        return [
+            replace(error, task=label, note=error.note or ("" if judged else LOWER))
+            for label, function, judged in zip(
+                self.labels, self.functions, self.judged(), strict=True
+            )
+            for error in function.accuracy()
+        ]
 
     def columns(self) -> tuple[str, ...]:
         """Columns beside the errors; called once, when labels and sizes are known."""

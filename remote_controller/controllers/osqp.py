@@ -52,6 +52,7 @@ class OsqpController(DescentController):
             parameters.gamma,
             parameters.adaptive_gamma,
         )
+        self.certifies = False  # only what OSQP could polish is the optimum to 1e-9
         self._solver = OsqpQp12(
             description.n,
             parameters.tolerance,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -22,6 +23,7 @@ from remote_controller.solvers import status
 from remote_controller.solvers.descent_rate import FORMS
 from remote_controller.solvers.stable_qp import STILL
 from remote_controller.tasks import registry as tasks
+from remote_controller.tasks.accuracy import TaskError
 from remote_controller.tasks.default import default_goal
 from remote_controller.tasks.persistent_motion import PersistentMotion
 
@@ -103,6 +105,8 @@ class StableQpController(VelocityController):
         self._from_reference = parameters.kinematics_from == "reference"
         self._watch = Watch(self.stack)
         self.conditions = self._watch.names
+        self.margin_tolerance = CURVATURE if parameters.constraints else None
+        self._task_name = task.task
         self._begun = False
         self._brake_step = description.brake_acceleration * self._dt
         self._last, self._stopping = np.zeros(n), status.OK
@@ -119,6 +123,10 @@ class StableQpController(VelocityController):
             tasks.check_parameters(parameters.task, file, "parameters.task")
         constraints.read(parameters.constraints, file)
         check_objective(parameters, file)
+
+    def task_errors(self) -> list[TaskError]:
+        """Errors of the task."""
+        return [replace(error, task=self._task_name) for error in self.function.accuracy()]
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Begin anew at the next State that is finite."""

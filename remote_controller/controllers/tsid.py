@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,9 +17,11 @@ from remote_controller.controllers.postures import posture_of
 from remote_controller.dynamics import FrameDynamics
 from remote_controller.solvers import status
 from remote_controller.solvers.tsid import Tsid
+from remote_controller.tasks.accuracy import TaskError, angle_error, length_error
 from remote_controller.tasks.default import default_goal
 
 CERTIFIED_RESIDUAL = 1e-9
+MARGIN_ROUNDING = 1e-9  # relative to the greatest acceleration or the effort
 FALLBACKS = {status.OK: 0, status.INFEASIBLE: 1, status.UNSOLVED: 2}
 NOT_FINITE, TOO_SMALL, UNSOLVED, HELD, HALF_A_TURN, OVERLOADED = (1 << bit for bit in range(6))
 
@@ -90,6 +93,9 @@ class TsidController(Controller):
         self.error, self._wanted, self._slope = np.zeros((3, 6))
         self._joint_wanted, self._load = np.zeros(n), np.zeros(n)
         self._effort = np.array(description.effort)
+        self._frame = parameters.frame
+        self._tolerances = parameters.tolerance_m, parameters.tolerance_deg
+        self.certifies, self.margin_tolerance = self._viable, MARGIN_ROUNDING
         self.conditions = (
             "state not finite",
             "torques too small",
@@ -105,6 +111,12 @@ class TsidController(Controller):
     ) -> TsidController:
         """One for a robot."""
         return cls(description, parameters, file)
+
+    def task_errors(self) -> list[TaskError]:
+        """Distance of the frame to its goal, and angle."""
+        length_m, angle_deg = self._tolerances
+        found = length_error(self.error[:3], length_m) + angle_error(self.error[3:], angle_deg)
+        return [replace(each, task=self._frame) for each in found]
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Nothing to remember; a joint that is outside its bounds here may stay there."""

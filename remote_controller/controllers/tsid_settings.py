@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from remote_controller.controllers.controller import Controller
 from remote_controller.controllers.goals import Gains, GoalSettings
 from remote_controller.controllers.joint_bounds import BoundSettings
+from remote_controller.tasks.accuracy import TOLERANCE_DEG, TOLERANCE_M
 
 
 class PostureSettings(Gains):
@@ -49,6 +50,12 @@ class Parameters(Controller.Parameters):
         None,
         description="where it shall be; null: where the robot's default task has it, with the "
         "orientation that it has at the start",
+    )
+    tolerance_m: float = Field(
+        TOLERANCE_M, gt=0, description="error at the end that counts as reached [m]"
+    )
+    tolerance_deg: float = Field(
+        TOLERANCE_DEG, gt=0, description="the same for its orientation [degrees]"
     )
     task: Gains = Field(Gains(), description="of the frame's acceleration")
     posture: PostureSettings = Field(PostureSettings(), description="of the null space")

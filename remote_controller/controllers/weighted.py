@@ -6,6 +6,7 @@ import math
 from typing import Any, ClassVar, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from protocol.description import RobotDescription
@@ -68,6 +69,11 @@ class WeightedController(HierarchyController):
         out[:] = self.importance.value
         np.greater(self.importance.value, 0.0, out=self.tops)
         np.logical_not(self.tops, out=self.absent)
+
+    def judged(self) -> NDArray[np.bool_]:
+        """Those of the greatest weight."""
+        weights = self.importance.value
+        return np.asarray((weights > 0.0) & (weights >= weights.max()))
 
     def solve(self, torque_max: FloatArray) -> bool:
         """One quadratic program of all."""

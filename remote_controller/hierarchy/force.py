@@ -8,7 +8,9 @@ import numpy as np
 
 from protocol.messages import FloatArray
 from remote_controller.hierarchy.settings import ForceSettings
+from remote_controller.tasks.accuracy import TaskError
 
+TOLERANCE, LEAST_TOLERANCE_N = 0.05, 0.5  # of the wanted force, and at least
 MOST = 1.0  # of the wanted force: what the integral adds to it or takes from it
 
 
@@ -48,6 +50,14 @@ class Press:
             np.zeros(joints),
         )
         self.touches, self.force, self._integral, self._learns = False, 0.0, 0.0, False
+
+    @property
+    def error(self) -> TaskError:
+        """How far the measured force is from the wanted one."""
+        wanted, tolerance = self._settings.force_n, self._settings.tolerance_n
+        if tolerance is None:
+            tolerance = max(TOLERANCE * wanted, LEAST_TOLERANCE_N)
+        return TaskError(abs(wanted - self.force), "N", tolerance)
 
     def reset(self) -> None:
         """Nothing touches yet."""

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from protocol.settings import NAME_PATTERN
 from remote_controller.controllers.goals import Gains, GoalSettings, Triple
+from remote_controller.tasks.accuracy import TOLERANCE_DEG, TOLERANCE_M
 from remote_controller.tasks.targets.settings import TargetSettings
 
 
@@ -16,7 +17,13 @@ class _Task(Gains):
     name: str = Field(pattern=NAME_PATTERN, description="by which priorities speak of it")
 
 
-class PositionSettings(_Task):
+class _WithLength(_Task):
+    tolerance_m: float = Field(
+        TOLERANCE_M, gt=0, description="error at the end that counts as reached [m]"
+    )
+
+
+class PositionSettings(_WithLength):
     """The origin of a frame at a target."""
 
     kind: Literal["position"]
@@ -29,8 +36,12 @@ class PositionSettings(_Task):
     )
 
 
-class PoseSettings(_Task):
+class PoseSettings(_WithLength):
     """A frame at a pose."""
+
+    tolerance_deg: float = Field(
+        TOLERANCE_DEG, gt=0, description="the same for its orientation [degrees]"
+    )
 
     kind: Literal["pose"]
     frame: str = Field(description="which")
@@ -48,9 +59,15 @@ class PostureTaskSettings(_Task):
     )
     posture_rad: tuple[float, ...] = Field((), description="instead: of all its joints [rad or m]")
     joints: tuple[str, ...] = Field((), description="which joints; empty: all")
+    tolerance_deg: float = Field(
+        TOLERANCE_DEG,
+        gt=0,
+        description="error of each revolute joint at the end that counts as reached [degrees]",
+    )
+    tolerance_m: float = Field(TOLERANCE_M, gt=0, description="the same for prismatic joints [m]")
 
 
-class ForceSettings(_Task):
+class ForceSettings(_WithLength):
     """The origin of a frame at a target, until it touches; then along a normal a force.
 
     Both in one task of three rows: two tasks without priority over each other would each feed into
@@ -67,6 +84,12 @@ class ForceSettings(_Task):
     )
     normal: Triple = Field(description="of the surface, towards the robot; of any length")
     force_n: float = Field(gt=0, description="with which it shall press")
+    tolerance_n: float | None = Field(
+        None,
+        gt=0,
+        description="error of the force at the end that counts as reached [N]; null: 5 % of "
+        "`force_n`, at least 0.5",
+    )
     sensor: str | None = Field(None, description="frame of the wrench sensor; null: `frame`")
     force_kp: float = Field(0.0, ge=0, description="of the error of the force")
     force_ki_per_s: float = Field(5.0, ge=0, description="of its integral")

@@ -24,6 +24,13 @@ from remote_controller.hierarchy.settings import (
     PositionSettings,
     PostureTaskSettings,
 )
+from remote_controller.tasks.accuracy import (
+    TaskError,
+    angle_error,
+    joint_errors,
+    length_error,
+    prismatic_joints,
+)
 from remote_controller.tasks.targets.settings import PointSettings
 
 AnyPoint = PositionSettings | ForceSettings
@@ -72,6 +79,7 @@ class AccelerationTasks:
         self._ask, self._load = kernels.ask, kernels.load
         self._robot, self._file, self._key = robot, file, key
         self.names = tuple(each.name for each in settings)
+        self._settings = tuple(settings)
         self._joints = [self._joints_of(each, i) for i, each in enumerate(settings)]
         self.sizes = [
             len(joints) or (POSE if isinstance(each, PoseSettings) else POSITION)
@@ -186,6 +194,19 @@ class AccelerationTasks:
                     self._targets[i, 2],
                     [each[mine] for each in self._rows],
                 )
+
+    def errors_of(self, i: int) -> list[TaskError]:
+        """Errors of task i at the last `update`, each with its tolerance."""
+        settings, error = self._settings[i], self.error[self.rows[i]]
+        if isinstance(settings, PostureTaskSettings):
+            prismatic = prismatic_joints(self._robot)[self._joints[i]]
+            return joint_errors(error, prismatic, settings.tolerance_m, settings.tolerance_deg)
+        found = length_error(error[:POSITION], settings.tolerance_m)
+        if isinstance(settings, PoseSettings):
+            found += angle_error(error[POSITION:], settings.tolerance_deg)
+        elif isinstance(settings, ForceSettings):
+            found.append(self.presses[i].error)
+        return found
 
     def _joints_of(self, each: AnyTask, number: int) -> list[int]:
         """Places of the joints of a posture; none of another task."""

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from protocol.messages import FloatArray
 from remote_controller.kinematics import Kinematics
+from remote_controller.tasks.accuracy import TOLERANCE_M, TaskError, length_error
 from remote_controller.tasks.lyapunov import Site
 from remote_controller.tasks.targets.settings import TargetSettings
 from remote_controller.tasks.task import Task
@@ -30,6 +32,9 @@ class ComTask(Task):
 
         frame: str = Field("r_sole", description="frame that it is seen from")
         target: TargetSettings = Field(description="where it shall be, in that frame")
+        tolerance_m: float = Field(
+            TOLERANCE_M, gt=0, description="error at the end that counts as reached [m]"
+        )
 
     def __init__(self, kinematics: Kinematics, frame: str, target: FloatArray) -> None:
         super().__init__(3, kinematics.n)
@@ -37,17 +42,23 @@ class ComTask(Task):
         self._scratch = np.zeros_like(self.jacobian)
         self.position = np.zeros(3)
         self.target[:] = target
+        self.tolerance_m = TOLERANCE_M
 
     @classmethod
     def configured(cls, site: Site, parameters: Parameters) -> TaskFunction:
         """V of this task."""
         task = cls(site.kinematics, parameters.frame, np.zeros(3))
+        task.tolerance_m = parameters.tolerance_m
         return TaskFunction(task, parameters.target.build(site.folder), parameters.weights)
 
     def update(self, kinematics: Kinematics) -> None:
         """Recompute e [m] and J [m/rad]."""
         kinematics.com(self._frame, self.position, self.jacobian)
         np.subtract(self.position, self.target, out=self.error)
+
+    def accuracy(self, asked: NDArray[np.bool_]) -> list[TaskError]:
+        """Distance to the target."""
+        return length_error(self.error[asked], self.tolerance_m)
 
     def read(self, kinematics: Kinematics, out: FloatArray) -> None:
         """Write m(q), (3,) [m]."""

@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from protocol.messages import FloatArray
 from remote_controller.kinematics import Kinematics
+from remote_controller.tasks.accuracy import (
+    TOLERANCE_DEG,
+    TOLERANCE_M,
+    TaskError,
+    angle_error,
+    length_error,
+)
 from remote_controller.tasks.lyapunov import Site
 from remote_controller.tasks.targets.settings import TargetSettings
 from remote_controller.tasks.targets.target import Approach, Joined, Point
@@ -49,6 +57,12 @@ class FramePoseTask(Task):
         turn_s: float = Field(
             0.0, ge=0, description="duration of the turn from where it is [s]; 0: at once"
         )
+        tolerance_m: float = Field(
+            TOLERANCE_M, gt=0, description="error at the end that counts as reached [m]"
+        )
+        tolerance_deg: float = Field(
+            TOLERANCE_DEG, gt=0, description="the same for its orientation [degrees]"
+        )
 
     def __init__(
         self, kinematics: Kinematics, frame: str, reference: str, target: FloatArray
@@ -66,11 +80,13 @@ class FramePoseTask(Task):
         self._error_rate = np.zeros(6)
         self.position, self.rotation = np.zeros(3), np.eye(3)
         self.target[:] = target
+        self.tolerances = TOLERANCE_M, TOLERANCE_DEG
 
     @classmethod
     def configured(cls, site: Site, parameters: Parameters) -> TaskFunction:
         """V of this task."""
         task = cls(site.kinematics, parameters.frame, parameters.reference, np.zeros(6))
+        task.tolerances = parameters.tolerance_m, parameters.tolerance_deg
         turn = Approach(Point(np.array(parameters.rotation_rad)), parameters.turn_s)
         target = Joined(parameters.target.build(site.folder), turn)
         return TaskFunction(task, target, parameters.weights)
@@ -93,6 +109,12 @@ class FramePoseTask(Task):
     def explicit_rate(self, out: FloatArray) -> None:
         """Write ∂e/∂t, (6,)."""
         out[:] = self._error_rate
+
+    def accuracy(self, asked: NDArray[np.bool_]) -> list[TaskError]:
+        """Distance to the target, and angle."""
+        length, angle = self.error[:3][asked[:3]], self.error[3:][asked[3:]]
+        length_m, angle_deg = self.tolerances
+        return length_error(length, length_m) + angle_error(angle, angle_deg)
 
     def read(self, kinematics: Kinematics, out: FloatArray) -> None:
         """Write p, and of both rotation vectors of R the one nearer to the target's, (6,)."""

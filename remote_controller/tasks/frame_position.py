@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
 from protocol.messages import FloatArray
 from remote_controller.kinematics import Kinematics
+from remote_controller.tasks.accuracy import TOLERANCE_M, TaskError, length_error
 from remote_controller.tasks.lyapunov import Site
 from remote_controller.tasks.targets.settings import TargetSettings
 from remote_controller.tasks.task import Task
@@ -44,6 +46,9 @@ class FramePositionTask(Task):
         axes: tuple[Axis, ...] = Field(
             AXES, min_length=1, description="components of e, in this order; others are left free"
         )
+        tolerance_m: float = Field(
+            TOLERANCE_M, gt=0, description="error at the end that counts as reached [m]"
+        )
 
         @field_validator("axes")
         @classmethod
@@ -72,12 +77,14 @@ class FramePositionTask(Task):
             self.error, self.jacobian = self._difference, self._twist[:3]
         self.target, self.target_rate = np.zeros((2, 3))
         self.target[:] = target
+        self.tolerance_m = TOLERANCE_M
 
     @classmethod
     def configured(cls, site: Site, parameters: Parameters) -> TaskFunction:
         """V of this task."""
         frame, reference, axes = parameters.frame, parameters.reference, parameters.axes
         task = cls(site.kinematics, frame, reference, np.zeros(3), axes)
+        task.tolerance_m = parameters.tolerance_m
         return TaskFunction(task, parameters.target.build(site.folder), parameters.weights)
 
     def update(self, kinematics: Kinematics) -> None:
@@ -88,6 +95,10 @@ class FramePositionTask(Task):
             for row, axis in enumerate(self._axes):
                 self.error[row] = self._difference[axis]
                 self.jacobian[row] = self._twist[axis]
+
+    def accuracy(self, asked: NDArray[np.bool_]) -> list[TaskError]:
+        """Distance to the target, along the axes of e."""
+        return length_error(self.error[asked], self.tolerance_m)
 
     def read(self, kinematics: Kinematics, out: FloatArray) -> None:
         """Write p(q), (3,) [m], all of it: so targets start from there."""

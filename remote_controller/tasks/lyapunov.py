@@ -13,6 +13,7 @@ from protocol.description import RobotDescription
 from protocol.settings import Settings
 from remote_controller.kinematics import Kinematics
 from remote_controller.tasks import status
+from remote_controller.tasks.accuracy import TaskError
 
 
 @dataclass(frozen=True)
@@ -88,3 +89,7 @@ class LyapunovFunction(ABC):
             kinematics: up to date.
             time_s: tick of the robot × its period [s].
         """
+
+    def accuracy(self) -> list[TaskError]:
+        """Errors at the last `update`, each with its tolerance; empty where nothing is judged."""
+        return []

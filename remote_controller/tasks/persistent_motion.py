@@ -15,6 +15,13 @@ from protocol.settings import Settings
 from remote_controller.kinematics import Kinematics
 from remote_controller.solvers.pinv import Pinv
 from remote_controller.tasks import status
+from remote_controller.tasks.accuracy import (
+    TOLERANCE_DEG,
+    TOLERANCE_M,
+    TaskError,
+    angle_error,
+    length_error,
+)
 from remote_controller.tasks.com import ComTask
 from remote_controller.tasks.curve import CURVES, Curve, build_curve
 from remote_controller.tasks.derivative_check import check_derivatives
@@ -210,11 +217,18 @@ class _MotionSettings(Settings):
 class JointCurve(PersistentMotion):
     """A curve in the space of the joints: x = q, given by n − 1 functions."""
 
+    tolerance_deg = TOLERANCE_DEG
+
     class Parameters(_MotionSettings):
         """Which curve, and how fast."""
 
         curve: str = Field("joint_ellipse", description="registered name, or package.module:Class")
         speed_rad_s: float = Field(gt=0, description="ζ, of all joints together")
+        tolerance_deg: float = Field(
+            TOLERANCE_DEG,
+            gt=0,
+            description="distance to the curve, |α|, at the end that counts as reached [degrees]",
+        )
 
     @classmethod
     def configured(cls, site: Site, parameters: Parameters) -> JointCurve:
@@ -226,12 +240,17 @@ class JointCurve(PersistentMotion):
         forward = parameters.direction == "forward"
         motion = cls(n, curve, parameters.speed_rad_s, forward, parameters.objective_weights)
         np.fill_diagonal(motion.x_jacobian, 1.0)
+        motion.tolerance_deg = parameters.tolerance_deg
         check_curve(motion, parameters.curve, site)
         return motion
 
     def locate(self, kinematics: Kinematics) -> None:
         """Take x = q."""
         kinematics.joints(self.x)
+
+    def accuracy(self) -> list[TaskError]:
+        """Distance to the curve."""
+        return angle_error(self.error, self.tolerance_deg)
 
     def _to_joints(self, x_rate: FloatArray, out: FloatArray) -> None:
         out[:] = x_rate
@@ -245,6 +264,8 @@ class TaskCurve(PersistentMotion):
         curve, speed, forward, objective_weights: see `PersistentMotion`.
     """
 
+    tolerance_m = TOLERANCE_M
+
     class Parameters(_MotionSettings):
         """What circulates which curve, and how fast."""
 
@@ -252,6 +273,11 @@ class TaskCurve(PersistentMotion):
         reference: str = Field("r_sole", description="frame that it is seen from")
         curve: str = Field("ellipse", description="registered name, or package.module:Class")
         speed_m_s: float = Field(gt=0, description="ζ [m/s]")
+        tolerance_m: float = Field(
+            TOLERANCE_M,
+            gt=0,
+            description="distance to the curve, |α|, at the end that counts as reached [m]",
+        )
 
     def __init__(
         self,
@@ -282,12 +308,17 @@ class TaskCurve(PersistentMotion):
         )
         forward = parameters.direction == "forward"
         motion = cls(task, curve, parameters.speed_m_s, forward, parameters.objective_weights)
+        motion.tolerance_m = parameters.tolerance_m
         check_curve(motion, parameters.curve, site)
         return motion
 
     def locate(self, kinematics: Kinematics) -> None:
         """Have the task look."""
         self._task.update(kinematics)
+
+    def accuracy(self) -> list[TaskError]:
+        """Distance to the curve."""
+        return length_error(self.error, self.tolerance_m)
 
     def _to_joints(self, x_rate: FloatArray, out: FloatArray) -> None:
         self._pinv.solve_plain(self.x_jacobian, x_rate, -1.0, out)

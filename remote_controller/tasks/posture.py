@@ -5,11 +5,19 @@ from __future__ import annotations
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from protocol.errors import ConfigError
 from protocol.messages import FloatArray
 from remote_controller.kinematics import Kinematics
+from remote_controller.tasks.accuracy import (
+    TOLERANCE_DEG,
+    TOLERANCE_M,
+    TaskError,
+    joint_errors,
+    prismatic_joints,
+)
 from remote_controller.tasks.lyapunov import Site
 from remote_controller.tasks.targets.target import Approach, Point
 from remote_controller.tasks.task import Task
@@ -34,6 +42,14 @@ class PostureTask(Task):
         approach_s: float = Field(
             0.0, ge=0, description="duration of the way there [s]; 0: at once"
         )
+        tolerance_deg: float = Field(
+            TOLERANCE_DEG,
+            gt=0,
+            description="error of each revolute joint at the end that counts as reached [degrees]",
+        )
+        tolerance_m: float = Field(
+            TOLERANCE_M, gt=0, description="the same for prismatic joints [m]"
+        )
 
         @model_validator(mode="after")
         def _one_posture(self) -> Self:
@@ -47,6 +63,8 @@ class PostureTask(Task):
         self._joints = np.array(joints, np.intp)
         self.jacobian[np.arange(len(joints)), self._joints] = 1.0
         self.target[:] = target
+        self.prismatic = np.zeros(len(joints), np.bool_)
+        self.tolerances = TOLERANCE_M, TOLERANCE_DEG
 
     @classmethod
     def configured(cls, site: Site, parameters: Parameters) -> TaskFunction:
@@ -54,6 +72,8 @@ class PostureTask(Task):
         joints = _places(site, parameters.joints)
         target = _positions(site, parameters, joints)
         task = cls(site.kinematics, joints, target)
+        task.prismatic = prismatic_joints(site.description)[joints]
+        task.tolerances = parameters.tolerance_m, parameters.tolerance_deg
         return TaskFunction(
             task, Approach(Point(target), parameters.approach_s), parameters.weights
         )
@@ -62,6 +82,10 @@ class PostureTask(Task):
         """Recompute e [rad or m]."""
         self.read(kinematics, self.error)
         np.subtract(self.error, self.target, out=self.error)
+
+    def accuracy(self, asked: NDArray[np.bool_]) -> list[TaskError]:
+        """The greatest error of any joint."""
+        return joint_errors(self.error[asked], self.prismatic[asked], *self.tolerances)
 
     def read(self, kinematics: Kinematics, out: FloatArray) -> None:
         """Write q of the joints, (m,) [rad or m]."""

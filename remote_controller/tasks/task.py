@@ -6,12 +6,14 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from protocol.messages import FloatArray
 from protocol.settings import Settings
 from remote_controller.kinematics import Kinematics
 from remote_controller.tasks import status
+from remote_controller.tasks.accuracy import TaskError
 from remote_controller.tasks.lyapunov import LyapunovFunction, Site
 
 
@@ -54,6 +56,15 @@ class Task(ABC):
     @abstractmethod
     def read(self, kinematics: Kinematics, out: FloatArray) -> None:
         """Write the quantity that is aimed at the target, (m,), into `out`."""
+
+    def accuracy(self, asked: NDArray[np.bool_]) -> list[TaskError]:
+        """Size of the last error beside its tolerance; empty where nothing is to be judged.
+
+        Args:
+            asked: components of e whose weight is not 0, (m,).
+        """
+        del asked
+        return []
 
     def explicit_rate(self, out: FloatArray) -> None:
         """Write ∂e/∂t, (m,), which the target's motion makes, for the last `update`.

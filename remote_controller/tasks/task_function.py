@@ -9,6 +9,7 @@ import numpy as np
 from protocol.errors import BadProblemError
 from protocol.messages import FloatArray
 from remote_controller.kinematics import Kinematics
+from remote_controller.tasks.accuracy import TaskError
 from remote_controller.tasks.lyapunov import LyapunovFunction
 from remote_controller.tasks.targets.target import Point, Target
 from remote_controller.tasks.task import Task
@@ -66,6 +67,10 @@ class TaskFunction(LyapunovFunction):
             self.gradient,
         )
         self.status = task.status
+
+    def accuracy(self) -> list[TaskError]:
+        """Errors of the task, without weights; components of weight 0 are left out."""
+        return self.task.accuracy(self._roots > 0.0)
 
 
 def _checked(weights: Sequence[float], dimension: int) -> FloatArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
@@ -12,6 +13,7 @@ from pydantic import Field
 from protocol.settings import Settings
 from remote_controller.kinematics import Kinematics
 from remote_controller.tasks import status
+from remote_controller.tasks.accuracy import TaskError
 from remote_controller.tasks.lyapunov import LyapunovFunction, Site
 
 
@@ -94,3 +96,12 @@ class WeightedSum(LyapunovFunction):
                 np.multiply(term.jacobian, root, out=jacobian)
                 np.multiply(term.error_rate, root, out=error_rate)
             self.status = self.status or term.status
+
+    def accuracy(self) -> list[TaskError]:
+        """Errors of all terms; of several none is judged, since they may contradict each other."""
+        note = "term of a sum" if len(self._terms) > 1 else ""
+        return [
+            replace(error, note=error.note or note)
+            for term, *_ in self._terms
+            for error in term.accuracy()
+        ]

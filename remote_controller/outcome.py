@@ -1,0 +1,64 @@
+"""What a controller knows of a run at its end: its tasks, certificates, constraints and balance."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from protocol.description import RobotDescription
+from protocol.messages import Setpoint, State
+from remote_controller.balance import balance_of
+from remote_controller.controllers.controller import STATUS, Controller
+
+EVERY = 10
+"""One of so many answered States is looked at for balance."""
+
+PROVED = (STATUS["certified"], STATUS["at_target"])
+
+
+class Outcome:
+    """Counts over the answers of a session, and the errors of the tasks at its end.
+
+    Args:
+        controller, description: the author of the answers, and its robot.
+
+    Attributes:
+        answers: how many were noted.
+    """
+
+    def __init__(self, controller: Controller, description: RobotDescription) -> None:
+        self._controller = controller
+        self._balance = balance_of(description)
+        self.answers = self._certifiable = self._certified = 0
+        self._least_margin = math.inf
+
+    def note(self, state: State, answer: Setpoint) -> None:
+        """Count an answer, after it was sent."""
+        controller, status = self._controller, answer.solver_status
+        if self._balance is not None and self.answers % EVERY == 0:
+            self._balance.look(state.q)
+        self.answers += 1
+        if status == STATUS["none"]:
+            return
+        margin = answer.margin
+        self._least_margin = min(self._least_margin, margin)
+        if controller.certifies and not controller.present & controller.not_certified_in:
+            self._certifiable += 1
+            self._certified += status in PROVED
+
+    def as_json(self) -> dict[str, Any]:
+        """All of it as a JSON object; docs/logs.md has the keys.
+
+        Raises:
+            Exception: whatever `task_errors` of the controller raises.
+        """
+        tolerance = self._controller.margin_tolerance
+        judged = tolerance is not None and math.isfinite(self._least_margin)
+        return {
+            "answers": self.answers,
+            "tasks": [error.as_json() for error in self._controller.task_errors()],
+            "certifiable": self._certifiable,
+            "certified": self._certified,
+            "margin": {"least": self._least_margin, "tolerance": tolerance} if judged else None,
+            "balance": None if self._balance is None else self._balance.as_json(),
+        }

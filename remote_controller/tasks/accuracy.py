@@ -1,0 +1,99 @@
+"""How far a task is from its target, in units that people use, and how far it may be."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocol.description import RobotDescription
+from protocol.messages import FloatArray
+
+TOLERANCE_M = 1e-3
+TOLERANCE_DEG = 0.5
+
+LOWER = "lower priority"
+ABSENT = "takes no part"
+
+Unit = Literal["m", "deg", "N"]
+
+
+@dataclass(frozen=True)
+class TaskError:
+    """One error of a task beside its tolerance.
+
+    Attributes:
+        error: size of the error, >= 0, in `unit`; NaN where it is not known.
+        unit: m, deg or N.
+        tolerance: greatest error that counts as reached, in the same unit.
+        task: name of the task.
+        note: why the error is not judged, such as "lower priority"; "" where it is judged.
+    """
+
+    error: float
+    unit: Unit
+    tolerance: float
+    task: str = ""
+    note: str = ""
+
+    @property
+    def judged(self) -> bool:
+        """Whether the verdict on the task counts it."""
+        return not self.note
+
+    @property
+    def within(self) -> bool:
+        """Whether the target is reached; False for NaN."""
+        return self.error <= self.tolerance
+
+    def as_json(self) -> dict[str, Any]:
+        """The error as one JSON object; an error that is not finite is null."""
+        return {
+            "task": self.task,
+            "error": self.error if math.isfinite(self.error) else None,
+            "unit": self.unit,
+            "tolerance": self.tolerance,
+            "within": self.within,
+            "judged": self.judged,
+            "note": self.note,
+        }
+
+
+def length_error(error: FloatArray, tolerance_m: float) -> list[TaskError]:
+    """Euclidean norm of an error in metres, (m,); empty for m = 0."""
+    return [TaskError(float(np.linalg.norm(error)), "m", tolerance_m)] if len(error) else []
+
+
+def angle_error(error: FloatArray, tolerance_deg: float) -> list[TaskError]:
+    """Norm of a rotation vector in radians, (m,), in degrees; empty for m = 0."""
+    if not len(error):
+        return []
+    return [TaskError(math.degrees(float(np.linalg.norm(error))), "deg", tolerance_deg)]
+
+
+def joint_errors(
+    error: FloatArray, prismatic: NDArray[np.bool_], tolerance_m: float, tolerance_deg: float
+) -> list[TaskError]:
+    """Greatest error of any revolute joint, and of any prismatic one.
+
+    Args:
+        error: of each joint, (m,) [rad or m].
+        prismatic: which of these joints are prismatic, (m,).
+        tolerance_m, tolerance_deg: of each joint.
+    """
+    found, sizes = [], np.abs(error)
+    if not prismatic.all():
+        angle = math.degrees(float(sizes[~prismatic].max()))
+        found.append(TaskError(angle, "deg", tolerance_deg))
+    if prismatic.any():
+        found.append(TaskError(float(sizes[prismatic].max()), "m", tolerance_m))
+    return found
+
+
+def prismatic_joints(description: RobotDescription) -> NDArray[np.bool_]:
+    """Which joints are prismatic, (n,), in wire order."""
+    movable = description.structure.movable
+    return np.array([movable[name].kind == "prismatic" for name in description.joint_names])
