@@ -13,6 +13,7 @@ from remote_controller.constraints.polygon import half_planes, hull
 from remote_controller.kinematics import Kinematics
 
 ON_GROUND_M = 1e-3  # height of a sole above the plane of the one that is fixed
+LEAST_M = -1e-4  # of the distance to the edge: encoders round, and targets may be on the edge
 FLAT = math.cos(math.radians(0.5))  # of the angle between both planes
 
 
@@ -27,7 +28,7 @@ class Balance:
 
     Attributes:
         checked: postures that were looked at.
-        outside: how many of them had the centre of mass outside.
+        outside: how many of them had the centre of mass outside, by more than 0.1 mm.
         least_m: smallest distance to the edge, negative outside [m]; inf before the first posture.
     """
 
@@ -57,7 +58,7 @@ class Balance:
             distance = self._to_edge_of_all()
         if math.isfinite(distance):
             self.checked += 1
-            self.outside += distance < 0.0
+            self.outside += distance < LEAST_M
             self.least_m = min(self.least_m, distance)
 
     def as_json(self) -> dict[str, Any] | None:

@@ -22,6 +22,9 @@ _NAME_OF = {value: name for name, value in STATUS.items()}
 _BEGAN, _ENDED = (Event.schema.constants[f"CONDITION_{end}"] for end in ("BEGAN", "ENDED"))
 _LIMITS = ("slowed", "held by ")  # begins of conditions that name a limit rather than a failure
 _DOUBTS = ("beta below ",)  # begins of those that say how little a certificate is worth
+_CERTIFICATE = ("v_rate_required", "v_rate_predicted", "margin", "kkt_residual", "fallback")
+_RESIDUAL, _ROUNDING = 1e-9, 1e-9  # of a certified answer
+ELSEWHERE = "the reason is in the controller's log"
 _MOST = 3  # reasons in the line for people
 
 
@@ -54,9 +57,9 @@ class CertificateCount:
         except (WireError, ValueError, RecursionError):
             return  # nothing that a controller of ours has recorded
 
-    def answer(self, status: int) -> None:
-        """Take the status of one answer."""
-        self._answers[status, self._present] += 1
+    def answer(self, status: int, reasons: frozenset[str] | None = None) -> None:
+        """Take the status of one answer, and reasons other than the conditions that hold."""
+        self._answers[status, self._present if reasons is None else reasons] += 1
 
     def figures(self) -> dict[str, Any] | None:
         """Counts by status, `without` certificate, and `reasons`; None where nothing was proved.
@@ -96,24 +99,45 @@ class CertificateCount:
         self._present = self._present | name if kind == _BEGAN else self._present - name
 
 
+def reasons_on_wire(status: int, setpoint: bytes) -> frozenset[str]:
+    """Why an answer has no certificate, as far as its Setpoint tells; empty where it has one.
+
+    The names of the conditions are known to the controller only, and to its log.
+    """
+    if status not in {STATUS["uncertified"], STATUS["infeasible"]}:
+        return frozenset()
+    required, predicted, margin, residual, fallback = Setpoint.scalars(setpoint, *_CERTIFICATE)
+    found = [f"fallback {fallback}"] if fallback else []
+    if status == STATUS["uncertified"]:
+        found += ["margin below zero"] if margin < 0.0 else []
+        found += ["residual above 1e-9"] if not residual <= _RESIDUAL else []
+        late = not predicted - required <= _ROUNDING * abs(required)
+        found += ["V falls too slowly"] if late else []
+    return frozenset(found or [ELSEWHERE])
+
+
 def doubts(condition: str) -> bool:
     """Whether a condition deserves a word even where all is certified."""
     return condition.startswith(_DOUBTS)
 
 
 class CountingRecorder:
-    """A recorder that keeps nothing but the count.
+    """A recorder that keeps nothing but the count, and the controller's own summary.
 
     Attributes:
         count: of what was recorded.
+        outcome: the last summary; None before the first.
     """
 
     def __init__(self) -> None:
         self.count = CertificateCount()
+        self.outcome: dict[str, Any] | None = None
 
     def record(self, kind: Kind, stamp: int, payload: bytes) -> None:
         """Count it."""
         self.count.add(Record(kind, stamp, payload))
+        if kind == Kind.SUMMARY:
+            self.outcome = json.loads(payload)
 
     record_large = record
 

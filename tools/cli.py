@@ -1,7 +1,7 @@
 """The command line. It only wires: what a command does stands in a module of its own.
 
 Results go to standard output, with `--json` as one JSON object; notes, progress and errors go to
-standard error. Exit codes: 0 fit, 1 findings, 2 wrong usage or settings.
+standard error. Exit codes: 0 all verdicts good, 1 findings, 2 wrong usage or settings.
 """
 
 from __future__ import annotations
@@ -102,6 +102,7 @@ def run(
     from tools.run import run_lockstep, run_realtime
     from tools.services import controller_config, emulator_config, split_overrides
     from tools.show import LiveTable, show_next, show_summary
+    from tools.verdicts import failed
 
     ours, theirs = split_overrides(sets)
     if seed is not None:
@@ -125,8 +126,8 @@ def run(
     else:
         show_summary(outcome.summary)
         show_next(outcome.summary["log"])
-    good = outcome.summary["verdict"] != "unfit" and not outcome.summary["log_lost"]
-    raise typer.Exit(0 if good else 1)
+    bad = failed(outcome.summary["verdicts"]) or outcome.summary["log_lost"]
+    raise typer.Exit(1 if bad else 0)
 
 
 @app.command()

@@ -38,6 +38,7 @@ def latency(
     from tools.latency_show import show_latency
     from tools.output import print_json, progress
     from tools.services import emulator_config
+    from tools.verdicts import failed
 
     if log is not None:
         found = analyse_log(log)
@@ -50,4 +51,4 @@ def latency(
         print_json(found)
     else:
         show_latency(found)
-    raise typer.Exit(0 if found["verdict"] != "unfit" else 1)
+    raise typer.Exit(1 if failed(found["verdicts"]) else 0)

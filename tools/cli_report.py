@@ -22,16 +22,21 @@ def report(
     from tools.certificate_count import in_a_line
     from tools.output import print_json, print_line, print_note, progress
     from tools.report.write import write_report
+    from tools.verdicts import NAMES, NOT_JUDGED, failed, in_words
 
     with progress(f"report {log}") as meter:
         figures = write_report(log, out, meter.step)
     if as_json:
         print_json(figures)
     else:
-        print_line(f"{figures['report']}: {figures['verdict'] or 'no verdict'}")
+        print_line(str(figures["report"]))
+        words = in_words(figures)
+        for key, name in NAMES.items():
+            parts = [figures["verdicts"][key] or NOT_JUDGED, *filter(None, [words.get(key)])]
+            print_line(f"{name}: {'; '.join(parts)}")
         unproved = in_a_line(figures["certificates"])
         if unproved is not None:
             print_line(f"certificates: {unproved}")
         if figures["replaced"]:
             print_note("written in place of an earlier report")
-    raise typer.Exit(1 if figures["verdict"] == "unfit" else 0)
+    raise typer.Exit(1 if failed(figures["verdicts"]) else 0)

@@ -43,7 +43,11 @@ def tick_figures(tables: Sequence[TickTable]) -> dict[str, Any]:
         guilty.update(table.guilty_counts())
     ours = [name for name, _ in guilty.most_common() if name != "host"]
     return {
-        "verdict": verdict(scheduled, safe_stop=stopped),
+        "verdicts": {
+            "deadlines": verdict(scheduled, safe_stop=stopped),
+            "task": None,
+            "limits_and_balance": None,
+        },
         "ticks": ticks,
         "skipped": sum(table.count(SKIPPED) for table in tables),
         "misses": {

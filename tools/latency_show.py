@@ -7,7 +7,7 @@ from typing import Any
 from rich.table import Table
 
 from tools.output import results
-from tools.show import COLOURS, durations_table, known, machine_line
+from tools.show import coloured_verdict, durations_table, known, machine_line
 
 
 def show_latency(found: dict[str, Any]) -> None:
@@ -25,8 +25,8 @@ def show_latency(found: dict[str, Any]) -> None:
 
 def _verdict(found: dict[str, Any]) -> Table:
     table = Table(show_header=False, box=None, pad_edge=False)
-    rate, misses, verdict = found["success_rate"], found["misses"], found["verdict"]
-    table.add_row("verdict", f"[{COLOURS[verdict]}]{verdict}[/]")
+    rate, misses = found["success_rate"], found["misses"]
+    table.add_row("deadlines", coloured_verdict(found["verdicts"]["deadlines"]))
     table.add_row(
         "success rate",
         f"{known(rate['run'], '.5f')} of {found['ticks']} ticks; worst window of 100: "

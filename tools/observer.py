@@ -59,7 +59,8 @@ class Observer:
 
     Attributes:
         final: what it told at its end: `paths`, `dropped`, number of `states`, of the robot its
-            `summary`, of a controller `certificates`. Empty where it died.
+            `summary`, of a controller `certificates` and its own summary as `outcome`. Empty where
+            it died.
         lost: why the log is not whole, for people; "" if it is.
 
     Raises:
@@ -272,6 +273,7 @@ class _Watch:
             order["period_ns"], self._stalls, timing=not order["lockstep"]
         )
         self._certificates = CertificateCount()
+        self._outcome: dict[str, Any] | None = None
         self._reporter = _Reporter(order["status_fd"], order["side"])
         self._states = 0
 
@@ -286,6 +288,8 @@ class _Watch:
             self._statistics.add(record)
         else:
             self._certificates.add(record)
+            if record.kind == Kind.SUMMARY:
+                self._outcome = json.loads(record.payload)
         self._states += record.kind == Kind.STATE
         if record.kind == Kind.EVENT:
             self._reporter.event(record)
@@ -345,6 +349,7 @@ class _Watch:
             final["summary"] = {**summary, "dropped_records": dropped}
         else:
             final["certificates"] = self._certificates.figures()
+            final["outcome"] = self._outcome
         self._reporter.send("final", final)
         self._tell_service(final)
 

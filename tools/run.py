@@ -29,6 +29,7 @@ from tools.processes import Child, StopFlag, check_open_files, start_service, to
 from tools.refusal import forget, is_new, nothing_happened
 from tools.services import as_yaml, observer_for, run_folder, watched_cpus
 from tools.simulate import suited
+from tools.verdicts import judge
 
 START_TIMEOUT_S = 120.0  # the first start on a machine compiles the kernels
 END_TIMEOUT_S = 60.0
@@ -195,8 +196,11 @@ def run_lockstep(
         raise Hoap3Error("; ".join(lost))
     summary = observers["robot"].final["summary"]
     summary["log_lost"] = lost
-    theirs = observers["controller"].final["certificates"] if folder else unlogged.count.figures()
-    _give_reasons(summary, theirs)
+    if folder is not None:
+        final = observers["controller"].final
+    else:
+        final = {"certificates": unlogged.count.figures(), "outcome": unlogged.outcome}
+    _join(summary, final)
     summary["lockstep"] = {
         "wall_s": wall,
         "times_real_time": (lockstep.robot.tick + 1) * description.period_s / wall,
@@ -271,7 +275,7 @@ class _Services:
             without = self._failure("the robot ended without a summary")
             raise Hoap3Error("; ".join(self.damage) or without)
         self.summary["log_lost"] = self.damage
-        _give_reasons(self.summary, self.finals.get("controller", {}).get("certificates"))
+        _join(self.summary, self.finals.get("controller", {}))
         return Outcome(self.summary, self._stop(), self.said)
 
     def stop(self) -> None:
@@ -330,10 +334,19 @@ class _Services:
         return f"{what}; last heard: {self.said[-1]}" if self.said else what
 
 
-def _give_reasons(summary: dict[str, Any], theirs: dict[str, Any] | None) -> None:
-    """Into the count of certificates, which is the robot's, put what the controller alone knows."""
+def _join(summary: dict[str, Any], controller: dict[str, Any]) -> None:
+    """Put what the controller alone knows into the robot's summary.
+
+    Args:
+        summary: of the robot; changed.
+        controller: last words of the controller's observer; empty where there are none.
+    """
+    theirs = controller.get("certificates")
     if summary["certificates"] and theirs:
         summary["certificates"]["reasons"] = theirs["reasons"]
+    held_back, limited = summary["interventions"], summary["torque_limited"]
+    deadlines = summary["verdicts"]["deadlines"]
+    summary |= judge(deadlines, held_back, limited, controller.get("outcome"))
 
 
 def _watched(

@@ -38,6 +38,7 @@ from tools.processes import StopFlag, check_open_files, to_people
 from tools.refusal import forget, is_new, nothing_happened
 from tools.result_folder import new_name
 from tools.simulate import emulator_content
+from tools.verdicts import failed
 
 NO_REALTIME = {"policy": "none", "cpu": "none", "lock_memory": False}
 
@@ -217,8 +218,8 @@ def run_emulator(
     """Run a robot until it is told to stop.
 
     Returns:
-        Exit code, 0, or 1 after a safe stop or where the log was lost, and the summary as `run` has
-        it; None after a failure.
+        Exit code, 0, or 1 after a safe stop, a bad verdict, or where the log was lost, and the
+        summary as `run` has it; None after a failure. A robot that nothing followed is no failure.
     """
     check_open_files()
     from tools.kernel_news import watch_compilation  # noqa: PLC0415 - loads numba
@@ -259,7 +260,8 @@ def run_emulator(
         summary["machine"] = machine_block()
         summary["transport"] = "zenoh, virtual time" if lockstep else "zenoh"
         summary["log"] = str(folder) if folder else None
-    return 1 if loop.safe_stops or observer.lost else 0, summary
+    bad = summary is not None and summary["ticks"] > 0 and failed(summary["verdicts"])
+    return 1 if loop.safe_stops or bad or observer.lost else 0, summary
 
 
 def run_controller(

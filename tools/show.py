@@ -12,8 +12,16 @@ from rich.table import Table
 
 from tools.certificate_count import in_a_line
 from tools.output import Meter, notes, print_note, results, watched
+from tools.verdicts import NAMES, NOT_JUDGED, in_words
 
-COLOURS = {"fit": "green", "warn": "yellow", "unfit": "red"}
+COLOURS = {
+    "fit": "green",
+    "good": "green",
+    "warn": "yellow",
+    "unfit": "red",
+    "bad": "red",
+    NOT_JUDGED: "yellow",
+}
 _COLUMNS = {"n": "n", "min": "min", "p50": "p50", "p90": "p90", "p99": "p99", "p99_9": "p99.9",
             "max": "max"}  # fmt: skip
 
@@ -90,10 +98,11 @@ class LiveTable:
 
 def show_summary(summary: dict[str, Any]) -> None:
     """Print the summary of a run for people, on standard output."""
-    verdict = summary["verdict"]
     misses, rate = summary["misses"], summary["success_rate"]
     table = Table(show_header=False, box=None, pad_edge=False)
-    table.add_row("verdict", f"[{COLOURS[verdict]}]{verdict}[/]")
+    words = in_words(summary)
+    for key, name in NAMES.items():
+        table.add_row(name, coloured_verdict(summary["verdicts"][key], words.get(key, "")))
     table.add_row(
         "success rate",
         f"{known(rate['run'], '.5f')} of {summary['ticks']} ticks; worst window of 100: "
@@ -163,6 +172,12 @@ def show_next(log: str | None) -> None:
     print_note(f"next:  hoap3 report {folder}     a page with figures and plots")
     print_note(f"       hoap3 replay {folder}     repeat it, and compare every setpoint")
     print_note(f"       hoap3 export {folder} --to run.csv")
+
+
+def coloured_verdict(verdict: str | None, words: str = "") -> str:
+    """A verdict in its colour, as rich markup, and behind it what it rests on."""
+    shown = verdict or NOT_JUDGED
+    return f"[{COLOURS[shown]}]{shown}[/]" + (f": {escape(words)}" if words else "")
 
 
 def durations_table(rows: dict[str, dict[str, Any]], jitter: dict[str, Any]) -> Table:

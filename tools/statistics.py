@@ -13,8 +13,9 @@ from protocol.messages import COMMANDS, Setpoint, State
 from protocol.ring import Kind, Record
 from protocol.statistics import Durations, Jitter, verdict
 from robot_emulator.inbox import HISTORY, MAX_EXTRAS
-from tools.certificate_count import CertificateCount
+from tools.certificate_count import CertificateCount, reasons_on_wire
 from tools.outside import FOREVER, OutsideStalls
+from tools.verdicts import judge
 
 STAGES = ("decode", "kinematics", "solve", "encode", "send", "network")
 """Parts of the round trip. The first five are the controller's, on its own clock; `network` is
@@ -92,19 +93,23 @@ class RunStatistics:
         return math.sqrt(2.0 * self._v) if self._v >= 0.0 else math.nan
 
     def summary(self) -> dict[str, Any]:
-        """The whole, as `run --json` prints it."""
+        """The whole, as `run --json` prints it, but for what the controller alone knows."""
         robot = self._summary or {}
         state = dict(zip(_STATE, self._state, strict=False))
         run_rate = robot.get("run_rate") if robot.get("asked") else None
         safe_stops = robot.get("safe_stops", 0)
         skipped = self._skipped - (self._skipped_before or 0)
         outside, outside_rate = self._outside(robot.get("in_time", 0))
-        result: dict[str, Any] = {
-            "verdict": "unfit"
+        deadlines = (
+            "unfit"
             if run_rate is None
             else verdict(
                 robot.get("in_time", 0) / (robot["asked"] + skipped), safe_stop=safe_stops > 0
-            ),
+            )
+        )
+        interventions, limited = robot.get("interventions", 0), robot.get("torque_limited", 0)
+        result: dict[str, Any] = {
+            **judge(deadlines, interventions, limited, None),
             "ticks": robot.get("asked", 0),
             "skipped": skipped,
             "misses": {
@@ -125,8 +130,8 @@ class RunStatistics:
             },
             "rejections": robot.get("rejections", {}),
             "safe_stops": safe_stops,
-            "interventions": robot.get("interventions", 0),
-            "torque_limited": robot.get("torque_limited", 0),
+            "interventions": interventions,
+            "torque_limited": limited,
             "final_error": None if math.isnan(self._error) else self._error,
             "certificates": self._certificates.figures(),
             "complete": self._summary is not None,
@@ -207,7 +212,8 @@ class RunStatistics:
         if setpoint.epoch != epoch or not fits or not np.isfinite(setpoint.values).all():
             return
         self._answered = tick
-        self._certificates.answer(setpoint.solver_status)
+        status = setpoint.solver_status
+        self._certificates.answer(status, reasons_on_wire(status, record.payload))
         self._v = setpoint.v if setpoint.solver_status != _NO_CERTIFICATE else math.nan
         if not self._timing or setpoint.stamp_state != published:
             return  # without a true echo its stamps are worth nothing
@@ -235,9 +241,3 @@ class RunStatistics:
             self._setpoint = setpoint
         setpoint.load(payload)
         return setpoint
-
-
-def _share(robot: dict[str, Any], skipped: int) -> float:
-    """In time among the ticks that asked and those that were slept through."""
-    scheduled = robot.get("asked", 0) + skipped
-    return float(robot.get("in_time", 0) / scheduled) if robot.get("asked") else 0.0

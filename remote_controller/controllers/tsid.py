@@ -93,7 +93,7 @@ class TsidController(Controller):
         self.error, self._wanted, self._slope = np.zeros((3, 6))
         self._joint_wanted, self._load = np.zeros(n), np.zeros(n)
         self._effort = np.array(description.effort)
-        self._frame = parameters.frame
+        self._frame = parameters.frame or "task"
         self._tolerances = parameters.tolerance_m, parameters.tolerance_deg
         self.certifies, self.margin_tolerance = self._viable, MARGIN_ROUNDING
         self.conditions = (

@@ -50,9 +50,11 @@ class Story:
                 for command in block.commands:
                     check(command)
         elif block.language == "sh" and block.word != "not run":
-            expected = int(block.rest) if block.word == "exits" else 0
+            codes = [int(code) for code in block.rest.split(",")] if block.word == "exits" else [0]
+            if len(codes) == 1:  # the same of each command
+                codes *= len(block.commands)
             self._printed = ""
-            for command in block.commands:
+            for command, expected in zip(block.commands, codes, strict=True):
                 code = self._run(command)
                 assert code == expected, f"{command}\nended with {code}\n{self._printed}"
         elif block.language == "python":

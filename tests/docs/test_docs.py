@@ -98,14 +98,14 @@ def test_the_readme_shows_two_commands_and_the_second_is_the_one_that_ci_runs():
     assert readme("test command").text.startswith("python3 -m venv ")
 
 
-def test_the_readmes_run_ends_with_a_verdict_and_a_log(tmp_path, monkeypatch, capsys):
+def test_the_readmes_run_ends_with_verdicts_and_a_log(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (_, _, command) = readme("run command").text.strip().split(" && ")
     assert command == ".venv/bin/hoap3 run"
     code = hoap3(["hoap3", "run", "--no-realtime", "--duration", "0.2"])
     printed = capsys.readouterr().out
     assert code in {0, 1}  # how fit this machine is now, is another matter
-    assert "verdict" in printed
+    assert "deadlines" in printed
     assert {path.name for path in tmp_path.glob("logs/*/*")} == {"robot.mcap", "controller.mcap"}
 
 

@@ -289,6 +289,12 @@ def assert_at_rest(log: Log) -> None:
     assert np.array_equal(last["q"], last["reference"])
 
 
+def assert_ran(done: Done) -> None:
+    """A run that came to its end; the code is 1 where it was too short to reach its target."""
+    assert done.code in {0, 1}, done.stderr
+    assert "error:" not in done.stderr, done.stderr
+
+
 def assert_no_traceback(command: Command) -> None:
     """It failed, if it did, in words."""
     assert "Traceback" not in command.stderr, command.stderr

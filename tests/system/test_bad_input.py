@@ -7,7 +7,7 @@ from pathlib import Path
 
 import arm3
 import pytest
-from command_bench import Done, endpoint, hoap3, inside
+from command_bench import Done, assert_ran, endpoint, hoap3, inside
 
 RUN = ("run", "--no-realtime", "--duration", "0.1")
 LOCKSTEP = (*RUN, "--lockstep")
@@ -243,7 +243,7 @@ def test_a_folder_that_cannot_be_written_or_is_taken(tmp_path: Path) -> None:
     file = written(tmp_path, "", "file")
     refusal(inside(*LOCKSTEP, "--out", file), "--out", str(file), "File exists")
     refusal(inside(*LOCKSTEP, "--out", file / "below"), "Not a directory")
-    assert inside(*LOCKSTEP, "--out", tmp_path / "log").code == 0
+    assert_ran(inside(*LOCKSTEP, "--out", tmp_path / "log"))
     for command in (LOCKSTEP, RUN):
         refusal(inside(*command, "--out", tmp_path / "log"), "--out", "holds robot.mcap already")
     for side, command in (("robot", "emulator"), ("controller", "controller")):
@@ -277,7 +277,7 @@ def test_a_log_that_is_cut_off_or_of_somebody_else(tmp_path: Path) -> None:
         writer.finish()
     noise = tmp_path / "noise.mcap"
     noise.write_bytes(os.urandom(1000))
-    assert inside(*LOCKSTEP, "--out", tmp_path / "log").code == 0
+    assert_ran(inside(*LOCKSTEP, "--out", tmp_path / "log"))
     whole = (tmp_path / "log" / "controller.mcap").read_bytes()
     short = tmp_path / "short.mcap"
     short.write_bytes(whole[:100])

@@ -17,6 +17,7 @@ from command_bench import (
     QUIET,
     Command,
     assert_no_traceback,
+    assert_ran,
     controller,
     emulator,
     endpoint,
@@ -38,7 +39,7 @@ TASKS, CONSTRAINTS = sorted(tasks.BUILTIN), sorted(constraints.BUILTIN)
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("commands") / "log"
-    assert inside("run", "--lockstep", "--duration", "0.2", "--out", made).code == 0
+    assert_ran(inside("run", "--lockstep", "--duration", "0.2", "--out", made))
     return made
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from command_bench import inside
+from command_bench import assert_ran, inside
 
 from protocol.ring import Kind
 from tools.export import export
@@ -25,7 +25,7 @@ def test_logs_and_exports_carry_the_wrench(tmp_path: Path):
     law.write_text(yaml.safe_dump({"controller": "tsid", "robot": "lwr", "parameters": LAW}))
     words = ("run", "--lockstep", "--robot", robot, "--controller", law, "--duration", "0.6")
     done = inside(*words, "--json", "--out", tmp_path / "run")
-    assert done.code == 0, done.stderr
+    assert_ran(done)
     _, states = Log.open(tmp_path / "run", side="robot").table(Kind.STATE)
     assert np.abs(states["wrench"]).max() > 1.0
     export(tmp_path / "run", tmp_path / "run.npz")

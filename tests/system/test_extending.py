@@ -13,6 +13,7 @@ import yaml
 from command_bench import (
     PATIENT,
     assert_at_rest,
+    assert_ran,
     emulator,
     endpoint,
     events,
@@ -115,7 +116,7 @@ def test_a_task_of_ones_own_robot_by_a_shipped_controller(tmp_path: Path) -> Non
     (tmp_path / "law.yaml").write_text(yaml.safe_dump(law))
     words = ("--robot", tmp_path, "--controller", tmp_path / "law.yaml", "--json")
     run = inside("run", "--lockstep", "--duration", "5", *words, "--out", tmp_path / "log")
-    assert run.code == 0, run.stderr
+    assert_ran(run)
     setpoints = Log.open(tmp_path / "log", side="controller").setpoints()
     assert setpoints["v"][-1] < 0.1 * setpoints["v"][0]
 

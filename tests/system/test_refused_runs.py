@@ -6,7 +6,7 @@ import socket
 from pathlib import Path
 
 import pytest
-from command_bench import Done, hoap3, inside
+from command_bench import Done, assert_ran, hoap3, inside
 
 LOGS = {"robot.mcap", "controller.mcap"}
 WRONG = ("--set", "controller.parameters.frame=r_soul")
@@ -23,7 +23,7 @@ def test_in_lockstep_the_corrected_command_runs_into_the_same_folder(tmp_path: P
     assert refused.code == 2
     assert "r_soul" in refused.stderr
     assert not out.exists()
-    assert lockstep(out).code == 0
+    assert_ran(lockstep(out))
     assert {path.name for path in out.iterdir()} == LOGS
 
 
@@ -38,7 +38,7 @@ def test_what_lay_in_the_folder_before_stays(tmp_path: Path) -> None:
 
 
 def test_a_log_of_another_run_is_never_touched(tmp_path: Path) -> None:
-    assert lockstep(tmp_path / "run").code == 0
+    assert_ran(lockstep(tmp_path / "run"))
     before = {path.name: path.read_bytes() for path in (tmp_path / "run").iterdir()}
     again = lockstep(tmp_path / "run", *WRONG)
     assert again.code == 2

@@ -51,7 +51,8 @@ def test_it_listens_on_loopback_only(run: Command) -> None:
 def test_json_has_every_promised_key(run: Command, folder: Path) -> None:
     summary = run.json()
     assert summary.keys() >= {
-        "verdict", "ticks", "skipped", "misses", "misses_outside_stalls", "host_stalls",
+        "verdicts", "task", "limits_and_balance",
+        "ticks", "skipped", "misses", "misses_outside_stalls", "host_stalls",
         "success_rate", "rtt_us", "wakeup_us", "stages_us", "final_error", "machine", "log",
     }  # fmt: skip
     assert summary["misses"].keys() == {
@@ -65,7 +66,7 @@ def test_json_has_every_promised_key(run: Command, folder: Path) -> None:
     assert summary["log"] == str(folder)
 
 
-def test_verdict_and_exit_code_follow_from_the_counts(run: Command) -> None:
+def test_verdicts_and_exit_code_follow_from_the_counts(run: Command) -> None:
     summary = run.json()
     rate = summary["success_rate"]["run"]
     in_time = summary["ticks"] - summary["misses"]["late"] - summary["misses"]["lost"]
@@ -73,8 +74,10 @@ def test_verdict_and_exit_code_follow_from_the_counts(run: Command) -> None:
     stopped = summary["safe_stops"] > 0
     judged = in_time / (summary["ticks"] + summary["skipped"])  # a skipped tick is no success
     expected = "unfit" if stopped or judged < 0.90 else "warn" if judged < 0.95 else "fit"
-    assert summary["verdict"] == expected
-    assert run.end() == (1 if expected == "unfit" else 0)
+    verdicts = summary["verdicts"]
+    assert verdicts["deadlines"] == expected
+    assert verdicts["limits_and_balance"] == ("bad" if summary["interventions"] else "good")
+    assert run.end() == (1 if expected == "unfit" or "bad" in verdicts.values() else 0)
 
 
 def test_asked_and_skipped_ticks_make_up_the_duration(run: Command, folder: Path) -> None:
@@ -151,7 +154,17 @@ def test_people_get_a_summary_whatever_lies_in_their_folder(tmp_path: Path) -> N
     with Command("run", "--duration", "0.2", "--set", off, cwd=tmp_path) as run:
         assert run.end() in {0, 1}
         run.assert_no_orphan()
-    for word in ("verdict", "success rate", "misses", "RTT", "wake-up", "solve", "final error"):
+    for word in (
+        "deadlines",
+        "task",
+        "limits and balance",
+        "success rate",
+        "misses",
+        "RTT",
+        "wake-up",
+        "solve",
+        "final error",
+    ):
         assert word in run.stdout, run.stderr
     assert "somebody else" not in run.stderr
     assert_no_traceback(run)

@@ -26,7 +26,7 @@ from tools.ticks import TickTable
 
 US = 1_000
 PROMISED = {
-    "verdict", "ticks", "skipped", "misses", "misses_outside_stalls", "host_stalls",
+    "verdicts", "ticks", "skipped", "misses", "misses_outside_stalls", "host_stalls",
     "success_rate", "echo_rtt_us", "rtt_ratio", "rtt_us", "wakeup_us", "jitter_us", "stages_us",
     "worst", "guilty_stage", "guilty", "final_error", "machine", "log",
 }  # fmt: skip
@@ -130,10 +130,10 @@ def test_people_and_programs_are_told_the_same(measured, capsys):
     show_latency(found)
     printed = capsys.readouterr().out
     assert f"{found['rtt_ratio']:.2f}, median of" in printed
-    assert found["verdict"] in printed
+    assert found["verdicts"]["deadlines"] in printed
     done = command("--log", folder / "block0", "--json")
     assert done.exit_code in {0, 1}
-    assert (done.exit_code == 1) == (json.loads(done.stdout)["verdict"] == "unfit")
+    assert (done.exit_code == 1) == (json.loads(done.stdout)["verdicts"]["deadlines"] == "unfit")
     assert json.loads(done.stdout) == json.loads(json.dumps(analyse_log(folder / "block0")))
 
 

@@ -197,7 +197,7 @@ def test_misses_outside_stalls_are_those_of_the_summary_of_a_run(tmp_path_factor
 def test_the_figures_have_the_promised_keys(table):
     figures = tick_figures([table(Story(200, stalls=[(50 * MS, MS)]))])
     assert figures.keys() >= {
-        "verdict", "ticks", "skipped", "misses", "misses_outside_stalls", "host_stalls",
+        "verdicts", "ticks", "skipped", "misses", "misses_outside_stalls", "host_stalls",
         "success_rate", "rtt_us", "wakeup_us", "stages_us",
     }  # fmt: skip
     assert figures["misses"].keys() == {
@@ -247,7 +247,7 @@ def test_what_would_have_stopped_the_robot_is_unfit(table, lost, verdict):
     story = Story(2000, vanished=set(range(100, 100 + lost)))
     figures = tick_figures([table(story)])
     assert figures["misses"]["longest_run"] == lost
-    assert figures["verdict"] == verdict
+    assert figures["verdicts"] == {"deadlines": verdict, "task": None, "limits_and_balance": None}
 
 
 def test_after_the_warm_up_nothing_of_it_is_left(table):

@@ -139,7 +139,7 @@ def test_skipped_ticks_count_in_the_verdict():
     robot.statistics.add(Record(Kind.SUMMARY, 0, count))
     summary = robot.statistics.summary()
     assert summary["success_rate"]["run"] == 1.0
-    assert summary["verdict"] == "unfit"  # 100 of 119
+    assert summary["verdicts"]["deadlines"] == "unfit"  # 100 of 119
 
 
 def test_only_stalls_of_the_motion_are_counted():

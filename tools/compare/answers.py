@@ -11,6 +11,7 @@ from protocol.description import RobotDescription
 from protocol.messages import Setpoint, State
 from protocol.ring import Kind
 from remote_controller.controllers.controller import Controller
+from tools.verdicts import judge
 
 Rows = np.ndarray[Any, Any]
 
@@ -44,6 +45,8 @@ class Answers:
         closed_loop: whether its answers moved the robot.
         success_rate: share of answers in time; None in open loop.
         safe_stops: of the robot.
+        judged: the three verdicts, and what they rest on, as `tools.verdicts.judge` has them; in
+            open loop none is judged.
     """
 
     description: RobotDescription
@@ -54,6 +57,7 @@ class Answers:
     closed_loop: bool
     success_rate: float | None = None
     safe_stops: int = 0
+    judged: dict[str, Any] = field(default_factory=lambda: judge(None, None, None, None))
 
 
 def table(payloads: list[bytes], message: type[State] | type[Setpoint]) -> Rows:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from protocol.messages import Setpoint, State
 from protocol.ring import Kind
+from protocol.statistics import verdict
 from robot_emulator.config import EmulatorConfig
 from tools.compare.answers import MOST_TIMED, Answers, Tape, table
 from tools.compare.candidates import Candidate
 from tools.simulate import Lockstep
+from tools.verdicts import judge
 
 SAID_TICKS = 1000  # after so many the progress is told
 
@@ -59,4 +62,13 @@ class ClosedLoop:
             closed_loop=True,
             success_rate=lockstep.robot.inbox.deadlines.run_rate,
             safe_stops=lockstep.robot.safe_stops,
+            judged=_judged(lockstep),
         )
+
+
+def _judged(lockstep: Lockstep) -> dict[str, Any]:
+    robot = lockstep.robot
+    counted: dict[str, Any] = robot.summary()
+    deadlines = verdict(robot.inbox.deadlines.run_rate, safe_stop=robot.safe_stops > 0)
+    held_back, limited = counted["interventions"], counted["torque_limited"]
+    return judge(deadlines, held_back, limited, lockstep.controller_loop.summary)

@@ -138,6 +138,7 @@ def compare(
             closed_loop=log is None,
             success_rate=each.success_rate,
             same_task=not other,
+            judged=each.judged,
         )
         for one, each, other in zip(series, answers, others, strict=True)
     ]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from protocol.messages import FloatArray
 from remote_controller.controllers.controller import STATUS
 from tools.compare.series import Series
+from tools.verdicts import NAMES, failed, in_words, judge
 
 SETTLED = 0.01  # of the error at the start
 LEAST_MARGIN = -1e-6  # what linearised constraints may miss in one period without a finding
@@ -38,6 +39,15 @@ class Word:
 
 
 WORDS = (
+    Word("verdicts.deadlines", "deadlines", "", "fit, warn or unfit, as for a run."),
+    Word("verdicts.task", "task", "", "good, where the target is reached, and certified; or bad."),
+    Word(
+        "verdicts.limits_and_balance",
+        "limits and balance",
+        "",
+        "good, where no limit held a joint back, no constraint was violated, and the centre of "
+        "mass stayed above the soles; or bad.",
+    ),
     Word("answers", "answers", "", "States that it answered, k."),
     Word("success_rate", "answers in time", "", "Share of them by the deadline of their tick."),
     Word("error.start", "error, start", "unit of the task", "√(2V) at the first answer."),
@@ -89,6 +99,7 @@ def figures(
     closed_loop: bool,
     success_rate: float | None = None,
     same_task: bool = True,
+    judged: Figures | None = None,
 ) -> Figures:
     """All figures of one controller.
 
@@ -98,8 +109,10 @@ def figures(
         closed_loop: whether its answers moved the robot.
         success_rate: share of answers in time.
         same_task: as the first; what could not be compared is None otherwise.
+        judged: its verdicts, as `tools.verdicts.judge` gives them; None for none.
     """
     found: Figures = {
+        **(judged or judge(None, None, None, None)),
         "answers": len(series),
         "success_rate": success_rate,
         "error": _error(series) if closed_loop else _none("start", "end", "settled_s", "integral"),
@@ -140,6 +153,12 @@ def value(found: Figures, key: str) -> Any:
 
 def findings(label: str, found: Figures) -> list[str]:
     """What is wrong with a controller, in words."""
+    verdicts, words = found["verdicts"], in_words(found)
+    wrong = [
+        f"{label}: {name} {verdicts[key]}" + (f": {words[key]}" if key in words else "")
+        for key, name in NAMES.items()
+        if failed({key: verdicts[key]})
+    ]
     k = found["answers"]
     counts = {
         "answers are uncertified": found["certificates"]["uncertified"],
@@ -148,7 +167,7 @@ def findings(label: str, found: Figures) -> list[str]:
         "answers have a joint beyond its speed": found["violations"]["speed"],
         "certificates have a margin below zero": found["violations"]["margin"],
     }
-    return [f"{label}: {n} of {k} {what}" for what, n in counts.items() if n]
+    return wrong + [f"{label}: {n} of {k} {what}" for what, n in counts.items() if n]
 
 
 def _known(found: Figures) -> Figures:

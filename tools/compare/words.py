@@ -38,7 +38,7 @@ def unit(what: str, made: Comparison) -> str:
 def cell(found: Figures, key: str) -> str:
     """One figure as text."""
     given: Any = value(found, key)
-    return "–" if given is None else number(given)
+    return given if isinstance(given, str) else "–" if given is None else number(given)
 
 
 def _shown(found: Figures, key: str) -> bool:

@@ -20,6 +20,7 @@ from tools.report.motion_figures import motion_drawings
 from tools.report.sources import Sources, of_ours
 from tools.report.timing import Timing, read_timing
 from tools.report.timing_figures import timing_drawings
+from tools.verdicts import judge
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,14 @@ class Content:
     def timing_drawings(self) -> tuple[Drawing, ...]:
         """Figures of what became of the ticks, likewise."""
         return tuple(timing_drawings(self.timing)) if self.timing else ()
+
+    @cached_property
+    def judged(self) -> dict[str, Any]:
+        """The three verdicts, and what they rest on, as `run --json` has them."""
+        sources, motion = self.sources, self.motion
+        outcome = sources.outcomes.get(motion.session_id) if motion is not None else None
+        deadlines = self.timing.verdict if self.timing else None
+        return judge(deadlines, sources.interventions, sources.torque_limited, outcome)
 
     @property
     def robot(self) -> str:
@@ -112,9 +121,9 @@ class Content:
 
     def as_json(self) -> dict[str, Any]:
         """The figures, as `--json` prints them."""
-        timing = self.timing.figures if self.timing else {"verdict": None}
         return {
-            **timing,
+            **(self.timing.figures if self.timing else {}),
+            **self.judged,
             "robot": self.robot,
             "controller": self.controller,
             "duration_s": self.duration_s,

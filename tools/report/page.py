@@ -15,6 +15,7 @@ from tools.report.tables import (
     ticks_section,
 )
 from tools.report.words import WORDS
+from tools.verdicts import NAMES, NOT_JUDGED, in_words
 
 __all__ = ["POLICY", "SECTIONS", "page"]
 
@@ -63,17 +64,28 @@ def page(content: Content) -> str:
 
 
 def _header(content: Content, title: str) -> Markup:
-    verdict = content.timing.verdict if content.timing else "unknown"
     seconds = f"{content.duration_s:.1f} s of motion" if content.duration_s is not None else ""
     facts = [seconds, content.transport, content.date, str(content.sources.path)]
     return element(
         "header",
-        element("h1", title, element("span", verdict, class_=f"badge {verdict}")),
+        element("h1", title),
+        _verdicts(content),
         element("p", " · ".join(filter(None, facts)), class_="sub"),
         element("nav", *(link(anchor, name) for anchor, name in SECTIONS.items())),
         element("ul", *(_tile(*tile) for tile in tiles(content)), class_="tiles"),
         _gaps(content),
     )
+
+
+def _verdicts(content: Content) -> Markup:
+    """A badge for each verdict, with what it rests on."""
+    words = in_words(content.judged)
+    lines = []
+    for key, name in NAMES.items():
+        verdict = content.judged["verdicts"][key]
+        badge = element("span", verdict or NOT_JUDGED, class_=f"badge {verdict or 'unknown'}")
+        lines.append(element("p", badge, " ", link("word-verdict", name), " ", words.get(key, "")))
+    return element("div", *lines, class_="verdicts")
 
 
 def _tile(anchor: str, name: str, value: str, notes: tuple[str, ...]) -> Markup:

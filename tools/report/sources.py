@@ -27,6 +27,7 @@ class Sources:
         robot, controller: the log of each side, or None.
         lockstep: whether all stamps are virtual.
         summary: what the robot counted itself, at its end; empty where that is not in its log.
+        outcomes: what the controller counted, by session of the robot.
         gaps: what is missing, in words, each with what follows from it.
     """
 
@@ -35,6 +36,7 @@ class Sources:
     controller: Log | None
     lockstep: bool
     summary: dict[str, Any]
+    outcomes: dict[int, dict[str, Any]] = field(default_factory=dict)
     gaps: list[str] = field(default_factory=list)
 
     @classmethod
@@ -69,7 +71,10 @@ class Sources:
         sessions = [session for each in said.values() for session in each["session"]]
         lockstep = any(session.get("lockstep") is True for session in sessions)
         summaries = said.get("robot", {}).get("summary", [])
-        return cls(path, robot, controller, lockstep, summaries[-1] if summaries else {}, gaps)
+        counted = summaries[-1] if summaries else {}
+        theirs = said.get("controller", {}).get("summary", [])
+        outcomes = {each["session_id"]: each for each in theirs if "session_id" in each}
+        return cls(path, robot, controller, lockstep, counted, outcomes, gaps)
 
     @property
     def logs(self) -> list[Log]:

@@ -23,6 +23,7 @@ main, header, footer { max-width: 75rem; margin: 0 auto; padding: 0 clamp(0.9rem
 header { padding-top: clamp(1.2rem, 4vw, 2.6rem); }
 h1 { font-size: clamp(1.5rem, 4vw, 2.1rem); line-height: 1.2; margin: 0 0 0.3rem; font-weight: 650;
   letter-spacing: -0.015em; overflow-wrap: anywhere; }
+.verdicts { margin: 0.8rem 0; } .verdicts p { margin: 0.2rem 0; overflow-wrap: anywhere; }
 h2 { font-size: 1.3rem; margin: 2.8rem 0 0.9rem; font-weight: 650; letter-spacing: -0.01em; }
 h3 { font-size: 1rem; margin: 0; font-weight: 600; line-height: 1.35; }
 p { margin: 0.5rem 0; max-width: 46rem; }
@@ -31,8 +32,8 @@ a:hover { text-decoration-color: currentColor; }
 .sub { color: var(--soft); margin: 0; overflow-wrap: anywhere; }
 .badge { display: inline-block; padding: 0.05em 0.6em; border-radius: 0.4em; color: var(--card);
   font-size: 0.75em; vertical-align: 0.12em; margin-left: 0.4em; letter-spacing: 0.02em; }
-.fit { background: var(--green); } .warn { background: var(--orange); }
-.unfit { background: var(--red); } .unknown { background: var(--soft); }
+.fit, .good { background: var(--green); } .warn { background: var(--orange); }
+.unfit, .bad { background: var(--red); } .unknown { background: var(--soft); }
 nav { margin: 1.1rem 0 0; display: flex; flex-wrap: wrap; gap: 0.2rem 1.1rem; font-size: 0.92rem; }
 nav a { color: var(--soft); text-decoration: none; }
 nav a:hover { color: var(--ink); }

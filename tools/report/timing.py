@@ -39,8 +39,8 @@ class Timing:
 
     @property
     def verdict(self) -> str:
-        """`fit`, `warn` or `unfit`."""
-        return str(self.figures["verdict"])
+        """On the deadlines: `fit`, `warn` or `unfit`."""
+        return str(self.figures["verdicts"]["deadlines"])
 
     @property
     def start_ns(self) -> int:

@@ -25,10 +25,13 @@ WORDS = {
         "window: the least of any 100 ticks in a row that asked.",
     ),
     "verdict": Word(
-        "verdict",
-        "Of the raw success rate: fit from 0.95 on, warn from 0.90 on, else unfit; also unfit "
-        "after a safe stop that misses or a lost controller forced. It is about deadlines, not "
-        "about how well the task was done.",
+        "verdicts",
+        "Deadlines, of the raw success rate: fit from 0.95 on, warn from 0.90 on, else unfit; also "
+        "unfit after a safe stop that misses or a lost controller forced. Task: good where the "
+        "error at the end is within the tolerance of each task that is judged, and 95 % of the "
+        "answers are certified that the controller can certify. Limits and balance: good where the "
+        "robot held no joint back, no margin of a constraint was below zero, and the centre of "
+        "mass stayed above the soles on the ground. Not judged where the logs do not tell.",
     ),
     "outcome": Word(
         "in time, late, lost, skipped",

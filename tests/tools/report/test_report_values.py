@@ -36,7 +36,16 @@ def motion(lockstep):
 def test_the_figures_of_a_run_in_lockstep_are_those_of_its_summary(lockstep):
     folder, ended = lockstep
     figures = read_content(folder).as_json()
-    for key in ("verdict", "ticks", "skipped", "safe_stops", "host_stalls", "final_error"):
+    for key in (
+        "verdicts",
+        "task",
+        "limits_and_balance",
+        "ticks",
+        "skipped",
+        "safe_stops",
+        "host_stalls",
+        "final_error",
+    ):
         assert figures[key] == ended[key], key
     assert figures["interventions"] == ended["interventions"] == 0
     assert figures["success_rate"]["run"] == ended["success_rate"]["run"]

@@ -1,0 +1,174 @@
+"""What a controller tells at the end of a run, beside what its robot did, computed anew."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from protocol.messages import State
+from protocol.recorder import MemoryRecorder
+from protocol.ring import Kind
+from remote_controller.balance import balance_of
+from remote_controller.config import CONFIGS
+from remote_controller.kinematics import Kinematics
+from remote_controller.outcome import EVERY
+from robot_emulator.robots import load
+from tools.simulate import Lockstep, controller_file, controller_settings, emulator_settings
+
+HOAP3 = load("hoap3")
+Told = dict[str, Any]
+
+
+def run(controller: Any, duration: float, robot: str = "hoap3") -> tuple[Told, list[State], list]:
+    """What the controller told, the States that asked, and its records."""
+    log, robot_log = MemoryRecorder(), MemoryRecorder()
+    file = controller_file(controller) if isinstance(controller, str) else str(CONFIGS / "x.yaml")
+    settings = emulator_settings(robot, 0), controller_settings(controller)
+    lockstep = Lockstep(*settings, robot_log, log, files=("robot", file))
+    lockstep.run(duration)
+    states = []
+    for record in robot_log.records:
+        if record.kind == Kind.STATE:
+            description = lockstep.controller.description
+            state = State(description.n, 6 * len(description.wrench_sensors))
+            state.load(record.payload)
+            states.append(state)
+    told = lockstep.controller_loop.summary
+    assert told is not None
+    return told, [state for state in states if state.mode == State.ACTIVE], log.records
+
+
+def com(q: np.ndarray, frame: str = "r_sole") -> np.ndarray:
+    """Centre of mass of HOAP-3 as seen from a frame."""
+    kinematics, found = Kinematics(HOAP3), np.zeros(3)
+    kinematics.update(q)
+    kinematics.com(kinematics.frame_id(frame), found, np.zeros((3, HOAP3.n)))
+    return found
+
+
+def test_the_error_is_that_of_the_last_state_that_was_answered():
+    told, states, records = run("qp12", 0.3)
+    target = np.array(controller_settings("qp12").parameters["target_m"])
+    (error,) = told["tasks"]
+    expected = float(np.linalg.norm(com(states[-1].q) - target))
+    assert error["error"] == pytest.approx(expected, rel=1e-9)
+    assert (error["task"], error["unit"], error["tolerance"]) == ("com", "m", 1e-3)
+    assert (error["within"], error["judged"]) == (False, True)
+    (summary,) = [json.loads(r.payload) for r in records if r.kind == Kind.SUMMARY]
+    assert summary.pop("session_id") == states[-1].session_id
+    assert summary == told
+    assert told["answers"] == told["certifiable"] == told["certified"] == len(states)
+
+
+def test_a_tolerance_is_a_parameter_of_the_controller():
+    law = {"controller": "qp12", "parameters": {"tolerance_m": 0.1}}
+    (error,) = run(law, 0.05)[0]["tasks"]
+    assert error["within"]
+    assert error["tolerance"] == 0.1
+
+
+def stable(task: str, **parameters: Any) -> Told:
+    law = {
+        "controller": "stable_qp",
+        "parameters": {"task": {"task": task, "parameters": parameters}},
+    }
+    return run(law, 0.05)[0]
+
+
+def test_a_pose_has_a_length_and_an_angle_and_what_has_no_weight_is_left_out():
+    pose = {
+        "frame": "l_sole",
+        "reference": "r_sole",
+        "target": {"kind": "point", "position_m": [0.0, 0.2, 0.0]},
+        "rotation_rad": [0.0, 0.0, 0.5],
+    }
+    length, angle = stable("frame_pose", **pose)["tasks"]
+    assert (length["unit"], angle["unit"]) == ("m", "deg")
+    assert angle["error"] == pytest.approx(np.degrees(0.5), rel=0.1)
+    (alone,) = stable("frame_pose", **pose, weights=[1, 1, 1, 0, 0, 0])["tasks"]
+    assert alone["unit"] == "m"
+
+
+def test_a_posture_has_the_greatest_error_of_any_joint():
+    joints = ["l_elbow", "r_elbow"]
+    start = [HOAP3.initial_position[HOAP3.joint_names.index(name)] for name in joints]
+    target = [start[0] + 0.2, start[1] + 0.1]
+    (error,) = stable("posture", joints=joints, target_rad=target, tolerance_deg=20)["tasks"]
+    assert error["error"] == pytest.approx(np.degrees(0.2), rel=0.2)
+    assert error["within"]
+
+
+def test_terms_of_a_sum_are_listed_and_not_judged():
+    point = {"frame": "r_sole", "target": {"kind": "point", "position_m": [0.01, 0.025, 0.28]}}
+    term = {"task": "com", "parameters": point}
+    posture = {"task": "posture", "parameters": {"posture": "walk_ready"}}
+    both = stable("weighted_sum", terms=[term, posture])["tasks"]
+    assert [error["judged"] for error in both] == [False, False]
+    (single,) = stable("weighted_sum", terms=[term])["tasks"]
+    assert single["judged"]
+
+
+@pytest.mark.parametrize(
+    ("config", "robot", "judged", "certifiable"),
+    [
+        ("clik_ur5", "ur5", {"hand"}, True),
+        ("hqp", "lwr_weightless", {"posture"}, False),
+        ("ghc_velocity", "hoap3", {"com"}, True),
+        ("osqp", "hoap3", {"com"}, False),
+        ("tsid", "baxter", {"left_gripper"}, True),
+        ("joint_acceleration", "hoap3", {"posture"}, True),
+        ("com_circulation", "hoap3", {"task_curve"}, True),
+    ],
+)
+def test_what_is_judged_by_each_controller(config, robot, judged, certifiable):
+    told = run(config, 0.02, robot)[0]
+    assert {error["task"] for error in told["tasks"] if error["judged"]} == judged
+    assert {error["note"] for error in told["tasks"] if not error["judged"]} <= {"lower priority"}
+    assert (told["certifiable"] > 0) == certifiable
+
+
+def test_margins_are_judged_where_there_are_constraints():
+    assert run("qp12", 0.02)[0]["margin"] is None
+    margin = run("stable_qp", 0.02)[0]["margin"]
+    assert margin["least"] >= 0.0
+    assert margin["tolerance"] == 1e-6
+
+
+def test_balance_is_that_of_every_tenth_state():
+    law = {"controller": "qp12", "parameters": {"target_m": [9, 9, 9], "psi_scale": "one"}}
+    told, states, _ = run(law, 0.5)
+    sole = np.array([0.054, 0.0365])
+    edges = [float((sole - np.abs(com(state.q)[:2])).min()) for state in states[::EVERY]]
+    found = told["balance"]
+    assert found["checked"] == len(edges)
+    assert found["outside"] == sum(edge < -1e-4 for edge in edges) > 0
+    assert found["least_m"] == pytest.approx(min(edges), abs=1e-9)
+
+
+def test_both_soles_carry_while_both_are_flat_on_the_ground():
+    start = np.array(HOAP3.initial_position)  # both soles are flat
+    start[[HOAP3.joint_names.index(f"{side}_shoulder_roll") for side in "rl"]] += 1.2
+    assert 0.04 < com(start)[1] < 0.05  # beside the right sole, between both
+    balance = balance_of(HOAP3)
+    assert balance is not None
+    balance.look(start)
+    assert (balance.checked, balance.outside) == (1, 0)
+    lifted = start.copy()
+    lifted[HOAP3.joint_names.index("l_knee")] += 0.2
+    balance.look(lifted)
+    assert (balance.checked, balance.outside) == (2, 1)
+
+
+def test_postures_that_are_not_finite_are_left_out():
+    balance = balance_of(HOAP3)
+    assert balance is not None
+    balance.look(np.full(HOAP3.n, np.nan))
+    assert balance.as_json() is None
+
+
+@pytest.mark.parametrize("robot", ["ur5", "humanoid32"])
+def test_where_no_sole_is_fixed_none_carries(robot):
+    assert balance_of(load(robot)) is None

@@ -1,0 +1,107 @@
+"""The three verdicts: what makes each good, bad or null, from what both sides told."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from tools.verdicts import CERTIFIED_SHARE, failed, in_words, judge
+
+ERROR = {
+    "task": "com", "error": 5e-4, "unit": "m", "tolerance": 1e-3, "within": True,
+    "judged": True, "note": "",
+}  # fmt: skip
+FAR = {**ERROR, "error": 15.4, "within": False}
+LOWER = {**FAR, "task": "hand", "judged": False, "note": "lower priority"}
+
+
+def told(**changes: Any) -> dict[str, Any]:
+    """What a controller tells of a run in which all went well."""
+    good = {"tasks": [ERROR], "certifiable": 1000, "certified": 1000, "margin": None}
+    return {**good, "balance": {"checked": 100, "outside": 0, "least_m": 0.008}, **changes}
+
+
+def verdict(name: str, outcome: dict[str, Any] | None, held_back: int = 0, weak: int = 0):
+    judged = judge("fit", held_back, weak, outcome)
+    return judged["verdicts"][name], judged[name]["reasons"]
+
+
+def test_all_good():
+    judged = judge("fit", 0, 0, told())
+    good = {"deadlines": "fit", "task": "good", "limits_and_balance": "good"}
+    assert judged["verdicts"] == good
+    assert not failed(good)
+    assert judged["task"]["certified_share"] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("outcome", "expected"),
+    [
+        (told(tasks=[FAR]), ("bad", ["not_reached"])),
+        (told(tasks=[{**ERROR, "error": None, "within": False}]), ("bad", ["not_reached"])),
+        (told(tasks=[ERROR, LOWER]), ("good", [])),
+        (told(certified=949), ("bad", ["not_certified"])),
+        (told(certified=950), ("good", [])),
+        (told(tasks=[FAR], certified=0), ("bad", ["not_reached", "not_certified"])),
+        (told(certifiable=0, certified=0), ("good", [])),
+        (told(tasks=[]), ("good", [])),
+        (told(tasks=[], certifiable=0, certified=0), (None, ["no_target"])),
+        (told(tasks=[LOWER], certifiable=0, certified=0), (None, ["no_target"])),
+        (None, (None, ["not_told_by_controller"])),
+    ],
+)
+def test_the_task_on_both_sides_of_its_thresholds(outcome, expected):
+    assert CERTIFIED_SHARE == 0.95
+    assert verdict("task", outcome) == expected
+
+
+@pytest.mark.parametrize(
+    ("outcome", "counts", "expected"),
+    [
+        (told(), (1, 0), ("bad", ["held_back"])),
+        (told(), (0, 1), ("bad", ["torque_limited"])),
+        (told(margin={"least": -2e-9, "tolerance": 1e-9}), (), ("bad", ["margin_below_zero"])),
+        (told(margin={"least": -1e-9, "tolerance": 1e-9}), (), ("good", [])),
+        (
+            told(balance={"checked": 100, "outside": 1, "least_m": -0.01}),
+            (),
+            ("bad", ["com_outside_support"]),
+        ),
+        (told(balance=None), (), ("good", [])),
+        (None, (0, 0), (None, ["not_told_by_controller"])),
+        (None, (3, 0), ("bad", ["held_back", "not_told_by_controller"])),
+    ],
+)
+def test_limits_and_balance_on_both_sides_of_their_thresholds(outcome, counts, expected):
+    assert verdict("limits_and_balance", outcome, *counts) == expected
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "code"),
+    [
+        (("fit", "good", "good"), False),
+        (("warn", None, None), False),
+        ((None, None, None), False),
+        (("unfit", "good", "good"), True),
+        (("fit", "bad", "good"), True),
+        (("fit", None, "bad"), True),
+    ],
+)
+def test_one_that_fails_is_enough(verdicts, code):
+    names = ("deadlines", "task", "limits_and_balance")
+    assert failed(dict(zip(names, verdicts, strict=True))) == code
+
+
+def test_words_have_the_figures_that_people_need():
+    outside = {"checked": 100, "outside": 7, "least_m": -0.0121}
+    outcome = told(tasks=[FAR, LOWER], certified=12, balance=outside)
+    words = in_words(judge("fit", 4, 0, outcome))
+    for part in ("com 15.4 m", "tolerance 1 mm", "12 of 1000", "hand", "lower priority"):
+        assert part in words["task"]
+    for part in ("4 periods", "12.1 mm outside", "7 of 100"):
+        assert part in words["limits_and_balance"]
+    assert in_words(judge(None, None, None, None)) == {
+        "task": "only the controller can tell",
+        "limits_and_balance": "only the controller can tell",
+    }

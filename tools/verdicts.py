@@ -1,0 +1,168 @@
+"""Three verdicts on a run: deadlines, task, limits and balance."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+CERTIFIED_SHARE = 0.95
+"""Least share of the answers that must be certified, of those that the controller can certify."""
+
+NAMES = {"deadlines": "deadlines", "task": "task", "limits_and_balance": "limits and balance"}
+FAILED = ("unfit", "bad")
+NOT_JUDGED = "not judged"
+
+NOT_TOLD, NO_TARGET = "not_told_by_controller", "no_target"
+NOT_REACHED, NOT_CERTIFIED = "not_reached", "not_certified"
+HELD_BACK, WEAK = "held_back", "torque_limited"
+MARGIN, OUTSIDE = "margin_below_zero", "com_outside_support"
+REASONS = {
+    NOT_TOLD: "only the controller can tell",
+    NO_TARGET: "no target with a tolerance",
+    NOT_REACHED: "not reached within the run",
+    NOT_CERTIFIED: f"fewer than {CERTIFIED_SHARE:.0%} of the answers certified",
+    HELD_BACK: "the robot held a joint back at a limit",
+    WEAK: "torques were too small to keep the limits",
+    MARGIN: "a constraint was violated",
+    OUTSIDE: "the centre of mass left the support polygon",
+}
+"""Why a verdict is bad, or why there is none, in words."""
+
+
+def judge(
+    deadlines: str | None,
+    held_back: int | None,
+    torque_limited: int | None,
+    outcome: Mapping[str, Any] | None,
+) -> dict[str, Any]:
+    """Verdicts, and what two of them rest on.
+
+    Args:
+        deadlines: fit, warn or unfit; None where that is not known.
+        held_back, torque_limited: periods in which the robot held a joint back, or could not keep
+            its limits for lack of torque; None where that is not known.
+        outcome: what the controller told at its end, see `remote_controller.outcome`; None where
+            that is not known.
+
+    Returns:
+        `verdicts`, `task` and `limits_and_balance`, as docs/concepts.md defines them.
+    """
+    task, limits = _task(outcome), _limits(held_back, torque_limited, outcome)
+    verdicts = {
+        "deadlines": deadlines,
+        "task": _verdict(task["reasons"]),
+        "limits_and_balance": _verdict(limits["reasons"]),
+    }
+    return {"verdicts": verdicts, "task": task, "limits_and_balance": limits}
+
+
+def failed(verdicts: Mapping[str, str | None]) -> bool:
+    """Whether a verdict is unfit or bad; the exit code is 1 then."""
+    return any(verdict in FAILED for verdict in verdicts.values())
+
+
+def in_words(judged: Mapping[str, Any]) -> dict[str, str]:
+    """What the verdicts on task, and on limits and balance, rest on, each in a line.
+
+    Args:
+        judged: has the keys that `judge` returns.
+    """
+    return {"task": _task_words(judged), "limits_and_balance": _limits_words(judged)}
+
+
+def _verdict(reasons: list[str]) -> str | None:
+    if NOT_TOLD in reasons or NO_TARGET in reasons:
+        return None if len(reasons) == 1 else "bad"
+    return "bad" if reasons else "good"
+
+
+def _task(outcome: Mapping[str, Any] | None) -> dict[str, Any]:
+    outcome = outcome or {}
+    errors, certifiable = outcome.get("tasks", []), outcome.get("certifiable", 0)
+    certified = outcome.get("certified", 0)
+    share = certified / certifiable if certifiable else None
+    reasons = []
+    if any(each["judged"] and not each["within"] for each in errors):
+        reasons.append(NOT_REACHED)
+    if share is not None and share < CERTIFIED_SHARE:
+        reasons.append(NOT_CERTIFIED)
+    if not outcome:
+        reasons.append(NOT_TOLD)
+    elif share is None and not any(each["judged"] for each in errors):
+        reasons.append(NO_TARGET)
+    return {
+        "errors": errors,
+        "certifiable": certifiable,
+        "certified": certified,
+        "certified_share": share,
+        "reasons": reasons,
+    }
+
+
+def _limits(
+    held_back: int | None, torque_limited: int | None, outcome: Mapping[str, Any] | None
+) -> dict[str, Any]:
+    told = outcome or {}
+    margin, balance = told.get("margin") or {}, told.get("balance") or {}
+    least = margin.get("least")
+    reasons = [HELD_BACK] if held_back else []
+    reasons += [WEAK] if torque_limited else []
+    if least is not None and least < -margin["tolerance"]:
+        reasons.append(MARGIN)
+    if balance.get("outside"):
+        reasons.append(OUTSIDE)
+    if outcome is None or held_back is None:
+        reasons.append(NOT_TOLD)
+    return {
+        "held_back": held_back,
+        "torque_limited": torque_limited,
+        "smallest_margin": None if least is None else max(least, -sys.float_info.max),
+        "margin_tolerance": margin.get("tolerance"),
+        "com_checked": balance.get("checked"),
+        "com_outside_support": balance.get("outside"),
+        "com_to_edge_m": balance.get("least_m"),
+        "reasons": reasons,
+    }
+
+
+def _task_words(judged: Mapping[str, Any]) -> str:
+    task = judged["task"]
+    parts = [REASONS[reason] for reason in task["reasons"]]
+    parts += [_error_words(each) for each in task["errors"] if each["judged"]]
+    if task["certifiable"]:
+        parts.append(f"certified {task['certified']} of {task['certifiable']} answers")
+    others = [f"{_error_words(each)} ({each['note']})" for each in task["errors"] if each["note"]]
+    return "; ".join([*parts, *(["not judged: " + ", ".join(others)] if others else [])])
+
+
+def _limits_words(judged: Mapping[str, Any]) -> str:
+    limits = judged["limits_and_balance"]
+    parts = [REASONS[reason] for reason in limits["reasons"]]
+    if limits["held_back"] is not None:
+        held = limits["held_back"]
+        parts.append(f"held back in {held} periods" if held else "no limit held back")
+    if limits["torque_limited"]:
+        parts.append(f"too little torque in {limits['torque_limited']} periods")
+    if limits["smallest_margin"] is not None:
+        parts.append(f"smallest margin {limits['smallest_margin']:.3g}")
+    if limits["com_to_edge_m"] is not None:
+        edge, outside = limits["com_to_edge_m"], limits["com_outside_support"]
+        where = "inside" if edge >= 0.0 else "outside"
+        share = f", in {outside} of {limits['com_checked']} postures" if outside else ""
+        parts.append(f"CoM at worst {_size(abs(edge), 'm')} {where} the edge{share}")
+    return "; ".join(parts)
+
+
+def _error_words(error: Mapping[str, Any]) -> str:
+    """One task's error beside its tolerance."""
+    unit = error["unit"]
+    size = "not finite" if error["error"] is None else _size(error["error"], unit)
+    return f"{error['task']} {size} (tolerance {_size(error['tolerance'], unit)})"
+
+
+def _size(value: float, unit: str) -> str:
+    """A length below 0.1 m in mm, an angle in degrees, a force in N."""
+    if unit == "m" and value < 0.1:
+        return f"{1e3 * value:.3g} mm"
+    return f"{value:.3g} {unit}"
