@@ -100,9 +100,7 @@ def show_summary(summary: dict[str, Any]) -> None:
     """Print the summary of a run for people, on standard output."""
     misses, rate = summary["misses"], summary["success_rate"]
     table = Table(show_header=False, box=None, pad_edge=False)
-    words = in_words(summary)
-    for key, name in NAMES.items():
-        table.add_row(name, coloured_verdict(summary["verdicts"][key], words.get(key, "")))
+    _add_verdicts(table, summary)
     table.add_row(
         "success rate",
         f"{known(rate['run'], '.5f')} of {summary['ticks']} ticks; worst window of 100: "
@@ -162,6 +160,13 @@ def show_summary(summary: dict[str, Any]) -> None:
         rows |= {f"  {name}": stage for name, stage in summary["stages_us"].items()}
         results.print(durations_table(rows, summary["jitter_us"]))
     results.print(machine_line(summary), markup=False)
+
+
+def _add_verdicts(table: Table, summary: dict[str, Any]) -> None:
+    """A row for each verdict."""
+    words = in_words(summary)
+    for key, name in NAMES.items():
+        table.add_row(name, coloured_verdict(summary["verdicts"][key], words.get(key, "")))
 
 
 def show_next(log: str | None) -> None:
