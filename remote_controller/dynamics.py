@@ -132,11 +132,13 @@ class FrameDynamics(FramesDynamics):
     """The same of one frame's pose.
 
     Attributes:
+        frame: its name.
         origin, rotation: of the frame in the root's axes, (3,) [m] and (3, 3).
     """
 
     def __init__(self, description: RobotDescription, frame: str) -> None:
         super().__init__(description, [FrameRows(frame, 0, POSE)], POSE)
+        self.frame = frame
         self.origin, self.rotation = self.origins[0], self.rotations[0]
 
 

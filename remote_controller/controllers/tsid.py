@@ -93,7 +93,6 @@ class TsidController(Controller):
         self.error, self._wanted, self._slope = np.zeros((3, 6))
         self._joint_wanted, self._load = np.zeros(n), np.zeros(n)
         self._effort = np.array(description.effort)
-        self._frame = parameters.frame or "task"
         self._tolerances = parameters.tolerance_m, parameters.tolerance_deg
         self.certifies, self.margin_tolerance = self._viable, MARGIN_ROUNDING
         self.conditions = (
@@ -116,7 +115,7 @@ class TsidController(Controller):
         """Distance of the frame to its goal, and angle."""
         length_m, angle_deg = self._tolerances
         found = length_error(self.error[:3], length_m) + angle_error(self.error[3:], angle_deg)
-        return [replace(each, task=self._frame) for each in found]
+        return [replace(each, task=self.dynamics.frame) for each in found]
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Nothing to remember; a joint that is outside its bounds here may stay there."""

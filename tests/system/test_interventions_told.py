@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from command_bench import Done, assert_ran, inside
 
-FAST = ("u_max_rad_s=4.0", "psi_scale=one")  # HOAP-3 gains 1.2 rad/s in a tick
+FAST = ("u_max_rad_s=4.0", "psi_scale=one", "ramp_s=0")  # HOAP-3 gains 1.2 rad/s in a tick
 HASTY = [word for setting in FAST for word in ("--set", f"controller.parameters.{setting}")]
 
 
