@@ -154,14 +154,14 @@ def test_a_killed_controller_and_its_successor(tmp_path: Path) -> None:
     nowhere = ("--set", "realtime.watch_stalls=[1023]")
     with emulator("hoap3", *PATIENT, *nowhere, "--out", out, at=at) as robot:
         robot.hear("CPU 1023: stalls are not watched, which takes SCHED_FIFO 99")
-        with controller("qp12", *QUIET, at=at) as first:
+        with controller("qp12_paper", *QUIET, at=at) as first:
             first.hear("following robot")
             wait_for_mode("active", at)
             assert first.end(signal.SIGKILL) == -signal.SIGKILL
             robot.hear(r"safe stop \((misses|holder lost)\)")
             status = wait_for_mode("stopped", at)
             first.assert_no_orphan()
-        with controller("qp12", *QUIET, at=at) as second:
+        with controller("qp12_paper", *QUIET, at=at) as second:
             second.hear("following robot")
             status = tell("status", at)
             assert str(second.process.pid) in status["holder"]
