@@ -77,6 +77,6 @@ class OsqpController(DescentController):
             solver.solve(self.gradient, decrease, gamma, self.u)
         except SolverError:
             found = status.INFEASIBLE
-        self._certify(self.gradient, decrease, gamma, u_max, self.u, certificate)
+        self._certify(self.gradient, decrease, gamma, self._u_max, self.u, certificate)
         self.command.extra[0] = solver.iterations
         return found

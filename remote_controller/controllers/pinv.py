@@ -43,7 +43,7 @@ class PinvController(DescentController):
     def descend(self, certificate: FloatArray) -> int:
         """Find u, and what it does to V."""
         task, u_max = self.task, self._u_max * self._ramp.share
-        return self._kernel(
+        found = self._kernel(
             task.error,
             task.jacobian,
             u_max,
@@ -54,3 +54,5 @@ class PinvController(DescentController):
             self.u,
             certificate,
         )
+        certificate[4] += self._u_max - u_max  # the margin is that of u_max itself
+        return int(found)

@@ -40,6 +40,8 @@ class Qp12Controller(DescentController):
     def descend(self, certificate: FloatArray) -> int:
         """Solve (40)."""
         task, u_max = self.task, self._u_max * self._ramp.share
-        return self._kernel(
+        found = self._kernel(
             task.error, task.jacobian, u_max, *self._settings, self.gradient, self.u, certificate
         )
+        certificate[4] += self._u_max - u_max  # the margin is that of u_max itself
+        return int(found)
