@@ -27,14 +27,15 @@ app.command()(command)
 def run(tmp_path_factory):
     """Folder of a third of a second of HOAP-3 with qp12."""
     folder = tmp_path_factory.mktemp("compare") / "run"
-    emulator, controller = emulator_config("hoap3", [])[0], controller_config("qp12", [])[0]
+    emulator, controller = emulator_config("hoap3", [])[0], controller_config("qp12_paper", [])[0]
     run_lockstep(emulator, controller, 0.3, folder)
     return folder
 
 
 @pytest.fixture(scope="module")
 def made(run):
-    return compare(["qp12", "qp12@gamma=0", "pinv"], log=run, timing=False)
+    names = ["qp12_paper", "qp12_paper@gamma=0", "pinv@ramp_s=0"]
+    return compare(names, log=run, timing=False)
 
 
 def test_the_logged_controller_answers_as_it_did(run, made):
@@ -69,7 +70,8 @@ def test_answers_to_the_same_state_are_compared(made):
 
 
 def test_the_controllers_log_will_do_and_gives_the_same(run, made):
-    again = compare(["qp12", "qp12@gamma=0", "pinv"], log=run / "controller.mcap", timing=False)
+    names = ["qp12_paper", "qp12_paper@gamma=0", "pinv@ramp_s=0"]
+    again = compare(names, log=run / "controller.mcap", timing=False)
     assert again.figures == made.figures
 
 
@@ -111,7 +113,7 @@ def test_a_log_of_a_robot_that_a_controller_cannot_move_names_it(tmp_path):
     with pytest.raises(ConfigError) as caught:
         compare(["qp12", "pinv"], log=log)
     assert caught.value.file.endswith(("qp12", "qp12.yaml"))
-    assert "robot 'sample' has no such frame" in str(caught.value)
+    assert "robot 'sample' has no default task" in str(caught.value)
 
 
 def test_another_robots_log_is_compared_by_who_can_move_it(tmp_path):

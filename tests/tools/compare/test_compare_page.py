@@ -20,7 +20,8 @@ EVIL = "</pre><script>alert(1)</script><img src=x onerror='a()'>\" onload=\"b()"
 
 @pytest.fixture(scope="module")
 def made():
-    return compare(["qp12", "qp12@gamma=0", "pinv"], duration=0.2, timing=False)
+    names = ["qp12_paper", "qp12_paper@gamma=0", "pinv=pinv@ramp_s=0"]
+    return compare(names, duration=0.2, timing=False)
 
 
 @pytest.fixture(scope="module")
