@@ -88,6 +88,16 @@ def claim_cpu(
     return None
 
 
+def claim_cpus(count: int, allowed: set[int] | None = None) -> list[CpuClaim]:
+    """Claim up to so many CPUs, each another one, also where nothing can be locked."""
+    free = set(os.sched_getaffinity(0) if allowed is None else allowed)
+    claims: list[CpuClaim] = []
+    while len(claims) < count and (claim := claim_cpu(free)) is not None:
+        claims.append(claim)
+        free.discard(claim.cpu)
+    return claims
+
+
 def _locked(path: Path) -> int | None:
     """The file, locked without waiting; None where another run has it or it is no plain file."""
     flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK

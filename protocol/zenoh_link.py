@@ -361,10 +361,10 @@ class ZenohControllerLink:
         self.robot, self.who = robot, who
         self.presence, self.departures = threading.Event(), 0
         self._asked: deque[tuple[float, Request]] = deque(maxlen=PENDING)
-        self._answers = _Answers()
         self.linked = False
         self._waking, self._closed = threading.Lock(), False
         self._session = session = open_session(settings)
+        self._answers = _Answers()
         try:
             session.info.declare_link_events_listener(self._link_changed, history=True)
             self._setpoint = _fast_publisher(session, key(robot, "setpoint"), blocking)
@@ -383,6 +383,7 @@ class ZenohControllerLink:
                 key(robot, "alive"), self._presence_changed, history=True
             )
         except BaseException:
+            self._answers.finish()
             session.close()
             raise
 
@@ -431,7 +432,9 @@ class ZenohControllerLink:
         return None if sample is None else sample.payload.to_bytes()
 
     def _queried(self, query: zenoh.Query) -> None:
-        """In a thread of Zenoh's. Nobody is woken: the next State does it."""
+        """In a thread of Zenoh's. Queued; served after the next State."""
+        if self._answers.full():
+            return  # who asked gets no answer
         request = self._answers.request(query)
         if request.verb in CONTROL:
             self._asked.append((time.monotonic(), request))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from itertools import islice
 from typing import Any
 
 from protocol.clock import VirtualClock
@@ -13,7 +14,7 @@ from protocol.link import LockstepLink, Request
 from protocol.local_control import LocalControl
 from protocol.messages import Setpoint, State
 from protocol.settings import LinkSettings
-from protocol.zenoh_link import ZenohRobotLink
+from protocol.zenoh_link import WAITING_QUERIES, ZenohRobotLink
 
 REPEAT_S = 0.05
 GIVE_UP_S = 10.0
@@ -110,7 +111,15 @@ class ZenohLockstepLink(LockstepLink):
         return None
 
     def _gather(self) -> None:
-        self._waiting.extend(self._inner.requests())
+        """Take requests until the robot serves them, the first ones where there are too many.
+
+        What ends the waiting is always taken: news of clients, local requests, and a `stop`.
+        """
+        for request in islice(self._inner.requests(), WAITING_QUERIES):
+            urgent = request.local or request.verb == "gone"
+            stops = request.verb == "stop" and all(one.verb != "stop" for one in self._waiting)
+            if urgent or stops or len(self._waiting) < WAITING_QUERIES:
+                self._waiting.append(request)
 
     def _leaves(self, request: Request) -> bool:
         """Whether it ends the waiting for an answer: the holder leaves, or the user says so."""

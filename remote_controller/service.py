@@ -7,6 +7,7 @@ import os
 import socket
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 
 from protocol.answers import Grant, Status, parse_answer, parse_description
@@ -38,6 +39,7 @@ SILENCE_S = 3.0
 """Without a State or an answer, after which a new Zenoh session is opened: three leases, in which
 Zenoh could have connected again by itself. A session that was cut in a flood may never do so."""
 
+KNOWN_NAMES = 64  # of our last sessions: a robot forgets those that have ended within a lease
 TOKEN_TRIES = 25  # how often authority is asked for while the robot does not see our token
 
 
@@ -122,6 +124,7 @@ class Service:
         self._clock: Clock = MonotonicClock()
         name = config.controller.replace(":", ".").rsplit(".", 1)[-1].lower()
         self._name = f"{name[:24]}-{os.getpid()}-{socket.gethostname()[:24]}".replace("/", "-")
+        self._names: deque[str] = deque(maxlen=KNOWN_NAMES)  # of our sessions
         self._link: ZenohControllerLink | None = None
         self._stopping = threading.Event()
         self._unanswered_since = math.inf
@@ -174,6 +177,7 @@ class Service:
         self.sessions += 1
         self._unanswered_since = math.inf
         who = self._name if self.sessions == 1 else f"{self._name}-{self.sessions}"
+        self._names.append(who)
         try:
             return ZenohControllerLink(self._config.robot, self._config.link, who)
         except (LinkError, PortInUseError) as error:
@@ -293,14 +297,10 @@ class Service:
                 unseen += 1
                 if unseen >= TOKEN_TRIES:
                     raise AuthorityError(link.robot, grant.holder)
-            elif not self._is_ours(grant.holder):
+            elif grant.holder not in self._names:
                 raise AuthorityError(link.robot, grant.holder)
             self._pause()
         return None
-
-    def _is_ours(self, holder: str) -> bool:
-        """Whether that is the name of one of our sessions."""
-        return holder == self._name or holder.startswith(f"{self._name}-")
 
     def _follow(self, link: ZenohControllerLink) -> bool:
         """Answer samples until the robot goes, starts anew, falls silent, or we shall stop.
@@ -328,7 +328,8 @@ class Service:
                 if setpoint is not None:
                     publish(setpoint)
                 sent()
-                while (told := event()) is not None:
+                told = event()  # one for each State: others may send more than can be read
+                if told is not None:
                     loop.hear(told)
                 request = asked()
                 if request is not None:

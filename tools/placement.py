@@ -5,6 +5,7 @@ The first run after a boot measures both placements and stores the finding; late
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 from collections.abc import Callable
@@ -13,7 +14,7 @@ from typing import Any
 
 from protocol.notes import Detail
 from protocol.private_directory import runtime_directory
-from protocol.realtime import CpuClaim, claim_cpu
+from protocol.realtime import CpuClaim, claim_cpu, claim_cpus
 from protocol.settings import RealtimeSettings
 from tools.placement_probe import measure_placement
 from tools.whole_file import whole_file
@@ -51,7 +52,10 @@ def remember(found: dict[str, Any]) -> None:
     if directory is None or "two_cpus" not in found:
         return
     kept = {"boot": _boot(), "allowed": sorted(os.sched_getaffinity(0)), "found": found}
-    with whole_file(directory / "placement.json") as draft:
+    with (
+        contextlib.suppress(OSError),  # it is measured again next time
+        whole_file(directory / "placement.json") as draft,
+    ):
         draft.write_text(json.dumps(kept), encoding="utf-8")
 
 
@@ -104,7 +108,7 @@ def placed(
     if not (together and named):
         allowed = os.sched_getaffinity(0) - set(named)
         wanted = 1 if together else autos
-        claims = [claim for _ in range(wanted) if (claim := claim_cpu(allowed)) is not None]
+        claims = claim_cpus(wanted, allowed)
     cpus = [claim.cpu for claim in claims] or (named if together else [])
     return _pinned(robot, cpus[-1:]), _pinned(controller, cpus[:1]), claims
 

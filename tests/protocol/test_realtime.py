@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 from protocol import realtime
-from protocol.realtime import claim_cpu, prepare_process, virtual_machine
+from protocol.realtime import claim_cpu, claim_cpus, prepare_process, virtual_machine
 from protocol.settings import RealtimeSettings
 
 HERE = Path(__file__).parent
@@ -187,6 +187,7 @@ def test_without_a_private_directory_nothing_is_locked(locks, monkeypatch):
     locks.chmod(0o777)
     first, second = claim_cpu({2}), claim_cpu({2})
     assert first.cpu == second.cpu == 2
+    assert [claim.cpu for claim in claim_cpus(3, {1, 2})] == [2, 1]
     assert not list(locks.iterdir())
 
 

@@ -171,7 +171,7 @@ def test_an_interrupted_measurement_without_a_block_is_an_error():
 
 
 def test_two_measurements_do_not_share_a_cpu(monkeypatch):
-    monkeypatch.setattr("tools.placement.claim_cpu", lambda _: None)
+    monkeypatch.setattr("tools.placement.claim_cpus", lambda *_: [])
     with pytest.raises(UsageError, match="claimed by another run"):
         measure_latency(plan(realtime=True))
 

@@ -22,11 +22,13 @@ def machine(monkeypatch):
     def make(free: list[int], choice: str) -> None:
         left = list(free)
 
-        def claim(allowed):
-            return next((Claim(left.pop(left.index(cpu))) for cpu in left if cpu in allowed), None)
+        def claim(count, allowed):
+            taken = [cpu for cpu in left if cpu in allowed][:count]
+            left[:] = [cpu for cpu in left if cpu not in taken]
+            return [Claim(cpu) for cpu in taken]
 
         monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 1, 2, 3})
-        monkeypatch.setattr(placement, "claim_cpu", claim)
+        monkeypatch.setattr(placement, "claim_cpus", claim)
         monkeypatch.setattr(placement, "chosen", lambda _: choice)
 
     return make

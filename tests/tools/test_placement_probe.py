@@ -122,7 +122,7 @@ def test_cpus_are_kept_awake_as_in_a_run(awake):
         return {"rtt_us": figures(15.0, 20.0), "lost": {"one_cpu": 0, "two_cpus": 0}}
 
     free = [7, 4]
-    measure_placement(run, claim=lambda: Claim(free.pop(0), []))
+    measure_placement(run, claim=lambda _: [Claim(cpu, []) for cpu in free])
     assert seen == [7, 4]
     assert awake == []
 
@@ -151,8 +151,8 @@ def measured(free: list[int], rtt=None, **options: object) -> tuple[dict, list[O
         lost = dict.fromkeys(order.echoes, 0)
         return {"rtt_us": rtt or figures(15.0, 80.0), "lost": lost, **rest}
 
-    def claim() -> Claim | None:
-        return Claim(left.pop(0), held) if left else None
+    def claim(count: int) -> list[Claim]:
+        return [Claim(cpu, held) for cpu in left[:count]]
 
     return measure_placement(run, claim=claim, **options), orders, held
 
@@ -173,6 +173,20 @@ def test_with_one_free_cpu_only_one_placement_is_measured():
     assert outcome["recommended"] == "one_cpu"
 
 
+@pytest.mark.parametrize("lost", [{"one_cpu": 9, "two_cpus": 0}, {"one_cpu": 0, "two_cpus": 800}])
+def test_a_placement_that_loses_answers_is_not_chosen(lost):
+    rtt = figures(15.0, 80.0)
+    if lost["two_cpus"]:
+        rtt["two_cpus"] = {"n": 0}
+
+    def run(_: Order) -> dict:
+        return {"rtt_us": rtt, "lost": lost, "wakeup_us": {}, "skipped": 0, "rights": ""}
+
+    outcome = measure_placement(run, claim=lambda _: [Claim(3, []), Claim(2, [])])
+    assert not outcome["measured"]
+    assert "answers" in outcome["why"]
+
+
 def test_a_running_robot_is_not_disturbed():
     outcome, orders, _ = measured([])
     assert not outcome["measured"]
@@ -190,7 +204,7 @@ def test_processes_that_fail_are_reported_and_cpus_given_back(error):
     def run(_: Order) -> dict:
         raise error
 
-    outcome = measure_placement(run, claim=lambda: Claim(1, held))
+    outcome = measure_placement(run, claim=lambda _: [Claim(1, held)])
     assert not outcome["measured"]
     assert str(error) in outcome["why"]
     assert held == []
@@ -237,7 +251,7 @@ def test_processes_really_exchange_messages(locks):
 def test_a_cpu_that_cannot_be_had_is_told():
     held = []
     outcome = measure_placement(
-        claim=lambda: Claim(4000 + len(held), held), ticks=20, policy="none"
+        claim=lambda _: [Claim(4000, held), Claim(4001, held)], ticks=20, policy="none"
     )
     assert not outcome["measured"]
     assert "CPU: refused, pinning to" in outcome["why"]
