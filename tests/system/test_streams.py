@@ -83,7 +83,7 @@ def names(of: typer.Typer, before: str = "") -> Iterator[str]:
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("streams") / "log"
-    assert inside(*LOCKSTEP, "--out", folder).code == 0
+    assert inside(*LOCKSTEP, "--out", folder).code == 1  # too short to arrive
     return folder
 
 
@@ -133,7 +133,7 @@ def test_a_live_result_is_on_standard_output():
                 assert isinstance(inside(*second, *where, "--json").json(), dict)
         assert law.end(STOPS[0]) == 0
         assert arm.end(STOPS[0]) in {0, 1}
-    assert "verdict" in arm.stdout
+    assert "deadlines" in arm.stdout
     assert law.stdout.strip() == "log: none"
 
 
