@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from protocol.messages import Event, Setpoint, State
 from protocol.ring import Kind, Record
-from tools.certificate_count import CertificateCount, CountingRecorder, in_a_line
+from tools.certificate_count import CertificateCount, CountingRecorder, in_a_line, reasons_on_wire
 from tools.statistics import RunStatistics
 
 CERTIFIED, AT_TARGET, UNCERTIFIED, INFEASIBLE, NONE = range(5)
@@ -154,3 +154,23 @@ def test_of_a_robots_log_each_tick_counts_once_also_after_a_stop():
     found = statistics.summary()["certificates"]
     assert (found["n"], found["infeasible"]) == (3, 3)
     assert statistics.summary()["final_error"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("fields", "expected"),
+    [
+        ({"solver_status": 0, "margin": -1.0}, set()),
+        ({"solver_status": 1}, set()),
+        ({"solver_status": 2, "margin": -1.0}, {"margin below zero"}),
+        ({"solver_status": 2, "kkt_residual": 1e-8}, {"residual above 1e-9"}),
+        ({"solver_status": 2, "v_rate_required": -1.0}, {"V falls too slowly"}),
+        ({"solver_status": 3, "fallback": 2, "margin": -1.0}, {"fallback 2"}),
+        ({"solver_status": 3}, {"the reason is in the controller's log"}),
+        ({"solver_status": 4}, set()),
+    ],
+)
+def test_a_setpoint_tells_why_it_has_no_certificate(fields, expected):
+    setpoint = Setpoint(3)
+    for name, value in fields.items():
+        setattr(setpoint, name, value)
+    assert reasons_on_wire(fields["solver_status"], setpoint.dump()) == expected
