@@ -118,8 +118,8 @@ def tiny_problem(seed: int) -> tuple[StableQp, int, Array, Array]:
     b = rng.choice([0.0, 1.0], m) * rng.uniform(-0.5, 2, m)
 
     def magnitude() -> Array:
-        tiny, large = 10.0 ** rng.uniform(-7, -4, n), rng.uniform(0, 2, n)
-        return np.where(rng.random(n) < 0.5, tiny, large) * (rng.random(n) < 0.85)
+        is_tiny, tiny = rng.random(n) < 0.5, 10.0 ** rng.uniform(-7, -4, n)
+        return np.where(is_tiny, tiny, rng.uniform(0, 2, n)) * (rng.random(n) < 0.85)
 
     lower, upper = -magnitude(), magnitude()
     solver = StableQp(n, m, objective=objective)
