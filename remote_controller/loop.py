@@ -49,6 +49,7 @@ class ControllerLoop:
         controller: the answers' author.
         clock, recorder: what it runs on.
         session_id: of the robot.
+        outcome: counts of earlier engagements in this session, to go on with; None for new ones.
 
     Attributes:
         epoch: authority under which it answers, 0 for none.
@@ -61,7 +62,12 @@ class ControllerLoop:
     """
 
     def __init__(
-        self, controller: Controller, clock: Clock, recorder: Recorder, session_id: int
+        self,
+        controller: Controller,
+        clock: Clock,
+        recorder: Recorder,
+        session_id: int,
+        outcome: Outcome | None = None,
     ) -> None:
         self._controller, self._clock, self._recorder = controller, clock, recorder
         controller.now = clock.now
@@ -81,7 +87,8 @@ class ControllerLoop:
         self._sent_previous = 0
         self._present = 0  # conditions of the last cycle
         self._unrecorded: list[tuple[Kind, int, bytes]] = []
-        self._outcome = Outcome(controller, controller.description)
+        self._outcome = outcome or Outcome(controller, controller.description)
+        self._summed_up = self._outcome.answers  # at the last `sum_up`
         self._noted = 0  # answers
         self.summary: dict[str, Any] | None = None
 
@@ -209,9 +216,9 @@ class ControllerLoop:
         Raises:
             Hoap3Error: the controller failed to tell the errors of its tasks.
         """
-        told = 0 if self.summary is None else self.summary["answers"]
-        if self._outcome.answers == told:
+        if self._outcome.answers == self._summed_up:
             return
+        self._summed_up = self._outcome.answers
         try:
             self.summary = self._outcome.as_json()
             payload = json.dumps({"session_id": self._session_id, **self.summary}).encode()

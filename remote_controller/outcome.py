@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from typing import Any
 
 from protocol.description import RobotDescription
@@ -18,6 +19,8 @@ PROVED = (STATUS["certified"], STATUS["at_target"])
 
 class Outcome:
     """Counts over the answers of a session, and the errors of the tasks at its end.
+
+    A session is the robot's: it may have several engagements, and all of them count.
 
     Args:
         controller, description: the author of the answers, and its robot.
@@ -40,7 +43,7 @@ class Outcome:
         self.answers += 1
         if status == STATUS["none"]:
             return
-        margin = answer.margin
+        margin = -math.inf if math.isnan(answer.margin) else answer.margin  # NaN is a violation
         self._least_margin = min(self._least_margin, margin)
         if controller.certifies and not controller.present & controller.not_certified_in:
             self._certifiable += 1
@@ -53,12 +56,13 @@ class Outcome:
             Exception: whatever `task_errors` of the controller raises.
         """
         tolerance = self._controller.margin_tolerance
-        judged = tolerance is not None and math.isfinite(self._least_margin)
+        judged = tolerance is not None and self._least_margin < math.inf
+        least = max(self._least_margin, -sys.float_info.max)  # JSON has no infinities
         return {
             "answers": self.answers,
             "tasks": [error.as_json() for error in self._controller.task_errors()],
             "certifiable": self._certifiable,
             "certified": self._certified,
-            "margin": {"least": self._least_margin, "tolerance": tolerance} if judged else None,
+            "margin": {"least": least, "tolerance": tolerance} if judged else None,
             "balance": None if self._balance is None else self._balance.as_json(),
         }

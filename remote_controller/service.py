@@ -24,6 +24,7 @@ from protocol.zenoh_link import ZenohControllerLink
 from remote_controller.config import ControllerConfig, build
 from remote_controller.controllers.controller import Controller
 from remote_controller.loop import ControllerLoop, failure
+from remote_controller.outcome import Outcome
 from remote_controller.registry import find
 from remote_controller.silence import SilenceWatch
 
@@ -121,6 +122,8 @@ class Service:
         self._digest = ""
         self._departures = 0
         self._controller: Controller | None = None
+        self._outcome: Outcome | None = None  # over all engagements in a session of the robot
+        self._session_id: int | None = None
         self._clock: Clock = MonotonicClock()
         name = config.controller.replace(":", ".").rsplit(".", 1)[-1].lower()
         self._name = f"{name[:24]}-{os.getpid()}-{socket.gethostname()[:24]}".replace("/", "-")
@@ -254,11 +257,16 @@ class Service:
         status = parse_answer(Status, raw, f"robot {link.robot!r} answers 'status'")
         if self._controller is None or description.digest != self._digest:
             self._controller = build(self._config, description, self._file)
-            self._digest = description.digest
+            self._digest, self._outcome = description.digest, None
+        if self._outcome is None or status.session_id != self._session_id:
+            self._outcome = Outcome(self._controller, description)
+            self._session_id = status.session_id
         self._clock = VirtualClock() if status.lockstep else MonotonicClock()
         rehearse(self._controller, description)
         recorder = self._patient if status.lockstep else self._recorder
-        loop = ControllerLoop(self._controller, self._clock, recorder, status.session_id)
+        loop = ControllerLoop(
+            self._controller, self._clock, recorder, status.session_id, self._outcome
+        )
         loop.begin(description, lockstep=status.lockstep)
         self.loop = loop
         grant = self._acquire(link)

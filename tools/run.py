@@ -346,7 +346,7 @@ def _join(summary: dict[str, Any], controller: dict[str, Any]) -> None:
         summary["certificates"]["reasons"] = theirs["reasons"]
     held_back, limited = summary["interventions"], summary["torque_limited"]
     deadlines = summary["verdicts"]["deadlines"]
-    summary |= judge(deadlines, held_back, limited, controller.get("outcome"))
+    summary |= judge(deadlines, held_back, limited, controller.get("outcome"), expected=True)
 
 
 def _watched(

@@ -18,7 +18,7 @@ NOT_REACHED, NOT_CERTIFIED = "not_reached", "not_certified"
 HELD_BACK, WEAK = "held_back", "torque_limited"
 MARGIN, OUTSIDE = "margin_below_zero", "com_outside_support"
 REASONS = {
-    NOT_TOLD: "only the controller can tell",
+    NOT_TOLD: "not told by the controller",
     NO_TARGET: "no target with a tolerance",
     NOT_REACHED: "not reached within the run",
     NOT_CERTIFIED: f"fewer than {CERTIFIED_SHARE:.0%} of the answers certified",
@@ -35,6 +35,8 @@ def judge(
     held_back: int | None,
     torque_limited: int | None,
     outcome: Mapping[str, Any] | None,
+    *,
+    expected: bool = False,
 ) -> dict[str, Any]:
     """Verdicts, and what two of them rest on.
 
@@ -44,6 +46,7 @@ def judge(
             its limits for lack of torque; None where that is not known.
         outcome: what the controller told at its end, see `remote_controller.outcome`; None where
             that is not known.
+        expected: the controller should have told it; where it did not, verdicts are bad.
 
     Returns:
         `verdicts`, `task` and `limits_and_balance`, as docs/concepts.md defines them.
@@ -51,8 +54,8 @@ def judge(
     task, limits = _task(outcome), _limits(held_back, torque_limited, outcome)
     verdicts = {
         "deadlines": deadlines,
-        "task": _verdict(task["reasons"]),
-        "limits_and_balance": _verdict(limits["reasons"]),
+        "task": _verdict(task["reasons"], expected=expected),
+        "limits_and_balance": _verdict(limits["reasons"], expected=expected),
     }
     return {"verdicts": verdicts, "task": task, "limits_and_balance": limits}
 
@@ -71,9 +74,9 @@ def in_words(judged: Mapping[str, Any]) -> dict[str, str]:
     return {"task": _task_words(judged), "limits_and_balance": _limits_words(judged)}
 
 
-def _verdict(reasons: list[str]) -> str | None:
-    if NOT_TOLD in reasons or NO_TARGET in reasons:
-        return None if len(reasons) == 1 else "bad"
+def _verdict(reasons: list[str], *, expected: bool) -> str | None:
+    if reasons == [NO_TARGET] or (reasons == [NOT_TOLD] and not expected):
+        return None
     return "bad" if reasons else "good"
 
 

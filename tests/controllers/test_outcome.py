@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import json
+import math
+import sys
 from typing import Any
 
 import numpy as np
 import pytest
 
-from protocol.messages import State
-from protocol.recorder import MemoryRecorder
+from protocol.messages import Setpoint, State
+from protocol.recorder import MemoryRecorder, NoRecorder
 from protocol.ring import Kind
+from protocol.settings import parse
 from remote_controller.balance import balance_of
-from remote_controller.config import CONFIGS
+from remote_controller.config import CONFIGS, ControllerConfig
 from remote_controller.kinematics import Kinematics
-from remote_controller.outcome import EVERY
+from remote_controller.outcome import EVERY, Outcome
+from remote_controller.service import Service
 from robot_emulator.robots import load
+from tools.certificate_count import CountingRecorder
 from tools.simulate import Lockstep, controller_file, controller_settings, emulator_settings
+from tools.verdicts import judge
 
 HOAP3 = load("hoap3")
 Told = dict[str, Any]
@@ -135,6 +141,73 @@ def test_margins_are_judged_where_there_are_constraints():
     margin = run("stable_qp", 0.02)[0]["margin"]
     assert margin["least"] >= 0.0
     assert margin["tolerance"] == 1e-6
+
+
+@pytest.mark.parametrize(
+    ("margins", "least", "verdict"),
+    [
+        ((math.inf,), None, "good"),
+        ((0.5, math.inf), 0.5, "good"),
+        ((-1.0, -math.inf), -sys.float_info.max, "bad"),
+        ((-1.0, math.nan, 0.5), -sys.float_info.max, "bad"),
+    ],
+)
+def test_a_margin_of_minus_infinity_or_nan_is_a_violation(margins, least, verdict):
+    settings = emulator_settings("hoap3", 0), controller_settings(controller_file("stable_qp"))
+    outcome = Outcome(Lockstep(*settings, NoRecorder(), NoRecorder()).controller, HOAP3)
+    state, answer = State(HOAP3.n), Setpoint(HOAP3.n)
+    state.q[:] = HOAP3.initial_position
+    for answer.margin in margins:
+        outcome.note(state, answer)
+    told = outcome.as_json()
+    json.dumps(told["margin"], allow_nan=False)
+    assert (told["margin"] or {"least": None})["least"] == least
+    assert judge("fit", 0, 0, told)["verdicts"]["limits_and_balance"] == verdict
+
+
+class Link:
+    """A robot that grants authority at once."""
+
+    robot = "hoap3"
+    session_id = 7
+
+    def ask(self, verb: str) -> bytes:
+        status = {"mode": "idle", "holder": None, "session_id": self.session_id, "tick": 3}
+        status["lockstep"] = False
+        if verb == "acquire":
+            status |= {"granted": True, "epoch": 1, "from_tick": 23}
+        return HOAP3.to_json() if verb == "description" else json.dumps(status).encode()
+
+
+def test_what_was_before_the_last_engagement_counts_too():
+    recorder, link = CountingRecorder(), Link()
+    config = parse(ControllerConfig, {"robot": "hoap3", "controller": "qp12"}, "config")
+    service: Any = Service(config, recorder, lambda _: None, lambda: False)
+
+    def engage(q: np.ndarray, tick: int) -> Told:
+        """What is told of an engagement with one answer."""
+        assert service._engage(link)
+        state = State(HOAP3.n, 6 * len(HOAP3.wrench_sensors))
+        state.session_id, state.tick, state.epoch = link.session_id, tick, 1
+        state.mode, state.q[:], state.reference[:] = State.ACTIVE, q, q
+        assert service.loop.answer(0, state.dump()) is not None
+        service.loop.sent()
+        service.loop.sum_up()
+        assert recorder.outcome is not None
+        return recorder.outcome
+
+    start = np.array(HOAP3.initial_position)
+    falling = start.copy()
+    falling[[HOAP3.joint_names.index(f"{side}_shoulder_roll") for side in "rl"]] += 1.2
+    falling[HOAP3.joint_names.index("l_knee")] += 0.2
+    assert engage(falling, 30)["balance"]["outside"] == 1
+    for tick in range(100, 100 + EVERY):
+        told = engage(start, tick)
+    assert told["answers"] == told["certifiable"] == 1 + EVERY
+    assert (told["balance"]["checked"], told["balance"]["outside"]) == (2, 1)
+    assert judge("fit", 0, 0, told)["verdicts"]["limits_and_balance"] == "bad"
+    link.session_id = 8  # the robot was started again
+    assert engage(start, 30)["answers"] == 1
 
 
 def test_balance_is_that_of_every_tenth_state():

@@ -22,6 +22,7 @@ from command_bench import (
 
 from protocol.messages import State
 from protocol.ring import Kind, Record
+from remote_controller.loop import ControllerLoop
 from tools.log import Log, payload_hash
 from tools.log_writer import LogWriter
 from tools.simulate import simulate
@@ -226,3 +227,15 @@ def test_the_robots_log_cannot_be_replayed(first: Done, folder: Path) -> None:
     refused = inside("replay", folder / "robot.mcap")
     assert refused.code == 2
     assert "is the log of the robot" in refused.stderr
+
+
+@pytest.mark.parametrize("record", ["true", "false"])
+def test_a_controller_that_tells_nothing_fails_the_run(tmp_path, monkeypatch, record):
+    monkeypatch.setattr(ControllerLoop, "sum_up", lambda _: None)
+    words = ("run", "--lockstep", "--duration", "0.05", "--json", "--out", tmp_path / "log")
+    done = inside(*words, "--set", f"emulator.log.record={record}")
+    summary = done.json()
+    assert done.code == 1
+    assert summary["verdicts"] == {"deadlines": "fit", "task": "bad", "limits_and_balance": "bad"}
+    for key in ("task", "limits_and_balance"):
+        assert summary[key]["reasons"] == ["not_told_by_controller"]

@@ -102,6 +102,16 @@ def test_words_have_the_figures_that_people_need():
     for part in ("4 periods", "12.1 mm outside", "7 of 100"):
         assert part in words["limits_and_balance"]
     assert in_words(judge(None, None, None, None)) == {
-        "task": "only the controller can tell",
-        "limits_and_balance": "only the controller can tell",
+        "task": "not told by the controller",
+        "limits_and_balance": "not told by the controller",
     }
+
+
+def test_what_the_controller_should_have_told_is_bad_where_it_did_not():
+    lost = judge("fit", 0, 0, None, expected=True)
+    assert lost["verdicts"] == {"deadlines": "fit", "task": "bad", "limits_and_balance": "bad"}
+    assert lost["task"]["reasons"] == ["not_told_by_controller"]
+    assert failed(lost["verdicts"])
+    no_target = judge("fit", 0, 0, told(tasks=[], certifiable=0, certified=0), expected=True)
+    assert no_target["verdicts"]["task"] is None
+    assert not failed(no_target["verdicts"])
