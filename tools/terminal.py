@@ -6,6 +6,8 @@ obeys the escape sequences in them: it would hide a line, fake another, or set i
 
 from __future__ import annotations
 
+import unicodedata
+
 
 def printable(text: str) -> str:
     """A whole text: control characters as in a Python string; line breaks and tabs stay."""
@@ -18,6 +20,6 @@ def one_line(name: object) -> str:
 
 
 def _visible(char: str, keep: str) -> str:
-    if char.isprintable() or char in keep:
+    if char.isprintable() or char in keep or unicodedata.category(char) == "Zs":  # a space
         return char
     return char.encode("unicode_escape").decode()
