@@ -189,17 +189,24 @@ class McapScan:
 
     def _walk(self, stream: IO[bytes]) -> None:
         starts, tried = _indexed(stream, self.size), 0
-        while True:
-            stream.seek(self.end)
-            self.problem = self._next(stream)
-            if self.problem:  # go back to the first chunk that was not found, if there is one
-                tried = max([tried, *(_extent(part)[0] for part in self._parts[-1:])])
-                place = bisect_right(starts, tried)
-                if place == len(starts):
-                    return
-                self.end = tried = starts[place]
-            elif self.whole:
-                break
+        seen: set[int] = set()  # where records were read: each once, so that the time is linear
+        stopped = self.end, ""
+        while not self.whole:
+            if self.end in seen:  # from here on, an earlier walk has taken all that there is
+                self.end, self.problem = stopped
+            else:
+                seen.add(self.end)
+                stream.seek(self.end)
+                self.problem = self._next(stream)
+                if not self.problem:
+                    continue
+                stopped = self.end, self.problem
+            if self._parts:  # go back to the first chunk that was not found, if there is one
+                tried = max(tried, _extent(self._parts[-1])[1] - 1)
+            place = bisect_right(starts, tried)
+            if place == len(starts):
+                return
+            self.end = tried = starts[place]
         found = {_extent(part)[0] for part in self._parts}
         lost = [Damage(at, end - at) for at, end in pairwise(starts) if at not in found]
         self._parts = sorted([*self._parts, *lost], key=_extent)
@@ -214,7 +221,8 @@ class McapScan:
         if not opcode or start + length > self.size:
             return f"it ends inside a record that begins at byte {self.end}"
         if opcode == Opcode.FOOTER:
-            if stream.read(length + len(MAGIC) + 1)[length:] != MAGIC:
+            stream.seek(start + length)
+            if stream.read(len(MAGIC) + 1) != MAGIC:
                 self.end = start + length
                 return "the mark at its end is missing"
             self.whole, self.end = True, self.size

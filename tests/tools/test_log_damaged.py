@@ -10,7 +10,9 @@ import subprocess
 import sys
 import zlib
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
+from typing import IO
 
 import pytest
 import zstandard
@@ -22,10 +24,11 @@ from mcap.records import Attachment, Chunk, ChunkIndex, Metadata
 
 from protocol.errors import LogError
 from protocol.ring import Kind, Record
+from tools import mcap_scan
 from tools.export import export
 from tools.log import Log
 from tools.mcap_scan import MAX_CHUNK, McapScan
-from tools.mcap_write import MESSAGE_HEAD, McapFile
+from tools.mcap_write import MAGIC, MESSAGE_HEAD, McapFile
 from tools.repair import repair
 
 
@@ -255,6 +258,62 @@ def test_a_length_that_claims_all_memory_takes_none(tmp_path: Path, sample: Samp
     path.write_bytes(content[: sample.chunks[2].chunk_start_offset])
     os.truncate(path, 1 << 41)
     assert list(Log.open(path).records()) == sample.without(*sample.chunks[1:])
+
+
+def indexed(body: bytes, starts: list[int]) -> bytes:
+    """A log with any records, whose index says that chunks begin at `starts` of them."""
+    head = len(MAGIC)
+    summary = b"".join(struct.pack("<BQQQQ", 8, 24, 0, 0, head + start) for start in starts)
+    summary += struct.pack("<BQQQ", 2, 20, head + len(body), 0)
+    return MAGIC + body + summary + struct.pack("<I", zlib.crc32(summary)) + MAGIC
+
+
+def overlapping(opcode: int, head: bytes, count: int) -> bytes:
+    """Records that all reach to the end of the last one; `head` has room for the length left."""
+    size, body = 9 + len(head) + 8 * (opcode == 6), b""
+    for place in range(count):
+        left = size * (count - place - 1)
+        body += struct.pack("<BQ", opcode, left + size - 9) + head
+        body += struct.pack("<Q", left) * (opcode == 6)
+    return indexed(body + b"\0" * 9, list(range(0, count * size, size)))
+
+
+@pytest.mark.parametrize("kind", ["unknown", "footer", "chunk"])
+def test_no_byte_is_read_again_for_each_entry_of_the_index(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    """A log's own index may name records that were read before, or that overlap each other."""
+    count, taken, read = 1000, 0, 0
+    content = {
+        "unknown": indexed(struct.pack("<BQ", 200, 0) * count + bytes(9), list(range(0, 9000, 9))),
+        "footer": overlapping(2, b"", count),
+        "chunk": overlapping(6, struct.pack("<QQQII", 0, 0, 0, 0, 0), count),
+    }[kind]
+    path = tmp_path / "robot.mcap"
+    path.write_bytes(content)
+    opened, following = mcap_scan.open_regular, McapScan._next
+
+    class Counted(BytesIO):
+        def fileno(self) -> int:
+            return descriptor.fileno()
+
+        def read(self, size: int | None = -1) -> bytes:
+            nonlocal read
+            data = super().read(size)
+            read += len(data)
+            return data
+
+    def following_counted(scan: McapScan, stream: IO[bytes]) -> str:
+        nonlocal taken
+        taken += 1
+        return following(scan, stream)
+
+    monkeypatch.setattr(mcap_scan, "open_regular", lambda _: Counted(content))
+    monkeypatch.setattr(McapScan, "_next", following_counted)
+    with opened(path) as descriptor:
+        McapScan.of(path)
+    assert taken <= 2 * count + 10
+    assert read <= 3 * len(content)
 
 
 def test_what_is_no_file_is_not_opened(tmp_path: Path) -> None:
