@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 import time
 from collections import deque
 from collections.abc import Callable
@@ -21,6 +22,41 @@ from tools.processes import StopFlag
 from tools.services import run_folder
 
 POLL_S = 0.005
+BACKLOG = 4096  # records heard and not yet written: 2 s of a robot and its controller at 1 kHz
+
+
+class Backlog:
+    """What was heard and is not yet written; what comes while it is full is dropped and counted.
+
+    Attributes:
+        dropped: records, since the start.
+    """
+
+    def __init__(self) -> None:
+        self.dropped = 0
+        self._gap = 0  # records dropped since the last one that was kept
+        self._records: deque[Record] = deque()
+        self._lock = threading.Lock()
+
+    def __len__(self) -> int:
+        return len(self._records)
+
+    def put(self, record: Record) -> None:
+        """Keep a record if there is room, behind a record of kind GAP if some were dropped."""
+        with self._lock:
+            if len(self._records) >= BACKLOG:
+                self.dropped += 1
+                self._gap += 1
+                return
+            if self._gap:
+                gap = b'{"dropped": %d}' % self._gap
+                self._records.append(Record(Kind.GAP, record.stamp, gap))
+                self._gap = 0
+            self._records.append(record)
+
+    def take(self) -> Record:
+        """The oldest record, which is removed."""
+        return self._records.popleft()
 
 
 def record_robot(
@@ -37,7 +73,7 @@ def record_robot(
         endpoint: where it, or a router, listens.
         out: folder of the log, or None for a new one in logs/.
         duration: of the recording [s], or None.
-        report: is told once everything is in place.
+        report: is told once everything is in place, and at the end of records that were dropped.
 
     Raises:
         UsageError: that cannot be the name of a robot, or an endpoint.
@@ -51,12 +87,12 @@ def record_robot(
 
     check_name(robot)
     stop = StopFlag()
-    heard: deque[Record] = deque()
-    counts = {Kind.STATE: 0, Kind.SETPOINT: 0, Kind.EVENT: 0}
+    heard = Backlog()
+    counts = {Kind.STATE: 0, Kind.SETPOINT: 0, Kind.EVENT: 0, Kind.GAP: 0}
 
     def listener(kind: Kind) -> Any:
         def note(sample: zenoh.Sample) -> None:
-            heard.append(Record(kind, time.monotonic_ns(), sample.payload.to_bytes()))
+            heard.put(Record(kind, time.monotonic_ns(), sample.payload.to_bytes()))
 
         return note
 
@@ -88,8 +124,8 @@ def record_robot(
         try:
             try:
                 while not stop() and (end is None or time.monotonic() < end):
-                    while heard:
-                        record = heard.popleft()
+                    for _ in range(len(heard)):  # not what comes meanwhile: stop() is asked first
+                        record = heard.take()
                         counts[record.kind] += 1
                         writer.add(record)
                     writer.flush_due(time.monotonic_ns())
@@ -104,9 +140,12 @@ def record_robot(
         except OSError as error:
             why = error.strerror or str(error)
             raise Hoap3Error(f"the log in {folder} is not whole: {why}; {REPAIR}") from error
+    if heard.dropped:
+        report(f"the log has gaps: {heard.dropped} records came faster than they were written")
     return {
         "states": counts[Kind.STATE],
         "setpoints": counts[Kind.SETPOINT],
         "events": counts[Kind.EVENT],
+        "dropped": heard.dropped,
         "log": str(folder),
     }
