@@ -56,7 +56,7 @@ def test_json_has_every_promised_key(run: Command, folder: Path) -> None:
         "success_rate", "rtt_us", "wakeup_us", "stages_us", "final_error", "machine", "log",
     }  # fmt: skip
     assert summary["misses"].keys() == {
-        "late", "lost", "rejected", "duplicate", "out_of_order", "longest_run",
+        "late", "lost", "rejected", "duplicate", "conflicting", "out_of_order", "longest_run",
     }  # fmt: skip
     assert summary["success_rate"].keys() == {"run", "outside_stalls", "worst_window"}
     figures = {"n", "min", "p50", "p90", "p99", "p99_9", "max"}
