@@ -41,7 +41,8 @@ def test_a_flood_neither_fills_memory_nor_keeps_it_from_stopping(
     monkeypatch.setattr(record, "BACKLOG", 64)
     monkeypatch.setattr(record, "Backlog", Heard)
     monkeypatch.setattr(record, "LogWriter", SlowWriter)
-    description, at, said = load("hoap3").to_json(), endpoint(), []
+    said: list[str] = []
+    description, at = load("hoap3").to_json(), endpoint()
     robot = FakeRobot(at, lambda verb, _: description if verb == "description" else None)
     try:
         outcome = record.record_robot("hoap3", at, tmp_path / "out", 0.2, said.append)

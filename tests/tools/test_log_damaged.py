@@ -291,7 +291,7 @@ def test_no_byte_is_read_again_for_each_entry_of_the_index(
     }[kind]
     path = tmp_path / "robot.mcap"
     path.write_bytes(content)
-    opened, following = mcap_scan.open_regular, McapScan._next
+    following = McapScan._next
 
     class Counted(BytesIO):
         def fileno(self) -> int:
@@ -310,7 +310,7 @@ def test_no_byte_is_read_again_for_each_entry_of_the_index(
 
     monkeypatch.setattr(mcap_scan, "open_regular", lambda _: Counted(content))
     monkeypatch.setattr(McapScan, "_next", following_counted)
-    with opened(path) as descriptor:
+    with path.open("rb") as descriptor:
         McapScan.of(path)
     assert taken <= 2 * count + 10
     assert read <= 3 * len(content)
