@@ -25,7 +25,7 @@ from protocol.answers import (
     parse_answer,
     parse_description,
 )
-from protocol.errors import WireError
+from protocol.errors import AuthorityError, WireError
 from protocol.local_control import LocalRobot
 from protocol.messages import State
 from protocol.recorder import MemoryRecorder
@@ -292,14 +292,26 @@ def test_authority_that_our_last_session_still_has_is_waited_for(robots, monkeyp
 
     def script(verb: str, who: str) -> bytes:
         if verb == "acquire" and next(refusals, None) is not None:
-            former = f"{who}-1"
-            return json.dumps({**STATUS, "holder": former, "granted": False}).encode()
+            return json.dumps({**STATUS, "holder": who, "granted": False}).encode()
         return good(verb, DESCRIPTION)
 
     robot, at = robots(script)
     with Controller(at, monkeypatch) as controller:
         controller.wait_for_setpoint(robot)
     assert robot.asked["acquire"] == 6
+
+
+def test_a_controller_of_a_like_name_is_not_taken_for_a_session_of_ours(robots, monkeypatch):
+    def script(verb: str, who: str) -> bytes:
+        if verb == "acquire":
+            return json.dumps({**STATUS, "holder": f"{who}-2", "granted": False}).encode()
+        return good(verb, DESCRIPTION)
+
+    robot, at = robots(script)
+    refused = Controller(at, monkeypatch)
+    with pytest.raises(AuthorityError):
+        refused.service.run()
+    assert robot.asked["acquire"] == 1
 
 
 def test_an_end_while_the_robot_is_silent_comes_at_once(robots, monkeypatch):
