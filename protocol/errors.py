@@ -3,6 +3,7 @@
     Hoap3Error
     ├── UsageError              the user's words are wrong: exit code 2
     │   ├── ConfigError         a file, a key, a value, and what to write instead
+    │   │   └── NoDefaultTaskError  neither the config nor the robot says what to do
     │   ├── UnknownNameError    a name that nobody registered; carries the nearest ones
     │   │   └── NotInstalledError  a name that is known, of something that is not installed
     │   ├── DescriptionError    a robot description that cannot be used
