@@ -169,6 +169,7 @@ def test_a_pendulum_has_what_its_weight_leaves():
                 "postures": {"zero": (0.0,)},
                 "initial_posture": "zero",
                 "base_frame": "base",
+                "default_task": None,
             }
         )
     )

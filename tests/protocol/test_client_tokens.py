@@ -235,8 +235,7 @@ def test_a_holder_is_looked_up_after_a_refusal_and_after_a_recovery(bench, verb)
 
 def test_a_token_whose_news_was_lost_is_found_after_a_refusal(bench):
     client = Client(bench, "unseen")
-    eventually(lambda: "unseen" in bench.tokens())
-    bench.step()
+    bench.step_until(lambda: "unseen" in bench.link._clients._seen, "the token")
     bench.link._clients._seen.clear()
     client.ask()
     assert client.answer()["reason"] == "no_token"
