@@ -60,6 +60,7 @@ def kept_awake(cpu: int, system: Path | None = None, notes: Path | None = None) 
         return
     try:
         try:
+            os.close(os.open(setting, os.O_WRONLY))  # refused before there is a note
             ours = _share(note, setting)
             if ours:
                 setting.write_text(NO_LATENCY, encoding="ascii")

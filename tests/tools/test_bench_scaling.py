@@ -126,6 +126,5 @@ def test_the_command_writes_json_and_a_picture(tmp_path):
 def test_people_see_a_row_for_each_size():
     done = CliRunner().invoke(app, ["bench", "scaling", "--samples", "10", "--most", "14"])
     assert done.exit_code == 0
-    assert done.stdout == ""
     for word in ("median us", "daqp", "osqp_bare", "14", "slope"):
         assert word in done.stdout
