@@ -348,7 +348,7 @@ def test_an_end_while_new_sessions_are_tried_comes_at_once(robots, monkeypatch):
     with Controller(at, monkeypatch) as controller:
         controller.wait_for(lambda: controller.service.sessions > 3)
         controller.stop()
-    assert threading.active_count() == before
+        controller.wait_for(lambda: threading.active_count() <= before)  # Zenoh ends its own later
     assert controller.link._session.is_closed()
     told = [line for line in controller.said if "trying a new session" in line]
     assert len(told) == 1
