@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import pty
-import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -167,7 +166,6 @@ def test_no_colour_and_no_control_character_where_nobody_watches():
     assert "\x1b" not in plain.stdout + plain.stderr
 
 
-@pytest.mark.skipif(shutil.which("stty") is None, reason="needs stty")
 def test_a_narrow_terminal_without_colour_gets_no_escape_sequence():
     mine, theirs = pty.openpty()
     subprocess.run(["stty", "cols", "30"], stdin=theirs, check=True)
