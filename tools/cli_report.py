@@ -39,4 +39,9 @@ def report(
             print_line(f"certificates: {unproved}")
         if figures["replaced"]:
             print_note("written in place of an earlier report")
-    raise typer.Exit(1 if failed(figures["verdicts"]) else 0)
+    for side, lost in figures["damaged"].items():
+        print_note(
+            f"the log of the {side} is cut off or damaged, and shown as far as it can be read: "
+            f"{lost}. `hoap3 record --repair` makes a whole file of the rest"
+        )
+    raise typer.Exit(1 if figures["damaged"] or failed(figures["verdicts"]) else 0)

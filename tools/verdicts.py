@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 CERTIFIED_SHARE = 0.95
@@ -13,13 +13,14 @@ NAMES = {"deadlines": "deadlines", "task": "task", "limits_and_balance": "limits
 FAILED = ("unfit", "bad")
 NOT_JUDGED = "not judged"
 
-NOT_TOLD, NO_TARGET = "not_told_by_controller", "no_target"
+NOT_TOLD, NO_TARGET, DAMAGED = "not_told_by_controller", "no_target", "damaged"
 NOT_REACHED, NOT_CERTIFIED = "not_reached", "not_certified"
 HELD_BACK, WEAK = "held_back", "torque_limited"
 MARGIN, OUTSIDE = "margin_below_zero", "com_outside_support"
 REASONS = {
     NOT_TOLD: "not told by the controller",
     NO_TARGET: "no target with a tolerance",
+    DAMAGED: "what it rests on is lost: the log is cut off or damaged",
     NOT_REACHED: "not reached within the run",
     NOT_CERTIFIED: f"fewer than {CERTIFIED_SHARE:.0%} of the answers certified",
     HELD_BACK: "the robot held a joint back at a limit",
@@ -37,6 +38,7 @@ def judge(
     outcome: Mapping[str, Any] | None,
     *,
     expected: bool = False,
+    damaged: Collection[str] = (),
 ) -> dict[str, Any]:
     """Verdicts, and what two of them rest on.
 
@@ -47,13 +49,18 @@ def judge(
         outcome: what the controller told at its end, see `remote_controller.outcome`; None where
             that is not known.
         expected: the controller should have told it; where it did not, verdicts are bad.
+        damaged: sides, "robot" or "controller", whose logs are cut off or damaged. What is not
+            known of these is lost, which is bad; ticks that nobody sees were perhaps not in time,
+            so the deadlines of such a robot are unfit or not judged.
 
     Returns:
         `verdicts`, `task` and `limits_and_balance`, as docs/concepts.md defines them.
     """
-    task, limits = _task(outcome), _limits(held_back, torque_limited, outcome)
+    task = _task(outcome, damaged)
+    limits = _limits(held_back, torque_limited, outcome, damaged)
+    partly = "robot" in damaged and deadlines not in FAILED
     verdicts = {
-        "deadlines": deadlines,
+        "deadlines": None if partly else deadlines,
         "task": _verdict(task["reasons"], expected=expected),
         "limits_and_balance": _verdict(limits["reasons"], expected=expected),
     }
@@ -80,7 +87,7 @@ def _verdict(reasons: list[str], *, expected: bool) -> str | None:
     return "bad" if reasons else "good"
 
 
-def _task(outcome: Mapping[str, Any] | None) -> dict[str, Any]:
+def _task(outcome: Mapping[str, Any] | None, damaged: Collection[str]) -> dict[str, Any]:
     outcome = outcome or {}
     errors, certifiable = outcome.get("tasks", []), outcome.get("certifiable", 0)
     certified = outcome.get("certified", 0)
@@ -91,7 +98,7 @@ def _task(outcome: Mapping[str, Any] | None) -> dict[str, Any]:
     if share is not None and share < CERTIFIED_SHARE:
         reasons.append(NOT_CERTIFIED)
     if not outcome:
-        reasons.append(NOT_TOLD)
+        reasons.append(DAMAGED if "controller" in damaged else NOT_TOLD)
     elif share is None and not any(each["judged"] for each in errors):
         reasons.append(NO_TARGET)
     return {
@@ -104,7 +111,10 @@ def _task(outcome: Mapping[str, Any] | None) -> dict[str, Any]:
 
 
 def _limits(
-    held_back: int | None, torque_limited: int | None, outcome: Mapping[str, Any] | None
+    held_back: int | None,
+    torque_limited: int | None,
+    outcome: Mapping[str, Any] | None,
+    damaged: Collection[str],
 ) -> dict[str, Any]:
     told = outcome or {}
     margin, balance = told.get("margin") or {}, told.get("balance") or {}
@@ -115,8 +125,10 @@ def _limits(
         reasons.append(MARGIN)
     if balance.get("outside"):
         reasons.append(OUTSIDE)
-    if outcome is None or held_back is None:
-        reasons.append(NOT_TOLD)
+    said = {"robot": held_back, "controller": outcome}
+    silent = {side for side, what in said.items() if what is None}
+    if silent:
+        reasons.append(NOT_TOLD if silent.isdisjoint(damaged) else DAMAGED)
     return {
         "held_back": held_back,
         "torque_limited": torque_limited,

@@ -115,3 +115,24 @@ def test_what_the_controller_should_have_told_is_bad_where_it_did_not():
     no_target = judge("fit", 0, 0, told(tasks=[], certifiable=0, certified=0), expected=True)
     assert no_target["verdicts"]["task"] is None
     assert not failed(no_target["verdicts"])
+
+
+@pytest.mark.parametrize(
+    ("damaged", "deadlines", "outcome", "held_back", "expected"),
+    [
+        (("controller",), "fit", None, 0, ("fit", "bad", "bad")),
+        (("controller",), "fit", told(), 0, ("fit", "good", "good")),
+        (("robot",), "fit", told(), None, (None, "good", "bad")),
+        (("robot",), "warn", told(), 0, (None, "good", "good")),
+        (("robot",), "unfit", told(), 0, ("unfit", "good", "good")),
+        (("robot",), None, None, None, (None, None, "bad")),
+    ],
+)
+def test_what_a_damaged_log_has_lost_is_never_good(
+    damaged, deadlines, outcome, held_back, expected
+):
+    judged = judge(deadlines, held_back, held_back, outcome, damaged=damaged)
+    assert tuple(judged["verdicts"].values()) == expected
+    for name in ("task", "limits_and_balance"):
+        lost = judged["verdicts"][name] == "bad"
+        assert judged[name]["reasons"].count("damaged") == lost

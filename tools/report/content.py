@@ -65,11 +65,21 @@ class Content:
 
     @cached_property
     def judged(self) -> dict[str, Any]:
-        """The three verdicts, and what they rest on, as `run --json` has them."""
+        """The three verdicts, and what they rest on, as `run --json` has them.
+
+        A controller whose answers are in the logs should have told what they came to.
+        """
         sources, motion = self.sources, self.motion
         outcome = sources.outcomes.get(motion.session_id) if motion is not None else None
-        deadlines = self.timing.verdict if self.timing else None
-        return judge(deadlines, sources.interventions, sources.torque_limited, outcome)
+        untold = motion is not None and outcome is None and sources.answered(motion.session_id)
+        return judge(
+            self.timing.verdict if self.timing else None,
+            sources.interventions,
+            sources.torque_limited,
+            outcome,
+            expected=untold,
+            damaged=sources.damaged,
+        )
 
     @property
     def robot(self) -> str:
@@ -146,6 +156,7 @@ class Content:
                 for drawing in drawings
             ],
             "gaps": list(self.gaps),
+            "damaged": dict(self.sources.damaged),
             "machine": self.machine(self.sources.main.side),
             "log": str(self.sources.path),
         }

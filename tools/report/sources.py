@@ -29,6 +29,7 @@ class Sources:
         summary: what the robot counted itself, at its end; empty where that is not in its log.
         outcomes: what the controller counted, by session of the robot.
         gaps: what is missing, in words, each with what follows from it.
+        damaged: what is lost of each log that is cut off or damaged, in words, by side.
     """
 
     path: Path
@@ -38,6 +39,7 @@ class Sources:
     summary: dict[str, Any]
     outcomes: dict[int, dict[str, Any]] = field(default_factory=dict)
     gaps: list[str] = field(default_factory=list)
+    damaged: dict[str, str] = field(default_factory=dict)
 
     @classmethod
     def open(cls, path: Path) -> Sources:
@@ -46,7 +48,8 @@ class Sources:
         Raises:
             LogError: there is no log of ours.
         """
-        found, gaps = _logs(path)
+        found, damaged = _logs(path)
+        gaps = [f"The log of the {side} cannot be read: {why}." for side, why in damaged.items()]
         logs = {log.side: log for log in found}
         robot, controller = logs.get("robot"), logs.get("controller")
         gaps += [
@@ -54,6 +57,7 @@ class Sources:
             for log in found
             if log.missing
         ]
+        damaged |= {log.side: log.missing for log in found if log.truncated or log.damages}
         if robot is None and not any(path.glob("robot*.mcap")):
             gaps.append(
                 "There is no log of the robot: whether answers were in time, and when it woke, "
@@ -74,7 +78,7 @@ class Sources:
         counted = summaries[-1] if summaries else {}
         theirs = said.get("controller", {}).get("summary", [])
         outcomes = {each["session_id"]: each for each in theirs if "session_id" in each}
-        return cls(path, robot, controller, lockstep, counted, outcomes, gaps)
+        return cls(path, robot, controller, lockstep, counted, outcomes, gaps, damaged)
 
     @property
     def logs(self) -> list[Log]:
@@ -95,6 +99,16 @@ class Sources:
     def torque_limited(self) -> int | None:
         """Periods in which efforts were too small to keep its limits; None likewise."""
         return self._counted("torque_limited")
+
+    def answered(self, session: int) -> bool:
+        """Whether the controller's log holds answers to a session of the robot."""
+        if self.controller is None:
+            return False
+        try:
+            answers = self.controller.setpoints()
+        except LogError:
+            return False  # of another version
+        return bool((answers["session_id"] == session).any())
 
     def _counted(self, name: str) -> int | None:
         found = self.summary.get(name)
@@ -138,21 +152,23 @@ def of_ours(path: Path) -> Iterator[None]:
         ) from error
 
 
-def _logs(path: Path) -> tuple[list[Log], list[str]]:
-    """Every log that can be read, and what is wrong with the others."""
+def _logs(path: Path) -> tuple[list[Log], dict[str, str]]:
+    """Every log that can be read, and what is wrong with the others, by side."""
     if not path.is_dir():
-        return [Log.open(path)], []
-    logs, gaps, last = [], [], None
+        return [Log.open(path)], {}
+    logs, unreadable, last = [], {}, None
     for side in SIDES:
         try:
             logs.append(Log.open(path, side))
         except LogError as error:
             last = error
             if any(path.glob(f"{side}*.mcap")):
-                gaps.append(f"The log of the {side} cannot be read: {error}.")
+                unreadable[side] = str(error)
     if not logs and last is not None:
-        raise last if not gaps else LogError(gaps[0].removesuffix("."))
-    return logs, gaps
+        for side, why in unreadable.items():
+            raise LogError(f"The log of the {side} cannot be read: {why}")
+        raise last
+    return logs, unreadable
 
 
 def _inputs(log: Log) -> dict[str, list[dict[str, Any]]]:

@@ -205,6 +205,50 @@ def test_the_page_lies_beside_the_log_where_nothing_else_is_said(command, lockst
     assert "in place of an earlier report" in again.stderr
 
 
+def cut(folder, log: str, share: float):
+    """Lose the end of a file."""
+    written = (folder / log).read_bytes()
+    (folder / log).write_bytes(written[: int(share * len(written))])
+    return folder
+
+
+@pytest.mark.parametrize(("side", "lost"), [("robot", "deadlines"), ("controller", "task")])
+def test_a_log_that_was_cut_off_is_a_finding(side, lost, command, lockstep, tmp_path):
+    folder = cut(shutil.copytree(lockstep[0], tmp_path / "cut"), f"{side}.mcap", 0.8)
+    done = command(folder, "--json")
+    figures = json.loads(done.stdout)
+    assert done.exit_code == 1
+    assert list(figures["damaged"]) == [side]
+    assert figures["verdicts"][lost] in {None, "bad"}
+    assert figures["verdicts"]["limits_and_balance"] == "bad"
+    assert "damaged" in figures["limits_and_balance"]["reasons"]
+    assert f"{side}.mcap" in done.stderr
+    assert "record --repair" in done.stderr
+
+
+def test_a_log_that_cannot_be_read_at_all_is_a_finding(command, lockstep, tmp_path):
+    folder = cut(shutil.copytree(lockstep[0], tmp_path / "cut"), "controller.mcap", 1e-4)
+    done = command(folder, "--json")
+    assert done.exit_code == 1
+    assert json.loads(done.stdout)["task"]["reasons"] == ["damaged"]
+
+
+def test_a_controller_that_never_told_what_its_answers_came_to_is_a_finding(command, tmp_path):
+    untold, unheard = tmp_path / "untold", tmp_path / "unheard"
+    untold.mkdir()
+    unheard.mkdir()
+    folder = Story(300).write(untold)
+    done = command(folder, "--json")
+    figures = json.loads(done.stdout)
+    assert done.exit_code == 1
+    assert figures["verdicts"]["task"] == "bad"
+    assert figures["task"]["reasons"] == ["not_told_by_controller"]
+    assert figures["damaged"] == {}
+    alone = command(Story(300).write(unheard, controller=False), "--json")
+    assert json.loads(alone.stdout)["verdicts"]["task"] is None
+    assert alone.exit_code == 0
+
+
 def test_an_unfit_run_is_a_finding(command, tmp_path):
     folder = active_log(tmp_path, setpoint={"epoch": 9})  # the robot refuses them all
     assert command(folder, "--out", tmp_path / "page.html").exit_code == 1
