@@ -36,6 +36,8 @@ class Status(Answer):
         session_id: one run of the robot's schedule.
         tick: the newest one.
         lockstep: whether the robot's time is virtual.
+        stop_reason: why it stops or is stopped, as `protocol.stop_reasons` names it; None where it
+            does neither, or does not tell, as older robots do not.
     """
 
     mode: Literal["idle", "active", "stopping", "stopped"]
@@ -43,6 +45,7 @@ class Status(Answer):
     session_id: Uint64
     tick: Uint64
     lockstep: bool
+    stop_reason: Annotated[str, Field(pattern=r"^[a-z_]{1,32}$")] | None = None
 
 
 class Recovery(Status):

@@ -11,6 +11,7 @@ from protocol.errors import Hoap3Error, UsageError, WireError
 from protocol.messages import Event, FloatArray, State
 from protocol.recorder import Recorder
 from protocol.ring import Kind
+from protocol.stop_reasons import LATCHING, STOP_REASONS
 from remote_controller.controllers.controller import Controller
 from remote_controller.outcome import Outcome
 from remote_controller.registry import blame
@@ -24,8 +25,8 @@ RUN_UP = 3
 """Ticks before a grant begins at each of which the controller begins anew, as it will then: what it
 does only at a beginning is slow where it has not just been done."""
 
-CONFLICT_PAUSE_NS = 1_000_000_000
-"""Between two records of the robot's word that another client sends setpoints, too."""
+HEARD_PAUSE_NS = 1_000_000_000
+"""Between two records of the like that the robot said: anybody may publish in its name."""
 
 DOUBTS = 100
 """States in a row that do not fit what was agreed, after which it is agreed anew."""
@@ -79,7 +80,8 @@ class ControllerLoop:
         self.epoch = 0
         self.steps = self.answered = self.overwritten = self.repeated = self.rejected = 0
         self.stale = False
-        self._robot_event, self._conflict_due = Event(), 0
+        self._robot_event = Event()
+        self._conflict_due = self._stop_due = 0  # when the next such word is recorded
         self._strange = 0  # States in a row that do not fit what was agreed
         self._last_tick = -1
         self._last_answer: bytes | None = None
@@ -196,17 +198,28 @@ class ControllerLoop:
         self._record()
 
     def hear(self, payload: bytes) -> None:
-        """Take an Event of the robot, and record it where it says that setpoints conflict."""
+        """Take an Event of the robot, and record that setpoints conflict, or that it stops.
+
+        A stop that lasts until somebody recovers the robot is recorded in real time only: in
+        virtual time nothing says between which States the word of it came, and a log would not be
+        the same again.
+        """
         event = self._robot_event
         try:
             event.load(payload)
         except WireError:
             return  # anybody may publish there
+        if event.session_id != self._session_id:
+            return
         now = self._clock.now()
-        conflict = event.kind == EVENTS["CONFLICTING_SETPOINTS"]
-        if conflict and event.session_id == self._session_id and now >= self._conflict_due:
-            self._conflict_due = now + CONFLICT_PAUSE_NS
+        if event.kind == EVENTS["CONFLICTING_SETPOINTS"] and now >= self._conflict_due:
+            self._conflict_due = now + HEARD_PAUSE_NS
             self.announce("CONFLICTING_SETPOINTS", event.detail)
+        elif event.kind == EVENTS["SAFE_STOP"] and now >= self._stop_due:
+            lasts = STOP_REASONS.get(event.detail) in LATCHING
+            if lasts and not isinstance(self._clock, VirtualClock):
+                self._stop_due = now + HEARD_PAUSE_NS
+                self.announce("SAFE_STOP", event.detail)
 
     def sum_up(self) -> None:
         """Record what the answers so far came to, unless there is none since the last time.

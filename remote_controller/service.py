@@ -20,6 +20,7 @@ from protocol.messages import State
 from protocol.notes import Detail, Routine, told
 from protocol.realtime import prepare_process
 from protocol.recorder import Recorder
+from protocol.stop_reasons import stop_words, waits_for_recovery
 from protocol.zenoh_link import ZenohControllerLink
 from remote_controller.config import ControllerConfig, build
 from remote_controller.controllers.controller import Controller
@@ -274,7 +275,11 @@ class Service:
             return False
         loop.grant(grant.epoch)
         loop.announce("ROBOT_FOUND", grant.epoch)
-        self._report(Routine(f"following robot {link.robot!r} from tick {grant.from_tick}"))
+        if waits_for_recovery(grant.mode, grant.stop_reason):
+            stands = stop_words(link.robot, grant.stop_reason)
+            self._report(f"following robot {link.robot!r}, which does not move: {stands}")
+        else:
+            self._report(Routine(f"following robot {link.robot!r} from tick {grant.from_tick}"))
         return True
 
     def _acquire(self, link: ZenohControllerLink) -> Grant | None:

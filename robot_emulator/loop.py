@@ -23,6 +23,7 @@ from protocol.messages import COMMANDS, Event, State
 from protocol.realtime import Ticker
 from protocol.recorder import Recorder
 from protocol.ring import Kind
+from protocol.stop_reasons import STOP_REASONS
 from robot_emulator.authority import Authority
 from robot_emulator.body import build_body
 from robot_emulator.config import EmulatorConfig
@@ -336,6 +337,7 @@ class RobotLoop:
             "session_id": self._state.session_id,
             "tick": self.tick,
             "lockstep": isinstance(self._clock, VirtualClock),
+            "stop_reason": STOP_REASONS.get(self._stop_reason),
         }
 
     def _grant(self, request: Request) -> None:

@@ -421,14 +421,18 @@ def _root(
 
 
 def _tell(robot: str | None, verb: str, connect: str | None, as_json: bool) -> None:
+    from protocol.stop_reasons import stop_words, waits_for_recovery
     from tools.find_robot import ask_robot
     from tools.output import print_json, print_line
 
     name, answer = ask_robot(robot, verb, connect)
     if as_json:
-        print_json(answer)
+        print_json({"robot": name, **answer})
     else:
-        print_line(f"{name}: {answer['mode']}, follows {one_line(answer['holder'] or 'nobody')}")
+        words = f"{name}: {answer['mode']}, follows {one_line(answer['holder'] or 'nobody')}"
+        if waits_for_recovery(answer["mode"], answer.get("stop_reason")):
+            words += f"; {stop_words(name, answer.get('stop_reason'))}"
+        print_line(words)
     if answer.get("recovered") is False:
         from tools.processes import to_people
 

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from protocol.errors import Hoap3Error, UsageError
 from protocol.messages import Event
 from protocol.ring import Kind, Record, Ring
+from protocol.stop_reasons import STOP_REASONS, stop_words
 from tools.certificate_count import CertificateCount
 from tools.event_words import CONDITIONS, event_name, in_words, is_routine
 from tools.outside import OutsideStalls
@@ -162,9 +163,9 @@ class Observer:
 class _Reporter:
     """Tells people, or the process that asked for it, what happens."""
 
-    def __init__(self, status_fd: int | None, side: str) -> None:
+    def __init__(self, status_fd: int | None, side: str, robot: str) -> None:
         self._status: TextIO | None = None if status_fd is None else os.fdopen(status_fd, "w")
-        self._side = side
+        self._side, self._robot = side, robot
         self._conditions: tuple[str, ...] = ()  # names that the controller gives
         self._told: set[int] = set()
 
@@ -199,7 +200,10 @@ class _Reporter:
             self._told.add(event.detail)
         name = event_name(event.kind, event.detail)
         words = in_words(event.kind, event.detail, (), self._conditions)
-        text = f"{self._side}: tick {event.tick}: {name}" + (f" ({words})" if words else "")
+        what = f"{name} ({words})" if words else name
+        if self._side == "controller" and event.kind == _EVENTS["SAFE_STOP"]:
+            what = stop_words(self._robot, STOP_REASONS.get(event.detail))
+        text = f"{self._side}: tick {event.tick}: {what}"
         content = {"text": text, "kind": name, "tick": event.tick, "detail": event.detail}
         routine = is_routine(event.kind, event.detail)
         self._tell("event", {**content, "routine": routine})
@@ -274,7 +278,7 @@ class _Watch:
         )
         self._certificates = CertificateCount()
         self._outcome: dict[str, Any] | None = None
-        self._reporter = _Reporter(order["status_fd"], order["side"])
+        self._reporter = _Reporter(order["status_fd"], order["side"], order["robot"])
         self._states = 0
 
     def take(self, record: Record) -> None:

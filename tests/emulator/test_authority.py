@@ -91,6 +91,26 @@ def test_recover_resumes_without_a_jump():
     assert np.ptp(reference, axis=0).max() == 0.0
 
 
+@pytest.mark.parametrize(
+    ("ask", "who", "reason"),
+    [("stop", "operator", "command"), ("gone", "alice", "holder_lost")],
+)
+def test_the_status_says_why_the_robot_is_stopped(ask, who, reason):
+    bench = Bench()
+    bench.link.ask("acquire", "alice")
+    before = bench.link.ask("status", "operator")
+    bench.run(5)
+    bench.link.ask(ask, who)
+    bench.run(200)
+    stopped = bench.link.ask("status", "operator")
+    bench.run(1)
+    after = bench.link.ask("recover", "operator")
+    bench.run(1)
+    assert before[0]["stop_reason"] is None
+    assert (stopped[0]["mode"], stopped[0]["stop_reason"]) == ("stopped", reason)
+    assert after[0]["stop_reason"] is None
+
+
 def test_recover_is_refused_where_nothing_is_latched():
     bench = Bench()
     answer = bench.link.ask("recover", "operator")

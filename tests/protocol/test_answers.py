@@ -44,7 +44,13 @@ def test_a_good_answer_is_taken_as_it_is(verb):
 
 def test_a_key_that_is_not_known_is_left_out():
     answer = parse_answer(Status, json.dumps({**STATUS, "battery": 0.5}).encode(), "robot")
-    assert answer.model_dump() == STATUS
+    assert answer.model_dump(exclude_unset=True) == STATUS
+
+
+def test_older_robots_do_not_tell_why_they_are_stopped():
+    assert parse_answer(Status, json.dumps(STATUS).encode(), "robot").stop_reason is None
+    told = json.dumps({**STATUS, "mode": "stopped", "stop_reason": "holder_lost"}).encode()
+    assert parse_answer(Status, told, "robot").stop_reason == "holder_lost"
 
 
 def test_a_holder_may_have_any_name():
@@ -66,6 +72,9 @@ def test_a_holder_may_have_any_name():
         ("tick", True),
         ("lockstep", 0),
         ("lockstep", None),
+        ("stop_reason", 3),
+        ("stop_reason", "x" * 33),
+        ("stop_reason", "misses\n"),
     ],
 )
 def test_a_wrong_value_is_named(key, value):

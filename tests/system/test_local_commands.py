@@ -32,7 +32,11 @@ def test_the_only_robot_needs_neither_name_nor_endpoint(runtime):
         assert inside("status").stdout == "arm: idle, follows nobody\n"
         assert inside("status", "arm", "--json").json().keys() == tell("status", at, "arm").keys()
         assert inside("stop", "--json").json()["mode"] == "stopped"
-        assert inside("status", "--connect", at).stdout == "arm: stopped, follows nobody\n"
+        stopped = inside("status", "--connect", at).stdout
+        assert stopped.startswith("arm: stopped, follows nobody; ")
+        assert "hoap3 recover arm" in stopped
+        told = inside("status", "--json").json()
+        assert (told["robot"], told["stop_reason"]) == ("arm", "command")
         assert inside("recover").stdout == "arm: idle, follows nobody\n"
         assert inside("recover").code == 1
         assert inside("release").stdout == "arm: follows nobody\n"
