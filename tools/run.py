@@ -345,7 +345,7 @@ def _join(summary: dict[str, Any], controller: dict[str, Any]) -> None:
     if summary["certificates"] and theirs:
         summary["certificates"]["reasons"] = theirs["reasons"]
     held_back, limited = summary["interventions"], summary["torque_limited"]
-    deadlines = summary["verdicts"]["deadlines"]
+    deadlines = summary["verdicts"]["deadlines"] or "unfit"  # it should have asked something
     summary |= judge(deadlines, held_back, limited, controller.get("outcome"), expected=True)
 
 

@@ -165,6 +165,8 @@ def show_summary(summary: dict[str, Any]) -> None:
 def _add_verdicts(table: Table, summary: dict[str, Any]) -> None:
     """A row for each verdict."""
     words = in_words(summary)
+    if not summary["ticks"]:
+        words["deadlines"] = "nothing was asked, no controller was followed"
     for key, name in NAMES.items():
         table.add_row(name, coloured_verdict(summary["verdicts"][key], words.get(key, "")))
 

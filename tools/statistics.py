@@ -100,13 +100,12 @@ class RunStatistics:
         safe_stops = robot.get("safe_stops", 0)
         skipped = self._skipped - (self._skipped_before or 0)
         outside, outside_rate = self._outside(robot.get("in_time", 0))
-        deadlines = (
-            "unfit"
-            if run_rate is None
-            else verdict(
-                robot.get("in_time", 0) / (robot["asked"] + skipped), safe_stop=safe_stops > 0
-            )
-        )
+        deadlines: str | None = "unfit"
+        if run_rate is not None:
+            scheduled = robot.get("in_time", 0) / (robot["asked"] + skipped)
+            deadlines = verdict(scheduled, safe_stop=safe_stops > 0)
+        elif robot and not safe_stops:
+            deadlines = None  # nothing was asked: there was nothing to be in time for
         interventions, limited = robot.get("interventions", 0), robot.get("torque_limited", 0)
         result: dict[str, Any] = {
             **judge(deadlines, interventions, limited, None),

@@ -142,6 +142,19 @@ def test_skipped_ticks_count_in_the_verdict():
     assert summary["verdicts"]["deadlines"] == "unfit"  # 100 of 119
 
 
+@pytest.mark.parametrize(("safe_stops", "expected"), [(0, None), (1, "unfit")])
+def test_where_nothing_was_asked_there_is_nothing_to_judge(safe_stops, expected):
+    robot = Robot(watching())
+    robot.tick(0, mode=State.IDLE)
+    count = b'{"asked": 0, "in_time": 0, "safe_stops": %d}' % safe_stops
+    robot.statistics.add(Record(Kind.SUMMARY, 0, count))
+    assert robot.statistics.summary()["verdicts"]["deadlines"] == expected
+
+
+def test_a_robot_that_never_told_its_count_is_unfit():
+    assert RunStatistics(T, watching()).summary()["verdicts"]["deadlines"] == "unfit"
+
+
 def test_only_stalls_of_the_motion_are_counted():
     stalls = watching(
         (START - 3 * T, START - 2 * T),
