@@ -55,7 +55,6 @@ AllowCode = Annotated[
 ]
 StatusFd = Annotated[int | None, typer.Option("--status-fd", hidden=True)]
 Named = Annotated[str | None, typer.Option("--named", hidden=True)]
-Connect = Annotated[str, typer.Option("--connect", help="Endpoint of the robot or a router.")]
 Somewhere = Annotated[
     str | None,
     typer.Option(
@@ -195,22 +194,32 @@ def controller(
 @app.command("list")
 def list_all(
     live: Annotated[bool, typer.Option("--live", help="Also the robots that are alive.")] = False,
-    connect: Connect = ENDPOINT,
+    connect: Annotated[
+        str | None,
+        typer.Option(
+            "--connect",
+            help=f"Endpoint of robots or a router. Default: this machine, and {ENDPOINT}.",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """List robots, controllers, tasks, curves, constraints and configs that can be named."""
-    from tools.control import alive
-    from tools.output import print_json, print_line
+    from tools.find_robot import live_robots
+    from tools.output import print_json, print_line, print_note
     from tools.settings import named
 
-    found = named()
+    found, silent = named(), ""
     if live:
-        found["alive"] = alive(connect)
+        found["alive"], silent = live_robots(connect)
     if as_json:
         print_json(found)
-        return
-    for kind, names in found.items():
-        print_line(f"{kind}: {', '.join(names) or 'none'}")
+    else:
+        for kind, names in found.items():
+            print_line(f"{kind}: {', '.join(names) or 'none'}")
+    if silent:
+        print_note(f"robots of the network are not listed: {silent}")
+    if silent and connect is not None:
+        raise typer.Exit(1)
 
 
 @app.command()
@@ -258,7 +267,7 @@ def release(robot: Running = None, as_json: AsJson = False) -> None:
 
 @app.command()
 def record(
-    robot: Annotated[str, typer.Argument(help="Name of the robot to listen to.")] = "hoap3",
+    robot: Running = None,
     repair: Annotated[
         Path | None, typer.Option("--repair", metavar="LOG", help="Mend a log instead.")
     ] = None,
@@ -266,11 +275,12 @@ def record(
         float | None,
         typer.Option(min=0.001, callback=finite, help="[s]; default: until Ctrl-C."),
     ] = None,
-    connect: Connect = ENDPOINT,
+    connect: Somewhere = None,
     out: Out = None,
     as_json: AsJson = False,
 ) -> None:
     """Record a running robot from outside, or mend a log that was cut off."""
+    from tools.find_robot import reach_robot
     from tools.output import print_json, print_line
     from tools.processes import to_people
     from tools.record import record_robot
@@ -283,7 +293,8 @@ def record(
         else:
             print_line(str(report))
         return
-    outcome = record_robot(robot, connect, out, duration, to_people)
+    name, endpoint = reach_robot(robot, connect)
+    outcome = record_robot(name, endpoint, out, duration, to_people)
     if as_json:
         print_json(outcome)
     else:

@@ -70,6 +70,26 @@ def reach_robot(robot: str | None, endpoint: str | None) -> tuple[str, str]:
     return robot or only_alive(place), place
 
 
+def live_robots(endpoint: str | None) -> tuple[list[str], str]:
+    """Names of the robots that are alive.
+
+    Args:
+        endpoint: where one, or a router, listens; None: on this machine, and at `ENDPOINT`.
+
+    Returns:
+        The names, those of this machine first, and why the network told none, or "".
+
+    Raises:
+        UsageError: that cannot be an endpoint.
+    """
+    names = [one.name for one in local_robots()] if endpoint is None else []
+    try:
+        names += alive(ENDPOINT if endpoint is None else endpoint)
+    except LinkError as error:
+        return list(dict.fromkeys(names)), str(error)
+    return list(dict.fromkeys(names)), ""
+
+
 def find_local(robot: str | None) -> LocalRobot | None:
     """The robot of this user on this machine; None where there is none.
 

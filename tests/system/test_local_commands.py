@@ -51,6 +51,29 @@ def test_the_only_robot_needs_neither_name_nor_endpoint(runtime):
     assert not path.exists()
 
 
+def test_a_recording_takes_the_only_robot_of_this_machine(tmp_path):
+    with emulator("hoap3", *QUIET, "--set", "name=arm", at=endpoint()) as robot:
+        done = inside("record", "--duration", 0.2, "--out", tmp_path / "log", "--json")
+        assert done.code == 0
+        assert done.json()["states"] > 0
+        assert robot.end(signal.SIGTERM) == 0
+
+
+def test_the_list_has_robots_of_this_machine_where_the_network_is_silent(monkeypatch):
+    def silent(endpoint: str) -> list[str]:
+        raise LinkError(f"nobody answers at {endpoint}")
+
+    monkeypatch.setattr(find_robot, "alive", silent)
+    with closing(LocalControl("arm", ())):
+        done = inside("list", "--live", "--json")
+        assert (done.code, done.json()["alive"]) == (0, ["arm"])
+        assert ENDPOINT in done.stderr
+        elsewhere = inside("list", "--live", "--json", "--connect", "tcp/10.0.0.1:1")
+        assert (elsewhere.code, elsewhere.json()["alive"]) == (1, [])
+        monkeypatch.setattr(find_robot, "alive", lambda _: ["arm", "leg"])
+        assert inside("list", "--live", "--json").json()["alive"] == ["arm", "leg"]
+
+
 def test_of_several_robots_one_is_to_be_named(runtime, monkeypatch):
     monkeypatch.setattr(local_control, "ANSWER_TIMEOUT_S", 0.05)  # no loop serves them
     made = [LocalControl("arm", ("tcp/127.0.0.1:1",))]
