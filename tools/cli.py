@@ -437,14 +437,15 @@ def _tell(robot: str | None, verb: str, connect: str | None, as_json: bool) -> N
     from tools.output import print_json, print_line
 
     name, answer = ask_robot(robot, verb, connect)
+    failed = answer.get("recovered") is False
     if as_json:
         print_json({"robot": name, **answer})
-    else:
+    elif not failed:
         words = f"{name}: {answer['mode']}, follows {one_line(answer['holder'] or 'nobody')}"
         if waits_for_recovery(answer["mode"], answer.get("stop_reason")):
             words += f"; {stop_words(name, answer.get('stop_reason'))}"
         print_line(words)
-    if answer.get("recovered") is False:
+    if failed:
         from tools.processes import to_people
 
         to_people(f"error: {name} is {answer['mode']}: only a stopped robot can be recovered")

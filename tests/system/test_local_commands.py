@@ -38,7 +38,10 @@ def test_the_only_robot_needs_neither_name_nor_endpoint(runtime):
         told = inside("status", "--json").json()
         assert (told["robot"], told["stop_reason"]) == ("arm", "command")
         assert inside("recover").stdout == "arm: idle, follows nobody\n"
-        assert inside("recover").code == 1
+        again = inside("recover")
+        assert (again.code, again.stdout) == (1, "")
+        assert again.stderr.startswith("error: ")
+        assert inside("recover", "--json").json()["recovered"] is False
         assert inside("release").stdout == "arm: follows nobody\n"
         assert inside("release", "--json").json() == {"released": False}
         assert reach_robot(None, None) == reach_robot("arm", None) == ("arm", at)
