@@ -319,11 +319,17 @@ def replay(
     from tools.kernel_news import watch_compilation
 
     watch_compilation()
-    from tools.output import print_json, print_line, progress
+    from tools.output import print_json, print_line, print_note, progress
     from tools.replay import replay as again
 
     with progress(f"replay {log}") as meter:
-        report = again(log, sets, tolerance=tolerance, allow_code=allow_code, say=meter.step)
+        report = again(
+            *(log, sets),
+            tolerance=tolerance,
+            allow_code=allow_code,
+            say=meter.step,
+            note=print_note,
+        )
     if as_json:
         print_json(report.as_json())
     else:

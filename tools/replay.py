@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
+from dataclasses import field as made
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ import numpy as np
 
 from protocol.clock import MonotonicClock, VirtualClock
 from protocol.description import RobotDescription
-from protocol.errors import LogError, WireError
+from protocol.errors import Hoap3Error, LogError, WireError
 from protocol.messages import STAMP_FIELDS, Setpoint, State
 from protocol.recorder import NoRecorder
 from protocol.ring import Kind, Record
@@ -26,6 +27,7 @@ from remote_controller.loop import ControllerLoop
 from remote_controller.registry import is_registered
 from remote_controller.user_code import user_code
 from tools.log import Log
+from tools.software import differences, in_words
 
 SAID_SETPOINTS = 500  # after so many the progress is told
 
@@ -42,6 +44,7 @@ class ReplayReport:
         gap: tick beyond which nothing can be verified, or None.
         tolerance: largest difference of a value that counts as equal.
         missing: what the log has lost, so that it cannot be compared, or "".
+        software: versions that are not those of the log, by name: the log's, and the present one.
     """
 
     setpoints: int = 0
@@ -51,6 +54,7 @@ class ReplayReport:
     gap: int | None = None
     tolerance: float = 0.0
     missing: str = ""
+    software: dict[str, list[str]] = made(default_factory=dict)
 
     @property
     def identical(self) -> bool:
@@ -67,6 +71,8 @@ class ReplayReport:
         if not self.setpoints:
             text = "no setpoint to compare"
         if self.first_difference is not None:
+            if self.software:
+                text = f"{in_words(self.software)}; {text}"
             text += f"; first difference at tick {self.first_difference}: {self.field}"
         if self.missing:
             text += f"; the log is not whole: {self.missing}"
@@ -82,6 +88,7 @@ def replay(
     tolerance: float = 0.0,
     allow_code: bool = False,
     say: Callable[[str], None] = lambda _: None,
+    note: Callable[[str], None] = lambda _: None,
 ) -> ReplayReport:
     """Repeat a log.
 
@@ -91,12 +98,32 @@ def replay(
         tolerance: largest difference of a value that counts as equal.
         allow_code: import what the log names by a dotted path: a controller, a task, a constraint.
         say: takes how far it is, in words.
+        note: is told before an error where the software is not that of the log.
 
     Raises:
         LogError: not a controller's log, or one that names code.
         UsageError: the logged settings do not fit this version.
     """
     log = Log.open(path, side="controller")
+    others = differences(log.metadata.get("versions", {}))
+    try:
+        report = _replay(log, path, overrides, tolerance, allow_code, say)
+    except Hoap3Error:
+        if others:
+            note(in_words(others))
+        raise
+    report.missing, report.software = log.missing, others
+    return report
+
+
+def _replay(
+    log: Log,
+    path: Path,
+    overrides: list[str],
+    tolerance: float,
+    allow_code: bool,
+    say: Callable[[str], None],
+) -> ReplayReport:
     file = f"config in {path}"
     content = apply_overrides(parse_yaml(log.config, file), overrides)
     config = parse(ControllerConfig, content, file)
@@ -107,14 +134,12 @@ def replay(
         )
     try:
         with user_code(allowed=allow_code):
-            report = replay_records(log.records(), config, tolerance=tolerance, file=file, say=say)
+            return replay_records(log.records(), config, tolerance=tolerance, file=file, say=say)
     except (WireError, LookupError, TypeError, ValueError, RecursionError) as error:
         raise LogError(
             f"{path}: holds a record that no service of ours has written "
             f"({type(error).__name__}: {error}). Name a log of a controller"
         ) from error
-    report.missing = log.missing
-    return report
 
 
 def replay_records(
@@ -156,11 +181,11 @@ def replay_records(
             report.setpoints += 1
             if report.setpoints % SAID_SETPOINTS == 0:
                 say(f"{report.setpoints} setpoints")
-            field = comparison.difference(record.payload, answer)
-            if field is None:
+            differs = comparison.difference(record.payload, answer)
+            if differs is None:
                 report.same += 1
             elif report.first_difference is None:
-                report.first_difference, report.field = tick, field
+                report.first_difference, report.field = tick, differs
     return report
 
 

@@ -30,7 +30,7 @@ from remote_controller.config import read_config as read_controller_config
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.service import describe, serve, serve_lockstep
 from tools.log_format import SIDES, file_name
-from tools.machine import machine_block, versions
+from tools.machine import machine_block
 from tools.observer import Observer
 from tools.output import Meter, print_line
 from tools.placement import settled_alone
@@ -38,6 +38,7 @@ from tools.processes import StopFlag, check_open_files, to_people
 from tools.refusal import forget, is_new, nothing_happened
 from tools.result_folder import new_name
 from tools.simulate import emulator_content
+from tools.software import software
 from tools.verdicts import failed
 
 NO_REALTIME = {"policy": "none", "cpu": "none", "lock_memory": False}
@@ -170,7 +171,7 @@ def observer_for(
         directory=folder,
         attachments={"config.yaml": as_yaml(config)},
         metadata={
-            "versions": versions(),
+            "versions": software(),
             "machine": {key: json.dumps(value) for key, value in machine_block().items()},
             "run": {"seed": str(getattr(config, "seed", "")), "lockstep": str(lockstep).lower()},
         },

@@ -48,13 +48,18 @@ def first(folder: Path) -> Done:
 
 
 def rewritten(
-    folder: Path, to: Path, records: Iterable[Record] | None = None, **config: object
+    folder: Path,
+    to: Path,
+    records: Iterable[Record] | None = None,
+    versions: dict[str, str] | None = None,
+    **config: object,
 ) -> Path:
     """A copy of a controller's log, with other records or another config."""
     log = Log.open(folder, side="controller")
     content = {**yaml.safe_load(log.config), **config}
     attachments = {"config.yaml": yaml.safe_dump(content).encode()}
-    writer = LogWriter(to, robot=log.robot, side="controller", attachments=attachments, metadata={})
+    about = {"attachments": attachments, "metadata": {"versions": versions or {}}}
+    writer = LogWriter(to, robot=log.robot, side="controller", **about)
     with writer:
         for record in log.records() if records is None else records:
             writer.add(record)
@@ -142,6 +147,31 @@ def test_another_gamma_is_found_at_its_first_tick(
     assert found.code == 1
     assert found.json()["first_difference"] == tick
     assert tick <= found.json()["same"] < found.json()["setpoints"] == DURATION * 1000
+
+
+def test_other_software_is_named_before_a_difference_and_before_an_error(
+    first: Done, folder: Path, tmp_path: Path
+) -> None:
+    logged = Log.open(folder, side="controller").metadata["versions"]
+    assert "source" in logged
+    older = {**logged, "source": "0123456789ab", "numpy": "1.0"}
+    same = inside("replay", rewritten(folder, tmp_path / "same.mcap", versions=older))
+    assert same.code == 0
+    config = yaml.safe_load(Log.open(folder, side="controller").config)
+    config["parameters"]["gamma"] = 0.4
+    other = rewritten(folder, tmp_path / "other.mcap", versions=older, **config)
+    found = inside("replay", other)
+    assert found.code == 1
+    assert found.stdout.index("0123456789ab") < found.stdout.index("first difference")
+    assert f"numpy 1.0, now {np.__version__}" in found.stdout
+    told = inside("replay", other, "--json").json()["software"]
+    assert told["numpy"] == ["1.0", np.__version__]
+    assert told.keys() == {"numpy", "source"}
+    config["parameters"]["gamma"] = "much"
+    wrong = rewritten(folder, tmp_path / "wrong.mcap", versions=older, **config)
+    refused = inside("replay", wrong)
+    assert refused.code == 2
+    assert refused.stderr.index("0123456789ab") < refused.stderr.index("error:")
 
 
 def test_a_tampered_setpoint_is_found_at_its_tick(
