@@ -269,7 +269,8 @@ def release(robot: Running = None, as_json: AsJson = False) -> None:
 def record(
     robot: Running = None,
     repair: Annotated[
-        Path | None, typer.Option("--repair", metavar="LOG", help="Mend a log instead.")
+        Path | None,
+        typer.Option("--repair", metavar="LOG", help="Mend a log, or all of a run, instead."),
     ] = None,
     duration: Annotated[
         float | None,
@@ -284,14 +285,9 @@ def record(
     from tools.output import print_json, print_line
     from tools.processes import to_people
     from tools.record import record_robot
-    from tools.repair import repair as mend
 
     if repair is not None:
-        report = mend(repair)
-        if as_json:
-            print_json(report.as_json())
-        else:
-            print_line(str(report))
+        _mend(repair, as_json)
         return
     name, endpoint = reach_robot(robot, connect)
     outcome = record_robot(name, endpoint, out, duration, to_people)
@@ -435,6 +431,23 @@ def _root(
     ] = False,
 ) -> None:
     """A robot and its remote controller, 1 kHz apart."""
+
+
+def _mend(path: Path, as_json: bool) -> None:
+    from protocol.errors import LogError
+    from tools.output import print_json, print_line
+    from tools.repair import repair, repair_all
+
+    reports, wrong = repair_all(path) if path.is_dir() else ([repair(path)], [])
+    if as_json and path.is_dir():
+        print_json({"logs": [report.as_json() for report in reports]})
+    elif as_json:
+        print_json(reports[0].as_json())
+    else:
+        for report in reports:
+            print_line(str(report))
+    if wrong:
+        raise LogError("; ".join(wrong))
 
 
 def _tell(robot: str | None, verb: str, connect: str | None, as_json: bool) -> None:

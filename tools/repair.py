@@ -20,6 +20,8 @@ from tools.log_format import CHANNELS, pack_gap
 from tools.mcap_scan import Damage, McapScan
 from tools.mcap_write import McapFile
 
+REPAIRED = ".repaired.mcap"
+
 
 @dataclass(frozen=True)
 class RepairReport:
@@ -56,6 +58,27 @@ class RepairReport:
             f"{self.out}: {self.messages} messages saved{until}{inside}; "
             f"{self.dropped_bytes} bytes at the end could not be read"
         )
+
+
+def repair_all(path: Path) -> tuple[list[RepairReport], list[str]]:
+    """Repair each log in the folder of a run; results of earlier repairs are not taken for logs.
+
+    Returns:
+        What became of each, and what is wrong with those that cannot be repaired.
+
+    Raises:
+        LogError: there is no log.
+    """
+    files = [file for file in sorted(path.glob("*.mcap")) if not file.name.endswith(REPAIRED)]
+    if not files:
+        raise LogError(f"{path}: holds no *.mcap. Name a log or the folder of a run")
+    reports, wrong = [], []
+    for file in files:
+        try:
+            reports.append(repair(file))
+        except UsageError as error:
+            wrong.append(str(error))
+    return reports, wrong
 
 
 def repair(path: Path, out: Path | None = None, *, in_place: bool = False) -> RepairReport:
@@ -111,7 +134,7 @@ def repair(path: Path, out: Path | None = None, *, in_place: bool = False) -> Re
 
 def _target(path: Path, out: Path | None, *, in_place: bool) -> Path:
     if not in_place:
-        return out or path.with_suffix(".repaired.mcap")
+        return out or path.with_suffix(REPAIRED)
     if out is not None:
         raise UsageError(f"{out}: a repair in place has no other file. Leave one of both out")
     if _damaged(path).exists():

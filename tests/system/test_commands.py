@@ -154,6 +154,27 @@ def test_a_whole_log_needs_no_repair(folder: Path) -> None:
     assert (folder / "robot.mcap").read_bytes() == before
 
 
+def test_all_logs_of_a_folder_are_mended(folder: Path, tmp_path: Path) -> None:
+    whole = (folder / "robot.mcap").read_bytes()
+    (tmp_path / "robot.mcap").write_bytes(whole[:-100])
+    (tmp_path / "robot.0001.mcap").write_bytes(whole)
+    done = inside("record", "--repair", tmp_path, "--json")
+    assert done.code == 0
+    mended = {Path(each["path"]).name: each for each in done.json()["logs"]}
+    assert {name: each["whole"] for name, each in mended.items()} == {
+        "robot.mcap": False,
+        "robot.0001.mcap": True,
+    }
+    assert Log.open(tmp_path / "robot.repaired.mcap").states().size > 0
+    (tmp_path / "robot.repaired.mcap").unlink()
+    (tmp_path / "controller.mcap").write_bytes(b"noise")
+    again = inside("record", "--repair", tmp_path)
+    assert again.code == 2
+    assert (tmp_path / "robot.repaired.mcap").exists()
+    assert again.stderr.startswith("error: ")
+    assert "controller.mcap" in again.stderr
+
+
 def test_status_live_list_and_a_recording_from_outside(tmp_path: Path) -> None:
     at, out = endpoint(), tmp_path / "log"
     with (
