@@ -254,7 +254,11 @@ def status(
 
 @app.command()
 def release(robot: Running = None, as_json: AsJson = False) -> None:
-    """Take authority from whoever holds it over a robot on this machine; the robot brakes."""
+    """Take authority from whoever holds it over a robot on this machine; the robot brakes.
+
+    A controller that still runs asks for authority again at once, and the robot follows it: end the
+    controller first, or use `hoap3 stop`, where the robot is to stay at rest.
+    """
     from tools.find_robot import release_robot
     from tools.output import print_json, print_line
 
