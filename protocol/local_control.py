@@ -184,6 +184,12 @@ def local_robots() -> list[LocalRobot]:
     return found
 
 
+def others_here(robot: str) -> str:
+    """Which other robots of this user run on this machine, in words; "" where there is none."""
+    names = sorted({one.name for one in local_robots()} - {robot})
+    return f"robots that run on this machine: {', '.join(names)}" if names else ""
+
+
 def _connected(path: Path) -> socket.socket:
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:

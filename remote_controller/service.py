@@ -16,6 +16,7 @@ from protocol.compilation import warm_up
 from protocol.description import RobotDescription
 from protocol.errors import AuthorityError, LinkError, PortInUseError, UsageError, WireError
 from protocol.link import Request
+from protocol.local_control import others_here
 from protocol.messages import State
 from protocol.notes import Detail, Routine, told
 from protocol.realtime import prepare_process
@@ -214,8 +215,7 @@ class Service:
             except WireError as error:
                 self._count(error)
             if self._unanswered_since < math.inf:
-                waiting = Routine(f"waiting for robot {link.robot!r} at {endpoints}")
-                self._tell_once("waiting", waiting)
+                self._tell_waiting(link.robot, endpoints)
             if link.linked and time.monotonic() - self._unanswered_since >= SILENCE_S:
                 self._tell_once(
                     "silent", f"robot {link.robot!r} does not answer: trying a new session"
@@ -235,6 +235,13 @@ class Service:
         """An answer that cannot be used: the robot is asked again."""
         self.unusable += 1
         self._tell_once("unusable", f"{error}; asking again")
+
+    def _tell_waiting(self, robot: str, endpoints: str) -> None:
+        """Report what is waited for, and which robots there are instead."""
+        if "waiting" in self._told:
+            return
+        text, others = f"waiting for robot {robot!r} at {endpoints}", others_here(robot)
+        self._tell_once("waiting", Routine(f"{text}; {others}" if others else text))
 
     def _tell_once(self, what: str, text: str) -> None:
         """Report something, unless the like was reported since the robot was last followed."""

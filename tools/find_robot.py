@@ -9,7 +9,7 @@ from typing import Any
 
 from protocol.answers import ROBOT_ANSWERS, check_answer
 from protocol.errors import LinkError, UsageError
-from protocol.local_control import LocalRobot, local_robots
+from protocol.local_control import LocalRobot, local_robots, others_here
 from tools.cli_options import ENDPOINT
 from tools.control import alive, check_name, tell
 
@@ -35,7 +35,11 @@ def ask_robot(robot: str | None, verb: str, endpoint: str | None) -> tuple[str, 
         return found.name, _answer(found, verb)
     place = ENDPOINT if endpoint is None else endpoint
     name = robot or only_alive(place)
-    return name, tell(name, verb, place)
+    try:
+        return name, tell(name, verb, place)
+    except LinkError as error:
+        others = others_here(name)
+        raise LinkError(f"{error}{others and '; '}{others}") from error
 
 
 def release_robot(robot: str | None) -> tuple[str, dict[str, Any]]:
@@ -50,9 +54,10 @@ def release_robot(robot: str | None) -> tuple[str, dict[str, Any]]:
     """
     found = find_local(robot)
     if found is None:
+        others = others_here(robot or "")
         raise LinkError(
             f"no robot{f' called {robot!r}' if robot else ''} of this user runs on this machine: "
-            "run `hoap3 release` where the robot runs, as its user"
+            f"run `hoap3 release` where the robot runs, as its user{others and '; '}{others}"
         )
     return found.name, _answer(found, "release")
 

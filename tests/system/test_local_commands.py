@@ -7,7 +7,7 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from command_bench import QUIET, emulator, endpoint, inside, tell
+from command_bench import QUIET, controller, emulator, endpoint, inside, tell
 
 from protocol import local_control
 from protocol.errors import LinkError, UsageError
@@ -103,6 +103,23 @@ def test_a_robot_that_does_not_run_here_is_looked_for_on_the_network(monkeypatch
         assert ask_robot("leg", "stop", None) == ("leg", {})
         assert ask_robot(None, "stop", "tcp/10.0.0.1:1") == ("leg", {})
     assert asked == [("leg", "stop", ENDPOINT), ("leg", "stop", "tcp/10.0.0.1:1")]
+
+
+def test_who_asks_for_a_robot_that_is_not_there_is_told_which_are(monkeypatch):
+    def silent(name: str, verb: str, endpoint: str) -> dict:
+        raise LinkError(f"nobody answers at {endpoint}")
+
+    monkeypatch.setattr(find_robot, "tell", silent)
+    with closing(LocalControl("arm", ())):
+        with pytest.raises(LinkError, match=r"nobody answers .* this machine: arm$"):
+            ask_robot("leg", "status", None)
+        with pytest.raises(LinkError, match=r"this machine: arm$"):
+            release_robot("leg")
+        with controller("qp12", *QUIET, "--set", "robot=leg", at=endpoint()) as law:
+            law.hear(r"waiting for robot 'leg' .* this machine: arm")
+            assert law.end(signal.SIGTERM) == 0
+    with pytest.raises(LinkError, match=r"nobody answers at \S+$"):
+        ask_robot("leg", "status", None)
 
 
 @pytest.mark.parametrize(
