@@ -319,10 +319,11 @@ def replay(
     from tools.kernel_news import watch_compilation
 
     watch_compilation()
+    from remote_controller.tasks.default import of_a_log
     from tools.output import print_json, print_line, print_note, progress
     from tools.replay import replay as again
 
-    with progress(f"replay {log}") as meter:
+    with progress(f"replay {log}") as meter, of_a_log():
         report = again(
             *(log, sets),
             tolerance=tolerance,

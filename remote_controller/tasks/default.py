@@ -2,18 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 
 import numpy as np
 
 from protocol.description import COM, DefaultTask, RobotDescription
-from protocol.errors import ConfigError, NoDefaultTaskError
+from protocol.errors import ConfigError, FrameNotFoundError, NoDefaultTaskError
 from protocol.messages import FloatArray
 from remote_controller.kinematics import Kinematics
 from remote_controller.tasks.registry import TaskSettings
 
+HOAP3 = "hoap3"
 HOAP3S = DefaultTask(point=COM, reference="r_sole", target_m=(0.01, 0.025, 0.2869))
-"""What was done before descriptions had a default task, and replays of those logs still do."""
+"""What HOAP-3 did before descriptions had a default task, and so did any robot with that link."""
+
+_FROM_LOG: ContextVar[bool] = ContextVar("from_log", default=False)
+
+
+@contextmanager
+def of_a_log() -> Iterator[None]:
+    """Inside it, a robot without a default task gets what it got when its log was written.
+
+    A newer log cannot need it: the controller would have been refused.
+    """
+    token = _FROM_LOG.set(True)
+    try:
+        yield
+    finally:
+        _FROM_LOG.reset(token)
 
 
 @dataclass(frozen=True)
@@ -60,9 +79,10 @@ def default_goal(
         FrameNotFoundError: the robot has no such frame.
     """
     task = description.default_task
-    if task is None and (reference or HOAP3S.reference in description.frames):
+    if task is None and _had_hoap3s(description, reference):
         task = HOAP3S
     if task is None:
+        _check_frames(description, point, reference)
         raise NoDefaultTaskError(
             file,
             key,
@@ -82,6 +102,19 @@ def default_goal(
         x, y, z = (start + np.array(task.move_m)).tolist()
         target = (x, y, z)
     return Goal(task.point, task.reference, target)
+
+
+def _check_frames(description: RobotDescription, *frames: str | None) -> None:
+    """Refuse frames that are named, but that the robot does not have."""
+    for frame in frames:
+        if frame not in {None, COM, *description.frames}:
+            raise FrameNotFoundError(str(frame), description.name, description.frames)
+
+
+def _had_hoap3s(description: RobotDescription, reference: str | None) -> bool:
+    """Whether a robot that has no default task is to do what HOAP-3 does."""
+    known = bool(reference) or HOAP3S.reference in description.frames
+    return known and (description.name == HOAP3 or _FROM_LOG.get())
 
 
 def _read(description: RobotDescription, task: DefaultTask, out: FloatArray) -> None:
