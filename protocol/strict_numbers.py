@@ -1,4 +1,7 @@
-"""Settings take numbers for numbers: pydantic alone takes `true` for 1 and the text "3" for 3."""
+"""Settings take numbers for numbers and truths for truths.
+
+Pydantic alone takes `true` for 1, the text "3" for 3, and 1 and the text "yes" for `true`.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +11,9 @@ _NO_SCHEMAS = {"default", "metadata", "config", "cls", "serialization", "expecte
 
 
 def make_strict(schema: Any) -> None:
-    """Take numbers only for every integer and every float in a schema of pydantic."""
+    """Take nothing else for every integer, float and boolean in a schema of pydantic."""
     if isinstance(schema, dict):
-        if schema.get("type") in {"int", "float"}:
+        if schema.get("type") in {"int", "float", "bool"}:
             schema["strict"] = True
         for key, inner in schema.items():
             if key not in _NO_SCHEMAS:
