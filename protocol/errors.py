@@ -50,14 +50,25 @@ class ConfigError(UsageError):
         value: what was found.
         problem: what is wrong with it.
         remedy: what is allowed, or what to do.
+        others: what else is wrong there; each is a line of the message.
     """
 
-    def __init__(self, file: str, key: str, value: object, problem: str, remedy: str) -> None:
+    def __init__(
+        self,
+        file: str,
+        key: str,
+        value: object,
+        problem: str,
+        remedy: str,
+        others: Iterable[ConfigError] = (),
+    ) -> None:
         self.file, self.key, self.value = file, key, value
         self.problem, self.remedy = problem, remedy
+        self.others = tuple(others)
         where = f"{file}: {_cut(key)}" if key else file
         found = "" if value is None else f" (found {_short(value)})"
-        super().__init__(f"{where}: {problem}{found}. {remedy}")
+        lines = [f"{where}: {problem}{found}. {remedy}", *map(str, self.others)]
+        super().__init__("\n".join(lines))
 
 
 class NoDefaultTaskError(ConfigError):

@@ -5,25 +5,23 @@ The models that both services share stand here; each service adds its own.
 
 from __future__ import annotations
 
-import difflib
-import typing
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, ValidationError
-from pydantic_core import ErrorDetails, core_schema
+from pydantic_core import core_schema
 
-from protocol.errors import LONGEST_GUESS, ConfigError
+from protocol.errors import ConfigError
 from protocol.regular_file import read_at_most
 from protocol.strict_numbers import make_strict
+from protocol.wrong_settings import config_error
 from protocol.yaml_text import MAX_BYTES as MAX_CONFIG_BYTES
 from protocol.yaml_text import read_yaml
 
 MAX_PARTS = 32  # of a dotted key
-LIKE = 0.6  # the least likeness, of 1, of a key that is suggested
-MOST_MEMBERS = 50  # of a union that are named in one error
+SNIFFED = 4096  # bytes of a file in which a URDF is told from YAML
 NAME_PATTERN = r"^[a-z][a-z0-9_]{0,31}$"
 RobotName = Annotated[str, Field(pattern=NAME_PATTERN)]
 ENDPOINT_PATTERN = r"^[a-z][a-z-]*/\S+$"
@@ -41,7 +39,7 @@ class Settings(BaseModel):
     def __get_pydantic_core_schema__(
         cls, source: Any, handler: GetCoreSchemaHandler
     ) -> core_schema.CoreSchema:
-        """Numbers are numbers: neither `true` nor "3" passes for one."""
+        """Neither `true` nor "3" passes for a number, and no number for true or false."""
         schema = handler(source)
         make_strict(schema)
         return schema
@@ -97,7 +95,8 @@ def load_yaml(path: Path) -> dict[str, Any]:
     """Read a YAML mapping.
 
     Raises:
-        ConfigError: missing, not a regular file, too large, not YAML, or not a mapping.
+        ConfigError: missing, not a regular file, too large, a URDF, not YAML, empty, or not a
+            mapping.
     """
     file = str(path)
     try:
@@ -107,6 +106,10 @@ def load_yaml(path: Path) -> dict[str, Any]:
     except OSError as error:
         reason = error.strerror or "cannot be read"
         raise ConfigError(file, "", None, reason, "Name a file that can be read") from error
+    start = data[:SNIFFED].lstrip()
+    if start.startswith(b"<") and b"<robot" in start:
+        remedy = "Write a robot.yaml beside it, and name that; see docs/new_robot.md"
+        raise ConfigError(file, "", None, "is a URDF, not a config", remedy)
     return parse_yaml(data, file)
 
 
@@ -114,7 +117,7 @@ def parse_yaml(data: bytes | str, file: str) -> dict[str, Any]:
     """Content of a YAML mapping that came from `file`.
 
     Raises:
-        ConfigError: too large, not YAML, or not a mapping.
+        ConfigError: too large, not YAML, empty, or not a mapping.
     """
     if len(data) > MAX_CONFIG_BYTES:
         problem = f"is larger than {MAX_CONFIG_BYTES >> 10} KiB"
@@ -126,7 +129,8 @@ def parse_yaml(data: bytes | str, file: str) -> dict[str, Any]:
             file, "", None, f"is not valid YAML{_why(error)}", "Correct it"
         ) from error
     if content is None:
-        return {}
+        remedy = "Write `key: value` lines, such as `robot: hoap3` or `controller: qp12`"
+        raise ConfigError(file, "", None, "is empty", remedy)
     if not isinstance(content, dict) or not all(isinstance(key, str) for key in content):
         raise ConfigError(file, "", content, "is not a mapping", "Write `key: value` lines")
     return content
@@ -199,109 +203,13 @@ def parse(model: type[Model], content: dict[str, Any], file: str, prefix: str = 
         prefix: dotted key under which `content` stands in that file.
 
     Raises:
-        ConfigError: naming the first wrong key, its value, and what is allowed.
+        ConfigError: naming each wrong key, its value, and what is allowed.
     """
     try:
         return model.model_validate(content)
     except ValidationError as error:
         errors = error.errors(include_url=False)
-        raise _config_error(model, content, errors, file, prefix) from error
-
-
-def _config_error(
-    model: type[BaseModel], content: Any, errors: list[ErrorDetails], file: str, prefix: str
-) -> ConfigError:
-    error = errors[0]
-    if error["type"] == "missing":  # perhaps it is there, and misspelt
-        error = next((each for each in errors if each["type"] == "extra_forbidden"), error)
-    path = _written(content, error)
-    key = ".".join([prefix, *path] if prefix else path)
-    if error["type"] == "extra_forbidden":
-        known = _keys_at(model, path[:-1])
-        close = _nearest_key(path[-1], known)
-        guess = f"Did you mean {close!r}? " if close else ""
-        remedy = f"{guess}Known keys: {', '.join(sorted(known)) or 'none'}"
-        return ConfigError(file, key, error["input"], "unknown key", remedy)
-    if error["type"] == "missing":
-        return ConfigError(file, key, None, "is missing", "Add it")
-    if error["type"] == "union_tag_not_found":
-        return ConfigError(file, f"{key}.kind", None, "is missing", "Add it")
-    if error["type"] == "too_short" and isinstance(error["input"], list | tuple):
-        least, found = error["ctx"]["min_length"], error["ctx"]["actual_length"]
-        outer = _models_at(model, path[:-1])
-        named = path and path[-1].endswith("s") and _models_below(outer, path[-1])
-        entries = path[-1] if named else "values"
-        wanted = f"one {entries.removesuffix('s')}" if least == 1 else f"{least} {entries}"
-        problem = f"needs a list of {wanted} or more, has {found}"
-        return ConfigError(file, key, error["input"], problem, "Add to the list")
-    siblings = errors[:MOST_MEMBERS]
-    members = [_plain(each["msg"]) for each in siblings if _written(content, each) == path]
-    return ConfigError(file, key, error["input"], ", or ".join(members), "Change the value")
-
-
-def likeness(given: str, known: Sequence[str]) -> float:
-    """How like the most similar of the known keys is, 1 for the same; see `_nearest_key`."""
-    return max((_alike(given, key) for key in known), default=0.0)
-
-
-def _alike(given: str, key: str) -> float:
-    if len(given) > LONGEST_GUESS:
-        return 0.0
-    begin = "_".join(key.split("_")[: given.count("_") + 1])
-    return max(difflib.SequenceMatcher(None, given, each).ratio() for each in (key, begin))
-
-
-def _nearest_key(given: str, known: Sequence[str]) -> str | None:
-    """The key most like what was given, with or without the words at its end, such as a unit."""
-    best = max(known, key=lambda key: _alike(given, key), default=None)
-    return best if best is not None and _alike(given, best) >= LIKE else None
-
-
-def _plain(message: str) -> str:
-    message = message.removeprefix("Value error, ").removeprefix("Input ")
-    message = message.replace("valid tuple", "valid list")  # what it is called in YAML
-    return message[:1].lower() + message[1:]
-
-
-def _written(content: Any, error: ErrorDetails) -> list[str]:
-    """Path to the error in what users wrote; pydantic also names the tried member of a union."""
-    path: list[str] = []
-    for part in error["loc"]:
-        listed = isinstance(content, list | tuple) and isinstance(part, int) and part < len(content)
-        if listed or (isinstance(content, dict) and part in content):
-            content = content[part]
-            path.append(str(part))
-    if error["type"] == "missing":
-        path.append(str(error["loc"][-1]))
-    return path
-
-
-def _keys_at(model: type[BaseModel], path: Sequence[str]) -> list[str]:
-    """Keys that the model knows at a path inside it."""
-    names = (name for inner in _models_at(model, path) for name in inner.model_fields)
-    return list(dict.fromkeys(names))
-
-
-def _models_at(model: type[BaseModel], path: Sequence[str]) -> list[type[BaseModel]]:
-    """The model, or those that it takes, at a path inside it."""
-    here: list[type[BaseModel]] = [model]
-    for part in path:
-        here = _models_below(here, part) or here
-    return here
-
-
-def _models_below(models: Sequence[type[BaseModel]], key: str) -> list[type[BaseModel]]:
-    """What models take under a key of theirs."""
-    fields = [model.model_fields[key] for model in models if key in model.model_fields]
-    return [inner for field in fields for inner in _models_in(field.annotation)]
-
-
-def _models_in(annotation: Any) -> list[type[BaseModel]]:
-    """The models that a field takes, also as entries of a list."""
-    if typing.get_origin(annotation) is None:
-        found = isinstance(annotation, type) and issubclass(annotation, BaseModel)
-        return [annotation] if found else []
-    return [model for part in typing.get_args(annotation) for model in _models_in(part)]
+        raise config_error(model, content, errors, file, prefix) from error
 
 
 def _copy(content: Any) -> Any:

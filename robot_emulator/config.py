@@ -157,7 +157,7 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
         raise UnknownNameError("robot or emulator config", name, known, " Or name a file.")
     content = load_yaml(path)
     robot = content.get("robot")
-    if isinstance(robot, str) and ("/" in robot or robot.endswith((".yaml", ".yml"))):
+    if isinstance(robot, str) and ("/" in robot or robot.endswith((".yaml", ".yml", ".urdf"))):
         content["robot"] = str((path.parent / robot).resolve())
     return content, str(path)
 

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from protocol.errors import ConfigError, UnknownNameError, UsageError
-from protocol.settings import Settings, apply_overrides, likeness, load_yaml, parse
+from protocol.errors import ConfigError, UnknownNameError, UsageError, nearest
+from protocol.settings import Settings, apply_overrides, load_yaml, parse
+from protocol.wrong_settings import likeness
 from remote_controller import registry as controllers
 from remote_controller.config import ControllerConfig, build
 from remote_controller.config import available_configs as controller_configs
@@ -85,6 +86,7 @@ def checked(name: str, overrides: list[str], robot: str | None = None) -> str:
 
     Raises:
         UsageError: what `run` would refuse as well, or a robot for what is none's controller.
+        ConfigError: nothing here is called as the robot that a controller's config names.
     """
     side = resolved(name, overrides)[1]
     if side == "an emulator":
@@ -102,12 +104,21 @@ def checked(name: str, overrides: list[str], robot: str | None = None) -> str:
         unchecked = "so what depends on it was not checked: name one with --robot"
         if "robot" not in config.model_fields_set:
             return f"{correct}; it names no robot, {unchecked}"
-        if config.robot not in {*robots(), *emulator_configs()}:
-            return f"{correct}; robot {config.robot} is not known here, {unchecked}"
+        _check_robot(config.robot, file)
     emulator, source = emulator_config(robot or config.robot, [])
     description = describe(suited(emulator, config, file), source)
     build(config, description, file)
     return f"{correct} for robot {description.name}"
+
+
+def _check_robot(name: str, file: str) -> None:
+    """Refuse a controller's `robot` that nothing here is called."""
+    known = {*robots(), *emulator_configs()}
+    if name not in known:
+        close = nearest(name, known)
+        guess = f"Did you mean {close!r}? " if close else ""
+        remedy = f"{guess}Known: {', '.join(sorted(known))}. Or name its folder with --robot"
+        raise ConfigError(file, "robot", name, "no such robot is known here", remedy)
 
 
 FAMILIES: dict[str, tuple[Any, type[Settings]]] = {

@@ -45,7 +45,7 @@ def load(name_or_path: str | Path) -> RobotDescription:
             return _third_party(entry)
     path = Path(name_or_path)
     is_path = isinstance(name_or_path, Path) or "/" in name_or_path
-    if not is_path and path.suffix not in {".yaml", ".yml"} and not path.exists():
+    if not is_path and path.suffix not in {".yaml", ".yml", ".urdf"} and not path.exists():
         hint = " Or write the path of a folder or of a YAML file."
         raise UnknownNameError("robot", str(name_or_path), available(), hint)
     return read_robot(path / FILE if path.is_dir() else path)

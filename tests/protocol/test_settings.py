@@ -129,6 +129,37 @@ def test_a_misspelt_required_key_is_told_rather_than_missing():
     assert "Did you mean 'robot'?" in caught.value.remedy
 
 
+def test_every_wrong_place_is_told_once_each_in_a_line():
+    content = {
+        "gains": {"rat": 2, "kind": "c"},
+        "either": {"upper": "x"},
+        "realtime": {"cpu": True, "priority": 99},
+        "link": {"lease": 5},
+    }
+    error = refused(content)
+    keys = ["gains.kind", "gains.rat", "either.upper", "link.lease"]
+    keys += ["realtime.priority", "realtime.cpu"]
+    assert sorted([error.key, *(other.key for other in error.others)]) == sorted(keys)
+    lines = str(error).splitlines()
+    assert len(lines) == len(keys)
+    assert all(line.startswith("robot.yaml: ") for line in lines)
+
+
+def test_a_key_that_is_missing_beside_other_errors_is_told_but_no_misspelt_one():
+    with pytest.raises(ConfigError) as caught:
+        parse(Service, {"even": 3, "link": {"lease_ms": 1}}, "robot.yaml")
+    assert {each.key for each in caught.value.others} == {"even", "link.lease_ms"}
+    assert caught.value.key == "robot"
+    with pytest.raises(ConfigError) as caught:
+        parse(Service, {"robto": "arm", "even": 3}, "robot.yaml")
+    assert [caught.value.key, *(each.key for each in caught.value.others)] == ["robto", "even"]
+
+
+def test_a_file_that_is_wrong_everywhere_gets_a_short_answer():
+    error = refused({f"wrong{number}": number for number in range(5000)})
+    assert len(str(error).splitlines()) <= 10
+
+
 def test_an_unknown_key_like_no_other_gets_no_guess():
     assert "Did you mean" not in refused({"tolerance_m": 1}).remedy
     assert "Did you mean" not in refused({"zzzzzz": 1}).remedy
@@ -218,7 +249,7 @@ def written(folder: Path, content: bytes) -> Path:
 def test_yaml_is_read(tmp_path):
     content = load_yaml(written(tmp_path, b"a: 1\nb: {c: [1, two]}  # comment\n"))
     assert content == {"a": 1, "b": {"c": [1, "two"]}}
-    assert load_yaml(written(tmp_path, b"# nothing yet\n")) == {}
+    assert load_yaml(written(tmp_path, b"{}  # nothing yet\n")) == {}
 
 
 @pytest.mark.parametrize(
@@ -244,6 +275,10 @@ def test_yaml_is_read(tmp_path):
         (b"- a\n- b", "is not a mapping"),
         (b"just words", "is not a mapping"),
         (b"1: 2", "is not a mapping"),
+        (b"", "is empty"),
+        (b" \n# nothing yet\n", "is empty"),
+        (b'<?xml version="1.0"?>\n<robot name="arm"/>\n', "is a URDF"),
+        (b"\n<!-- ours -->\n<robot name='arm'>" + b" " * MAX_CONFIG_BYTES, "is a URDF"),
         (b"a: " + b"x" * MAX_CONFIG_BYTES, "larger than 1024 KiB"),
     ],
 )

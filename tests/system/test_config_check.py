@@ -98,11 +98,66 @@ def test_another_robot_can_be_named_and_its_frames_count(tmp_path: Path) -> None
         "controller: qp12\nrobot: my_arm\nparameters: {frame: r_sole}\n", encoding="utf-8"
     )
     unknown = inside("config", "check", "mine.yaml")
-    assert unknown.code == 0
-    assert "robot my_arm is not known here" in unknown.stdout
+    assert unknown.code == 2
+    assert "mine.yaml: robot: no such robot" in unknown.stderr
+    assert "--robot" in unknown.stderr
     refused = inside("config", "check", "mine.yaml", "--robot", arm)
     assert refused.code == 2
     assert "r_sole" in refused.stderr
+
+
+def test_a_misspelt_robot_is_refused_with_the_one_that_was_meant() -> None:
+    Path("mine.yaml").write_text("controller: qp12\nrobot: hoap4\n", encoding="utf-8")
+    refused = inside("config", "check", "mine.yaml")
+    assert refused.code == 2
+    assert "'hoap4'" in refused.stderr
+    assert "Did you mean 'hoap3'?" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("nothing.yaml", ""),
+        ("truth.yaml", "controller: qp12\nparameters: {adaptive_gamma: 1}\n"),
+        ("friction.yaml", "robot: hoap3\nplant: {friction: 1}\n"),
+        ("seed.yaml", "robot: hoap3\nseed: true\n"),
+    ],
+)
+def test_what_only_looks_like_a_config_is_refused_by_its_file(name: str, text: str) -> None:
+    Path(name).write_text(text, encoding="utf-8")
+    refused = inside("config", "check", name)
+    assert refused.code == 2
+    assert refused.stderr.startswith(f"error: {name}: ")
+
+
+def test_all_that_is_wrong_in_a_file_is_told() -> None:
+    Path("mine.yaml").write_text(
+        "robot: hoap3\nplant: {friction: 1, substeps: 0}\nlink: {lease: 5}\n", encoding="utf-8"
+    )
+    refused = inside("config", "check", "mine.yaml")
+    assert refused.code == 2
+    for key in ("plant.friction", "plant.substeps", "link.lease"):
+        assert f"mine.yaml: {key}: " in refused.stderr
+
+
+def test_a_urdf_is_told_from_a_config(tmp_path: Path) -> None:
+    arm3.write(tmp_path)
+    (urdf,) = tmp_path.glob("*.urdf")
+    Path("mine.yaml").write_text(f"robot: {urdf.name}\n", encoding="utf-8")
+    for words in (
+        ("config", "check", urdf.name),
+        ("config", "check", urdf),
+        ("config", "check", "qp12", "--robot", urdf.name),
+        ("config", "check", "mine.yaml"),
+        ("config", "show", urdf.name),
+        ("emulator", urdf.name, "--no-realtime"),
+        ("controller", urdf.name, "--no-realtime"),
+        ("run", "--lockstep", "--robot", urdf.name),
+    ):
+        refused = inside(*words)
+        assert refused.code == 2
+        assert "is a URDF" in refused.stderr
+        assert "new_robot.md" in refused.stderr
 
 
 def test_a_schema_is_found_beside_the_current_folder(

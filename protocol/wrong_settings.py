@@ -1,0 +1,182 @@
+"""What is wrong with settings, in words: pydantic's errors as one `ConfigError`.
+
+Each wrong place is told once, also where a union tried several models on it.
+"""
+
+from __future__ import annotations
+
+import difflib
+import typing
+from collections.abc import Sequence
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic_core import ErrorDetails
+
+from protocol.errors import LONGEST_GUESS, ConfigError
+
+LIKE = 0.6  # the least likeness, of 1, of a key that is suggested
+MOST_ERRORS = 50  # of pydantic's that are looked at
+MOST_TOLD = 10  # places that are told
+
+
+def config_error(
+    model: type[BaseModel], content: Any, errors: list[ErrorDetails], file: str, prefix: str
+) -> ConfigError:
+    """What pydantic found wrong, as one error; the others are in its `others`.
+
+    Args:
+        model: what was expected.
+        content: what was found.
+        errors: at least one.
+        file: where it came from.
+        prefix: dotted key under which `content` stands in that file.
+    """
+    found = [
+        _in_words(model, content, error, errors, file, prefix)
+        for error in _each_place_once(model, content, errors[:MOST_ERRORS])
+    ]
+    first, others = found[0], found[1:MOST_TOLD]
+    return ConfigError(first.file, first.key, first.value, first.problem, first.remedy, others)
+
+
+def _each_place_once(
+    model: type[BaseModel], content: Any, errors: Sequence[ErrorDetails]
+) -> list[ErrorDetails]:
+    """Errors at different places, unknown keys first if the first is a missing key.
+
+    A missing key is not told where an unknown one beside it seems to be it, misspelt. Of a union
+    only the errors of the member that was tried first are told.
+    """
+    unknown = [error for error in errors if error["type"] == "extra_forbidden"]
+    if errors[0]["type"] == "missing":  # perhaps it is there, and misspelt
+        errors = sorted(errors, key=lambda error: error["type"] != "extra_forbidden")
+    taken = {_meant(model, _written(content, error)) for error in unknown}
+    told: dict[tuple[str, ...], ErrorDetails] = {}
+    members: dict[tuple[str, ...], str] = {}
+    for error in errors:
+        path = tuple(_written(content, error))
+        place, member = _tried(content, error)
+        of_another_member = members.setdefault(place, member) != member
+        is_there = error["type"] == "missing" and path in taken
+        if not of_another_member and not is_there:
+            told.setdefault(path, error)
+    return list(told.values()) or [errors[0]]
+
+
+def _meant(model: type[BaseModel], path: Sequence[str]) -> tuple[str, ...]:
+    """An unknown key's path with the key that it seems to be a misspelling of."""
+    close = _nearest_key(path[-1], _keys_at(model, path[:-1]))
+    return (*path[:-1], close or "")
+
+
+def _tried(content: Any, error: ErrorDetails) -> tuple[tuple[str, ...], str]:
+    """Place of the union that an error is of, and its member; "" where there is none."""
+    path: list[str] = []
+    parts = error["loc"][:-1] if error["type"] == "missing" else error["loc"]
+    for part in parts:
+        listed = isinstance(content, list | tuple) and isinstance(part, int) and part < len(content)
+        if not (listed or (isinstance(content, dict) and part in content)):
+            return tuple(path), str(part)
+        content = content[part]
+        path.append(str(part))
+    return tuple(path), ""
+
+
+def _in_words(
+    model: type[BaseModel],
+    content: Any,
+    error: ErrorDetails,
+    errors: list[ErrorDetails],
+    file: str,
+    prefix: str,
+) -> ConfigError:
+    """One of the errors; those of other members of a union at the same place are told with it."""
+    path = _written(content, error)
+    key = ".".join([prefix, *path] if prefix else path)
+    if error["type"] == "extra_forbidden":
+        known = _keys_at(model, path[:-1])
+        close = _nearest_key(path[-1], known)
+        guess = f"Did you mean {close!r}? " if close else ""
+        remedy = f"{guess}Known keys: {', '.join(sorted(known)) or 'none'}"
+        return ConfigError(file, key, error["input"], "unknown key", remedy)
+    if error["type"] == "missing":
+        return ConfigError(file, key, None, "is missing", "Add it")
+    if error["type"] == "union_tag_not_found":
+        return ConfigError(file, f"{key}.kind", None, "is missing", "Add it")
+    if error["type"] == "too_short" and isinstance(error["input"], list | tuple):
+        least, found = error["ctx"]["min_length"], error["ctx"]["actual_length"]
+        outer = _models_at(model, path[:-1])
+        named = path and path[-1].endswith("s") and _models_below(outer, path[-1])
+        entries = path[-1] if named else "values"
+        wanted = f"one {entries.removesuffix('s')}" if least == 1 else f"{least} {entries}"
+        problem = f"needs a list of {wanted} or more, has {found}"
+        return ConfigError(file, key, error["input"], problem, "Add to the list")
+    siblings = errors[:MOST_ERRORS]
+    members = [_plain(each["msg"]) for each in siblings if _written(content, each) == path]
+    return ConfigError(file, key, error["input"], ", or ".join(members), "Change the value")
+
+
+def likeness(given: str, known: Sequence[str]) -> float:
+    """How like the most similar of the known keys is, 1 for the same; see `_nearest_key`."""
+    return max((_alike(given, key) for key in known), default=0.0)
+
+
+def _alike(given: str, key: str) -> float:
+    if len(given) > LONGEST_GUESS:
+        return 0.0
+    begin = "_".join(key.split("_")[: given.count("_") + 1])
+    return max(difflib.SequenceMatcher(None, given, each).ratio() for each in (key, begin))
+
+
+def _nearest_key(given: str, known: Sequence[str]) -> str | None:
+    """The key most like what was given, with or without the words at its end, such as a unit."""
+    best = max(known, key=lambda key: _alike(given, key), default=None)
+    return best if best is not None and _alike(given, best) >= LIKE else None
+
+
+def _plain(message: str) -> str:
+    message = message.removeprefix("Value error, ").removeprefix("Input ")
+    message = message.replace("valid tuple", "valid list")  # what it is called in YAML
+    return message[:1].lower() + message[1:]
+
+
+def _written(content: Any, error: ErrorDetails) -> list[str]:
+    """Path to the error in what users wrote; pydantic also names the tried member of a union."""
+    path: list[str] = []
+    for part in error["loc"]:
+        listed = isinstance(content, list | tuple) and isinstance(part, int) and part < len(content)
+        if listed or (isinstance(content, dict) and part in content):
+            content = content[part]
+            path.append(str(part))
+    if error["type"] == "missing":
+        path.append(str(error["loc"][-1]))
+    return path
+
+
+def _keys_at(model: type[BaseModel], path: Sequence[str]) -> list[str]:
+    """Keys that the model knows at a path inside it."""
+    names = (name for inner in _models_at(model, path) for name in inner.model_fields)
+    return list(dict.fromkeys(names))
+
+
+def _models_at(model: type[BaseModel], path: Sequence[str]) -> list[type[BaseModel]]:
+    """The model, or those that it takes, at a path inside it."""
+    here: list[type[BaseModel]] = [model]
+    for part in path:
+        here = _models_below(here, part) or here
+    return here
+
+
+def _models_below(models: Sequence[type[BaseModel]], key: str) -> list[type[BaseModel]]:
+    """What models take under a key of theirs."""
+    fields = [model.model_fields[key] for model in models if key in model.model_fields]
+    return [inner for field in fields for inner in _models_in(field.annotation)]
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    """The models that a field takes, also as entries of a list."""
+    if typing.get_origin(annotation) is None:
+        found = isinstance(annotation, type) and issubclass(annotation, BaseModel)
+        return [annotation] if found else []
+    return [model for part in typing.get_args(annotation) for model in _models_in(part)]
