@@ -1,15 +1,19 @@
 """Limits how many events of one kind are announced and logged.
 
-Anybody on the network can ask for authority thousands of times a second. Without a limit each
-refusal would be an event on the network, a record in the log and a line on the terminal.
+Anybody on the network can ask for authority thousands of times a second, and a controller that
+chatters at a limit begins to be held back hundreds of times a second. Without a limit each of that
+would be an event on the network, a record in the log and a line on the terminal.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-LIMITED = ("REFUSED", "GRANTED", "RELEASED", "HOLDER_LOST", "RECOVERED")
-"""Kinds that requests cause. Safe stops are not limited: each takes at least 20 ticks."""
+LIMITED = (
+    *("REFUSED", "GRANTED", "RELEASED", "HOLDER_LOST", "RECOVERED"),
+    *("CLIPPED", "TORQUE_LIMITED"),
+)
+"""Kinds that requests and setpoints cause. Safe stops are not: each takes at least 20 ticks."""
 
 BURST = 10  # of one kind that may come at once
 PERIOD_NS = 1_000_000_000  # after which one more may come

@@ -1,4 +1,4 @@
-"""Events that anybody can cause are limited; how many were left out is told."""
+"""Events that others can cause are limited; how many were left out is told."""
 
 from __future__ import annotations
 
@@ -67,6 +67,27 @@ def test_a_flood_of_refusals_is_a_few_events_and_their_number():
     bench.run(second + 1)
     told = [detail for name, _, detail in bench.events() if name == "SUPPRESSED"]
     assert len(refused) + sum(detail >> 8 for detail in told) == len(answers)
+
+
+def test_a_controller_that_chatters_is_a_few_events_and_counted_in_full():
+    bench = Bench()
+    bench.link.ask("acquire", "alice")
+    bench.run(1)
+    for sign in [1.0, -1.0] * 100:
+        bench.speed[:] = 2.5 * sign  # more than the limit of acceleration allows in one tick
+        bench.run(10)
+    seconds = 200 * 10 * bench.robot.period // PERIOD_NS
+    found = [(name, detail) for name, _, detail in bench.events()]
+    clipped = [detail for name, detail in found if name == "CLIPPED"]
+    assert BURST <= len(clipped) <= BURST + seconds
+    bench.speed[:] = 0.0
+    bench.run(PERIOD_NS // bench.robot.period + 20)
+    told = [detail for name, _, detail in bench.events() if name == "SUPPRESSED"]
+    assert {detail & 0xFF for detail in told} == {Event.schema.constants["CLIPPED"]}
+    left_out = sum(detail >> 8 for detail in told)
+    assert 200 - 1 <= len(clipped) + left_out <= 200 + 1
+    summary = bench.robot.summary()
+    assert summary["interventions"] >= len(clipped) + left_out
 
 
 def test_the_number_is_told_in_words():
