@@ -21,7 +21,7 @@ REASONS = {
     NOT_TOLD: "not told by the controller",
     NO_TARGET: "no target with a tolerance",
     DAMAGED: "what it rests on is lost: the log is cut off or damaged",
-    NOT_REACHED: "not reached within the run",
+    NOT_REACHED: "error above tolerance at the end",
     NOT_CERTIFIED: f"fewer than {CERTIFIED_SHARE:.0%} of the answers certified",
     HELD_BACK: "the robot held a joint back at a limit",
     WEAK: "torques were too small to keep the limits",
