@@ -27,7 +27,7 @@ from protocol.settings import (
     load_yaml,
     parse,
 )
-from remote_controller.pairs import configs_for
+from remote_controller.pairs import configs_for, robots_for
 from remote_controller.user_code import may_import
 
 CONFIGS = Path(__file__).parent / "configs"
@@ -107,7 +107,7 @@ def build(config: ControllerConfig, description: RobotDescription, file: str = "
         remedy = f"{error.remedy}. {hint}"
         raise ConfigError(error.file, error.key, error.value, error.problem, remedy) from error
     except DescriptionError as error:
-        hint = of_another_robot(config, description)
+        hint = of_another_robot(config, description) or _runs_on(config, description)
         raise (DescriptionError(f"{error}. {hint}") if hint else error) from error
 
 
@@ -125,6 +125,14 @@ def of_another_robot(config: ControllerConfig, description: RobotDescription) ->
         f"The config is for another robot: its key `robot` names {config.robot!r}, and {given!r} "
         f"is given. Take --robot {config.robot}, or a config for {given!r}{listing}"
     )
+
+
+def _runs_on(config: ControllerConfig, description: RobotDescription) -> str:
+    """Which robots a shipped config is for, where that is not this one, else ""."""
+    robots = robots_for(config.controller)
+    if not robots or description.name in robots:
+        return ""
+    return f"{config.controller!r} is for --robot {' or '.join(robots)} (docs/robots.md)"
 
 
 def _configured(

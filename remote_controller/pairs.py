@@ -53,3 +53,8 @@ HELD_BACK = {("pinv", "hoap3"), ("osqp", "hoap3")}
 def configs_for(robot: str) -> list[str]:
     """Names of the shipped controller configs that run on a robot, or on an emulator config."""
     return [name for name, robots in PAIRS.items() if robot in robots]
+
+
+def robots_for(config: str) -> list[str]:
+    """Robots and emulator configs that a shipped controller config runs on; [] for any other."""
+    return list(PAIRS.get(config, ()))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from protocol.clock import VirtualClock
-from protocol.errors import ConfigError, Hoap3Error
+from protocol.errors import ConfigError, DescriptionError, Hoap3Error
 from protocol.link import Fate, LockstepLink
 from protocol.messages import Setpoint, State
 from protocol.recorder import MemoryRecorder, Recorder
@@ -19,8 +19,9 @@ from protocol.settings import parse
 from protocol.statistics import Deadlines
 from remote_controller.config import ControllerConfig, build
 from remote_controller.config import read_config as read_controller_config
-from remote_controller.controllers.controller import Controller
+from remote_controller.controllers.controller import Controller, mismatch
 from remote_controller.loop import ControllerLoop
+from remote_controller.pairs import configs_for, robots_for
 from remote_controller.registry import find
 from robot_emulator.config import EmulatorConfig, available_configs
 from robot_emulator.config import read_config as read_emulator_config
@@ -207,21 +208,34 @@ def suited(emulator: EmulatorConfig, controller: ControllerConfig, file: str) ->
     """The robot as a controller needs it.
 
     Where its config leaves `command` open, that is the first of what the controller gives, in the
-    controller's order, that the robot can take; what nobody can take stays open.
+    controller's order, that the robot can take.
 
     Args:
         emulator, controller: settings of both.
         file: where the controller stands, for errors.
 
     Raises:
-        UsageError: there is no such robot, or no such controller.
+        UsageError: there is no such robot, or no such controller, or the robot can take nothing
+            that the controller gives.
     """
     if emulator.command is not None:
         return emulator
-    gives = find(controller.controller, file).commands
-    takes = load(emulator.robot).command_kinds
-    kind = next((kind for kind in gives if kind in takes), None)
-    return emulator.model_copy(update={"command": kind})
+    gives, robot = find(controller.controller, file).commands, load(emulator.robot)
+    for kind in gives:
+        if kind in robot.command_kinds:
+            return emulator.model_copy(update={"command": kind})
+    raise DescriptionError(
+        f"{mismatch(gives, robot)}: these two do not run together. "
+        f"{_other_pairs(controller.controller, robot.name)}"
+    )
+
+
+def _other_pairs(controller: str, robot: str) -> str:
+    """What runs instead of a pair that does not, in words."""
+    configs, robots = configs_for(robot), robots_for(controller)
+    choices = [f"--robot {' or '.join(robots)}"] if robots else []
+    choices += [f"a config for {robot!r}: {', '.join(configs)}"] if configs else []
+    return f"Take {', or '.join(choices)}" if choices else "Choose another robot or controller"
 
 
 def controller_settings(controller: str | Mapping[str, Any] | ControllerConfig) -> ControllerConfig:

@@ -35,12 +35,17 @@ def agreed(commands: Sequence[CommandKind], description: RobotDescription) -> Co
     for kind in description.command_kinds:
         if kind in commands:
             return kind
-    takes, gives = " or ".join(description.command_kinds), " or ".join(commands)
     raise DescriptionError(
-        f"robot {description.name!r} takes {takes}, and the controller gives {gives}. Choose "
-        f"another controller, or a robot that can take it: `command: {commands[0]}` in its "
-        f"config, --set emulator.command={commands[0]} with `run`"
+        f"{mismatch(commands, description)}. If the robot can take that, too, start it so: "
+        f"`hoap3 emulator … --set command={commands[0]}`, or with `run` "
+        f"--set emulator.command={commands[0]}. Else choose another controller, or another robot"
     )
+
+
+def mismatch(commands: Sequence[CommandKind], description: RobotDescription) -> str:
+    """That a controller gives nothing that a robot takes, in words."""
+    takes, gives = " or ".join(description.command_kinds), " or ".join(commands)
+    return f"robot {description.name!r} takes {takes}, and the controller gives {gives}"
 
 
 class Controller(ABC):

@@ -5,11 +5,12 @@ from __future__ import annotations
 import pytest
 
 from protocol.errors import DescriptionError
-from remote_controller.config import ControllerConfig
+from remote_controller.config import ControllerConfig, build
 from remote_controller.controllers.controller import agreed
 from robot_emulator.config import EmulatorConfig
 from robot_emulator.robots import load
-from tools.simulate import suited
+from robot_emulator.service import describe
+from tools.simulate import controller_settings, suited
 
 
 def chosen(robot: str, controller: str, command: str | None = None) -> str | None:
@@ -25,7 +26,6 @@ def chosen(robot: str, controller: str, command: str | None = None) -> str | Non
         ("lwr", "joint_acceleration", "acceleration"),
         ("hoap3", "joint_acceleration", "position"),
         ("lwr", "qp12", "position"),
-        ("hoap3", "tsid", None),
     ],
 )
 def test_an_open_command_is_the_first_that_the_controller_gives_and_the_robot_takes(
@@ -36,6 +36,22 @@ def test_an_open_command_is_the_first_that_the_controller_gives_and_the_robot_ta
 
 def test_a_command_in_the_robots_config_stands():
     assert chosen("ur5", "tsid", "acceleration") == "acceleration"
+
+
+def test_a_pair_that_has_no_command_in_common_is_refused_with_what_runs():
+    with pytest.raises(DescriptionError, match="takes position, and the controller") as caught:
+        chosen("hoap3", "tsid")
+    assert "--set" not in str(caught.value), "no setting makes it run"
+    assert "baxter_left_arm" in str(caught.value)
+    assert "qp12" in str(caught.value)
+
+
+def test_a_robot_that_was_started_otherwise_is_told_how_to_start_it():
+    lwr = describe(EmulatorConfig(robot="lwr"))
+    assert lwr.command_kinds == ("position",)
+    with pytest.raises(DescriptionError, match="--set command=torque") as caught:
+        build(controller_settings("ghc"), lwr)
+    assert "lwr_weightless" in str(caught.value)
 
 
 def test_where_nothing_fits_both_are_named():
