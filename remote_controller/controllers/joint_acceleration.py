@@ -16,6 +16,8 @@ from remote_controller.controllers.postures import posture_of
 from remote_controller.tasks.accuracy import (
     TOLERANCE_DEG,
     TOLERANCE_M,
+    JointToleranceDeg,
+    JointToleranceM,
     TaskError,
     joint_errors,
     prismatic_joints,
@@ -51,14 +53,8 @@ class JointAccelerationController(Controller):
             None, description="q_r, one of the robot's description; null: where it starts"
         )
         posture_rad: tuple[float, ...] = Field((), description="q_r itself instead [rad or m]")
-        tolerance_deg: float = Field(
-            TOLERANCE_DEG,
-            gt=0,
-            description="error of each revolute joint at the end that counts as reached [degrees]",
-        )
-        tolerance_m: float = Field(
-            TOLERANCE_M, gt=0, description="the same for prismatic joints [m]"
-        )
+        tolerance_deg: JointToleranceDeg = TOLERANCE_DEG
+        tolerance_m: JointToleranceM = TOLERANCE_M
         kp: float = Field(100.0, gt=0, description="of q_r − q [1/s²]")
         kd: float | None = Field(None, ge=0, description="of dq [1/s]; null: 2√kp")
         bounds: BoundSettings = Field(BoundSettings(), description="of the accelerations")

@@ -4,16 +4,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from protocol.description import RobotDescription
 from protocol.messages import FloatArray
 
 TOLERANCE_M = 1e-3
 TOLERANCE_DEG = 0.5
+
+JointToleranceDeg = Annotated[
+    float,
+    Field(
+        gt=0,
+        description="error of each revolute joint at the end that counts as reached [degrees]",
+    ),
+]
+JointToleranceM = Annotated[float, Field(gt=0, description="the same for prismatic joints [m]")]
 
 LOWER = "lower priority"
 ABSENT = "takes no part"

@@ -14,6 +14,8 @@ from remote_controller.kinematics import Kinematics
 from remote_controller.tasks.accuracy import (
     TOLERANCE_DEG,
     TOLERANCE_M,
+    JointToleranceDeg,
+    JointToleranceM,
     TaskError,
     joint_errors,
     prismatic_joints,
@@ -42,14 +44,8 @@ class PostureTask(Task):
         approach_s: float = Field(
             0.0, ge=0, description="duration of the way there [s]; 0: at once"
         )
-        tolerance_deg: float = Field(
-            TOLERANCE_DEG,
-            gt=0,
-            description="error of each revolute joint at the end that counts as reached [degrees]",
-        )
-        tolerance_m: float = Field(
-            TOLERANCE_M, gt=0, description="the same for prismatic joints [m]"
-        )
+        tolerance_deg: JointToleranceDeg = TOLERANCE_DEG
+        tolerance_m: JointToleranceM = TOLERANCE_M
 
         @model_validator(mode="after")
         def _one_posture(self) -> Self:
