@@ -207,6 +207,39 @@ def controller(*arguments: object, at: str, **kinds: Any) -> Command:
     return Command("controller", *arguments, "--set", f"link.connect=[{at}]", **kinds)
 
 
+@contextmanager
+def followed(
+    at: str,
+    *,
+    near: str | None = None,
+    robot: Sequence[str] = PATIENT,
+    law: Sequence[str] = (),
+) -> Iterator[tuple[Command, Command]]:
+    """HOAP-3 that follows `qp12`, neither with a log: both commands.
+
+    Args:
+        at: where the robot listens.
+        near: where its controller finds it instead.
+        robot, law: further words of each.
+    """
+    with (
+        emulator("hoap3", *QUIET, *robot, at=at) as ours,
+        controller("qp12", *QUIET, *law, at=near or at) as theirs,
+    ):
+        theirs.hear("following robot")
+        yield ours, theirs
+
+
+def spread(times: Sequence[float], unit: str) -> str:
+    """How many times there are, the median and the longest, to be printed."""
+    if not times:
+        return "n 0"
+    ranked = sorted(times)
+    return (
+        f"n {len(ranked)}, p50 {ranked[len(ranked) // 2]:.3g} {unit}, max {ranked[-1]:.3g} {unit}"
+    )
+
+
 def hoap3(*arguments: object, **kinds: Any) -> Command:
     """A command that has run to its end."""
     with Command(*arguments, **kinds) as command:

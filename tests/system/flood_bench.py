@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from command_bench import PATIENT, QUIET, Command, controller, emulator, endpoint
+from command_bench import PATIENT, Command, endpoint, followed
 
 from protocol.errors import LinkError
 from protocol.local_control import LocalRobot, local_robots
@@ -32,6 +32,7 @@ class Flood:
 
     Attributes:
         stops_ms: times that `stop` took over the local socket, during the flood [ms].
+        unanswered: stops that the robot did not answer, or after which it did not stop.
         back_s: from the end of the flood until the robot followed its controller [s]; -1: never.
         robot_mb, controller_mb: largest resident memory so far [MB].
         sent, cut: what the attacker says.
@@ -40,6 +41,7 @@ class Flood:
 
     kind: str
     stops_ms: list[float] = field(default_factory=list)
+    unanswered: int = 0
     back_s: float = -1.0
     robot_mb: int = 0
     controller_mb: int = 0
@@ -51,15 +53,13 @@ class Flood:
 def measure(kind: str, times: int, seconds: float, tell: Callable[[Flood], None]) -> list[Flood]:
     """Attack a robot that follows its controller, so many times; `kind` "none" is no attack."""
     at, floods = endpoint(), []
-    with emulator("hoap3", *PATIENT, *QUIET, "--set", "name=flooded", at=at) as robot:
-        arguments = (*QUIET, "--set", "robot=flooded")
-        with controller("qp12", *arguments, at=at) as law:
-            law.hear("following robot")
-            (local,) = [one for one in local_robots() if one.name == "flooded"]
-            _follows(local)
-            for _ in range(times):
-                floods.append(_one_flood(kind, at, seconds, local, (robot, law)))
-                tell(floods[-1])
+    named = {"robot": (*PATIENT, "--set", "name=flooded"), "law": ("--set", "robot=flooded")}
+    with followed(at, **named) as services:
+        (local,) = [one for one in local_robots() if one.name == "flooded"]
+        _follows(local)
+        for _ in range(times):
+            floods.append(_one_flood(kind, at, seconds, local, services))
+            tell(floods[-1])
     return floods
 
 
@@ -74,9 +74,11 @@ def _one_flood(
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as attacker:
         while attacker.poll() is None:
             begin = time.monotonic()
-            local.ask("stop")
-            flood.stops_ms.append(round((time.monotonic() - begin) * 1e3, 1))
-            local.ask("recover")
+            if _asked(local, "stop")["mode"] in {"idle", "stopping", "stopped"}:
+                flood.stops_ms.append(round((time.monotonic() - begin) * 1e3, 1))
+            else:
+                flood.unanswered += 1
+            _asked(local, "recover")
             time.sleep(STOP_EVERY_S)  # the rate of the stops, nothing that is waited for
         said = json.loads(attacker.communicate()[0])
     flood.sent, flood.cut = said.get("sent", 0), said.get("cut", 0)
@@ -90,18 +92,18 @@ def _follows(local: LocalRobot) -> float:
     """Wait until the robot follows a controller, recovering it where it is latched; how long."""
     begin = time.monotonic()
     while (waited := time.monotonic() - begin) < BACK_S:
-        status = _status(local)
+        status = _asked(local, "status")
         if status["mode"] == "active":
             return round(waited, 2)
         if status["mode"] == "stopped" and status["holder"] is not None:
-            local.ask("recover")
+            _asked(local, "recover")
         time.sleep(_PROBE_S)
     return -1.0
 
 
-def _status(local: LocalRobot) -> dict[str, Any]:
+def _asked(local: LocalRobot, verb: str) -> dict[str, Any]:
     try:
-        return local.ask("status")
+        return local.ask(verb)
     except LinkError:
         return {"mode": "unknown", "holder": None}
 

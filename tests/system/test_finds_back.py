@@ -15,13 +15,11 @@ import pytest
 import zenoh
 from command_bench import (
     PATIENCE_S,
-    PATIENT,
-    QUIET,
     Command,
     assert_no_traceback,
-    controller,
-    emulator,
     endpoint,
+    followed,
+    spread,
     tell,
     wait_for_mode,
 )
@@ -135,11 +133,7 @@ def moves_on(at: str, tick: int) -> bool:
 @pytest.mark.parametrize("attack", [one_large_request, many_requests])
 def test_the_controller_is_back_after_each_attack(attack: Callable[[str], None]) -> None:
     at = endpoint()
-    with (
-        emulator("hoap3", *QUIET, *PATIENT, at=at) as robot,
-        controller("qp12", *QUIET, at=at) as law,
-    ):
-        law.hear("following robot")
+    with followed(at) as (robot, law):
         wait_for_mode("active", at)
         needed = []
         for _ in range(TIMES):
@@ -151,18 +145,14 @@ def test_the_controller_is_back_after_each_attack(attack: Callable[[str], None])
         wait_for_mode("idle", at)
         assert robot.end(signal.SIGTERM) in {0, 1}
         assert_no_traceback(robot)
-    print(f"{attack.__name__}: back after {min(needed):.2f} to {max(needed):.2f} s")
+    print(f"{attack.__name__}: back: {spread(needed, 's')}")
 
 
 @pytest.mark.long
 def test_the_controller_is_back_after_its_connection_has_fallen_silent() -> None:
     at = endpoint()
     relay = Relay(at)
-    with (
-        emulator("hoap3", *QUIET, *PATIENT, at=at) as robot,
-        controller("qp12", *QUIET, at=relay.at) as law,
-    ):
-        law.hear("following robot")
+    with followed(at, near=relay.at) as (robot, law):
         needed = []
         for _ in range(TIMES):
             wait_for_mode("active", at)
@@ -173,7 +163,7 @@ def test_the_controller_is_back_after_its_connection_has_fallen_silent() -> None
         assert law.end(signal.SIGTERM) == 0
         assert_no_traceback(law)
     relay.close()
-    print(f"silent connection: back after {min(needed):.2f} to {max(needed):.2f} s")
+    print(f"silent connection: back: {spread(needed, 's')}")
 
 
 def robot_noticed(robot: Command, times: int) -> None:

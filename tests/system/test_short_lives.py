@@ -14,15 +14,17 @@ from command_bench import (
     QUIET,
     Command,
     assert_no_traceback,
-    controller,
     emulator,
     endpoint,
+    followed,
+    spread,
 )
 from fake_rights import FakeCpu
 
 from tools.observer import DRAIN_S
 
 COUNT = 50
+SOON_S = 3.0  # the promise, beyond the start-up
 KILLS = 20
 KINDS = ("controller", "emulator")
 CODES = {"controller": 1, "emulator": 2}
@@ -55,11 +57,7 @@ class TimedCommand(Command):
 def at() -> Iterator[str]:
     """Where a robot listens that follows a controller."""
     place = endpoint()
-    with (
-        emulator("hoap3", *QUIET, *PATIENT, *LEASE, at=place),
-        controller("qp12", *QUIET, *LEASE, at=place) as law,
-    ):
-        law.hear("following robot")
+    with followed(place, robot=(*PATIENT, *LEASE), law=LEASE):
         yield place
 
 
@@ -119,9 +117,12 @@ def test_a_service_whose_cpu_is_kept_awake_is_killed_and_leaves_nothing(cpu: Fak
 @pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 def test_many_in_a_row_end_and_leave_nothing(at: str, cpu: FakeCpu, kind: str) -> None:
-    took = sorted(assert_ends(kind, at, cpu) for _ in range(COUNT))
-    print(f"\n{COUNT} of {kind}: {took[COUNT // 2]:.2f} s in the middle, {took[-1]:.2f} s at most")
-    assert took[-1] < DRAIN_S  # no wait went to its limit
+    took = [assert_ends(kind, at, cpu) for _ in range(COUNT)]
+    late = sum(each > SOON_S for each in took)
+    print(f"\n{kind}: {spread(took, 's')}; {late} of {COUNT} beyond {SOON_S:g} s")
+    # The promise is printed, not asserted: machines are slow, shared and busy. This finds hangs:
+    # no wait went to its limit.
+    assert max(took) < DRAIN_S
 
 
 @pytest.mark.long
