@@ -92,6 +92,8 @@ class RobotLoop:
         self._stop_began = 0
         self._asked_tick = self._first_active_tick = -1
         self._clipped = False
+        self._held = [0] * description.n  # periods, by the first joint held back in each
+        self._held_first = (-1, -1)  # joint, tick
         self._conflicts_told = self._conflict_due = 0
         self._weak = -1
         self.mode = State.IDLE
@@ -149,11 +151,21 @@ class RobotLoop:
             "worst_window": deadlines.worst_window,
             "safe_stops": self.safe_stops,
             "interventions": self._gate.interventions,
+            "held_back_joints": self._held_back_joints(),
             "torque_limited": self._gate.torque_limited,
             "conflicting": self.inbox.conflicting,
             "rejections": {name: n for name, n in self.inbox.rejections.items() if n},
             "realtime": self.realtime,
         }
+
+    def _held_back_joints(self) -> dict[str, object] | None:
+        """Which joint was held back first, and which in most periods; None where none was."""
+        names, (joint, tick) = self._description.joint_names, self._held_first
+        if joint < 0:
+            return None
+        periods = max(self._held)
+        most = names[self._held.index(periods)]
+        return {"first": names[joint], "first_tick": tick, "most": most, "most_periods": periods}
 
     def step(self, ticker: Ticker) -> None:
         """Everything that happens at one tick, or what is left of it."""
@@ -271,12 +283,20 @@ class RobotLoop:
                 clipped = gate.extrapolate()
             else:
                 clipped = gate.hold()
-            if clipped >= 0 and not self._clipped:
-                self._announce("CLIPPED", clipped)
+            if clipped >= 0:
+                self._tell_clipped(clipped)
             self._clipped = clipped >= 0
         elif self.mode == State.STOPPING and gate.brake():
             self._announce("AT_REST", self.tick - self._stop_began)
             self._come_to_rest()
+
+    def _tell_clipped(self, joint: int) -> None:
+        """Count a joint that is held back, and announce it where that begins."""
+        self._held[joint] += 1
+        if self._held_first[0] < 0:
+            self._held_first = joint, self.tick
+        if not self._clipped:
+            self._announce("CLIPPED", joint)
 
     def _advance(self) -> None:
         """The body moves for one period; at rest its brakes hold it."""

@@ -346,7 +346,8 @@ def _join(summary: dict[str, Any], controller: dict[str, Any]) -> None:
         summary["certificates"]["reasons"] = theirs["reasons"]
     held_back, limited = summary["interventions"], summary["torque_limited"]
     deadlines = summary["verdicts"]["deadlines"] or "unfit"  # it should have asked something
-    summary |= judge(deadlines, held_back, limited, controller.get("outcome"), expected=True)
+    joints, outcome = summary["limits_and_balance"]["held_back_joints"], controller.get("outcome")
+    summary |= judge(deadlines, held_back, limited, outcome, expected=True, joints=joints)
 
 
 def _watched(

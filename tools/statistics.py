@@ -108,7 +108,7 @@ class RunStatistics:
             deadlines = None  # nothing was asked: there was nothing to be in time for
         interventions, limited = robot.get("interventions", 0), robot.get("torque_limited", 0)
         result: dict[str, Any] = {
-            **judge(deadlines, interventions, limited, None),
+            **judge(deadlines, interventions, limited, None, joints=robot.get("held_back_joints")),
             "ticks": robot.get("asked", 0),
             "skipped": skipped,
             "misses": {

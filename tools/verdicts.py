@@ -39,6 +39,7 @@ def judge(
     *,
     expected: bool = False,
     damaged: Collection[str] = (),
+    joints: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Verdicts, and what two of them rest on.
 
@@ -52,6 +53,7 @@ def judge(
         damaged: sides, "robot" or "controller", whose logs are cut off or damaged. What is not
             known of these is lost, which is bad; ticks that nobody sees were perhaps not in time,
             so the deadlines of such a robot are unfit or not judged.
+        joints: which the robot held back, as its summary has them; None where that is not known.
 
     Returns:
         `verdicts`, `task` and `limits_and_balance`, as docs/concepts.md defines them.
@@ -64,6 +66,7 @@ def judge(
         "task": _verdict(task["reasons"], expected=expected),
         "limits_and_balance": _verdict(limits["reasons"], expected=expected),
     }
+    limits["held_back_joints"] = dict(joints) if joints else None
     return {"verdicts": verdicts, "task": task, "limits_and_balance": limits}
 
 
@@ -156,7 +159,8 @@ def _limits_words(judged: Mapping[str, Any]) -> str:
     parts = [REASONS[reason] for reason in limits["reasons"]]
     if limits["held_back"] is not None:
         held = limits["held_back"]
-        parts.append(f"held back in {held} periods" if held else "no limit held back")
+        which = _joint_words(limits.get("held_back_joints"))
+        parts.append(f"held back in {held} periods{which}" if held else "no limit held back")
     if limits["torque_limited"]:
         parts.append(f"too little torque in {limits['torque_limited']} periods")
     if limits["smallest_margin"] is not None:
@@ -167,6 +171,14 @@ def _limits_words(judged: Mapping[str, Any]) -> str:
         share = f", in {outside} of {limits['com_checked']} postures" if outside else ""
         parts.append(f"CoM at worst {_size(abs(edge), 'm')} {where} the edge{share}")
     return "; ".join(parts)
+
+
+def _joint_words(joints: Mapping[str, Any] | None) -> str:
+    """Which joints were held back first, and most often."""
+    if not joints:
+        return ""
+    first = f", first {joints['first']} at tick {joints['first_tick']}"
+    return f"{first}, most often {joints['most']} ({joints['most_periods']} periods)"
 
 
 def _error_words(error: Mapping[str, Any]) -> str:

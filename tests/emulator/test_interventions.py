@@ -45,6 +45,20 @@ def test_each_period_in_which_some_joint_is_held_back_counts_once():
     np.testing.assert_allclose(velocities(bench)[:4, 2], [-1.0, -2.0, -2.5, -2.5], atol=1e-9)
     clipped = [event for event in bench.events() if event[0] == "CLIPPED"]
     assert clipped == [("CLIPPED", 1, 0)]  # the first one only
+    first = bench.description.joint_names[0]
+    told = {"first": first, "first_tick": 1, "most": first, "most_periods": 2}
+    assert bench.robot.summary()["held_back_joints"] == told
+
+
+def test_the_joint_that_is_held_back_most_often_is_another_than_the_first():
+    bench = following()
+    assert bench.robot.summary()["held_back_joints"] is None
+    bench.speed[:] = (1.5, 0.0, 0.0)
+    bench.run(10)
+    bench.speed[:] = (1.5, 0.0, 2.9)
+    bench.run(10)
+    names, told = bench.description.joint_names, bench.robot.summary()["held_back_joints"]
+    assert (told["first"], told["most"]) == (names[0], names[2])
 
 
 @pytest.mark.parametrize("policy", ["hold", "extrapolate"])

@@ -31,6 +31,9 @@ def test_they_are_counted_told_and_not_certified(folder: Path) -> None:
     assert re.search(rf"interventions +a joint was held back in {held_back} periods", told)
     assert counts["verdicts"]["limits_and_balance"] == "bad"
     assert counts["limits_and_balance"]["reasons"] == ["held_back"]
+    joints = counts["limits_and_balance"]["held_back_joints"]
+    assert 0 < joints["most_periods"] <= held_back
+    assert f"first {joints['first']} at tick" in told
     assert counts["certificates"]["uncertified"] >= held_back - 1  # the stop at the end has none
     report = inside("report", folder, "--json").json()
     assert report["interventions"] == held_back

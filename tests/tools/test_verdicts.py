@@ -107,6 +107,16 @@ def test_words_have_the_figures_that_people_need():
     }
 
 
+def test_the_joints_that_were_held_back_are_named():
+    joints = {"first": "knee", "first_tick": 12, "most": "hip", "most_periods": 3}
+    judged = judge("fit", 4, 0, told(), joints=joints)
+    assert judged["limits_and_balance"]["held_back_joints"] == joints
+    words = in_words(judged)["limits_and_balance"]
+    for part in ("knee", "12", "hip", "3 periods"):
+        assert part in words
+    assert judge("fit", 4, 0, told())["limits_and_balance"]["held_back_joints"] is None
+
+
 def test_what_the_controller_should_have_told_is_bad_where_it_did_not():
     lost = judge("fit", 0, 0, None, expected=True)
     assert lost["verdicts"] == {"deadlines": "fit", "task": "bad", "limits_and_balance": "bad"}

@@ -71,4 +71,5 @@ def _judged(lockstep: Lockstep) -> dict[str, Any]:
     counted: dict[str, Any] = robot.summary()
     deadlines = verdict(robot.inbox.deadlines.run_rate, safe_stop=robot.safe_stops > 0)
     held_back, limited = counted["interventions"], counted["torque_limited"]
-    return judge(deadlines, held_back, limited, lockstep.controller_loop.summary)
+    outcome, joints = lockstep.controller_loop.summary, counted["held_back_joints"]
+    return judge(deadlines, held_back, limited, outcome, joints=joints)
