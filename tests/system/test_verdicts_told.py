@@ -34,7 +34,7 @@ def test_an_unreachable_target_is_no_success(tmp_path: Path) -> None:
     done = inside(*words, "--out", tmp_path / "log")
     assert done.code == 1
     assert re.search(r"^deadlines +fit", done.stdout, re.MULTILINE)
-    assert re.search(r"^task +bad: not reached", done.stdout, re.MULTILINE)
+    assert re.search(r"^task +bad: error above tolerance", done.stdout, re.MULTILINE)
     assert re.search(r"^limits and balance +bad: .*left the support", done.stdout, re.MULTILINE)
     told = inside("report", tmp_path / "log", "--json")
     assert told.code == 1
