@@ -14,7 +14,13 @@ from contextlib import contextmanager, suppress
 from typing import Any, Literal, TextIO
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    TaskProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+)
 from rich.text import Text
 
 from protocol.errors import Hoap3Error
@@ -168,7 +174,12 @@ def progress(title: str) -> Iterator[Meter]:
     if not watched():
         yield Meter(title, None)
         return
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TaskProgressColumn(),  # empty where nobody knows how much there is
+        TimeElapsedColumn(),
+    )
     with Progress(
         *columns, console=notes, transient=True, auto_refresh=False, redirect_stdout=False
     ) as bar:

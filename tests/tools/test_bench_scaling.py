@@ -56,10 +56,9 @@ def test_each_solver_is_timed_at_each_size():
     }
     keys = {"solver", "n", "samples", "min_us", "mean_us", "p50_us", "p99_us", "max_us"}
     assert all(row.keys() == keys for row in found["rows"])
-    assert told == [
-        *(f"setting up {name} for {n} joints" for n in (7, 14) for name in installed()),
-        "timing",
-    ]
+    set_up = [f"setting up {name} for {n} joints" for n in (7, 14) for name in installed()]
+    assert told[: len(set_up)] == set_up
+    assert any("%" in each for each in told[len(set_up) :])
     assert found["left_out"] == []
 
 

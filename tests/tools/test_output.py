@@ -59,10 +59,12 @@ def test_a_terminal_shows_one_line_without_a_thread(monkeypatch: pytest.MonkeyPa
     threads = threading.active_count()
     with progress("work") as meter:
         meter.step("first part")
+        assert "%" not in screen.getvalue(), "nobody knows how much there is"
         assert threading.active_count() == threads
         meter.part(10, 10)
         print_line("a result")
     assert "work: first part" in screen.getvalue()
+    assert "100%" in screen.getvalue()
     assert "a result" not in screen.getvalue()
     assert screen.getvalue().endswith("\x1b[2K")  # the line is removed
 

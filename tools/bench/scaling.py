@@ -61,8 +61,13 @@ def bench_scaling(
             label = f"{name}, {n} joints"
             found[label] = name, n
             (slow if took > SLOW_S else quick).append(contender(label, solver, problems))
-    report("timing")
-    times = race(quick, samples, BLOCKS, batches=False)
+
+    def timing(done: int, whole: int) -> None:
+        report(f"timing, {100 * done // whole} %")
+
+    times = race(quick, samples, BLOCKS, batches=False, report=timing)
+    if slow:
+        report("timing those that are slow")
     times |= race(slow, min(samples, SLOW_SAMPLES), 1, batches=False)
     rows = [
         {"solver": name, "n": n, **times[label].figures()} for label, (name, n) in found.items()
