@@ -17,7 +17,8 @@ from protocol.errors import LONGEST_GUESS, ConfigError
 
 LIKE = 0.6  # the least likeness, of 1, of a key that is suggested
 MOST_ERRORS = 50  # of pydantic's that are looked at
-MOST_TOLD = 10  # places that are told
+MOST_TOLD = 10  # places that are told,
+LONGEST = 1300  # characters in all; a hostile file gets no long answer
 
 
 def config_error(
@@ -37,6 +38,8 @@ def config_error(
         for error in _each_place_once(model, content, errors[:MOST_ERRORS])
     ]
     first, others = found[0], found[1:MOST_TOLD]
+    while others and sum(len(str(error)) for error in [first, *others]) > LONGEST:
+        others.pop()
     return ConfigError(first.file, first.key, first.value, first.problem, first.remedy, others)
 
 
