@@ -319,11 +319,10 @@ def replay(
     from tools.kernel_news import watch_compilation
 
     watch_compilation()
-    from remote_controller.tasks.default import of_a_log
     from tools.output import print_json, print_line, print_note, progress
     from tools.replay import replay as again
 
-    with progress(f"replay {log}") as meter, of_a_log():
+    with progress(f"replay {log}") as meter:
         report = again(
             *(log, sets),
             tolerance=tolerance,

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,22 +14,7 @@ from remote_controller.tasks.registry import TaskSettings
 
 HOAP3 = "hoap3"
 HOAP3S = DefaultTask(point=COM, reference="r_sole", target_m=(0.01, 0.025, 0.2869))
-"""What HOAP-3 did before descriptions had a default task, and so did any robot with that link."""
-
-_FROM_LOG: ContextVar[bool] = ContextVar("from_log", default=False)
-
-
-@contextmanager
-def of_a_log() -> Iterator[None]:
-    """Inside it, a robot without a default task gets what it got when its log was written.
-
-    A newer log cannot need it: the controller would have been refused.
-    """
-    token = _FROM_LOG.set(True)
-    try:
-        yield
-    finally:
-        _FROM_LOG.reset(token)
+"""What HOAP-3 did before descriptions had a default task: for its older logs."""
 
 
 @dataclass(frozen=True)
@@ -112,9 +94,9 @@ def _check_frames(description: RobotDescription, *frames: str | None) -> None:
 
 
 def _had_hoap3s(description: RobotDescription, reference: str | None) -> bool:
-    """Whether a robot that has no default task is to do what HOAP-3 does."""
+    """Whether a robot that has no default task is HOAP-3 of an older log."""
     known = bool(reference) or HOAP3S.reference in description.frames
-    return known and (description.name == HOAP3 or _FROM_LOG.get())
+    return known and description.name == HOAP3
 
 
 def _read(description: RobotDescription, task: DefaultTask, out: FloatArray) -> None:

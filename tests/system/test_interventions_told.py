@@ -37,6 +37,7 @@ def test_they_are_counted_told_and_not_certified(folder: Path) -> None:
     assert counts["certificates"]["uncertified"] >= held_back - 1  # the stop at the end has none
     report = inside("report", folder, "--json").json()
     assert report["interventions"] == held_back
+    assert report["limits_and_balance"]["held_back_joints"] == joints
     assert f"held joints back in {held_back} periods" in " ".join(report["gaps"])
 
 

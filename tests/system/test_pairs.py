@@ -14,7 +14,6 @@ from remote_controller.controllers.controller import STATUS
 from remote_controller.kinematics import Kinematics
 from remote_controller.pairs import HELD_BACK, PAIRS, POSTURES, configs_for
 from remote_controller.tasks.com import ComTask
-from remote_controller.tasks.default import of_a_log
 from remote_controller.tasks.frame_position import FramePositionTask
 from robot_emulator.config import available_configs as emulator_configs
 from robot_emulator.robots import available as robots
@@ -169,16 +168,11 @@ def test_a_log_from_before_there_were_default_tasks_is_of_the_centre_of_mass():
 
 
 @pytest.mark.parametrize("parameters", [{}, {"frame": "r_sole"}])
-def test_another_robot_with_such_a_sole_does_not_get_its_target_but_from_a_log(parameters):
+def test_another_robot_with_such_a_sole_does_not_get_its_target(parameters):
     robot = describe(emulator_settings("hoap3", 0))
     other = robot.model_copy(update={"name": "walker", "default_task": None})
     config = controller_settings({"controller": "qp12", "parameters": parameters})
     with pytest.raises(NoDefaultTaskError, match="'walker' has no default task"):
-        build(config, other)
-    with of_a_log():
-        law = build(config, other)
-    np.testing.assert_array_equal(law.task.target, [0.01, 0.025, 0.2869])
-    with pytest.raises(NoDefaultTaskError):
         build(config, other)
 
 

@@ -79,6 +79,7 @@ class Content:
             outcome,
             expected=untold,
             damaged=sources.damaged,
+            joints=sources.held_back_joints,
         )
 
     @property

@@ -100,6 +100,15 @@ class Sources:
         """Periods in which efforts were too small to keep its limits; None likewise."""
         return self._counted("torque_limited")
 
+    @property
+    def held_back_joints(self) -> dict[str, Any] | None:
+        """Which joints the robot held back, see `tools.verdicts`; None where it does not say."""
+        found = self.summary.get("held_back_joints")
+        whole = isinstance(found, dict) and all(
+            isinstance(found.get(key), kind) for key, kind in HELD_BACK_JOINTS.items()
+        )
+        return found if whole else None
+
     def answered(self, session: int) -> bool:
         """Whether the controller's log holds answers to a session of the robot."""
         if self.controller is None:
@@ -124,6 +133,9 @@ class Sources:
         except (LogError, ConfigError, yaml.YAMLError):
             return {}
 
+
+HELD_BACK_JOINTS = {"first": str, "first_tick": int, "most": str, "most_periods": int}
+"""What a robot tells of the joints that it held back."""
 
 _NEVER_OURS = (
     WireError,
