@@ -27,7 +27,8 @@ class Sources:
         robot, controller: the log of each side, or None.
         lockstep: whether all stamps are virtual.
         summary: what the robot counted itself, at its end; empty where that is not in its log.
-        outcomes: what the controller counted, by session of the robot.
+        outcomes: what the controller counted, by session of the robot; of a session that went on
+            after its last summary, none.
         gaps: what is missing, in words, each with what follows from it.
         damaged: what is lost of each log that is cut off or damaged, in words, by side.
     """
@@ -77,7 +78,7 @@ class Sources:
         summaries = said.get("robot", {}).get("summary", [])
         counted = summaries[-1] if summaries else {}
         theirs = said.get("controller", {}).get("summary", [])
-        outcomes = {each["session_id"]: each for each in theirs if "session_id" in each}
+        outcomes = _newest(theirs, controller)
         return cls(path, robot, controller, lockstep, counted, outcomes, gaps, damaged)
 
     @property
@@ -137,6 +138,9 @@ class Sources:
 HELD_BACK_JOINTS = {"first": str, "first_tick": int, "most": str, "most_periods": int}
 """What a robot tells of the joints that it held back."""
 
+STAMP = " log time"
+"""Key of a record's log time [ns] among what it says; none of ours begins with a blank."""
+
 _NEVER_OURS = (
     WireError,
     LookupError,
@@ -194,5 +198,22 @@ def _inputs(log: Log) -> dict[str, list[dict[str, Any]]]:
             except (ValueError, RecursionError):
                 continue
             if isinstance(content, dict):
-                said[kinds[record.kind]].append(content)
+                said[kinds[record.kind]].append({**content, STAMP: record.stamp})
     return said
+
+
+def _newest(summaries: list[dict[str, Any]], log: Log | None) -> dict[int, dict[str, Any]]:
+    """The last summary of each session, but for sessions with an answer after it."""
+    newest = {each["session_id"]: each for each in summaries if "session_id" in each}
+    if log is None or not newest:
+        return newest
+    try:
+        stamps, answers = log.table(Kind.SETPOINT)
+    except LogError:
+        return newest  # of another version
+    found = {}
+    for session, summary in newest.items():
+        answered = stamps[answers["session_id"] == session]
+        if not (answered > summary[STAMP]).any():
+            found[session] = {key: value for key, value in summary.items() if key != STAMP}
+    return found

@@ -8,12 +8,15 @@ import shutil
 import pytest
 import typer
 from html_page import Page
+from log_samples import MS, describe, write
 from report_logs import active_log
-from tick_story import Story
+from tick_story import SESSION, Story
+from tick_story import START as STORY_START
 from typer.testing import CliRunner
 
 from protocol.errors import LogError, UsageError
 from protocol.messages import Event, Setpoint
+from protocol.ring import Kind, Record
 from tools.cli_report import report
 from tools.log import Log
 from tools.report.content import read_content
@@ -21,6 +24,7 @@ from tools.report.facts import tiles
 from tools.report.page import page
 from tools.report.write import write_report
 
+GOOD = {"tasks": [], "certifiable": 10, "certified": 10, "margin": None, "balance": None}
 STATUS_NONE = Setpoint.schema.constants["STATUS_NONE"]
 
 
@@ -252,3 +256,31 @@ def test_a_controller_that_never_told_what_its_answers_came_to_is_a_finding(comm
 def test_an_unfit_run_is_a_finding(command, tmp_path):
     folder = active_log(tmp_path, setpoint={"epoch": 9})  # the robot refuses them all
     assert command(folder, "--out", tmp_path / "page.html").exit_code == 1
+
+
+def summed_up(folder, *, at: int, **about):
+    """A run of 300 ticks whose controller summed up at a tick, in a folder.
+
+    Args:
+        at: tick of the summary, on the controller's clock.
+        about: metadata of the controller's log.
+    """
+    folder.mkdir()
+    story = Story(300)
+    _, records = story.records()
+    payload = json.dumps({"session_id": SESSION, **GOOD}).encode()
+    stamp = STORY_START + story.offset + at * MS
+    records.append(Record(Kind.SUMMARY, stamp, payload))
+    records.sort(key=lambda record: record.stamp)
+    story.write(folder, controller=False)
+    enclosed = {"description.json": describe(1).to_json()}
+    write(folder / "controller.mcap", records, side="controller", attachments=enclosed, **about)
+    return folder
+
+
+def test_a_summary_before_the_last_answer_is_no_outcome(tmp_path):
+    ended = read_content(summed_up(tmp_path / "ended", at=400)).judged
+    assert ended["verdicts"]["task"] == "good"
+    going_on = read_content(summed_up(tmp_path / "on", at=150)).judged
+    assert going_on["verdicts"]["task"] == "bad"
+    assert going_on["task"]["reasons"] == ["not_told_by_controller"]
