@@ -174,11 +174,12 @@ def _limits_words(judged: Mapping[str, Any]) -> str:
 
 
 def _joint_words(joints: Mapping[str, Any] | None) -> str:
-    """Which joints were held back first, and most often."""
+    """Which joints were held back first, and most often; of several at once the first counts."""
     if not joints:
         return ""
     first = f", first {joints['first']} at tick {joints['first_tick']}"
-    return f"{first}, most often {joints['most']} ({joints['most_periods']} periods)"
+    most = f"{joints['most']} ({joints['most_periods']} periods)"
+    return f"{first}, most often the first of those held: {most}"
 
 
 def _error_words(error: Mapping[str, Any]) -> str:
