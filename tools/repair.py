@@ -7,6 +7,7 @@ the original is not touched. In place, the original is kept as `<name>.mcap.dama
 from __future__ import annotations
 
 import os
+import shlex
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from tools.mcap_scan import Damage, McapScan
 from tools.mcap_write import McapFile
 
 REPAIRED = ".repaired.mcap"
+REPAIRING = ".repairing.mcap"
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,7 @@ class RepairReport:
         last_stamp: log time of the newest of them [ns], or None.
         dropped_bytes: what could not be read at its end.
         damaged: what could not be read before that, in words, or "".
+        already: an earlier repair has made `out`; it was left alone.
     """
 
     path: Path
@@ -44,6 +47,7 @@ class RepairReport:
     last_stamp: int | None
     dropped_bytes: int
     damaged: str = ""
+    already: bool = False
 
     def as_json(self) -> dict[str, Any]:
         """All of it."""
@@ -52,16 +56,26 @@ class RepairReport:
     def __str__(self) -> str:
         if self.whole:
             return f"{self.path}: is whole, {self.messages} messages; nothing was done"
+        if self.already:
+            return f"{self.path}: already repaired, as {self.out}; {self._by_name}"
         until = "" if self.last_stamp is None else f", the last one at {self.last_stamp} ns"
         inside = f"; {self.damaged}" if self.damaged else ""
-        return (
+        mended = (
             f"{self.out}: {self.messages} messages saved{until}{inside}; "
             f"{self.dropped_bytes} bytes at the end could not be read"
         )
+        return mended if self.out == self.path else f"{mended}; {self._by_name}"
+
+    @property
+    def _by_name(self) -> str:
+        """How to read the result: in its folder the original is read."""
+        return f"name it by itself: `hoap3 report {shlex.quote(str(self.out))}`"
 
 
 def repair_all(path: Path) -> tuple[list[RepairReport], list[str]]:
-    """Repair each log in the folder of a run; results of earlier repairs are not taken for logs.
+    """Repair each log in the folder of a run that is not repaired yet.
+
+    Results of earlier repairs, and what is left of one that was killed, are not taken for logs.
 
     Returns:
         What became of each, and what is wrong with those that cannot be repaired.
@@ -69,13 +83,14 @@ def repair_all(path: Path) -> tuple[list[RepairReport], list[str]]:
     Raises:
         LogError: there is no log.
     """
-    files = [file for file in sorted(path.glob("*.mcap")) if not file.name.endswith(REPAIRED)]
+    ours = (REPAIRED, REPAIRING)
+    files = [file for file in sorted(path.glob("*.mcap")) if not file.name.endswith(ours)]
     if not files:
         raise LogError(f"{path}: holds no *.mcap. Name a log or the folder of a run")
     reports, wrong = [], []
     for file in files:
         try:
-            reports.append(repair(file))
+            reports.append(_repaired_before(file) or repair(file))
         except UsageError as error:
             wrong.append(str(error))
     return reports, wrong
@@ -132,6 +147,32 @@ def repair(path: Path, out: Path | None = None, *, in_place: bool = False) -> Re
     return RepairReport(path, target, False, messages, last, dropped, log.damages)
 
 
+def _repaired_before(path: Path) -> RepairReport | None:
+    """What an earlier repair has made of a log; None where there is no whole result of one."""
+    out = path.with_suffix(REPAIRED)
+    if not out.is_file():
+        return None
+    try:
+        log, scan = Log.open(out), McapScan.of(out)
+    except LogError:
+        return None
+    facts = scan.metadata.get("repair")
+    if facts is None or not scan.whole:
+        return None
+    stamps = [message[2] for message in scan.messages()]
+    dropped = facts.get("dropped_bytes", "")
+    return RepairReport(
+        path,
+        out,
+        whole=False,
+        messages=len(stamps),
+        last_stamp=max(stamps, default=None),
+        dropped_bytes=int(dropped) if dropped.isdecimal() else 0,
+        damaged=log.damages,
+        already=True,
+    )
+
+
 def _target(path: Path, out: Path | None, *, in_place: bool) -> Path:
     if not in_place:
         return out or path.with_suffix(REPAIRED)
@@ -139,7 +180,7 @@ def _target(path: Path, out: Path | None, *, in_place: bool) -> Path:
         raise UsageError(f"{out}: a repair in place has no other file. Leave one of both out")
     if _damaged(path).exists():
         raise UsageError(f"{_damaged(path)}: exists already. Move it away first")
-    return path.with_suffix(".repairing.mcap")
+    return path.with_suffix(REPAIRING)
 
 
 def _damaged(path: Path) -> Path:

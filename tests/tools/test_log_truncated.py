@@ -17,7 +17,7 @@ from mcap.stream_reader import StreamReader
 from protocol.errors import LogError, UsageError
 from protocol.ring import Record
 from tools.log import Log
-from tools.repair import repair
+from tools.repair import repair, repair_all
 
 
 @dataclass
@@ -173,3 +173,31 @@ def test_an_input_in_the_middle_is_saved_in_its_place(tmp_path: Path) -> None:
 def test_a_folder_cannot_be_repaired(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="is a folder"):
         repair(tmp_path)
+
+
+def test_a_folder_is_repaired_once(tmp_path: Path, sample: Sample) -> None:
+    path = tmp_path / "robot.mcap"
+    path.write_bytes(sample.content[: len(sample.content) // 2])
+    (tmp_path / "controller.repairing.mcap").write_bytes(sample.content[:-9])  # it was killed
+    (first,), wrong = repair_all(tmp_path)
+    assert wrong == []
+    assert f"hoap3 report {first.out}" in str(first)
+    written = first.out.read_bytes()
+    (again,), wrong = repair_all(tmp_path)
+    assert wrong == []
+    assert again.already
+    assert (again.out, again.messages) == (first.out, first.messages)
+    assert "already repaired" in str(again)
+    assert first.out.read_bytes() == written
+
+
+@pytest.mark.parametrize("content", [b"mine", None])
+def test_what_no_repair_has_finished_is_not_taken_for_its_result(
+    tmp_path: Path, sample: Sample, content: bytes | None
+) -> None:
+    path, out = tmp_path / "robot.mcap", tmp_path / "robot.repaired.mcap"
+    path.write_bytes(sample.content[:-9])
+    out.write_bytes(content or sample.content[:-50])
+    reports, (wrong,) = repair_all(tmp_path)
+    assert reports == []
+    assert "exists already" in wrong
