@@ -12,12 +12,14 @@ ROOMS = ("protocol", "remote_controller")
 """Rooms whose sources decide an answer."""
 
 SOURCES = ("*.py", "*.msg")
+OURS = "source"
+NOT_LOGGED = "not in the log"
 LONGEST = 40  # characters of a version that a log gives
 
 
 def software() -> dict[str, str]:
     """Versions of all that decides an answer, and our own sources as `source`, 12 digits."""
-    return {**versions(), "source": source_hash()}
+    return {**versions(), OURS: source_hash()}
 
 
 def source_hash() -> str:
@@ -34,9 +36,11 @@ def differences(logged: Mapping[str, str]) -> dict[str, list[str]]:
     """Versions that are not those of a log, by name: the log's, and the present one.
 
     Args:
-        logged: versions by name, as the log has them; what it does not name is not compared.
+        logged: versions by name, as the log has them. Of what it does not name only our own sources are a
+            difference: nobody can tell that they are the same.
     """
     now = software()
+    logged = {OURS: NOT_LOGGED, **logged}
     return {
         name: [then[:LONGEST], now[name]]
         for name, then in logged.items()
@@ -48,5 +52,12 @@ def in_words(found: Mapping[str, list[str]]) -> str:
     """What `differences` found, in one line; "" for nothing."""
     if not found:
         return ""
-    parts = [f"{name} {then}, now {now}" for name, (then, now) in found.items()]
+    parts = [_part(name, then, now) for name, (then, now) in found.items()]
     return f"the software is not that of the log ({'; '.join(parts)})"
+
+
+def _part(name: str, then: str, now: str) -> str:
+    if name != OURS:
+        return f"{name} {then}, now {now}"
+    logged = then if then == NOT_LOGGED else f"hash {then}"
+    return f"our own code ({logged}, now hash {now})"
