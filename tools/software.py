@@ -36,8 +36,8 @@ def differences(logged: Mapping[str, str]) -> dict[str, list[str]]:
     """Versions that are not those of a log, by name: the log's, and the present one.
 
     Args:
-        logged: versions by name, as the log has them. Of what it does not name only our own sources are a
-            difference: nobody can tell that they are the same.
+        logged: versions by name, as the log has them. Of what it does not name only our own
+            sources are a difference: nobody can tell that they are the same.
     """
     now = software()
     logged = {OURS: NOT_LOGGED, **logged}
