@@ -166,7 +166,11 @@ def _add_verdicts(table: Table, summary: dict[str, Any]) -> None:
     """A row for each verdict."""
     words = in_words(summary)
     if not summary["ticks"]:
-        words["deadlines"] = "nothing was asked, no controller was followed"
+        words["deadlines"] = (
+            "nothing was asked, no controller was followed"
+            if summary["complete"]
+            else "the robot's own count is lost"
+        )
     for key, name in NAMES.items():
         table.add_row(name, coloured_verdict(summary["verdicts"][key], words.get(key, "")))
 
