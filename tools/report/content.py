@@ -78,7 +78,7 @@ class Content:
             sources.torque_limited,
             outcome,
             expected=untold,
-            damaged=sources.damaged,
+            damaged=sources.lost,
             joints=sources.held_back_joints,
         )
 

@@ -92,6 +92,13 @@ class Sources:
         return self.logs[0]
 
     @property
+    def lost(self) -> set[str]:
+        """Sides of which evidence may be lost: a recording from outside never had any."""
+        robot = self.robot
+        outside = robot is not None and "recorded" in robot.metadata.get("run", {})
+        return set(self.damaged) - ({"robot"} if outside else set())
+
+    @property
     def interventions(self) -> int | None:
         """Periods in which the robot held a joint back; None where its log does not say."""
         return self._counted("interventions")

@@ -284,3 +284,10 @@ def test_a_summary_before_the_last_answer_is_no_outcome(tmp_path):
     going_on = read_content(summed_up(tmp_path / "on", at=150)).judged
     assert going_on["verdicts"]["task"] == "bad"
     assert going_on["task"]["reasons"] == ["not_told_by_controller"]
+
+
+def test_a_recording_from_outside_that_is_cut_off_is_not_judged(tmp_path):
+    folder = active_log(tmp_path, metadata={"run": {"recorded": "from outside"}})
+    content = read_content(cut(folder, "robot.mcap", 0.999))
+    assert list(content.sources.damaged) == ["robot"]
+    assert set(content.judged["verdicts"].values()) == {None}
