@@ -51,14 +51,17 @@ class EventLimit:
         self._any_left_out = True
         return False
 
-    def left_out(self, now: int) -> list[tuple[str, int]]:
-        """Kinds, and how many of each were left out in the last second; each is told once."""
+    def left_out(self, now: int, *, at_end: bool = False) -> list[tuple[str, int]]:
+        """Kinds, and how many of each were left out in the last second; each is told once.
+
+        At the end nothing waits for its second to be over.
+        """
         if not self._any_left_out:
             return []
         told = [
             (kind, count)
             for kind, count in self._left_out.items()
-            if count and now - self._told[kind] >= PERIOD_NS
+            if count and (at_end or now - self._told[kind] >= PERIOD_NS)
         ]
         for kind, _ in told:
             self._left_out[kind] = 0

@@ -136,6 +136,7 @@ class RobotLoop:
             self.step(ticker)
             if self._stop_reason in _LAST_WORDS and self.mode == State.STOPPED:
                 break
+        self._tell_left_out(at_end=True)
         self._announce("ENDED", 0)
         summary = json.dumps(self.summary()).encode()
         self._recorder.record_large(Kind.SUMMARY, self._clock.now(), summary)
@@ -409,9 +410,9 @@ class RobotLoop:
         self._announce("RECOVERED", 0)
         return True
 
-    def _tell_left_out(self) -> None:
+    def _tell_left_out(self, *, at_end: bool = False) -> None:
         """Announce how many events were left out, at most once a second for each kind."""
-        for kind, count in self._event_limit.left_out(self._clock.now()):
+        for kind, count in self._event_limit.left_out(self._clock.now(), at_end=at_end):
             self._announce("SUPPRESSED", count << 8 | EVENTS[kind])
 
     def _announce(self, kind: str, detail: int) -> None:

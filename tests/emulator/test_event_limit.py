@@ -69,6 +69,20 @@ def test_a_flood_of_refusals_is_a_few_events_and_their_number():
     assert len(refused) + sum(detail >> 8 for detail in told) == len(answers)
 
 
+def test_what_was_left_out_in_the_last_second_is_told_at_the_end():
+    bench = Bench()
+    bench.link.ask("acquire", "alice")
+    bench.run(1)
+    for _ in range(40):
+        bench.link.ask("acquire", "stranger")
+    bench.robot.run(bench.clock.now(), lambda: bench.robot.tick >= 30)
+    found = [(name, detail) for name, _, detail in bench.events()]
+    refused = [detail for name, detail in found if name == "REFUSED"]
+    told = [detail for name, detail in found if name == "SUPPRESSED"]
+    assert len(refused) + sum(detail >> 8 for detail in told) == 40
+    assert found[-1][0] == "ENDED"
+
+
 def test_a_controller_that_chatters_is_a_few_events_and_counted_in_full():
     bench = Bench()
     bench.link.ask("acquire", "alice")
