@@ -36,12 +36,22 @@ def waits_for_recovery(mode: str, reason: str | None) -> bool:
     return reason in LATCHING or (reason is None and mode == "stopped")
 
 
-def stop_words(robot: str, reason: str | None) -> str:
-    """Why a robot stands in its safe stop, and what frees it.
+def stop_words(reason: str | None) -> str:
+    """That a robot is stopped until somebody recovers it, and why.
 
     Args:
-        robot: its name.
         reason: by name; None where it is not known. What is not known here stays as it is.
     """
     why = f" ({_WORDS.get(reason, reason)})" if reason else ""
-    return f"safe stop{why}: `hoap3 recover {robot}` frees it"
+    return f"{'stopped' if reason == 'command' else 'safe stop'}{why}"
+
+
+def recovery_words(robot: str, connect: str | None) -> str:
+    """What lets such a robot move again.
+
+    Args:
+        robot: its name.
+        connect: where it is reached; None for the robot of that name on this machine.
+    """
+    where = f" --connect {connect}" if connect else ""
+    return f"once it is at rest, `hoap3 recover {robot}{where}` lets it move again"

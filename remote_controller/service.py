@@ -21,7 +21,7 @@ from protocol.messages import State
 from protocol.notes import Detail, Routine, told
 from protocol.realtime import prepare_process
 from protocol.recorder import Recorder
-from protocol.stop_reasons import stop_words, waits_for_recovery
+from protocol.stop_reasons import recovery_words, stop_words, waits_for_recovery
 from protocol.zenoh_link import ZenohControllerLink
 from remote_controller.config import ControllerConfig, build
 from remote_controller.controllers.controller import Controller
@@ -283,7 +283,8 @@ class Service:
         loop.grant(grant.epoch)
         loop.announce("ROBOT_FOUND", grant.epoch)
         if waits_for_recovery(grant.mode, grant.stop_reason):
-            stands = stop_words(link.robot, grant.stop_reason)
+            remedy = recovery_words(link.robot, self._config.link.connect[0])
+            stands = f"{stop_words(grant.stop_reason)}; {remedy}"
             self._report(f"following robot {link.robot!r}, which does not move: {stands}")
         else:
             self._report(Routine(f"following robot {link.robot!r} from tick {grant.from_tick}"))

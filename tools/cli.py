@@ -455,7 +455,7 @@ def _mend(path: Path, as_json: bool) -> None:
 
 
 def _tell(robot: str | None, verb: str, connect: str | None, as_json: bool) -> None:
-    from protocol.stop_reasons import stop_words, waits_for_recovery
+    from protocol.stop_reasons import recovery_words, stop_words, waits_for_recovery
     from tools.find_robot import ask_robot
     from tools.output import print_json, print_line
 
@@ -466,7 +466,7 @@ def _tell(robot: str | None, verb: str, connect: str | None, as_json: bool) -> N
     elif not failed:
         words = f"{name}: {answer['mode']}, follows {one_line(answer['holder'] or 'nobody')}"
         if waits_for_recovery(answer["mode"], answer.get("stop_reason")):
-            words += f"; {stop_words(name, answer.get('stop_reason'))}"
+            words += f"; {stop_words(answer.get('stop_reason'))}: {recovery_words(name, connect)}"
         print_line(words)
     if failed:
         from tools.processes import to_people

@@ -202,7 +202,8 @@ class _Reporter:
         words = in_words(event.kind, event.detail, (), self._conditions)
         what = f"{name} ({words})" if words else name
         if self._side == "controller" and event.kind == _EVENTS["SAFE_STOP"]:
-            what = stop_words(self._robot, STOP_REASONS.get(event.detail))
+            stopped = stop_words(STOP_REASONS.get(event.detail))
+            what = f"robot {self._robot!r}: {stopped}; it waits to be recovered"
         text = f"{self._side}: tick {event.tick}: {what}"
         content = {"text": text, "kind": name, "tick": event.tick, "detail": event.detail}
         routine = is_routine(event.kind, event.detail)

@@ -77,7 +77,7 @@ def test_one_controller_commands_until_it_gives_authority_back(robot: Command, a
 def assert_stop_latches_until_recover(robot: Command, law: Command, at: str) -> None:
     assert tell("stop", at)["mode"] in {"stopping", "stopped"}
     robot.hear(r"braking \(command\)")
-    law.hear("hoap3 recover hoap3")
+    law.hear("waits to be recovered")
     wait_for_mode("stopped", at)
     again = hoap3("recover", "--connect", at)
     assert again.end() == 0
@@ -130,7 +130,7 @@ def test_a_frozen_controller_is_stopped_after_so_many_misses(tmp_path: Path) -> 
         robot.hear(r"holder lost \(epoch \d+\)")
         assert tell("status", at)["holder"] is None
         law.send(signal.SIGCONT)
-        law.hear(r"following robot .*`hoap3 recover hoap3`")
+        law.hear(rf"following robot .*`hoap3 recover hoap3 --connect {at}`")
         status = tell("status", at)
         assert (status["mode"], status["stop_reason"]) == ("stopped", "misses")
         assert tell("recover", at)["recovered"]
