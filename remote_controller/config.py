@@ -107,7 +107,7 @@ def build(config: ControllerConfig, description: RobotDescription, file: str = "
         remedy = f"{error.remedy}. {hint}"
         raise ConfigError(error.file, error.key, error.value, error.problem, remedy) from error
     except DescriptionError as error:
-        hint = of_another_robot(config, description) or _runs_on(config, description)
+        hint = of_another_robot(config, description) or _runs_on(file, description)
         raise (DescriptionError(f"{error}. {hint}") if hint else error) from error
 
 
@@ -127,12 +127,12 @@ def of_another_robot(config: ControllerConfig, description: RobotDescription) ->
     )
 
 
-def _runs_on(config: ControllerConfig, description: RobotDescription) -> str:
+def _runs_on(file: str, description: RobotDescription) -> str:
     """Which robots a shipped config is for, where that is not this one, else ""."""
-    robots = robots_for(config.controller)
+    robots = robots_for(file)
     if not robots or description.name in robots:
         return ""
-    return f"{config.controller!r} is for --robot {' or '.join(robots)} (docs/robots.md)"
+    return f"This config is for --robot {' or '.join(robots)} (docs/robots.md)"
 
 
 def _configured(

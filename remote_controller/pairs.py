@@ -7,6 +7,8 @@ runs every pair, and refuses a config that is missing here.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 HOAP3, HUMANOID, UR5 = ("hoap3",), ("humanoid32",), ("ur5",)
 ARMS = ("ur5", "lwr", "baxter", "baxter_left_arm", "baxter_right_arm")
 
@@ -55,6 +57,12 @@ def configs_for(robot: str) -> list[str]:
     return [name for name, robots in PAIRS.items() if robot in robots]
 
 
-def robots_for(config: str) -> list[str]:
-    """Robots and emulator configs that a shipped controller config runs on; [] for any other."""
-    return list(PAIRS.get(config, ()))
+def robots_for(file: str) -> list[str]:
+    """Robots and emulator configs that the shipped config in a file runs on; [] for other files.
+
+    Args:
+        file: its path, as errors name it: " with --set" may follow.
+    """
+    path = Path(file.removesuffix(" with --set"))
+    shipped = path.parent == Path(__file__).parent / "configs"
+    return list(PAIRS.get(path.stem, ())) if shipped else []

@@ -225,14 +225,13 @@ def suited(emulator: EmulatorConfig, controller: ControllerConfig, file: str) ->
         if kind in robot.command_kinds:
             return emulator.model_copy(update={"command": kind})
     raise DescriptionError(
-        f"{mismatch(gives, robot)}: these two do not run together. "
-        f"{_other_pairs(controller.controller, robot.name)}"
+        f"{mismatch(gives, robot)}: these two do not run together. {_other_pairs(file, robot.name)}"
     )
 
 
-def _other_pairs(controller: str, robot: str) -> str:
+def _other_pairs(file: str, robot: str) -> str:
     """What runs instead of a pair that does not, in words."""
-    configs, robots = configs_for(robot), robots_for(controller)
+    configs, robots = configs_for(robot), robots_for(file)
     choices = [f"--robot {' or '.join(robots)}"] if robots else []
     choices += [f"a config for {robot!r}: {', '.join(configs)}"] if configs else []
     return f"Take {', or '.join(choices)}" if choices else "Choose another robot or controller"

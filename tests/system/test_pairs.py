@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from command_bench import inside
 
 from protocol.errors import Hoap3Error, NoDefaultTaskError
 from protocol.messages import Setpoint, State
 from protocol.recorder import MemoryRecorder
 from protocol.ring import Kind
-from remote_controller.config import available_configs, build
+from remote_controller.config import CONFIGS, available_configs, build
 from remote_controller.controllers.controller import STATUS
 from remote_controller.kinematics import Kinematics
-from remote_controller.pairs import HELD_BACK, PAIRS, POSTURES, configs_for
+from remote_controller.pairs import HELD_BACK, PAIRS, POSTURES, configs_for, robots_for
 from remote_controller.tasks.com import ComTask
 from remote_controller.tasks.frame_position import FramePositionTask
 from robot_emulator.config import available_configs as emulator_configs
@@ -190,3 +191,25 @@ def test_a_ramp_begins_without_a_jump_and_again_after_a_reset(config):
             asked.append(-law.step(state).v_rate_required)
     shares = np.array(asked).reshape(2, 4) / asked[3]
     np.testing.assert_allclose(shares, [[0.001, 0.5, 1.0, 1.0]] * 2, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("config", "robots"),
+    [
+        ("ghc_humanoid", ["humanoid32_torque"]),
+        ("ghc_force", ["lwr_with_table"]),
+        ("tsid_baxter", ["baxter"]),
+    ],
+)
+def test_a_pair_that_cannot_run_is_told_the_robots_of_its_config(config, robots):
+    words = ("--duration", 0.1, "--robot", "hoap3", "--controller", config)
+    done = inside("run", "--lockstep", *words)
+    assert done.code == 2
+    assert f"--robot {' or '.join(robots)}" in done.stderr
+
+
+def test_a_config_of_ones_own_is_told_no_robots_of_a_shipped_one(tmp_path):
+    mine = tmp_path / "ghc.yaml"
+    mine.write_text("controller: ghc\n")
+    assert robots_for("ghc.yaml") == robots_for(str(mine)) == []
+    assert robots_for(f"{CONFIGS / 'ghc.yaml'} with --set") == ["lwr_weightless"]
