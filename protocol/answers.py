@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal, Self, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import from_json
 
-from protocol.description import RobotDescription
-from protocol.errors import DescriptionError, WireError
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import DescriptionError, WireError
 
 MAX_ANSWER_BYTES = 4096  # of a robot; its description has a limit of its own
 MAX_CONTROL_BYTES = 1 << 20  # of a controller, whose matrices are part of the answer
@@ -36,8 +36,8 @@ class Status(Answer):
         session_id: one run of the robot's schedule.
         tick: the newest one.
         lockstep: whether the robot's time is virtual.
-        stop_reason: why it stops or is stopped, as `protocol.stop_reasons` names it; None where it
-            does neither, or does not tell, as older robots do not.
+        stop_reason: why it stops or is stopped, as `hoap3.protocol.stop_reasons` names it; None
+            where it does neither, or does not tell, as older robots do not.
     """
 
     mode: Literal["idle", "active", "stopping", "stopped"]

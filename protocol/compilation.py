@@ -33,7 +33,7 @@ from typing import Any, TypeVar, cast
 import llvmlite.binding  # type: ignore[import-untyped]
 import numba
 
-from protocol.private_directory import is_private
+from hoap3.protocol.private_directory import is_private
 
 ROOMS = ("protocol", "remote_controller", "robot_emulator", "tools")
 SOURCES = ("*_kernels.py", "status.py")
@@ -119,7 +119,7 @@ def warm_up(modules: Iterable[str], report: Callable[[str], None] | None = None)
     """Import kernel modules one by one, which compiles them or loads them from the cache.
 
     Args:
-        modules: full names, such as ``"remote_controller.solvers.qp12_kernels"``.
+        modules: full names, such as ``"hoap3.remote_controller.solvers.qp12_kernels"``.
         report: is told each name before its module is imported; a first compilation takes
             seconds.
     """

@@ -19,9 +19,9 @@ import pydantic_core
 from numpy.typing import NDArray
 from pydantic import StrictFloat, StrictStr
 
-from protocol.description_parts import DefaultTask, Joint, Number, Part, Sole, guess, refuse
-from protocol.errors import DescriptionError
-from protocol.urdf import UrdfStructure, read_urdf
+from hoap3.protocol.description_parts import DefaultTask, Joint, Number, Part, Sole, guess, refuse
+from hoap3.protocol.errors import DescriptionError
+from hoap3.protocol.urdf import UrdfStructure, read_urdf
 
 __all__ = [
     "COM",

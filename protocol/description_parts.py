@@ -17,7 +17,7 @@ from pydantic import (
     model_validator,
 )
 
-from protocol.errors import DescriptionError, nearest
+from hoap3.protocol.errors import DescriptionError, nearest
 
 MAX_CORNERS = 64
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.description import RobotDescription
-from protocol.errors import DescriptionError
-from protocol.messages import FloatArray
-from protocol.model import build_model
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import DescriptionError
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.model import build_model
 
 SINGULAR = 1e-12  # least eigenvalue of M, scaled to 1 on its diagonal
 

@@ -14,10 +14,9 @@
     ├── WireError               bytes that are not a message of ours
     ├── AuthorityError          somebody else may command the robot; carries the holder
     ├── LinkError               the other side cannot be reached, or went away
-    ├── SolverError             a problem that has no answer
-    │   ├── InfeasibleError     no input satisfies the constraints
-    │   └── BadProblemError     wrong shape, not finite, or a parameter outside its range
-    └── ShadowedError           another package of the same name hides one of ours
+    └── SolverError             a problem that has no answer
+        ├── InfeasibleError     no input satisfies the constraints
+        └── BadProblemError     wrong shape, not finite, or a parameter outside its range
 
 Each message says what was found, where, and what to do about it.
 """
@@ -188,10 +187,6 @@ class InfeasibleError(SolverError):
 
 class BadProblemError(SolverError, ValueError):
     """Wrong shape, a value that is not finite, or a parameter outside its range."""
-
-
-class ShadowedError(Hoap3Error):
-    """Another package of the same name hides one of ours."""
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:

@@ -15,8 +15,8 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from protocol.errors import BadProblemError
-from protocol.messages import FloatArray
+from hoap3.protocol.errors import BadProblemError
+from hoap3.protocol.messages import FloatArray
 
 KERNEL_ARRAYS = "q, dq and the outputs must be contiguous float64 arrays of {n} joints"
 
@@ -70,7 +70,7 @@ class AccelerationBounds:
         naive: bool = False,
         names: Iterable[str] = (),
     ) -> None:
-        from protocol import limits_kernels as kernels  # noqa: PLC0415 - compiles
+        from hoap3.protocol import limits_kernels as kernels  # noqa: PLC0415 - compiles
 
         down = acceleration if deceleration is None else deceleration
         given = (lower, upper, velocity, acceleration, down)

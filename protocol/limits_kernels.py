@@ -22,8 +22,8 @@ from __future__ import annotations
 
 import math
 
-from protocol.compilation import inlined, kernel
-from protocol.messages import FloatArray
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.protocol.messages import FloatArray
 
 ROUNDING = 64.0 * 2.0**-52  # ε relative to the largest of |q| and its finite limits
 OK, NOT_FINITE, BAD_SHAPE = 0, 1, 2

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from protocol.clock import Clock
+from hoap3.protocol.clock import Clock
 
 Arrival = tuple[int, bytes]
 """Arrival stamp on the receiver's clock [ns], and the payload."""

@@ -21,9 +21,9 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from protocol.errors import LinkError
-from protocol.link import Request
-from protocol.private_directory import runtime_directory
+from hoap3.protocol.errors import LinkError
+from hoap3.protocol.link import Request
+from hoap3.protocol.private_directory import runtime_directory
 
 VERBS = ("stop", "recover", "status", "release")
 WHO = "local"  # the client's name in a request

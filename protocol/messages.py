@@ -20,7 +20,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 import numpy.typing as npt
 
-from protocol.errors import WireError
+from hoap3.protocol.errors import WireError
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -136,7 +136,7 @@ class Schema:
 @cache
 def schema(name: str) -> Schema:
     """The schema of `State`, `Setpoint` or `Event`, read from its `.msg` file."""
-    text = (resources.files("protocol") / "msg" / f"{name}.msg").read_text(encoding="utf-8")
+    text = (resources.files("hoap3.protocol") / "msg" / f"{name}.msg").read_text(encoding="utf-8")
     scalars: dict[str, str] = {}
     arrays: list[str] = []
     constants: dict[str, int] = {}

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.description import RobotDescription
-from protocol.errors import DescriptionError, FrameNotFoundError
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import DescriptionError, FrameNotFoundError
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from protocol.realtime import Measure
+from hoap3.protocol.realtime import Measure
 
 
 class Note(str):

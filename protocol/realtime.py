@@ -17,9 +17,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from protocol.clock import Clock
-from protocol.private_directory import runtime_directory
-from protocol.settings import RealtimeSettings
+from hoap3.protocol.clock import Clock
+from hoap3.protocol.private_directory import runtime_directory
+from hoap3.protocol.settings import RealtimeSettings
 
 _PR_SET_TIMERSLACK = 29
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4

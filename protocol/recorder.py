@@ -6,8 +6,8 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from protocol.errors import Hoap3Error
-from protocol.ring import Kind, Record, Ring
+from hoap3.protocol.errors import Hoap3Error
+from hoap3.protocol.ring import Kind, Record, Ring
 
 
 class Recorder(Protocol):

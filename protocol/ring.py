@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from enum import IntEnum
 from typing import NamedTuple
 
-from protocol.errors import Hoap3Error
+from hoap3.protocol.errors import Hoap3Error
 
 SLOTS = 4096
 SLOT_BYTES = 6144  # holds the largest State: 128 joints

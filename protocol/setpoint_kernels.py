@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 
-from protocol.compilation import inlined
+from hoap3.protocol.compilation import inlined
 
 ULP = 2.0**-52  # of a double, relative
 INSIDE = 1.0 - 1e-12  # of the acceleration is counted on in braking, because of rounding

@@ -13,12 +13,12 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, ValidationError
 from pydantic_core import core_schema
 
-from protocol.errors import ConfigError
-from protocol.regular_file import read_at_most
-from protocol.strict_numbers import make_strict
-from protocol.wrong_settings import config_error
-from protocol.yaml_text import MAX_BYTES as MAX_CONFIG_BYTES
-from protocol.yaml_text import read_yaml
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.regular_file import read_at_most
+from hoap3.protocol.strict_numbers import make_strict
+from hoap3.protocol.wrong_settings import config_error
+from hoap3.protocol.yaml_text import MAX_BYTES as MAX_CONFIG_BYTES
+from hoap3.protocol.yaml_text import read_yaml
 
 MAX_PARTS = 32  # of a dotted key
 SNIFFED = 4096  # bytes of a file in which a URDF is told from YAML

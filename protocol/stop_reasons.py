@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from protocol.messages import Event
+from hoap3.protocol.messages import Event
 
 _CONSTANTS = Event.schema.constants
 

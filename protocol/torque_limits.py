@@ -2,8 +2,8 @@
 
 Del Prete, "Joint Position and Velocity Bounds in Discrete-Time Acceleration/Torque Control of
 Robot Manipulators", IEEE RA-L 2018, Algorithm 4. Bounds of the acceleration that keep position
-limits (`protocol.limits`) need an acceleration that a joint always has. A torque limit leaves more
-or less of it from state to state: the worst of many random states tells how little.
+limits (`hoap3.protocol.limits`) need an acceleration that a joint always has. A torque limit leaves
+more or less of it from state to state: the worst of many random states tells how little.
 
 Against the paper: the two bounds differ in size, and the lower can come out above the upper, for
 a joint that in some state cannot even hold its load; such joints are named. The bounds of uniform
@@ -22,10 +22,10 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from protocol.errors import BadProblemError
-from protocol.messages import FloatArray
-from protocol.model import RobotModel
-from protocol.tree import Tree, build_tree
+from hoap3.protocol.errors import BadProblemError
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.model import RobotModel
+from hoap3.protocol.tree import Tree, build_tree
 
 Velocities = Literal["corners", "uniform"]
 
@@ -91,7 +91,7 @@ def torque_acceleration_bounds(
         BadProblemError: a joint without finite limits, a joint that moves nothing that weighs, or
             an argument outside its range.
     """
-    from protocol import torque_limits_kernels as kernels  # noqa: PLC0415 - compiles
+    from hoap3.protocol import torque_limits_kernels as kernels  # noqa: PLC0415 - compiles
 
     if velocities not in get_args(Velocities):
         known = " or ".join(get_args(Velocities))

@@ -7,8 +7,8 @@ Robot Manipulators", IEEE RA-L 2018. While the other joints do not accelerate, j
 
 with the bias h of gravity and velocities, and the diagonal of the mass matrix M. Both come from
 one pass down the tree and one up (Featherstone, "Rigid Body Dynamics Algorithms", 2008: recursive
-Newton-Euler with ddq = 0, and composite rigid bodies), in the frames of `protocol.tree`, whose
-tables (`links`, `parents`, `prismatic`, `gravity`) all kernels take. Everything here is in
+Newton-Euler with ddq = 0, and composite rigid bodies), in the frames of `hoap3.protocol.tree`,
+whose tables (`links`, `parents`, `prismatic`, `gravity`) all kernels take. Everything here is in
 Pinocchio's order.
 """
 
@@ -19,8 +19,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined, kernel
-from protocol.messages import FloatArray
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.protocol.messages import FloatArray
 
 OK, NOT_FINITE, NO_INERTIA = 0, 1, 2
 

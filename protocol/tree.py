@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.messages import FloatArray
-from protocol.model import RobotModel
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.model import RobotModel
 
 ROTATION, ORIGIN, MASS, MOMENT, INERTIA, ARMATURE, COLUMNS = 0, 9, 12, 13, 16, 22, 23
 

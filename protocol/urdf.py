@@ -14,7 +14,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from xml.etree import ElementTree as ET
 
-from protocol.errors import DescriptionError, nearest
+from hoap3.protocol.errors import DescriptionError, nearest
 
 MAX_BYTES = 1 << 20
 MAX_DEPTH = 32

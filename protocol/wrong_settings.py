@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
-from protocol.errors import LONGEST_GUESS, ConfigError
+from hoap3.protocol.errors import LONGEST_GUESS, ConfigError
 
 LIKE = 0.6  # the least likeness, of 1, of a key that is suggested
 MOST_ERRORS = 50  # of pydantic's that are looked at

@@ -27,12 +27,12 @@ os.environ.setdefault(
 
 import zenoh
 
-from protocol.errors import LinkError, NameTakenError, PortInUseError
-from protocol.link import Arrival, Request
-from protocol.local_control import LocalControl
-from protocol.session_limits import MAX_MESSAGE_BYTES, SIZE_FILTER, accept_limits
-from protocol.settings import LinkSettings
-from protocol.zenoh_sockets import forbid_lingering
+from hoap3.protocol.errors import LinkError, NameTakenError, PortInUseError
+from hoap3.protocol.link import Arrival, Request
+from hoap3.protocol.local_control import LocalControl
+from hoap3.protocol.session_limits import MAX_MESSAGE_BYTES, SIZE_FILTER, accept_limits
+from hoap3.protocol.settings import LinkSettings
+from hoap3.protocol.zenoh_sockets import forbid_lingering
 
 BACKLOG = 1024  # setpoints; of more the oldest are dropped
 WAITING_STOPS = 16  # queries; of more the oldest are dropped, which ends them without an answer
@@ -508,7 +508,7 @@ def ask(
     Args:
         session: that reaches it.
         robot: its name.
-        verb, body: see `protocol.link.Request`; a robot is told the client's name.
+        verb, body: see `hoap3.protocol.link.Request`; a robot is told the client's name.
         timeout_s: patience [s].
         whom: see above.
 

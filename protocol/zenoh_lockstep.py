@@ -8,13 +8,13 @@ from dataclasses import replace
 from itertools import islice
 from typing import Any
 
-from protocol.clock import VirtualClock
-from protocol.errors import LinkError, WireError
-from protocol.link import LockstepLink, Request
-from protocol.local_control import LocalControl
-from protocol.messages import Setpoint, State
-from protocol.settings import LinkSettings
-from protocol.zenoh_link import WAITING_QUERIES, ZenohRobotLink
+from hoap3.protocol.clock import VirtualClock
+from hoap3.protocol.errors import LinkError, WireError
+from hoap3.protocol.link import LockstepLink, Request
+from hoap3.protocol.local_control import LocalControl
+from hoap3.protocol.messages import Setpoint, State
+from hoap3.protocol.settings import LinkSettings
+from hoap3.protocol.zenoh_link import WAITING_QUERIES, ZenohRobotLink
 
 REPEAT_S = 0.05
 GIVE_UP_S = 10.0

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.messages import FloatArray
-from remote_controller.constraints.polygon import half_planes, hull
-from remote_controller.kinematics import Kinematics
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.constraints.polygon import half_planes, hull
+from hoap3.remote_controller.kinematics import Kinematics
 
 ON_GROUND_M = 1e-3  # height of a sole above the plane of the one that is fixed
 LEAST_M = -1e-4  # of the distance to the edge: encoders round, and targets may be on the edge

@@ -1,16 +1,16 @@
 """Bounds of joint accelerations that keep position and velocity limits, and what torques leave.
 
-See `protocol.limits` and `protocol.torque_limits`.
+See `hoap3.protocol.limits` and `hoap3.protocol.torque_limits`.
 """
 
 from __future__ import annotations
 
-from protocol.limits import (
+from hoap3.protocol.limits import (
     AccelerationBounds,
     acceleration_bounds,
     naive_acceleration_bounds,
 )
-from protocol.torque_limits import TorqueAccelerationBounds, torque_acceleration_bounds
+from hoap3.protocol.torque_limits import TorqueAccelerationBounds, torque_acceleration_bounds
 
 __all__ = [
     "AccelerationBounds",

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
-from protocol.description import RobotDescription
-from protocol.dynamics import Dynamics
-from protocol.messages import FloatArray
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.dynamics import Dynamics
+from hoap3.protocol.messages import FloatArray
 
 POSITION, POSE = 3, 6
 
@@ -60,7 +60,7 @@ class FramesDynamics:
     ) -> None:
         import pinocchio  # noqa: PLC0415 - heavy: whoever only checks a config does not need it
 
-        from remote_controller.dynamics_kernels import frames_dynamics  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.dynamics_kernels import frames_dynamics  # noqa: PLC0415 - compiles
 
         self._gather: Callable[..., None] = frames_dynamics
         rigid = Dynamics(description)  # which has set gravity

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.description import RobotDescription
-from protocol.messages import FloatArray
-from protocol.model import build_model
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.model import build_model
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Kinematics:
     def __init__(self, description: RobotDescription) -> None:
         import pinocchio  # noqa: PLC0415 - heavy: whoever only checks a config does not need it
 
-        from remote_controller.kinematics_kernels import (  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.kinematics_kernels import (  # noqa: PLC0415 - compiles
             com_in_frame,
             frame_in_frame,
         )

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import kernel
-from protocol.messages import FloatArray
-from protocol.setpoint_kernels import own_start, taken_over, within
+from hoap3.protocol.compilation import kernel
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.setpoint_kernels import own_start, taken_over, within
 
 AT_REST, FOLLOWED, UNKNOWN = 0, 1, 2
 """What is known of the reference: it rests; how it moved since the last State; nothing."""

@@ -5,16 +5,16 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from protocol.clock import Clock, VirtualClock
-from protocol.description import RobotDescription
-from protocol.errors import Hoap3Error, UsageError, WireError
-from protocol.messages import Event, FloatArray, State
-from protocol.recorder import Recorder
-from protocol.ring import Kind
-from protocol.stop_reasons import LATCHING, STOP_REASONS
-from remote_controller.controllers.controller import Controller
-from remote_controller.outcome import Outcome
-from remote_controller.registry import blame
+from hoap3.protocol.clock import Clock, VirtualClock
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import Hoap3Error, UsageError, WireError
+from hoap3.protocol.messages import Event, FloatArray, State
+from hoap3.protocol.recorder import Recorder
+from hoap3.protocol.ring import Kind
+from hoap3.protocol.stop_reasons import LATCHING, STOP_REASONS
+from hoap3.remote_controller.controllers.controller import Controller
+from hoap3.remote_controller.outcome import Outcome
+from hoap3.remote_controller.registry import blame
 
 EVENTS = Event.schema.constants
 

@@ -11,8 +11,8 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
-from protocol.errors import ConfigError, UnknownNameError
-from remote_controller.user_code import before_import
+from hoap3.protocol.errors import ConfigError, UnknownNameError
+from hoap3.remote_controller.user_code import before_import
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,8 @@ class Family:
                 the family.
         """
         known = self.registered()
+        if name.startswith("remote_controller."):  # a path of ours, as version 0.1 wrote it
+            name = f"hoap3.{name}"
         if name in known:
             point = known[name]
         elif ":" in name:

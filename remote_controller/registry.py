@@ -4,33 +4,33 @@ from __future__ import annotations
 
 from importlib.metadata import EntryPoint
 
-from remote_controller.controllers.controller import Controller
-from remote_controller.plugins import Family, blame, module_of
+from hoap3.remote_controller.controllers.controller import Controller
+from hoap3.remote_controller.plugins import Family, blame, module_of
 
 __all__ = ["BUILTIN", "GROUP", "blame", "find", "is_registered", "module_of", "registered"]
 
 GROUP = "hoap3.controllers"
 BUILTIN = {
-    "qp12": "remote_controller.controllers.qp12:Qp12Controller",
-    "pinv": "remote_controller.controllers.pinv:PinvController",
-    "stable_qp": "remote_controller.controllers.stable_qp:StableQpController",
-    "osqp": "remote_controller.controllers.osqp:OsqpController",
+    "qp12": "hoap3.remote_controller.controllers.qp12:Qp12Controller",
+    "pinv": "hoap3.remote_controller.controllers.pinv:PinvController",
+    "stable_qp": "hoap3.remote_controller.controllers.stable_qp:StableQpController",
+    "osqp": "hoap3.remote_controller.controllers.osqp:OsqpController",
     "joint_acceleration": (
-        "remote_controller.controllers.joint_acceleration:JointAccelerationController"
+        "hoap3.remote_controller.controllers.joint_acceleration:JointAccelerationController"
     ),
-    "tsid": "remote_controller.controllers.tsid:TsidController",
-    "ghc": "remote_controller.controllers.ghc:GhcController",
-    "hqp": "remote_controller.controllers.hqp:HqpController",
-    "weighted": "remote_controller.controllers.weighted:WeightedController",
-    "ghc_velocity": "remote_controller.controllers.ghc_velocity:GhcVelocityController",
-    "clik": "remote_controller.controllers.clik:ClikController",
-    "clik_sdp": "remote_controller.controllers.clik:ClikSdpController",
+    "tsid": "hoap3.remote_controller.controllers.tsid:TsidController",
+    "ghc": "hoap3.remote_controller.controllers.ghc:GhcController",
+    "hqp": "hoap3.remote_controller.controllers.hqp:HqpController",
+    "weighted": "hoap3.remote_controller.controllers.weighted:WeightedController",
+    "ghc_velocity": "hoap3.remote_controller.controllers.ghc_velocity:GhcVelocityController",
+    "clik": "hoap3.remote_controller.controllers.clik:ClikController",
+    "clik_sdp": "hoap3.remote_controller.controllers.clik:ClikSdpController",
 }
 CONTROLLERS = Family(
     "controller",
     GROUP,
     BUILTIN,
-    ("remote_controller.controllers.controller:Controller",),
+    ("hoap3.remote_controller.controllers.controller:Controller",),
     "docs/writing_a_controller.md",
 )
 

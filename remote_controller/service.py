@@ -10,31 +10,31 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 
-from protocol.answers import Grant, Status, parse_answer, parse_description
-from protocol.clock import Clock, MonotonicClock, VirtualClock
-from protocol.compilation import warm_up
-from protocol.description import RobotDescription
-from protocol.errors import AuthorityError, LinkError, PortInUseError, UsageError, WireError
-from protocol.link import Request
-from protocol.local_control import others_here
-from protocol.messages import State
-from protocol.notes import Detail, Routine, told
-from protocol.realtime import prepare_process
-from protocol.recorder import Recorder
-from protocol.stop_reasons import recovery_words, stop_words, waits_for_recovery
-from protocol.zenoh_link import ZenohControllerLink
-from remote_controller.config import ControllerConfig, build
-from remote_controller.controllers.controller import Controller
-from remote_controller.loop import ControllerLoop, failure
-from remote_controller.outcome import Outcome
-from remote_controller.registry import find
-from remote_controller.silence import SilenceWatch
+from hoap3.protocol.answers import Grant, Status, parse_answer, parse_description
+from hoap3.protocol.clock import Clock, MonotonicClock, VirtualClock
+from hoap3.protocol.compilation import warm_up
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import AuthorityError, LinkError, PortInUseError, UsageError, WireError
+from hoap3.protocol.link import Request
+from hoap3.protocol.local_control import others_here
+from hoap3.protocol.messages import State
+from hoap3.protocol.notes import Detail, Routine, told
+from hoap3.protocol.realtime import prepare_process
+from hoap3.protocol.recorder import Recorder
+from hoap3.protocol.stop_reasons import recovery_words, stop_words, waits_for_recovery
+from hoap3.protocol.zenoh_link import ZenohControllerLink
+from hoap3.remote_controller.config import ControllerConfig, build
+from hoap3.remote_controller.controllers.controller import Controller
+from hoap3.remote_controller.loop import ControllerLoop, failure
+from hoap3.remote_controller.outcome import Outcome
+from hoap3.remote_controller.registry import find
+from hoap3.remote_controller.silence import SilenceWatch
 
 KERNELS = (
-    "remote_controller.solvers.qp12_kernels",
-    "remote_controller.solvers.pinv_kernels",
-    "remote_controller.kinematics_kernels",
-    "remote_controller.controllers.descent_kernels",
+    "hoap3.remote_controller.solvers.qp12_kernels",
+    "hoap3.remote_controller.solvers.pinv_kernels",
+    "hoap3.remote_controller.kinematics_kernels",
+    "hoap3.remote_controller.controllers.descent_kernels",
 )
 REHEARSALS = 200
 RETRY_S = 0.2

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 
-from protocol.errors import ConfigError
+from hoap3.protocol.errors import ConfigError
 
 
 @dataclass

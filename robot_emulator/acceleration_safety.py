@@ -10,11 +10,11 @@ from typing import Protocol
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.errors import BadProblemError, DescriptionError
-from protocol.limits import AccelerationBounds
-from protocol.messages import FloatArray
-from robot_emulator.plant import Plant
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import BadProblemError, DescriptionError
+from hoap3.protocol.limits import AccelerationBounds
+from hoap3.protocol.messages import FloatArray
+from hoap3.robot_emulator.plant import Plant
 
 TORQUE_MARGIN = 2e-3, 0.02, 0.9
 """Of the range [rad or m], of the velocity [relative], and the share of the deceleration that
@@ -48,7 +48,7 @@ class TorquePlant(Plant, Protocol):
 
 
 class AccelerationGate:
-    """Accelerations within the bounds that keep each joint able to stop (`protocol.limits`).
+    """Accelerations within the bounds that keep each joint able to stop (`hoap3.protocol.limits`).
 
     The bounds are those for twice the period, with the description's `brake_acceleration`, on its
     usable range and velocity less a margin, and never with more than `setpoint_acceleration_max`.
@@ -83,7 +83,7 @@ class AccelerationGate:
         hold_ticks: int,
         margin: tuple[float, float, float] = (1e-10, 1e-10, 1.0),
     ) -> None:
-        from robot_emulator.motion_kernels import keep_between  # noqa: PLC0415 - compiles
+        from hoap3.robot_emulator.motion_kernels import keep_between  # noqa: PLC0415 - compiles
 
         n = description.n
         self._keep_between = keep_between

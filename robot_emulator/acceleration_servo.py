@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.dynamics import Dynamics
-from protocol.messages import FloatArray
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.dynamics import Dynamics
+from hoap3.protocol.messages import FloatArray
 
 
 class AccelerationServo:
@@ -18,7 +18,7 @@ class AccelerationServo:
     """
 
     def __init__(self, description: RobotDescription) -> None:
-        from robot_emulator.motion_kernels import accelerate  # noqa: PLC0415 - compiles
+        from hoap3.robot_emulator.motion_kernels import accelerate  # noqa: PLC0415 - compiles
 
         self._accelerate = accelerate
         self._stops = np.array(description.lower_hard), np.array(description.upper_hard)

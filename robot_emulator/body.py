@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from protocol.description import RobotDescription
-from robot_emulator.acceleration_safety import AccelerationGate, TorqueGate
-from robot_emulator.acceleration_servo import AccelerationServo
-from robot_emulator.config import EmulatorConfig
-from robot_emulator.gate import Gate
-from robot_emulator.plant import Plant, PositionServo
-from robot_emulator.rigid_body import RigidBody
-from robot_emulator.safety import Reference
+from hoap3.protocol.description import RobotDescription
+from hoap3.robot_emulator.acceleration_safety import AccelerationGate, TorqueGate
+from hoap3.robot_emulator.acceleration_servo import AccelerationServo
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.gate import Gate
+from hoap3.robot_emulator.plant import Plant, PositionServo
+from hoap3.robot_emulator.rigid_body import RigidBody
+from hoap3.robot_emulator.safety import Reference
 
 
 def build_body(description: RobotDescription, config: EmulatorConfig) -> tuple[Plant, Gate]:

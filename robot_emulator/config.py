@@ -8,9 +8,9 @@ from typing import Any, Literal
 
 from pydantic import Field, field_validator
 
-from protocol.description import CommandKind, Gravity, RobotDescription
-from protocol.errors import ConfigError, UnknownNameError, nearest
-from protocol.settings import (
+from hoap3.protocol.description import CommandKind, Gravity, RobotDescription
+from hoap3.protocol.errors import ConfigError, UnknownNameError, nearest
+from hoap3.protocol.settings import (
     Endpoint,
     LinkSettings,
     LogSettings,
@@ -151,7 +151,7 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
     if name in available_configs():
         path = CONFIGS / f"{name}.yaml"
     elif path.suffix not in {".yaml", ".yml"} and not path.exists():
-        from robot_emulator.robots import available  # noqa: PLC0415 - reads installed packages
+        from hoap3.robot_emulator.robots import available  # noqa: PLC0415 - reads installed packages
 
         known = {*available_configs(), *available()}
         raise UnknownNameError("robot or emulator config", name, known, " Or name a file.")

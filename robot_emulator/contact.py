@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.dynamics import Dynamics
-from protocol.messages import FloatArray
-from protocol.urdf import UrdfStructure
-from robot_emulator.config import ContactSettings
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.dynamics import Dynamics
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.urdf import UrdfStructure
+from hoap3.robot_emulator.config import ContactSettings
 
 
 class Contacts:
@@ -37,7 +37,7 @@ class Contacts:
         settings: tuple[ContactSettings, ...],
         dynamics: Dynamics,
     ) -> None:
-        from robot_emulator import contact_kernels as kernels  # noqa: PLC0415 - compiles
+        from hoap3.robot_emulator import contact_kernels as kernels  # noqa: PLC0415 - compiles
 
         self._touch, self._rows_of = kernels.touch, kernels.contact_rows
         self._push, self._react, self._sense = kernels.push, kernels.react, kernels.sense

@@ -16,8 +16,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined, kernel
-from protocol.messages import FloatArray
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.protocol.messages import FloatArray
 
 CREEP = 1e-3  # m/s: above it friction is Coulomb's, below it grows in proportion
 ROUNDS, STEPS = 200, 60  # at most, of contacts against each other, and within one

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 
-from protocol.compilation import kernel
-from protocol.messages import FloatArray
-from protocol.setpoint_kernels import (
+from hoap3.protocol.compilation import kernel
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.setpoint_kernels import (
     INSIDE,
     ULP,
     approach_speed,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from protocol.messages import FloatArray
+from hoap3.protocol.messages import FloatArray
 
 
 class Gate(Protocol):

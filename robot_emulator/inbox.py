@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocol.errors import WireError
-from protocol.messages import Setpoint
-from protocol.statistics import Deadlines
+from hoap3.protocol.errors import WireError
+from hoap3.protocol.messages import Setpoint
+from hoap3.protocol.statistics import Deadlines
 
 HISTORY = 1024
 MAX_EXTRAS = 256
@@ -46,7 +46,7 @@ class Inbox:
     """
 
     def __init__(self, joints: int, session_id: int, command: int) -> None:
-        from robot_emulator.motion_kernels import all_finite  # noqa: PLC0415 - compiles
+        from hoap3.robot_emulator.motion_kernels import all_finite  # noqa: PLC0415 - compiles
 
         self.setpoint = Setpoint(joints)
         self._incoming = Setpoint(joints)

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from protocol.compilation import inlined, kernel
-from protocol.messages import FloatArray
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.protocol.messages import FloatArray
 
 LEAST_COUNT, MOST_COUNT = -32768.0, 32767.0  # of an int16 encoder
 

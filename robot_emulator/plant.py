@@ -7,10 +7,10 @@ from typing import Protocol
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.errors import DescriptionError
-from protocol.messages import FloatArray
-from robot_emulator.config import PlantSettings
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import DescriptionError
+from hoap3.protocol.messages import FloatArray
+from hoap3.robot_emulator.config import PlantSettings
 
 
 class Plant(Protocol):
@@ -47,7 +47,7 @@ class PositionServo:
     """
 
     def __init__(self, description: RobotDescription, settings: PlantSettings) -> None:
-        from robot_emulator.motion_kernels import serve  # noqa: PLC0415 - compiles
+        from hoap3.robot_emulator.motion_kernels import serve  # noqa: PLC0415 - compiles
 
         self._serve = serve
         self._time_constant = settings.time_constant_ms * 1e-3 if settings.servo == "lag" else 0.0

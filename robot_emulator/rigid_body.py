@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.dynamics import Dynamics
-from protocol.messages import FloatArray
-from robot_emulator.config import PlantSettings
-from robot_emulator.contact import Contacts
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.dynamics import Dynamics
+from hoap3.protocol.messages import FloatArray
+from hoap3.robot_emulator.config import PlantSettings
+from hoap3.robot_emulator.contact import Contacts
 
 ROUNDING = 1e-9  # of an effort: a torque that exceeds it by no more was meant to be it
 SLIDING = 0.01  # rad/s or m/s: above it friction is Coulomb's, below it grows in proportion
@@ -43,7 +43,7 @@ class RigidBody:
     """
 
     def __init__(self, description: RobotDescription, settings: PlantSettings) -> None:
-        from robot_emulator import motion_kernels as kernels  # noqa: PLC0415 - compiles
+        from hoap3.robot_emulator import motion_kernels as kernels  # noqa: PLC0415 - compiles
 
         n = description.n
         self._advance, self._resist = kernels.advance, kernels.resist

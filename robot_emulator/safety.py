@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.messages import FloatArray
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray
 
 
 class Reference:
@@ -28,7 +28,7 @@ class Reference:
     """
 
     def __init__(self, description: RobotDescription, period_s: float) -> None:
-        from robot_emulator.filter_kernels import filter_setpoint  # noqa: PLC0415 - compiles
+        from hoap3.robot_emulator.filter_kernels import filter_setpoint  # noqa: PLC0415 - compiles
 
         n = description.n
         self._filter = filter_setpoint

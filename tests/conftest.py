@@ -6,6 +6,7 @@ import atexit
 import gc
 import os
 import shutil
+import sys
 import tempfile
 
 import pytest
@@ -44,6 +45,13 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the longest files, each in one piece."""
     items.sort(key=lambda item: place(item.nodeid))
+
+
+def pytest_sessionfinish() -> None:
+    """Fail where something of ours was imported by its room's bare name, a second copy of it."""
+    bare = {"protocol", "robot_emulator", "remote_controller", "tools"} & sys.modules.keys()
+    if bare:
+        raise pytest.UsageError(f"imported without `hoap3.`: {sorted(bare)}")
 
 
 def pytest_collection_finish() -> None:

@@ -17,7 +17,7 @@ AT_ONCE = 2
 def kernel_modules() -> dict[str, set[str]]:
     """Modules of kernels, and which others of them each one imports."""
     files = {
-        ".".join(path.relative_to(HOUSE).with_suffix("").parts): path
+        ".".join(("hoap3", *path.relative_to(HOUSE).with_suffix("").parts)): path
         for room in ROOMS
         for path in sorted((HOUSE / room).rglob("*_kernels.py"))
     }

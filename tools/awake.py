@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from protocol.private_directory import runtime_directory
+from hoap3.protocol.private_directory import runtime_directory
 
 SYSTEM = Path("/sys/devices/system/cpu")
 NO_LATENCY = "n/a"  # the kernel's word for: not even the shortest sleep

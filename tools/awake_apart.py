@@ -10,8 +10,8 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 
-from tools.awake import PATIENCE_S, kept_awake, let_sleep
-from tools.processes import Child, Lifeline
+from hoap3.tools.awake import PATIENCE_S, kept_awake, let_sleep
+from hoap3.tools.processes import Child, Lifeline
 
 START_S = 5.0  # for the process to begin
 
@@ -26,7 +26,7 @@ def kept_awake_apart(cpus: Sequence[int]) -> Iterator[None]:
     Raises:
         OSError: the process cannot be started.
     """
-    keeper = Child(["tools.awake_apart", *map(str, cpus)], "", stdout=subprocess.PIPE)
+    keeper = Child(["hoap3.tools.awake_apart", *map(str, cpus)], "", stdout=subprocess.PIPE)
     try:
         if keeper.stdout is not None:
             select.select([keeper.stdout], [], [], START_S)  # it has begun, or has ended

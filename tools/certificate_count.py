@@ -7,9 +7,9 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from protocol.errors import WireError
-from protocol.messages import Event, Setpoint
-from protocol.ring import Kind, Record
+from hoap3.protocol.errors import WireError
+from hoap3.protocol.messages import Event, Setpoint
+from hoap3.protocol.ring import Kind, Record
 
 STATUS = {
     name.removeprefix("STATUS_").lower(): value

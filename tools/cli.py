@@ -14,16 +14,15 @@ from typing import Annotated
 
 import typer
 
-from tools.cli_change import change, priorities_app
-from tools.cli_compare import compare
-from tools.cli_latency import latency
-from tools.cli_limits import limits
-from tools.cli_measure import bench_app, doctor
-from tools.cli_options import ENDPOINT, finite
-from tools.cli_report import report
-from tools.cli_reproduce import reproduce
-from tools.rooms import check_rooms
-from tools.terminal import one_line
+from hoap3.tools.cli_change import change, priorities_app
+from hoap3.tools.cli_compare import compare
+from hoap3.tools.cli_latency import latency
+from hoap3.tools.cli_limits import limits
+from hoap3.tools.cli_measure import bench_app, doctor
+from hoap3.tools.cli_options import ENDPOINT, finite
+from hoap3.tools.cli_report import report
+from hoap3.tools.cli_reproduce import reproduce
+from hoap3.tools.terminal import one_line
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 config_app = typer.Typer(no_args_is_help=True, help="Look at settings before anything runs.")
@@ -91,17 +90,17 @@ def run(
     sets: Sets = [],  # noqa: B006 - typer's own way
 ) -> None:
     """Run a robot and its controller; --set takes emulator.KEY=VALUE and controller.KEY=VALUE."""
-    from tools.processes import StopFlag
+    from hoap3.tools.processes import StopFlag
 
     stop = StopFlag()
-    from tools.kernel_news import watch_compilation
+    from hoap3.tools.kernel_news import watch_compilation
 
     watch_compilation()
-    from tools.output import print_json, progress
-    from tools.run import run_lockstep, run_realtime
-    from tools.services import controller_config, emulator_config, split_overrides
-    from tools.show import LiveTable, show_next, show_summary
-    from tools.verdicts import failed
+    from hoap3.tools.output import print_json, progress
+    from hoap3.tools.run import run_lockstep, run_realtime
+    from hoap3.tools.services import controller_config, emulator_config, split_overrides
+    from hoap3.tools.show import LiveTable, show_next, show_summary
+    from hoap3.tools.verdicts import failed
 
     ours, theirs = split_overrides(sets)
     if seed is not None:
@@ -143,12 +142,12 @@ def emulator(
     named: Named = None,
 ) -> None:
     """Be a robot, until SIGINT or SIGTERM; it comes to rest first."""
-    from tools.processes import StopFlag
+    from hoap3.tools.processes import StopFlag
 
     stop = StopFlag()
-    from tools.output import print_json
-    from tools.services import emulator_config, run_emulator
-    from tools.show import show_summary
+    from hoap3.tools.output import print_json
+    from hoap3.tools.services import emulator_config, run_emulator
+    from hoap3.tools.show import show_summary
 
     settings, file = emulator_config(config, sets, realtime=not no_realtime, named=named)
     code, summary = run_emulator(
@@ -179,10 +178,10 @@ def controller(
     named: Named = None,
 ) -> None:
     """Control a robot, until SIGINT or SIGTERM; waits for it, and survives its absence."""
-    from tools.processes import StopFlag
+    from hoap3.tools.processes import StopFlag
 
     stop = StopFlag()
-    from tools.services import controller_config, run_controller
+    from hoap3.tools.services import controller_config, run_controller
 
     settings, file = controller_config(config, sets, realtime=not no_realtime, named=named)
     code = run_controller(
@@ -204,9 +203,9 @@ def list_all(
     as_json: AsJson = False,
 ) -> None:
     """List robots, controllers, tasks, curves, constraints and configs that can be named."""
-    from tools.find_robot import live_robots
-    from tools.output import print_json, print_line, print_note
-    from tools.settings import named
+    from hoap3.tools.find_robot import live_robots
+    from hoap3.tools.output import print_json, print_line, print_note
+    from hoap3.tools.settings import named
 
     found, silent = named(), ""
     if live:
@@ -259,8 +258,8 @@ def release(robot: Running = None, as_json: AsJson = False) -> None:
     A controller that still runs asks for authority again at once, and the robot follows it: end the
     controller first, or use `hoap3 stop`, where the robot is to stay at rest.
     """
-    from tools.find_robot import release_robot
-    from tools.output import print_json, print_line
+    from hoap3.tools.find_robot import release_robot
+    from hoap3.tools.output import print_json, print_line
 
     name, answer = release_robot(robot)
     if as_json:
@@ -285,10 +284,10 @@ def record(
     as_json: AsJson = False,
 ) -> None:
     """Record a running robot from outside, or mend a log that was cut off."""
-    from tools.find_robot import reach_robot
-    from tools.output import print_json, print_line
-    from tools.processes import to_people
-    from tools.record import record_robot
+    from hoap3.tools.find_robot import reach_robot
+    from hoap3.tools.output import print_json, print_line
+    from hoap3.tools.processes import to_people
+    from hoap3.tools.record import record_robot
 
     if repair is not None:
         _mend(repair, as_json)
@@ -316,11 +315,11 @@ def replay(
     as_json: AsJson = False,
 ) -> None:
     """Run the logged controller on its logged inputs and compare every setpoint."""
-    from tools.kernel_news import watch_compilation
+    from hoap3.tools.kernel_news import watch_compilation
 
     watch_compilation()
-    from tools.output import print_json, print_line, print_note, progress
-    from tools.replay import replay as again
+    from hoap3.tools.output import print_json, print_line, print_note, progress
+    from hoap3.tools.replay import replay as again
 
     with progress(f"replay {log}") as meter:
         report = again(
@@ -344,8 +343,8 @@ def export(
     side: Annotated[str, typer.Option(help="robot or controller: whose log of a run.")] = "robot",
 ) -> None:
     """Write a log as CSV or as numpy arrays; exit code 1 if a part of the log is lost."""
-    from tools.export import export as write
-    from tools.output import print_line, print_note, progress
+    from hoap3.tools.export import export as write
+    from hoap3.tools.output import print_line, print_note, progress
 
     with progress(f"export {log}") as meter:
         written = write(log, to, side, meter.step)
@@ -364,9 +363,9 @@ def config_show(
     allow_code: AllowCode = False,
 ) -> None:
     """Print the whole of a config, defaults included, as YAML."""
-    from remote_controller.user_code import user_code
-    from tools.output import print_line, print_note
-    from tools.settings import shown
+    from hoap3.remote_controller.user_code import user_code
+    from hoap3.tools.output import print_line, print_note
+    from hoap3.tools.settings import shown
 
     with user_code(allowed=allow_code, say=print_note) as code:
         print_line(shown(name, sets, code).rstrip("\n"))
@@ -388,12 +387,12 @@ def config_check(
     allow_code: AllowCode = False,
 ) -> None:
     """Check configs, those of controllers also against their robots, as a start does."""
-    from tools.kernel_news import watch_compilation
+    from hoap3.tools.kernel_news import watch_compilation
 
     watch_compilation()
-    from remote_controller.user_code import user_code
-    from tools.output import print_line, print_note
-    from tools.settings import checked
+    from hoap3.remote_controller.user_code import user_code
+    from hoap3.tools.output import print_line, print_note
+    from hoap3.tools.settings import checked
 
     for name in names:
         with user_code(allowed=allow_code, say=print_note):
@@ -411,16 +410,16 @@ def config_schema(
     ] = None,
 ) -> None:
     """Print the JSON Schema of a config, or of a task or a constraint in one, for editors."""
-    from tools.output import print_json
-    from tools.settings import json_schema
+    from hoap3.tools.output import print_json
+    from hoap3.tools.settings import json_schema
 
     print_json(json_schema(kind, name))
 
 
 def _version(value: bool) -> None:
     if value:
-        from tools.machine import versions
-        from tools.output import print_line
+        from hoap3.tools.machine import versions
+        from hoap3.tools.output import print_line
 
         for name, version in versions().items():
             print_line(f"{name} {version}")
@@ -438,9 +437,9 @@ def _root(
 
 
 def _mend(path: Path, as_json: bool) -> None:
-    from protocol.errors import LogError
-    from tools.output import print_json, print_line
-    from tools.repair import repair, repair_all
+    from hoap3.protocol.errors import LogError
+    from hoap3.tools.output import print_json, print_line
+    from hoap3.tools.repair import repair, repair_all
 
     reports, wrong = repair_all(path) if path.is_dir() else ([repair(path)], [])
     if as_json and path.is_dir():
@@ -455,9 +454,9 @@ def _mend(path: Path, as_json: bool) -> None:
 
 
 def _tell(robot: str | None, verb: str, connect: str | None, as_json: bool) -> None:
-    from protocol.stop_reasons import recovery_words, stop_words, waits_for_recovery
-    from tools.find_robot import ask_robot
-    from tools.output import print_json, print_line
+    from hoap3.protocol.stop_reasons import recovery_words, stop_words, waits_for_recovery
+    from hoap3.tools.find_robot import ask_robot
+    from hoap3.tools.output import print_json, print_line
 
     name, answer = ask_robot(robot, verb, connect)
     failed = answer.get("recovered") is False
@@ -469,7 +468,7 @@ def _tell(robot: str | None, verb: str, connect: str | None, as_json: bool) -> N
             words += f"; {stop_words(answer.get('stop_reason'))}: {recovery_words(name, connect)}"
         print_line(words)
     if failed:
-        from tools.processes import to_people
+        from hoap3.tools.processes import to_people
 
         to_people(f"error: {name} is {answer['mode']}: only a stopped robot can be recovered")
         raise typer.Exit(1)
@@ -479,22 +478,24 @@ def main() -> None:
     """Entry point of `hoap3`."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # read once, when numpy is imported
     try:
-        check_rooms()
         for stream in (sys.stdout, sys.stderr):  # a terminal that knows ASCII only shows `?`
             if isinstance(stream, io.TextIOWrapper):
                 stream.reconfigure(errors="replace")
-        from tools.processes import die_with_parent
+        from hoap3.tools.processes import die_with_parent
 
         die_with_parent()
         app()
     except KeyboardInterrupt:
         sys.exit(1)
     except Exception as error:
-        from protocol.errors import Hoap3Error, UsageError  # ours for sure only after the check
+        from hoap3.protocol.errors import (  # ours for sure only after the check
+            Hoap3Error,
+            UsageError,
+        )
 
         if not isinstance(error, Hoap3Error):
             raise
-        from tools.processes import to_people
+        from hoap3.tools.processes import to_people
 
         to_people(f"error: {error}")
         sys.exit(2 if isinstance(error, UsageError) else 1)

@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from tools.cli_options import ENDPOINT, finite
-from tools.terminal import one_line
+from hoap3.tools.cli_options import ENDPOINT, finite
+from hoap3.tools.terminal import one_line
 
 priorities_app = typer.Typer(
     no_args_is_help=True,
@@ -40,8 +40,8 @@ def change(
     connect: Connect = None,
 ) -> None:
     """Change something in a controller that runs; its log has it, and a replay repeats it."""
-    from protocol.errors import UsageError
-    from tools.output import print_json
+    from hoap3.protocol.errors import UsageError
+    from hoap3.tools.output import print_json
 
     try:
         content = json.loads(request)
@@ -119,8 +119,8 @@ def _ask(
     robot: str | None, request: dict[str, Any] | None, connect: str | None
 ) -> tuple[str, dict[str, Any]]:
     """Name of the robot, and what its controller answers."""
-    from tools.control import change as ask
-    from tools.find_robot import reach_robot
+    from hoap3.tools.control import change as ask
+    from hoap3.tools.find_robot import reach_robot
 
     name, endpoint = reach_robot(robot, connect)
     return name, ask(name, request, endpoint)
@@ -129,8 +129,8 @@ def _ask(
 def _tell(
     robot: str | None, request: dict[str, Any] | None, connect: str | None, as_json: bool
 ) -> None:
-    from protocol.errors import UsageError
-    from tools.output import print_json, print_line
+    from hoap3.protocol.errors import UsageError
+    from hoap3.tools.output import print_json, print_line
 
     name, answer = _ask(robot, request, connect)
     present = answer.get("priorities")
@@ -138,13 +138,13 @@ def _tell(
         raise UsageError(
             f"the controller of {name!r} has no priorities; ghc, ghc_velocity and hqp have"
         )
-    from protocol.answers import Priorities, check_answer
+    from hoap3.protocol.answers import Priorities, check_answer
 
     found = check_answer(Priorities, present, f"the controller of {name!r} answers")
     if as_json:
         print_json(found.model_dump())
         return
-    from tools.show import show_matrix
+    from hoap3.tools.show import show_matrix
 
     show_matrix("α", found.names, found.alpha)
     if found.moving:

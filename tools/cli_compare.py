@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from tools.cli_options import finite
+from hoap3.tools.cli_options import finite
 
 
 def compare(
@@ -44,14 +44,14 @@ def compare(
     ] = False,
 ) -> None:
     """Set controllers beside each other: on a robot each in lockstep, or on the States of a log."""
-    from tools.kernel_news import watch_compilation
+    from hoap3.tools.kernel_news import watch_compilation
 
     watch_compilation()
-    from tools.compare.comparison import compare as make
-    from tools.compare.show import show
-    from tools.compare.write import RESULT, write
-    from tools.output import print_json, progress
-    from tools.result_folder import make_folder, new_name
+    from hoap3.tools.compare.comparison import compare as make
+    from hoap3.tools.compare.show import show
+    from hoap3.tools.compare.write import RESULT, write
+    from hoap3.tools.output import print_json, progress
+    from hoap3.tools.result_folder import make_folder, new_name
 
     folder = out or new_name(Path("compared"))
     with progress("compare") as meter:

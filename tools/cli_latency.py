@@ -31,14 +31,14 @@ def latency(
     ] = False,
 ) -> None:
     """Measure the link with a controller that computes nothing, beside a bare TCP echo."""
-    from tools.processes import StopFlag
+    from hoap3.tools.processes import StopFlag
 
     stop = StopFlag()
-    from tools.latency import Plan, analyse_log, measure_latency
-    from tools.latency_show import show_latency
-    from tools.output import print_json, progress
-    from tools.services import emulator_config
-    from tools.verdicts import failed
+    from hoap3.tools.latency import Plan, analyse_log, measure_latency
+    from hoap3.tools.latency_show import show_latency
+    from hoap3.tools.output import print_json, progress
+    from hoap3.tools.services import emulator_config
+    from hoap3.tools.verdicts import failed
 
     if log is not None:
         found = analyse_log(log)

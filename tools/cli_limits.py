@@ -23,11 +23,11 @@ def limits(
     ] = False,
 ) -> None:
     """What the torque limits of a robot leave of its joints' accelerations, in the worst state."""
-    from tools.kernel_news import watch_compilation
+    from hoap3.tools.kernel_news import watch_compilation
 
     watch_compilation()
-    from tools.output import print_json, progress
-    from tools.sampled_limits import sample, show
+    from hoap3.tools.output import print_json, progress
+    from hoap3.tools.sampled_limits import sample, show
 
     with progress(f"states of {robot}") as meter:
         found = sample(robot, samples, velocities, polish, seed, meter.part)

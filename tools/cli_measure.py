@@ -21,7 +21,7 @@ def doctor(
     ] = True,
 ) -> None:
     """Say whether this machine is fit for 1 kHz, with a remedy for each finding."""
-    from tools.doctor import run_doctor
+    from hoap3.tools.doctor import run_doctor
 
     raise typer.Exit(run_doctor(as_json, measure))
 
@@ -34,14 +34,14 @@ def bench_solvers(
     as_json: AsJson = False,
 ) -> None:
     """Time QP12 and constrained problems beside daqp, OSQP, PINV, and what else is installed."""
-    from tools.kernel_news import watch_compilation
+    from hoap3.tools.kernel_news import watch_compilation
 
     watch_compilation()
-    from tools.bench import general, peers
-    from tools.bench.show import show_general, show_missing, show_rows
-    from tools.bench.solvers import bench_solvers as measure
-    from tools.machine import machine_block
-    from tools.output import print_json, progress
+    from hoap3.tools.bench import general, peers
+    from hoap3.tools.bench.show import show_general, show_missing, show_rows
+    from hoap3.tools.bench.solvers import bench_solvers as measure
+    from hoap3.tools.machine import machine_block
+    from hoap3.tools.output import print_json, progress
 
     machine = machine_block()
     with progress("bench solvers, without constraints") as meter:
@@ -74,16 +74,16 @@ def bench_scaling(
     as_json: AsJson = False,
 ) -> None:
     """Time QP12 and its peers from 7 to 1000 joints, and fit how fast each grows."""
-    from tools.kernel_news import watch_compilation
+    from hoap3.tools.kernel_news import watch_compilation
 
     watch_compilation()
-    from tools.bench.peers import missing
-    from tools.bench.plot import check_picture, plot_scaling
-    from tools.bench.scaling import SIZES
-    from tools.bench.scaling import bench_scaling as measure
-    from tools.bench.show import show_missing, show_scaling
-    from tools.machine import machine_block
-    from tools.output import print_json, progress
+    from hoap3.tools.bench.peers import missing
+    from hoap3.tools.bench.plot import check_picture, plot_scaling
+    from hoap3.tools.bench.scaling import SIZES
+    from hoap3.tools.bench.scaling import bench_scaling as measure
+    from hoap3.tools.bench.show import show_missing, show_scaling
+    from hoap3.tools.machine import machine_block
+    from hoap3.tools.output import print_json, progress
 
     if plot is not None:
         check_picture(plot)
@@ -106,13 +106,13 @@ def bench_cycle(
     as_json: AsJson = False,
 ) -> None:
     """Time one answer: kinematics, solve and integration; and all from bytes to bytes."""
-    from tools.kernel_news import watch_compilation
+    from hoap3.tools.kernel_news import watch_compilation
 
     watch_compilation()
-    from tools.bench.cycle import bench_cycle as measure
-    from tools.bench.show import show_rows
-    from tools.machine import machine_block
-    from tools.output import print_json, progress
+    from hoap3.tools.bench.cycle import bench_cycle as measure
+    from hoap3.tools.bench.show import show_rows
+    from hoap3.tools.machine import machine_block
+    from hoap3.tools.output import print_json, progress
 
     machine = machine_block()
     with progress("bench cycle") as meter:
@@ -132,13 +132,13 @@ def bench_limits(
     as_json: AsJson = False,
 ) -> None:
     """Time bounds of accelerations, the setpoint filter, inverse dynamics, and Algorithm 4."""
-    from tools.kernel_news import watch_compilation
+    from hoap3.tools.kernel_news import watch_compilation
 
     watch_compilation()
-    from tools.bench import limits
-    from tools.bench.show import show_missing, show_rows, show_sampling
-    from tools.machine import machine_block
-    from tools.output import print_json, progress
+    from hoap3.tools.bench import limits
+    from hoap3.tools.bench.show import show_missing, show_rows, show_sampling
+    from hoap3.tools.machine import machine_block
+    from hoap3.tools.output import print_json, progress
 
     machine = machine_block()
     with progress("bench limits") as meter:
@@ -170,15 +170,15 @@ def bench_hierarchy(
     as_json: AsJson = False,
 ) -> None:
     """Time hierarchies of 1 to 7 tasks for 7 and 32 joints, beside the plain program (13)."""
-    from tools.kernel_news import watch_compilation
+    from hoap3.tools.kernel_news import watch_compilation
 
     watch_compilation()
-    from tools.bench.hierarchy import QUICK_TASKS, TASKS, missing
-    from tools.bench.hierarchy import bench_hierarchy as measure
-    from tools.bench.plot import check_picture, plot_hierarchies
-    from tools.bench.show import show_hierarchies, show_missing
-    from tools.machine import machine_block
-    from tools.output import print_json, progress
+    from hoap3.tools.bench.hierarchy import QUICK_TASKS, TASKS, missing
+    from hoap3.tools.bench.hierarchy import bench_hierarchy as measure
+    from hoap3.tools.bench.plot import check_picture, plot_hierarchies
+    from hoap3.tools.bench.show import show_hierarchies, show_missing
+    from hoap3.tools.machine import machine_block
+    from hoap3.tools.output import print_json, progress
 
     if plot is not None:
         check_picture(plot)
@@ -210,15 +210,15 @@ def bench_gains(
     as_json: AsJson = False,
 ) -> None:
     """Time certified gains along motions of 6, 21 and 32 joints, beside conic solvers."""
-    from tools.kernel_news import watch_compilation
+    from hoap3.tools.kernel_news import watch_compilation
 
     watch_compilation()
-    from tools.bench.gains import MOTION_S, QUICK_ROBOTS, QUICK_S, missing
-    from tools.bench.gains import bench_gains as measure
-    from tools.bench.gains_problems import MOTIONS
-    from tools.bench.show import show_gains, show_missing
-    from tools.machine import machine_block
-    from tools.output import print_json, progress
+    from hoap3.tools.bench.gains import MOTION_S, QUICK_ROBOTS, QUICK_S, missing
+    from hoap3.tools.bench.gains import bench_gains as measure
+    from hoap3.tools.bench.gains_problems import MOTIONS
+    from hoap3.tools.bench.show import show_gains, show_missing
+    from hoap3.tools.machine import machine_block
+    from hoap3.tools.output import print_json, progress
 
     machine = machine_block()
     with progress("bench gains") as meter:

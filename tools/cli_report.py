@@ -19,10 +19,10 @@ def report(
     ] = False,
 ) -> None:
     """Draw what a log shows, as one HTML file that needs nothing but itself."""
-    from tools.certificate_count import in_a_line
-    from tools.output import print_json, print_line, print_note, progress
-    from tools.report.write import write_report
-    from tools.verdicts import NAMES, NOT_JUDGED, failed, in_words
+    from hoap3.tools.certificate_count import in_a_line
+    from hoap3.tools.output import print_json, print_line, print_note, progress
+    from hoap3.tools.report.write import write_report
+    from hoap3.tools.verdicts import NAMES, NOT_JUDGED, failed, in_words
 
     with progress(f"report {log}") as meter:
         figures = write_report(log, out, meter.step)

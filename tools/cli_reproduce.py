@@ -21,12 +21,12 @@ def reproduce(
     ] = False,
 ) -> None:
     """Re-make a paper's figures and tables, and compare them with what its equations give."""
-    from tools.kernel_news import watch_compilation
+    from hoap3.tools.kernel_news import watch_compilation
 
     watch_compilation()
-    from tools.output import print_json, progress
-    from tools.reproduce.remake import reproduce as remake
-    from tools.reproduce.show import show_rows
+    from hoap3.tools.output import print_json, progress
+    from hoap3.tools.reproduce.remake import reproduce as remake
+    from hoap3.tools.reproduce.show import show_rows
 
     with progress(f"reproduce {paper}") as meter:
         made = remake(paper, out, meter.step)

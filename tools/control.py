@@ -8,10 +8,10 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from protocol.answers import MAX_CONTROL_BYTES, ROBOT_ANSWERS, ControlAnswer, parse_answer
-from protocol.errors import LinkError, UsageError
-from protocol.session_limits import MAX_REQUEST_BYTES
-from protocol.settings import ENDPOINT_PATTERN, NAME_PATTERN, LinkSettings
+from hoap3.protocol.answers import MAX_CONTROL_BYTES, ROBOT_ANSWERS, ControlAnswer, parse_answer
+from hoap3.protocol.errors import LinkError, UsageError
+from hoap3.protocol.session_limits import MAX_REQUEST_BYTES
+from hoap3.protocol.settings import ENDPOINT_PATTERN, NAME_PATTERN, LinkSettings
 
 
 def tell(robot: str, verb: str, endpoint: str) -> dict[str, Any]:
@@ -27,7 +27,7 @@ def tell(robot: str, verb: str, endpoint: str) -> dict[str, Any]:
         LinkError: it cannot be reached.
         WireError: its answer makes no sense.
     """
-    from protocol.zenoh_link import ask, open_session  # noqa: PLC0415
+    from hoap3.protocol.zenoh_link import ask, open_session  # noqa: PLC0415
 
     check_name(robot)
     with open_session(client_settings(endpoint)) as session:
@@ -54,7 +54,7 @@ def change(robot: str, request: Mapping[str, Any] | None, endpoint: str) -> dict
         LinkError: the robot cannot be reached, or follows no controller.
         WireError: the controller's answer makes no sense.
     """
-    from protocol.zenoh_link import ask, open_session  # noqa: PLC0415
+    from hoap3.protocol.zenoh_link import ask, open_session  # noqa: PLC0415
 
     check_name(robot)
     verb, body = ("show", "") if request is None else ("change", json.dumps(request))
@@ -109,7 +109,7 @@ def alive(endpoint: str) -> list[str]:
         UsageError: that cannot be an endpoint.
         LinkError: it cannot be reached.
     """
-    from protocol.zenoh_link import alive_robots, open_session  # noqa: PLC0415
+    from hoap3.protocol.zenoh_link import alive_robots, open_session  # noqa: PLC0415
 
     with open_session(client_settings(endpoint)) as session:
         return [name for name in alive_robots(session) if re.fullmatch(NAME_PATTERN, name)]

@@ -10,14 +10,14 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from tools import doctor_checks as checks
-from tools import doctor_probes as probes
-from tools import doctor_stack as stack
-from tools.doctor_system import Finding, Level, System
-from tools.machine import machine_block
-from tools.output import print_json, print_note, results
-from tools.placement import remember
-from tools.placement_probe import measure_placement
+from hoap3.tools import doctor_checks as checks
+from hoap3.tools import doctor_probes as probes
+from hoap3.tools import doctor_stack as stack
+from hoap3.tools.doctor_system import Finding, Level, System
+from hoap3.tools.machine import machine_block
+from hoap3.tools.output import print_json, print_note, results
+from hoap3.tools.placement import remember
+from hoap3.tools.placement_probe import measure_placement
 
 Check = Callable[[System], Finding]
 

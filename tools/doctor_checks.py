@@ -9,8 +9,8 @@ from __future__ import annotations
 import re
 import resource
 
-from robot_emulator.config import EmulatorConfig
-from tools.doctor_system import Finding, System, cpu_list, cpu_text
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.tools.doctor_system import Finding, System, cpu_list, cpu_text
 
 STEADY_CLOCKS = {
     "tsc", "kvm-clock", "arch_sys_counter", "hyperv_clocksource_tsc_page", "riscv_clocksource",

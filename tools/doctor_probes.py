@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from protocol.realtime import Ticker
-from protocol.statistics import Durations
-from tools.doctor_system import Finding, System
+from hoap3.protocol.realtime import Ticker
+from hoap3.protocol.statistics import Durations
+from hoap3.tools.doctor_system import Finding, System
 
 READS = 2000
 COARSE_NS, SLOW_NS = 1_000, 2_000  # of a step, of a reading: a cycle has some fifteen stamps

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 
-from protocol.settings import LogSettings
-from robot_emulator.config import EmulatorConfig
-from tools.doctor_system import Finding, System
+from hoap3.protocol.settings import LogSettings
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.tools.doctor_system import Finding, System
 
 BLAS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 ROOM = 2 * LogSettings().cap_mb * 1_000_000  # bytes: one run, both sides

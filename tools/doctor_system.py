@@ -20,7 +20,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Literal
 
-from protocol.clock import Clock, MonotonicClock
+from hoap3.protocol.clock import Clock, MonotonicClock
 
 Level = Literal["ok", "advice", "problem"]
 
@@ -129,7 +129,7 @@ def write_speed(folder: Path, seconds: float = 0.4, patience: float = 0.9) -> fl
 
 def kernel_cache() -> tuple[Path | None, bool]:
     """Where compiled kernels are kept, and whether they outlive the process."""
-    from protocol.compilation import CACHE_DIRECTORY, fingerprint  # noqa: PLC0415 - loads numba
+    from hoap3.protocol.compilation import CACHE_DIRECTORY, fingerprint  # noqa: PLC0415 - loads numba
 
     kept = CACHE_DIRECTORY is not None and CACHE_DIRECTORY.name == f"kernels-{fingerprint()}"
     return CACHE_DIRECTORY, kept

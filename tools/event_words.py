@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from protocol.messages import Event
-from robot_emulator.inbox import REJECTION_KINDS
+from hoap3.protocol.messages import Event
+from hoap3.robot_emulator.inbox import REJECTION_KINDS
 
 _CONSTANTS = Event.schema.constants
 _NAMES = {

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from protocol.errors import LogError, UsageError
-from protocol.messages import Schema, Setpoint, State
-from protocol.ring import Kind
-from tools.log import Log
-from tools.whole_file import whole_file
+from hoap3.protocol.errors import LogError, UsageError
+from hoap3.protocol.messages import Schema, Setpoint, State
+from hoap3.protocol.ring import Kind
+from hoap3.tools.log import Log
+from hoap3.tools.whole_file import whole_file
 
 BLOCK = 1024  # rows of a CSV that exist as text at a time
 PER_JOINT = {"q", "dq", "tau", "reference", "values"}

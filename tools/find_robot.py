@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from protocol.answers import ROBOT_ANSWERS, check_answer
-from protocol.errors import LinkError, UsageError
-from protocol.local_control import LocalRobot, local_robots, others_here
-from tools.cli_options import ENDPOINT
-from tools.control import alive, check_name, tell
+from hoap3.protocol.answers import ROBOT_ANSWERS, check_answer
+from hoap3.protocol.errors import LinkError, UsageError
+from hoap3.protocol.local_control import LocalRobot, local_robots, others_here
+from hoap3.tools.cli_options import ENDPOINT
+from hoap3.tools.control import alive, check_name, tell
 
 
 def ask_robot(robot: str | None, verb: str, endpoint: str | None) -> tuple[str, dict[str, Any]]:

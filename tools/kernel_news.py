@@ -7,7 +7,7 @@ from typing import Any
 
 from numba.core import event
 
-from tools.output import Meter
+from hoap3.tools.output import Meter
 
 
 class _Listener(event.Listener):

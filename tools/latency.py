@@ -18,24 +18,24 @@ from typing import Any
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.errors import Hoap3Error, LogError, UsageError
-from protocol.messages import Setpoint, State
-from protocol.settings import RealtimeSettings
-from remote_controller.config import ControllerConfig
-from robot_emulator.config import EmulatorConfig
-from robot_emulator.service import describe
-from tools.latency_echo import Exchanges, run_echo
-from tools.latency_figures import percentiles, tick_figures
-from tools.latency_links import LinkPair, link
-from tools.latency_nodes import NullController
-from tools.log import Log
-from tools.machine import machine_block
-from tools.placement import placed
-from tools.run import run_realtime
-from tools.services import watched_cpus
-from tools.stalls import StallMonitor
-from tools.ticks import TickTable
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import Hoap3Error, LogError, UsageError
+from hoap3.protocol.messages import Setpoint, State
+from hoap3.protocol.settings import RealtimeSettings
+from hoap3.remote_controller.config import ControllerConfig
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.service import describe
+from hoap3.tools.latency_echo import Exchanges, run_echo
+from hoap3.tools.latency_figures import percentiles, tick_figures
+from hoap3.tools.latency_links import LinkPair, link
+from hoap3.tools.latency_nodes import NullController
+from hoap3.tools.log import Log
+from hoap3.tools.machine import machine_block
+from hoap3.tools.placement import placed
+from hoap3.tools.run import run_realtime
+from hoap3.tools.services import watched_cpus
+from hoap3.tools.stalls import StallMonitor
+from hoap3.tools.ticks import TickTable
 
 WARM_UP = 200
 """Ticks at the begin of each block that enter no figure: caches, branch predictors, sockets."""
@@ -52,7 +52,7 @@ class Plan:
 
     Attributes:
         emulator: the robot; its link is replaced.
-        link: one of `tools.latency_links.LINKS`.
+        link: one of `hoap3.tools.latency_links.LINKS`.
         blocks, ticks: blocks of each, Zenoh and echo, and ticks of each block.
         realtime: whether to pin, and to ask for priority.
         out: folder for the logs, one inside for each block; None to keep none.

@@ -17,12 +17,12 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from protocol.clock import Clock, MonotonicClock
-from protocol.errors import Hoap3Error
-from protocol.realtime import Ticker, prepare_process
-from protocol.settings import RealtimeSettings
-from tools.processes import die_with_parent, read_order, start_module, tcp_pair
-from tools.tick_logs import NEVER
+from hoap3.protocol.clock import Clock, MonotonicClock
+from hoap3.protocol.errors import Hoap3Error
+from hoap3.protocol.realtime import Ticker, prepare_process
+from hoap3.protocol.settings import RealtimeSettings
+from hoap3.tools.processes import die_with_parent, read_order, start_module, tcp_pair
+from hoap3.tools.tick_logs import NEVER
 
 Stamps = npt.NDArray[np.int64]
 
@@ -156,7 +156,7 @@ def run_echo(order: dict[str, Any], asks: RealtimeSettings, answers: RealtimeSet
         for side, end, realtime in (("answer", far, answers), ("ask", near, asks)):
             fd = end.fileno()
             whole = {**order, "side": side, "fd": fd, "realtime": _plain(realtime)}
-            children.append(start_module("tools.latency_echo", whole, [fd]))
+            children.append(start_module("hoap3.tools.latency_echo", whole, [fd]))
             end.close()
         planned = order["ticks"] * order["period_ns"] * 1e-9
         out, _ = children[-1].communicate(timeout=2 * planned + _PATIENCE_S)

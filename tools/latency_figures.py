@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from protocol.statistics import PERCENTILES, TAIL_SAMPLES, WINDOW, verdict
-from tools.stalls import figures as stall_figures
-from tools.tick_logs import NEVER
-from tools.ticks import IN_TIME, LATE, LOST, SKIPPED, STAGES, TickTable
+from hoap3.protocol.statistics import PERCENTILES, TAIL_SAMPLES, WINDOW, verdict
+from hoap3.tools.stalls import figures as stall_figures
+from hoap3.tools.tick_logs import NEVER
+from hoap3.tools.ticks import IN_TIME, LATE, LOST, SKIPPED, STAGES, TickTable
 
 Times = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]

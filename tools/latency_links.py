@@ -18,10 +18,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from protocol.errors import Hoap3Error, UsageError
-from protocol.realtime import prepare_process
-from protocol.settings import LinkSettings, RealtimeSettings
-from tools.processes import die_with_parent, read_order, start_module
+from hoap3.protocol.errors import Hoap3Error, UsageError
+from hoap3.protocol.realtime import prepare_process
+from hoap3.protocol.settings import LinkSettings, RealtimeSettings
+from hoap3.tools.processes import die_with_parent, read_order, start_module
 
 LINKS = ("tcp", "udp", "tls", "unixsock", "router")
 LinkPair = tuple[dict[str, Any], dict[str, Any]]
@@ -105,7 +105,7 @@ def self_signed(folder: Path) -> tuple[Path, Path]:
 @contextmanager
 def _router(endpoint: str, realtime: RealtimeSettings) -> Iterator[None]:
     order = {"endpoint": endpoint, "realtime": realtime.model_dump(mode="json")}
-    child = start_module("tools.latency_links", order, [])
+    child = start_module("hoap3.tools.latency_links", order, [])
     try:
         if child.stdout is None:
             raise Hoap3Error("the router has no standard output")
@@ -124,7 +124,7 @@ def main() -> None:
     die_with_parent()
     order = read_order()
     prepare_process(RealtimeSettings(**order["realtime"]))
-    from protocol.zenoh_link import open_session  # noqa: PLC0415 - its threads inherit all that
+    from hoap3.protocol.zenoh_link import open_session  # noqa: PLC0415 - its threads inherit all that
 
     role: dict[str, Any] = {"mode": "router", "listen": (order["endpoint"],)}
     settings = LinkSettings().model_copy(update=role)  # no config of a service may say "router"

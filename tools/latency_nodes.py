@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from protocol.messages import FloatArray, Setpoint, State
-from remote_controller.controllers.controller import Controller
+from hoap3.protocol.messages import FloatArray, Setpoint, State
+from hoap3.remote_controller.controllers.controller import Controller
 
 
 class NullController(Controller):

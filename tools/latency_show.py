@@ -6,8 +6,8 @@ from typing import Any
 
 from rich.table import Table
 
-from tools.output import results
-from tools.show import coloured_verdict, durations_table, known, machine_line
+from hoap3.tools.output import results
+from hoap3.tools.show import coloured_verdict, durations_table, known, machine_line
 
 
 def show_latency(found: dict[str, Any]) -> None:

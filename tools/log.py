@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from protocol.description import RobotDescription
-from protocol.errors import DescriptionError, LogError, WireError
-from protocol.messages import CDR_HEADER, WIRE_VERSION, Schema
-from protocol.ring import Kind, Record
-from tools.log_format import (
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import DescriptionError, LogError, WireError
+from hoap3.protocol.messages import CDR_HEADER, WIRE_VERSION, Schema
+from hoap3.protocol.ring import Kind, Record
+from hoap3.tools.log_format import (
     CHANNELS,
     FORMAT,
     KIND_CHANNELS,
@@ -34,7 +34,7 @@ from tools.log_format import (
     topic_name,
     unpack_input,
 )
-from tools.mcap_scan import Damage, McapMessage, McapScan
+from hoap3.tools.mcap_scan import Damage, McapMessage, McapScan
 
 Rows = npt.NDArray[Any]
 Stamps = npt.NDArray[np.int64]

@@ -23,8 +23,8 @@ from typing import Any
 
 import numpy as np
 
-from protocol.messages import CDR_HEADER, Event, Setpoint, State
-from protocol.ring import Kind, Record
+from hoap3.protocol.messages import CDR_HEADER, Event, Setpoint, State
+from hoap3.protocol.ring import Kind, Record
 
 PROFILE = "ros2"
 FORMAT = "1"  # of what this module lays down

@@ -2,7 +2,7 @@
 
 A chunk is cut, and handed to the operating system, before it spans half a second of log time or of
 wall time: who kills the observer loses less than one second. Why the chunks are our own work and
-not the library's stands in `tools.mcap_write`.
+not the library's stands in `hoap3.tools.mcap_write`.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from typing import Any, Self
 from mcap.records import Attachment, Channel, Metadata
 from mcap.records import Schema as McapSchema
 
-from protocol import __version__
-from protocol.description import RobotDescription
-from protocol.errors import DescriptionError, WireError
-from protocol.messages import CDR_HEADER, WIRE_VERSION
-from protocol.ring import Kind, Record
-from tools.log_format import (
+from hoap3.protocol import __version__
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import DescriptionError, WireError
+from hoap3.protocol.messages import CDR_HEADER, WIRE_VERSION
+from hoap3.protocol.ring import Kind, Record
+from hoap3.tools.log_format import (
     CHANNELS,
     FORMAT,
     KIND_CHANNELS,
@@ -35,7 +35,7 @@ from tools.log_format import (
     pack_input,
     topic_name,
 )
-from tools.mcap_write import McapFile
+from hoap3.tools.mcap_write import McapFile
 
 CHUNK_BYTES = 1 << 20
 SPAN_NS = 500_000_000  # of a chunk, in log time and in wall time

@@ -8,7 +8,7 @@ import sys
 from importlib import metadata
 from pathlib import Path
 
-from protocol.realtime import virtual_machine
+from hoap3.protocol.realtime import virtual_machine
 
 STACK = (
     *("eclipse-zenoh", "numpy", "numba", "pin", "coal", "daqp", "osqp"),

@@ -29,9 +29,9 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
-from protocol.errors import LogError
-from protocol.regular_file import open_regular
-from tools.mcap_write import MAGIC, MESSAGE_FIELDS, MESSAGE_HEAD
+from hoap3.protocol.errors import LogError
+from hoap3.protocol.regular_file import open_regular
+from hoap3.tools.mcap_write import MAGIC, MESSAGE_FIELDS, MESSAGE_HEAD
 
 MAX_CHUNK = 1 << 26  # bytes that a chunk may unpack to; ours have 1 MiB and a record more
 MAX_RECORD = 1 << 24  # bytes of an attachment, or of anything else that is kept in memory

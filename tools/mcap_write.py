@@ -24,7 +24,7 @@ from mcap import records
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 
-from protocol.errors import UsageError
+from hoap3.protocol.errors import UsageError
 
 MAGIC = b"\x89MCAP0\r\n"
 ZSTD_LEVEL = -1  # 0.4 µs a message, 1 µs on noise; level 3 takes 2.5 µs there to save 4 %

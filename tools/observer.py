@@ -18,18 +18,18 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from protocol.errors import Hoap3Error, UsageError
-from protocol.messages import Event
-from protocol.ring import Kind, Record, Ring
-from protocol.stop_reasons import STOP_REASONS, stop_words
-from tools.certificate_count import CertificateCount
-from tools.event_words import CONDITIONS, event_name, in_words, is_routine
-from tools.outside import OutsideStalls
-from tools.processes import Child, Lifeline, read_order, to_people
-from tools.stalls import PRIORITY, StallMonitor
+from hoap3.protocol.errors import Hoap3Error, UsageError
+from hoap3.protocol.messages import Event
+from hoap3.protocol.ring import Kind, Record, Ring
+from hoap3.protocol.stop_reasons import STOP_REASONS, stop_words
+from hoap3.tools.certificate_count import CertificateCount
+from hoap3.tools.event_words import CONDITIONS, event_name, in_words, is_routine
+from hoap3.tools.outside import OutsideStalls
+from hoap3.tools.processes import Child, Lifeline, read_order, to_people
+from hoap3.tools.stalls import PRIORITY, StallMonitor
 
 if TYPE_CHECKING:
-    from tools.log_writer import LogWriter
+    from hoap3.tools.log_writer import LogWriter
 
 POLL_S = 0.005
 LIVE_S = 0.25
@@ -107,7 +107,7 @@ class Observer:
         }
         fds = [self.ring.fd, last_words] + ([status_fd] if status_fd is not None else [])
         try:
-            self._process = Child(["tools.observer"], json.dumps(order), fds)
+            self._process = Child(["hoap3.tools.observer"], json.dumps(order), fds)
         except BaseException:
             os.close(reader)
             os.close(self.ring.fd)
@@ -245,8 +245,8 @@ class _Watch:
     """What an observer does with what it sees: it writes, counts and tells."""
 
     def __init__(self, order: dict[str, Any]) -> None:
-        from tools.log_writer import LogWriter  # noqa: PLC0415 - after the signals are ignored
-        from tools.statistics import RunStatistics  # noqa: PLC0415
+        from hoap3.tools.log_writer import LogWriter  # noqa: PLC0415 - after the signals are ignored
+        from hoap3.tools.statistics import RunStatistics  # noqa: PLC0415
 
         self._last_words_fd = order["last_words_fd"]
         self._writer: LogWriter | None = None

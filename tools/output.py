@@ -23,8 +23,8 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from protocol.errors import Hoap3Error
-from tools.terminal import printable
+from hoap3.protocol.errors import Hoap3Error
+from hoap3.tools.terminal import printable
 
 REFRESH_S = 0.1  # of a bar on a terminal
 FIRST_LINE_S = 2.0  # where there is no terminal: when the first line of progress is written

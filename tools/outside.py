@@ -6,7 +6,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
-from tools.stalls import Stall, StallLog, overlapping
+from hoap3.tools.stalls import Stall, StallLog, overlapping
 
 PATIENCE_NS = 1_000_000_000  # until a time is judged: the monitor has told of its stalls by then
 FOREVER = 1 << 62

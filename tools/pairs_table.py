@@ -1,10 +1,10 @@
-"""The table of docs/robots.md: `python -m tools.pairs_table` writes it anew."""
+"""The table of docs/robots.md: `python -m hoap3.tools.pairs_table` writes it anew."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from remote_controller.pairs import HELD_BACK, PAIRS, POSTURES
+from hoap3.remote_controller.pairs import HELD_BACK, PAIRS, POSTURES
 
 COLUMNS = {
     "hoap3": "hoap3",
@@ -20,9 +20,9 @@ COLUMNS = {
 }
 """By what `--robot` takes, the column that shows it."""
 
-BEGIN = "<!-- pairs: written by `python -m tools.pairs_table` -->\n"
+BEGIN = "<!-- pairs: written by `python -m hoap3.tools.pairs_table` -->\n"
 END = "<!-- end of pairs -->\n"
-PAGE = Path(__file__).parents[1] / "docs" / "robots.md"
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "robots.md"
 
 
 def table() -> str:

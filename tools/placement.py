@@ -12,12 +12,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from protocol.notes import Detail
-from protocol.private_directory import runtime_directory
-from protocol.realtime import CpuClaim, claim_cpu, claim_cpus
-from protocol.settings import RealtimeSettings
-from tools.placement_probe import measure_placement
-from tools.whole_file import whole_file
+from hoap3.protocol.notes import Detail
+from hoap3.protocol.private_directory import runtime_directory
+from hoap3.protocol.realtime import CpuClaim, claim_cpu, claim_cpus
+from hoap3.protocol.settings import RealtimeSettings
+from hoap3.tools.placement_probe import measure_placement
+from hoap3.tools.whole_file import whole_file
 
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
 _LARGEST = 64_000  # bytes of a stored finding

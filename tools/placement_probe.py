@@ -16,16 +16,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from protocol.clock import Clock, MonotonicClock
-from protocol.errors import Hoap3Error
-from protocol.link import Arrival
-from protocol.messages import Setpoint, State
-from protocol.realtime import CpuClaim, Ticker, claim_cpus, prepare_process
-from protocol.settings import LinkSettings, RealtimeSettings
-from protocol.statistics import Durations
-from tools.awake_apart import kept_awake_apart
-from tools.latency_links import free_port
-from tools.processes import die_with_parent, read_order, start_module
+from hoap3.protocol.clock import Clock, MonotonicClock
+from hoap3.protocol.errors import Hoap3Error
+from hoap3.protocol.link import Arrival
+from hoap3.protocol.messages import Setpoint, State
+from hoap3.protocol.realtime import CpuClaim, Ticker, claim_cpus, prepare_process
+from hoap3.protocol.settings import LinkSettings, RealtimeSettings
+from hoap3.protocol.statistics import Durations
+from hoap3.tools.awake_apart import kept_awake_apart
+from hoap3.tools.latency_links import free_port
+from hoap3.tools.processes import die_with_parent, read_order, start_module
 
 PERIOD_NS = 1_000_000
 TICKS = 800  # of each placement: less than a second
@@ -40,7 +40,7 @@ _TIMEOUT_S = 10.0  # for processes to start, or beyond the time that everything 
 
 
 class Peer(Protocol):
-    """The asking end of a link, as `protocol.link.RobotLink` has it."""
+    """The asking end of a link, as `hoap3.protocol.link.RobotLink` has it."""
 
     def publish(self, state: bytes) -> None:
         """Send a question."""
@@ -231,7 +231,7 @@ def run_processes(order: Order) -> dict[str, Any]:
 
 
 def _start(order: dict[str, Any]) -> subprocess.Popen[bytes]:
-    return start_module("tools.placement_probe", order, (), stderr=subprocess.PIPE)
+    return start_module("hoap3.tools.placement_probe", order, (), stderr=subprocess.PIPE)
 
 
 def main() -> None:
@@ -252,7 +252,7 @@ def main() -> None:
 
 def _answer(name: str, port: int) -> None:
     """Answer each question with its tick, until killed."""
-    from protocol.zenoh_link import ZenohControllerLink  # noqa: PLC0415 - inherits policy and CPU
+    from hoap3.protocol.zenoh_link import ZenohControllerLink  # noqa: PLC0415 - inherits policy and CPU
 
     settings = LinkSettings(connect=(f"tcp/127.0.0.1:{port}",))
     link = ZenohControllerLink(name, settings, "placement")
@@ -266,7 +266,7 @@ def _answer(name: str, port: int) -> None:
 
 def _ask(ports: Mapping[str, int], ticks: int, period_ns: int) -> dict[str, Any]:
     """Ask both, once each has answered."""
-    from protocol.zenoh_link import ZenohRobotLink  # noqa: PLC0415 - inherits policy and CPU
+    from hoap3.protocol.zenoh_link import ZenohRobotLink  # noqa: PLC0415 - inherits policy and CPU
 
     clock, size = MonotonicClock(), State(JOINTS).size
     links: dict[str, ZenohRobotLink] = {}

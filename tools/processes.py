@@ -21,8 +21,8 @@ from collections.abc import Callable, Mapping, Sequence
 from types import FrameType
 from typing import Any
 
-from protocol.errors import Hoap3Error, UsageError
-from tools.terminal import printable
+from hoap3.protocol.errors import Hoap3Error, UsageError
+from hoap3.tools.terminal import printable
 
 ORDERLY_END_S = 60.0  # for a service whose parent is gone; then it is killed
 OPEN_FILES = 64  # a robot with its controller and tools had 15
@@ -190,7 +190,7 @@ def start_module(
 
 def start_service(arguments: Sequence[str], config: str, pass_fds: Sequence[int]) -> Child:
     """Start one of our own commands as a child that ends with us; `config` is its input."""
-    return Child(["tools.cli", *arguments], config, pass_fds)
+    return Child(["hoap3.tools.cli", *arguments], config, pass_fds)
 
 
 def check_open_files() -> None:

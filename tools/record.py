@@ -10,16 +10,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from protocol.answers import parse_description
-from protocol.errors import Hoap3Error, LinkError
-from protocol.ring import Kind, Record
-from protocol.settings import LogSettings
-from tools.control import check_name, client_settings
-from tools.log_writer import LogWriter
-from tools.machine import versions
-from tools.observer import REPAIR
-from tools.processes import StopFlag
-from tools.services import run_folder
+from hoap3.protocol.answers import parse_description
+from hoap3.protocol.errors import Hoap3Error, LinkError
+from hoap3.protocol.ring import Kind, Record
+from hoap3.protocol.settings import LogSettings
+from hoap3.tools.control import check_name, client_settings
+from hoap3.tools.log_writer import LogWriter
+from hoap3.tools.machine import versions
+from hoap3.tools.observer import REPAIR
+from hoap3.tools.processes import StopFlag
+from hoap3.tools.services import run_folder
 
 POLL_S = 0.005
 BACKLOG = 4096  # records heard and not yet written: 2 s of a robot and its controller at 1 kHz
@@ -83,7 +83,7 @@ def record_robot(
     """
     import zenoh  # noqa: PLC0415
 
-    from protocol.zenoh_link import ask, key, open_session  # noqa: PLC0415
+    from hoap3.protocol.zenoh_link import ask, key, open_session  # noqa: PLC0415
 
     check_name(robot)
     stop = StopFlag()

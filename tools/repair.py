@@ -14,12 +14,12 @@ from typing import Any
 
 from mcap.records import Attachment, Metadata
 
-from protocol import __version__
-from protocol.errors import LogError, UsageError
-from tools.log import Log
-from tools.log_format import CHANNELS, pack_gap
-from tools.mcap_scan import Damage, McapScan
-from tools.mcap_write import McapFile
+from hoap3.protocol import __version__
+from hoap3.protocol.errors import LogError, UsageError
+from hoap3.tools.log import Log
+from hoap3.tools.log_format import CHANNELS, pack_gap
+from hoap3.tools.mcap_scan import Damage, McapScan
+from hoap3.tools.mcap_write import McapFile
 
 REPAIRED = ".repaired.mcap"
 REPAIRING = ".repairing.mcap"

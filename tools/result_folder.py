@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from protocol.errors import ConfigError
-from tools.whole_file import whole_file
+from hoap3.protocol.errors import ConfigError
+from hoap3.tools.whole_file import whole_file
 
 
 def new_name(base: Path) -> Path:

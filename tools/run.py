@@ -13,23 +13,23 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from protocol.errors import Hoap3Error, UsageError
-from protocol.notes import Note
-from protocol.recorder import PatientRecorder, Recorder
-from protocol.settings import RealtimeSettings
-from remote_controller.config import ControllerConfig, of_another_robot
-from robot_emulator.config import EmulatorConfig
-from robot_emulator.service import describe
-from tools.certificate_count import CountingRecorder
-from tools.log import Log, payload_hash
-from tools.machine import machine_block
-from tools.observer import Observer
-from tools.placement import placed
-from tools.processes import Child, StopFlag, check_open_files, start_service, to_people
-from tools.refusal import forget, is_new, nothing_happened
-from tools.services import as_yaml, observer_for, run_folder, watched_cpus
-from tools.simulate import suited
-from tools.verdicts import judge
+from hoap3.protocol.errors import Hoap3Error, UsageError
+from hoap3.protocol.notes import Note
+from hoap3.protocol.recorder import PatientRecorder, Recorder
+from hoap3.protocol.settings import RealtimeSettings
+from hoap3.remote_controller.config import ControllerConfig, of_another_robot
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.service import describe
+from hoap3.tools.certificate_count import CountingRecorder
+from hoap3.tools.log import Log, payload_hash
+from hoap3.tools.machine import machine_block
+from hoap3.tools.observer import Observer
+from hoap3.tools.placement import placed
+from hoap3.tools.processes import Child, StopFlag, check_open_files, start_service, to_people
+from hoap3.tools.refusal import forget, is_new, nothing_happened
+from hoap3.tools.services import as_yaml, observer_for, run_folder, watched_cpus
+from hoap3.tools.simulate import suited
+from hoap3.tools.verdicts import judge
 
 START_TIMEOUT_S = 120.0  # the first start on a machine compiles the kernels
 END_TIMEOUT_S = 60.0
@@ -147,7 +147,7 @@ def run_lockstep(
 
     `report` takes how many ticks are done, of how many.
     """
-    from tools.simulate import Lockstep  # noqa: PLC0415 - loads numba and Pinocchio
+    from hoap3.tools.simulate import Lockstep  # noqa: PLC0415 - loads numba and Pinocchio
 
     check_open_files()
     emulator = suited(emulator, controller, files[1])

@@ -8,11 +8,11 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from protocol.dynamics import Dynamics
-from protocol.torque_limits import Velocities, torque_acceleration_bounds
-from robot_emulator.service import describe
-from tools.output import results
-from tools.services import emulator_config
+from hoap3.protocol.dynamics import Dynamics
+from hoap3.protocol.torque_limits import Velocities, torque_acceleration_bounds
+from hoap3.robot_emulator.service import describe
+from hoap3.tools.output import results
+from hoap3.tools.services import emulator_config
 
 
 def sample(

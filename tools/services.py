@@ -13,11 +13,11 @@ from typing import Any, TypeVar
 
 import yaml
 
-from protocol.errors import ConfigError, Hoap3Error, UsageError
-from protocol.notes import Note, Routine
-from protocol.realtime import CpuClaim
-from protocol.recorder import PatientRecorder, Recorder, RingRecorder
-from protocol.settings import (
+from hoap3.protocol.errors import ConfigError, Hoap3Error, UsageError
+from hoap3.protocol.notes import Note, Routine
+from hoap3.protocol.realtime import CpuClaim
+from hoap3.protocol.recorder import PatientRecorder, Recorder, RingRecorder
+from hoap3.protocol.settings import (
     LogSettings,
     RealtimeSettings,
     Settings,
@@ -25,21 +25,21 @@ from protocol.settings import (
     parse,
     parse_yaml,
 )
-from remote_controller.config import ControllerConfig, check_parameters
-from remote_controller.config import read_config as read_controller_config
-from robot_emulator.config import EmulatorConfig
-from robot_emulator.service import describe, serve, serve_lockstep
-from tools.log_format import SIDES, file_name
-from tools.machine import machine_block
-from tools.observer import Observer
-from tools.output import Meter, print_line
-from tools.placement import settled_alone
-from tools.processes import StopFlag, check_open_files, to_people
-from tools.refusal import forget, is_new, nothing_happened
-from tools.result_folder import new_name
-from tools.simulate import emulator_content
-from tools.software import software
-from tools.verdicts import failed
+from hoap3.remote_controller.config import ControllerConfig, check_parameters
+from hoap3.remote_controller.config import read_config as read_controller_config
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.service import describe, serve, serve_lockstep
+from hoap3.tools.log_format import SIDES, file_name
+from hoap3.tools.machine import machine_block
+from hoap3.tools.observer import Observer
+from hoap3.tools.output import Meter, print_line
+from hoap3.tools.placement import settled_alone
+from hoap3.tools.processes import StopFlag, check_open_files, to_people
+from hoap3.tools.refusal import forget, is_new, nothing_happened
+from hoap3.tools.result_folder import new_name
+from hoap3.tools.simulate import emulator_content
+from hoap3.tools.software import software
+from hoap3.tools.verdicts import failed
 
 NO_REALTIME = {"policy": "none", "cpu": "none", "lock_memory": False}
 
@@ -223,7 +223,7 @@ def run_emulator(
         summary as `run` has it; None after a failure. A robot that nothing followed is no failure.
     """
     check_open_files()
-    from tools.kernel_news import watch_compilation  # noqa: PLC0415 - loads numba
+    from hoap3.tools.kernel_news import watch_compilation  # noqa: PLC0415 - loads numba
 
     description = describe(config, file)
     period_ns = round(description.period_s * 1e9)
@@ -276,11 +276,11 @@ def run_controller(
 ) -> int:
     """Run a controller until it is told to stop; exit code 1 where its log was lost."""
     check_open_files()
-    from tools.kernel_news import watch_compilation  # noqa: PLC0415 - loads numba
+    from hoap3.tools.kernel_news import watch_compilation  # noqa: PLC0415 - loads numba
 
     voice = Voice(status_fd, verbose=verbose)
     watch_compilation(voice.compiling)
-    from remote_controller.service import Service  # noqa: PLC0415 - loads numba and Pinocchio
+    from hoap3.remote_controller.service import Service  # noqa: PLC0415 - loads numba and Pinocchio
 
     made, refused = is_new(out), False
     folder = _folder(config.log, out, "controller")

@@ -9,26 +9,26 @@ from typing import Any
 
 import numpy as np
 
-from protocol.errors import ConfigError, UnknownNameError, UsageError, nearest
-from protocol.settings import Settings, apply_overrides, load_yaml, parse
-from protocol.wrong_settings import likeness
-from remote_controller import registry as controllers
-from remote_controller.config import ControllerConfig, build
-from remote_controller.config import available_configs as controller_configs
-from remote_controller.config import read_config as read_controller_config
-from remote_controller.constraints import registry as constraints
-from remote_controller.constraints.registry import ConstraintSettings
-from remote_controller.tasks import registry as tasks
-from remote_controller.tasks.curve import CURVES
-from remote_controller.tasks.registry import TaskSettings
-from remote_controller.user_code import UserCode
-from robot_emulator.body import build_body
-from robot_emulator.config import EmulatorConfig
-from robot_emulator.config import available_configs as emulator_configs
-from robot_emulator.robots import available as robots
-from robot_emulator.service import describe
-from tools.services import as_yaml, controller_config, emulator_config
-from tools.simulate import suited
+from hoap3.protocol.errors import ConfigError, UnknownNameError, UsageError, nearest
+from hoap3.protocol.settings import Settings, apply_overrides, load_yaml, parse
+from hoap3.protocol.wrong_settings import likeness
+from hoap3.remote_controller import registry as controllers
+from hoap3.remote_controller.config import ControllerConfig, build
+from hoap3.remote_controller.config import available_configs as controller_configs
+from hoap3.remote_controller.config import read_config as read_controller_config
+from hoap3.remote_controller.constraints import registry as constraints
+from hoap3.remote_controller.constraints.registry import ConstraintSettings
+from hoap3.remote_controller.tasks import registry as tasks
+from hoap3.remote_controller.tasks.curve import CURVES
+from hoap3.remote_controller.tasks.registry import TaskSettings
+from hoap3.remote_controller.user_code import UserCode
+from hoap3.robot_emulator.body import build_body
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.config import available_configs as emulator_configs
+from hoap3.robot_emulator.robots import available as robots
+from hoap3.robot_emulator.service import describe
+from hoap3.tools.services import as_yaml, controller_config, emulator_config
+from hoap3.tools.simulate import suited
 
 SOME_KEYS = 50  # of a file, by which its side is told
 

@@ -10,9 +10,9 @@ from rich.live import Live
 from rich.markup import escape
 from rich.table import Table
 
-from tools.certificate_count import in_a_line
-from tools.output import Meter, notes, print_note, results, watched
-from tools.verdicts import NAMES, NOT_JUDGED, in_words
+from hoap3.tools.certificate_count import in_a_line
+from hoap3.tools.output import Meter, notes, print_note, results, watched
+from hoap3.tools.verdicts import NAMES, NOT_JUDGED, in_words
 
 COLOURS = {
     "fit": "green",

@@ -9,26 +9,26 @@ from typing import Any
 
 import numpy as np
 
-from protocol.clock import VirtualClock
-from protocol.errors import ConfigError, DescriptionError, Hoap3Error
-from protocol.link import Fate, LockstepLink
-from protocol.messages import Setpoint, State
-from protocol.recorder import MemoryRecorder, Recorder
-from protocol.ring import Kind, Record
-from protocol.settings import parse
-from protocol.statistics import Deadlines
-from remote_controller.config import ControllerConfig, build
-from remote_controller.config import read_config as read_controller_config
-from remote_controller.controllers.controller import Controller, mismatch
-from remote_controller.loop import ControllerLoop
-from remote_controller.pairs import configs_for, robots_for
-from remote_controller.registry import find
-from robot_emulator.config import EmulatorConfig, available_configs
-from robot_emulator.config import read_config as read_emulator_config
-from robot_emulator.loop import RobotLoop
-from robot_emulator.robots import available as available_robots
-from robot_emulator.robots import load
-from robot_emulator.service import build_loop, describe
+from hoap3.protocol.clock import VirtualClock
+from hoap3.protocol.errors import ConfigError, DescriptionError, Hoap3Error
+from hoap3.protocol.link import Fate, LockstepLink
+from hoap3.protocol.messages import Setpoint, State
+from hoap3.protocol.recorder import MemoryRecorder, Recorder
+from hoap3.protocol.ring import Kind, Record
+from hoap3.protocol.settings import parse
+from hoap3.protocol.statistics import Deadlines
+from hoap3.remote_controller.config import ControllerConfig, build
+from hoap3.remote_controller.config import read_config as read_controller_config
+from hoap3.remote_controller.controllers.controller import Controller, mismatch
+from hoap3.remote_controller.loop import ControllerLoop
+from hoap3.remote_controller.pairs import configs_for, robots_for
+from hoap3.remote_controller.registry import find
+from hoap3.robot_emulator.config import EmulatorConfig, available_configs
+from hoap3.robot_emulator.config import read_config as read_emulator_config
+from hoap3.robot_emulator.loop import RobotLoop
+from hoap3.robot_emulator.robots import available as available_robots
+from hoap3.robot_emulator.robots import load
+from hoap3.robot_emulator.service import build_loop, describe
 
 REPORTED_TICKS = 100  # after so many ticks the progress is told
 
@@ -124,7 +124,7 @@ class Simulation:
 
     Attributes:
         states, setpoints: structured arrays; fields as in the `.msg` files.
-        records: the controller's log, for `tools.replay`.
+        records: the controller's log, for `hoap3.tools.replay`.
         deadlines: outcomes of the ticks that asked for an answer.
         controller: in its final state.
     """
@@ -160,7 +160,7 @@ def simulate(
         controller: name or file of a controller config, settings, or a mapping.
         duration: of the motion [s]; the robot then comes to rest.
         seed: names the session, and everything random.
-        fate: what becomes of each answer on its way, see `protocol.link.LockstepLink`.
+        fate: what becomes of each answer on its way, see `hoap3.protocol.link.LockstepLink`.
         report: takes how many ticks are done, of how many.
 
     Raises:

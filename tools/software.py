@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
-from tools.machine import versions
+from hoap3.tools.machine import versions
 
 ROOMS = ("protocol", "remote_controller")
 """Rooms whose sources decide an answer."""

@@ -25,9 +25,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from protocol.clock import Clock, MonotonicClock
-from tools.awake import kept_awake, let_sleep
-from tools.processes import Child, Lifeline, read_order
+from hoap3.protocol.clock import Clock, MonotonicClock
+from hoap3.tools.awake import kept_awake, let_sleep
+from hoap3.tools.processes import Child, Lifeline, read_order
 
 GRID_NS = 500_000
 THRESHOLD_NS = 150_000
@@ -134,7 +134,7 @@ class StallMonitor:
             for cpu in sorted(set(cpus)):
                 log = self.logs[cpu] = StallLog()
                 order = {"fd": log.fd, "cpu": cpu, "awake": keep_awake}
-                self._processes[cpu] = Child(["tools.stalls"], json.dumps(order), [log.fd])
+                self._processes[cpu] = Child(["hoap3.tools.stalls"], json.dumps(order), [log.fd])
         except BaseException:
             self.stop()
             raise

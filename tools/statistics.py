@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from protocol.errors import WireError
-from protocol.messages import COMMANDS, Setpoint, State
-from protocol.ring import Kind, Record
-from protocol.statistics import Durations, Jitter, verdict
-from robot_emulator.inbox import HISTORY, MAX_EXTRAS
-from tools.certificate_count import CertificateCount, reasons_on_wire
-from tools.outside import FOREVER, OutsideStalls
-from tools.verdicts import judge
+from hoap3.protocol.errors import WireError
+from hoap3.protocol.messages import COMMANDS, Setpoint, State
+from hoap3.protocol.ring import Kind, Record
+from hoap3.protocol.statistics import Durations, Jitter, verdict
+from hoap3.robot_emulator.inbox import HISTORY, MAX_EXTRAS
+from hoap3.tools.certificate_count import CertificateCount, reasons_on_wire
+from hoap3.tools.outside import FOREVER, OutsideStalls
+from hoap3.tools.verdicts import judge
 
 STAGES = ("decode", "kinematics", "solve", "encode", "send", "network")
 """Parts of the round trip. The first five are the controller's, on its own clock; `network` is

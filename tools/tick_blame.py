@@ -15,8 +15,8 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from tools.stalls import Stall
-from tools.tick_logs import NEVER, Cycles, Flags, Stamps
+from hoap3.tools.stalls import Stall
+from hoap3.tools.tick_logs import NEVER, Cycles, Flags, Stamps
 
 Times = npt.NDArray[np.float64]
 
@@ -46,7 +46,7 @@ def between(start: Stamps, end: Stamps) -> Times:
 
 
 class Ticks(Protocol):
-    """What is asked of a table of ticks; `tools.ticks.TickTable` says what each is."""
+    """What is asked of a table of ticks; `hoap3.tools.ticks.TickTable` says what each is."""
 
     @property
     def period(self) -> int: ...

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from protocol.errors import LogError
-from protocol.messages import COMMANDS, WIRE_VERSION, Event, Schema, Setpoint, State
-from protocol.ring import Kind
-from tools.log import Log
-from tools.stalls import Stall
+from hoap3.protocol.errors import LogError
+from hoap3.protocol.messages import COMMANDS, WIRE_VERSION, Event, Schema, Setpoint, State
+from hoap3.protocol.ring import Kind
+from hoap3.tools.log import Log
+from hoap3.tools.stalls import Stall
 
 Rows = npt.NDArray[Any]
 Stamps = npt.NDArray[np.int64]

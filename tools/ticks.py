@@ -23,10 +23,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from protocol.messages import State
-from tools.stalls import GRID_NS, Stall
-from tools.tick_blame import Blame, Times, between, cycle_stages
-from tools.tick_logs import NEVER, Cycles, Flags, RobotSide, Stamps, answers
+from hoap3.protocol.messages import State
+from hoap3.tools.stalls import GRID_NS, Stall
+from hoap3.tools.tick_blame import Blame, Times, between, cycle_stages
+from hoap3.tools.tick_logs import NEVER, Cycles, Flags, RobotSide, Stamps, answers
 
 IN_TIME, LATE, LOST, SKIPPED = range(4)
 OUTCOMES = ("in time", "late", "lost", "skipped")

@@ -47,8 +47,8 @@ def judge(
         deadlines: fit, warn or unfit; None where that is not known.
         held_back, torque_limited: periods in which the robot held a joint back, or could not keep
             its limits for lack of torque; None where that is not known.
-        outcome: what the controller told at its end, see `remote_controller.outcome`; None where
-            that is not known.
+        outcome: what the controller told at its end, see `hoap3.remote_controller.outcome`; None
+            where that is not known.
         expected: the controller should have told it; where it did not, verdicts are bad.
         damaged: sides, "robot" or "controller", whose logs are cut off or damaged. What is not
             known of these is lost, which is bad; ticks that nobody sees were perhaps not in time,

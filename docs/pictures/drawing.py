@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from runs import POINTS, Array, Run
 
-from tools.reproduce.figures import COLOURS, INK
+from hoap3.tools.reproduce.figures import COLOURS, INK
 
 STYLE = {
     "svg.fonttype": "none",

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from runs import EDGE, JOINTS, POINTS, SPEEDS, WITHIN, Array, Run, qp12, reach, run, to
 
-from remote_controller.kinematics import Kinematics
-from robot_emulator.robots import load
-from tools.reproduce.figures import COLOURS
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.robot_emulator.robots import load
+from hoap3.tools.reproduce.figures import COLOURS
 
 ALL = {"objective": qp12(0.0), "psi": {"form": "max_norm"}}
 BEHIND = reach("r_forearm", 0.06, -0.16, 0.06)
@@ -150,8 +150,8 @@ def distance() -> Figure:
 
 def nearest(found: Run) -> Array:
     """Distance of the nearest link from the ball [m]."""
-    from protocol.messages import State  # noqa: PLC0415
-    from remote_controller.constraints.distance import Distance  # noqa: PLC0415
+    from hoap3.protocol.messages import State  # noqa: PLC0415
+    from hoap3.remote_controller.constraints.distance import Distance  # noqa: PLC0415
 
     robot = load("hoap3")
     kinematics, state = Kinematics(robot), State(robot.n, 0)

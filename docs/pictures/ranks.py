@@ -10,9 +10,9 @@ from drawing import label, limit, lines, of, panels
 from matplotlib.figure import Figure
 from runs import Run
 
-from protocol.settings import load_yaml
-from remote_controller.config import CONFIGS
-from tools.simulate import simulate
+from hoap3.protocol.settings import load_yaml
+from hoap3.remote_controller.config import CONFIGS
+from hoap3.tools.simulate import simulate
 
 
 def shipped(**change: Any) -> Run:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.messages import FloatArray
-from remote_controller.constraints.constraint import Constraint, check_rate
-from remote_controller.kinematics import Kinematics
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.constraints.constraint import Constraint, check_rate
+from hoap3.remote_controller.kinematics import Kinematics
 
 
 class Barrier(Constraint):
@@ -44,7 +44,7 @@ class Barrier(Constraint):
         kinematics: Kinematics,
         period_s: float,
     ) -> None:
-        from remote_controller.constraints.limit_kernels import (  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.constraints.limit_kernels import (  # noqa: PLC0415 - compiles
             limit_rows,
         )
 

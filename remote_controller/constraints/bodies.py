@@ -13,9 +13,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.messages import FloatArray
-from protocol.settings import Settings
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.settings import Settings
 
 Triple = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0)]

@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
-from protocol.compilation import inlined
-from protocol.messages import FloatArray
+from hoap3.protocol.compilation import inlined
+from hoap3.protocol.messages import FloatArray
 
 EDGES = 12  # of a box: four along x, four along y, four along z
 CORE = 8

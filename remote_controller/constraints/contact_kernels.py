@@ -14,9 +14,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined
-from protocol.messages import FloatArray
-from remote_controller.constraints.box_edges_kernels import (
+from hoap3.protocol.compilation import inlined
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.constraints.box_edges_kernels import (
     CORE,
     EDGES,
     ENDS,
@@ -24,8 +24,8 @@ from remote_controller.constraints.box_edges_kernels import (
     corners,
     segment,
 )
-from remote_controller.constraints.placement_kernels import apart, into
-from remote_controller.constraints.segment_box_kernels import edge, squared, witness
+from hoap3.remote_controller.constraints.placement_kernels import apart, into
+from hoap3.remote_controller.constraints.segment_box_kernels import edge, squared, witness
 
 WITNESSES = 3  # points of a segment that can have rows
 CONTACTS = 4  # points of two boxes that can

@@ -9,12 +9,12 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.errors import ConfigError, nearest
-from protocol.messages import FloatArray, State
-from remote_controller.constraints.bodies import AnyObstacle, Body, links
-from remote_controller.constraints.constraint import Constraint, check_rate
-from remote_controller.kinematics import Kinematics
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError, nearest
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.constraints.bodies import AnyObstacle, Body, links
+from hoap3.remote_controller.constraints.constraint import Constraint, check_rate
+from hoap3.remote_controller.kinematics import Kinematics
 
 Pair = tuple[str, str]
 
@@ -90,7 +90,7 @@ class Distance(Constraint):
         kinematics: Kinematics,
         period_s: float,
     ) -> None:
-        from remote_controller.constraints.distance_kernels import (  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.constraints.distance_kernels import (  # noqa: PLC0415 - compiles
             distance_rows,
         )
 

@@ -18,9 +18,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined, kernel
-from protocol.messages import FloatArray
-from remote_controller.constraints.box_edges_kernels import (
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.constraints.box_edges_kernels import (
     CORE,
     EDGES,
     at_least,
@@ -29,9 +29,9 @@ from remote_controller.constraints.box_edges_kernels import (
     edge_at_least,
     segment,
 )
-from remote_controller.constraints.contact_kernels import WITNESSES, witnesses
-from remote_controller.constraints.placement_kernels import apart, into, lay_out, turn_round
-from remote_controller.constraints.segment_box_kernels import nearest, witness
+from hoap3.remote_controller.constraints.contact_kernels import WITNESSES, witnesses
+from hoap3.remote_controller.constraints.placement_kernels import apart, into, lay_out, turn_round
+from hoap3.remote_controller.constraints.segment_box_kernels import nearest, witness
 
 ALONE = 1e-12  # m: beyond the nearest point, where it alone gets a row; for rounding
 IMMOVABLE = 1e-12  # m/rad: no joint changes the distance

@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.errors import ConfigError, Hoap3Error
-from protocol.messages import FloatArray, State
-from remote_controller.constraints.constraint import Constraint
-from remote_controller.kinematics import Kinematics
-from remote_controller.plugins import blame
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError, Hoap3Error
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.constraints.constraint import Constraint
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.plugins import blame
 
 Refuse = Callable[[str, str], ConfigError]
 

@@ -7,10 +7,10 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.messages import FloatArray, State
-from remote_controller.constraints.constraint import Constraint, check_rate
-from remote_controller.kinematics import Kinematics
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.constraints.constraint import Constraint, check_rate
+from hoap3.remote_controller.kinematics import Kinematics
 
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 AXES: tuple[Axis, ...] = ("x", "y", "z", "rx", "ry", "rz")

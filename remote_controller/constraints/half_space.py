@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.errors import ConfigError
-from protocol.messages import FloatArray, State
-from remote_controller.constraints.barrier import Barrier
-from remote_controller.kinematics import Kinematics
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.constraints.barrier import Barrier
+from hoap3.remote_controller.kinematics import Kinematics
 
 Triple = tuple[float, float, float]
 

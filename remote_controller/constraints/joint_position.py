@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.errors import ConfigError
-from protocol.messages import FloatArray, State
-from remote_controller.constraints.constraint import (
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.constraints.constraint import (
     Constraint,
     PositionSource,
     check_rate,
     positions,
 )
-from remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.kinematics import Kinematics
 
 
 class JointPosition(Constraint):
@@ -47,7 +47,7 @@ class JointPosition(Constraint):
         kinematics: Kinematics,
         period_s: float,
     ) -> None:
-        from remote_controller.constraints.limit_kernels import (  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.constraints.limit_kernels import (  # noqa: PLC0415 - compiles
             narrow_to_range,
         )
 

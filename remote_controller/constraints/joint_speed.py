@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.errors import ConfigError
-from protocol.messages import FloatArray, State
-from remote_controller.constraints.constraint import Constraint
-from remote_controller.kinematics import Kinematics
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.constraints.constraint import Constraint
+from hoap3.remote_controller.kinematics import Kinematics
 
 
 class JointSpeed(Constraint):
@@ -32,7 +32,7 @@ class JointSpeed(Constraint):
         kinematics: Kinematics,
         period_s: float,
     ) -> None:
-        from remote_controller.constraints.limit_kernels import narrow  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.constraints.limit_kernels import narrow  # noqa: PLC0415 - compiles
 
         super().__init__(parameters, description, kinematics, period_s)
         self._narrow = narrow

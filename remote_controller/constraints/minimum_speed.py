@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.errors import ConfigError
-from protocol.messages import FloatArray, State
-from remote_controller.constraints.constraint import Constraint
-from remote_controller.constraints.half_space import Triple, unit
-from remote_controller.kinematics import Kinematics
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.constraints.constraint import Constraint
+from hoap3.remote_controller.constraints.half_space import Triple, unit
+from hoap3.remote_controller.kinematics import Kinematics
 
 ORTHOGONAL = 1e-6  # of the cosine between the direction and ∇V
 

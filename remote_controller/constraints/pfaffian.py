@@ -7,12 +7,12 @@ from collections.abc import Callable
 import numpy as np
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.errors import ConfigError
-from protocol.messages import FloatArray, State
-from remote_controller.constraints.constraint import Constraint, PositionSource, positions
-from remote_controller.constraints.user_function import load_function
-from remote_controller.kinematics import Kinematics
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.constraints.constraint import Constraint, PositionSource, positions
+from hoap3.remote_controller.constraints.user_function import load_function
+from hoap3.remote_controller.kinematics import Kinematics
 
 
 class Pfaffian(Constraint):

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined
-from protocol.messages import FloatArray
+from hoap3.protocol.compilation import inlined
+from hoap3.protocol.messages import FloatArray
 
 
 @inlined

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocol.messages import FloatArray
+from hoap3.protocol.messages import FloatArray
 
 
 def hull(points: FloatArray) -> FloatArray:

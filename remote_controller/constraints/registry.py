@@ -9,17 +9,17 @@ from typing import Any
 
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.errors import ConfigError, FrameNotFoundError, Hoap3Error
-from protocol.settings import Settings, parse
-from remote_controller.constraints.constraint import Constraint
-from remote_controller.constraints.first_update import check_first_update
-from remote_controller.constraints.stack import ConstraintStack
-from remote_controller.kinematics import Kinematics
-from remote_controller.plugins import Family, blame
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError, FrameNotFoundError, Hoap3Error
+from hoap3.protocol.settings import Settings, parse
+from hoap3.remote_controller.constraints.constraint import Constraint
+from hoap3.remote_controller.constraints.first_update import check_first_update
+from hoap3.remote_controller.constraints.stack import ConstraintStack
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.plugins import Family, blame
 
 GROUP = "hoap3.constraints"
-_OURS = "remote_controller.constraints"
+_OURS = "hoap3.remote_controller.constraints"
 BUILTIN = {
     "joint_speed": f"{_OURS}.joint_speed:JointSpeed",
     "joint_position": f"{_OURS}.joint_position:JointPosition",
@@ -35,7 +35,7 @@ CONSTRAINTS = Family(
     "constraint",
     GROUP,
     BUILTIN,
-    ("remote_controller.constraints.constraint:Constraint",),
+    ("hoap3.remote_controller.constraints.constraint:Constraint",),
     "docs/writing_a_constraint.md",
 )
 

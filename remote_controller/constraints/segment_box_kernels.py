@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 
-from protocol.compilation import inlined
-from protocol.messages import FloatArray
+from hoap3.protocol.compilation import inlined
+from hoap3.protocol.messages import FloatArray
 
 TOUCHING = 1e-12  # m: what is nearer is inside
 

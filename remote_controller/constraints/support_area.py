@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.errors import ConfigError, nearest
-from protocol.messages import FloatArray
-from remote_controller.constraints.polygon import half_planes, hull, inset
-from remote_controller.kinematics import Kinematics
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError, nearest
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.constraints.polygon import half_planes, hull, inset
+from hoap3.remote_controller.kinematics import Kinematics
 
 MOVED = 1e-3  # m: from here on a sole is not where the area was laid out
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.messages import FloatArray, State
-from remote_controller.constraints.constraint import Constraint, PositionSource, positions
-from remote_controller.constraints.support_area import SupportArea
-from remote_controller.kinematics import Kinematics
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.constraints.constraint import Constraint, PositionSource, positions
+from hoap3.remote_controller.constraints.support_area import SupportArea
+from hoap3.remote_controller.kinematics import Kinematics
 
 LEAST_HEIGHT = 1e-3  # m: of the centre of mass above the sole
 

@@ -7,15 +7,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.messages import FloatArray, State
-from remote_controller.controllers import clik_settings as settings
-from remote_controller.controllers.controller import STATUS
-from remote_controller.controllers.labelled_tasks import LabelledTasksController
-from remote_controller.solvers import status
-from remote_controller.solvers.constant_gains import ConstantGains
-from remote_controller.solvers.sdp_gains import SdpGains
-from remote_controller.tasks.default import default_goal
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.controllers import clik_settings as settings
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.controllers.labelled_tasks import LabelledTasksController
+from hoap3.remote_controller.solvers import status
+from hoap3.remote_controller.solvers.constant_gains import ConstantGains
+from hoap3.remote_controller.solvers.sdp_gains import SdpGains
+from hoap3.remote_controller.tasks.default import default_goal
 
 AT_TARGET = 1e-5  # of |e|, all tasks [m or rad]
 FIRST_ORDER = 0.01  # of β: by how much V may fall slower than the linear model has it
@@ -167,7 +167,7 @@ class ClikController(_Clik):
 
     Parameters: ClassVar[Any] = settings.SteadyParameters
     kernels = (
-        "remote_controller.solvers.constant_gains_kernels",
+        "hoap3.remote_controller.solvers.constant_gains_kernels",
         *LabelledTasksController.kernels,
     )
     solver: ConstantGains
@@ -206,14 +206,14 @@ class ClikSdpController(_Clik):
     own_conditions = (*CONDITIONS, SLOW)
 
     Parameters: ClassVar[Any] = settings.SdpParameters
-    kernels = ("remote_controller.solvers.sdp_kernels", *LabelledTasksController.kernels)
+    kernels = ("hoap3.remote_controller.solvers.sdp_kernels", *LabelledTasksController.kernels)
     solver: SdpGains
 
     def __init__(
         self, description: RobotDescription, parameters: Any, file: str = "config"
     ) -> None:
         super().__init__(description, parameters, file)
-        from remote_controller.solvers.sdp_kernels import FASTEST  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.solvers.sdp_kernels import FASTEST  # noqa: PLC0415 - compiles
 
         self._desired = min(parameters.beta_per_s, FASTEST / description.period_s)
         self._delta = parameters.delta

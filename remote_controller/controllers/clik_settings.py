@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from remote_controller.controllers.labelled_tasks_settings import (
+from hoap3.remote_controller.controllers.labelled_tasks_settings import (
     LabelledTask,
     LabelledTaskParameters,
 )
-from remote_controller.solvers.sdp_gains import DELTA
+from hoap3.remote_controller.solvers.sdp_gains import DELTA
 
 TASKS = "what shall be done, the most important first; null: the default task of the robot"
 

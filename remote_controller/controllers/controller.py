@@ -10,11 +10,11 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field
 
-from protocol.description import CommandKind, RobotDescription
-from protocol.errors import BadProblemError, DescriptionError, UsageError
-from protocol.messages import COMMANDS, FloatArray, Setpoint, State, schema
-from protocol.settings import Settings
-from remote_controller.tasks.accuracy import TaskError
+from hoap3.protocol.description import CommandKind, RobotDescription
+from hoap3.protocol.errors import BadProblemError, DescriptionError, UsageError
+from hoap3.protocol.messages import COMMANDS, FloatArray, Setpoint, State, schema
+from hoap3.protocol.settings import Settings
+from hoap3.remote_controller.tasks.accuracy import TaskError
 
 STATUS = {
     name.removeprefix("STATUS_").lower(): value
@@ -175,7 +175,7 @@ class VelocityController(Controller):
         )
 
     def __init__(self, description: RobotDescription, parameters: Settings) -> None:
-        from remote_controller import kinematics_kernels as kernels  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller import kinematics_kernels as kernels  # noqa: PLC0415 - compiles
 
         super().__init__(description, parameters)
         self._euler_step = kernels.euler_step

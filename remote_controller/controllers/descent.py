@@ -9,16 +9,16 @@ from typing import Any, Literal, Self
 import numpy as np
 from pydantic import Field
 
-from protocol.description import COM, RobotDescription
-from protocol.messages import FloatArray, State
-from remote_controller.controllers.controller import STATUS, VelocityController
-from remote_controller.controllers.ramp import Ramp
-from remote_controller.kinematics import Kinematics
-from remote_controller.solvers import status
-from remote_controller.tasks.accuracy import TOLERANCE_M, TaskError
-from remote_controller.tasks.com import ComTask
-from remote_controller.tasks.default import default_goal
-from remote_controller.tasks.frame_position import FramePositionTask
+from hoap3.protocol.description import COM, RobotDescription
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.controllers.controller import STATUS, VelocityController
+from hoap3.remote_controller.controllers.ramp import Ramp
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.solvers import status
+from hoap3.remote_controller.tasks.accuracy import TOLERANCE_M, TaskError
+from hoap3.remote_controller.tasks.com import ComTask
+from hoap3.remote_controller.tasks.default import default_goal
+from hoap3.remote_controller.tasks.frame_position import FramePositionTask
 
 PSI_SCALES = {"inverse_sqrt_n": 0, "one": 1, "max_norm": 2}
 CERTIFIED_RESIDUAL = 1e-9

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from protocol.compilation import inlined, kernel
-from protocol.messages import FloatArray
-from remote_controller.solvers.pinv_kernels import solve_pinv, solve_pinv_plain
-from remote_controller.solvers.qp12_kernels import qp12_kkt_residual, solve_qp12
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.solvers.pinv_kernels import solve_pinv, solve_pinv_plain
+from hoap3.remote_controller.solvers.qp12_kernels import qp12_kkt_residual, solve_qp12
 
 GAMMA_SLOPE = 100.0  # of the adaptive γ (QP12, section V-C), in 1/|∇V|
 

@@ -7,14 +7,14 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.messages import FloatArray
-from remote_controller.controllers.hierarchy import HierarchyController
-from remote_controller.priorities.matrix import unsurpassed
-from remote_controller.priorities.priorities import Priorities
-from remote_controller.priorities.settings import PrioritySettings
-from remote_controller.solvers import status
-from remote_controller.solvers.ghc import Ghc
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.controllers.hierarchy import HierarchyController
+from hoap3.remote_controller.priorities.matrix import unsurpassed
+from hoap3.remote_controller.priorities.priorities import Priorities
+from hoap3.remote_controller.priorities.settings import PrioritySettings
+from hoap3.remote_controller.solvers import status
+from hoap3.remote_controller.solvers.ghc import Ghc
 
 MOST_LOGGED = 6  # tasks whose priorities are logged, k² columns
 
@@ -102,7 +102,7 @@ class GhcController(RankedController):
     proves = True
     kernels: ClassVar[tuple[str, ...]] = (
         *RankedController.kernels,
-        "remote_controller.solvers.ghc_kernels",
+        "hoap3.remote_controller.solvers.ghc_kernels",
     )
 
     def __init__(

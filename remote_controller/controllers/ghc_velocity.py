@@ -7,17 +7,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.messages import FloatArray, State
-from remote_controller.controllers import ghc_velocity_settings as settings
-from remote_controller.controllers.controller import STATUS
-from remote_controller.controllers.labelled_tasks import LabelledTasksController
-from remote_controller.controllers.labelled_tasks_settings import labels_of
-from remote_controller.priorities.matrix import unsurpassed
-from remote_controller.priorities.priorities import Priorities
-from remote_controller.solvers import status
-from remote_controller.solvers.ghc import Ghc
-from remote_controller.tasks.lyapunov import LyapunovFunction
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.controllers import ghc_velocity_settings as settings
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.controllers.labelled_tasks import LabelledTasksController
+from hoap3.remote_controller.controllers.labelled_tasks_settings import labels_of
+from hoap3.remote_controller.priorities.matrix import unsurpassed
+from hoap3.remote_controller.priorities.priorities import Priorities
+from hoap3.remote_controller.solvers import status
+from hoap3.remote_controller.solvers.ghc import Ghc
+from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
 
 CERTIFIED_RESIDUAL = 1e-9
 FIRST_ORDER = 0.01  # of V̇: by how much the fall of V over a period may differ from it
@@ -66,7 +66,7 @@ class GhcVelocityController(LabelledTasksController):
     Parameters: ClassVar[Any] = settings.Parameters
     own_conditions = CONDITIONS
     kernels = (
-        "remote_controller.solvers.ghc_kernels",
+        "hoap3.remote_controller.solvers.ghc_kernels",
         *LabelledTasksController.kernels,
     )
 

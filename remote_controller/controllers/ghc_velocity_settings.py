@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from remote_controller.controllers.labelled_tasks_settings import (
+from hoap3.remote_controller.controllers.labelled_tasks_settings import (
     LabelledTask,
     LabelledTaskParameters,
 )
-from remote_controller.priorities.settings import PrioritySettings
+from hoap3.remote_controller.priorities.settings import PrioritySettings
 
 
 class RankedTask(LabelledTask):

@@ -8,13 +8,13 @@ from typing import Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from protocol.description import COM, RobotDescription
-from protocol.errors import ConfigError
-from protocol.messages import FloatArray
-from protocol.settings import Settings
-from remote_controller.controllers.postures import posture_of
-from remote_controller.dynamics import FrameDynamics, FramesDynamics
-from remote_controller.tasks.default import Goal
+from hoap3.protocol.description import COM, RobotDescription
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.settings import Settings
+from hoap3.remote_controller.controllers.postures import posture_of
+from hoap3.remote_controller.dynamics import FrameDynamics, FramesDynamics
+from hoap3.remote_controller.tasks.default import Goal
 
 Triple = tuple[float, float, float]
 
@@ -86,7 +86,7 @@ def pose_of(
     Raises:
         ConfigError: a posture or a reference that the robot does not have, or one that moves.
     """
-    from remote_controller.controllers.tsid_kernels import rotation_of  # noqa: PLC0415 - compiles
+    from hoap3.remote_controller.controllers.tsid_kernels import rotation_of  # noqa: PLC0415 - compiles
 
     if goal.position_m is None:
         q = posture_of(robot, goal.posture, goal.posture_rad, file, f"{key}.posture")

@@ -12,16 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.errors import ConfigError
-from protocol.messages import FloatArray, Setpoint, State
-from remote_controller.controllers.controller import STATUS, Controller
-from remote_controller.hierarchy.bounds import HierarchyBounds, bounds_of
-from remote_controller.hierarchy.settings import AnyTask
-from remote_controller.hierarchy.tasks import AccelerationTasks
-from remote_controller.solvers import status
-from remote_controller.solvers.tsid import Tsid
-from remote_controller.tasks.accuracy import ABSENT, LOWER, TaskError
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import FloatArray, Setpoint, State
+from hoap3.remote_controller.controllers.controller import STATUS, Controller
+from hoap3.remote_controller.hierarchy.bounds import HierarchyBounds, bounds_of
+from hoap3.remote_controller.hierarchy.settings import AnyTask
+from hoap3.remote_controller.hierarchy.tasks import AccelerationTasks
+from hoap3.remote_controller.solvers import status
+from hoap3.remote_controller.solvers.tsid import Tsid
+from hoap3.remote_controller.tasks.accuracy import ABSENT, LOWER, TaskError
 
 CERTIFIED_RESIDUAL = 1e-9
 MARGIN_ROUNDING = 1e-9  # relative to the greatest acceleration or torque
@@ -120,20 +120,20 @@ class HierarchyController(Controller):
     proves: ClassVar[bool] = False
     """Whether `residual` is found without the solver's word."""
     kernels: ClassVar[tuple[str, ...]] = (
-        "protocol.limits_kernels",
-        "remote_controller.dynamics_kernels",
-        "remote_controller.solvers.tsid_kernels",
-        "remote_controller.solvers.active_set_kernels",
-        "remote_controller.tasks.pose_kernels",
-        "remote_controller.controllers.tsid_kernels",
-        "remote_controller.hierarchy.ask_kernels",
+        "hoap3.protocol.limits_kernels",
+        "hoap3.remote_controller.dynamics_kernels",
+        "hoap3.remote_controller.solvers.tsid_kernels",
+        "hoap3.remote_controller.solvers.active_set_kernels",
+        "hoap3.remote_controller.tasks.pose_kernels",
+        "hoap3.remote_controller.controllers.tsid_kernels",
+        "hoap3.remote_controller.hierarchy.ask_kernels",
     )
 
     def __init__(
         self, description: RobotDescription, parameters: Any, file: str = "config"
     ) -> None:
-        from remote_controller.controllers.tsid_kernels import judge  # noqa: PLC0415 - compiles
-        from remote_controller.hierarchy import ask_kernels as kernels  # noqa: PLC0415
+        from hoap3.remote_controller.controllers.tsid_kernels import judge  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.hierarchy import ask_kernels as kernels  # noqa: PLC0415
 
         n = description.n
         self.importance = self.importance_of(parameters, file)

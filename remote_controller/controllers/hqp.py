@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-from protocol.errors import SolverError
-from protocol.messages import FloatArray
-from remote_controller.controllers.ghc import RankedController
-from remote_controller.solvers.hqp import hqp
+from hoap3.protocol.errors import SolverError
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.controllers.ghc import RankedController
+from hoap3.remote_controller.solvers.hqp import hqp
 
 ABOVE = 0.5  # a task of that priority over another, or more, is a level above it
 
@@ -25,7 +25,7 @@ class HqpController(RankedController):
 
     kernels: ClassVar[tuple[str, ...]] = (
         *RankedController.kernels,
-        "remote_controller.solvers.projector_kernels",
+        "hoap3.remote_controller.solvers.projector_kernels",
     )
 
     levels: list[list[int]]

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.messages import FloatArray, Setpoint, State
-from remote_controller.controllers.controller import STATUS, Controller
-from remote_controller.controllers.joint_bounds import BoundSettings, JointBounds
-from remote_controller.controllers.postures import posture_of
-from remote_controller.tasks.accuracy import (
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray, Setpoint, State
+from hoap3.remote_controller.controllers.controller import STATUS, Controller
+from hoap3.remote_controller.controllers.joint_bounds import BoundSettings, JointBounds
+from hoap3.remote_controller.controllers.postures import posture_of
+from hoap3.remote_controller.tasks.accuracy import (
     TOLERANCE_DEG,
     TOLERANCE_M,
     JointToleranceDeg,
@@ -61,14 +61,14 @@ class JointAccelerationController(Controller):
 
     commands = ("acceleration", "position")
     kernels = (
-        "protocol.limits_kernels",
-        "remote_controller.controllers.joint_acceleration_kernels",
+        "hoap3.protocol.limits_kernels",
+        "hoap3.remote_controller.controllers.joint_acceleration_kernels",
     )
 
     def __init__(
         self, description: RobotDescription, parameters: Parameters, file: str = "config"
     ) -> None:
-        from remote_controller.controllers import (  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.controllers import (  # noqa: PLC0415 - compiles
             joint_acceleration_kernels as kernels,
         )
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from protocol.compilation import kernel
-from protocol.messages import FloatArray
+from hoap3.protocol.compilation import kernel
+from hoap3.protocol.messages import FloatArray
 
 ACTIVE_SPEED = 1e-3  # rad/s or m/s: below it a joint counts as inactive
 RESTING = 1e-9  # rad and rad/s: nothing is left to do

@@ -7,11 +7,11 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.errors import BadProblemError, ConfigError
-from protocol.limits import AccelerationBounds
-from protocol.messages import FloatArray
-from protocol.settings import Settings
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import BadProblemError, ConfigError
+from hoap3.protocol.limits import AccelerationBounds
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.settings import Settings
 
 NO_BOUND = 1e30
 Positive = Annotated[float, Field(gt=0)]
@@ -53,7 +53,7 @@ class BoundSettings(Settings):
 
 
 class JointBounds:
-    """Least and greatest accelerations, of `protocol.limits.AccelerationBounds` or others.
+    """Least and greatest accelerations, of `hoap3.protocol.limits.AccelerationBounds` or others.
 
     Args:
         description: of the robot.

@@ -9,21 +9,21 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.errors import ConfigError
-from protocol.messages import FloatArray, State
-from remote_controller.controllers.controller import STATUS, VelocityController
-from remote_controller.controllers.labelled_tasks_settings import (
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.controllers.controller import STATUS, VelocityController
+from hoap3.remote_controller.controllers.labelled_tasks_settings import (
     LabelledTask,
     LabelledTaskParameters,
     check_tasks,
     labels_of,
 )
-from remote_controller.kinematics import Kinematics
-from remote_controller.tasks import registry as tasks
-from remote_controller.tasks import status as task_status
-from remote_controller.tasks.accuracy import LOWER, TaskError
-from remote_controller.tasks.lyapunov import LyapunovFunction
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.tasks import registry as tasks
+from hoap3.remote_controller.tasks import status as task_status
+from hoap3.remote_controller.tasks.accuracy import LOWER, TaskError
+from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
 
 MARGIN_ROUNDING = 1e-9  # of a velocity beside its bounds [rad/s or m/s]
 
@@ -51,15 +51,15 @@ class LabelledTasksController(VelocityController):
 
     own_conditions: tuple[str, ...] = ("state not finite",)
     kernels: ClassVar[tuple[str, ...]] = (
-        "remote_controller.tasks.lyapunov_kernels",
-        "remote_controller.tasks.pose_kernels",
-        "remote_controller.controllers.labelled_tasks_kernels",
+        "hoap3.remote_controller.tasks.lyapunov_kernels",
+        "hoap3.remote_controller.tasks.pose_kernels",
+        "hoap3.remote_controller.controllers.labelled_tasks_kernels",
     )
 
     def __init__(
         self, description: RobotDescription, parameters: LabelledTaskParameters, file: str
     ) -> None:
-        from remote_controller.controllers import (  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.controllers import (  # noqa: PLC0415 - compiles
             labelled_tasks_kernels as kernels,
         )
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from protocol.compilation import kernel
-from protocol.messages import FloatArray
-from protocol.setpoint_kernels import approach_speed
+from hoap3.protocol.compilation import kernel
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.setpoint_kernels import approach_speed
 
 
 @kernel("void(f8[::1], f8[::1], f8[:,::1], f8, f8[::1], f8[::1])")

@@ -8,12 +8,12 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.errors import ConfigError
-from protocol.messages import FloatArray
-from protocol.settings import RobotName, Settings
-from remote_controller.controllers.controller import VelocityController
-from remote_controller.tasks import registry as tasks
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.settings import RobotName, Settings
+from hoap3.remote_controller.controllers.controller import VelocityController
+from hoap3.remote_controller.tasks import registry as tasks
 
 INSIDE = 1.0 - 1e-9  # of the greatest acceleration: the robot judges by rounded positions
 Positive = Annotated[float, Field(gt=0)]

@@ -7,24 +7,24 @@ from typing import TypeAlias
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.errors import (
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import (
     BadProblemError,
     ConfigError,
     InfeasibleError,
     UnknownNameError,
     nearest,
 )
-from protocol.messages import FloatArray
-from remote_controller.controllers.stable_qp_settings import (
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.controllers.stable_qp_settings import (
     LeastSquares,
     Lp,
     Parameters,
     Qp12Objective,
 )
-from remote_controller.solvers import status
-from remote_controller.solvers.lp_norm import LpNorm
-from remote_controller.solvers.stable_qp import FREE, STILL, StableQp
+from hoap3.remote_controller.solvers import status
+from hoap3.remote_controller.solvers.lp_norm import LpNorm
+from hoap3.remote_controller.solvers.stable_qp import FREE, STILL, StableQp
 
 Solver: TypeAlias = "StableQp | FreeLp"
 

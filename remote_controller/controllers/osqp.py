@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.errors import SolverError
-from protocol.messages import FloatArray, State
-from remote_controller.controllers.descent import PSI_SCALES, DescentController
-from remote_controller.solvers import status
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import SolverError
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.controllers.descent import PSI_SCALES, DescentController
+from hoap3.remote_controller.solvers import status
 
 
 class OsqpController(DescentController):
@@ -37,11 +37,11 @@ class OsqpController(DescentController):
     extra_names = ("osqp_iterations",)
 
     def __init__(self, description: RobotDescription, parameters: Parameters) -> None:
-        from remote_controller.controllers.osqp_kernels import (  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.controllers.osqp_kernels import (  # noqa: PLC0415 - compiles
             osqp_certificate,
             osqp_problem,
         )
-        from remote_controller.solvers.osqp_qp12 import OsqpQp12  # noqa: PLC0415 - loads scipy
+        from hoap3.remote_controller.solvers.osqp_qp12 import OsqpQp12  # noqa: PLC0415 - loads scipy
 
         super().__init__(description, parameters)
         self._problem, self._certify = osqp_problem, osqp_certificate

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 
-from protocol.compilation import kernel
-from protocol.messages import FloatArray
-from remote_controller.controllers.descent_kernels import (
+from hoap3.protocol.compilation import kernel
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.controllers.descent_kernels import (
     GAMMA_SLOPE,
     rate_and_margin,
     required_decrease,
 )
-from remote_controller.solvers.qp12_kernels import qp12_kkt_residual
+from hoap3.remote_controller.solvers.qp12_kernels import qp12_kkt_residual
 
 
 @kernel("Tuple((f8, f8))(f8[::1], f8[:,::1], f8, f8, i8, f8, b1, f8[::1], f8[::1])")

@@ -7,9 +7,9 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.messages import FloatArray
-from remote_controller.controllers.descent import PSI_SCALES, DescentController
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.controllers.descent import PSI_SCALES, DescentController
 
 
 class PinvController(DescentController):
@@ -24,10 +24,10 @@ class PinvController(DescentController):
         gain_per_s: float = Field(10.0, gt=0, description="k of the plain law [1/s]")
 
     def __init__(self, description: RobotDescription, parameters: Parameters) -> None:
-        from remote_controller.controllers.descent_kernels import (  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.controllers.descent_kernels import (  # noqa: PLC0415 - compiles
             pinv_descent,
         )
-        from remote_controller.solvers.pinv_kernels import work_shape  # noqa: PLC0415
+        from hoap3.remote_controller.solvers.pinv_kernels import work_shape  # noqa: PLC0415
 
         super().__init__(description, parameters)
         self._kernel = pinv_descent

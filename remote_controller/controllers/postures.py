@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.errors import ConfigError
-from protocol.messages import FloatArray
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import FloatArray
 
 
 def posture_of(

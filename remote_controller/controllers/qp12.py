@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.messages import FloatArray
-from remote_controller.controllers.descent import PSI_SCALES, DescentController
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.controllers.descent import PSI_SCALES, DescentController
 
 
 class Qp12Controller(DescentController):
@@ -22,7 +22,7 @@ class Qp12Controller(DescentController):
         )
 
     def __init__(self, description: RobotDescription, parameters: Parameters) -> None:
-        from remote_controller.controllers.descent_kernels import (  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.controllers.descent_kernels import (  # noqa: PLC0415 - compiles
             qp12_descent,
         )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from protocol.messages import State
+from hoap3.protocol.messages import State
 
 
 class Ramp:

@@ -8,24 +8,24 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.errors import ConfigError
-from protocol.messages import FloatArray, State
-from remote_controller.constraints import registry as constraints
-from remote_controller.controllers import stable_qp_settings as settings
-from remote_controller.controllers.controller import STATUS, VelocityController
-from remote_controller.controllers.descent_kernels import GAMMA_SLOPE
-from remote_controller.controllers.objective import check_objective, solver_of
-from remote_controller.controllers.ramp import Ramp
-from remote_controller.controllers.watch import Watch
-from remote_controller.kinematics import Kinematics
-from remote_controller.solvers import status
-from remote_controller.solvers.descent_rate import FORMS
-from remote_controller.solvers.stable_qp import STILL
-from remote_controller.tasks import registry as tasks
-from remote_controller.tasks.accuracy import TaskError
-from remote_controller.tasks.default import default_goal
-from remote_controller.tasks.persistent_motion import PersistentMotion
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.constraints import registry as constraints
+from hoap3.remote_controller.controllers import stable_qp_settings as settings
+from hoap3.remote_controller.controllers.controller import STATUS, VelocityController
+from hoap3.remote_controller.controllers.descent_kernels import GAMMA_SLOPE
+from hoap3.remote_controller.controllers.objective import check_objective, solver_of
+from hoap3.remote_controller.controllers.ramp import Ramp
+from hoap3.remote_controller.controllers.watch import Watch
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.solvers import status
+from hoap3.remote_controller.solvers.descent_rate import FORMS
+from hoap3.remote_controller.solvers.stable_qp import STILL
+from hoap3.remote_controller.tasks import registry as tasks
+from hoap3.remote_controller.tasks.accuracy import TaskError
+from hoap3.remote_controller.tasks.default import default_goal
+from hoap3.remote_controller.tasks.persistent_motion import PersistentMotion
 
 PROVEN = (status.OK, status.STATIONARY)
 CERTIFIED_RESIDUAL = 1e-9
@@ -58,21 +58,21 @@ class StableQpController(VelocityController):
     Parameters: ClassVar[Any] = settings.Parameters
     extra_names = ("psi", "drift", "solver_status")
     kernels = (
-        "remote_controller.solvers.stable_kernels",
-        "remote_controller.solvers.proof_kernels",
-        "remote_controller.solvers.descent_rate_kernels",
-        "remote_controller.solvers.lp_norm_kernels",
-        "remote_controller.constraints.limit_kernels",
-        "remote_controller.constraints.distance_kernels",
-        "remote_controller.tasks.lyapunov_kernels",
-        "remote_controller.tasks.pose_kernels",
-        "remote_controller.tasks.curve_kernels",
+        "hoap3.remote_controller.solvers.stable_kernels",
+        "hoap3.remote_controller.solvers.proof_kernels",
+        "hoap3.remote_controller.solvers.descent_rate_kernels",
+        "hoap3.remote_controller.solvers.lp_norm_kernels",
+        "hoap3.remote_controller.constraints.limit_kernels",
+        "hoap3.remote_controller.constraints.distance_kernels",
+        "hoap3.remote_controller.tasks.lyapunov_kernels",
+        "hoap3.remote_controller.tasks.pose_kernels",
+        "hoap3.remote_controller.tasks.curve_kernels",
     )
 
     def __init__(
         self, description: RobotDescription, parameters: settings.Parameters, file: str = "config"
     ) -> None:
-        from remote_controller.solvers.descent_rate_kernels import (  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.solvers.descent_rate_kernels import (  # noqa: PLC0415 - compiles
             rate_kernel,
         )
 

@@ -6,10 +6,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from protocol.settings import Settings
-from remote_controller.constraints.registry import ConstraintSettings
-from remote_controller.controllers.controller import VelocityController
-from remote_controller.tasks.registry import TaskSettings
+from hoap3.protocol.settings import Settings
+from hoap3.remote_controller.constraints.registry import ConstraintSettings
+from hoap3.remote_controller.controllers.controller import VelocityController
+from hoap3.remote_controller.tasks.registry import TaskSettings
 
 Positive = Annotated[float, Field(gt=0)]
 Weights = dict[str, Positive]

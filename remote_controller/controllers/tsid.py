@@ -7,18 +7,18 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.messages import FloatArray, Setpoint, State
-from remote_controller.controllers import tsid_settings as settings
-from remote_controller.controllers.controller import STATUS, Controller
-from remote_controller.controllers.goals import default_pose, pose_of
-from remote_controller.controllers.joint_bounds import JointBounds
-from remote_controller.controllers.postures import posture_of
-from remote_controller.dynamics import FrameDynamics
-from remote_controller.solvers import status
-from remote_controller.solvers.tsid import Tsid
-from remote_controller.tasks.accuracy import TaskError, angle_error, length_error
-from remote_controller.tasks.default import default_goal
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray, Setpoint, State
+from hoap3.remote_controller.controllers import tsid_settings as settings
+from hoap3.remote_controller.controllers.controller import STATUS, Controller
+from hoap3.remote_controller.controllers.goals import default_pose, pose_of
+from hoap3.remote_controller.controllers.joint_bounds import JointBounds
+from hoap3.remote_controller.controllers.postures import posture_of
+from hoap3.remote_controller.dynamics import FrameDynamics
+from hoap3.remote_controller.solvers import status
+from hoap3.remote_controller.solvers.tsid import Tsid
+from hoap3.remote_controller.tasks.accuracy import TaskError, angle_error, length_error
+from hoap3.remote_controller.tasks.default import default_goal
 
 CERTIFIED_RESIDUAL = 1e-9
 MARGIN_ROUNDING = 1e-9  # relative to the greatest acceleration or the effort
@@ -57,17 +57,17 @@ class TsidController(Controller):
     extra_names = ("largest_torque_share",)
     commands = ("torque", "acceleration")
     kernels = (
-        "protocol.limits_kernels",
-        "remote_controller.dynamics_kernels",
-        "remote_controller.solvers.tsid_kernels",
-        "remote_controller.tasks.pose_kernels",
-        "remote_controller.controllers.tsid_kernels",
+        "hoap3.protocol.limits_kernels",
+        "hoap3.remote_controller.dynamics_kernels",
+        "hoap3.remote_controller.solvers.tsid_kernels",
+        "hoap3.remote_controller.tasks.pose_kernels",
+        "hoap3.remote_controller.controllers.tsid_kernels",
     )
 
     def __init__(
         self, description: RobotDescription, parameters: settings.Parameters, file: str = "config"
     ) -> None:
-        from remote_controller.controllers import tsid_kernels as kernels  # noqa: PLC0415
+        from hoap3.remote_controller.controllers import tsid_kernels as kernels  # noqa: PLC0415
 
         super().__init__(description, parameters)
         n = description.n

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from protocol.compilation import inlined, kernel
-from protocol.messages import FloatArray
-from remote_controller.tasks.pose_kernels import (
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.tasks.pose_kernels import (
     ANTIPODE,
     SMALL,
     Vector,

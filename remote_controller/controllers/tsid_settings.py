@@ -6,10 +6,10 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from remote_controller.controllers.controller import Controller
-from remote_controller.controllers.goals import Gains, GoalSettings
-from remote_controller.controllers.joint_bounds import BoundSettings
-from remote_controller.tasks.accuracy import TOLERANCE_DEG, TOLERANCE_M
+from hoap3.remote_controller.controllers.controller import Controller
+from hoap3.remote_controller.controllers.goals import Gains, GoalSettings
+from hoap3.remote_controller.controllers.joint_bounds import BoundSettings
+from hoap3.remote_controller.tasks.accuracy import TOLERANCE_DEG, TOLERANCE_M
 
 
 class PostureSettings(Gains):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocol.messages import FloatArray
-from remote_controller.constraints.stack import ConstraintStack
-from remote_controller.solvers import status as solver_status
-from remote_controller.tasks import status as task_status
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.constraints.stack import ConstraintStack
+from hoap3.remote_controller.solvers import status as solver_status
+from hoap3.remote_controller.tasks import status as task_status
 
 BELOW_ONE = 1.0 - 1e-6  # of ρ: the constraints slow the fall of V
 ACTIVE = 1e-6  # of a row: its slack, relative to its length [rad/s]

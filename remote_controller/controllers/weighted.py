@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.errors import SolverError
-from protocol.messages import FloatArray
-from remote_controller.controllers.hierarchy import HierarchyController
-from remote_controller.hierarchy.weights import Weights, WeightSettings
-from remote_controller.solvers.weighted import weighted
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import SolverError
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.controllers.hierarchy import HierarchyController
+from hoap3.remote_controller.hierarchy.weights import Weights, WeightSettings
+from hoap3.remote_controller.solvers.weighted import weighted
 
 
 class WeightedController(HierarchyController):
@@ -38,7 +38,7 @@ class WeightedController(HierarchyController):
 
     kernels: ClassVar[tuple[str, ...]] = (
         *HierarchyController.kernels,
-        "remote_controller.solvers.projector_kernels",
+        "hoap3.remote_controller.solvers.projector_kernels",
     )
     word = "weights"
     importance: Weights

@@ -7,11 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import kernel
-from protocol.messages import FloatArray
-from remote_controller.controllers.tsid_kernels import AT_HALF_A_TURN, aim
-from remote_controller.solvers.dense_kernels import dot, solve_lower
-from remote_controller.solvers.product_kernels import factorise
+from hoap3.protocol.compilation import kernel
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.controllers.tsid_kernels import AT_HALF_A_TURN, aim
+from hoap3.remote_controller.solvers.dense_kernels import dot, solve_lower
+from hoap3.remote_controller.solvers.product_kernels import factorise
 
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.errors import ConfigError
-from protocol.messages import FloatArray
-from remote_controller.controllers.joint_bounds import JointBounds, Positive
-from remote_controller.controllers.tsid_settings import TsidBounds
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.controllers.joint_bounds import JointBounds, Positive
+from hoap3.remote_controller.controllers.tsid_settings import TsidBounds
 
 
 class HierarchyBounds(TsidBounds):

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from protocol.messages import FloatArray
-from remote_controller.hierarchy.settings import ForceSettings
-from remote_controller.tasks.accuracy import TaskError
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.hierarchy.settings import ForceSettings
+from hoap3.remote_controller.tasks.accuracy import TaskError
 
 TOLERANCE, LEAST_TOLERANCE_N = 0.05, 0.5  # of the wanted force, and at least
 MOST = 1.0  # of the wanted force: what the integral adds to it or takes from it
@@ -40,7 +40,7 @@ class Press:
     def __init__(
         self, settings: ForceSettings, normal: FloatArray, joints: int, period_s: float
     ) -> None:
-        from remote_controller.hierarchy import ask_kernels as kernels  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.hierarchy import ask_kernels as kernels  # noqa: PLC0415 - compiles
 
         self._mobility, self._push = kernels.mobility, kernels.push
         self._settings, self._normal, self._period = settings, normal, period_s

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocol.messages import FloatArray
-from remote_controller.tasks.targets.target import Target
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.tasks.targets.target import Target
 
 
 class Place:

@@ -7,10 +7,10 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from protocol.settings import NAME_PATTERN
-from remote_controller.controllers.goals import Gains, GoalSettings, Triple
-from remote_controller.tasks.accuracy import TOLERANCE_DEG, TOLERANCE_M
-from remote_controller.tasks.targets.settings import TargetSettings
+from hoap3.protocol.settings import NAME_PATTERN
+from hoap3.remote_controller.controllers.goals import Gains, GoalSettings, Triple
+from hoap3.remote_controller.tasks.accuracy import TOLERANCE_DEG, TOLERANCE_M
+from hoap3.remote_controller.tasks.targets.settings import TargetSettings
 
 
 class _Task(Gains):

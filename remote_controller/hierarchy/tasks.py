@@ -9,29 +9,29 @@ from typing import Any
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.errors import ConfigError, nearest
-from protocol.messages import FloatArray
-from remote_controller.controllers.goals import pose_of, reference_of
-from remote_controller.controllers.postures import posture_of
-from remote_controller.dynamics import POSE, POSITION, FrameRows, FramesDynamics
-from remote_controller.hierarchy.force import Press
-from remote_controller.hierarchy.places import Place
-from remote_controller.hierarchy.settings import (
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError, nearest
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.controllers.goals import pose_of, reference_of
+from hoap3.remote_controller.controllers.postures import posture_of
+from hoap3.remote_controller.dynamics import POSE, POSITION, FrameRows, FramesDynamics
+from hoap3.remote_controller.hierarchy.force import Press
+from hoap3.remote_controller.hierarchy.places import Place
+from hoap3.remote_controller.hierarchy.settings import (
     AnyTask,
     ForceSettings,
     PoseSettings,
     PositionSettings,
     PostureTaskSettings,
 )
-from remote_controller.tasks.accuracy import (
+from hoap3.remote_controller.tasks.accuracy import (
     TaskError,
     angle_error,
     joint_errors,
     length_error,
     prismatic_joints,
 )
-from remote_controller.tasks.targets.settings import PointSettings
+from hoap3.remote_controller.tasks.targets.settings import PointSettings
 
 AnyPoint = PositionSettings | ForceSettings
 SENSOR = POSE  # rows
@@ -74,7 +74,7 @@ class AccelerationTasks:
         compensate_friction: bool,
         braking_per_s: float,
     ) -> None:
-        from remote_controller.hierarchy import ask_kernels as kernels  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.hierarchy import ask_kernels as kernels  # noqa: PLC0415 - compiles
 
         self._ask, self._load = kernels.ask, kernels.load
         self._robot, self._file, self._key = robot, file, key

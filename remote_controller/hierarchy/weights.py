@@ -10,11 +10,11 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from protocol.errors import ConfigError
-from protocol.settings import Settings, parse
-from remote_controller.priorities.matrix import place
-from remote_controller.priorities.settings import Seconds
-from remote_controller.priorities.transition import Transition
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.settings import Settings, parse
+from hoap3.remote_controller.priorities.matrix import place
+from hoap3.remote_controller.priorities.settings import Seconds
+from hoap3.remote_controller.priorities.transition import Transition
 
 LIVE = "change of weights"
 Weight = Annotated[float, Field(strict=True, ge=0, le=1e6)]

@@ -11,9 +11,9 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.errors import ConfigError, nearest
-from protocol.messages import FloatArray
-from remote_controller.priorities.settings import Entry, Names, Order, PrioritySettings
+from hoap3.protocol.errors import ConfigError, nearest
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.priorities.settings import Entry, Names, Order, PrioritySettings
 
 Entries = tuple[tuple[int, int, float], ...]
 

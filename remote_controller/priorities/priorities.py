@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from protocol.errors import ConfigError
-from protocol.messages import FloatArray
-from protocol.settings import parse
-from remote_controller.priorities.matrix import start_matrix, without, write
-from remote_controller.priorities.settings import ChangeRequest, PrioritySettings
-from remote_controller.priorities.timeline import Change, change_of, timeline_of
-from remote_controller.priorities.transition import Transition
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.settings import parse
+from hoap3.remote_controller.priorities.matrix import start_matrix, without, write
+from hoap3.remote_controller.priorities.settings import ChangeRequest, PrioritySettings
+from hoap3.remote_controller.priorities.timeline import Change, change_of, timeline_of
+from hoap3.remote_controller.priorities.transition import Transition
 
 LIVE = "change of priorities"
 

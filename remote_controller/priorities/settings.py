@@ -6,7 +6,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from protocol.settings import Settings
+from hoap3.protocol.settings import Settings
 
 Alpha = Annotated[float, Field(strict=True, ge=0, le=1)]
 Entry = tuple[str, str, Alpha]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from protocol.errors import ConfigError
-from remote_controller.priorities.matrix import Entries, order_entries, places, set_entries
-from remote_controller.priorities.settings import ChangeRequest, PrioritySettings
+from hoap3.protocol.errors import ConfigError
+from hoap3.remote_controller.priorities.matrix import Entries, order_entries, places, set_entries
+from hoap3.remote_controller.priorities.settings import ChangeRequest, PrioritySettings
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.messages import FloatArray
+from hoap3.protocol.messages import FloatArray
 
 
 class Transition:

@@ -13,8 +13,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import kernel
-from remote_controller.solvers.stable_kernels import NO_BOUND
+from hoap3.protocol.compilation import kernel
+from hoap3.remote_controller.solvers.stable_kernels import NO_BOUND
 
 PARALLEL = 1e-13  # of a row's length: what is left of it is rounding
 

@@ -15,8 +15,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined, kernel
-from remote_controller.solvers.dense_kernels import (
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.remote_controller.solvers.dense_kernels import (
     add,
     add_rows,
     dot,
@@ -25,8 +25,8 @@ from remote_controller.solvers.dense_kernels import (
     solve_lower,
     solve_upper,
 )
-from remote_controller.solvers.product_kernels import divide_rows, factorise
-from remote_controller.solvers.status import BAD_INPUT, INFEASIBLE, OK, UNSOLVED
+from hoap3.remote_controller.solvers.product_kernels import divide_rows, factorise
+from hoap3.remote_controller.solvers.status import BAD_INPUT, INFEASIBLE, OK, UNSOLVED
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

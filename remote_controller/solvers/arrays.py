@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from protocol.errors import BadProblemError
+from hoap3.protocol.errors import BadProblemError
 
 KERNEL_ARRAYS = (
     "Arrays must be numpy float64, C-contiguous, aligned and writable, such as "

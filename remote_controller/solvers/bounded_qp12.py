@@ -14,9 +14,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from protocol.errors import BadProblemError, InfeasibleError, SolverError
-from remote_controller.solvers.arrays import KERNEL_ARRAYS, array, number
-from remote_controller.solvers.status import BAD_SHAPE, INFEASIBLE, OUT_OF_RANGE
+from hoap3.protocol.errors import BadProblemError, InfeasibleError, SolverError
+from hoap3.remote_controller.solvers.arrays import KERNEL_ARRAYS, array, number
+from hoap3.remote_controller.solvers.status import BAD_SHAPE, INFEASIBLE, OUT_OF_RANGE
 
 
 class BoundedQp12:
@@ -38,7 +38,7 @@ class BoundedQp12:
     """
 
     def __init__(self, n: int, weights: ArrayLike | None = None) -> None:
-        from remote_controller.solvers import bounded_qp12_kernels  # noqa: PLC0415 (compiles)
+        from hoap3.remote_controller.solvers import bounded_qp12_kernels  # noqa: PLC0415 (compiles)
 
         self.n = n
         self._kernel = bounded_qp12_kernels.bounded_qp12_kernel

@@ -25,10 +25,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined, kernel
-from remote_controller.solvers.qp12_kernels import solve_qp12
-from remote_controller.solvers.scaling_kernels import MAX, TINY
-from remote_controller.solvers.status import (
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.remote_controller.solvers.qp12_kernels import solve_qp12
+from hoap3.remote_controller.solvers.scaling_kernels import MAX, TINY
+from hoap3.remote_controller.solvers.status import (
     BAD_INPUT,
     BAD_SHAPE,
     INFEASIBLE,

@@ -16,10 +16,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined, kernel
-from remote_controller.solvers.dense_kernels import add, add_rows, dot
-from remote_controller.solvers.product_kernels import factorise, gram
-from remote_controller.solvers.projector_kernels import exact_basis, smooth_basis, sort_tasks
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.remote_controller.solvers.dense_kernels import add, add_rows, dot
+from hoap3.remote_controller.solvers.product_kernels import factorise, gram
+from hoap3.remote_controller.solvers.projector_kernels import exact_basis, smooth_basis, sort_tasks
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -14,9 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from protocol.errors import BadProblemError
-from remote_controller.solvers import status as codes
-from remote_controller.solvers.arrays import (
+from hoap3.protocol.errors import BadProblemError
+from hoap3.remote_controller.solvers import status as codes
+from hoap3.remote_controller.solvers.arrays import (
     KERNEL_ARRAYS,
     positive,
     sizes_of,
@@ -64,7 +64,7 @@ class ConstantGains:
         weights: ArrayLike | None = None,
         damping: float = 0.0,
     ) -> None:
-        from remote_controller.solvers import constant_gains_kernels  # noqa: PLC0415 (compiles)
+        from hoap3.remote_controller.solvers import constant_gains_kernels  # noqa: PLC0415 (compiles)
 
         sizes, joints = sizes_of(NAME, sizes), whole(NAME, "joints", joints, "joints")
         n = self.n = sum(sizes)

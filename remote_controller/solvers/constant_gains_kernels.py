@@ -7,12 +7,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import kernel
-from remote_controller.solvers.clik_kernels import feed_forward, prioritised, unfit
-from remote_controller.solvers.dense_kernels import MAX, add, not_finite
-from remote_controller.solvers.lmi_kernels import least_eigenvalue, stability_matrix
-from remote_controller.solvers.product_kernels import gram
-from remote_controller.solvers.status import BAD_INPUT, BAD_SHAPE, OK, OUT_OF_RANGE
+from hoap3.protocol.compilation import kernel
+from hoap3.remote_controller.solvers.clik_kernels import feed_forward, prioritised, unfit
+from hoap3.remote_controller.solvers.dense_kernels import MAX, add, not_finite
+from hoap3.remote_controller.solvers.lmi_kernels import least_eigenvalue, stability_matrix
+from hoap3.remote_controller.solvers.product_kernels import gram
+from hoap3.remote_controller.solvers.status import BAD_INPUT, BAD_SHAPE, OK, OUT_OF_RANGE
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.errors import BadProblemError, UnknownNameError
-from remote_controller.solvers.arrays import KERNEL_ARRAYS, number
+from hoap3.protocol.errors import BadProblemError, UnknownNameError
+from hoap3.remote_controller.solvers.arrays import KERNEL_ARRAYS, number
 
 FORMS = ("inverse_sqrt_n", "one", "max_norm", "tanh", "exponential")
 
@@ -59,7 +59,7 @@ class DescentRate:
         Raises:
             BadProblemError: an argument is not finite or negative, Ψ overflows, or wrong types.
         """
-        from remote_controller.solvers import descent_rate_kernels  # noqa: PLC0415 (compiles)
+        from hoap3.remote_controller.solvers import descent_rate_kernels  # noqa: PLC0415 (compiles)
 
         bounded = self.form not in ("tanh", "exponential")
         first = self.u_max if bounded else self.eta

@@ -12,8 +12,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined, kernel
-from remote_controller.solvers.scaling_kernels import MAX, largest
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.remote_controller.solvers.scaling_kernels import MAX, largest
 
 INVERSE_SQRT_N, ONE, MAX_NORM, TANH, EXPONENTIAL = 0, 1, 2, 3, 4
 FORMS = ("inverse_sqrt_n", "one", "max_norm", "tanh", "exponential")

@@ -19,10 +19,16 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from protocol.errors import BadProblemError, InfeasibleError, SolverError, UnknownNameError
-from remote_controller.solvers.arrays import KERNEL_ARRAYS, array, number
-from remote_controller.solvers.stacked import Stack, bounds_of, stacked
-from remote_controller.solvers.status import BAD_INPUT, BAD_SHAPE, INFEASIBLE, OK, OUT_OF_RANGE
+from hoap3.protocol.errors import BadProblemError, InfeasibleError, SolverError, UnknownNameError
+from hoap3.remote_controller.solvers.arrays import KERNEL_ARRAYS, array, number
+from hoap3.remote_controller.solvers.stacked import Stack, bounds_of, stacked
+from hoap3.remote_controller.solvers.status import (
+    BAD_INPUT,
+    BAD_SHAPE,
+    INFEASIBLE,
+    OK,
+    OUT_OF_RANGE,
+)
 
 Array = NDArray[np.float64]
 
@@ -69,7 +75,7 @@ class Ghc:
         regularise: str = "gravity_compensated",
         smoothing: float = 0.0,
     ) -> None:
-        from remote_controller.solvers import ghc_kernels  # noqa: PLC0415 (compiles)
+        from hoap3.remote_controller.solvers import ghc_kernels  # noqa: PLC0415 (compiles)
 
         if regularise not in REGULARISED:
             raise UnknownNameError("regularisation", regularise, REGULARISED)

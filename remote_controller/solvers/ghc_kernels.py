@@ -21,10 +21,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined, kernel
-from remote_controller.solvers.active_set_kernels import active_set, most_violated
-from remote_controller.solvers.condense_kernels import condense
-from remote_controller.solvers.dense_kernels import (
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.remote_controller.solvers.active_set_kernels import active_set, most_violated
+from hoap3.remote_controller.solvers.condense_kernels import condense
+from hoap3.remote_controller.solvers.dense_kernels import (
     MAX,
     add,
     add_rows,
@@ -34,13 +34,13 @@ from remote_controller.solvers.dense_kernels import (
     solve_lower,
     solve_upper,
 )
-from remote_controller.solvers.product_kernels import (
+from hoap3.remote_controller.solvers.product_kernels import (
     divide_rows,
     factorise,
     gram,
     multiply,
 )
-from remote_controller.solvers.status import (
+from hoap3.remote_controller.solvers.status import (
     BAD_INPUT,
     BAD_SHAPE,
     INFEASIBLE,

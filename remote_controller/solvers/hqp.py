@@ -13,10 +13,10 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from protocol.errors import BadProblemError
-from remote_controller.solvers.arrays import number
-from remote_controller.solvers.stacked import Stack, bounds_of, stacked
-from remote_controller.solvers.weighted import bounded_values
+from hoap3.protocol.errors import BadProblemError
+from hoap3.remote_controller.solvers.arrays import number
+from hoap3.remote_controller.solvers.stacked import Stack, bounds_of, stacked
+from hoap3.remote_controller.solvers.weighted import bounded_values
 
 Array = NDArray[np.float64]
 

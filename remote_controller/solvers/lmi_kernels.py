@@ -17,8 +17,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined, kernel
-from remote_controller.solvers.dense_kernels import add, add_rows, dot
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.remote_controller.solvers.dense_kernels import add, add_rows, dot
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -14,9 +14,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from protocol.errors import BadProblemError, InfeasibleError
-from remote_controller.solvers.arrays import KERNEL_ARRAYS, array, number
-from remote_controller.solvers.status import BAD_SHAPE, INFEASIBLE, OUT_OF_RANGE
+from hoap3.protocol.errors import BadProblemError, InfeasibleError
+from hoap3.remote_controller.solvers.arrays import KERNEL_ARRAYS, array, number
+from hoap3.remote_controller.solvers.status import BAD_SHAPE, INFEASIBLE, OUT_OF_RANGE
 
 
 class LpNorm:
@@ -29,7 +29,7 @@ class LpNorm:
     """
 
     def __init__(self, n: int) -> None:
-        from remote_controller.solvers import lp_norm_kernels  # noqa: PLC0415 (compiles)
+        from hoap3.remote_controller.solvers import lp_norm_kernels  # noqa: PLC0415 (compiles)
 
         self.n = n
         self._kernel = lp_norm_kernels.lp_norm_kernel

@@ -17,9 +17,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined, kernel
-from remote_controller.solvers.scaling_kernels import MAX, largest
-from remote_controller.solvers.status import BAD_INPUT, BAD_SHAPE, INFEASIBLE, OK, OUT_OF_RANGE
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.remote_controller.solvers.scaling_kernels import MAX, largest
+from hoap3.remote_controller.solvers.status import (
+    BAD_INPUT,
+    BAD_SHAPE,
+    INFEASIBLE,
+    OK,
+    OUT_OF_RANGE,
+)
 
 LARGEST = 2.0**1020  # of |decrease|/A
 

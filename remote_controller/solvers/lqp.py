@@ -16,11 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from protocol.errors import BadProblemError, InfeasibleError, SolverError, UnknownNameError
-from remote_controller.solvers.arrays import array, number
-from remote_controller.solvers.ghc import REGULARISED
-from remote_controller.solvers.projector import generalized_projector
-from remote_controller.solvers.stacked import Stack, bounds_of, fit, stacked
+from hoap3.protocol.errors import BadProblemError, InfeasibleError, SolverError, UnknownNameError
+from hoap3.remote_controller.solvers.arrays import array, number
+from hoap3.remote_controller.solvers.ghc import REGULARISED
+from hoap3.remote_controller.solvers.projector import generalized_projector
+from hoap3.remote_controller.solvers.stacked import Stack, bounds_of, fit, stacked
 
 Array = NDArray[np.float64]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from protocol.errors import BadProblemError, InfeasibleError
-from remote_controller.solvers import status
-from remote_controller.solvers.arrays import array, number
-from remote_controller.solvers.stable_qp import StableQp
+from hoap3.protocol.errors import BadProblemError, InfeasibleError
+from hoap3.remote_controller.solvers import status
+from hoap3.remote_controller.solvers.arrays import array, number
+from hoap3.remote_controller.solvers.stable_qp import StableQp
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.errors import BadProblemError, InfeasibleError
+from hoap3.protocol.errors import BadProblemError, InfeasibleError
 
 FIRST_RHO = 0.1  # OSQP's own default; it adapts it as it goes
 LARGEST = 1e300  # of |decrease|/max|gradient|

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from protocol.errors import BadProblemError, InfeasibleError, SolverError
-from remote_controller.solvers.arrays import KERNEL_ARRAYS, array, number
-from remote_controller.solvers.status import BAD_SHAPE, INFEASIBLE, OUT_OF_RANGE
+from hoap3.protocol.errors import BadProblemError, InfeasibleError, SolverError
+from hoap3.remote_controller.solvers.arrays import KERNEL_ARRAYS, array, number
+from hoap3.remote_controller.solvers.status import BAD_SHAPE, INFEASIBLE, OUT_OF_RANGE
 
 
 class Pinv:
@@ -24,7 +24,7 @@ class Pinv:
     """
 
     def __init__(self, m: int, n: int) -> None:
-        from remote_controller.solvers import pinv_kernels  # noqa: PLC0415 (compiles)
+        from hoap3.remote_controller.solvers import pinv_kernels  # noqa: PLC0415 (compiles)
 
         self.m, self.n = m, n
         self._kernel, self._plain_kernel = pinv_kernels.pinv_kernel, pinv_kernels.pinv_plain_kernel

@@ -24,9 +24,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined, kernel
-from remote_controller.solvers.scaling_kernels import MAX, largest, power_halves, times_power
-from remote_controller.solvers.status import BAD_INPUT, BAD_SHAPE, INFEASIBLE, OK, OUT_OF_RANGE
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.remote_controller.solvers.scaling_kernels import MAX, largest, power_halves, times_power
+from hoap3.remote_controller.solvers.status import (
+    BAD_INPUT,
+    BAD_SHAPE,
+    INFEASIBLE,
+    OK,
+    OUT_OF_RANGE,
+)
 
 RANK_TOLERANCE = 1e-12  # far above the rounding of a kinematic chain, far below any real posture
 WELL_APART = 1e-3

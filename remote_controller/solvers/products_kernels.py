@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined, kernel
-from remote_controller.solvers.dense_kernels import add_rows
-from remote_controller.solvers.product_kernels import divide_rows, factorise
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.remote_controller.solvers.dense_kernels import add_rows
+from hoap3.remote_controller.solvers.product_kernels import divide_rows, factorise
 
 Array = NDArray[np.float64]
 

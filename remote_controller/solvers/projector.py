@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from protocol.errors import BadProblemError
-from remote_controller.solvers.arrays import array, number
+from hoap3.protocol.errors import BadProblemError
+from hoap3.remote_controller.solvers.arrays import array, number
 
 
 def generalized_projector(
@@ -36,7 +36,7 @@ def generalized_projector(
     Raises:
         BadProblemError: wrong shape, a priority outside [0, 1], or a value that is not finite.
     """
-    from remote_controller.solvers import projector_kernels  # noqa: PLC0415 (compiles)
+    from hoap3.remote_controller.solvers import projector_kernels  # noqa: PLC0415 (compiles)
 
     alpha, J = array("alpha_rows", alpha_rows, 1), array("jacobian", jacobian, 2)
     if alpha.shape != J.shape[:1]:

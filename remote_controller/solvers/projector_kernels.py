@@ -31,8 +31,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined, kernel
-from remote_controller.solvers.dense_kernels import (
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.remote_controller.solvers.dense_kernels import (
     MAX,
     add,
     add_rows,
@@ -41,7 +41,7 @@ from remote_controller.solvers.dense_kernels import (
     not_finite,
     orthogonalise,
 )
-from remote_controller.solvers.status import BAD_INPUT, OK
+from hoap3.remote_controller.solvers.status import BAD_INPUT, OK
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

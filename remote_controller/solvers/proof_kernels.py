@@ -10,9 +10,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import kernel
-from remote_controller.solvers.scaling_kernels import MAX, TINY, largest
-from remote_controller.solvers.stable_kernels import MAXIMUM, NO_BOUND, NORM
+from hoap3.protocol.compilation import kernel
+from hoap3.remote_controller.solvers.scaling_kernels import MAX, TINY, largest
+from hoap3.remote_controller.solvers.stable_kernels import MAXIMUM, NO_BOUND, NORM
 
 ROUNDING = 1e-9  # of max|y|: what is beyond a limit by so little is not
 TIED = 1e-9  # of max|y|: joints as fast as that by this much are among the fastest

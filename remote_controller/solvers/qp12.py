@@ -13,9 +13,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from protocol.errors import BadProblemError, InfeasibleError, SolverError
-from remote_controller.solvers.arrays import KERNEL_ARRAYS, array, number
-from remote_controller.solvers.status import BAD_SHAPE, INFEASIBLE, OUT_OF_RANGE
+from hoap3.protocol.errors import BadProblemError, InfeasibleError, SolverError
+from hoap3.remote_controller.solvers.arrays import KERNEL_ARRAYS, array, number
+from hoap3.remote_controller.solvers.status import BAD_SHAPE, INFEASIBLE, OUT_OF_RANGE
 
 
 class Qp12:
@@ -28,7 +28,7 @@ class Qp12:
     """
 
     def __init__(self, n: int) -> None:
-        from remote_controller.solvers import qp12_kernels  # noqa: PLC0415 (compiles)
+        from hoap3.remote_controller.solvers import qp12_kernels  # noqa: PLC0415 (compiles)
 
         self.n = n
         self._kernel = qp12_kernels.qp12_kernel

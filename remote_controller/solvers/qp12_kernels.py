@@ -27,15 +27,21 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined, kernel
-from remote_controller.solvers.scaling_kernels import (
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.remote_controller.solvers.scaling_kernels import (
     MAX,
     TINY,
     largest,
     power_halves,
     times_power,
 )
-from remote_controller.solvers.status import BAD_INPUT, BAD_SHAPE, INFEASIBLE, OK, OUT_OF_RANGE
+from hoap3.remote_controller.solvers.status import (
+    BAD_INPUT,
+    BAD_SHAPE,
+    INFEASIBLE,
+    OK,
+    OUT_OF_RANGE,
+)
 
 LARGEST = 2.0**1020  # of b/A: leaves room for the sums
 SMALL = 2.0**-900  # below, b and κ are lifted by 2^LIFT, and so is u, to keep clear of underflow

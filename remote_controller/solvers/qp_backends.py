@@ -17,7 +17,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.errors import NotInstalledError, UnknownNameError
+from hoap3.protocol.errors import NotInstalledError, UnknownNameError
 
 Array = NDArray[np.float64]
 Answer: TypeAlias = tuple[bool, Array, Array]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import kernel
+from hoap3.protocol.compilation import kernel
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined
+from hoap3.protocol.compilation import inlined
 
 MAX = float(np.finfo(np.float64).max)
 TINY = float(np.finfo(np.float64).tiny)  # smallest normal number, 2.2e-308

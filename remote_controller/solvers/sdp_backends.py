@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from protocol.errors import NotInstalledError, UnknownNameError
-from remote_controller.solvers import status as codes
-from remote_controller.solvers.conic_form import ConicForm
-from remote_controller.solvers.sdp_gains import BUDGET, DELTA, IPM, NONE, SdpGains
+from hoap3.protocol.errors import NotInstalledError, UnknownNameError
+from hoap3.remote_controller.solvers import status as codes
+from hoap3.remote_controller.solvers.conic_form import ConicForm
+from hoap3.remote_controller.solvers.sdp_gains import BUDGET, DELTA, IPM, NONE, SdpGains
 
 Array = NDArray[np.float64]
 Program = tuple[Any, Array, Any, Array, int, int]
@@ -112,7 +112,7 @@ class ConicGains(SdpGains):
         damping: float = 0.0,
         budget: int = POLISH,
     ) -> None:
-        from remote_controller.solvers import (  # noqa: PLC0415 (compiles)
+        from hoap3.remote_controller.solvers import (  # noqa: PLC0415 (compiles)
             sdp_kernels,
             sdp_proof_kernels,
             sdp_search_kernels,

@@ -38,9 +38,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from protocol.errors import BadProblemError, SolverError
-from remote_controller.solvers import status as codes
-from remote_controller.solvers.arrays import (
+from hoap3.protocol.errors import BadProblemError, SolverError
+from hoap3.remote_controller.solvers import status as codes
+from hoap3.remote_controller.solvers.arrays import (
     KERNEL_ARRAYS,
     array,
     number,
@@ -105,7 +105,7 @@ class SdpGains:
         damping: float = 0.0,
         budget: int = 60,
     ) -> None:
-        from remote_controller.solvers import sdp_kernels  # noqa: PLC0415 (compiles)
+        from hoap3.remote_controller.solvers import sdp_kernels  # noqa: PLC0415 (compiles)
 
         sizes = sizes_of(NAME, sizes)
         n = self.n = sum(sizes)

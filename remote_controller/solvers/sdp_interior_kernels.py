@@ -18,17 +18,17 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined, kernel
-from remote_controller.solvers.dense_kernels import (
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.remote_controller.solvers.dense_kernels import (
     add,
     add_rows,
     dot,
     solve_lower,
     solve_upper,
 )
-from remote_controller.solvers.lmi_kernels import least_eigenvalue, stability_matrix
-from remote_controller.solvers.product_kernels import factorise, gram
-from remote_controller.solvers.products_kernels import (
+from hoap3.remote_controller.solvers.lmi_kernels import least_eigenvalue, stability_matrix
+from hoap3.remote_controller.solvers.product_kernels import factorise, gram
+from hoap3.remote_controller.solvers.products_kernels import (
     clear,
     dot_column,
     mirror,

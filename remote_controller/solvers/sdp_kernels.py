@@ -14,14 +14,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined, kernel
-from remote_controller.solvers.clik_kernels import feed_forward, prioritised, unfit
-from remote_controller.solvers.dense_kernels import MAX, dot, not_finite
-from remote_controller.solvers.lmi_kernels import find_blocks
-from remote_controller.solvers.product_kernels import gram
-from remote_controller.solvers.sdp_proof_kernels import conclude, keep_better
-from remote_controller.solvers.sdp_search_kernels import BUDGET, NONE, WARM, optimise
-from remote_controller.solvers.status import (
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.remote_controller.solvers.clik_kernels import feed_forward, prioritised, unfit
+from hoap3.remote_controller.solvers.dense_kernels import MAX, dot, not_finite
+from hoap3.remote_controller.solvers.lmi_kernels import find_blocks
+from hoap3.remote_controller.solvers.product_kernels import gram
+from hoap3.remote_controller.solvers.sdp_proof_kernels import conclude, keep_better
+from hoap3.remote_controller.solvers.sdp_search_kernels import BUDGET, NONE, WARM, optimise
+from hoap3.remote_controller.solvers.status import (
     BAD_INPUT,
     BAD_SHAPE,
     OK,

@@ -22,9 +22,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined, kernel
-from remote_controller.solvers.lmi_kernels import stability_matrix
-from remote_controller.solvers.quasidefinite_kernels import solve_quasidefinite
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.remote_controller.solvers.lmi_kernels import stability_matrix
+from hoap3.remote_controller.solvers.quasidefinite_kernels import solve_quasidefinite
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -10,8 +10,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined, kernel
-from remote_controller.solvers.lmi_kernels import least_eigenvalue, stability_matrix
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.remote_controller.solvers.lmi_kernels import least_eigenvalue, stability_matrix
 
 Array = NDArray[np.float64]
 

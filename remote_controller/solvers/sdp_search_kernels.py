@@ -7,18 +7,18 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined, kernel
-from remote_controller.solvers.dense_kernels import dot, eigenvectors
-from remote_controller.solvers.lmi_kernels import stability_matrix
-from remote_controller.solvers.products_kernels import dot_column
-from remote_controller.solvers.sdp_interior_kernels import (
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.remote_controller.solvers.dense_kernels import dot, eigenvectors
+from hoap3.remote_controller.solvers.lmi_kernels import stability_matrix
+from hoap3.remote_controller.solvers.products_kernels import dot_column
+from hoap3.remote_controller.solvers.sdp_interior_kernels import (
     SPRING,
     begin_inside,
     interior,
     locked,
     renew,
 )
-from remote_controller.solvers.sdp_newton_kernels import settle
+from hoap3.remote_controller.solvers.sdp_newton_kernels import settle
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

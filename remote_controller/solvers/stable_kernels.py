@@ -14,15 +14,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined, kernel
-from remote_controller.solvers.bounded_qp12_kernels import (
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.remote_controller.solvers.bounded_qp12_kernels import (
     bounded_kkt_residual,
     bounds_fit,
     most_decrease,
     solve_bounded_qp12,
 )
-from remote_controller.solvers.scaling_kernels import MAX, TINY, largest
-from remote_controller.solvers.status import (
+from hoap3.remote_controller.solvers.scaling_kernels import MAX, TINY, largest
+from hoap3.remote_controller.solvers.status import (
     AHEAD,
     BAD_INPUT,
     BAD_SHAPE,

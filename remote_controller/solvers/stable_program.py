@@ -11,9 +11,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.errors import BadProblemError
-from remote_controller.solvers.qp_backends import ENDS, EQUATION, Program, backend
-from remote_controller.solvers.steepest import Steepest
+from hoap3.protocol.errors import BadProblemError
+from hoap3.remote_controller.solvers.qp_backends import ENDS, EQUATION, Program, backend
+from hoap3.remote_controller.solvers.steepest import Steepest
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class StableProgram:
     """
 
     def __init__(self, kind: int, scaled: Steepest, *, equality: bool, solver: str) -> None:
-        from remote_controller.solvers import across_kernels, proof_kernels  # noqa: PLC0415
+        from hoap3.remote_controller.solvers import across_kernels, proof_kernels  # noqa: PLC0415
 
         self._prove, self._across = proof_kernels.residual_kernel, across_kernels.across_kernel
         self._kind, self._scaled, self._equality = kind, scaled, equality

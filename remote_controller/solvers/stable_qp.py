@@ -43,10 +43,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from protocol.errors import BadProblemError
-from remote_controller.solvers import status
-from remote_controller.solvers.arrays import KERNEL_ARRAYS
-from remote_controller.solvers.stable_program import (
+from hoap3.protocol.errors import BadProblemError
+from hoap3.remote_controller.solvers import status
+from hoap3.remote_controller.solvers.arrays import KERNEL_ARRAYS
+from hoap3.remote_controller.solvers.stable_program import (
     KEPT,
     MOST_GAMMA,
     NO_BOUND,
@@ -55,7 +55,7 @@ from remote_controller.solvers.stable_program import (
     StableProgram,
     kind_of,
 )
-from remote_controller.solvers.steepest import Steepest
+from hoap3.remote_controller.solvers.steepest import Steepest
 
 Array = NDArray[np.float64]
 
@@ -120,8 +120,8 @@ class StableQp:
         keep_rho: bool = False,
         solver: str = "daqp",
     ) -> None:
-        from remote_controller.solvers import stable_kernels as kernels  # noqa: PLC0415 (compiles)
-        from remote_controller.solvers.bounded_qp12_kernels import box_rho_kernel  # noqa: PLC0415
+        from hoap3.remote_controller.solvers import stable_kernels as kernels  # noqa: PLC0415 (compiles)
+        from hoap3.remote_controller.solvers.bounded_qp12_kernels import box_rho_kernel  # noqa: PLC0415
 
         self._cheap = kernels.cheap_kernel
         self._finish, self._verdict = kernels.finish_kernel, kernels.rate_status_kernel

@@ -14,9 +14,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from protocol.errors import BadProblemError
-from remote_controller.solvers.arrays import array
-from remote_controller.solvers.status import CONTRADICTORY, OK, UNBOUNDED, UNSOLVED
+from hoap3.protocol.errors import BadProblemError
+from hoap3.remote_controller.solvers.arrays import array
+from hoap3.remote_controller.solvers.status import CONTRADICTORY, OK, UNBOUNDED, UNSOLVED
 
 Array = NDArray[np.float64]
 
@@ -62,7 +62,7 @@ class Steepest:
     ) -> None:
         import daqp  # noqa: PLC0415 - only where somebody needs it
 
-        from remote_controller.solvers import stable_kernels as kernels  # noqa: PLC0415 (compiles)
+        from hoap3.remote_controller.solvers import stable_kernels as kernels  # noqa: PLC0415 (compiles)
 
         self._fill, self._solve = kernels.fill_kernel, daqp.solve
         self.weights = np.ones(n) if weights is None else array("weights", weights, 1).copy()

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from remote_controller.solvers import status
-from remote_controller.solvers.qp_backends import Program, daqp
+from hoap3.remote_controller.solvers import status
+from hoap3.remote_controller.solvers.qp_backends import Program, daqp
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ class Tsid:
     """
 
     def __init__(self, effort: Array, scale: Array) -> None:
-        from remote_controller.solvers import tsid_kernels as kernels  # noqa: PLC0415 (compiles)
+        from hoap3.remote_controller.solvers import tsid_kernels as kernels  # noqa: PLC0415 (compiles)
 
         n = self.n = effort.size
         self._lay_out, self._prove = kernels.lay_out, kernels.prove

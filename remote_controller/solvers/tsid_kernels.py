@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.compilation import inlined, kernel
+from hoap3.protocol.compilation import inlined, kernel
 
 Array = NDArray[np.float64]
 

@@ -10,11 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from protocol.errors import BadProblemError, InfeasibleError, SolverError, UnknownNameError
-from remote_controller.solvers.arrays import array, number
-from remote_controller.solvers.ghc import REGULARISED
-from remote_controller.solvers.stacked import bounds_of, fit, stacked
-from remote_controller.solvers.status import INFEASIBLE, OK
+from hoap3.protocol.errors import BadProblemError, InfeasibleError, SolverError, UnknownNameError
+from hoap3.remote_controller.solvers.arrays import array, number
+from hoap3.remote_controller.solvers.ghc import REGULARISED
+from hoap3.remote_controller.solvers.stacked import bounds_of, fit, stacked
+from hoap3.remote_controller.solvers.status import INFEASIBLE, OK
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ def bounded_values(H: Array, f: Array, rows: Array, lower: Array, upper: Array) 
         InfeasibleError: no x satisfies the bounds.
         SolverError: H is not definite, or something is not finite.
     """
-    from remote_controller.solvers import active_set_kernels as kernels  # noqa: PLC0415 (compiles)
+    from hoap3.remote_controller.solvers import active_set_kernels as kernels  # noqa: PLC0415 (compiles)
 
     c, n = rows.shape
     values, multipliers = np.zeros(n + c), np.empty(n + c)

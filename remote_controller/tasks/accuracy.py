@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.messages import FloatArray
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray
 
 TOLERANCE_M = 1e-3
 TOLERANCE_DEG = 0.5

@@ -9,13 +9,13 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.errors import ConfigError, UnknownNameError
-from protocol.messages import FloatArray
-from protocol.settings import Settings, parse
-from remote_controller.plugins import Family
-from remote_controller.tasks.lyapunov import Site
-from remote_controller.tasks.targets.curves import AXES, Plane
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError, UnknownNameError
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.settings import Settings, parse
+from hoap3.remote_controller.plugins import Family
+from hoap3.remote_controller.tasks.lyapunov import Site
+from hoap3.remote_controller.tasks.targets.curves import AXES, Plane
 
 Positive = Annotated[float, Field(gt=0)]
 
@@ -23,10 +23,10 @@ CURVES = Family(
     "curve",
     "hoap3.curves",
     {
-        "joint_ellipse": "remote_controller.tasks.curve:JointEllipse",
-        "ellipse": "remote_controller.tasks.curve:SpaceEllipse",
+        "joint_ellipse": "hoap3.remote_controller.tasks.curve:JointEllipse",
+        "ellipse": "hoap3.remote_controller.tasks.curve:SpaceEllipse",
     },
-    ("remote_controller.tasks.curve:Curve",),
+    ("hoap3.remote_controller.tasks.curve:Curve",),
     "docs/writing_a_task.md",
 )
 

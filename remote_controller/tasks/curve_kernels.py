@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from protocol.compilation import inlined, kernel
-from protocol.messages import FloatArray
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.protocol.messages import FloatArray
 
 
 @inlined

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from protocol.description import COM, DefaultTask, RobotDescription
-from protocol.errors import ConfigError, FrameNotFoundError, NoDefaultTaskError
-from protocol.messages import FloatArray
-from remote_controller.kinematics import Kinematics
-from remote_controller.tasks.registry import TaskSettings
+from hoap3.protocol.description import COM, DefaultTask, RobotDescription
+from hoap3.protocol.errors import ConfigError, FrameNotFoundError, NoDefaultTaskError
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.tasks.registry import TaskSettings
 
 HOAP3 = "hoap3"
 HOAP3S = DefaultTask(point=COM, reference="r_sole", target_m=(0.01, 0.025, 0.2869))

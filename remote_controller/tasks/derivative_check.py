@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from protocol.errors import ConfigError
-from protocol.messages import FloatArray
-from remote_controller.tasks.lyapunov import LyapunovFunction, Site
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction, Site
 
 STEP = 1e-6  # rad, m or s: rounding and curvature both stay far below the tolerance
 TOLERANCE = 1e-4  # of the largest derivative

@@ -6,20 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from protocol.messages import FloatArray
-from remote_controller.kinematics import Kinematics
-from remote_controller.tasks.accuracy import (
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.tasks.accuracy import (
     TOLERANCE_DEG,
     TOLERANCE_M,
     TaskError,
     angle_error,
     length_error,
 )
-from remote_controller.tasks.lyapunov import Site
-from remote_controller.tasks.targets.settings import TargetSettings
-from remote_controller.tasks.targets.target import Approach, Joined, Point
-from remote_controller.tasks.task import Task
-from remote_controller.tasks.task_function import TaskFunction
+from hoap3.remote_controller.tasks.lyapunov import Site
+from hoap3.remote_controller.tasks.targets.settings import TargetSettings
+from hoap3.remote_controller.tasks.targets.target import Approach, Joined, Point
+from hoap3.remote_controller.tasks.task import Task
+from hoap3.remote_controller.tasks.task_function import TaskFunction
 
 
 class FramePoseTask(Task):
@@ -67,7 +67,7 @@ class FramePoseTask(Task):
     def __init__(
         self, kinematics: Kinematics, frame: str, reference: str, target: FloatArray
     ) -> None:
-        from remote_controller.tasks.pose_kernels import (  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.tasks.pose_kernels import (  # noqa: PLC0415 - compiles
             pose_error,
             rotation_vector,
         )

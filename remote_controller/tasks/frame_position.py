@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
-from protocol.messages import FloatArray
-from remote_controller.kinematics import Kinematics
-from remote_controller.tasks.accuracy import TOLERANCE_M, TaskError, length_error
-from remote_controller.tasks.lyapunov import Site
-from remote_controller.tasks.targets.settings import TargetSettings
-from remote_controller.tasks.task import Task
-from remote_controller.tasks.task_function import TaskFunction
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.tasks.accuracy import TOLERANCE_M, TaskError, length_error
+from hoap3.remote_controller.tasks.lyapunov import Site
+from hoap3.remote_controller.tasks.targets.settings import TargetSettings
+from hoap3.remote_controller.tasks.task import Task
+from hoap3.remote_controller.tasks.task_function import TaskFunction
 
 Axis = Literal["x", "y", "z"]
 AXES: tuple[Axis, ...] = ("x", "y", "z")

@@ -9,11 +9,11 @@ from typing import Any, Self
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.settings import Settings
-from remote_controller.kinematics import Kinematics
-from remote_controller.tasks import status
-from remote_controller.tasks.accuracy import TaskError
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.settings import Settings
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.tasks import status
+from hoap3.remote_controller.tasks.accuracy import TaskError
 
 
 @dataclass(frozen=True)

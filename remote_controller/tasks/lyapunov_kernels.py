@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from protocol.compilation import kernel
-from protocol.messages import FloatArray
+from hoap3.protocol.compilation import kernel
+from hoap3.protocol.messages import FloatArray
 
 
 @kernel("UniTuple(f8, 2)(f8[::1], f8[:,::1], f8[::1], f8[::1], f8[::1], f8[:,::1], f8[::1])")

@@ -9,25 +9,25 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from protocol.errors import BadProblemError
-from protocol.messages import FloatArray
-from protocol.settings import Settings
-from remote_controller.kinematics import Kinematics
-from remote_controller.solvers.pinv import Pinv
-from remote_controller.tasks import status
-from remote_controller.tasks.accuracy import (
+from hoap3.protocol.errors import BadProblemError
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.settings import Settings
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.solvers.pinv import Pinv
+from hoap3.remote_controller.tasks import status
+from hoap3.remote_controller.tasks.accuracy import (
     TOLERANCE_DEG,
     TOLERANCE_M,
     TaskError,
     angle_error,
     length_error,
 )
-from remote_controller.tasks.com import ComTask
-from remote_controller.tasks.curve import CURVES, Curve, build_curve
-from remote_controller.tasks.derivative_check import check_derivatives
-from remote_controller.tasks.frame_position import FramePositionTask
-from remote_controller.tasks.lyapunov import LyapunovFunction, Site
-from remote_controller.tasks.targets.target import smooth_step
+from hoap3.remote_controller.tasks.com import ComTask
+from hoap3.remote_controller.tasks.curve import CURVES, Curve, build_curve
+from hoap3.remote_controller.tasks.derivative_check import check_derivatives
+from hoap3.remote_controller.tasks.frame_position import FramePositionTask
+from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction, Site
+from hoap3.remote_controller.tasks.targets.target import smooth_step
 
 HELD = 1e-3  # independence of the gradients up to which nothing moves along the curve,
 FREE = 0.1  # and from which on motion is not slowed down
@@ -72,11 +72,11 @@ class PersistentMotion(LyapunovFunction):
         forward: bool = True,
         objective_weights: Sequence[float] = (),
     ) -> None:
-        from remote_controller.tasks.curve_kernels import (  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.tasks.curve_kernels import (  # noqa: PLC0415 - compiles
             curve_tangent,
             curve_velocity,
         )
-        from remote_controller.tasks.lyapunov_kernels import quadratic  # noqa: PLC0415
+        from hoap3.remote_controller.tasks.lyapunov_kernels import quadratic  # noqa: PLC0415
 
         k, m = curve.gradients.shape
         super().__init__(joints, k)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from protocol.compilation import inlined, kernel
-from protocol.messages import FloatArray
-from remote_controller.tasks.status import AT_ANTIPODE, OK
+from hoap3.protocol.compilation import inlined, kernel
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.tasks.status import AT_ANTIPODE, OK
 
 SMALL = 0.2  # rad: below, series; at it, both agree to about 1e-12
 ANTIPODE = 1e-6  # cosine of half the angle: 2e-6 rad from half a turn

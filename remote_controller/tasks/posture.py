@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from protocol.errors import ConfigError
-from protocol.messages import FloatArray
-from remote_controller.kinematics import Kinematics
-from remote_controller.tasks.accuracy import (
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.tasks.accuracy import (
     TOLERANCE_DEG,
     TOLERANCE_M,
     JointToleranceDeg,
@@ -20,10 +20,10 @@ from remote_controller.tasks.accuracy import (
     joint_errors,
     prismatic_joints,
 )
-from remote_controller.tasks.lyapunov import Site
-from remote_controller.tasks.targets.target import Approach, Point
-from remote_controller.tasks.task import Task
-from remote_controller.tasks.task_function import TaskFunction
+from hoap3.remote_controller.tasks.lyapunov import Site
+from hoap3.remote_controller.tasks.targets.target import Approach, Point
+from hoap3.remote_controller.tasks.task import Task
+from hoap3.remote_controller.tasks.task_function import TaskFunction
 
 
 class PostureTask(Task):

@@ -7,31 +7,31 @@ from typing import Any
 
 from pydantic import Field
 
-from protocol.description import RobotDescription
-from protocol.errors import BadProblemError, ConfigError, FrameNotFoundError, Hoap3Error
-from protocol.settings import Settings, parse
-from remote_controller.kinematics import Kinematics
-from remote_controller.plugins import Family, blame
-from remote_controller.tasks.derivative_check import check_derivatives
-from remote_controller.tasks.lyapunov import LyapunovFunction, Site
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import BadProblemError, ConfigError, FrameNotFoundError, Hoap3Error
+from hoap3.protocol.settings import Settings, parse
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.plugins import Family, blame
+from hoap3.remote_controller.tasks.derivative_check import check_derivatives
+from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction, Site
 
 GROUP = "hoap3.tasks"
 BUILTIN = {
-    "com": "remote_controller.tasks.com:ComTask",
-    "frame_position": "remote_controller.tasks.frame_position:FramePositionTask",
-    "frame_pose": "remote_controller.tasks.frame_pose:FramePoseTask",
-    "posture": "remote_controller.tasks.posture:PostureTask",
-    "weighted_sum": "remote_controller.tasks.weighted_sum:WeightedSum",
-    "joint_curve": "remote_controller.tasks.persistent_motion:JointCurve",
-    "task_curve": "remote_controller.tasks.persistent_motion:TaskCurve",
+    "com": "hoap3.remote_controller.tasks.com:ComTask",
+    "frame_position": "hoap3.remote_controller.tasks.frame_position:FramePositionTask",
+    "frame_pose": "hoap3.remote_controller.tasks.frame_pose:FramePoseTask",
+    "posture": "hoap3.remote_controller.tasks.posture:PostureTask",
+    "weighted_sum": "hoap3.remote_controller.tasks.weighted_sum:WeightedSum",
+    "joint_curve": "hoap3.remote_controller.tasks.persistent_motion:JointCurve",
+    "task_curve": "hoap3.remote_controller.tasks.persistent_motion:TaskCurve",
 }
 TASKS = Family(
     "task",
     GROUP,
     BUILTIN,
     (
-        "remote_controller.tasks.lyapunov:LyapunovFunction",
-        "remote_controller.tasks.task:Task",
+        "hoap3.remote_controller.tasks.lyapunov:LyapunovFunction",
+        "hoap3.remote_controller.tasks.task:Task",
     ),
     "docs/writing_a_task.md",
 )

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from protocol.messages import FloatArray
-from protocol.settings import Settings
-from remote_controller.kinematics import Kinematics
-from remote_controller.tasks import status
-from remote_controller.tasks.accuracy import TaskError
-from remote_controller.tasks.lyapunov import LyapunovFunction, Site
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.settings import Settings
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.tasks import status
+from hoap3.remote_controller.tasks.accuracy import TaskError
+from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction, Site
 
 
 class Task(ABC):

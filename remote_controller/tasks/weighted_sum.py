@@ -10,11 +10,11 @@ from typing import Any, Self
 import numpy as np
 from pydantic import Field
 
-from protocol.settings import Settings
-from remote_controller.kinematics import Kinematics
-from remote_controller.tasks import status
-from remote_controller.tasks.accuracy import TaskError
-from remote_controller.tasks.lyapunov import LyapunovFunction, Site
+from hoap3.protocol.settings import Settings
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.tasks import status
+from hoap3.remote_controller.tasks.accuracy import TaskError
+from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction, Site
 
 
 class TermSettings(Settings):
@@ -62,7 +62,7 @@ class WeightedSum(LyapunovFunction):
     @classmethod
     def configured(cls, site: Site, parameters: Any) -> Self:
         """The sum of its terms, each built for the robot at `site`."""
-        from remote_controller.tasks.registry import TaskSettings, build  # noqa: PLC0415 - a cycle
+        from hoap3.remote_controller.tasks.registry import TaskSettings, build  # noqa: PLC0415 - a cycle
 
         terms = [
             build(

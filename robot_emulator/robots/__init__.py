@@ -9,9 +9,9 @@ from __future__ import annotations
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
-from protocol.description import RobotDescription
-from protocol.errors import ConfigError, UnknownNameError
-from robot_emulator.robots.yaml_file import read_robot
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError, UnknownNameError
+from hoap3.robot_emulator.robots.yaml_file import read_robot
 
 __all__ = ["GROUP", "available", "load"]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from remote_controller.constraints.barrier import Barrier
-from remote_controller.constraints.constraint import Constraint
+from hoap3.remote_controller.constraints.barrier import Barrier
+from hoap3.remote_controller.constraints.constraint import Constraint
 
 
 class Faultless(Barrier):

@@ -8,9 +8,9 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from protocol.description import RobotDescription
-from protocol.messages import FloatArray
-from protocol.model import collision_shapes
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.model import collision_shapes
 
 FINE = coal.DistanceRequest()
 FINE.gjk_tolerance = 1e-9

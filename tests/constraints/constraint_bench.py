@@ -9,12 +9,12 @@ import daqp
 import numpy as np
 from small_arm import URDF, arm
 
-from protocol.description import RobotDescription, Sole
-from protocol.messages import FloatArray, State
-from remote_controller.constraints.registry import ConstraintSettings, build
-from remote_controller.constraints.stack import ConstraintStack
-from remote_controller.kinematics import Kinematics
-from robot_emulator.robots import load
+from hoap3.protocol.description import RobotDescription, Sole
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.constraints.registry import ConstraintSettings, build
+from hoap3.remote_controller.constraints.stack import ConstraintStack
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.robot_emulator.robots import load
 
 PERIOD = 1e-3
 

@@ -16,8 +16,8 @@ import pytest
 from constraint_bench import PERIOD
 from registered_constraints import CASES, make
 
-from protocol.messages import State
-from remote_controller.constraints.registry import registered
+from hoap3.protocol.messages import State
+from hoap3.remote_controller.constraints.registry import registered
 
 SEEDS = range(3)
 STEP = 1e-6  # rad

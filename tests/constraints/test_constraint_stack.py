@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from constraint_bench import PERIOD, Bench, entry, hoap3, small
 
-from protocol.errors import ConfigError, UnknownNameError
-from protocol.messages import State
-from protocol.settings import parse
-from remote_controller.constraints.constraint import Constraint
-from remote_controller.constraints.joint_position import JointPosition
-from remote_controller.constraints.registry import (
+from hoap3.protocol.errors import ConfigError, UnknownNameError
+from hoap3.protocol.messages import State
+from hoap3.protocol.settings import parse
+from hoap3.remote_controller.constraints.constraint import Constraint
+from hoap3.remote_controller.constraints.joint_position import JointPosition
+from hoap3.remote_controller.constraints.registry import (
     BUILTIN,
     ConstraintSettings,
     build,
@@ -21,8 +21,8 @@ from remote_controller.constraints.registry import (
     read,
     registered,
 )
-from remote_controller.constraints.stack import ConstraintStack
-from remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.constraints.stack import ConstraintStack
+from hoap3.remote_controller.kinematics import Kinematics
 
 ALL = [
     {"constraint": "joint_position"},

@@ -13,8 +13,8 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from small_arm import arm
 
-from protocol.errors import ConfigError
-from remote_controller.constraints.bodies import links
+from hoap3.protocol.errors import ConfigError
+from hoap3.remote_controller.constraints.bodies import links
 
 SEEDS = st.integers(0, 2**32 - 1)
 

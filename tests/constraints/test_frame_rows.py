@@ -8,8 +8,8 @@ from constraint_bench import PERIOD, ROBOTS, Bench, differences, hoap3, posture,
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocol.errors import ConfigError
-from protocol.messages import FloatArray
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import FloatArray
 
 SEEDS = st.integers(0, 2**32 - 1)
 HEAD = {"constraint": "half_space", "frame": "head", "normal": [1.0, 2.0, -0.5]}

@@ -8,8 +8,8 @@ from constraint_bench import PERIOD, ROBOTS, Bench, hoap3, small
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocol.errors import ConfigError
-from remote_controller.constraints.limit_kernels import limit_rows, narrow_to_range
+from hoap3.protocol.errors import ConfigError
+from hoap3.remote_controller.constraints.limit_kernels import limit_rows, narrow_to_range
 
 SEEDS = st.integers(0, 2**32 - 1)
 

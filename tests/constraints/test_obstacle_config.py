@@ -6,10 +6,10 @@ import pytest
 from coal_shapes import Scene
 from constraint_bench import hoap3
 
-from remote_controller.config import read_config
-from remote_controller.constraints.distance import Distance
-from remote_controller.controllers.controller import STATUS
-from tools.simulate import simulate
+from hoap3.remote_controller.config import read_config
+from hoap3.remote_controller.constraints.distance import Distance
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.tools.simulate import simulate
 
 SECONDS, EVERY = 3.5, 50
 

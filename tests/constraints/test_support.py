@@ -8,8 +8,8 @@ from constraint_bench import PERIOD, ROBOTS, Bench, differences, hoap3, posture,
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocol.errors import ConfigError
-from remote_controller.constraints.polygon import half_planes, hull, inset
+from hoap3.protocol.errors import ConfigError
+from hoap3.remote_controller.constraints.polygon import half_planes, hull, inset
 
 SEEDS = st.integers(0, 2**32 - 1)
 POLYGON = {"constraint": "support_polygon"}

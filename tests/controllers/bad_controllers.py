@@ -5,8 +5,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from protocol.messages import Setpoint
-from remote_controller.controllers.qp12 import Qp12Controller
+from hoap3.protocol.messages import Setpoint
+from hoap3.remote_controller.controllers.qp12 import Qp12Controller
 
 SHARED = Setpoint(21)
 

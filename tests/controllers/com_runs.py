@@ -8,12 +8,12 @@ from functools import cache
 import numpy as np
 from controller_cases import Body
 
-from protocol.description import RobotDescription
-from protocol.messages import FloatArray
-from protocol.settings import parse
-from remote_controller.config import ControllerConfig, build
-from remote_controller.controllers.controller import Controller
-from robot_emulator.robots import load
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.settings import parse
+from hoap3.remote_controller.config import ControllerConfig, build
+from hoap3.remote_controller.controllers.controller import Controller
+from hoap3.robot_emulator.robots import load
 
 HOAP3 = load("hoap3")
 # The reference figures were computed without the degree that usable limits keep from the stops.

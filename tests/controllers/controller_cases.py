@@ -17,17 +17,17 @@ from functools import cache
 import numpy as np
 from small_arm import arm
 
-from protocol.description import RobotDescription
-from protocol.messages import FloatArray, State
-from protocol.settings import parse
-from remote_controller.config import ControllerConfig, available_configs, build, read_config
-from remote_controller.controllers.controller import Controller
-from remote_controller.registry import find
-from robot_emulator.body import build_body
-from robot_emulator.config import EmulatorConfig
-from robot_emulator.config import available_configs as emulator_configs
-from robot_emulator.service import describe
-from tools.simulate import emulator_content, suited
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.settings import parse
+from hoap3.remote_controller.config import ControllerConfig, available_configs, build, read_config
+from hoap3.remote_controller.controllers.controller import Controller
+from hoap3.remote_controller.registry import find
+from hoap3.robot_emulator.body import build_body
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.config import available_configs as emulator_configs
+from hoap3.robot_emulator.service import describe
+from hoap3.tools.simulate import emulator_content, suited
 
 _named = os.environ.get("HOAP3_TEST_CONTROLLERS", "")
 CASES = [name.strip() for name in _named.split(",") if name.strip()] or available_configs()

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from protocol.description import RobotDescription
-from remote_controller.kinematics import Kinematics
-from remote_controller.tasks.lyapunov import LyapunovFunction
+from hoap3.protocol.description import RobotDescription
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
 
 
 class Clock(LyapunovFunction):

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from small_arm import arm
 
-from protocol.clock import VirtualClock
-from protocol.errors import UsageError
-from protocol.messages import Event, Setpoint, State
-from protocol.recorder import MemoryRecorder
-from protocol.ring import Kind
-from protocol.settings import Settings
-from remote_controller.controllers.controller import Controller
-from remote_controller.loop import ControllerLoop
+from hoap3.protocol.clock import VirtualClock
+from hoap3.protocol.errors import UsageError
+from hoap3.protocol.messages import Event, Setpoint, State
+from hoap3.protocol.recorder import MemoryRecorder
+from hoap3.protocol.ring import Kind
+from hoap3.protocol.settings import Settings
+from hoap3.remote_controller.controllers.controller import Controller
+from hoap3.remote_controller.loop import ControllerLoop
 
 SESSION = 7
 RESET = Event.schema.constants["RESET"]

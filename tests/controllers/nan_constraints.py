@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from remote_controller.constraints.constraint import Constraint
+from hoap3.remote_controller.constraints.constraint import Constraint
 
 
 class Clouded(Constraint):

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from controller_cases import Body
 
-from protocol.description import RobotDescription
-from protocol.messages import State
-from protocol.settings import parse
-from remote_controller.config import ControllerConfig, build
-from robot_emulator.robots import load
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import State
+from hoap3.protocol.settings import parse
+from hoap3.remote_controller.config import ControllerConfig, build
+from hoap3.robot_emulator.robots import load
 
 HOAP3 = load("hoap3")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from remote_controller.tasks.lyapunov import LyapunovFunction
+from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
 
 
 class Tilted(LyapunovFunction):

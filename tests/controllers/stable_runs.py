@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from protocol.messages import Event
-from protocol.ring import Kind
-from protocol.settings import load_yaml
-from remote_controller.config import CONFIGS
-from remote_controller.controllers.controller import STATUS
-from tools.simulate import Simulation, simulate
+from hoap3.protocol.messages import Event
+from hoap3.protocol.ring import Kind
+from hoap3.protocol.settings import load_yaml
+from hoap3.remote_controller.config import CONFIGS
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.tools.simulate import Simulation, simulate
 
 NAMES = {value: name for name, value in STATUS.items()}
 EVENTS = Event.schema.constants

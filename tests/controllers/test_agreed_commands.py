@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from protocol.errors import DescriptionError
-from remote_controller.config import ControllerConfig, build
-from remote_controller.controllers.controller import agreed
-from robot_emulator.config import EmulatorConfig
-from robot_emulator.robots import load
-from robot_emulator.service import describe
-from tools.simulate import controller_settings, suited
+from hoap3.protocol.errors import DescriptionError
+from hoap3.remote_controller.config import ControllerConfig, build
+from hoap3.remote_controller.controllers.controller import agreed
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.robots import load
+from hoap3.robot_emulator.service import describe
+from hoap3.tools.simulate import controller_settings, suited
 
 
 def chosen(robot: str, controller: str, command: str | None = None) -> str | None:

@@ -8,9 +8,9 @@ from arm3 import describe
 from controller_cases import one_joint_arm
 from small_arm import arm
 
-from protocol.messages import FloatArray
-from remote_controller.kinematics import Kinematics, stacked
-from robot_emulator.robots import load
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.kinematics import Kinematics, stacked
+from hoap3.robot_emulator.robots import load
 
 ROBOTS = {"hoap3": load("hoap3"), "small": arm(), "arm3": describe(), "one joint": one_joint_arm()}
 

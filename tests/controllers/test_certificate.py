@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from stable_runs import run, settings
 
-from protocol.messages import State
-from protocol.settings import parse
-from remote_controller.config import ControllerConfig, build
-from remote_controller.controllers.controller import STATUS
-from robot_emulator.robots import load
+from hoap3.protocol.messages import State
+from hoap3.protocol.settings import parse
+from hoap3.remote_controller.config import ControllerConfig, build
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.robot_emulator.robots import load
 
 
 def controller_with(spoil: Callable[[Any], None]) -> Any:

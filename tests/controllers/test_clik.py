@@ -8,13 +8,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from protocol.errors import ConfigError
-from protocol.settings import load_yaml, parse
-from remote_controller.config import CONFIGS, ControllerConfig, check_parameters
-from remote_controller.controllers.clik import CONDITIONS
-from remote_controller.controllers.controller import STATUS
-from robot_emulator.robots import load
-from tools.simulate import simulate
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.settings import load_yaml, parse
+from hoap3.remote_controller.config import CONFIGS, ControllerConfig, check_parameters
+from hoap3.remote_controller.controllers.clik import CONDITIONS
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.robot_emulator.robots import load
+from hoap3.tools.simulate import simulate
 
 UR5 = {"robot": "ur5", "posture": "outstretched"}
 CIRCLE = {"kind": "circle", "center_m": [0.4, -0.3, 0.5], "radius_m": 0.05, "period_s": 2.0}

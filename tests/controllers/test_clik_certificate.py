@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from controller_cases import Body
 
-from protocol.settings import load_yaml, parse
-from remote_controller.config import CONFIGS, ControllerConfig, build
-from remote_controller.controllers.clik import CONDITIONS, LASTING_S, SLOW
-from remote_controller.controllers.controller import STATUS
-from remote_controller.solvers.constant_gains import ConstantGains
-from remote_controller.solvers.sdp_gains import SdpGains
-from robot_emulator.robots import load
-from tools.simulate import simulate
+from hoap3.protocol.settings import load_yaml, parse
+from hoap3.remote_controller.config import CONFIGS, ControllerConfig, build
+from hoap3.remote_controller.controllers.clik import CONDITIONS, LASTING_S, SLOW
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.solvers.constant_gains import ConstantGains
+from hoap3.remote_controller.solvers.sdp_gains import SdpGains
+from hoap3.robot_emulator.robots import load
+from hoap3.tools.simulate import simulate
 
 BOTH = pytest.mark.parametrize("kind", ["clik", "clik_sdp"])
 UR5 = load("ur5")

@@ -8,12 +8,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from protocol.settings import load_yaml
-from remote_controller.config import CONFIGS
-from remote_controller.controllers.clik import CONDITIONS, ClikSdpController
-from remote_controller.controllers.controller import STATUS
-from remote_controller.solvers.sdp_gains import BUDGET, IPM, WARM
-from tools.simulate import simulate
+from hoap3.protocol.settings import load_yaml
+from hoap3.remote_controller.config import CONFIGS
+from hoap3.remote_controller.controllers.clik import CONDITIONS, ClikSdpController
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.solvers.sdp_gains import BUDGET, IPM, WARM
+from hoap3.tools.simulate import simulate
 
 MOVES = 1 << CONDITIONS.index("target moves")
 ROBOTS = {"clik_sdp_humanoid": "humanoid32", "clik_sdp_hoap3": "hoap3"}

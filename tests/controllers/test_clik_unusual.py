@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from controller_cases import Body
 
-from protocol.errors import ConfigError
-from protocol.settings import load_yaml, parse
-from remote_controller.config import CONFIGS, ControllerConfig, build
-from remote_controller.controllers.clik import CONDITIONS
-from remote_controller.controllers.controller import STATUS
-from robot_emulator.robots import load
-from tools.replay import replay_records
-from tools.simulate import simulate
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.settings import load_yaml, parse
+from hoap3.remote_controller.config import CONFIGS, ControllerConfig, build
+from hoap3.remote_controller.controllers.clik import CONDITIONS
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.robot_emulator.robots import load
+from hoap3.tools.replay import replay_records
+from hoap3.tools.simulate import simulate
 
 BOTH = pytest.mark.parametrize("kind", ["clik", "clik_sdp"])
 FAST = {"acceleration_rad_s2": 1e4}  # the robot's own limits remain

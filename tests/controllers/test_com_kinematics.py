@@ -9,11 +9,11 @@ from controller_cases import one_joint_arm
 from free_flyer import FreeFlyer
 from small_arm import arm
 
-from protocol.description import RobotDescription
-from protocol.errors import FrameNotFoundError
-from protocol.messages import FloatArray
-from remote_controller.kinematics import Kinematics
-from robot_emulator.robots import load
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import FrameNotFoundError
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.robot_emulator.robots import load
 
 HOAP3 = load("hoap3")
 FRAMES = ["r_sole", "l_sole", "pelvis", "r_forearm"]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from loop_bench import Bench
 
-from protocol.messages import State
-from remote_controller.loop import RUN_UP
+from hoap3.protocol.messages import State
+from hoap3.remote_controller.loop import RUN_UP
 
 
 def test_without_a_run_up_it_resets_at_the_beginning_at_engagement_and_at_disengagement():

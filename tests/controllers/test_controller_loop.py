@@ -9,10 +9,10 @@ import pytest
 from loop_bench import SESSION, Bench
 from small_arm import arm
 
-from protocol.errors import Hoap3Error, UsageError
-from protocol.messages import Setpoint, State
-from protocol.ring import Kind
-from remote_controller.loop import DOUBTS, LONGEST_CHANGE, ControllerLoop
+from hoap3.protocol.errors import Hoap3Error, UsageError
+from hoap3.protocol.messages import Setpoint, State
+from hoap3.protocol.ring import Kind
+from hoap3.remote_controller.loop import DOUBTS, LONGEST_CHANGE, ControllerLoop
 
 
 def test_an_answer_belongs_to_its_state():

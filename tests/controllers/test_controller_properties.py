@@ -34,10 +34,10 @@ from controller_cases import (
 )
 from numba.core import event
 
-from protocol.messages import STAMP_FIELDS
-from remote_controller.controllers.controller import STATUS
-from remote_controller.service import rehearse
-from tools.simulate import simulate
+from hoap3.protocol.messages import STAMP_FIELDS
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.service import rehearse
+from hoap3.tools.simulate import simulate
 
 LENGTH = 1200  # ticks of the motion that is looked at
 ULP = np.finfo(float).eps

@@ -19,13 +19,13 @@ from ranked_runs import (
     state_at,
 )
 
-from protocol.errors import ConfigError, UnknownNameError
-from protocol.settings import parse
-from remote_controller.config import ControllerConfig, check_parameters
-from remote_controller.controllers.controller import STATUS
-from remote_controller.controllers.ghc_velocity import CONDITIONS
-from remote_controller.kinematics import Kinematics
-from tools.simulate import simulate
+from hoap3.protocol.errors import ConfigError, UnknownNameError
+from hoap3.protocol.settings import parse
+from hoap3.remote_controller.config import ControllerConfig, check_parameters
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.controllers.ghc_velocity import CONDITIONS
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.tools.simulate import simulate
 
 DT = HOAP3.period_s
 READY = np.array(HOAP3.postures["walk_ready"])

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from ranked_runs import COM, FOOT, FREE, HOAP3, POSTURE, answer, controller, motion
 
-from remote_controller.controllers.controller import STATUS
-from remote_controller.controllers.ghc_velocity import CONDITIONS
-from remote_controller.solvers import ghc
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.controllers.ghc_velocity import CONDITIONS
+from hoap3.remote_controller.solvers import ghc
 
 
 @pytest.mark.parametrize("smoothing", [0.0, 0.3])

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from controller_cases import Body
 
-from protocol.description import RobotDescription
-from protocol.errors import ConfigError
-from protocol.messages import COMMANDS, State
-from protocol.settings import parse
-from remote_controller.config import ControllerConfig, build
-from remote_controller.controllers.controller import STATUS
-from remote_controller.controllers.joint_acceleration import JointAccelerationController
-from robot_emulator.robots import load
-from tools.simulate import simulate
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import COMMANDS, State
+from hoap3.protocol.settings import parse
+from hoap3.remote_controller.config import ControllerConfig, build
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.controllers.joint_acceleration import JointAccelerationController
+from hoap3.robot_emulator.robots import load
+from hoap3.tools.simulate import simulate
 
 HOAP3, LWR = load("hoap3"), load("lwr")
 T = 1e-3

@@ -8,8 +8,8 @@ from com_runs import HOAP3, TARGET, controller_for, run
 from controller_cases import Body
 from free_flyer import FreeFlyer
 
-from protocol.messages import State
-from remote_controller.controllers.controller import STATUS
+from hoap3.protocol.messages import State
+from hoap3.remote_controller.controllers.controller import STATUS
 
 SCALES = ["inverse_sqrt_n", "one", "max_norm"]
 

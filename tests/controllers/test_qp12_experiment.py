@@ -13,9 +13,9 @@ import pytest
 from com_runs import HOAP3, Run, controller_for, run
 from controller_cases import Body
 
-from remote_controller.controllers.controller import STATUS
-from tools.reproduce.papers.qp12 import reference
-from tools.reproduce.papers.qp12.reference import Law
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.tools.reproduce.papers.qp12 import reference
+from hoap3.tools.reproduce.papers.qp12.reference import Law
 
 SCALES = {**reference.SCALES, "M": "max_norm"}
 NAMES = HOAP3.joint_names

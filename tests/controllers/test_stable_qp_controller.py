@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from stable_runs import run, settings
 
-from protocol.errors import ConfigError, UnknownNameError
-from protocol.messages import State
-from protocol.settings import parse
-from remote_controller.config import (
+from hoap3.protocol.errors import ConfigError, UnknownNameError
+from hoap3.protocol.messages import State
+from hoap3.protocol.settings import parse
+from hoap3.remote_controller.config import (
     ControllerConfig,
     available_configs,
     build,
     check_parameters,
     read_config,
 )
-from remote_controller.kinematics import Kinematics
-from robot_emulator.robots import load
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.robot_emulator.robots import load
 
 STABLE = [name for name in available_configs() if read_config(name)[0]["controller"] == "stable_qp"]
 OUTSIDE = (0.01, 0.07, 0.2869)  # m: beyond the left edge of the right sole

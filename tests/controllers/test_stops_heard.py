@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 from loop_bench import SESSION, Wanderer
 
-from protocol.clock import VirtualClock
-from protocol.messages import Event
-from protocol.recorder import MemoryRecorder
-from protocol.ring import Kind
-from remote_controller.loop import ControllerLoop
+from hoap3.protocol.clock import VirtualClock
+from hoap3.protocol.messages import Event
+from hoap3.protocol.recorder import MemoryRecorder
+from hoap3.protocol.ring import Kind
+from hoap3.remote_controller.loop import ControllerLoop
 
 CONSTANTS = Event.schema.constants
 STOP = CONSTANTS["SAFE_STOP"]

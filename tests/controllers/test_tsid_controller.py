@@ -6,13 +6,19 @@ import numpy as np
 import pytest
 from tsid_runs import ACCELERATIONS, EXACT, baxter, exact_motion, tsid
 
-from protocol.dynamics import Dynamics
-from protocol.errors import ConfigError
-from protocol.messages import COMMANDS, State
-from protocol.recorder import MemoryRecorder
-from remote_controller.controllers.controller import STATUS
-from remote_controller.dynamics import FrameDynamics
-from tools.simulate import Lockstep, Simulation, controller_settings, emulator_settings, simulate
+from hoap3.protocol.dynamics import Dynamics
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import COMMANDS, State
+from hoap3.protocol.recorder import MemoryRecorder
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.dynamics import FrameDynamics
+from hoap3.tools.simulate import (
+    Lockstep,
+    Simulation,
+    controller_settings,
+    emulator_settings,
+    simulate,
+)
 
 E1 = 3  # the elbow
 T = 1e-3

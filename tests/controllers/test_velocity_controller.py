@@ -9,11 +9,11 @@ from controller_cases import one_joint_arm
 from free_flyer import FreeFlyer
 from small_arm import arm
 
-from protocol.description import RobotDescription
-from protocol.errors import BadProblemError, ConfigError
-from protocol.messages import FloatArray, State
-from remote_controller.controllers.controller import STATUS, VelocityController
-from robot_emulator.safety import Reference
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import BadProblemError, ConfigError
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.controllers.controller import STATUS, VelocityController
+from hoap3.robot_emulator.safety import Reference
 
 LAWS = [("qp12", {}), ("qp12", {"gamma": 1.0}), ("pinv", {}), ("pinv", {"law": "plain"})]
 each_law = pytest.mark.parametrize(("name", "law"), LAWS, ids=str)

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from protocol.description import CommandKind, RobotDescription
-from protocol.messages import FloatArray, State
-from protocol.settings import parse
-from remote_controller.config import ControllerConfig, build, read_config
-from remote_controller.controllers.tsid import TsidController
-from robot_emulator.robots import load
+from hoap3.protocol.description import CommandKind, RobotDescription
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.settings import parse
+from hoap3.remote_controller.config import ControllerConfig, build, read_config
+from hoap3.remote_controller.controllers.tsid import TsidController
+from hoap3.robot_emulator.robots import load
 
 EXACT = {
     "acceleration_share": 1.0,

@@ -11,15 +11,15 @@ import pytest
 import yaml
 from pages import HOUSE, blocks, page, table
 
-from remote_controller.constraints import registry as constraints
-from remote_controller.constraints.constraint import Constraint
-from remote_controller.controllers.controller import STATUS
-from remote_controller.controllers.stable_qp import StableQpController
-from remote_controller.solvers import stable_qp, status
-from remote_controller.solvers.descent_rate import FORMS
-from remote_controller.tasks import status as task_status
-from robot_emulator.robots import load
-from tools.simulate import simulate
+from hoap3.remote_controller.constraints import registry as constraints
+from hoap3.remote_controller.constraints.constraint import Constraint
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.controllers.stable_qp import StableQpController
+from hoap3.remote_controller.solvers import stable_qp, status
+from hoap3.remote_controller.solvers.descent_rate import FORMS
+from hoap3.remote_controller.tasks import status as task_status
+from hoap3.robot_emulator.robots import load
+from hoap3.tools.simulate import simulate
 
 PAGE = "choosing.md"
 FOLDER = HOUSE / "docs" / "pictures"
@@ -57,7 +57,7 @@ def minimal(name: str) -> Constraint:
         if entry["constraint"] == name
     ]
     robot = load("hoap3")
-    from remote_controller.kinematics import Kinematics
+    from hoap3.remote_controller.kinematics import Kinematics
 
     settings = [constraints.ConstraintSettings.model_validate(entries[-1])]
     stack = constraints.build(settings, robot, Kinematics(robot), robot.period_s)

@@ -7,10 +7,10 @@ import re
 import pytest
 from pages import prose, table
 
-from tools.bench.timing import SETTLE
-from tools.compare.answers import MOST_TIMED
-from tools.compare.comparison import DURATION_S, ROBOT, SEED, compare
-from tools.compare.figures import LEAST_MARGIN, WORDS, value
+from hoap3.tools.bench.timing import SETTLE
+from hoap3.tools.compare.answers import MOST_TIMED
+from hoap3.tools.compare.comparison import DURATION_S, ROBOT, SEED, compare
+from hoap3.tools.compare.figures import LEAST_MARGIN, WORDS, value
 
 PAGE = "compare.md"
 EXAMPLE = [

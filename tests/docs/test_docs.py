@@ -11,14 +11,14 @@ import pytest
 from pages import HOUSE, NAMES, Block, anchors, blocks, links, page, prose, spans, table
 from story import Story, check, hoap3, subcommands
 
-from protocol.errors import Hoap3Error
-from protocol.messages import Setpoint
-from protocol.ring import Kind
-from robot_emulator.inbox import REJECTION_KINDS
-from robot_emulator.robots.yaml_file import DefaultTaskEntry, JointEntry, RobotFile, SoleEntry
-from tools.log_format import TOPICS
-from tools.machine import machine_block
-from tools.statistics import RunStatistics
+from hoap3.protocol.errors import Hoap3Error
+from hoap3.protocol.messages import Setpoint
+from hoap3.protocol.ring import Kind
+from hoap3.robot_emulator.inbox import REJECTION_KINDS
+from hoap3.robot_emulator.robots.yaml_file import DefaultTaskEntry, JointEntry, RobotFile, SoleEntry
+from hoap3.tools.log_format import TOPICS
+from hoap3.tools.machine import machine_block
+from hoap3.tools.statistics import RunStatistics
 
 STORIES = [
     "choosing.md",

@@ -9,7 +9,7 @@ from functools import cache
 import pytest
 from pages import HOUSE, page, prose, table
 
-from tools.reproduce.remake import papers
+from hoap3.tools.reproduce.remake import papers
 
 VERDICTS = {"same", "corrected", "not reproducible", "not built yet"}
 ROMAN = ("I", "II", "III", "IV", "V")

@@ -9,10 +9,10 @@ import pytest
 import yaml
 from pages import blocks, page
 
-from remote_controller.controllers.controller import STATUS
-from remote_controller.controllers.ghc_velocity import CONDITIONS
-from remote_controller.priorities.settings import ChangeRequest
-from tools.simulate import simulate
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.controllers.ghc_velocity import CONDITIONS
+from hoap3.remote_controller.priorities.settings import ChangeRequest
+from hoap3.tools.simulate import simulate
 
 PAGE = "priorities.md"
 FRAGMENTS = [block for block in blocks(PAGE) if block.language == "yaml" and not block.word]
@@ -41,8 +41,8 @@ def test_every_condition_is_named():
 
 
 def shipped(**parameters):
-    from protocol.settings import load_yaml
-    from remote_controller.config import CONFIGS
+    from hoap3.protocol.settings import load_yaml
+    from hoap3.remote_controller.config import CONFIGS
 
     config = copy.deepcopy(load_yaml(CONFIGS / "ghc_velocity.yaml"))
     config["parameters"].update(parameters)

@@ -10,15 +10,15 @@ import pytest
 import yaml
 from story import check
 
-from protocol.messages import State
-from remote_controller.config import CONFIGS, build
-from remote_controller.kinematics import Kinematics
-from robot_emulator.robots import load
-from robot_emulator.service import describe
-from tools.settings import json_schema
-from tools.simulate import controller_settings, emulator_settings, simulate
+from hoap3.protocol.messages import State
+from hoap3.remote_controller.config import CONFIGS, build
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.robot_emulator.robots import load
+from hoap3.robot_emulator.service import describe
+from hoap3.tools.settings import json_schema
+from hoap3.tools.simulate import controller_settings, emulator_settings, simulate
 
-ROOT = CONFIGS.parents[1]
+ROOT = CONFIGS.resolve().parents[1]
 NAMES = sorted(path.stem for path in CONFIGS.glob("*.yaml"))
 
 

@@ -7,15 +7,15 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from small_arm import PERIOD_NS, arm
 
-from protocol.clock import VirtualClock
-from protocol.description import RobotDescription
-from protocol.link import LockstepLink
-from protocol.messages import COMMANDS, Event, Setpoint, State
-from protocol.realtime import Ticker
-from protocol.recorder import MemoryRecorder
-from protocol.ring import Kind
-from robot_emulator.config import EmulatorConfig
-from robot_emulator.loop import RobotLoop
+from hoap3.protocol.clock import VirtualClock
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.link import LockstepLink
+from hoap3.protocol.messages import COMMANDS, Event, Setpoint, State
+from hoap3.protocol.realtime import Ticker
+from hoap3.protocol.recorder import MemoryRecorder
+from hoap3.protocol.ring import Kind
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.loop import RobotLoop
 
 SESSION = 7
 EVENT_NAMES = {

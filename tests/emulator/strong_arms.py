@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import arm3
 
-from protocol.description import CommandKind, RobotDescription
-from robot_emulator.robots import load
+from hoap3.protocol.description import CommandKind, RobotDescription
+from hoap3.robot_emulator.robots import load
 
 
 def small(kind: CommandKind, gravity: str = "full", **changes: object) -> RobotDescription:

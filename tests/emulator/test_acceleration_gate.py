@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from strong_arms import small, strong
 
-from protocol.description import CommandKind, RobotDescription
-from protocol.limits import acceleration_bounds
-from robot_emulator.acceleration_safety import REST, TORQUE_MARGIN, AccelerationGate
-from robot_emulator.body import build_body
-from robot_emulator.config import EmulatorConfig
-from robot_emulator.plant import Plant
-from robot_emulator.rigid_body import RigidBody
-from robot_emulator.robots import load
+from hoap3.protocol.description import CommandKind, RobotDescription
+from hoap3.protocol.limits import acceleration_bounds
+from hoap3.robot_emulator.acceleration_safety import REST, TORQUE_MARGIN, AccelerationGate
+from hoap3.robot_emulator.body import build_body
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.plant import Plant
+from hoap3.robot_emulator.rigid_body import RigidBody
+from hoap3.robot_emulator.robots import load
 
 T = 0.001
 HOLD_TICKS = 5

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from robot_bench import Bench
 from small_arm import PERIOD_NS
 
-from protocol.messages import Setpoint, State
+from hoap3.protocol.messages import Setpoint, State
 
 LEAD = PERIOD_NS // 4
 TICKS = 60

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from robot_bench import Bench
 
-from protocol.messages import State
-from robot_emulator.loop import REQUESTS_PER_TICK
+from hoap3.protocol.messages import State
+from hoap3.robot_emulator.loop import REQUESTS_PER_TICK
 
 
 def test_a_grant_holds_from_its_tick_on_and_the_second_asker_is_told_the_holder():

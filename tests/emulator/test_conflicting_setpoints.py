@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from robot_bench import Bench
 
-from protocol.messages import Setpoint
-from protocol.ring import Kind, Record
-from tools.statistics import RunStatistics
+from hoap3.protocol.messages import Setpoint
+from hoap3.protocol.ring import Kind, Record
+from hoap3.tools.statistics import RunStatistics
 
 STAMP_LIE = 10_000_000_000  # ns
 

@@ -8,14 +8,14 @@ import pytest
 from arm3 import describe as arm3
 from touching import T, arm, touching
 
-from protocol.description import RobotDescription
-from protocol.errors import ConfigError
-from protocol.model import build_model
-from protocol.settings import parse
-from robot_emulator.acceleration_safety import TORQUE_MARGIN, TorqueGate
-from robot_emulator.config import ContactSettings, EmulatorConfig
-from robot_emulator.service import describe
-from tools.simulate import simulate
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.model import build_model
+from hoap3.protocol.settings import parse
+from hoap3.robot_emulator.acceleration_safety import TORQUE_MARGIN, TorqueGate
+from hoap3.robot_emulator.config import ContactSettings, EmulatorConfig
+from hoap3.robot_emulator.service import describe
+from hoap3.tools.simulate import simulate
 
 PLANE = {"frame": "ee", "point_m": [0.0, 0.0, 0.3], "normal": [0.0, 0.0, 1.0]}
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from robot_bench import EVENT_NAMES, Bench
 
-from protocol.messages import Event
-from robot_emulator.event_limit import BURST, LIMITED, PERIOD_NS, EventLimit
-from tools.event_words import in_words
+from hoap3.protocol.messages import Event
+from hoap3.robot_emulator.event_limit import BURST, LIMITED, PERIOD_NS, EventLimit
+from hoap3.tools.event_words import in_words
 
 REFUSED = Event.schema.constants["REFUSED"]
 

@@ -7,14 +7,14 @@ import pytest
 from robot_bench import Bench
 from strong_arms import small
 
-from protocol.description import CommandKind
-from protocol.dynamics import Dynamics
-from protocol.errors import ConfigError
-from protocol.messages import COMMANDS, State
-from protocol.settings import parse
-from robot_emulator.config import EmulatorConfig
-from robot_emulator.robots import load
-from robot_emulator.service import describe
+from hoap3.protocol.description import CommandKind
+from hoap3.protocol.dynamics import Dynamics
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import COMMANDS, State
+from hoap3.protocol.settings import parse
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.robots import load
+from hoap3.robot_emulator.service import describe
 
 KINDS: tuple[CommandKind, ...] = ("acceleration", "torque")
 

@@ -9,8 +9,8 @@ import pytest
 from robot_bench import Bench
 from small_arm import arm
 
-from protocol.messages import State
-from robot_emulator.safety import Reference
+from hoap3.protocol.messages import State
+from hoap3.robot_emulator.safety import Reference
 
 T = 1e-3
 

@@ -6,10 +6,10 @@ import pytest
 from arm3 import YAML, write
 from strong_arms import small
 
-from protocol.errors import DescriptionError
-from robot_emulator.body import build_body
-from robot_emulator.config import EmulatorConfig
-from tools.settings import checked
+from hoap3.protocol.errors import DescriptionError
+from hoap3.robot_emulator.body import build_body
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.tools.settings import checked
 
 FAST = """command_kinds: [position, torque]
 brake_acceleration: 20000.0

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from small_arm import arm
 
-from protocol.errors import DescriptionError
-from robot_emulator.config import PlantSettings
-from robot_emulator.plant import PositionServo
-from robot_emulator.robots import load
+from hoap3.protocol.errors import DescriptionError
+from hoap3.robot_emulator.config import PlantSettings
+from hoap3.robot_emulator.plant import PositionServo
+from hoap3.robot_emulator.robots import load
 
 DT = 1e-3
 START = np.array([0.1, -0.2, 0.3])

@@ -10,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from strong_arms import small, strong
 
-from protocol.description import RobotDescription
-from protocol.dynamics import Dynamics
-from protocol.errors import DescriptionError
-from robot_emulator.acceleration_servo import AccelerationServo
-from robot_emulator.config import PlantSettings
-from robot_emulator.rigid_body import SLIDING, RigidBody
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.dynamics import Dynamics
+from hoap3.protocol.errors import DescriptionError
+from hoap3.robot_emulator.acceleration_servo import AccelerationServo
+from hoap3.robot_emulator.config import PlantSettings
+from hoap3.robot_emulator.rigid_body import SLIDING, RigidBody
 
 T = 0.001
 FRICTIONLESS = {"friction": False}

@@ -9,8 +9,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from small_arm import arm
 
-from protocol.description import RobotDescription
-from robot_emulator.safety import Reference
+from hoap3.protocol.description import RobotDescription
+from hoap3.robot_emulator.safety import Reference
 
 DT = 1e-3
 ULP = np.finfo(float).eps

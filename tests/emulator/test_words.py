@@ -7,7 +7,7 @@ import pytest
 from robot_bench import Bench
 from small_arm import PERIOD_NS
 
-from protocol.messages import State
+from hoap3.protocol.messages import State
 
 US = 1000
 

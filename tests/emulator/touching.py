@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from arm3 import joint
 
-from protocol.description import RobotDescription
-from robot_emulator.config import PlantSettings
-from robot_emulator.rigid_body import RigidBody
-from robot_emulator.robots import load
+from hoap3.protocol.description import RobotDescription
+from hoap3.robot_emulator.config import PlantSettings
+from hoap3.robot_emulator.rigid_body import RigidBody
+from hoap3.robot_emulator.robots import load
 
 T = 0.001
 AXES = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}

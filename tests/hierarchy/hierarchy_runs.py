@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.messages import State
-from protocol.settings import parse
-from remote_controller.config import ControllerConfig, build, read_config
-from robot_emulator.config import EmulatorConfig
-from robot_emulator.service import describe
-from tools.simulate import emulator_content
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import State
+from hoap3.protocol.settings import parse
+from hoap3.remote_controller.config import ControllerConfig, build, read_config
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.service import describe
+from hoap3.tools.simulate import emulator_content
 
 PLACES = {"lwr": "lwr_weightless", "humanoid32": "humanoid32_torque"}  # emulator configs
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hierarchy_runs import content, made, state_of
 
-from remote_controller.hierarchy.force import Press
-from remote_controller.hierarchy.settings import ForceSettings
-from tools.simulate import simulate
+from hoap3.remote_controller.hierarchy.force import Press
+from hoap3.remote_controller.hierarchy.settings import ForceSettings
+from hoap3.tools.simulate import simulate
 
 UP = np.array([0.0, 0.0, 1.0])
 T = 1e-3

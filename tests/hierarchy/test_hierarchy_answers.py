@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from hierarchy_runs import made, robot, state_of, states
 
-from protocol.errors import SolverError
-from remote_controller.controllers.controller import STATUS
-from remote_controller.controllers.hierarchy import CONDITIONS
-from remote_controller.controllers.hqp import levels_of
-from remote_controller.solvers.lqp import lqp
+from hoap3.protocol.errors import SolverError
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.controllers.hierarchy import CONDITIONS
+from hoap3.remote_controller.controllers.hqp import levels_of
+from hoap3.remote_controller.solvers.lqp import lqp
 
 FREE = {"kind": "none", "torque_max": [1e4]}
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hierarchy_runs import made, robot, state_of, states
 
-from remote_controller.controllers.controller import STATUS
-from remote_controller.controllers.hierarchy import CONDITIONS
-from remote_controller.solvers import ghc
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.controllers.hierarchy import CONDITIONS
+from hoap3.remote_controller.solvers import ghc
 
 FREE = {"kind": "none", "torque_max": [1e4]}
 STILL = np.zeros(7)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hierarchy_runs import content, made, robot, state_of
 
-from remote_controller.controllers.controller import STATUS
-from remote_controller.controllers.hierarchy import CONDITIONS
-from tools.certificate_count import CertificateCount, in_a_line
-from tools.simulate import Simulation, simulate
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.controllers.hierarchy import CONDITIONS
+from hoap3.tools.certificate_count import CertificateCount, in_a_line
+from hoap3.tools.simulate import Simulation, simulate
 
 T = 1e-3
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from hierarchy_runs import content, made, robot
 
-from protocol.errors import ConfigError
-from protocol.settings import parse
-from remote_controller.config import ControllerConfig, check_parameters
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.settings import parse
+from hoap3.remote_controller.config import ControllerConfig, check_parameters
 
 HAND = {"name": "hand", "kind": "position", "frame": "ee"}
 PRESS = {"kind": "force", "name": "press", "frame": "ee", "normal": [0.0, 0.0, 1.0], "force_n": 5.0}

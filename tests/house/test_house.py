@@ -37,14 +37,19 @@ def imported(path: Path) -> set[str]:
 def test_imports_only_go_down():
     for path in SOURCES:
         room = path.relative_to(HOUSE).parts[0]
-        rooms = {name.split(".")[0] for name in imported(path)} & set(MAY_IMPORT)
-        assert rooms <= MAY_IMPORT[room], path
+        names = [name.split(".") for name in imported(path)]
+        assert not {name[0] for name in names} & set(MAY_IMPORT), path  # always as `hoap3.…`
+        assert {name[1] for name in names if name[0] == "hoap3"} <= MAY_IMPORT[room], path
 
 
 def test_solvers_know_arrays_only():
-    allowed = ("protocol.errors", "protocol.compilation", "remote_controller.solvers")
+    allowed = (
+        "hoap3.protocol.errors",
+        "hoap3.protocol.compilation",
+        "hoap3.remote_controller.solvers",
+    )
     for path in sorted((HOUSE / "remote_controller" / "solvers").glob("*.py")):
-        ours = {name for name in imported(path) if name.split(".")[0] in MAY_IMPORT}
+        ours = {name for name in imported(path) if name.split(".")[0] == "hoap3"}
         assert all(name.startswith(allowed) for name in ours), path
 
 
@@ -72,12 +77,13 @@ def test_files_stay_within_600_lines(path):
 @pytest.mark.parametrize(
     ("module", "absent"),
     [
-        ("protocol", ("pinocchio", "numba", "zenoh")),
-        ("protocol.messages", ("pinocchio", "numba", "zenoh")),
-        ("remote_controller.solvers", ("zenoh", "pinocchio")),
-        ("remote_controller.config", ("numba", "zenoh", "pinocchio")),
-        ("robot_emulator.service", ("numba", "zenoh", "pinocchio")),
-        ("tools.cli", ("numba", "zenoh", "pinocchio", "pydantic")),
+        ("hoap3", ("pinocchio", "numba", "zenoh", "matplotlib")),
+        ("hoap3.protocol", ("pinocchio", "numba", "zenoh")),
+        ("hoap3.protocol.messages", ("pinocchio", "numba", "zenoh")),
+        ("hoap3.remote_controller.solvers", ("zenoh", "pinocchio")),
+        ("hoap3.remote_controller.config", ("numba", "zenoh", "pinocchio")),
+        ("hoap3.robot_emulator.service", ("numba", "zenoh", "pinocchio")),
+        ("hoap3.tools.cli", ("numba", "zenoh", "pinocchio", "pydantic")),
     ],
 )
 def test_importing_stays_light(module, absent):
@@ -86,10 +92,21 @@ def test_importing_stays_light(module, absent):
     assert done.stdout.split() == []
 
 
+def test_the_front_door_has_every_error_and_opens_on_all_that_it_names():
+    import hoap3
+    from hoap3.protocol import errors
+
+    ours = {name for name, each in vars(errors).items() if isinstance(each, type)}
+    assert {name for name in ours if name.endswith("Error")} <= set(hoap3.__all__)
+    assert {"Controller", "VelocityController", "Settings", "RobotDescription"} <= set(dir(hoap3))
+    assert all(getattr(hoap3, name) is not None for name in hoap3.__all__)
+    with pytest.raises(AttributeError, match="no_such_name"):
+        hoap3.no_such_name  # noqa: B018
+
+
 def test_the_public_interface_stays_put():
-    from remote_controller import solvers
-    from robot_emulator.robots import load
-    from tools.simulate import simulate
+    from hoap3 import load_robot as load
+    from hoap3 import simulate, solvers
 
     assert set(solvers.__all__) == {
         *("BoundedQp12", "DescentRate", "LpNorm", "Pinv", "Qp12", "StableQp"),
@@ -155,7 +172,9 @@ def test_the_wheel_is_told_of_every_data_file():
     patterns = listed["tool"]["setuptools"]["package-data"]
     for room in MAY_IMPORT:
         known = {
-            path for pattern in patterns.get(room, []) for path in (HOUSE / room).glob(pattern)
+            path
+            for pattern in patterns.get(f"hoap3.{room}", [])
+            for path in (HOUSE / room).glob(pattern)
         }
         data = {
             path

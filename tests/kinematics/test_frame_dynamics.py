@@ -6,17 +6,17 @@ import numpy as np
 import pinocchio
 import pytest
 
-from protocol.dynamics import Dynamics
-from protocol.errors import FrameNotFoundError
-from remote_controller.controllers.tsid_kernels import aim, rotation_of
-from remote_controller.dynamics import (
+from hoap3.protocol.dynamics import Dynamics
+from hoap3.protocol.errors import FrameNotFoundError
+from hoap3.remote_controller.controllers.tsid_kernels import aim, rotation_of
+from hoap3.remote_controller.dynamics import (
     POSE,
     POSITION,
     FrameDynamics,
     FrameRows,
     FramesDynamics,
 )
-from robot_emulator.robots import load
+from hoap3.robot_emulator.robots import load
 
 ROBOTS = [
     ("baxter_left_arm", "left_gripper"),

@@ -11,10 +11,10 @@ from arm3 import describe
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from protocol.description import RobotDescription
-from protocol.messages import FloatArray
-from remote_controller.kinematics import Kinematics
-from robot_emulator.robots import load
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.robot_emulator.robots import load
 
 HOAP3, ARM = load("hoap3"), describe()
 PAIRS = [

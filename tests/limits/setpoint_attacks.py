@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocol.messages import FloatArray
-from robot_emulator.filter_kernels import filter_setpoint
+from hoap3.protocol.messages import FloatArray
+from hoap3.robot_emulator.filter_kernels import filter_setpoint
 
 N, T = 7, 1e-3
 

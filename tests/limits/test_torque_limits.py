@@ -12,13 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_trees import random_tree
 
-from protocol import torque_limits_kernels as kernels
-from protocol.errors import BadProblemError
-from protocol.model import RobotModel, build_model
-from protocol.torque_limits import BATCH
-from protocol.tree import build_tree
-from remote_controller.bounds import torque_acceleration_bounds
-from robot_emulator.robots import available, load
+from hoap3.protocol import torque_limits_kernels as kernels
+from hoap3.protocol.errors import BadProblemError
+from hoap3.protocol.model import RobotModel, build_model
+from hoap3.protocol.torque_limits import BATCH
+from hoap3.protocol.tree import build_tree
+from hoap3.remote_controller.bounds import torque_acceleration_bounds
+from hoap3.robot_emulator.robots import available, load
 
 SEEDS = st.integers(0, 2**32 - 1)
 every = pytest.mark.parametrize("name", available())

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from protocol.messages import FloatArray
+from hoap3.protocol.messages import FloatArray
 
 
 @dataclass

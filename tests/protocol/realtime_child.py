@@ -12,8 +12,8 @@ import os
 import resource
 import sys
 
-from protocol.realtime import claim_cpu, prepare_process
-from protocol.settings import RealtimeSettings
+from hoap3.protocol.realtime import claim_cpu, prepare_process
+from hoap3.protocol.settings import RealtimeSettings
 
 
 def become(user: str) -> None:

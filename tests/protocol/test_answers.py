@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from small_arm import arm
 
-from protocol.answers import (
+from hoap3.protocol.answers import (
     MAX_ANSWER_BYTES,
     MAX_CONTROL_BYTES,
     ControlAnswer,
@@ -24,7 +24,7 @@ from protocol.answers import (
     parse_answer,
     parse_description,
 )
-from protocol.errors import WireError
+from hoap3.protocol.errors import WireError
 
 MODELS = {
     "status": Status,

@@ -17,16 +17,16 @@ import zenoh
 from loopback import Network, eventually, free_endpoint
 from small_arm import arm
 
-from protocol import zenoh_link
-from protocol.clock import VirtualClock
-from protocol.messages import Event
-from protocol.realtime import Ticker
-from protocol.recorder import MemoryRecorder
-from protocol.ring import Kind
-from protocol.settings import LinkSettings
-from protocol.zenoh_link import MAX_CLIENTS, key, open_session
-from robot_emulator.config import EmulatorConfig
-from robot_emulator.loop import EVENTS, REQUESTS_PER_TICK, RobotLoop
+from hoap3.protocol import zenoh_link
+from hoap3.protocol.clock import VirtualClock
+from hoap3.protocol.messages import Event
+from hoap3.protocol.realtime import Ticker
+from hoap3.protocol.recorder import MemoryRecorder
+from hoap3.protocol.ring import Kind
+from hoap3.protocol.settings import LinkSettings
+from hoap3.protocol.zenoh_link import MAX_CLIENTS, key, open_session
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.loop import EVENTS, REQUESTS_PER_TICK, RobotLoop
 
 LEASE_TICKS = LinkSettings().lease_ms
 WAITING = 40  # requests in front of another; the robot's queue takes 64

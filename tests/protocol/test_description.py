@@ -13,8 +13,8 @@ from arm3 import URDF, describe, joint
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.description import MAX_BYTES, Joint, RobotDescription, Sole
-from protocol.errors import DescriptionError
+from hoap3.protocol.description import MAX_BYTES, Joint, RobotDescription, Sole
+from hoap3.protocol.errors import DescriptionError
 
 SQUARE = ((0.1, 0.1), (-0.1, 0.1), (-0.1, -0.1), (0.1, -0.1))
 NAMES = ("shoulder", "elbow", "wrist")
@@ -260,7 +260,7 @@ def test_size_is_checked_before_anything_is_read():
         RobotDescription.from_json(describe().to_json() + padding + b" ")
 
 
-@pytest.mark.parametrize("module", ["protocol.description", "protocol.model"])
+@pytest.mark.parametrize("module", ["hoap3.protocol.description", "hoap3.protocol.model"])
 def test_importing_is_cheap(module):
     code = (
         f"import sys, {module}\n"

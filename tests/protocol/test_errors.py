@@ -6,8 +6,8 @@ import inspect
 
 import pytest
 
-from protocol import errors
-from protocol.errors import (
+from hoap3.protocol import errors
+from hoap3.protocol.errors import (
     AuthorityError,
     ConfigError,
     FrameNotFoundError,

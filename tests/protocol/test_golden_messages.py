@@ -14,7 +14,7 @@ from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from protocol.messages import Event, Message, Setpoint, State
+from hoap3.protocol.messages import Event, Message, Setpoint, State
 
 CLASSES: dict[str, type[Message]] = {"State": State, "Setpoint": Setpoint, "Event": Event}
 DOUBLES = st.floats(width=64)

@@ -9,14 +9,14 @@ import pytest
 from loopback import Network, eventually, known, next_state
 from small_arm import arm
 
-from protocol.clock import VirtualClock
-from protocol.messages import Event, Setpoint, State
-from protocol.realtime import Ticker
-from protocol.recorder import MemoryRecorder
-from protocol.settings import LinkSettings
-from protocol.zenoh_link import key, open_session
-from robot_emulator.config import EmulatorConfig
-from robot_emulator.loop import EVENTS, RobotLoop
+from hoap3.protocol.clock import VirtualClock
+from hoap3.protocol.messages import Event, Setpoint, State
+from hoap3.protocol.realtime import Ticker
+from hoap3.protocol.recorder import MemoryRecorder
+from hoap3.protocol.settings import LinkSettings
+from hoap3.protocol.zenoh_link import key, open_session
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.loop import EVENTS, RobotLoop
 
 CONFLICT = EVENTS["CONFLICTING_SETPOINTS"]
 SESSION = 7

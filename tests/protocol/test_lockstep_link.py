@@ -5,8 +5,8 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.clock import VirtualClock
-from protocol.link import LockstepLink
+from hoap3.protocol.clock import VirtualClock
+from hoap3.protocol.link import LockstepLink
 
 
 def numbers(arrivals) -> list[bytes]:

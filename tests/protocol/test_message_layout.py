@@ -12,9 +12,9 @@ from cdr_by_hand import EXAMPLES, FIELDS, golden
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol import messages
-from protocol.errors import WireError
-from protocol.messages import Event, Message, Setpoint, State
+from hoap3.protocol import messages
+from hoap3.protocol.errors import WireError
+from hoap3.protocol.messages import Event, Message, Setpoint, State
 
 MAKERS = {
     "State": lambda n: State(n, 6),

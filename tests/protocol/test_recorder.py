@@ -7,14 +7,14 @@ from collections.abc import Iterator
 
 import pytest
 
-from protocol.errors import Hoap3Error
-from protocol.recorder import (
+from hoap3.protocol.errors import Hoap3Error
+from hoap3.protocol.recorder import (
     MemoryRecorder,
     NoRecorder,
     PatientRecorder,
     RingRecorder,
 )
-from protocol.ring import Kind, Record, Ring
+from hoap3.protocol.ring import Kind, Record, Ring
 
 
 @pytest.fixture

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.errors import Hoap3Error
-from protocol.messages import Event, Setpoint, State
-from protocol.ring import Kind, Record, Ring
+from hoap3.protocol.errors import Hoap3Error
+from hoap3.protocol.messages import Event, Setpoint, State
+from hoap3.protocol.ring import Kind, Record, Ring
 
 SLOTS, SLOT_BYTES = 5, 64
 CAPACITY = SLOT_BYTES - 32  # bytes of payload that a slot holds

@@ -9,8 +9,8 @@ import pinocchio as pin
 import pytest
 from arm3 import URDF, describe, joint
 
-from protocol.errors import DescriptionError, FrameNotFoundError
-from protocol.model import RobotModel, build_model
+from hoap3.protocol.errors import DescriptionError, FrameNotFoundError
+from hoap3.protocol.model import RobotModel, build_model
 
 HEAVY_BASE = URDF.replace(
     '<link name="base"/>',

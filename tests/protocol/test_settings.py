@@ -11,9 +11,9 @@ import pytest
 import yaml
 from pydantic import Field, ValidationError, field_validator
 
-from protocol import yaml_text
-from protocol.errors import ConfigError
-from protocol.settings import (
+from hoap3.protocol import yaml_text
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.settings import (
     MAX_CONFIG_BYTES,
     LinkSettings,
     LogSettings,

@@ -6,7 +6,7 @@ import threading
 
 from loopback import PATIENCE_S
 
-from remote_controller.silence import SilenceWatch
+from hoap3.remote_controller.silence import SilenceWatch
 
 SOON_S = 0.02
 

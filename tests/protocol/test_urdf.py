@@ -7,8 +7,8 @@ import re
 import pytest
 from arm3 import URDF
 
-from protocol.errors import DescriptionError
-from protocol.urdf import MAX_BYTES, read_urdf
+from hoap3.protocol.errors import DescriptionError
+from hoap3.protocol.urdf import MAX_BYTES, read_urdf
 
 BOX = '<box size="0.3 0.06 0.06"/>'
 SHOULDER = '<joint name="shoulder" type="revolute">'

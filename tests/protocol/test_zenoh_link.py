@@ -26,11 +26,11 @@ from loopback import (
     token_seen,
 )
 
-from protocol import zenoh_link
-from protocol.errors import LinkError, NameTakenError, PortInUseError
-from protocol.link import Request
-from protocol.settings import LinkSettings
-from protocol.zenoh_link import (
+from hoap3.protocol import zenoh_link
+from hoap3.protocol.errors import LinkError, NameTakenError, PortInUseError
+from hoap3.protocol.link import Request
+from hoap3.protocol.settings import LinkSettings
+from hoap3.protocol.zenoh_link import (
     FRESH_S,
     ZenohControllerLink,
     ZenohRobotLink,

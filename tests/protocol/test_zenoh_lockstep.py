@@ -8,14 +8,14 @@ from contextlib import closing
 import pytest
 from loopback import PATIENCE_S, Network, eventually, free_endpoint, known, next_state, token_seen
 
-from protocol import zenoh_lockstep
-from protocol.clock import VirtualClock
-from protocol.errors import LinkError
-from protocol.local_control import LocalControl, local_robots
-from protocol.messages import Event, Setpoint, State
-from protocol.settings import LinkSettings
-from protocol.zenoh_link import ZenohControllerLink, key
-from protocol.zenoh_lockstep import ZenohLockstepLink
+from hoap3.protocol import zenoh_lockstep
+from hoap3.protocol.clock import VirtualClock
+from hoap3.protocol.errors import LinkError
+from hoap3.protocol.local_control import LocalControl, local_robots
+from hoap3.protocol.messages import Event, Setpoint, State
+from hoap3.protocol.settings import LinkSettings
+from hoap3.protocol.zenoh_link import ZenohControllerLink, key
+from hoap3.protocol.zenoh_lockstep import ZenohLockstepLink
 
 COMPUTE_TIME = 300_000
 

@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from protocol.model import build_model
-from robot_emulator.robots import load
+from hoap3.protocol.model import build_model
+from hoap3.robot_emulator.robots import load
 
 # Joint, parent, child, origin [m], axis, allowable range [deg], average and peak torque [N m],
 # encoder scale [1/deg]: Fujitsu's manual of 2004, tables 6.1-2, 6.3-1 and 6.5-1.

@@ -11,12 +11,12 @@ import pytest
 import yaml
 from arm3 import URDF, YAML, describe, write
 
-import robot_emulator.robots
-from protocol.errors import ConfigError, DescriptionError, UnknownNameError
-from protocol.model import build_model
-from robot_emulator.robots import available, load
+import hoap3.robot_emulator.robots
+from hoap3.protocol.errors import ConfigError, DescriptionError, UnknownNameError
+from hoap3.protocol.model import build_model
+from hoap3.robot_emulator.robots import available, load
 
-SHIPPED = Path(robot_emulator.robots.__file__).parent / "hoap3"
+SHIPPED = Path(hoap3.robot_emulator.robots.__file__).parent / "hoap3"
 
 
 def test_minimal_arm_outside_the_repository(tmp_path):

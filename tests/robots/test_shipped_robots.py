@@ -11,9 +11,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from protocol.description import RobotDescription
-from protocol.model import RobotModel, build_model
-from robot_emulator.robots import available, load
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.model import RobotModel, build_model
+from hoap3.robot_emulator.robots import available, load
 
 X, Y, Z = np.eye(3)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import quadprog
 
-from remote_controller.solvers import generalized_projector
+from hoap3.remote_controller.solvers import generalized_projector
 
 LEAST = -np.inf
 

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from protocol.errors import BadProblemError, InfeasibleError
-from remote_controller.solvers import qp12
-from remote_controller.solvers.bounded_qp12 import BoundedQp12, qp12_bounded
-from remote_controller.solvers.bounded_qp12_kernels import (
+from hoap3.protocol.errors import BadProblemError, InfeasibleError
+from hoap3.remote_controller.solvers import qp12
+from hoap3.remote_controller.solvers.bounded_qp12 import BoundedQp12, qp12_bounded
+from hoap3.remote_controller.solvers.bounded_qp12_kernels import (
     bounded_residual_kernel,
     box_rho_kernel,
     work_shape,

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from protocol.errors import BadProblemError, UnknownNameError
-from remote_controller.controllers.descent_kernels import qp12_descent
-from remote_controller.solvers import descent_rate_kernels, qp12
-from remote_controller.solvers.descent_rate import FORMS, DescentRate
+from hoap3.protocol.errors import BadProblemError, UnknownNameError
+from hoap3.remote_controller.controllers.descent_kernels import qp12_descent
+from hoap3.remote_controller.solvers import descent_rate_kernels, qp12
+from hoap3.remote_controller.solvers.descent_rate import FORMS, DescentRate
 
 Array = NDArray[np.float64]
 gradients = arrays(

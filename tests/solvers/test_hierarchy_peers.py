@@ -9,10 +9,10 @@ import pytest
 import quadprog
 from hierarchy_problems import hierarchy, violation
 
-from protocol.errors import BadProblemError, InfeasibleError, SolverError
-from remote_controller.solvers import ghc, hqp, lqp, weighted
-from remote_controller.solvers.lqp import PlainLqp, friction_rows
-from remote_controller.solvers.stacked import stacked
+from hoap3.protocol.errors import BadProblemError, InfeasibleError, SolverError
+from hoap3.remote_controller.solvers import ghc, hqp, lqp, weighted
+from hoap3.remote_controller.solvers.lqp import PlainLqp, friction_rows
+from hoap3.remote_controller.solvers.stacked import stacked
 
 
 def test_the_plain_program_equals_the_condensed_one():

@@ -16,11 +16,11 @@ import numba
 import numpy as np
 import pytest
 
-from protocol import compilation
+from hoap3.protocol import compilation
 
-HOUSE = Path(compilation.__file__).parents[1]
+HOUSE = Path(compilation.__file__).resolve().parents[1]
 TINY = """
-from protocol.compilation import inlined, kernel
+from hoap3.protocol.compilation import inlined, kernel
 
 @inlined
 def twice(x):
@@ -31,8 +31,8 @@ def quadruple(x):
     return twice(twice(x))
 """
 PROBE = """
-from protocol import compilation
-from remote_controller.solvers import qp12
+from hoap3.protocol import compilation
+from hoap3.remote_controller.solvers import qp12
 print(compilation.CACHE_DIRECTORY)
 print(*qp12([2.0, -1.0], 1.0, 0.0))
 """
@@ -76,11 +76,11 @@ def unseen_sources(text: str) -> set[str]:
         node = pending.pop()
         if isinstance(node, ast.ImportFrom):
             module = node.module or ""
-            covered = module.endswith(("_kernels", ".status", "protocol.compilation"))
-            if module.split(".")[0] in compilation.ROOMS and not covered:
+            covered = module.endswith(("_kernels", ".status", "hoap3.protocol.compilation"))
+            if module.split(".")[0] == "hoap3" and not covered:
                 imported.update(alias.asname or alias.name for alias in node.names)
         elif isinstance(node, ast.Import):
-            imported.update(a.name for a in node.names if a.name.split(".")[0] in compilation.ROOMS)
+            imported.update(a.name for a in node.names if a.name.split(".")[0] == "hoap3")
         elif isinstance(node, ast.Name):
             computed.add(node.id)
         pending += [
@@ -193,7 +193,7 @@ class TestFingerprint:
                 assert not unseen_sources(path.read_text()), path
 
     def test_would_miss_a_constant_from_elsewhere(self) -> None:
-        line = "from tools.constants import LIMIT\n"
+        line = "from hoap3.tools.constants import LIMIT\n"
         assert unseen_sources(line + "def f(x):\n    return x + LIMIT") == {"LIMIT"}
         assert not unseen_sources(line + "def f(x: LIMIT) -> LIMIT:\n    return x")
 

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.errors import BadProblemError, InfeasibleError
-from remote_controller.solvers import qp12
-from remote_controller.solvers.osqp_qp12 import OsqpQp12
-from remote_controller.solvers.qp12_kernels import qp12_residual_kernel
+from hoap3.protocol.errors import BadProblemError, InfeasibleError
+from hoap3.remote_controller.solvers import qp12
+from hoap3.remote_controller.solvers.osqp_qp12 import OsqpQp12
+from hoap3.remote_controller.solvers.qp12_kernels import qp12_residual_kernel
 
 SOLVER = OsqpQp12(9)
 GAMMAS = [0.0, 0.1, 0.5, 0.9, 0.999, 1.0]

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from protocol.errors import BadProblemError, InfeasibleError
-from remote_controller.solvers import Pinv, pinv, pinv_plain, qp12
+from hoap3.protocol.errors import BadProblemError, InfeasibleError
+from hoap3.remote_controller.solvers import Pinv, pinv, pinv_plain, qp12
 
 SHAPES = [(1, 1), (1, 21), (2, 2), (3, 21), (4, 3), (6, 7), (6, 21), (6, 2), (5, 130)]
 RANK_TOLERANCE = 1e-12

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from remote_controller.solvers import product_kernels
+from hoap3.remote_controller.solvers import product_kernels
 
 SIZES = [1, 2, 3, 4, 5, 7, 8, 11, 16, 33]
 

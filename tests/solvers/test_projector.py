@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.errors import BadProblemError
-from remote_controller.solvers import generalized_projector, projected_sum
-from remote_controller.solvers.projectors_compared import (
+from hoap3.protocol.errors import BadProblemError
+from hoap3.remote_controller.solvers import generalized_projector, projected_sum
+from hoap3.remote_controller.solvers.projectors_compared import (
     activated_null_space,
     damped_null_space,
     summed_null_space,

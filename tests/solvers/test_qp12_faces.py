@@ -10,9 +10,9 @@ import sys
 import numpy as np
 import pytest
 
-from protocol.errors import BadProblemError, InfeasibleError
-from remote_controller.solvers import Qp12, qp12
-from remote_controller.solvers.status import (
+from hoap3.protocol.errors import BadProblemError, InfeasibleError
+from hoap3.remote_controller.solvers import Qp12, qp12
+from hoap3.remote_controller.solvers.status import (
     BAD_INPUT,
     BAD_SHAPE,
     INFEASIBLE,
@@ -152,8 +152,8 @@ def test_every_status_has_a_name() -> None:
 PLAIN = """
 import json, sys
 import numpy as np
-from remote_controller.solvers import Pinv, Qp12, pinv, pinv_plain, qp12
-from remote_controller.solvers.qp12_kernels import qp12_kernel
+from hoap3.remote_controller.solvers import Pinv, Qp12, pinv, pinv_plain, qp12
+from hoap3.remote_controller.solvers.qp12_kernels import qp12_kernel
 rng = np.random.default_rng(11)
 bits = [type(qp12_kernel).__name__]
 for gamma in (0.0, 0.1, 0.5, 0.99, 1 - 1e-15, 1.0):
@@ -195,14 +195,14 @@ def loaded_by(statement: str) -> set[str]:
 
 
 def test_importing_the_solvers_loads_no_robot_and_compiles_nothing() -> None:
-    assert not loaded_by("import remote_controller.solvers") & {"zenoh", "pinocchio", "numba"}
+    assert not loaded_by("import hoap3.remote_controller.solvers") & {"zenoh", "pinocchio", "numba"}
 
 
 def test_kernels_load_no_robot() -> None:
-    loaded = loaded_by("import remote_controller.solvers as s; s.qp12([1.0], 1.0, 0.5)")
+    loaded = loaded_by("import hoap3.remote_controller.solvers as s; s.qp12([1.0], 1.0, 0.5)")
     assert "numba" in loaded
     assert not loaded & {"zenoh", "pinocchio"}
 
 
 def test_importing_protocol_loads_no_numba() -> None:
-    assert not loaded_by("import protocol, protocol.errors") & {"numba", "llvmlite", "pinocchio"}
+    assert not loaded_by("import hoap3.protocol.errors") & {"numba", "llvmlite", "pinocchio"}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from remote_controller.solvers import qp12
+from hoap3.remote_controller.solvers import qp12
 
 Array = NDArray[np.float64]
 GAMMAS = [0.0, 0.1, 0.5, 0.9]

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from remote_controller.solvers import qp12
+from hoap3.remote_controller.solvers import qp12
 
 EPS = 2.0**-52
 entries = st.one_of(

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from sdp_problems import ur5
 
-from protocol.errors import BadProblemError
-from remote_controller.solvers import sdp_gains, status
-from remote_controller.solvers.constant_gains import ConstantGains
-from remote_controller.solvers.sdp_backends import gain_solver
-from remote_controller.solvers.sdp_gains import NONE, SdpGains
+from hoap3.protocol.errors import BadProblemError
+from hoap3.remote_controller.solvers import sdp_gains, status
+from hoap3.remote_controller.solvers.constant_gains import ConstantGains
+from hoap3.remote_controller.solvers.sdp_backends import gain_solver
+from hoap3.remote_controller.solvers.sdp_gains import NONE, SdpGains
 
 GOOD = {
     "jacobians": [[[1.0, 1, 2, 1]], np.eye(2, 4)],

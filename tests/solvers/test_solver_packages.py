@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from protocol.errors import ConfigError
-from protocol.settings import parse
-from remote_controller.config import ControllerConfig, build, read_config
-from remote_controller.solvers import qp_backends, sdp_backends
-from robot_emulator.robots import load
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.settings import parse
+from hoap3.remote_controller.config import ControllerConfig, build, read_config
+from hoap3.remote_controller.solvers import qp_backends, sdp_backends
+from hoap3.robot_emulator.robots import load
 
 HOUSE = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((HOUSE / "pyproject.toml").read_text(encoding="utf-8"))["project"]

@@ -11,9 +11,9 @@ import pytest
 from numpy.typing import NDArray
 from stable_problems import M, N, generic, most_descent
 
-from protocol.errors import BadProblemError, NotInstalledError, UnknownNameError
-from remote_controller.solvers import qp_backends, status
-from remote_controller.solvers.stable_qp import CLAMPED, FREE, PATHS, QP, STILL, StableQp
+from hoap3.protocol.errors import BadProblemError, NotInstalledError, UnknownNameError
+from hoap3.remote_controller.solvers import qp_backends, status
+from hoap3.remote_controller.solvers.stable_qp import CLAMPED, FREE, PATHS, QP, STILL, StableQp
 
 Array = NDArray[np.float64]
 FAR = 1e3

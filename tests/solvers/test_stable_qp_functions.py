@@ -12,11 +12,11 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from stable_problems import generic, most_descent
 
-from protocol.errors import BadProblemError, InfeasibleError
-from remote_controller.solvers import status
-from remote_controller.solvers.bounded_qp12 import qp12_bounded
-from remote_controller.solvers.lyapunov import feasible_rate, lyapunov_qp
-from remote_controller.solvers.stable_qp import StableQp
+from hoap3.protocol.errors import BadProblemError, InfeasibleError
+from hoap3.remote_controller.solvers import status
+from hoap3.remote_controller.solvers.bounded_qp12 import qp12_bounded
+from hoap3.remote_controller.solvers.lyapunov import feasible_rate, lyapunov_qp
+from hoap3.remote_controller.solvers.stable_qp import StableQp
 
 Array = NDArray[np.float64]
 FAR = 1e3

@@ -22,10 +22,10 @@ from typing import Any, Self
 
 import numpy as np
 
-from protocol.messages import Event, State
-from protocol.ring import Kind
-from tools.cli import main
-from tools.log import Log
+from hoap3.protocol.messages import Event, State
+from hoap3.protocol.ring import Kind
+from hoap3.tools.cli import main
+from hoap3.tools.log import Log
 
 HOAP3 = str(Path(sysconfig.get_path("scripts")) / "hoap3")
 STOPS = (signal.SIGINT, signal.SIGTERM)

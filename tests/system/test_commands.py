@@ -27,11 +27,11 @@ from command_bench import (
     wait_for_mode,
 )
 
-from protocol.messages import State
-from remote_controller import registry as controllers
-from remote_controller.constraints import registry as constraints
-from remote_controller.tasks import registry as tasks
-from tools.log import Log
+from hoap3.protocol.messages import State
+from hoap3.remote_controller import registry as controllers
+from hoap3.remote_controller.constraints import registry as constraints
+from hoap3.remote_controller.tasks import registry as tasks
+from hoap3.tools.log import Log
 
 TASKS, CONSTRAINTS = sorted(tasks.BUILTIN), sorted(constraints.BUILTIN)
 

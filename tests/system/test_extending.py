@@ -22,16 +22,16 @@ from command_bench import (
     on_path,
 )
 
-from protocol.messages import State
-from remote_controller.registry import BUILTIN
-from tools.log import Log
+from hoap3.protocol.messages import State
+from hoap3.remote_controller.registry import BUILTIN
+from hoap3.tools.log import Log
 
 CONTROLLER = '''
 """A controller as somebody else would write it."""
 
 import numpy as np
 
-from remote_controller.controllers.controller import VelocityController
+from hoap3.remote_controller.controllers.controller import VelocityController
 
 
 class Sway(VelocityController):
@@ -161,7 +161,7 @@ with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
         answered, last = answered + 1, tick
     print(json.dumps({**ask("release"), "answered": answered, "first": grant["from_tick"]}))
     token.undeclare()
-assert not {"protocol", "tools", "remote_controller", "robot_emulator"} & set(sys.modules)
+assert "hoap3" not in sys.modules
 """
 
 

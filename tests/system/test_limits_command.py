@@ -9,13 +9,13 @@ import pytest
 from command_bench import inside
 from typer.testing import CliRunner
 
-from protocol.description import RobotDescription
-from protocol.limits import AccelerationBounds
-from robot_emulator.robots import load
-from tools.bench import limits as bench
-from tools.bench.steps import motion
-from tools.bench.tsid_peers import PEERS
-from tools.cli import app
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.limits import AccelerationBounds
+from hoap3.robot_emulator.robots import load
+from hoap3.tools.bench import limits as bench
+from hoap3.tools.bench.steps import motion
+from hoap3.tools.bench.tsid_peers import PEERS
+from hoap3.tools.cli import app
 
 KEYS = {"solver", "n", "samples", "min_us", "mean_us", "p50_us", "p99_us", "max_us"}
 

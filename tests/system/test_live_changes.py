@@ -22,9 +22,9 @@ from command_bench import (
     wait_for_mode,
 )
 
-from protocol.ring import Kind
-from tools.log import Log
-from tools.replay import replay
+from hoap3.protocol.ring import Kind
+from hoap3.tools.log import Log
+from hoap3.tools.replay import replay
 
 HERE = Path(__file__).parent
 

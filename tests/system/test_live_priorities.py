@@ -17,9 +17,9 @@ from command_bench import (
     wait_for_mode,
 )
 
-from protocol.ring import Kind
-from tools.log import Log
-from tools.replay import replay
+from hoap3.protocol.ring import Kind
+from hoap3.tools.log import Log
+from hoap3.tools.replay import replay
 
 OVER_S = 0.3
 REST_S = 1.5  # of virtual time before the change: the hand is slow by then

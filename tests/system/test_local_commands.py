@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 from command_bench import QUIET, controller, emulator, endpoint, inside, tell
 
-from protocol import local_control
-from protocol.errors import LinkError, UsageError
-from protocol.local_control import LocalControl
-from tools import control, find_robot
-from tools.cli_options import ENDPOINT
-from tools.find_robot import ask_robot, reach_robot, release_robot
+from hoap3.protocol import local_control
+from hoap3.protocol.errors import LinkError, UsageError
+from hoap3.protocol.local_control import LocalControl
+from hoap3.tools import control, find_robot
+from hoap3.tools.cli_options import ENDPOINT
+from hoap3.tools.find_robot import ask_robot, reach_robot, release_robot
 
 
 @pytest.fixture(autouse=True)

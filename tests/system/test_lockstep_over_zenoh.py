@@ -21,9 +21,9 @@ from command_bench import (
     wait_for_mode,
 )
 
-from protocol.messages import Setpoint
-from tools.log import Log
-from tools.simulate import simulate
+from hoap3.protocol.messages import Setpoint
+from hoap3.tools.log import Log
+from hoap3.tools.simulate import simulate
 
 SEED = 5
 

@@ -21,10 +21,10 @@ from command_bench import (
 from mcap.reader import make_reader
 from socket_census import census
 
-from protocol.messages import State
-from protocol.ring import Kind
-from tools.log import Log, payload_hash
-from tools.show import LiveTable
+from hoap3.protocol.messages import State
+from hoap3.protocol.ring import Kind
+from hoap3.tools.log import Log, payload_hash
+from hoap3.tools.show import LiveTable
 
 TICKS = 1000
 

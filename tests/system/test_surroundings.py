@@ -80,13 +80,13 @@ def test_an_ordinary_user_without_home_gets_the_same_bytes(
     assert theirs.json()["payload_sha256"] == ours.json()["payload_sha256"]
 
 
-@pytest.mark.parametrize("room", ["protocol", "remote_controller", "robot_emulator", "tools"])
-def test_a_package_that_hides_ours_is_named(tmp_path: Path, room: str) -> None:
-    foreign = tmp_path / room
-    foreign.mkdir()
-    (foreign / "__init__.py").touch()
-    done = hoap3("list", environment=on_path(tmp_path))
-    assert done.end() == 1
+def test_packages_called_like_our_rooms_do_not_matter(tmp_path: Path) -> None:
+    for room in ("protocol", "remote_controller", "robot_emulator", "tools"):
+        (tmp_path / room).mkdir()
+        (tmp_path / room / "__init__.py").write_text("raise SystemExit('of somebody else')")
+    out = tmp_path / "log"
+    words = ("run", "--lockstep", "--duration", "0.1", "--json", "--out", out)
+    done = hoap3(*words, environment=on_path(tmp_path))
+    assert done.end() in {0, 1}, done.stderr  # it is too short to arrive
     assert_no_traceback(done)
-    assert done.stderr.startswith(f"error: the package {room!r} found at {foreign} hides ours")
-    assert "PYTHONPATH" in done.stderr
+    assert done.json()["ticks"] == 100

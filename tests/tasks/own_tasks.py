@@ -7,9 +7,9 @@ import math
 import numpy as np
 from pydantic import Field
 
-from protocol.settings import Settings
-from remote_controller.tasks.curve import Curve
-from remote_controller.tasks.lyapunov import LyapunovFunction
+from hoap3.protocol.settings import Settings
+from hoap3.remote_controller.tasks.curve import Curve
+from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
 
 
 class Sway(LyapunovFunction):

@@ -14,12 +14,12 @@ from pathlib import Path
 
 import task_cases
 
-from protocol.description import RobotDescription
-from protocol.settings import load_yaml, parse
-from remote_controller.kinematics import Kinematics
-from remote_controller.tasks.lyapunov import LyapunovFunction
-from remote_controller.tasks.registry import TaskSettings, build, registered
-from robot_emulator.robots import load
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.settings import load_yaml, parse
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
+from hoap3.remote_controller.tasks.registry import TaskSettings, build, registered
+from hoap3.robot_emulator.robots import load
 
 
 def _file(name: str) -> tuple[TaskSettings, str]:

@@ -9,12 +9,12 @@ import numpy as np
 from arm3 import describe
 from hypothesis import strategies as st
 
-from protocol.description import RobotDescription
-from protocol.messages import FloatArray
-from remote_controller.kinematics import Kinematics
-from remote_controller.tasks.lyapunov import LyapunovFunction
-from remote_controller.tasks.registry import TaskSettings, build
-from robot_emulator.robots import load
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
+from hoap3.remote_controller.tasks.registry import TaskSettings, build
+from hoap3.robot_emulator.robots import load
 
 HOAP3, ARM = load("hoap3"), describe()
 SEEDS = st.integers(0, 2**32 - 1)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from task_cases import CIRCLE, HAND, HOAP3, kinematics_of, posture
 
-from protocol.errors import ConfigError
-from remote_controller.tasks.registry import TaskSettings, build, check_parameters
+from hoap3.protocol.errors import ConfigError
+from hoap3.remote_controller.tasks.registry import TaskSettings, build, check_parameters
 
 
 def made(**parameters):

@@ -7,8 +7,8 @@ import re
 import pytest
 from task_cases import HOAP3, kinematics_of
 
-from protocol.errors import ConfigError
-from remote_controller.tasks.registry import TaskSettings, build
+from hoap3.protocol.errors import ConfigError
+from hoap3.remote_controller.tasks.registry import TaskSettings, build
 
 GOOD = "t,x,y,z\n0,0,0,0.3\n1,0.1,0,0.3\n"
 CSV = {

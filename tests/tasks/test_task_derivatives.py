@@ -9,10 +9,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from task_cases import ARM, CASES, HOAP3, SEEDS, built, kinematics_of, posture, quotient
 
-from remote_controller.tasks import status
-from remote_controller.tasks.frame_pose import FramePoseTask
-from remote_controller.tasks.registry import BUILTIN
-from remote_controller.tasks.task_function import TaskFunction
+from hoap3.remote_controller.tasks import status
+from hoap3.remote_controller.tasks.frame_pose import FramePoseTask
+from hoap3.remote_controller.tasks.registry import BUILTIN
+from hoap3.remote_controller.tasks.task_function import TaskFunction
 
 TIMES = st.floats(0.0, 4.0)
 KINK = 2e-2  # rad from half a turn, where V has one

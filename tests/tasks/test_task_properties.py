@@ -18,8 +18,8 @@ import pytest
 from registered_tasks import CASES, make
 from task_cases import posture, quotient
 
-from remote_controller.tasks import status
-from remote_controller.tasks.registry import registered
+from hoap3.remote_controller.tasks import status
+from hoap3.remote_controller.tasks.registry import registered
 
 SEEDS = range(4)
 TIMES = (0.0, 0.37, 1.9, 60.0)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from task_cases import ARM, CASES, HOAP3, POINT, kinematics_of
 
-from protocol.errors import ConfigError, UnknownNameError
-from remote_controller import plugins
-from remote_controller.kinematics import Kinematics
-from remote_controller.tasks.registry import TaskSettings, build, check_parameters, registered
+from hoap3.protocol.errors import ConfigError, UnknownNameError
+from hoap3.remote_controller import plugins
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.tasks.registry import TaskSettings, build, check_parameters, registered
 
 
 def build_arm(task, parameters):

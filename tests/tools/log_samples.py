@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.messages import Event, Setpoint, State
-from protocol.ring import Kind, Record
-from tools.log_writer import LogWriter
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import Event, Setpoint, State
+from hoap3.protocol.ring import Kind, Record
+from hoap3.tools.log_writer import LogWriter
 
 MS = 1_000_000
 START = 5_000_000_000  # ns

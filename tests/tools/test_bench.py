@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from protocol.errors import UnknownNameError
-from tools.bench import peers
-from tools.bench.cycle import bench_cycle
-from tools.bench.peers import PEERS, installed, missing, peer
-from tools.bench.problems import STREAM, gradients, jacobians
-from tools.bench.solvers import bench_solvers, worst_error
-from tools.bench.timing import BATCH, SETTLE, Contender, Times, race
-from tools.cli import app
+from hoap3.protocol.errors import UnknownNameError
+from hoap3.tools.bench import peers
+from hoap3.tools.bench.cycle import bench_cycle
+from hoap3.tools.bench.peers import PEERS, installed, missing, peer
+from hoap3.tools.bench.problems import STREAM, gradients, jacobians
+from hoap3.tools.bench.solvers import bench_solvers, worst_error
+from hoap3.tools.bench.timing import BATCH, SETTLE, Contender, Times, race
+from hoap3.tools.cli import app
 
 FIGURES = {"samples", "min_us", "mean_us", "p50_us", "p99_us", "max_us"}
 OF_BATCHES = {"batches", "batch_min_us", "batch_mean_us", "batch_max_us"}
@@ -187,7 +187,7 @@ def test_a_solver_that_is_not_installed_is_left_out_and_said():
 
 @pytest.mark.usefixtures("without_quadprog")
 def test_people_are_told_what_to_install(capsys):
-    from tools.bench.show import show_missing
+    from hoap3.tools.bench.show import show_missing
 
     show_missing()
     assert "quadprog (pip install no_such_package)" in capsys.readouterr().out

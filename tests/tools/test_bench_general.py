@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from remote_controller.solvers import StableQp, status
-from remote_controller.solvers.stable_qp import QP
-from tools.bench import general
-from tools.cli import app
+from hoap3.remote_controller.solvers import StableQp, status
+from hoap3.remote_controller.solvers.stable_qp import QP
+from hoap3.tools.bench import general
+from hoap3.tools.cli import app
 
 
 @pytest.fixture(autouse=True)

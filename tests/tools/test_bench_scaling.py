@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from protocol.errors import ConfigError
-from tools.bench import scaling
-from tools.bench.peers import installed
-from tools.bench.plot import plot_scaling
-from tools.bench.scaling import FIT_FROM, SIZES, bench_scaling, slope, slopes
-from tools.cli import app
+from hoap3.protocol.errors import ConfigError
+from hoap3.tools.bench import scaling
+from hoap3.tools.bench.peers import installed
+from hoap3.tools.bench.plot import plot_scaling
+from hoap3.tools.bench.scaling import FIT_FROM, SIZES, bench_scaling, slope, slopes
+from hoap3.tools.cli import app
 
 MACHINE = {"processor": "Abacus", "kernel": "0.1"}
 

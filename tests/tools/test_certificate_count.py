@@ -8,10 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.messages import Event, Setpoint, State
-from protocol.ring import Kind, Record
-from tools.certificate_count import CertificateCount, CountingRecorder, in_a_line, reasons_on_wire
-from tools.statistics import RunStatistics
+from hoap3.protocol.messages import Event, Setpoint, State
+from hoap3.protocol.ring import Kind, Record
+from hoap3.tools.certificate_count import (
+    CertificateCount,
+    CountingRecorder,
+    in_a_line,
+    reasons_on_wire,
+)
+from hoap3.tools.statistics import RunStatistics
 
 CERTIFIED, AT_TARGET, UNCERTIFIED, INFEASIBLE, NONE = range(5)
 STATUSES = ["certified", "at_target", "uncertified", "infeasible"]

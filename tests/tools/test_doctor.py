@@ -15,10 +15,10 @@ from pathlib import Path
 import pytest
 from doctor_machine import ADVICE, OK, PROBLEM, LateClock, machine
 
-from protocol.clock import VirtualClock
-from tools import doctor, doctor_probes, doctor_stack, doctor_system
-from tools.doctor import examine, run_doctor, verdict
-from tools.doctor_system import Finding
+from hoap3.protocol.clock import VirtualClock
+from hoap3.tools import doctor, doctor_probes, doctor_stack, doctor_system
+from hoap3.tools.doctor import examine, run_doctor, verdict
+from hoap3.tools.doctor_system import Finding
 
 HOUSE = Path(__file__).resolve().parents[2]
 CHECKS = (*doctor.LOOKS, *doctor.MEASURES)
@@ -170,7 +170,7 @@ def test_a_folder_that_cannot_be_written_is_a_problem(tmp_path):
 
 
 def test_the_cache_for_kernels_is_known_to_be_kept_or_not(tmp_path):
-    code = "from tools.doctor_system import kernel_cache; print(*kernel_cache())"
+    code = "from hoap3.tools.doctor_system import kernel_cache; print(*kernel_cache())"
     for folder, kept in ((tmp_path / "own", "True"), (Path("/proc/nowhere"), "False")):
         env = {**os.environ, "HOAP3_CACHE_DIR": str(folder)}
         command = [sys.executable, "-c", code]
@@ -201,8 +201,8 @@ def test_this_machine_is_examined(tmp_path):
 
 
 AS_NOBODY = """
-from tools.doctor import examine
-from tools.placement_probe import measure_placement
+from hoap3.tools.doctor import examine
+from hoap3.tools.placement_probe import measure_placement
 import json
 levels = {finding.name: finding.level for finding in examine(measure=False)}
 print(json.dumps({"levels": levels, "placement": measure_placement(ticks=20)}))
@@ -258,7 +258,7 @@ def test_the_exit_code_is_one_where_there_is_a_problem(monkeypatch, capsys, leve
 
 
 def test_people_read_standard_output_and_programs_one_object():
-    code = "import sys; from tools.doctor import run_doctor; sys.exit(run_doctor({}, False))"
+    code = "import sys; from hoap3.tools.doctor import run_doctor; sys.exit(run_doctor({}, False))"
     told, printed = (
         subprocess.run(
             [sys.executable, "-c", code.format(as_json)],

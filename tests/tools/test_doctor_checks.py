@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from doctor_machine import ADVICE, CLOCK, CPU, OK, PROBLEM, LateClock, machine
 
-from tools import doctor, doctor_stack, doctor_system
-from tools.doctor_system import System, cpu_list
+from hoap3.tools import doctor, doctor_stack, doctor_system
+from hoap3.tools.doctor_system import System, cpu_list
 
 INFINITY = resource.RLIM_INFINITY
 CHECKS = (*doctor.LOOKS, *doctor.MEASURES)

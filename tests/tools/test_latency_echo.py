@@ -10,13 +10,13 @@ import threading
 import numpy as np
 import pytest
 
-from protocol.clock import MonotonicClock, VirtualClock
-from protocol.errors import Hoap3Error
-from protocol.settings import RealtimeSettings
-from tools import latency_echo
-from tools.latency_echo import START_DELAY_NS, TcpPeer, exchange, run_echo
-from tools.latency_figures import percentiles, response
-from tools.tick_logs import NEVER
+from hoap3.protocol.clock import MonotonicClock, VirtualClock
+from hoap3.protocol.errors import Hoap3Error
+from hoap3.protocol.settings import RealtimeSettings
+from hoap3.tools import latency_echo
+from hoap3.tools.latency_echo import START_DELAY_NS, TcpPeer, exchange, run_echo
+from hoap3.tools.latency_figures import percentiles, response
+from hoap3.tools.tick_logs import NEVER
 
 MS, US = 1_000_000, 1_000
 ORDINARY = RealtimeSettings(policy="none", cpu="none", lock_memory=False)

@@ -12,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from log_samples import MS, START, describe, fill, inputs, ticks, write
 
-from protocol.errors import LogError, UsageError
-from protocol.messages import Setpoint, State
-from protocol.ring import Kind, Record
-from tools.export import export, export_csv, export_npz
-from tools.log import Log
+from hoap3.protocol.errors import LogError, UsageError
+from hoap3.protocol.messages import Setpoint, State
+from hoap3.protocol.ring import Kind, Record
+from hoap3.tools.export import export, export_csv, export_npz
+from hoap3.tools.log import Log
 
 JOINTS = 3
 

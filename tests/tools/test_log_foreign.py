@@ -12,12 +12,12 @@ from log_samples import describe, inputs, ticks, write
 from mcap.records import Channel, Metadata
 from mcap.writer import Writer
 
-from protocol.errors import LogError
-from tools.export import export_csv, export_npz
-from tools.log import Log
-from tools.mcap_scan import McapScan
-from tools.mcap_write import MAGIC, McapFile
-from tools.repair import repair
+from hoap3.protocol.errors import LogError
+from hoap3.tools.export import export_csv, export_npz
+from hoap3.tools.log import Log
+from hoap3.tools.mcap_scan import McapScan
+from hoap3.tools.mcap_write import MAGIC, McapFile
+from hoap3.tools.repair import repair
 
 Opener = Callable[[Path], object]
 

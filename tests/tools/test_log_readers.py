@@ -21,10 +21,10 @@ from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
-from protocol.description import RobotDescription
-from protocol.messages import Event, Message, Setpoint, State
-from protocol.ring import Kind, Record
-from tools.log import Log
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import Event, Message, Setpoint, State
+from hoap3.protocol.ring import Kind, Record
+from hoap3.tools.log import Log
 
 JOINTS = 5
 Decoded = dict[str, list[tuple[int, Any]]]

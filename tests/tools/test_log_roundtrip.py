@@ -12,12 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from log_samples import MS, START, describe, fill, inputs, ticks, write
 
-from protocol.errors import LogError, UsageError
-from protocol.messages import Setpoint, State, schema
-from protocol.ring import Kind, Record
-from tools.log import Log, payload_hash
-from tools.log_format import pack_input, unpack_input
-from tools.log_writer import LogWriter
+from hoap3.protocol.errors import LogError, UsageError
+from hoap3.protocol.messages import Setpoint, State, schema
+from hoap3.protocol.ring import Kind, Record
+from hoap3.tools.log import Log, payload_hash
+from hoap3.tools.log_format import pack_input, unpack_input
+from hoap3.tools.log_writer import LogWriter
 
 
 @pytest.mark.parametrize("side", ["robot", "controller"])

@@ -14,10 +14,10 @@ from mcap.reader import make_reader
 from mcap.records import ChunkIndex
 from mcap.stream_reader import StreamReader
 
-from protocol.errors import LogError, UsageError
-from protocol.ring import Record
-from tools.log import Log
-from tools.repair import repair, repair_all
+from hoap3.protocol.errors import LogError, UsageError
+from hoap3.protocol.ring import Record
+from hoap3.tools.log import Log
+from hoap3.tools.repair import repair, repair_all
 
 
 @dataclass

@@ -13,20 +13,20 @@ from pathlib import Path
 import pytest
 from fake_rights import FakeCpu
 
-from tools import awake
-from tools.stalls import StallMonitor
+from hoap3.tools import awake
+from hoap3.tools.stalls import StallMonitor
 
 ROOT = Path(__file__).parents[2]
 KEEPER = """
 import sys
-from tools.awake_apart import kept_awake_apart
+from hoap3.tools.awake_apart import kept_awake_apart
 with kept_awake_apart([0]):
     print(flush=True)
     sys.stdin.read()
 """
 HOLDER = """
 import sys
-from tools.stalls import StallMonitor
+from hoap3.tools.stalls import StallMonitor
 monitor = StallMonitor([0], keep_awake=True)
 while not monitor.logs[0].runs:
     pass

@@ -9,9 +9,9 @@ from contextlib import redirect_stderr, redirect_stdout
 import pytest
 from rich.console import Console
 
-from tools import output
-from tools.output import Meter, print_json, print_line, progress
-from tools.simulate import simulate
+from hoap3.tools import output
+from hoap3.tools.output import Meter, print_json, print_line, progress
+from hoap3.tools.simulate import simulate
 
 
 class Time:

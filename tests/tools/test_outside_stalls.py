@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from protocol.messages import State
-from protocol.ring import Kind, Record
-from tools.outside import FOREVER, PATIENCE_NS, OutsideStalls
-from tools.stalls import GRID_NS, StallLog
-from tools.statistics import RunStatistics
+from hoap3.protocol.messages import State
+from hoap3.protocol.ring import Kind, Record
+from hoap3.tools.outside import FOREVER, PATIENCE_NS, OutsideStalls
+from hoap3.tools.stalls import GRID_NS, StallLog
+from hoap3.tools.statistics import RunStatistics
 
 T = 1_000_000
 START = 50 * T

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from protocol.settings import RealtimeSettings
-from tools import placement
+from hoap3.protocol.settings import RealtimeSettings
+from hoap3.tools import placement
 
 AUTO = RealtimeSettings()
 

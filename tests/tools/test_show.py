@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tools.show import show_summary
-from tools.statistics import RunStatistics
+from hoap3.tools.show import show_summary
+from hoap3.tools.statistics import RunStatistics
 
 
 @pytest.mark.parametrize("complete", [True, False])

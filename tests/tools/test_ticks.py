@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from log_samples import describe, write
 from tick_story import MS, START, US, USUAL_US, Story
 
-from protocol.errors import LogError
-from tools.stalls import Stall, overlapping
-from tools.tick_blame import Away
-from tools.tick_logs import NEVER
-from tools.ticks import IN_TIME, LATE, LOST, SKIPPED, STAGES, TickTable
+from hoap3.protocol.errors import LogError
+from hoap3.tools.stalls import Stall, overlapping
+from hoap3.tools.tick_blame import Away
+from hoap3.tools.tick_logs import NEVER
+from hoap3.tools.ticks import IN_TIME, LATE, LOST, SKIPPED, STAGES, TickTable
 
 
 @pytest.fixture

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from log_samples import describe, write
 
-from protocol.messages import Event, Setpoint, State
-from protocol.ring import Kind, Record
+from hoap3.protocol.messages import Event, Setpoint, State
+from hoap3.protocol.ring import Kind, Record
 
 MS, US = 1_000_000, 1_000
 START = 7_000_000_000

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from protocol.clock import MonotonicClock
-from protocol.description import RobotDescription
-from protocol.messages import State
-from protocol.recorder import MemoryRecorder, NoRecorder
-from protocol.ring import Kind
-from remote_controller.config import ControllerConfig, build
-from remote_controller.loop import ControllerLoop
-from tools.bench.reference import reference
-from tools.bench.timing import BATCH, BLOCKS, SETTLE, Contender, Report, race, silent
-from tools.simulate import Lockstep, controller_settings, emulator_settings
+from hoap3.protocol.clock import MonotonicClock
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import State
+from hoap3.protocol.recorder import MemoryRecorder, NoRecorder
+from hoap3.protocol.ring import Kind
+from hoap3.remote_controller.config import ControllerConfig, build
+from hoap3.remote_controller.loop import ControllerLoop
+from hoap3.tools.bench.reference import reference
+from hoap3.tools.bench.timing import BATCH, BLOCKS, SETTLE, Contender, Report, race, silent
+from hoap3.tools.simulate import Lockstep, controller_settings, emulator_settings
 
 STATES = 512
 PAPER_US = 272.2

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.errors import UnknownNameError
-from remote_controller.solvers.sdp_backends import PACKAGES, SOLVERS, ConicGains, installed
-from remote_controller.solvers.sdp_gains import PATHS, SdpGains
-from tools.bench.gains_problems import MOTIONS, Moment, Walk, stretches, walk
-from tools.bench.timing import SETTLE, Contender, Times, race
+from hoap3.protocol.errors import UnknownNameError
+from hoap3.remote_controller.solvers.sdp_backends import PACKAGES, SOLVERS, ConicGains, installed
+from hoap3.remote_controller.solvers.sdp_gains import PATHS, SdpGains
+from hoap3.tools.bench.gains_problems import MOTIONS, Moment, Walk, stretches, walk
+from hoap3.tools.bench.timing import SETTLE, Contender, Times, race
 
 OURS, COLD, TICK, BARE = "sdp", "sdp, cold", "sdp tick", "_bare"
 ALONE = 20

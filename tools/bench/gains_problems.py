@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.errors import UnknownNameError
-from protocol.messages import State
-from remote_controller.solvers.sdp_backends import SOLVERS, ConicGains
-from remote_controller.solvers.sdp_gains import SdpGains
-from tools.bench.steps import motion
+from hoap3.protocol.errors import UnknownNameError
+from hoap3.protocol.messages import State
+from hoap3.remote_controller.solvers.sdp_backends import SOLVERS, ConicGains
+from hoap3.remote_controller.solvers.sdp_gains import SdpGains
+from hoap3.tools.bench.steps import motion
 
 Array = NDArray[np.float64]
 

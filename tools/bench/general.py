@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from remote_controller.solvers import qp_backends, status
-from remote_controller.solvers.bounded_qp12 import BoundedQp12
-from remote_controller.solvers.stable_qp import QP, StableQp
-from tools.bench.reference import reference
-from tools.bench.timing import Contender, Report, race, silent
+from hoap3.remote_controller.solvers import qp_backends, status
+from hoap3.remote_controller.solvers.bounded_qp12 import BoundedQp12
+from hoap3.remote_controller.solvers.stable_qp import QP, StableQp
+from hoap3.tools.bench.reference import reference
+from hoap3.tools.bench.timing import Contender, Report, race, silent
 
 Array = NDArray[np.float64]
 Problem = tuple[Array, float, float, Array, Array, Array, Array]

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from remote_controller.solvers import Ghc
-from tools.bench.hierarchy_problems import (
+from hoap3.remote_controller.solvers import Ghc
+from hoap3.tools.bench.hierarchy_problems import (
     FRAMES,
     PEERS,
     W_R,
@@ -22,8 +22,8 @@ from tools.bench.hierarchy_problems import (
     moments,
     program,
 )
-from tools.bench.steps import motion
-from tools.bench.timing import Contender, Times, race
+from hoap3.tools.bench.steps import motion
+from hoap3.tools.bench.timing import Contender, Times, race
 
 Array = NDArray[np.float64]
 Limits = tuple[Array, Array] | None

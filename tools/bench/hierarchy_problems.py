@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from remote_controller.dynamics import FrameDynamics
-from remote_controller.solvers.lqp import PlainLqp
-from remote_controller.solvers.stacked import stacked
-from robot_emulator.robots import load
+from hoap3.remote_controller.dynamics import FrameDynamics
+from hoap3.remote_controller.solvers.lqp import PlainLqp
+from hoap3.remote_controller.solvers.stacked import stacked
+from hoap3.robot_emulator.robots import load
 
 Array = NDArray[np.float64]
 

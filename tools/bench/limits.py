@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from protocol.limits import AccelerationBounds
-from protocol.messages import State
-from protocol.model import build_model
-from protocol.torque_limits import torque_acceleration_bounds
-from remote_controller.controllers.tsid import TsidController
-from robot_emulator.robots import load
-from robot_emulator.safety import Reference
-from tools.bench.reference import reference
-from tools.bench.steps import motion
-from tools.bench.timing import Contender, Report, race, silent
-from tools.bench.tsid_peers import PEERS, program
+from hoap3.protocol.limits import AccelerationBounds
+from hoap3.protocol.messages import State
+from hoap3.protocol.model import build_model
+from hoap3.protocol.torque_limits import torque_acceleration_bounds
+from hoap3.remote_controller.controllers.tsid import TsidController
+from hoap3.robot_emulator.robots import load
+from hoap3.robot_emulator.safety import Reference
+from hoap3.tools.bench.reference import reference
+from hoap3.tools.bench.steps import motion
+from hoap3.tools.bench.timing import Contender, Report, race, silent
+from hoap3.tools.bench.tsid_peers import PEERS, program
 
 SIZES = (7, 21, 32)
 STATES = 256

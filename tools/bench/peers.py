@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.errors import UnknownNameError
-from remote_controller.solvers import Qp12
+from hoap3.protocol.errors import UnknownNameError
+from hoap3.remote_controller.solvers import Qp12
 
 Array = NDArray[np.float64]
 

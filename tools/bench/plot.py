@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from protocol.errors import ConfigError
-from tools.bench.scaling import FIT_FROM
+from hoap3.protocol.errors import ConfigError
+from hoap3.tools.bench.scaling import FIT_FROM
 
 FORMATS = (".png", ".svg", ".pdf")
 

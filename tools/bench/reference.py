@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tools.bench.timing import Contender
+from hoap3.tools.bench.timing import Contender
 
 REPETITIONS = 20
 

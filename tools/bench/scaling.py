@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from tools.bench.peers import Peer, installed, peer
-from tools.bench.problems import gradients
-from tools.bench.solvers import GAMMA, contender
-from tools.bench.timing import Contender, race
+from hoap3.tools.bench.peers import Peer, installed, peer
+from hoap3.tools.bench.problems import gradients
+from hoap3.tools.bench.solvers import GAMMA, contender
+from hoap3.tools.bench.timing import Contender, race
 
 SIZES = (7, 14, 21, 32, 50, 100, 200, 500, 1000)
 FIT_FROM = 100

@@ -6,9 +6,9 @@ from typing import Any
 
 from rich.table import Table
 
-from tools.bench.peers import missing as missing_peers
-from tools.bench.scaling import FIT_FROM
-from tools.output import results
+from hoap3.tools.bench.peers import missing as missing_peers
+from hoap3.tools.bench.scaling import FIT_FROM
+from hoap3.tools.output import results
 
 COLUMNS = ("min_us", "mean_us", "p50_us", "p99_us", "max_us", "batch_mean_us")
 

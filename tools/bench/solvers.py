@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from remote_controller.solvers import Pinv
-from tools.bench.peers import Peer, installed, peer
-from tools.bench.problems import Array, gradients, jacobians
-from tools.bench.reference import reference
-from tools.bench.timing import Contender, Report, race, silent
+from hoap3.remote_controller.solvers import Pinv
+from hoap3.tools.bench.peers import Peer, installed, peer
+from hoap3.tools.bench.problems import Array, gradients, jacobians
+from hoap3.tools.bench.reference import reference
+from hoap3.tools.bench.timing import Contender, Report, race, silent
 
 GAMMA = 0.5
 PAPER_US = {

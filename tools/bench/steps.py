@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from protocol.messages import State
-from protocol.recorder import MemoryRecorder, NoRecorder
-from protocol.ring import Kind
-from remote_controller.config import build
-from tools.simulate import Lockstep, controller_settings, emulator_settings
+from hoap3.protocol.messages import State
+from hoap3.protocol.recorder import MemoryRecorder, NoRecorder
+from hoap3.protocol.ring import Kind
+from hoap3.remote_controller.config import build
+from hoap3.tools.simulate import Lockstep, controller_settings, emulator_settings
 
 STATES = 256
 FIRST = 10  # State: those before belong to the start

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.messages import Setpoint, State
-from protocol.ring import Kind
-from remote_controller.controllers.controller import Controller
-from tools.verdicts import judge
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import Setpoint, State
+from hoap3.protocol.ring import Kind
+from hoap3.remote_controller.controllers.controller import Controller
+from hoap3.tools.verdicts import judge
 
 Rows = np.ndarray[Any, Any]
 
@@ -45,8 +45,8 @@ class Answers:
         closed_loop: whether its answers moved the robot.
         success_rate: share of answers in time; None in open loop.
         safe_stops: of the robot.
-        judged: the three verdicts, and what they rest on, as `tools.verdicts.judge` has them; in
-            open loop none is judged.
+        judged: the three verdicts, and what they rest on, as `hoap3.tools.verdicts.judge` has
+            them; in open loop none is judged.
     """
 
     description: RobotDescription

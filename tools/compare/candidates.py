@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from protocol.errors import ConfigError, UsageError
-from protocol.settings import apply_overrides, parse
-from remote_controller.config import ControllerConfig, check_parameters, read_config
-from remote_controller.registry import find
+from hoap3.protocol.errors import ConfigError, UsageError
+from hoap3.protocol.settings import apply_overrides, parse
+from hoap3.remote_controller.config import ControllerConfig, check_parameters, read_config
+from hoap3.remote_controller.registry import find
 
 _SETTINGS = re.compile(r"@(?=[A-Za-z_][\w.]*=)")
 _LABEL = re.compile(r"([\w-]+)=")

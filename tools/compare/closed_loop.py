@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from protocol.messages import Setpoint, State
-from protocol.ring import Kind
-from protocol.statistics import verdict
-from robot_emulator.config import EmulatorConfig
-from tools.compare.answers import MOST_TIMED, Answers, Tape, table
-from tools.compare.candidates import Candidate
-from tools.simulate import Lockstep
-from tools.verdicts import judge
+from hoap3.protocol.messages import Setpoint, State
+from hoap3.protocol.ring import Kind
+from hoap3.protocol.statistics import verdict
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.tools.compare.answers import MOST_TIMED, Answers, Tape, table
+from hoap3.tools.compare.candidates import Candidate
+from hoap3.tools.simulate import Lockstep
+from hoap3.tools.verdicts import judge
 
 SAID_TICKS = 1000  # after so many the progress is told
 

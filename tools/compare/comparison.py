@@ -9,17 +9,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from protocol.errors import Hoap3Error, UsageError
-from tools.compare.answers import Answers
-from tools.compare.candidates import Candidate, read_candidates
-from tools.compare.closed_loop import ClosedLoop
-from tools.compare.figures import Figures, figures, findings
-from tools.compare.open_loop import OpenLoop, read_asked
-from tools.compare.series import Series, read_series
-from tools.compare.tasks import other_tasks
-from tools.compare.timing import measure
-from tools.machine import versions
-from tools.simulate import emulator_content, emulator_settings
+from hoap3.protocol.errors import Hoap3Error, UsageError
+from hoap3.tools.compare.answers import Answers
+from hoap3.tools.compare.candidates import Candidate, read_candidates
+from hoap3.tools.compare.closed_loop import ClosedLoop
+from hoap3.tools.compare.figures import Figures, figures, findings
+from hoap3.tools.compare.open_loop import OpenLoop, read_asked
+from hoap3.tools.compare.series import Series, read_series
+from hoap3.tools.compare.tasks import other_tasks
+from hoap3.tools.compare.timing import measure
+from hoap3.tools.machine import versions
+from hoap3.tools.simulate import emulator_content, emulator_settings
 
 ROBOT, DURATION_S, SEED = "hoap3", 20.0, 0
 Say = Callable[[str], None]

@@ -6,17 +6,17 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from protocol.messages import FloatArray
-from remote_controller.controllers.controller import STATUS
-from tools.compare.comparison import Comparison
-from tools.compare.series import SPEED, Series
-from tools.compare.words import unit
-from tools.report.canvas import Canvas, canvas, thin
-from tools.report.drawing import Drawing, Key
-from tools.report.motion_figures import means, positive
-from tools.report.numbers import count, number
-from tools.report.palette import LIGHT
-from tools.report.palette import SERIES as FIRST_ROLES
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.tools.compare.comparison import Comparison
+from hoap3.tools.compare.series import SPEED, Series
+from hoap3.tools.compare.words import unit
+from hoap3.tools.report.canvas import Canvas, canvas, thin
+from hoap3.tools.report.drawing import Drawing, Key
+from hoap3.tools.report.motion_figures import means, positive
+from hoap3.tools.report.numbers import count, number
+from hoap3.tools.report.palette import LIGHT
+from hoap3.tools.report.palette import SERIES as FIRST_ROLES
 
 ROLES = (*(role for role in FIRST_ROLES if role != "red"), "pink", "brown")
 """Colours of controllers; red stays for what is wrong."""

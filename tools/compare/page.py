@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import yaml
 
-from tools.compare.comparison import Comparison
-from tools.compare.drawings import drawings, role
-from tools.compare.figures import WORDS
-from tools.compare.words import cell, shown_words, unit
-from tools.report.document import document, figure
-from tools.report.markup import Markup, element, join, link, more, table
+from hoap3.tools.compare.comparison import Comparison
+from hoap3.tools.compare.drawings import drawings, role
+from hoap3.tools.compare.figures import WORDS
+from hoap3.tools.compare.words import cell, shown_words, unit
+from hoap3.tools.report.document import document, figure
+from hoap3.tools.report.markup import Markup, element, join, link, more, table
 
 SECTIONS = {
     "plots": "Over time",

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.description import RobotDescription
-from protocol.messages import FloatArray, Setpoint
-from remote_controller.controllers.controller import ACTIVE_SPEED, STATUS
-from tools.compare.answers import Answers, Rows
-from tools.report.motion import UNITS, com_path, control_inputs
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray, Setpoint
+from hoap3.remote_controller.controllers.controller import ACTIVE_SPEED, STATUS
+from hoap3.tools.compare.answers import Answers, Rows
+from hoap3.tools.report.motion import UNITS, com_path, control_inputs
 
 EMPTY = np.empty((0, 0))
 ROUNDING = 1e-9  # of a position [rad or m] or speed, that is no violation of a limit

@@ -9,10 +9,10 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from tools.compare.comparison import Comparison
-from tools.compare.words import cell, shown_words, unit
-from tools.output import results
-from tools.report.numbers import number
+from hoap3.tools.compare.comparison import Comparison
+from hoap3.tools.compare.words import cell, shown_words, unit
+from hoap3.tools.output import results
+from hoap3.tools.report.numbers import number
 
 
 def show(made: Comparison, files: Sequence[Path]) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from remote_controller.tasks.registry import TaskSettings, check_parameters
-from tools.compare.series import Series
+from hoap3.remote_controller.tasks.registry import TaskSettings, check_parameters
+from hoap3.tools.compare.series import Series
 
 ALIKE = 0.01  # of V at the start: encoders round, and some controllers go by the reference
 

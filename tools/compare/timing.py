@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from tools.bench.timing import BLOCKS, SETTLE, Times, undisturbed
-from tools.compare.answers import Answers
-from tools.compare.open_loop import state_for
-from tools.machine import machine_block
-from tools.report.numbers import summary
+from hoap3.tools.bench.timing import BLOCKS, SETTLE, Times, undisturbed
+from hoap3.tools.compare.answers import Answers
+from hoap3.tools.compare.open_loop import state_for
+from hoap3.tools.machine import machine_block
+from hoap3.tools.report.numbers import summary
 
 LEAST = 10  # answers in a block
 

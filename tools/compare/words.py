@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from tools.compare.comparison import Comparison
-from tools.compare.figures import WORDS, Figures, Word, value
-from tools.report.motion import UNITS
-from tools.report.numbers import number
+from hoap3.tools.compare.comparison import Comparison
+from hoap3.tools.compare.figures import WORDS, Figures, Word, value
+from hoap3.tools.report.motion import UNITS
+from hoap3.tools.report.numbers import number
 
 OF_U = dict(
     zip(

@@ -8,11 +8,11 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tools.compare.comparison import Comparison
-from tools.compare.figures import WORDS, value
-from tools.compare.page import page
-from tools.result_folder import unwritable
-from tools.whole_file import whole_file
+from hoap3.tools.compare.comparison import Comparison
+from hoap3.tools.compare.figures import WORDS, value
+from hoap3.tools.compare.page import page
+from hoap3.tools.result_folder import unwritable
+from hoap3.tools.whole_file import whole_file
 
 RESULT = "compare.json"
 TIMING = "timing.json"

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.messages import FloatArray
-from tools.report.numbers import count
-from tools.report.palette import LIGHT
+from hoap3.protocol.messages import FloatArray
+from hoap3.tools.report.numbers import count
+from hoap3.tools.report.palette import LIGHT
 
 WIDTH, HEIGHT = 420, 250  # px; a phone shows it at four fifths of that, a desk at five quarters
 LEFT, RIGHT, BOTTOM, TOP = 50, 18, 38, 22  # px around the axes, the same in every figure

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocol.messages import FloatArray
-from tools.report.canvas import BEYOND, BUCKETS, Canvas, canvas, thin
-from tools.report.certificates import Certificates
-from tools.report.drawing import Drawing, Key
-from tools.report.numbers import count, number, spread, summary
-from tools.report.palette import LIGHT
+from hoap3.protocol.messages import FloatArray
+from hoap3.tools.report.canvas import BEYOND, BUCKETS, Canvas, canvas, thin
+from hoap3.tools.report.certificates import Certificates
+from hoap3.tools.report.drawing import Drawing, Key
+from hoap3.tools.report.numbers import count, number, spread, summary
+from hoap3.tools.report.palette import LIGHT
 
 OUTSIDE = -1e-9  # of a margin: what is nearer to 0 is rounding
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.messages import FloatArray
-from tools.certificate_count import NAMES, PROVED, STATUS
-from tools.report.numbers import count
+from hoap3.protocol.messages import FloatArray
+from hoap3.tools.certificate_count import NAMES, PROVED, STATUS
+from hoap3.tools.report.numbers import count
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,8 @@ class Certificates:
         margin: (k,), smallest true margin, in the unit of its constraint.
         duration_s: of the motion.
         reasons: by status, conditions that held during answers without certificate, or that say
-            how little one is worth, and during how many; as `tools.certificate_count` has them.
+            how little one is worth, and during how many; as `hoap3.tools.certificate_count`
+            has them.
     """
 
     tick: NDArray[np.uint64]

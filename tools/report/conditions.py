@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from protocol.messages import Event
-from protocol.ring import Kind
-from tools.event_words import CONDITIONS, in_words
-from tools.log import Log
+from hoap3.protocol.messages import Event
+from hoap3.protocol.ring import Kind
+from hoap3.tools.event_words import CONDITIONS, in_words
+from hoap3.tools.log import Log
 
 _BEGAN = Event.schema.constants["CONDITION_BEGAN"]
 

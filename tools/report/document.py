@@ -6,9 +6,9 @@ log do what only its reader may.
 
 from __future__ import annotations
 
-from tools.report.drawing import Drawing, Key
-from tools.report.markup import Markup, element, more
-from tools.report.style import STYLE
+from hoap3.tools.report.drawing import Drawing, Key
+from hoap3.tools.report.markup import Markup, element, more
+from hoap3.tools.report.style import STYLE
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'"
 

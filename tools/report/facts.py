@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from protocol.errors import LogError
-from tools.log import Log
-from tools.report.certificates import Certificates
-from tools.report.content import Content
-from tools.report.markup import Markup, element, more, table
-from tools.report.numbers import count, number, rate
-from tools.stalls import figures
-from tools.ticks import IN_TIME
+from hoap3.protocol.errors import LogError
+from hoap3.tools.log import Log
+from hoap3.tools.report.certificates import Certificates
+from hoap3.tools.report.content import Content
+from hoap3.tools.report.markup import Markup, element, more, table
+from hoap3.tools.report.numbers import count, number, rate
+from hoap3.tools.stalls import figures
+from hoap3.tools.ticks import IN_TIME
 
 Tile = tuple[str, str, str, tuple[str, ...]]
 

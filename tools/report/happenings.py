@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from protocol.errors import LogError
-from protocol.messages import Event
-from protocol.ring import Kind
-from tools.event_words import CONDITIONS, event_name, in_words
-from tools.log import Log
+from hoap3.protocol.errors import LogError
+from hoap3.protocol.messages import Event
+from hoap3.protocol.ring import Kind
+from hoap3.tools.event_words import CONDITIONS, event_name, in_words
+from hoap3.tools.log import Log
 
 MOST = 200  # rows that a reader is given; the log has all
 _OFTEN = {Event.schema.constants[name] for name in ("SKIPPED", "OVERWRITTEN", "HOST_STALL")}

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from protocol.description import COM
-from protocol.messages import FloatArray
-from tools.report.canvas import BEYOND, Canvas, canvas, thin
-from tools.report.drawing import Drawing, Key
-from tools.report.motion import Motion
-from tools.report.numbers import count, number, spread, summary
-from tools.report.palette import LIGHT, SERIES
+from hoap3.protocol.description import COM
+from hoap3.protocol.messages import FloatArray
+from hoap3.tools.report.canvas import BEYOND, Canvas, canvas, thin
+from hoap3.tools.report.drawing import Drawing, Key
+from hoap3.tools.report.motion import Motion
+from hoap3.tools.report.numbers import count, number, spread, summary
+from hoap3.tools.report.palette import LIGHT, SERIES
 
 ROUNDING = 1e-12  # of the greatest V: less is no rise
 PROPORTION = 1.7  # width to height of a pair of axes

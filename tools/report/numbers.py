@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from protocol.messages import FloatArray
-from protocol.statistics import PERCENTILES, TAIL_SAMPLES
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.statistics import PERCENTILES, TAIL_SAMPLES
 
 NAMES = {"p50": "p50", "p90": "p90", "p99": "p99", "p99_9": "p99.9", "p99_99": "p99.99"}
 """Keys of a summary, and how people write them."""

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from tools.report.content import Content
-from tools.report.document import POLICY, document, figure
-from tools.report.drawing import Drawing
-from tools.report.facts import facts_section, tiles
-from tools.report.markup import Markup, element, join, link
-from tools.report.tables import (
+from hoap3.tools.report.content import Content
+from hoap3.tools.report.document import POLICY, document, figure
+from hoap3.tools.report.drawing import Drawing
+from hoap3.tools.report.facts import facts_section, tiles
+from hoap3.tools.report.markup import Markup, element, join, link
+from hoap3.tools.report.tables import (
     certificates_section,
     conditions_section,
     events_section,
     stalls_section,
     ticks_section,
 )
-from tools.report.words import WORDS
-from tools.verdicts import NAMES, NOT_JUDGED, in_words
+from hoap3.tools.report.words import WORDS
+from hoap3.tools.verdicts import NAMES, NOT_JUDGED, in_words
 
 __all__ = ["POLICY", "SECTIONS", "page"]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tools.report.palette import DARK, LIGHT
+from hoap3.tools.report.palette import DARK, LIGHT
 
 
 def _variables(colours: dict[str, str]) -> str:

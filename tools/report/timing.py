@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from protocol.messages import FloatArray
-from protocol.statistics import WINDOW
-from tools.latency_figures import tick_figures
-from tools.report.sources import Sources
-from tools.stalls import Stall
-from tools.tick_logs import Cycles, RobotSide
-from tools.ticks import IN_TIME, TickTable
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.statistics import WINDOW
+from hoap3.tools.latency_figures import tick_figures
+from hoap3.tools.report.sources import Sources
+from hoap3.tools.stalls import Stall
+from hoap3.tools.tick_logs import Cycles, RobotSide
+from hoap3.tools.ticks import IN_TIME, TickTable
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from protocol.messages import FloatArray
-from protocol.statistics import FIT, WARN, WINDOW
-from tools.report.canvas import BUCKETS, canvas, thin
-from tools.report.drawing import Drawing, Key
-from tools.report.numbers import count, number, spread, summary
-from tools.report.palette import LIGHT
-from tools.report.timing import Timing
-from tools.ticks import LATE, LOST, SKIPPED, STAGES
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.statistics import FIT, WARN, WINDOW
+from hoap3.tools.report.canvas import BUCKETS, canvas, thin
+from hoap3.tools.report.drawing import Drawing, Key
+from hoap3.tools.report.numbers import count, number, spread, summary
+from hoap3.tools.report.palette import LIGHT
+from hoap3.tools.report.timing import Timing
+from hoap3.tools.ticks import LATE, LOST, SKIPPED, STAGES
 
 STAGE_ROLES = {
     "wakeup": "olive",

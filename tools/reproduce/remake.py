@@ -11,12 +11,12 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from protocol.errors import UnknownNameError
-from tools.machine import machine_block
-from tools.reproduce import papers as shelf
-from tools.reproduce.figures import Figure, save
-from tools.reproduce.rows import Row
-from tools.result_folder import make_folder, new_name, unwritable
+from hoap3.protocol.errors import UnknownNameError
+from hoap3.tools.machine import machine_block
+from hoap3.tools.reproduce import papers as shelf
+from hoap3.tools.reproduce.figures import Figure, save
+from hoap3.tools.reproduce.rows import Row
+from hoap3.tools.result_folder import make_folder, new_name, unwritable
 
 RESULT = "rows.json"
 

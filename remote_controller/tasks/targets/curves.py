@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from protocol.messages import FloatArray
-from remote_controller.tasks.targets.target import Target
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.tasks.targets.target import Target
 
 Plane = Literal["xy", "yz", "zx"]
 AXES: dict[Plane, tuple[int, int]] = {"xy": (0, 1), "yz": (1, 2), "zx": (2, 0)}

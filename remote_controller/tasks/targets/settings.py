@@ -8,11 +8,11 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from protocol.settings import Settings
-from remote_controller.tasks.targets.curves import Circle, Lemniscate, Plane
-from remote_controller.tasks.targets.spline import Spline, read_csv
-from remote_controller.tasks.targets.target import Approach, Point, Target
-from remote_controller.tasks.targets.waypoints import Profile, Waypoints
+from hoap3.protocol.settings import Settings
+from hoap3.remote_controller.tasks.targets.curves import Circle, Lemniscate, Plane
+from hoap3.remote_controller.tasks.targets.spline import Spline, read_csv
+from hoap3.remote_controller.tasks.targets.target import Approach, Point, Target
+from hoap3.remote_controller.tasks.targets.waypoints import Profile, Waypoints
 
 Position = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0)]

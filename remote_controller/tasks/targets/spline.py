@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from protocol.errors import ConfigError
-from protocol.messages import FloatArray
-from protocol.regular_file import read_at_most
-from remote_controller.tasks.targets.target import Target
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.regular_file import read_at_most
+from hoap3.remote_controller.tasks.targets.target import Target
 
 COLUMNS = ["t", "x", "y", "z"]
 MAX_ROWS = 100_000

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from protocol.messages import FloatArray
+from hoap3.protocol.messages import FloatArray
 
 
 class Target(ABC):

@@ -9,8 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from protocol.messages import FloatArray
-from remote_controller.tasks.targets.target import Target, smooth_step
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.tasks.targets.target import Target, smooth_step
 
 Profile = Literal["quintic", "trapezoid"]
 RAMP = 0.25  # share of a segment's time in which a trapezoid speeds up, and in which it slows down

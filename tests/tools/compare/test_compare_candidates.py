@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.errors import ConfigError, UnknownNameError, UsageError
-from tools.compare.candidates import read_candidates, split
+from hoap3.protocol.errors import ConfigError, UnknownNameError, UsageError
+from hoap3.tools.compare.candidates import read_candidates, split
 
 NAMES = st.sampled_from(["qp12", "pinv", "a.b:Class", "./dir/x=1.yaml", "me@home.yaml", "../@.yml"])
 KEYS = st.from_regex(r"[a-z_][a-z0-9_]{0,5}(\.[a-z]{1,4})?", fullmatch=True)
@@ -59,7 +59,7 @@ def test_a_file_of_the_users_own_is_taken_too(tmp_path):
 
 
 def test_a_bare_name_and_a_dotted_path_are_taken_too():
-    path = "remote_controller.controllers.qp12:Qp12Controller"
+    path = "hoap3.remote_controller.controllers.qp12:Qp12Controller"
     first, second = read_candidates([f"mine={path}@gamma=1", path])
     assert (first.label, second.label) == ("mine", path)
     assert first.config.controller == second.config.controller == path

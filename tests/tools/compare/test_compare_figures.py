@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from remote_controller.controllers.controller import STATUS
-from tools.compare.figures import WORDS, figures, findings, value
-from tools.compare.series import Series
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.tools.compare.figures import WORDS, figures, findings, value
+from hoap3.tools.compare.series import Series
 
 SPEEDS = st.sampled_from([0.0, 1e-3, -1e-3, 0.999e-3, 0.5, -2.0, 0.25])
 PLACES = st.integers(-1000, 1000).map(lambda place: place / 999)

@@ -10,14 +10,14 @@ import typer
 from log_samples import describe, inputs, ticks, write
 from typer.testing import CliRunner
 
-from protocol.errors import ConfigError, Hoap3Error, LogError, UsageError
-from protocol.messages import State
-from protocol.ring import Kind, Record
-from tools.cli_compare import compare as command
-from tools.compare.comparison import compare
-from tools.log import Log
-from tools.run import run_lockstep
-from tools.services import controller_config, emulator_config
+from hoap3.protocol.errors import ConfigError, Hoap3Error, LogError, UsageError
+from hoap3.protocol.messages import State
+from hoap3.protocol.ring import Kind, Record
+from hoap3.tools.cli_compare import compare as command
+from hoap3.tools.compare.comparison import compare
+from hoap3.tools.log import Log
+from hoap3.tools.run import run_lockstep
+from hoap3.tools.services import controller_config, emulator_config
 
 app = typer.Typer(pretty_exceptions_enable=False)
 app.command()(command)
@@ -167,7 +167,7 @@ def test_what_a_log_decides_cannot_be_asked_for(run, given, name):
 
 
 FAILING = """
-from remote_controller.controllers.controller import Controller
+from hoap3.remote_controller.controllers.controller import Controller
 
 
 class Failing(Controller):

@@ -9,11 +9,11 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from protocol.errors import ConfigError, Hoap3Error, UnknownNameError, UsageError
-from tools.cli_compare import compare as command
-from tools.compare.comparison import compare
-from tools.compare.figures import WORDS, value
-from tools.simulate import simulate
+from hoap3.protocol.errors import ConfigError, Hoap3Error, UnknownNameError, UsageError
+from hoap3.tools.cli_compare import compare as command
+from hoap3.tools.compare.comparison import compare
+from hoap3.tools.compare.figures import WORDS, value
+from hoap3.tools.simulate import simulate
 
 GAMMAS = [f"qp12_paper@gamma={gamma}" for gamma in ("0", "0.5", "0.99")]
 FIVE = [*GAMMAS, "pinv=pinv@ramp_s=0", "osqp=osqp@ramp_s=0,adaptive_gamma=false"]
@@ -183,7 +183,7 @@ def test_a_folder_that_cannot_be_made_is_refused_before_the_work(tmp_path):
 
 
 FAILING = """
-from remote_controller.controllers.controller import VelocityController
+from hoap3.remote_controller.controllers.controller import VelocityController
 
 
 class Failing(VelocityController):

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from log_samples import describe
 
-from protocol.messages import Setpoint, State
-from remote_controller.controllers.controller import STATUS
-from tools.compare.answers import Answers, table
-from tools.compare.series import read_series
+from hoap3.protocol.messages import Setpoint, State
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.tools.compare.answers import Answers, table
+from hoap3.tools.compare.series import read_series
 
 ROBOT = describe(2)  # usable ±1.9 rad, 5 rad/s, 1 ms
 PLACES = st.sampled_from([0.0, 1.899, 1.9, 1.9 + 1e-6, 1.95, -1.9, -1.9 - 1e-6, -1.95])

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import pytest
 from log_samples import describe
 
-from protocol.messages import Setpoint, State
-from tools.compare.answers import Answers
-from tools.compare.timing import measure
+from hoap3.protocol.messages import Setpoint, State
+from hoap3.tools.compare.answers import Answers
+from hoap3.tools.compare.timing import measure
 
 
 class Clock:
@@ -47,7 +47,7 @@ def bench(monkeypatch):
     def bench(durations, counts):
         clock, diary = Clock(), []
         fake = SimpleNamespace(perf_counter_ns=lambda: clock.now)
-        monkeypatch.setattr("tools.compare.timing.time", fake)
+        monkeypatch.setattr("hoap3.tools.compare.timing.time", fake)
         answers = []
         for name, ((kinematics, solve), count) in enumerate(zip(durations, counts, strict=True)):
             state, asked = State(2), []

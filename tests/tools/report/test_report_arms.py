@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from protocol.description import COM
-from tools.report.motion import point_path, read_motion
-from tools.report.motion_figures import motion_drawings
-from tools.report.sources import Sources
-from tools.run import run_lockstep
-from tools.services import controller_config, emulator_config
+from hoap3.protocol.description import COM
+from hoap3.tools.report.motion import point_path, read_motion
+from hoap3.tools.report.motion_figures import motion_drawings
+from hoap3.tools.report.sources import Sources
+from hoap3.tools.run import run_lockstep
+from hoap3.tools.services import controller_config, emulator_config
 
 ARMS = [("ur5", "qp12", "tool0"), ("lwr", "tsid", "ee"), ("humanoid32", "clik_sdp", "r_palm")]
 

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from report_logs import active_log
 
-from protocol.messages import Setpoint
-from tools.report.certificates import Certificates
-from tools.report.content import read_content
-from tools.report.page import page
+from hoap3.protocol.messages import Setpoint
+from hoap3.tools.report.certificates import Certificates
+from hoap3.tools.report.content import read_content
+from hoap3.tools.report.page import page
 
 CERTIFIED, AT_TARGET, UNCERTIFIED, INFEASIBLE = range(4)
 NONE = Setpoint.schema.constants["STATUS_NONE"]

@@ -12,12 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from log_samples import MS, START, describe, fill, write
 
-from protocol.messages import Event, State
-from protocol.ring import Kind, Record
-from tools.log import Log
-from tools.report.conditions import read_conditions
-from tools.report.content import read_content
-from tools.report.page import page
+from hoap3.protocol.messages import Event, State
+from hoap3.protocol.ring import Kind, Record
+from hoap3.tools.log import Log
+from hoap3.tools.report.conditions import read_conditions
+from hoap3.tools.report.content import read_content
+from hoap3.tools.report.page import page
 
 EVENTS = Event.schema.constants
 NAMES = ("slowed", "contradictory", "held by <zmp>")

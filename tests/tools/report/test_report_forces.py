@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from report_logs import active_log
 
-from protocol.messages import Setpoint
-from tools.log import Log
-from tools.report.content import read_content
-from tools.report.motion import read_motion
-from tools.report.motion_figures import motion_drawings
-from tools.report.sources import Sources
-from tools.run import run_lockstep
-from tools.services import controller_config, emulator_config
+from hoap3.protocol.messages import Setpoint
+from hoap3.tools.log import Log
+from hoap3.tools.report.content import read_content
+from hoap3.tools.report.motion import read_motion
+from hoap3.tools.report.motion_figures import motion_drawings
+from hoap3.tools.report.sources import Sources
+from hoap3.tools.run import run_lockstep
+from hoap3.tools.services import controller_config, emulator_config
 
 STATUS_NONE = Setpoint.schema.constants["STATUS_NONE"]
 

@@ -14,15 +14,15 @@ from tick_story import SESSION, Story
 from tick_story import START as STORY_START
 from typer.testing import CliRunner
 
-from protocol.errors import LogError, UsageError
-from protocol.messages import Event, Setpoint
-from protocol.ring import Kind, Record
-from tools.cli_report import report
-from tools.log import Log
-from tools.report.content import read_content
-from tools.report.facts import tiles
-from tools.report.page import page
-from tools.report.write import write_report
+from hoap3.protocol.errors import LogError, UsageError
+from hoap3.protocol.messages import Event, Setpoint
+from hoap3.protocol.ring import Kind, Record
+from hoap3.tools.cli_report import report
+from hoap3.tools.log import Log
+from hoap3.tools.report.content import read_content
+from hoap3.tools.report.facts import tiles
+from hoap3.tools.report.page import page
+from hoap3.tools.report.write import write_report
 
 GOOD = {"tasks": [], "certifiable": 10, "certified": 10, "margin": None, "balance": None}
 STATUS_NONE = Setpoint.schema.constants["STATUS_NONE"]

@@ -14,19 +14,19 @@ from hypothesis import strategies as st
 from log_samples import START, describe, write
 from report_logs import active_log
 
-from protocol.errors import LogError
-from protocol.messages import Event, Setpoint
-from protocol.ring import Kind, Record
-from tools.certificate_count import STATUS
-from tools.cli import main
-from tools.event_words import in_words
-from tools.log import Log
-from tools.report.content import read_content
-from tools.report.drawing import Drawing, Key
-from tools.report.happenings import read_happenings
-from tools.report.markup import element, table, text
-from tools.report.page import page
-from tools.report.write import write_report
+from hoap3.protocol.errors import LogError
+from hoap3.protocol.messages import Event, Setpoint
+from hoap3.protocol.ring import Kind, Record
+from hoap3.tools.certificate_count import STATUS
+from hoap3.tools.cli import main
+from hoap3.tools.event_words import in_words
+from hoap3.tools.log import Log
+from hoap3.tools.report.content import read_content
+from hoap3.tools.report.drawing import Drawing, Key
+from hoap3.tools.report.happenings import read_happenings
+from hoap3.tools.report.markup import element, table, text
+from hoap3.tools.report.page import page
+from hoap3.tools.report.write import write_report
 
 EVIL = "</pre></style></title><script>alert(1)</script><img src=x onerror='a()'>\"' onload=\"b()"
 

@@ -7,8 +7,8 @@ import re
 import pytest
 from html_page import Page
 
-from tools.report.content import read_content
-from tools.report.page import POLICY, SECTIONS, page
+from hoap3.tools.report.content import read_content
+from hoap3.tools.report.page import POLICY, SECTIONS, page
 
 MOTION = ["sole", "path", "positions", "v", "psi", "u", "active"]
 CERTIFICATES = ["rho", "margin"]

@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from tick_story import US
 
-from protocol.messages import State
-from protocol.statistics import Deadlines
-from tools.log import Log
-from tools.report.canvas import decade, thin
-from tools.report.content import read_content
-from tools.report.motion import read_motion
-from tools.report.numbers import number, rate, spread, summary
-from tools.report.page import page
-from tools.report.sources import Sources
+from hoap3.protocol.messages import State
+from hoap3.protocol.statistics import Deadlines
+from hoap3.tools.log import Log
+from hoap3.tools.report.canvas import decade, thin
+from hoap3.tools.report.content import read_content
+from hoap3.tools.report.motion import read_motion
+from hoap3.tools.report.numbers import number, rate, spread, summary
+from hoap3.tools.report.page import page
+from hoap3.tools.report.sources import Sources
 
 
 @pytest.fixture(scope="module")

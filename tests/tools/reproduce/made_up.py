@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tools.reproduce.papers.qp12.certified import CertifiedRun
+from hoap3.tools.reproduce.papers.qp12.certified import CertifiedRun
 
 TICKS = 1000
 

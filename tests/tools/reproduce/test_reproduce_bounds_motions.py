@@ -12,9 +12,9 @@ import typer
 from made_up import failed
 from typer.testing import CliRunner
 
-from tools.cli_reproduce import reproduce
-from tools.reproduce.papers.bounds import elbow, elbow_figure, one_joint, one_joint_figure
-from tools.reproduce.papers.bounds.joint import FIG_4
+from hoap3.tools.cli_reproduce import reproduce
+from hoap3.tools.reproduce.papers.bounds import elbow, elbow_figure, one_joint, one_joint_figure
+from hoap3.tools.reproduce.papers.bounds.joint import FIG_4
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_up import failed
 
-from protocol.errors import BadProblemError
-from tools.reproduce.papers.bounds import joint, orderings, regions, viable_set
+from hoap3.protocol.errors import BadProblemError
+from hoap3.tools.reproduce.papers.bounds import joint, orderings, regions, viable_set
 
 
 @pytest.fixture(scope="module")

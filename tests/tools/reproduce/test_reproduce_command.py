@@ -10,16 +10,16 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from protocol.errors import ConfigError, UnknownNameError, UsageError
-from tools.cli_reproduce import reproduce
-from tools.reproduce import papers
-from tools.reproduce.remake import papers as known_papers
+from hoap3.protocol.errors import ConfigError, UnknownNameError, UsageError
+from hoap3.tools.cli_reproduce import reproduce
+from hoap3.tools.reproduce import papers
+from hoap3.tools.reproduce.remake import papers as known_papers
 
 TINY = """
 import numpy as np
 
-from tools.reproduce.figures import Axis, Curve, Figure, Panel
-from tools.reproduce.rows import measured, near
+from hoap3.tools.reproduce.figures import Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.rows import measured, near
 
 
 def remake(say):

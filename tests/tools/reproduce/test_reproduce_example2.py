@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tools.reproduce.papers.qp12 import example2
+from hoap3.tools.reproduce.papers.qp12 import example2
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tools.reproduce.papers.qp12 import fig1
+from hoap3.tools.reproduce.papers.qp12 import fig1
 
 STEEP = st.floats(-3.0, 3.0).filter(lambda x: abs(x) > 0.1)
 

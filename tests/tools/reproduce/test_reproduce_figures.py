@@ -7,7 +7,7 @@ import csv
 import numpy as np
 import pytest
 
-from tools.reproduce.figures import COLOURS, Axis, Curve, Figure, Panel, draw, save
+from hoap3.tools.reproduce.figures import COLOURS, Axis, Curve, Figure, Panel, draw, save
 
 TIME = np.linspace(0.0, 1.0, 7) / 3.0  # no round numbers
 PANEL = Panel(

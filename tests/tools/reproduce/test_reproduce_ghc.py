@@ -10,9 +10,9 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from tools.cli_reproduce import reproduce
-from tools.reproduce.figures import save
-from tools.reproduce.papers.ghc import (
+from hoap3.tools.cli_reproduce import reproduce
+from hoap3.tools.reproduce.figures import save
+from hoap3.tools.reproduce.papers.ghc import (
     alphas,
     compromise,
     errors_figure,
@@ -22,9 +22,9 @@ from tools.reproduce.papers.ghc import (
     table1,
     times,
 )
-from tools.reproduce.papers.ghc.reference import ELBOW, HAND, POSTURE, SAG, TABLE_1, TASKS
-from tools.reproduce.papers.ghc.runs import PHASE_S, Run
-from tools.reproduce.papers.ghc.runs import switching as switch
+from hoap3.tools.reproduce.papers.ghc.reference import ELBOW, HAND, POSTURE, SAG, TABLE_1, TASKS
+from hoap3.tools.reproduce.papers.ghc.runs import PHASE_S, Run
+from hoap3.tools.reproduce.papers.ghc.runs import switching as switch
 
 
 @pytest.fixture(scope="module")

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from made_up import TICKS, failed, good_run
 
-from remote_controller.constraints.bodies import links
-from remote_controller.controllers.controller import STATUS
-from remote_controller.kinematics import Kinematics
-from robot_emulator.robots import load
-from tools.reproduce.papers.qp12 import certified, circulation, obstacle, support
-from tools.reproduce.papers.qp12.circulation import Circulation, Ellipse
-from tools.reproduce.papers.qp12.obstacle import ROUND, THROUGH, Obstacle, Passage
-from tools.reproduce.papers.qp12.support import CONDITION, Support
+from hoap3.remote_controller.constraints.bodies import links
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.robot_emulator.robots import load
+from hoap3.tools.reproduce.papers.qp12 import certified, circulation, obstacle, support
+from hoap3.tools.reproduce.papers.qp12.circulation import Circulation, Ellipse
+from hoap3.tools.reproduce.papers.qp12.obstacle import ROUND, THROUGH, Obstacle, Passage
+from hoap3.tools.reproduce.papers.qp12.support import CONDITION, Support
 
 T = 1e-3
 ELLIPSE = Ellipse((0.0, 0.02, 0.285), (0.015, 0.01), 0.1)

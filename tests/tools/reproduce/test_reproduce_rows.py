@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from tools.reproduce.rows import between, bounded, measured, near
+from hoap3.tools.reproduce.rows import between, bounded, measured, near
 
 
 @pytest.mark.parametrize(

@@ -11,11 +11,11 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from remote_controller.kinematics import Kinematics
-from robot_emulator.robots import load
-from tools.cli_reproduce import reproduce
-from tools.reproduce.figures import save
-from tools.reproduce.papers.sdp import (
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.robot_emulator.robots import load
+from hoap3.tools.cli_reproduce import reproduce
+from hoap3.tools.reproduce.figures import save
+from hoap3.tools.reproduce.papers.sdp import (
     arm,
     claims,
     conventions,
@@ -27,7 +27,7 @@ from tools.reproduce.papers.sdp import (
     runs,
     table,
 )
-from tools.reproduce.papers.sdp.configured import ConfiguredTasks
+from hoap3.tools.reproduce.papers.sdp.configured import ConfiguredTasks
 
 
 @pytest.fixture(scope="module")

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from tools.reproduce.figures import Figure
-from tools.reproduce.rows import Row
+from hoap3.tools.reproduce.figures import Figure
+from hoap3.tools.reproduce.rows import Row
 
 
 def remake(say: Callable[[str], None]) -> tuple[list[Figure], list[Row]]:
     """Do the sets, then the motions."""
-    from tools.reproduce.papers.bounds import (  # noqa: PLC0415 - these load numba and Pinocchio
+    from hoap3.tools.reproduce.papers.bounds import (  # noqa: PLC0415 - these load numba and Pinocchio
         elbow,
         elbow_figure,
         one_joint,

@@ -21,22 +21,22 @@ from typing import Any
 
 import numpy as np
 
-from protocol.description import RobotDescription
-from protocol.messages import State
-from protocol.model import build_model
-from protocol.torque_limits import torque_acceleration_bounds
-from remote_controller.controllers.tsid import TsidController
-from robot_emulator.acceleration_servo import AccelerationServo
-from robot_emulator.robots import load
-from tools.reproduce.figures import Array
-from tools.reproduce.papers.bounds.reference import (
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import State
+from hoap3.protocol.model import build_model
+from hoap3.protocol.torque_limits import torque_acceleration_bounds
+from hoap3.remote_controller.controllers.tsid import TsidController
+from hoap3.robot_emulator.acceleration_servo import AccelerationServo
+from hoap3.robot_emulator.robots import load
+from hoap3.tools.reproduce.figures import Array
+from hoap3.tools.reproduce.papers.bounds.reference import (
     ELBOW,
     ELBOW_ACCELERATION,
     ELBOW_PRINTED,
     LOG_NORM,
 )
-from tools.reproduce.rows import Row, bounded, near
-from tools.simulate import simulate
+from hoap3.tools.reproduce.rows import Row, bounded, near
+from hoap3.tools.simulate import simulate
 
 ROBOT, FRAME, START, GOAL = "baxter_left_arm", "left_gripper", "fig5_start", "fig5_goal"
 JOINT = "left_e1"

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Figure, Panel
-from tools.reproduce.papers.bounds.elbow import SECONDS, Run, Runs
+from hoap3.tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.papers.bounds.elbow import SECONDS, Run, Runs
 
 SHOWN_S = 1.6
 

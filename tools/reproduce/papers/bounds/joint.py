@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.limits import AccelerationBounds
-from tools.reproduce.figures import Array
+from hoap3.protocol.limits import AccelerationBounds
+from hoap3.tools.reproduce.figures import Array
 
 
 @dataclass(frozen=True)

@@ -14,13 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from protocol.errors import BadProblemError
-from remote_controller.controllers.joint_acceleration_kernels import accelerate_to
-from tools.reproduce.figures import Array
-from tools.reproduce.papers.bounds.joint import FIG_4, Joint
-from tools.reproduce.papers.bounds.reference import CHATTER, NAIVE
-from tools.reproduce.papers.bounds.viable_set import peak
-from tools.reproduce.rows import Row, bounded, near
+from hoap3.protocol.errors import BadProblemError
+from hoap3.remote_controller.controllers.joint_acceleration_kernels import accelerate_to
+from hoap3.tools.reproduce.figures import Array
+from hoap3.tools.reproduce.papers.bounds.joint import FIG_4, Joint
+from hoap3.tools.reproduce.papers.bounds.reference import CHATTER, NAIVE
+from hoap3.tools.reproduce.papers.bounds.viable_set import peak
+from hoap3.tools.reproduce.rows import Row, bounded, near
 
 KP = 1000.0  # 1/s²
 TARGET = 3.0  # rad

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Figure, Panel
-from tools.reproduce.papers.bounds.joint import FIG_4
-from tools.reproduce.papers.bounds.one_joint import SHOWN_S, TOO_LARGE, Run, Runs
+from hoap3.tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.papers.bounds.joint import FIG_4
+from hoap3.tools.reproduce.papers.bounds.one_joint import SHOWN_S, TOO_LARGE, Run, Runs
 
 COLOUR = dict(zip((1.0, 2.0, 3.0, 5.0, 10.0, TOO_LARGE), COLOURS, strict=False))
 """By T_b/δt."""

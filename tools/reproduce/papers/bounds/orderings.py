@@ -18,9 +18,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tools.reproduce.figures import COLOURS, Array, Axis, Curve, Figure, Panel
-from tools.reproduce.papers.bounds.joint import FIG_3, Joint
-from tools.reproduce.rows import Row, bounded, near
+from hoap3.tools.reproduce.figures import COLOURS, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.papers.bounds.joint import FIG_3, Joint
+from hoap3.tools.reproduce.rows import Row, bounded, near
 
 STATES = 1_000_000
 PERIODS_S = (0.02, 0.05, 0.1, 0.2)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tools.reproduce.figures import Array, Axis, Curve, Figure, Panel
-from tools.reproduce.papers.bounds.joint import FIG_3, Joint
-from tools.reproduce.papers.bounds.reference import REGIONS
-from tools.reproduce.rows import Row, near
+from hoap3.tools.reproduce.figures import Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.papers.bounds.joint import FIG_3, Joint
+from hoap3.tools.reproduce.papers.bounds.reference import REGIONS
+from hoap3.tools.reproduce.rows import Row, near
 
 SIDE = 2001  # states along q and along dq, ends included
 DRAWN_EVERY = 2  # columns of the grid

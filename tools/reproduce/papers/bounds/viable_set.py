@@ -25,15 +25,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from tools.reproduce.figures import COLOURS, INK, PALE, Array, Axis, Curve, Figure, Panel
-from tools.reproduce.papers.bounds.joint import FIG_1, Joint
-from tools.reproduce.papers.bounds.reference import (
+from hoap3.tools.reproduce.figures import COLOURS, INK, PALE, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.papers.bounds.joint import FIG_1, Joint
+from hoap3.tools.reproduce.papers.bounds.reference import (
     CURVE_MEETS_SPEED,
     PSEUDO_ACCELERATION,
     VIABLE,
     VIABLE_AND_REACHABLE,
 )
-from tools.reproduce.rows import Row, bounded, near
+from hoap3.tools.reproduce.rows import Row, bounded, near
 
 CELLS = 400  # of F, along q and along dq
 STEPS = 0.01  # s: of the braking

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from tools.reproduce.figures import Figure
-from tools.reproduce.rows import Row
+from hoap3.tools.reproduce.figures import Figure
+from hoap3.tools.reproduce.rows import Row
 
 
 def remake(say: Callable[[str], None]) -> tuple[list[Figure], list[Row]]:
     """Do the runs, then the timing of Fig. 12."""
-    from tools.reproduce.papers.ghc import (  # noqa: PLC0415 - these load numba and Pinocchio
+    from hoap3.tools.reproduce.papers.ghc import (  # noqa: PLC0415 - these load numba and Pinocchio
         alphas,
         compromise,
         errors_figure,

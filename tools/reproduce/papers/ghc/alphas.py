@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from tools.reproduce.figures import COLOURS, Array, Axis, Curve, Figure, Panel
-from tools.reproduce.papers.ghc.reference import PHASES
-from tools.reproduce.papers.ghc.runs import PHASE_S, Run
-from tools.reproduce.rows import Row, bounded
+from hoap3.tools.reproduce.figures import COLOURS, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.papers.ghc.reference import PHASES
+from hoap3.tools.reproduce.papers.ghc.runs import PHASE_S, Run
+from hoap3.tools.reproduce.rows import Row, bounded
 
 EXACT = 1e-12
 ABOVE = (

@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from tools.reproduce.figures import COLOURS, INK, Axis, Curve, Figure, Panel
-from tools.reproduce.papers.ghc.reference import (
+from hoap3.tools.reproduce.figures import COLOURS, INK, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.papers.ghc.reference import (
     COMPROMISES,
     ELBOW,
     ELBOW_M,
@@ -20,8 +20,8 @@ from tools.reproduce.papers.ghc.reference import (
     W_R,
     WEIGHED,
 )
-from tools.reproduce.papers.ghc.runs import END_S, NO_BOUNDS, Run, follow, point, position
-from tools.reproduce.rows import Row, bounded, near
+from hoap3.tools.reproduce.papers.ghc.runs import END_S, NO_BOUNDS, Run, follow, point, position
+from hoap3.tools.reproduce.rows import Row, bounded, near
 
 SECONDS, WEIGHED_SECONDS = 8.0, 6.0
 SHARE, STRICT_M, NEVER_M = 0.05, 1e-3, 1e-3

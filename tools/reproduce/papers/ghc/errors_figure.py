@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from robot_emulator.robots import load
-from tools.reproduce.figures import COLOURS, Array, Axis, Curve, Figure, Panel
-from tools.reproduce.papers.ghc import alphas
-from tools.reproduce.papers.ghc.reference import PHASES, TASKS
-from tools.reproduce.papers.ghc.runs import PHASE_S, ROBOT, Run
+from hoap3.robot_emulator.robots import load
+from hoap3.tools.reproduce.figures import COLOURS, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.papers.ghc import alphas
+from hoap3.tools.reproduce.papers.ghc.reference import PHASES, TASKS
+from hoap3.tools.reproduce.papers.ghc.runs import PHASE_S, ROBOT, Run
 
 EVERY = 10  # ticks between two points that are drawn, of errors and joints
 TIME = Axis("time_s", "time [s]", step=PHASE_S)

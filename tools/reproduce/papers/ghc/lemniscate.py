@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from remote_controller.kinematics import Kinematics
-from robot_emulator.robots import load
-from tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Figure, Panel
-from tools.reproduce.papers.ghc import alphas
-from tools.reproduce.papers.ghc.errors_figure import EVERY, TIME, error_panel
-from tools.reproduce.papers.ghc.reference import (
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.robot_emulator.robots import load
+from hoap3.tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.papers.ghc import alphas
+from hoap3.tools.reproduce.papers.ghc.errors_figure import EVERY, TIME, error_panel
+from hoap3.tools.reproduce.papers.ghc.reference import (
     ELBOW,
     HAND,
     LEMNISCATE,
@@ -29,8 +29,15 @@ from tools.reproduce.papers.ghc.reference import (
     TRACKING,
     W_R,
 )
-from tools.reproduce.papers.ghc.runs import PHASE_S, ROBOT, Run, position, switching, three_tasks
-from tools.reproduce.rows import Row, bounded
+from hoap3.tools.reproduce.papers.ghc.runs import (
+    PHASE_S,
+    ROBOT,
+    Run,
+    position,
+    switching,
+    three_tasks,
+)
+from hoap3.tools.reproduce.rows import Row, bounded
 
 HALF_WIDTH_M, CENTER_M = 0.10, (-0.45, 0.15, 0.75)
 PERIOD_S = 2.0 * math.pi

@@ -13,12 +13,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from remote_controller.config import read_config
-from tools.reproduce.figures import COLOURS, INK, Axis, Curve, Figure, Panel
-from tools.reproduce.papers.ghc.reference import ELBOW, FORCE_N, HAND, POSTURE
-from tools.reproduce.papers.ghc.runs import Run, run_of
-from tools.reproduce.rows import Row, bounded, measured, near
-from tools.simulate import simulate
+from hoap3.remote_controller.config import read_config
+from hoap3.tools.reproduce.figures import COLOURS, INK, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.papers.ghc.reference import ELBOW, FORCE_N, HAND, POSTURE
+from hoap3.tools.reproduce.papers.ghc.runs import Run, run_of
+from hoap3.tools.reproduce.rows import Row, bounded, measured, near
+from hoap3.tools.simulate import simulate
 
 SWITCH_S, OVER_S, SECONDS = 2.0, 1.0, 10.0
 SETTLED_S = 2.0

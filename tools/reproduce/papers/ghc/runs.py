@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 import yaml
 
-from robot_emulator.robots import load
-from tools.reproduce.figures import Array
-from tools.reproduce.papers.ghc.reference import (
+from hoap3.robot_emulator.robots import load
+from hoap3.tools.reproduce.figures import Array
+from hoap3.tools.reproduce.papers.ghc.reference import (
     ELBOW,
     ELBOW_M,
     HAND,
@@ -30,7 +30,7 @@ from tools.reproduce.papers.ghc.reference import (
     STATIC,
     W_R,
 )
-from tools.simulate import Simulation, simulate
+from hoap3.tools.simulate import Simulation, simulate
 
 ROBOT = "lwr"
 PHASE_S = 8.0

@@ -10,9 +10,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from tools.reproduce.papers.ghc.reference import ELBOW, HAND, POSTURE, TABLE_1, W_R
-from tools.reproduce.papers.ghc.runs import NO_BOUNDS, PHASE_S, Run, follow, switching, three_tasks
-from tools.reproduce.rows import Row, bounded, measured
+from hoap3.tools.reproduce.papers.ghc.reference import ELBOW, HAND, POSTURE, TABLE_1, W_R
+from hoap3.tools.reproduce.papers.ghc.runs import (
+    NO_BOUNDS,
+    PHASE_S,
+    Run,
+    follow,
+    switching,
+    three_tasks,
+)
+from hoap3.tools.reproduce.rows import Row, bounded, measured
 
 FAST_S, SLOW_S = 0.005, 2.0
 """Durations of transitions in Figs. 3 and 4."""

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 
-from tools.reproduce.papers.ghc.reference import HIGHEST, PHASES, SAG, TABLE_1, TASKS, W_R
-from tools.reproduce.papers.ghc.runs import Run
-from tools.reproduce.papers.ghc.switching import SMALL_W_R, SMOOTHING, Switching
-from tools.reproduce.rows import Row, bounded, measured, near
+from hoap3.tools.reproduce.papers.ghc.reference import HIGHEST, PHASES, SAG, TABLE_1, TASKS, W_R
+from hoap3.tools.reproduce.papers.ghc.runs import Run
+from hoap3.tools.reproduce.papers.ghc.switching import SMALL_W_R, SMOOTHING, Switching
+from hoap3.tools.reproduce.rows import Row, bounded, measured, near
 
 SHARE = 0.15  # of a printed error, within which ours must be
 TOP = 1e-4  # m or rad

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from tools.bench.hierarchy import HEADLINE, OURS, PAPER_MS, TASKS, bench_hierarchy
-from tools.reproduce.figures import COLOURS, INK, Axis, Curve, Figure, Panel
-from tools.reproduce.rows import Row, bounded, measured
+from hoap3.tools.bench.hierarchy import HEADLINE, OURS, PAPER_MS, TASKS, bench_hierarchy
+from hoap3.tools.reproduce.figures import COLOURS, INK, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.rows import Row, bounded, measured
 
 SAMPLES = 10
 ROBOTS = {"lwr": "7 joints", "humanoid32": "32 joints"}

@@ -10,14 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from tools.reproduce.figures import Figure
-from tools.reproduce.rows import Row
+from hoap3.tools.reproduce.figures import Figure
+from hoap3.tools.reproduce.rows import Row
 
 
 def remake(say: Callable[[str], None]) -> tuple[list[Figure], list[Row]]:
     """Do the analysis, the experiments, then the timing of Table I."""
-    from tools.bench.solvers import bench_solvers  # noqa: PLC0415 - these load numba and Pinocchio
-    from tools.reproduce.papers.qp12 import (  # noqa: PLC0415
+    from hoap3.tools.bench.solvers import bench_solvers  # noqa: PLC0415 - these load numba and Pinocchio
+    from hoap3.tools.reproduce.papers.qp12 import (  # noqa: PLC0415
         checks,
         circulation,
         drawings,

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.messages import Event
-from protocol.ring import Kind, Record
-from remote_controller.config import read_config
-from remote_controller.controllers.controller import STATUS
-from tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Panel
-from tools.reproduce.papers.qp12.experiments import PERIOD_S, ROBOT
-from tools.reproduce.rows import Row, bounded
-from tools.simulate import simulate
+from hoap3.protocol.messages import Event
+from hoap3.protocol.ring import Kind, Record
+from hoap3.remote_controller.config import read_config
+from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Panel
+from hoap3.tools.reproduce.papers.qp12.experiments import PERIOD_S, ROBOT
+from hoap3.tools.reproduce.rows import Row, bounded
+from hoap3.tools.simulate import simulate
 
 SHOWN_EVERY = 10
 """Of so many ticks one is drawn."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tools.reproduce.papers.qp12 import reference
-from tools.reproduce.papers.qp12.experiments import (
+from hoap3.tools.reproduce.papers.qp12 import reference
+from hoap3.tools.reproduce.papers.qp12.experiments import (
     BETA,
     START_M,
     U_MAX,
@@ -14,8 +14,15 @@ from tools.reproduce.papers.qp12.experiments import (
     joint_names,
     sole,
 )
-from tools.reproduce.papers.qp12.reference import EVEN, PINV, SPARSE, SPARSE_CONSTANT, TRIALS, Law
-from tools.reproduce.rows import Row, between, bounded, measured, near
+from hoap3.tools.reproduce.papers.qp12.reference import (
+    EVEN,
+    PINV,
+    SPARSE,
+    SPARSE_CONSTANT,
+    TRIALS,
+    Law,
+)
+from hoap3.tools.reproduce.rows import Row, between, bounded, measured, near
 
 PAPERS_WAY_M = 0.0185
 HALF_A_DIGIT_M = 5e-5  # m(q0) has four decimals

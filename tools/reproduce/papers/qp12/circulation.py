@@ -25,10 +25,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from remote_controller.kinematics import Kinematics
-from robot_emulator.robots import load
-from tools.reproduce.figures import COLOURS, INK, PALE, Array, Axis, Curve, Figure, Panel
-from tools.reproduce.papers.qp12.certified import (
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.robot_emulator.robots import load
+from hoap3.tools.reproduce.figures import COLOURS, INK, PALE, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.papers.qp12.certified import (
     SHOWN_EVERY,
     CertifiedRun,
     certified,
@@ -36,8 +36,8 @@ from tools.reproduce.papers.qp12.certified import (
     panels,
     run,
 )
-from tools.reproduce.papers.qp12.experiments import PERIOD_S, ROBOT, com_path, sole
-from tools.reproduce.rows import Row, bounded, near
+from hoap3.tools.reproduce.papers.qp12.experiments import PERIOD_S, ROBOT, com_path, sole
+from hoap3.tools.reproduce.rows import Row, bounded, near
 
 CONFIG = "com_circulation"
 SECONDS = 16.0

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tools.reproduce.figures import COLOURS, INK, PALE, Array, Axis, Curve, Figure, Panel
-from tools.reproduce.papers.qp12.experiments import (
+from hoap3.tools.reproduce.figures import COLOURS, INK, PALE, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.papers.qp12.experiments import (
     SECONDS,
     START_M,
     TARGET_M,
@@ -14,7 +14,7 @@ from tools.reproduce.papers.qp12.experiments import (
     joint_names,
     sole,
 )
-from tools.reproduce.papers.qp12.reference import EVEN, PINV, SPARSE, TRIALS, Law
+from hoap3.tools.reproduce.papers.qp12.reference import EVEN, PINV, SPARSE, TRIALS, Law
 
 CASES = {"A": "A: Ψ as printed, (16)", "C": "C: Ψ without 1/√n"}
 SHOWN = (0.0, 0.3, 0.7, 0.99)

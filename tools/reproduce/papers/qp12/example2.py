@@ -13,12 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from remote_controller.kinematics import Kinematics
-from remote_controller.solvers import DescentRate, lp_norm, pinv_plain
-from robot_emulator.robots import load
-from tools.reproduce.figures import COLOURS, Array, Axis, Curve, Figure, Panel
-from tools.reproduce.papers.qp12.experiments import BETA, FRAME, ROBOT, TARGET_M, U_MAX
-from tools.reproduce.rows import Row, bounded, near
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.solvers import DescentRate, lp_norm, pinv_plain
+from hoap3.robot_emulator.robots import load
+from hoap3.tools.reproduce.figures import COLOURS, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.papers.qp12.experiments import BETA, FRAME, ROBOT, TARGET_M, U_MAX
+from hoap3.tools.reproduce.rows import Row, bounded, near
 
 POWERS = (0.5, 1.0, 1.2, 1.5, 2.0, 4.0, math.inf)
 SWEEPS = 400  # over all pairs of joints, at most

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from remote_controller.kinematics import Kinematics
-from robot_emulator.robots import load
-from tools.reproduce.papers.qp12.reference import ACTIVE, SCALES, Law
-from tools.simulate import simulate
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.robot_emulator.robots import load
+from hoap3.tools.reproduce.papers.qp12.reference import ACTIVE, SCALES, Law
+from hoap3.tools.simulate import simulate
 
 ROBOT, FRAME = "hoap3", "r_sole"
 START_M = (-0.0085, 0.0279, 0.2869)

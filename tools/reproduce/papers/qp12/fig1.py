@@ -14,10 +14,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from protocol.errors import InfeasibleError
-from remote_controller.solvers import feasible_rate, lyapunov_qp
-from tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Figure, Panel
-from tools.reproduce.rows import Row, bounded, near
+from hoap3.protocol.errors import InfeasibleError
+from hoap3.remote_controller.solvers import feasible_rate, lyapunov_qp
+from hoap3.tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.rows import Row, bounded, near
 
 A = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0], [1.0, 1.0]])
 B = np.array([1.0, 1.0, 1.0, 1.0, 1.5])  # rad/s

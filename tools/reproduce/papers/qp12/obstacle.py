@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from protocol.model import collision_shapes
-from remote_controller.kinematics import Kinematics
-from robot_emulator.robots import load
-from tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Figure, Panel
-from tools.reproduce.papers.qp12.certified import (
+from hoap3.protocol.model import collision_shapes
+from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.robot_emulator.robots import load
+from hoap3.tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.papers.qp12.certified import (
     SHOWN_EVERY,
     CertifiedRun,
     certified,
@@ -29,8 +29,8 @@ from tools.reproduce.papers.qp12.certified import (
     run,
     time_curve,
 )
-from tools.reproduce.papers.qp12.experiments import ROBOT
-from tools.reproduce.rows import Row, bounded
+from hoap3.tools.reproduce.papers.qp12.experiments import ROBOT
+from hoap3.tools.reproduce.rows import Row, bounded
 
 CONFIG = "obstacle"
 SECONDS = 10.0

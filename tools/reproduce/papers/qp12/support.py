@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tools.reproduce.figures import COLOURS, INK, PALE, Array, Axis, Curve, Figure, Panel
-from tools.reproduce.papers.qp12.certified import (
+from hoap3.tools.reproduce.figures import COLOURS, INK, PALE, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.papers.qp12.certified import (
     SHOWN_EVERY,
     CertifiedRun,
     certified,
@@ -23,8 +23,8 @@ from tools.reproduce.papers.qp12.certified import (
     run,
     time_curve,
 )
-from tools.reproduce.papers.qp12.experiments import PERIOD_S, com_path, sole
-from tools.reproduce.rows import Row, bounded
+from hoap3.tools.reproduce.papers.qp12.experiments import PERIOD_S, com_path, sole
+from hoap3.tools.reproduce.rows import Row, bounded
 
 CONFIG = "stable_qp_hoap3"
 SECONDS = 4.0

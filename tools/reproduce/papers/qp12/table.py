@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from tools.bench.solvers import PAPER_US
-from tools.reproduce.figures import COLOURS, INK, Axis, Curve, Figure, Panel
-from tools.reproduce.rows import Row, bounded, measured
+from hoap3.tools.bench.solvers import PAPER_US
+from hoap3.tools.reproduce.figures import COLOURS, INK, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.rows import Row, bounded, measured
 
 SOLVERS = {"qp12": "QP12", "pinv_svd": "PINV by SVD", "pinv": "PINV by Cholesky", "osqp": "OSQP"}
 PAPERS_NAMES = {"qp12": "qp12", "pinv_svd": "pinv", "osqp": "osqp"}

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from tools.reproduce.figures import Figure
-from tools.reproduce.rows import Row
+from hoap3.tools.reproduce.figures import Figure
+from hoap3.tools.reproduce.rows import Row
 
 
 def remake(say: Callable[[str], None]) -> tuple[list[Figure], list[Row]]:
     """Do the runs of the UR5, then those of the humanoid."""
-    from tools.reproduce.papers.sdp import (  # noqa: PLC0415 - these load numba and Pinocchio
+    from hoap3.tools.reproduce.papers.sdp import (  # noqa: PLC0415 - these load numba and Pinocchio
         claims,
         conventions,
         corrections,

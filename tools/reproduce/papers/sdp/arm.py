@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from tools.reproduce.figures import Array
+from hoap3.tools.reproduce.figures import Array
 
 Tasks = Callable[[Array], tuple[Array, Array]]
 """Stacked Jacobian (n, joints) and errors σ* − σ (n,) at joint positions (joints,) [rad]."""

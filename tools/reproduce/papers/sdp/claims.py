@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tools.reproduce.papers.sdp.loop import Run
-from tools.reproduce.papers.sdp.reference import (
+from hoap3.tools.reproduce.papers.sdp.loop import Run
+from hoap3.tools.reproduce.papers.sdp.reference import (
     DT_S,
     FAST,
     LIMIT_RAD_S,
@@ -15,8 +15,8 @@ from tools.reproduce.papers.sdp.reference import (
     PERIODS_S,
     WARM_SHARE,
 )
-from tools.reproduce.papers.sdp.runs import TICK_S, Runs
-from tools.reproduce.rows import Row, bounded, measured, near
+from hoap3.tools.reproduce.papers.sdp.runs import TICK_S, Runs
+from hoap3.tools.reproduce.rows import Row, bounded, measured, near
 
 BEHIND_S = 0.05
 """Δt from which on V may fall more slowly than certified [s]."""

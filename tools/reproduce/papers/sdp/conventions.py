@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tools.reproduce.papers.sdp.arm import toolbox
-from tools.reproduce.papers.sdp.claims import LESS
-from tools.reproduce.papers.sdp.configured import ConfiguredTasks
-from tools.reproduce.papers.sdp.loop import Run, scheduled
-from tools.reproduce.papers.sdp.reference import (
+from hoap3.tools.reproduce.papers.sdp.arm import toolbox
+from hoap3.tools.reproduce.papers.sdp.claims import LESS
+from hoap3.tools.reproduce.papers.sdp.configured import ConfiguredTasks
+from hoap3.tools.reproduce.papers.sdp.loop import Run, scheduled
+from hoap3.tools.reproduce.papers.sdp.reference import (
     FAST,
     FRAME_3_ERROR,
     FRAME_3_V,
     TURNED_V,
     TURNED_V_END,
 )
-from tools.reproduce.papers.sdp.table import printed
-from tools.reproduce.rows import Row, bounded, measured, near
+from hoap3.tools.reproduce.papers.sdp.table import printed
+from hoap3.tools.reproduce.rows import Row, bounded, measured, near
 
 CONFIG, ROBOT, POSTURE = "clik_sdp_ur5", "ur5", "outstretched"
 COMPARED_S = (0.5, 1.0, 3.0)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from remote_controller.solvers import status
-from remote_controller.solvers.sdp_backends import clarabel, conic, installed
-from remote_controller.solvers.sdp_gains import DELTA, SdpGains
-from tools.reproduce.figures import Array
-from tools.reproduce.papers.sdp.arm import JOINTS, SIZES, START, toolbox
-from tools.reproduce.papers.sdp.loop import AT_LIMIT, scheduled
-from tools.reproduce.papers.sdp.reference import (
+from hoap3.remote_controller.solvers import status
+from hoap3.remote_controller.solvers.sdp_backends import clarabel, conic, installed
+from hoap3.remote_controller.solvers.sdp_gains import DELTA, SdpGains
+from hoap3.tools.reproduce.figures import Array
+from hoap3.tools.reproduce.papers.sdp.arm import JOINTS, SIZES, START, toolbox
+from hoap3.tools.reproduce.papers.sdp.loop import AT_LIMIT, scheduled
+from hoap3.tools.reproduce.papers.sdp.reference import (
     DT_S,
     FAST,
     LIMIT_RAD_S,
@@ -20,9 +20,9 @@ from tools.reproduce.papers.sdp.reference import (
     WEIGHTED_BETA,
     WRIST_WEIGHT,
 )
-from tools.reproduce.papers.sdp.runs import Runs
-from tools.reproduce.papers.sdp.table import printed
-from tools.reproduce.rows import Row, bounded, measured, near
+from hoap3.tools.reproduce.papers.sdp.runs import Runs
+from hoap3.tools.reproduce.papers.sdp.table import printed
+from hoap3.tools.reproduce.rows import Row, bounded, measured, near
 
 UNSTABLE: tuple[tuple[int, int], Array] = (
     (1, 2),

@@ -7,16 +7,16 @@ from typing import Literal
 
 import numpy as np
 
-from tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Figure, Panel
-from tools.reproduce.papers.sdp.loop import SECONDS, Run
-from tools.reproduce.papers.sdp.reference import (
+from hoap3.tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.papers.sdp.loop import SECONDS, Run
+from hoap3.tools.reproduce.papers.sdp.reference import (
     DT_S,
     FAST,
     LIMIT_RAD_S,
     LOW_LIMIT_RAD_S,
     SLOW,
 )
-from tools.reproduce.papers.sdp.runs import Runs
+from hoap3.tools.reproduce.papers.sdp.runs import Runs
 
 TIME = Axis("time_s", "time [s]", (0.0, SECONDS), step=0.5)
 DASHES = ("-", "--", ":", "-.", "-", "--")

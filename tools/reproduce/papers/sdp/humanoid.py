@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from remote_controller.solvers.sdp_gains import SdpGains
-from tools.reproduce.figures import COLOURS, Axis, Curve, Figure, Panel
-from tools.reproduce.papers.sdp.claims import LESS
-from tools.reproduce.papers.sdp.configured import ConfiguredTasks
-from tools.reproduce.papers.sdp.loop import Run, follow
-from tools.reproduce.rows import Row, bounded, measured
+from hoap3.remote_controller.solvers.sdp_gains import SdpGains
+from hoap3.tools.reproduce.figures import COLOURS, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.papers.sdp.claims import LESS
+from hoap3.tools.reproduce.papers.sdp.configured import ConfiguredTasks
+from hoap3.tools.reproduce.papers.sdp.loop import Run, follow
+from hoap3.tools.reproduce.rows import Row, bounded, measured
 
 CONFIG, ROBOT = "clik_sdp_humanoid", "humanoid32"
 HAND = "hand"

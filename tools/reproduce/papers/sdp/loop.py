@@ -9,12 +9,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from remote_controller.solvers import status
-from remote_controller.solvers.constant_gains import ConstantGains
-from remote_controller.solvers.sdp_gains import PATHS, SdpGains
-from tools.reproduce.figures import Array
-from tools.reproduce.papers.sdp.arm import JOINTS, SIZES, START, Tasks, toolbox
-from tools.reproduce.papers.sdp.reference import CONSTANT, DT_S, LIMIT_RAD_S
+from hoap3.remote_controller.solvers import status
+from hoap3.remote_controller.solvers.constant_gains import ConstantGains
+from hoap3.remote_controller.solvers.sdp_gains import PATHS, SdpGains
+from hoap3.tools.reproduce.figures import Array
+from hoap3.tools.reproduce.papers.sdp.arm import JOINTS, SIZES, START, Tasks, toolbox
+from hoap3.tools.reproduce.papers.sdp.reference import CONSTANT, DT_S, LIMIT_RAD_S
 
 SECONDS = 4.0  # that the paper shows
 AT_LIMIT = 1e-6  # rad/s

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from tools.reproduce.papers.sdp.loop import Run, constant, scheduled
-from tools.reproduce.papers.sdp.reference import DT_S, FAST, LOW_LIMIT_RAD_S, PERIODS_S, SLOW
+from hoap3.tools.reproduce.papers.sdp.loop import Run, constant, scheduled
+from hoap3.tools.reproduce.papers.sdp.reference import DT_S, FAST, LOW_LIMIT_RAD_S, PERIODS_S, SLOW
 
 TICK_S = 1e-3  # of our robots
 

@@ -6,8 +6,8 @@ from itertools import zip_longest
 
 import numpy as np
 
-from tools.reproduce.papers.sdp.loop import Run
-from tools.reproduce.papers.sdp.reference import (
+from hoap3.tools.reproduce.papers.sdp.loop import Run
+from hoap3.tools.reproduce.papers.sdp.reference import (
     BETA_S,
     BY_PERIOD,
     CONSTANT_BETA,
@@ -24,8 +24,8 @@ from tools.reproduce.papers.sdp.reference import (
     Printed,
     digit,
 )
-from tools.reproduce.papers.sdp.runs import Runs
-from tools.reproduce.rows import Row, near
+from hoap3.tools.reproduce.papers.sdp.runs import Runs
+from hoap3.tools.reproduce.rows import Row, near
 
 TURN_S = 1.5  # before which λ₄ is least
 END_S = 3.0  # at which the reference ends
