@@ -37,10 +37,10 @@ from hoap3.protocol.errors import (
 
 if TYPE_CHECKING:
     from hoap3.protocol.description import RobotDescription
-    from hoap3.protocol.settings import Settings
+    from hoap3.protocol.config.settings import Settings
     from hoap3.remote_controller import bounds, solvers
     from hoap3.remote_controller.constraints.constraint import Constraint
-    from hoap3.remote_controller.controllers.controller import Controller, VelocityController
+    from hoap3.remote_controller.controllers.base import Controller, VelocityController
     from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
     from hoap3.remote_controller.tasks.task import Task
     from hoap3.robot_emulator.robots import load as load_robot
@@ -80,12 +80,12 @@ __all__ = [
 
 _LAZY = {
     "Constraint": "hoap3.remote_controller.constraints.constraint:Constraint",
-    "Controller": "hoap3.remote_controller.controllers.controller:Controller",
+    "Controller": "hoap3.remote_controller.controllers.base:Controller",
     "LyapunovFunction": "hoap3.remote_controller.tasks.lyapunov:LyapunovFunction",
     "RobotDescription": "hoap3.protocol.description:RobotDescription",
-    "Settings": "hoap3.protocol.settings:Settings",
+    "Settings": "hoap3.protocol.config.settings:Settings",
     "Task": "hoap3.remote_controller.tasks.task:Task",
-    "VelocityController": "hoap3.remote_controller.controllers.controller:VelocityController",
+    "VelocityController": "hoap3.remote_controller.controllers.base:VelocityController",
     "bounds": "hoap3.remote_controller.bounds",
     "load_robot": "hoap3.robot_emulator.robots:load",
     "simulate": "hoap3.tools.simulate:simulate",

@@ -9,8 +9,8 @@ import numpy as np
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.constraints.polygon import half_planes, hull
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.constraints.support.polygon import half_planes, hull
+from hoap3.remote_controller.model.kinematics import Kinematics
 
 ON_GROUND_M = 1e-3  # height of a sole above the plane of the one that is fixed
 LEAST_M = -1e-4  # of the distance to the edge: encoders round, and targets may be on the edge

@@ -1,16 +1,16 @@
 """Bounds of joint accelerations that keep position and velocity limits, and what torques leave.
 
-See `hoap3.protocol.limits` and `hoap3.protocol.torque_limits`.
+See `hoap3.protocol.robot.viability_bounds` and `hoap3.protocol.robot.torque_bounds`.
 """
 
 from __future__ import annotations
 
-from hoap3.protocol.limits import (
+from hoap3.protocol.robot.torque_bounds import TorqueAccelerationBounds, torque_acceleration_bounds
+from hoap3.protocol.robot.viability_bounds import (
     AccelerationBounds,
     acceleration_bounds,
     naive_acceleration_bounds,
 )
-from hoap3.protocol.torque_limits import TorqueAccelerationBounds, torque_acceleration_bounds
 
 __all__ = [
     "AccelerationBounds",

@@ -8,16 +8,7 @@ from typing import Any
 
 from pydantic import Field
 
-from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import (
-    ConfigError,
-    DescriptionError,
-    FrameNotFoundError,
-    Hoap3Error,
-    NoDefaultTaskError,
-    UnknownNameError,
-)
-from hoap3.protocol.settings import (
+from hoap3.protocol.config.settings import (
     Endpoint,
     LinkSettings,
     LogSettings,
@@ -26,6 +17,15 @@ from hoap3.protocol.settings import (
     Settings,
     load_yaml,
     parse,
+)
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import (
+    ConfigError,
+    DescriptionError,
+    FrameNotFoundError,
+    Hoap3Error,
+    NoDefaultTaskError,
+    UnknownNameError,
 )
 from hoap3.remote_controller.pairs import configs_for, robots_for
 from hoap3.remote_controller.user_code import may_import
@@ -70,7 +70,7 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
     if name in available_configs():
         path = CONFIGS / f"{name}.yaml"
         return load_yaml(path), str(path)
-    from hoap3.remote_controller.registry import registered  # noqa: PLC0415 - loads controllers' base
+    from hoap3.remote_controller.registry import registered
 
     path = Path(name)
     if name in registered():  # a name comes before a folder that is called so
@@ -94,7 +94,7 @@ def build(config: ControllerConfig, description: RobotDescription, file: str = "
         UnknownNameError, ConfigError: it cannot be found, its parameters are wrong, the robot
             lacks a frame that they name, or the controller cannot be built for it.
     """
-    from hoap3.remote_controller.registry import find  # noqa: PLC0415 - loads controllers' base
+    from hoap3.remote_controller.registry import find
 
     controller = find(config.controller, file)
     parameters = parse(controller.Parameters, config.parameters, file, "parameters")
@@ -143,7 +143,7 @@ def _configured(
     file: str,
 ) -> Any:
     """The controller; what goes wrong is told as an error of the config."""
-    from hoap3.remote_controller.registry import blame  # noqa: PLC0415 - loads controllers' base
+    from hoap3.remote_controller.registry import blame
 
     try:
         return controller.configured(description, parameters, file)
@@ -173,7 +173,7 @@ def _configured(
 
 def check_parameters(config: ControllerConfig, file: str) -> None:
     """Refuse a controller or parameters that are wrong for any robot."""
-    from hoap3.remote_controller.registry import find  # noqa: PLC0415 - loads controllers' base
+    from hoap3.remote_controller.registry import find
 
     controller = find(config.controller, file)
     controller.check(parse(controller.Parameters, config.parameters, file, "parameters"), file)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from hoap3.protocol.clock import Clock, VirtualClock
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, UsageError, WireError
 from hoap3.protocol.messages import Event, FloatArray, State
-from hoap3.protocol.recorder import Recorder
-from hoap3.protocol.ring import Kind
+from hoap3.protocol.runtime.clock import Clock, VirtualClock
+from hoap3.protocol.runtime.recorder import Recorder
+from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.protocol.stop_reasons import LATCHING, STOP_REASONS
-from hoap3.remote_controller.controllers.controller import Controller
+from hoap3.remote_controller.controllers.base import Controller
 from hoap3.remote_controller.outcome import Outcome
 from hoap3.remote_controller.registry import blame
 

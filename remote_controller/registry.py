@@ -4,33 +4,35 @@ from __future__ import annotations
 
 from importlib.metadata import EntryPoint
 
-from hoap3.remote_controller.controllers.controller import Controller
+from hoap3.remote_controller.controllers.base import Controller
 from hoap3.remote_controller.plugins import Family, blame, module_of
 
 __all__ = ["BUILTIN", "GROUP", "blame", "find", "is_registered", "module_of", "registered"]
 
 GROUP = "hoap3.controllers"
 BUILTIN = {
-    "qp12": "hoap3.remote_controller.controllers.qp12:Qp12Controller",
-    "pinv": "hoap3.remote_controller.controllers.pinv:PinvController",
-    "stable_qp": "hoap3.remote_controller.controllers.stable_qp:StableQpController",
-    "osqp": "hoap3.remote_controller.controllers.osqp:OsqpController",
+    "qp12": "hoap3.remote_controller.controllers.qp12.qp12:Qp12Controller",
+    "pinv": "hoap3.remote_controller.controllers.qp12.pinv:PinvController",
+    "stable_qp": "hoap3.remote_controller.controllers.lyapunov_qp.stable_qp:StableQpController",
+    "osqp": "hoap3.remote_controller.controllers.qp12.osqp:OsqpController",
     "joint_acceleration": (
-        "hoap3.remote_controller.controllers.joint_acceleration:JointAccelerationController"
+        "hoap3.remote_controller.controllers.acceleration.joint_acceleration:JointAccelerationController"
     ),
-    "tsid": "hoap3.remote_controller.controllers.tsid:TsidController",
-    "ghc": "hoap3.remote_controller.controllers.ghc:GhcController",
-    "hqp": "hoap3.remote_controller.controllers.hqp:HqpController",
-    "weighted": "hoap3.remote_controller.controllers.weighted:WeightedController",
-    "ghc_velocity": "hoap3.remote_controller.controllers.ghc_velocity:GhcVelocityController",
-    "clik": "hoap3.remote_controller.controllers.clik:ClikController",
-    "clik_sdp": "hoap3.remote_controller.controllers.clik:ClikSdpController",
+    "tsid": "hoap3.remote_controller.controllers.acceleration.tsid:TsidController",
+    "ghc": "hoap3.remote_controller.controllers.acceleration.ghc:GhcController",
+    "hqp": "hoap3.remote_controller.controllers.acceleration.hqp:HqpController",
+    "weighted": "hoap3.remote_controller.controllers.acceleration.weighted:WeightedController",
+    "ghc_velocity": (
+        "hoap3.remote_controller.controllers.velocity.ghc_velocity:GhcVelocityController"
+    ),
+    "clik": "hoap3.remote_controller.controllers.velocity.clik:ClikController",
+    "clik_sdp": "hoap3.remote_controller.controllers.velocity.clik:ClikSdpController",
 }
 CONTROLLERS = Family(
     "controller",
     GROUP,
     BUILTIN,
-    ("hoap3.remote_controller.controllers.controller:Controller",),
+    ("hoap3.remote_controller.controllers.base:Controller",),
     "docs/writing_a_controller.md",
 )
 

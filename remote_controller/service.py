@@ -11,30 +11,30 @@ from collections import deque
 from collections.abc import Callable, Sequence
 
 from hoap3.protocol.answers import Grant, Status, parse_answer, parse_description
-from hoap3.protocol.clock import Clock, MonotonicClock, VirtualClock
-from hoap3.protocol.compilation import warm_up
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import AuthorityError, LinkError, PortInUseError, UsageError, WireError
-from hoap3.protocol.link import Request
-from hoap3.protocol.local_control import others_here
+from hoap3.protocol.link.base import Request
+from hoap3.protocol.link.local_control import others_here
+from hoap3.protocol.link.zenoh_link import ZenohControllerLink
 from hoap3.protocol.messages import State
-from hoap3.protocol.notes import Detail, Routine, told
-from hoap3.protocol.realtime import prepare_process
-from hoap3.protocol.recorder import Recorder
+from hoap3.protocol.runtime.clock import Clock, MonotonicClock, VirtualClock
+from hoap3.protocol.runtime.notes import Detail, Routine, told
+from hoap3.protocol.runtime.numba_jit import warm_up
+from hoap3.protocol.runtime.realtime import prepare_process
+from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.stop_reasons import recovery_words, stop_words, waits_for_recovery
-from hoap3.protocol.zenoh_link import ZenohControllerLink
 from hoap3.remote_controller.config import ControllerConfig, build
-from hoap3.remote_controller.controllers.controller import Controller
+from hoap3.remote_controller.controllers.base import Controller
 from hoap3.remote_controller.loop import ControllerLoop, failure
 from hoap3.remote_controller.outcome import Outcome
 from hoap3.remote_controller.registry import find
 from hoap3.remote_controller.silence import SilenceWatch
 
 KERNELS = (
-    "hoap3.remote_controller.solvers.qp12_kernels",
-    "hoap3.remote_controller.solvers.pinv_kernels",
-    "hoap3.remote_controller.kinematics_kernels",
-    "hoap3.remote_controller.controllers.descent_kernels",
+    "hoap3.remote_controller.solvers.qp12.qp12_kernels",
+    "hoap3.remote_controller.solvers.qp12.pinv_kernels",
+    "hoap3.remote_controller.model.kinematics_kernels",
+    "hoap3.remote_controller.controllers.qp12.lyapunov_descent_kernels",
 )
 REHEARSALS = 200
 RETRY_S = 0.2
@@ -53,7 +53,7 @@ def prepare(report: Callable[[str], None], own: Sequence[str] = ()) -> None:
         report: takes what is done.
         own: modules that the controller needs besides.
     """
-    import pinocchio  # noqa: F401, PLC0415 - half a second, better now than in the loop
+    import pinocchio  # noqa: F401 - half a second, better now than in the loop
 
     warm_up((*KERNELS, *own), lambda name: report(Detail(f"kernels: {name}")))
 

@@ -8,9 +8,7 @@ from typing import Any, Literal
 
 from pydantic import Field, field_validator
 
-from hoap3.protocol.description import CommandKind, Gravity, RobotDescription
-from hoap3.protocol.errors import ConfigError, UnknownNameError, nearest
-from hoap3.protocol.settings import (
+from hoap3.protocol.config.settings import (
     Endpoint,
     LinkSettings,
     LogSettings,
@@ -19,6 +17,8 @@ from hoap3.protocol.settings import (
     Settings,
     load_yaml,
 )
+from hoap3.protocol.description import CommandKind, Gravity, RobotDescription
+from hoap3.protocol.errors import ConfigError, UnknownNameError, nearest
 
 CONFIGS = Path(__file__).parent / "configs"
 FAR_M = 1000.0
@@ -151,7 +151,7 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
     if name in available_configs():
         path = CONFIGS / f"{name}.yaml"
     elif path.suffix not in {".yaml", ".yml"} and not path.exists():
-        from hoap3.robot_emulator.robots import available  # noqa: PLC0415 - reads installed packages
+        from hoap3.robot_emulator.robots import available
 
         known = {*available_configs(), *available()}
         raise UnknownNameError("robot or emulator config", name, known, " Or name a file.")

@@ -16,19 +16,19 @@ from itertools import islice
 
 import numpy as np
 
-from hoap3.protocol.clock import Clock, VirtualClock
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.link import Request, RobotLink
+from hoap3.protocol.link.base import Request, RobotLink
 from hoap3.protocol.messages import COMMANDS, Event, State
-from hoap3.protocol.realtime import Ticker
-from hoap3.protocol.recorder import Recorder
-from hoap3.protocol.ring import Kind
+from hoap3.protocol.runtime.clock import Clock, VirtualClock
+from hoap3.protocol.runtime.realtime import Ticker
+from hoap3.protocol.runtime.recorder import Recorder
+from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.protocol.stop_reasons import STOP_REASONS
 from hoap3.robot_emulator.authority import Authority
-from hoap3.robot_emulator.body import build_body
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.event_limit import EventLimit
-from hoap3.robot_emulator.inbox import REJECTION_KINDS, Inbox
+from hoap3.robot_emulator.plant_factory import build_body
+from hoap3.robot_emulator.setpoint_validator import REJECTION_KINDS, Inbox
 
 GRACE_TICKS = 20
 """Ticks between a grant and the first answer that is asked for, in real time."""

@@ -7,25 +7,25 @@ import secrets
 from collections.abc import Callable
 from contextlib import closing
 
-from hoap3.protocol.clock import Clock, MonotonicClock, VirtualClock
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
-from hoap3.protocol.link import RobotLink
-from hoap3.protocol.local_control import LocalControl
-from hoap3.protocol.notes import Detail, Routine, told
-from hoap3.protocol.realtime import prepare_process
-from hoap3.protocol.recorder import Recorder
-from hoap3.protocol.ring import Kind
+from hoap3.protocol.link.base import RobotLink
+from hoap3.protocol.link.local_control import LocalControl
+from hoap3.protocol.runtime.clock import Clock, MonotonicClock, VirtualClock
+from hoap3.protocol.runtime.notes import Detail, Routine, told
+from hoap3.protocol.runtime.realtime import prepare_process
+from hoap3.protocol.runtime.recorder import Recorder
+from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.robot_emulator.config import EmulatorConfig, check_contacts, check_posture
 from hoap3.robot_emulator.loop import GRACE_TICKS, RobotLoop
 from hoap3.robot_emulator.robots import load
 
 KERNELS = (
-    "hoap3.robot_emulator.motion_kernels",
-    "hoap3.robot_emulator.filter_kernels",
-    "hoap3.protocol.limits_kernels",
+    "hoap3.robot_emulator.plants.motion_kernels",
+    "hoap3.robot_emulator.filters.position_kernels",
+    "hoap3.protocol.robot.viability_bounds_kernels",
 )
-CONTACT_KERNELS = ("hoap3.robot_emulator.contact_kernels",)
+CONTACT_KERNELS = ("hoap3.robot_emulator.plants.contact_kernels",)
 START_DELAY_NS = 10_000_000
 LEAD = 4  # the part of a period that a robot in real time may act ahead of a tick
 
@@ -110,8 +110,8 @@ def serve(
     Raises:
         NameTakenError, PortInUseError, LinkError: it could not join the network.
     """
-    from hoap3.protocol.compilation import warm_up  # noqa: PLC0415 - loads numba
-    from hoap3.protocol.zenoh_link import ZenohRobotLink  # noqa: PLC0415 - only where there is a network
+    from hoap3.protocol.link.zenoh_link import ZenohRobotLink
+    from hoap3.protocol.runtime.numba_jit import warm_up
 
     contact = CONTACT_KERNELS if config.plant.contacts else ()
     warm_up((*KERNELS, *contact), lambda name: report(Detail(f"kernels: {name}")))
@@ -146,7 +146,7 @@ def serve_lockstep(
     Raises:
         LinkError: the controller did not answer for ten seconds; names the tick.
     """
-    from hoap3.protocol.zenoh_lockstep import ZenohLockstepLink  # noqa: PLC0415
+    from hoap3.protocol.link.zenoh_lockstep import ZenohLockstepLink
 
     clock = VirtualClock()
     compute_time = round(config.lockstep.compute_time_us * 1e3)

@@ -11,8 +11,8 @@ from typing import Any
 
 import zenoh
 
-from hoap3.protocol.settings import LinkSettings
-from hoap3.protocol.zenoh_link import key, open_session
+from hoap3.protocol.config.settings import LinkSettings
+from hoap3.protocol.link.zenoh_link import key, open_session
 
 Script = Callable[[str, str], bytes | None]
 """Verb and payload of a request in, the answer out; None for no answer."""

@@ -15,19 +15,19 @@ from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.clock import MonotonicClock, VirtualClock
+from hoap3.protocol.config.settings import apply_overrides, parse, parse_yaml
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, LogError, WireError
 from hoap3.protocol.messages import STAMP_FIELDS, Setpoint, State
-from hoap3.protocol.recorder import NoRecorder
-from hoap3.protocol.ring import Kind, Record
-from hoap3.protocol.settings import apply_overrides, parse, parse_yaml
+from hoap3.protocol.runtime.clock import MonotonicClock, VirtualClock
+from hoap3.protocol.runtime.recorder import NoRecorder
+from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.loop import ControllerLoop
 from hoap3.remote_controller.registry import is_registered
 from hoap3.remote_controller.user_code import user_code
-from hoap3.tools.log import Log
-from hoap3.tools.software import differences, in_words
+from hoap3.tools.logs.log import Log
+from hoap3.tools.machine.software import differences, in_words
 
 SAID_SETPOINTS = 500  # after so many the progress is told
 

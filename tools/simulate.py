@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.clock import VirtualClock
+from hoap3.protocol.config.settings import parse
 from hoap3.protocol.errors import ConfigError, DescriptionError, Hoap3Error
-from hoap3.protocol.link import Fate, LockstepLink
+from hoap3.protocol.link.base import Fate, LockstepLink
 from hoap3.protocol.messages import Setpoint, State
-from hoap3.protocol.recorder import MemoryRecorder, Recorder
-from hoap3.protocol.ring import Kind, Record
-from hoap3.protocol.settings import parse
-from hoap3.protocol.statistics import Deadlines
+from hoap3.protocol.runtime.clock import VirtualClock
+from hoap3.protocol.runtime.deadlines import Deadlines
+from hoap3.protocol.runtime.recorder import MemoryRecorder, Recorder
+from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.config import read_config as read_controller_config
-from hoap3.remote_controller.controllers.controller import Controller, mismatch
+from hoap3.remote_controller.controllers.base import Controller, mismatch
 from hoap3.remote_controller.loop import ControllerLoop
 from hoap3.remote_controller.pairs import configs_for, robots_for
 from hoap3.remote_controller.registry import find
@@ -160,7 +160,7 @@ def simulate(
         controller: name or file of a controller config, settings, or a mapping.
         duration: of the motion [s]; the robot then comes to rest.
         seed: names the session, and everything random.
-        fate: what becomes of each answer on its way, see `hoap3.protocol.link.LockstepLink`.
+        fate: what becomes of each answer on its way, see `hoap3.protocol.link.base.LockstepLink`.
         report: takes how many ticks are done, of how many.
 
     Raises:

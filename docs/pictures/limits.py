@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from runs import EDGE, JOINTS, POINTS, SPEEDS, WITHIN, Array, Run, qp12, reach, run, to
 
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.reproduce.figures import COLOURS
 
@@ -150,8 +150,8 @@ def distance() -> Figure:
 
 def nearest(found: Run) -> Array:
     """Distance of the nearest link from the ball [m]."""
-    from hoap3.protocol.messages import State  # noqa: PLC0415
-    from hoap3.remote_controller.constraints.distance import Distance  # noqa: PLC0415
+    from hoap3.protocol.messages import State
+    from hoap3.remote_controller.constraints.collision.distance import Distance
 
     robot = load("hoap3")
     kinematics, state = Kinematics(robot), State(robot.n, 0)

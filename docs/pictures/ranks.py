@@ -10,7 +10,7 @@ from drawing import label, limit, lines, of, panels
 from matplotlib.figure import Figure
 from runs import Run
 
-from hoap3.protocol.settings import load_yaml
+from hoap3.protocol.config.settings import load_yaml
 from hoap3.remote_controller.config import CONFIGS
 from hoap3.tools.simulate import simulate
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.messages import Event
-from hoap3.protocol.ring import Kind
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.simulate import Simulation, simulate
 

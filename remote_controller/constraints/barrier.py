@@ -8,7 +8,7 @@ from pydantic import Field
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.constraints.constraint import Constraint, check_rate
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 
 
 class Barrier(Constraint):
@@ -44,7 +44,7 @@ class Barrier(Constraint):
         kinematics: Kinematics,
         period_s: float,
     ) -> None:
-        from hoap3.remote_controller.constraints.limit_kernels import (  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.constraints.limit_kernels import (
             limit_rows,
         )
 

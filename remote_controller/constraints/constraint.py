@@ -7,11 +7,11 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, nearest
 from hoap3.protocol.messages import FloatArray, State
-from hoap3.protocol.settings import Settings
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 
 OUTSIDE = -1e-9  # of a margin: what is below is no rounding
 

@@ -14,7 +14,7 @@ from hoap3.remote_controller.constraints.constraint import (
     check_rate,
     positions,
 )
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 
 
 class JointPosition(Constraint):
@@ -47,7 +47,7 @@ class JointPosition(Constraint):
         kinematics: Kinematics,
         period_s: float,
     ) -> None:
-        from hoap3.remote_controller.constraints.limit_kernels import (  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.constraints.limit_kernels import (
             narrow_to_range,
         )
 

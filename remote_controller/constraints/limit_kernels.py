@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from hoap3.protocol.compilation import inlined, kernel
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.runtime.numba_jit import inlined, kernel
 
 RETURN_SHARE = 0.5  # of the fastest return that bounds on the joints leave
 STILL = 1e-12  # of a gradient's largest element [m/rad]: no joint moves it

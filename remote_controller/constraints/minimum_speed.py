@@ -10,7 +10,7 @@ from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.constraint import Constraint
 from hoap3.remote_controller.constraints.half_space import Triple, unit
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 
 ORTHOGONAL = 1e-6  # of the cosine between the direction and ∇V
 

@@ -12,7 +12,7 @@ from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.constraint import Constraint, PositionSource, positions
 from hoap3.remote_controller.constraints.user_function import load_function
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 
 
 class Pfaffian(Constraint):

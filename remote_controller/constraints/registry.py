@@ -9,24 +9,24 @@ from typing import Any
 
 from pydantic import Field
 
+from hoap3.protocol.config.settings import Settings, parse
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, FrameNotFoundError, Hoap3Error
-from hoap3.protocol.settings import Settings, parse
 from hoap3.remote_controller.constraints.constraint import Constraint
-from hoap3.remote_controller.constraints.first_update import check_first_update
+from hoap3.remote_controller.constraints.constraint_validation import check_first_update
 from hoap3.remote_controller.constraints.stack import ConstraintStack
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.plugins import Family, blame
 
 GROUP = "hoap3.constraints"
 _OURS = "hoap3.remote_controller.constraints"
 BUILTIN = {
-    "joint_speed": f"{_OURS}.joint_speed:JointSpeed",
+    "joint_speed": f"{_OURS}.joint_velocity_limit:JointSpeed",
     "joint_position": f"{_OURS}.joint_position:JointPosition",
-    "support_polygon": f"{_OURS}.support_polygon:SupportPolygon",
-    "zmp": f"{_OURS}.zmp:Zmp",
-    "distance": f"{_OURS}.distance:Distance",
-    "frame_still": f"{_OURS}.frame_still:FrameStill",
+    "support_polygon": f"{_OURS}.support.support_polygon:SupportPolygon",
+    "zmp": f"{_OURS}.support.zmp:Zmp",
+    "distance": f"{_OURS}.collision.distance:Distance",
+    "frame_still": f"{_OURS}.fixed_frame:FrameStill",
     "half_space": f"{_OURS}.half_space:HalfSpace",
     "minimum_speed": f"{_OURS}.minimum_speed:MinimumSpeed",
     "pfaffian": f"{_OURS}.pfaffian:Pfaffian",

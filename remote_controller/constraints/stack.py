@@ -8,8 +8,8 @@ import numpy as np
 
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.constraint import Constraint
-from hoap3.remote_controller.constraints.joint_speed import JointSpeed
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.constraints.joint_velocity_limit import JointSpeed
+from hoap3.remote_controller.model.kinematics import Kinematics
 
 
 class ConstraintStack:
@@ -31,7 +31,7 @@ class ConstraintStack:
     """
 
     def __init__(self, constraints: Sequence[Constraint], labels: Sequence[str], n: int) -> None:
-        from hoap3.remote_controller.constraints.limit_kernels import (  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.constraints.limit_kernels import (
             slow_returns,
         )
 

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.references.settings import TargetSettings
 from hoap3.remote_controller.tasks.accuracy import TOLERANCE_M, TaskError, length_error
 from hoap3.remote_controller.tasks.lyapunov import Site
-from hoap3.remote_controller.tasks.targets.settings import TargetSettings
 from hoap3.remote_controller.tasks.task import Task
 from hoap3.remote_controller.tasks.task_function import TaskFunction
 

@@ -7,7 +7,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.references.settings import TargetSettings
+from hoap3.remote_controller.references.target import Approach, Joined, Point
 from hoap3.remote_controller.tasks.accuracy import (
     TOLERANCE_DEG,
     TOLERANCE_M,
@@ -16,8 +18,6 @@ from hoap3.remote_controller.tasks.accuracy import (
     length_error,
 )
 from hoap3.remote_controller.tasks.lyapunov import Site
-from hoap3.remote_controller.tasks.targets.settings import TargetSettings
-from hoap3.remote_controller.tasks.targets.target import Approach, Joined, Point
 from hoap3.remote_controller.tasks.task import Task
 from hoap3.remote_controller.tasks.task_function import TaskFunction
 
@@ -67,7 +67,7 @@ class FramePoseTask(Task):
     def __init__(
         self, kinematics: Kinematics, frame: str, reference: str, target: FloatArray
     ) -> None:
-        from hoap3.remote_controller.tasks.pose_kernels import (  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.tasks.se3_kernels import (
             pose_error,
             rotation_vector,
         )

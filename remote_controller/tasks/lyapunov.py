@@ -9,9 +9,9 @@ from typing import Any, Self
 
 import numpy as np
 
+from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.settings import Settings
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks import status
 from hoap3.remote_controller.tasks.accuracy import TaskError
 

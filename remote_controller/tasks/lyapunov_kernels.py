@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from hoap3.protocol.compilation import kernel
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.runtime.numba_jit import kernel
 
 
 @kernel("UniTuple(f8, 2)(f8[::1], f8[:,::1], f8[::1], f8[::1], f8[::1], f8[:,::1], f8[::1])")

@@ -10,7 +10,8 @@ from pydantic import Field, model_validator
 
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.references.target import Approach, Point
 from hoap3.remote_controller.tasks.accuracy import (
     TOLERANCE_DEG,
     TOLERANCE_M,
@@ -21,7 +22,6 @@ from hoap3.remote_controller.tasks.accuracy import (
     prismatic_joints,
 )
 from hoap3.remote_controller.tasks.lyapunov import Site
-from hoap3.remote_controller.tasks.targets.target import Approach, Point
 from hoap3.remote_controller.tasks.task import Task
 from hoap3.remote_controller.tasks.task_function import TaskFunction
 

@@ -7,10 +7,10 @@ from typing import Any
 
 from pydantic import Field
 
+from hoap3.protocol.config.settings import Settings, parse
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import BadProblemError, ConfigError, FrameNotFoundError, Hoap3Error
-from hoap3.protocol.settings import Settings, parse
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.plugins import Family, blame
 from hoap3.remote_controller.tasks.derivative_check import check_derivatives
 from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction, Site
@@ -22,8 +22,8 @@ BUILTIN = {
     "frame_pose": "hoap3.remote_controller.tasks.frame_pose:FramePoseTask",
     "posture": "hoap3.remote_controller.tasks.posture:PostureTask",
     "weighted_sum": "hoap3.remote_controller.tasks.weighted_sum:WeightedSum",
-    "joint_curve": "hoap3.remote_controller.tasks.persistent_motion:JointCurve",
-    "task_curve": "hoap3.remote_controller.tasks.persistent_motion:TaskCurve",
+    "joint_curve": "hoap3.remote_controller.tasks.curve_following.curve_following:JointCurve",
+    "task_curve": "hoap3.remote_controller.tasks.curve_following.curve_following:TaskCurve",
 }
 TASKS = Family(
     "task",

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.settings import Settings
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks import status
 from hoap3.remote_controller.tasks.accuracy import TaskError
 from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction, Site

@@ -8,10 +8,10 @@ import numpy as np
 
 from hoap3.protocol.errors import BadProblemError
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.references.target import Point, Target
 from hoap3.remote_controller.tasks.accuracy import TaskError
 from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
-from hoap3.remote_controller.tasks.targets.target import Point, Target
 from hoap3.remote_controller.tasks.task import Task
 
 
@@ -31,7 +31,7 @@ class TaskFunction(LyapunovFunction):
     def __init__(
         self, task: Task, target: Target | None = None, weights: Sequence[float] = ()
     ) -> None:
-        from hoap3.remote_controller.tasks.lyapunov_kernels import quadratic  # noqa: PLC0415 - compiles
+        from hoap3.remote_controller.tasks.lyapunov_kernels import quadratic
 
         m, n = task.jacobian.shape
         super().__init__(n, m)

@@ -10,8 +10,8 @@ from typing import Any, Self
 import numpy as np
 from pydantic import Field
 
-from hoap3.protocol.settings import Settings
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.protocol.config.settings import Settings
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks import status
 from hoap3.remote_controller.tasks.accuracy import TaskError
 from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction, Site
@@ -62,7 +62,7 @@ class WeightedSum(LyapunovFunction):
     @classmethod
     def configured(cls, site: Site, parameters: Any) -> Self:
         """The sum of its terms, each built for the robot at `site`."""
-        from hoap3.remote_controller.tasks.registry import TaskSettings, build  # noqa: PLC0415 - a cycle
+        from hoap3.remote_controller.tasks.registry import TaskSettings, build
 
         terms = [
             build(

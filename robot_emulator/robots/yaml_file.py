@@ -28,11 +28,11 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, StrictStr
 
+from hoap3.protocol.config.regular_file import read_at_most
+from hoap3.protocol.config.settings import RobotName, Settings, load_yaml, parse
 from hoap3.protocol.description import MAX_BYTES, CommandKind, RobotDescription
 from hoap3.protocol.description_parts import Number
 from hoap3.protocol.errors import ConfigError, DescriptionError
-from hoap3.protocol.regular_file import read_at_most
-from hoap3.protocol.settings import RobotName, Settings, load_yaml, parse
 from hoap3.protocol.urdf import UrdfStructure, read_urdf
 
 SETPOINT_RATE = 250.0  # [1/s] default setpoint_acceleration_max / velocity

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.model import collision_shapes
+from hoap3.protocol.robot.pinocchio_model import collision_shapes
 
 FINE = coal.DistanceRequest()
 FINE.gjk_tolerance = 1e-9

@@ -13,7 +13,7 @@ from hoap3.protocol.description import RobotDescription, Sole
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.registry import ConstraintSettings, build
 from hoap3.remote_controller.constraints.stack import ConstraintStack
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
 
 PERIOD = 1e-3

@@ -14,11 +14,11 @@ from pathlib import Path
 
 from constraint_bench import PERIOD, entry, hoap3, small
 
+from hoap3.protocol.config.settings import load_yaml, parse
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.settings import load_yaml, parse
 from hoap3.remote_controller.constraints.registry import ConstraintSettings, build, registered
 from hoap3.remote_controller.constraints.stack import ConstraintStack
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
 
 BALL = {"name": "ball", "shape": "sphere", "center_m": [0.25, 0.05, 0.35], "radius_m": 0.04}

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from constraint_bench import PERIOD, Bench, entry, hoap3, small
 
+from hoap3.protocol.config.settings import parse
 from hoap3.protocol.errors import ConfigError, UnknownNameError
 from hoap3.protocol.messages import State
-from hoap3.protocol.settings import parse
 from hoap3.remote_controller.constraints.constraint import Constraint
 from hoap3.remote_controller.constraints.joint_position import JointPosition
 from hoap3.remote_controller.constraints.registry import (
@@ -22,7 +22,7 @@ from hoap3.remote_controller.constraints.registry import (
     registered,
 )
 from hoap3.remote_controller.constraints.stack import ConstraintStack
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 
 ALL = [
     {"constraint": "joint_position"},

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from small_arm import arm
 
 from hoap3.protocol.errors import ConfigError
-from hoap3.remote_controller.constraints.bodies import links
+from hoap3.remote_controller.constraints.collision.collision_geometry import links
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -13,7 +13,7 @@ from hoap3.protocol.errors import ConfigError
 from hoap3.remote_controller.constraints import registry
 from hoap3.remote_controller.constraints.constraint import Constraint
 from hoap3.remote_controller.constraints.registry import ConstraintSettings, build
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "writing_a_constraint.md"
 N = 21

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from hoap3.protocol.compilation import kernel
-from hoap3.remote_controller.constraints import segment_box_kernels as segments
+from hoap3.protocol.runtime.numba_jit import kernel
+from hoap3.remote_controller.constraints.collision import segment_box_kernels as segments
 
 SEEDS = st.integers(0, 2**32 - 1)
 

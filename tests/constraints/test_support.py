@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hoap3.protocol.errors import ConfigError
-from hoap3.remote_controller.constraints.polygon import half_planes, hull, inset
+from hoap3.remote_controller.constraints.support.polygon import half_planes, hull, inset
 
 SEEDS = st.integers(0, 2**32 - 1)
 POLYGON = {"constraint": "support_polygon"}

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 
 from hoap3.protocol.messages import Setpoint
-from hoap3.remote_controller.controllers.qp12 import Qp12Controller
+from hoap3.remote_controller.controllers.qp12.qp12 import Qp12Controller
 
 SHARED = Setpoint(21)
 

@@ -8,11 +8,11 @@ from functools import cache
 import numpy as np
 from controller_cases import Body
 
+from hoap3.protocol.config.settings import parse
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.settings import parse
 from hoap3.remote_controller.config import ControllerConfig, build
-from hoap3.remote_controller.controllers.controller import Controller
+from hoap3.remote_controller.controllers.base import Controller
 from hoap3.robot_emulator.robots import load
 
 HOAP3 = load("hoap3")

@@ -17,15 +17,15 @@ from functools import cache
 import numpy as np
 from small_arm import arm
 
+from hoap3.protocol.config.settings import parse
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray, State
-from hoap3.protocol.settings import parse
 from hoap3.remote_controller.config import ControllerConfig, available_configs, build, read_config
-from hoap3.remote_controller.controllers.controller import Controller
+from hoap3.remote_controller.controllers.base import Controller
 from hoap3.remote_controller.registry import find
-from hoap3.robot_emulator.body import build_body
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.config import available_configs as emulator_configs
+from hoap3.robot_emulator.plant_factory import build_body
 from hoap3.robot_emulator.service import describe
 from hoap3.tools.simulate import emulator_content, suited
 

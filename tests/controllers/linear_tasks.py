@@ -7,7 +7,7 @@ import math
 import numpy as np
 from pydantic import Field
 
-from hoap3.protocol.settings import Settings
+from hoap3.protocol.config.settings import Settings
 from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
 
 

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from small_arm import arm
 
-from hoap3.protocol.clock import VirtualClock
+from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.errors import UsageError
 from hoap3.protocol.messages import Event, Setpoint, State
-from hoap3.protocol.recorder import MemoryRecorder
-from hoap3.protocol.ring import Kind
-from hoap3.protocol.settings import Settings
-from hoap3.remote_controller.controllers.controller import Controller
+from hoap3.protocol.runtime.clock import VirtualClock
+from hoap3.protocol.runtime.recorder import MemoryRecorder
+from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.remote_controller.controllers.base import Controller
 from hoap3.remote_controller.loop import ControllerLoop
 
 SESSION = 7

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from controller_cases import Body
 
+from hoap3.protocol.config.settings import parse
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import State
-from hoap3.protocol.settings import parse
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.robot_emulator.robots import load
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from hoap3.protocol.config.settings import load_yaml
 from hoap3.protocol.messages import Event
-from hoap3.protocol.ring import Kind
-from hoap3.protocol.settings import load_yaml
+from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.config import CONFIGS
-from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.tools.simulate import Simulation, simulate
 
 NAMES = {value: name for name, value in STATUS.items()}

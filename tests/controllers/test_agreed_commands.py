@@ -6,7 +6,7 @@ import pytest
 
 from hoap3.protocol.errors import DescriptionError
 from hoap3.remote_controller.config import ControllerConfig, build
-from hoap3.remote_controller.controllers.controller import agreed
+from hoap3.remote_controller.controllers.base import agreed
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.robots import load
 from hoap3.robot_emulator.service import describe

@@ -9,7 +9,7 @@ from controller_cases import one_joint_arm
 from small_arm import arm
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.kinematics import Kinematics, stacked
+from hoap3.remote_controller.model.kinematics import Kinematics, stacked
 from hoap3.robot_emulator.robots import load
 
 ROBOTS = {"hoap3": load("hoap3"), "small": arm(), "arm3": describe(), "one joint": one_joint_arm()}

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from stable_runs import run, settings
 
+from hoap3.protocol.config.settings import parse
 from hoap3.protocol.messages import State
-from hoap3.protocol.settings import parse
 from hoap3.remote_controller.config import ControllerConfig, build
-from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.robot_emulator.robots import load
 
 

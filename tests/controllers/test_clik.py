@@ -8,11 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from hoap3.protocol.config.settings import load_yaml, parse
 from hoap3.protocol.errors import ConfigError
-from hoap3.protocol.settings import load_yaml, parse
 from hoap3.remote_controller.config import CONFIGS, ControllerConfig, check_parameters
-from hoap3.remote_controller.controllers.clik import CONDITIONS
-from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.controllers.base import STATUS
+from hoap3.remote_controller.controllers.velocity.clik import CONDITIONS
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.simulate import simulate
 

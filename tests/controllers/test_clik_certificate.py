@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from controller_cases import Body
 
-from hoap3.protocol.settings import load_yaml, parse
+from hoap3.protocol.config.settings import load_yaml, parse
 from hoap3.remote_controller.config import CONFIGS, ControllerConfig, build
-from hoap3.remote_controller.controllers.clik import CONDITIONS, LASTING_S, SLOW
-from hoap3.remote_controller.controllers.controller import STATUS
-from hoap3.remote_controller.solvers.constant_gains import ConstantGains
-from hoap3.remote_controller.solvers.sdp_gains import SdpGains
+from hoap3.remote_controller.controllers.base import STATUS
+from hoap3.remote_controller.controllers.velocity.clik import CONDITIONS, LASTING_S, SLOW
+from hoap3.remote_controller.solvers.clik.constant_gains import ConstantGains
+from hoap3.remote_controller.solvers.sdp.sdp_gains import SdpGains
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.simulate import simulate
 

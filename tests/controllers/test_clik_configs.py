@@ -8,11 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hoap3.protocol.settings import load_yaml
+from hoap3.protocol.config.settings import load_yaml
 from hoap3.remote_controller.config import CONFIGS
-from hoap3.remote_controller.controllers.clik import CONDITIONS, ClikSdpController
-from hoap3.remote_controller.controllers.controller import STATUS
-from hoap3.remote_controller.solvers.sdp_gains import BUDGET, IPM, WARM
+from hoap3.remote_controller.controllers.base import STATUS
+from hoap3.remote_controller.controllers.velocity.clik import CONDITIONS, ClikSdpController
+from hoap3.remote_controller.solvers.sdp.sdp_gains import BUDGET, IPM, WARM
 from hoap3.tools.simulate import simulate
 
 MOVES = 1 << CONDITIONS.index("target moves")

@@ -12,7 +12,7 @@ from small_arm import arm
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import FrameNotFoundError
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
 
 HOAP3 = load("hoap3")

@@ -7,7 +7,7 @@ from loop_bench import SESSION
 from loop_bench import Bench as Controller
 
 from hoap3.protocol.messages import Event
-from hoap3.protocol.ring import Kind
+from hoap3.protocol.runtime.shm_ring import Kind
 
 CONFLICT = Event.schema.constants["CONFLICTING_SETPOINTS"]
 SECOND = 1_000_000_000

@@ -11,7 +11,7 @@ from small_arm import arm
 
 from hoap3.protocol.errors import Hoap3Error, UsageError
 from hoap3.protocol.messages import Setpoint, State
-from hoap3.protocol.ring import Kind
+from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.loop import DOUBTS, LONGEST_CHANGE, ControllerLoop
 
 

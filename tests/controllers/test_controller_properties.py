@@ -35,7 +35,7 @@ from controller_cases import (
 from numba.core import event
 
 from hoap3.protocol.messages import STAMP_FIELDS
-from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.service import rehearse
 from hoap3.tools.simulate import simulate
 

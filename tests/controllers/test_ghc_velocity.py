@@ -19,12 +19,12 @@ from ranked_runs import (
     state_at,
 )
 
+from hoap3.protocol.config.settings import parse
 from hoap3.protocol.errors import ConfigError, UnknownNameError
-from hoap3.protocol.settings import parse
 from hoap3.remote_controller.config import ControllerConfig, check_parameters
-from hoap3.remote_controller.controllers.controller import STATUS
-from hoap3.remote_controller.controllers.ghc_velocity import CONDITIONS
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.controllers.base import STATUS
+from hoap3.remote_controller.controllers.velocity.ghc_velocity import CONDITIONS
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.tools.simulate import simulate
 
 DT = HOAP3.period_s

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from ranked_runs import COM, FOOT, FREE, HOAP3, POSTURE, answer, controller, motion
 
-from hoap3.remote_controller.controllers.controller import STATUS
-from hoap3.remote_controller.controllers.ghc_velocity import CONDITIONS
+from hoap3.remote_controller.controllers.base import STATUS
+from hoap3.remote_controller.controllers.velocity.ghc_velocity import CONDITIONS
 from hoap3.remote_controller.solvers import ghc
 
 

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 from controller_cases import Body
 
+from hoap3.protocol.config.settings import parse
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import COMMANDS, State
-from hoap3.protocol.settings import parse
 from hoap3.remote_controller.config import ControllerConfig, build
-from hoap3.remote_controller.controllers.controller import STATUS
-from hoap3.remote_controller.controllers.joint_acceleration import JointAccelerationController
+from hoap3.remote_controller.controllers.acceleration.joint_acceleration import (
+    JointAccelerationController,
+)
+from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.simulate import simulate
 

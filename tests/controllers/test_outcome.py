@@ -10,19 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hoap3.protocol.config.settings import parse
 from hoap3.protocol.messages import Setpoint, State
-from hoap3.protocol.recorder import MemoryRecorder, NoRecorder
-from hoap3.protocol.ring import Kind
-from hoap3.protocol.settings import parse
+from hoap3.protocol.runtime.recorder import MemoryRecorder, NoRecorder
+from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.balance import balance_of
 from hoap3.remote_controller.config import CONFIGS, ControllerConfig
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.outcome import EVERY, Outcome
 from hoap3.remote_controller.service import Service
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.certificate_count import CountingRecorder
+from hoap3.tools.show.certificate_count import CountingRecorder
+from hoap3.tools.show.verdicts import judge
 from hoap3.tools.simulate import Lockstep, controller_file, controller_settings, emulator_settings
-from hoap3.tools.verdicts import judge
 
 HOAP3 = load("hoap3")
 Told = dict[str, Any]

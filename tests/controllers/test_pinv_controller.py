@@ -9,7 +9,7 @@ from controller_cases import Body
 from free_flyer import FreeFlyer
 
 from hoap3.protocol.messages import State
-from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.controllers.base import STATUS
 
 SCALES = ["inverse_sqrt_n", "one", "max_norm"]
 

@@ -13,7 +13,7 @@ import pytest
 from com_runs import HOAP3, Run, controller_for, run
 from controller_cases import Body
 
-from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.tools.reproduce.papers.qp12 import reference
 from hoap3.tools.reproduce.papers.qp12.reference import Law
 

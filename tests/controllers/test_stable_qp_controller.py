@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from stable_runs import run, settings
 
+from hoap3.protocol.config.settings import parse
 from hoap3.protocol.errors import ConfigError, UnknownNameError
 from hoap3.protocol.messages import State
-from hoap3.protocol.settings import parse
 from hoap3.remote_controller.config import (
     ControllerConfig,
     available_configs,
@@ -16,7 +16,7 @@ from hoap3.remote_controller.config import (
     check_parameters,
     read_config,
 )
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
 
 STABLE = [name for name in available_configs() if read_config(name)[0]["controller"] == "stable_qp"]

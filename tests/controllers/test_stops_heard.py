@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 from loop_bench import SESSION, Wanderer
 
-from hoap3.protocol.clock import VirtualClock
 from hoap3.protocol.messages import Event
-from hoap3.protocol.recorder import MemoryRecorder
-from hoap3.protocol.ring import Kind
+from hoap3.protocol.runtime.clock import VirtualClock
+from hoap3.protocol.runtime.recorder import MemoryRecorder
+from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.loop import ControllerLoop
 
 CONSTANTS = Event.schema.constants

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from tsid_runs import ACCELERATIONS, EXACT, baxter, exact_motion, tsid
 
-from hoap3.protocol.dynamics import Dynamics
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import COMMANDS, State
-from hoap3.protocol.recorder import MemoryRecorder
-from hoap3.remote_controller.controllers.controller import STATUS
-from hoap3.remote_controller.dynamics import FrameDynamics
+from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
+from hoap3.protocol.runtime.recorder import MemoryRecorder
+from hoap3.remote_controller.controllers.base import STATUS
+from hoap3.remote_controller.model.frame_dynamics import FrameDynamics
 from hoap3.tools.simulate import (
     Lockstep,
     Simulation,

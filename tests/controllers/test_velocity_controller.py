@@ -12,8 +12,8 @@ from small_arm import arm
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import BadProblemError, ConfigError
 from hoap3.protocol.messages import FloatArray, State
-from hoap3.remote_controller.controllers.controller import STATUS, VelocityController
-from hoap3.robot_emulator.safety import Reference
+from hoap3.remote_controller.controllers.base import STATUS, VelocityController
+from hoap3.robot_emulator.filters.position import Reference
 
 LAWS = [("qp12", {}), ("qp12", {"gamma": 1.0}), ("pinv", {}), ("pinv", {"law": "plain"})]
 each_law = pytest.mark.parametrize(("name", "law"), LAWS, ids=str)

@@ -18,9 +18,9 @@ from unittest.mock import patch
 import typer
 from pages import Block, blocks
 
-from hoap3.tools.cli import app, main
+from hoap3.tools.cli.app import app, main
 from hoap3.tools.compare.candidates import read_candidates
-from hoap3.tools.services import controller_config, emulator_config, split_overrides
+from hoap3.tools.services.services import controller_config, emulator_config, split_overrides
 
 _ASSIGNMENT = re.compile(r"PYTHONPATH=(\S+)")
 

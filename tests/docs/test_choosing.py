@@ -13,10 +13,11 @@ from pages import HOUSE, blocks, page, table
 
 from hoap3.remote_controller.constraints import registry as constraints
 from hoap3.remote_controller.constraints.constraint import Constraint
-from hoap3.remote_controller.controllers.controller import STATUS
-from hoap3.remote_controller.controllers.stable_qp import StableQpController
-from hoap3.remote_controller.solvers import stable_qp, status
-from hoap3.remote_controller.solvers.descent_rate import FORMS
+from hoap3.remote_controller.controllers.base import STATUS
+from hoap3.remote_controller.controllers.lyapunov_qp.stable_qp import StableQpController
+from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.lyapunov_qp import stable_qp
+from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate import FORMS
 from hoap3.remote_controller.tasks import status as task_status
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.simulate import simulate
@@ -57,7 +58,7 @@ def minimal(name: str) -> Constraint:
         if entry["constraint"] == name
     ]
     robot = load("hoap3")
-    from hoap3.remote_controller.kinematics import Kinematics
+    from hoap3.remote_controller.model.kinematics import Kinematics
 
     settings = [constraints.ConstraintSettings.model_validate(entries[-1])]
     stack = constraints.build(settings, robot, Kinematics(robot), robot.period_s)

@@ -10,26 +10,28 @@ import yaml
 from pages import page, table
 from pydantic_core import to_jsonable_python
 
-from hoap3.protocol.settings import Settings
+from hoap3.protocol.config.settings import Settings
 from hoap3.remote_controller.config import CONFIGS, ControllerConfig
 from hoap3.remote_controller.constraints import registry as constraints
-from hoap3.remote_controller.constraints.bodies import AnyObstacle
-from hoap3.remote_controller.controllers.clik import ClikController, ClikSdpController
-from hoap3.remote_controller.controllers.ghc import GhcController
-from hoap3.remote_controller.controllers.ghc_velocity import GhcVelocityController
-from hoap3.remote_controller.controllers.hqp import HqpController
-from hoap3.remote_controller.controllers.joint_acceleration import JointAccelerationController
-from hoap3.remote_controller.controllers.osqp import OsqpController
-from hoap3.remote_controller.controllers.pinv import PinvController
-from hoap3.remote_controller.controllers.qp12 import Qp12Controller
-from hoap3.remote_controller.controllers.stable_qp import StableQpController
-from hoap3.remote_controller.controllers.stable_qp_settings import Objective
-from hoap3.remote_controller.controllers.tsid import TsidController
-from hoap3.remote_controller.controllers.weighted import WeightedController
-from hoap3.remote_controller.hierarchy.settings import AnyTask
+from hoap3.remote_controller.constraints.collision.collision_geometry import AnyObstacle
+from hoap3.remote_controller.controllers.acceleration.ghc import GhcController
+from hoap3.remote_controller.controllers.acceleration.hqp import HqpController
+from hoap3.remote_controller.controllers.acceleration.joint_acceleration import (
+    JointAccelerationController,
+)
+from hoap3.remote_controller.controllers.acceleration.tsid import TsidController
+from hoap3.remote_controller.controllers.acceleration.weighted import WeightedController
+from hoap3.remote_controller.controllers.acceleration_tasks.settings import AnyTask
+from hoap3.remote_controller.controllers.lyapunov_qp.settings import Objective
+from hoap3.remote_controller.controllers.lyapunov_qp.stable_qp import StableQpController
+from hoap3.remote_controller.controllers.qp12.osqp import OsqpController
+from hoap3.remote_controller.controllers.qp12.pinv import PinvController
+from hoap3.remote_controller.controllers.qp12.qp12 import Qp12Controller
+from hoap3.remote_controller.controllers.velocity.clik import ClikController, ClikSdpController
+from hoap3.remote_controller.controllers.velocity.ghc_velocity import GhcVelocityController
+from hoap3.remote_controller.references.settings import TargetSettings
 from hoap3.remote_controller.tasks import registry as tasks
-from hoap3.remote_controller.tasks.curve import CURVES
-from hoap3.remote_controller.tasks.targets.settings import TargetSettings
+from hoap3.remote_controller.tasks.curve_following.curve import CURVES
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.robots import load
 

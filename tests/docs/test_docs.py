@@ -13,12 +13,12 @@ from story import Story, check, hoap3, subcommands
 
 from hoap3.protocol.errors import Hoap3Error
 from hoap3.protocol.messages import Setpoint
-from hoap3.protocol.ring import Kind
-from hoap3.robot_emulator.inbox import REJECTION_KINDS
+from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.robot_emulator.robots.yaml_file import DefaultTaskEntry, JointEntry, RobotFile, SoleEntry
-from hoap3.tools.log_format import TOPICS
-from hoap3.tools.machine import machine_block
-from hoap3.tools.statistics import RunStatistics
+from hoap3.robot_emulator.setpoint_validator import REJECTION_KINDS
+from hoap3.tools.logs.log_format import TOPICS
+from hoap3.tools.machine.machine import machine_block
+from hoap3.tools.services.run_statistics import RunStatistics
 
 STORIES = [
     "choosing.md",

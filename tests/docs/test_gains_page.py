@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from pages import page, table
 
-from hoap3.protocol.settings import load_yaml
+from hoap3.protocol.config.settings import load_yaml
 from hoap3.remote_controller.config import CONFIGS
-from hoap3.remote_controller.controllers.clik import CONDITIONS, FIGURES, SLOW
-from hoap3.remote_controller.controllers.controller import STATUS
-from hoap3.remote_controller.kinematics import Kinematics
-from hoap3.remote_controller.solvers.sdp_gains import PATHS, SdpGains
+from hoap3.remote_controller.controllers.base import STATUS
+from hoap3.remote_controller.controllers.velocity.clik import CONDITIONS, FIGURES, SLOW
+from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.solvers.sdp.sdp_gains import PATHS, SdpGains
 from hoap3.remote_controller.tasks.registry import TaskSettings, build
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.certificate_count import CertificateCount, in_a_line
+from hoap3.tools.show.certificate_count import CertificateCount, in_a_line
 from hoap3.tools.simulate import simulate
 
 PAGE = "gains.md"

@@ -9,9 +9,9 @@ import pytest
 import yaml
 from pages import blocks, page
 
-from hoap3.remote_controller.controllers.controller import STATUS
-from hoap3.remote_controller.controllers.ghc_velocity import CONDITIONS
-from hoap3.remote_controller.priorities.settings import ChangeRequest
+from hoap3.remote_controller.controllers.base import STATUS
+from hoap3.remote_controller.controllers.velocity.ghc_velocity import CONDITIONS
+from hoap3.remote_controller.scheduling.settings import ChangeRequest
 from hoap3.tools.simulate import simulate
 
 PAGE = "priorities.md"
@@ -41,7 +41,7 @@ def test_every_condition_is_named():
 
 
 def shipped(**parameters):
-    from hoap3.protocol.settings import load_yaml
+    from hoap3.protocol.config.settings import load_yaml
     from hoap3.remote_controller.config import CONFIGS
 
     config = copy.deepcopy(load_yaml(CONFIGS / "ghc_velocity.yaml"))

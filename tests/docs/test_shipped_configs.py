@@ -12,10 +12,10 @@ from story import check
 
 from hoap3.protocol.messages import State
 from hoap3.remote_controller.config import CONFIGS, build
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
 from hoap3.robot_emulator.service import describe
-from hoap3.tools.settings import json_schema
+from hoap3.tools.services.settings import json_schema
 from hoap3.tools.simulate import controller_settings, emulator_settings, simulate
 
 ROOT = CONFIGS.resolve().parents[1]

@@ -10,11 +10,11 @@ import re
 import pytest
 from pages import HOUSE, blocks, table
 
+from hoap3.protocol.config.settings import RealtimeSettings
 from hoap3.protocol.errors import AuthorityError
 from hoap3.protocol.messages import Event
-from hoap3.protocol.realtime import Measure, _lock_memory, _pin, _schedule
-from hoap3.protocol.settings import RealtimeSettings
-from hoap3.robot_emulator.inbox import REJECTION_KINDS
+from hoap3.protocol.runtime.realtime import Measure, _lock_memory, _pin, _schedule
+from hoap3.robot_emulator.setpoint_validator import REJECTION_KINDS
 
 PAGE = "troubleshooting.md"
 QUOTED = [
@@ -47,9 +47,9 @@ def test_refusals_are_quoted_as_they_are_printed(monkeypatch):
     def refuse(*_: object) -> None:
         raise PermissionError(1, "Operation not permitted")
 
-    monkeypatch.setattr("hoap3.protocol.realtime.resource.setrlimit", lambda *_: None)
-    monkeypatch.setattr("hoap3.protocol.realtime.os.sched_setscheduler", refuse)
-    monkeypatch.setattr("hoap3.protocol.realtime.claim_cpu", lambda: None)
+    monkeypatch.setattr("hoap3.protocol.runtime.realtime.resource.setrlimit", lambda *_: None)
+    monkeypatch.setattr("hoap3.protocol.runtime.realtime.os.sched_setscheduler", refuse)
+    monkeypatch.setattr("hoap3.protocol.runtime.realtime.claim_cpu", lambda: None)
     measures: list[Measure] = [
         _schedule(RealtimeSettings()),
         _lock_memory(Refuses()),
@@ -71,7 +71,7 @@ def texts(file: str) -> set[str]:
     return found
 
 
-IN_LINK = "protocol/zenoh_link.py"
+IN_LINK = "protocol/link/zenoh_link.py"
 PLACES = {
     "waiting for robot … at …": "remote_controller/service.py",
     "… is in use: another robot runs there. Stop it, or set link.listen to a free port": IN_LINK,

@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from small_arm import PERIOD_NS, arm
 
-from hoap3.protocol.clock import VirtualClock
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.link import LockstepLink
+from hoap3.protocol.link.base import LockstepLink
 from hoap3.protocol.messages import COMMANDS, Event, Setpoint, State
-from hoap3.protocol.realtime import Ticker
-from hoap3.protocol.recorder import MemoryRecorder
-from hoap3.protocol.ring import Kind
+from hoap3.protocol.runtime.clock import VirtualClock
+from hoap3.protocol.runtime.realtime import Ticker
+from hoap3.protocol.runtime.recorder import MemoryRecorder
+from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.loop import RobotLoop
 

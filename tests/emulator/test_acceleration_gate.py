@@ -9,12 +9,12 @@ import pytest
 from strong_arms import small, strong
 
 from hoap3.protocol.description import CommandKind, RobotDescription
-from hoap3.protocol.limits import acceleration_bounds
-from hoap3.robot_emulator.acceleration_safety import REST, TORQUE_MARGIN, AccelerationGate
-from hoap3.robot_emulator.body import build_body
+from hoap3.protocol.robot.viability_bounds import acceleration_bounds
 from hoap3.robot_emulator.config import EmulatorConfig
-from hoap3.robot_emulator.plant import Plant
-from hoap3.robot_emulator.rigid_body import RigidBody
+from hoap3.robot_emulator.filters.acceleration import REST, TORQUE_MARGIN, AccelerationGate
+from hoap3.robot_emulator.plant_factory import build_body
+from hoap3.robot_emulator.plants.position_servo import Plant
+from hoap3.robot_emulator.plants.rigid_body import RigidBody
 from hoap3.robot_emulator.robots import load
 
 T = 0.001

@@ -7,8 +7,8 @@ import pytest
 from robot_bench import Bench
 
 from hoap3.protocol.messages import Setpoint
-from hoap3.protocol.ring import Kind, Record
-from hoap3.tools.statistics import RunStatistics
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.services.run_statistics import RunStatistics
 
 STAMP_LIE = 10_000_000_000  # ns
 

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from touching import T, arm, floor, force, guided, touching
 
-from hoap3.protocol.model import build_model
-from hoap3.robot_emulator.contact_kernels import CREEP
+from hoap3.protocol.robot.pinocchio_model import build_model
+from hoap3.robot_emulator.plants.contact_kernels import CREEP
 
 G = 9.81
 BOUNCY = {"stiffness_n_m": 2e4, "damping_n_s_m": 20.0}

@@ -8,12 +8,12 @@ import pytest
 from arm3 import describe as arm3
 from touching import T, arm, touching
 
+from hoap3.protocol.config.settings import parse
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
-from hoap3.protocol.model import build_model
-from hoap3.protocol.settings import parse
-from hoap3.robot_emulator.acceleration_safety import TORQUE_MARGIN, TorqueGate
+from hoap3.protocol.robot.pinocchio_model import build_model
 from hoap3.robot_emulator.config import ContactSettings, EmulatorConfig
+from hoap3.robot_emulator.filters.acceleration import TORQUE_MARGIN, TorqueGate
 from hoap3.robot_emulator.service import describe
 from hoap3.tools.simulate import simulate
 

@@ -7,11 +7,11 @@ import pytest
 from robot_bench import Bench
 from strong_arms import small
 
+from hoap3.protocol.config.settings import parse
 from hoap3.protocol.description import CommandKind
-from hoap3.protocol.dynamics import Dynamics
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import COMMANDS, State
-from hoap3.protocol.settings import parse
+from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.robots import load
 from hoap3.robot_emulator.service import describe

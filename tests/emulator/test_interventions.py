@@ -10,7 +10,7 @@ from robot_bench import Bench
 from small_arm import arm
 
 from hoap3.protocol.messages import State
-from hoap3.robot_emulator.safety import Reference
+from hoap3.robot_emulator.filters.position import Reference
 
 T = 1e-3
 

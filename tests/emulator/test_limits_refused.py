@@ -7,9 +7,9 @@ from arm3 import YAML, write
 from strong_arms import small
 
 from hoap3.protocol.errors import DescriptionError
-from hoap3.robot_emulator.body import build_body
 from hoap3.robot_emulator.config import EmulatorConfig
-from hoap3.tools.settings import checked
+from hoap3.robot_emulator.plant_factory import build_body
+from hoap3.tools.services.settings import checked
 
 FAST = """command_kinds: [position, torque]
 brake_acceleration: 20000.0

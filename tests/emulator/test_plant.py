@@ -10,7 +10,7 @@ from small_arm import arm
 
 from hoap3.protocol.errors import DescriptionError
 from hoap3.robot_emulator.config import PlantSettings
-from hoap3.robot_emulator.plant import PositionServo
+from hoap3.robot_emulator.plants.position_servo import PositionServo
 from hoap3.robot_emulator.robots import load
 
 DT = 1e-3

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from strong_arms import small, strong
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.dynamics import Dynamics
 from hoap3.protocol.errors import DescriptionError
-from hoap3.robot_emulator.acceleration_servo import AccelerationServo
+from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 from hoap3.robot_emulator.config import PlantSettings
-from hoap3.robot_emulator.rigid_body import SLIDING, RigidBody
+from hoap3.robot_emulator.plants.acceleration_servo import AccelerationServo
+from hoap3.robot_emulator.plants.rigid_body import SLIDING, RigidBody
 
 T = 0.001
 FRICTIONLESS = {"friction": False}

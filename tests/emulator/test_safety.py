@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from small_arm import arm
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.robot_emulator.safety import Reference
+from hoap3.robot_emulator.filters.position import Reference
 
 DT = 1e-3
 ULP = np.finfo(float).eps

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hoap3.protocol.dynamics import Dynamics
-from hoap3.robot_emulator.acceleration_safety import REST
-from hoap3.robot_emulator.body import build_body
+from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.filters.acceleration import REST
+from hoap3.robot_emulator.plant_factory import build_body
 from hoap3.robot_emulator.robots import load
 
 Q = [-0.3087, -0.475, 0.7691, 0.8438, -0.7077, 1.2858, 0.2399]  # s1 needs 48.5 of its 50 N m

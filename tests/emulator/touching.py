@@ -9,7 +9,7 @@ from arm3 import joint
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.robot_emulator.config import PlantSettings
-from hoap3.robot_emulator.rigid_body import RigidBody
+from hoap3.robot_emulator.plants.rigid_body import RigidBody
 from hoap3.robot_emulator.robots import load
 
 T = 0.001

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from hoap3.protocol.config.settings import parse
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import State
-from hoap3.protocol.settings import parse
 from hoap3.remote_controller.config import ControllerConfig, build, read_config
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.service import describe

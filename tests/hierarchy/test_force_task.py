@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hierarchy_runs import content, made, state_of
 
-from hoap3.remote_controller.hierarchy.force import Press
-from hoap3.remote_controller.hierarchy.settings import ForceSettings
+from hoap3.remote_controller.controllers.acceleration_tasks.force import Press
+from hoap3.remote_controller.controllers.acceleration_tasks.settings import ForceSettings
 from hoap3.tools.simulate import simulate
 
 UP = np.array([0.0, 0.0, 1.0])

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hierarchy_runs import made, robot, state_of, states
 
-from hoap3.remote_controller.controllers.controller import STATUS
-from hoap3.remote_controller.controllers.hierarchy import CONDITIONS
+from hoap3.remote_controller.controllers.acceleration.base import CONDITIONS
+from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.solvers import ghc
 
 FREE = {"kind": "none", "torque_max": [1e4]}

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from hierarchy_runs import content, made, robot
 
+from hoap3.protocol.config.settings import parse
 from hoap3.protocol.errors import ConfigError
-from hoap3.protocol.settings import parse
 from hoap3.remote_controller.config import ControllerConfig, check_parameters
 
 HAND = {"name": "hand", "kind": "position", "frame": "ee"}

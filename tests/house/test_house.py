@@ -42,13 +42,72 @@ def test_imports_only_go_down():
         assert {name[1] for name in names if name[0] == "hoap3"} <= MAY_IMPORT[room], path
 
 
+PACKAGES = {
+    "protocol": (("config",), ("runtime",), ("link", "robot")),
+    "robot_emulator": (("robots",), ("plants",), ("filters",)),
+    "remote_controller": (
+        ("model", "references", "scheduling", "solvers"),
+        ("constraints", "tasks"),
+        ("controllers",),
+    ),
+    "tools": (
+        ("machine", "logs", "html"),
+        ("show", "timing"),
+        ("services", "bench", "report"),
+        ("compare", "doctor", "latency", "reproduce", "robots"),
+        ("cli",),
+    ),
+}
+"""The packages of each room, level by level: each imports only what stands before it."""
+
+BELOW = {
+    "protocol": {"description", "errors", "messages"},
+    "robot_emulator": {"config"},
+    "remote_controller": {"default_task", "plugins", "user_code"},
+    "tools": {"replay", "simulate"},
+}
+"""Modules beside the packages of a room that these may import."""
+
+
+@pytest.mark.parametrize("room", PACKAGES)
+def test_packages_of_a_room_import_only_those_of_lower_levels(room):
+    levels = PACKAGES[room]
+    assert len(levels) <= 5
+    assert {name for level in levels for name in level} == {
+        path.parent.name for path in (HOUSE / room).glob("*/__init__.py")
+    }
+    for number, level in enumerate(levels):
+        allowed = BELOW[room] | {name for lower in levels[:number] for name in lower}
+        for package in level:
+            for path in (HOUSE / room / package).rglob("*.py"):
+                names = [name.split(".") for name in imported(path)]
+                used = {name[2] for name in names if name[:2] == ["hoap3", room] and name[2:]}
+                assert used <= allowed | {package}, path
+
+
+def test_the_architecture_page_names_every_package_in_its_order():
+    page = (HOUSE / "docs" / "architecture.md").read_text(encoding="utf-8")
+    table = page[page.index("## Packages") : page.index("## Where to look")]
+    shown = re.findall(r"^\|[^|]*\| `(\w+)` \|", table, flags=re.MULTILINE)
+    levels = [level for room in PACKAGES.values() for level in room]
+    for level in levels:
+        here, shown = shown[: len(level)], shown[len(level) :]
+        assert set(here) == set(level)
+    assert not shown
+
+
+def test_no_folder_holds_more_than_15_files():
+    for folder in {path.parent for path in SOURCES}:
+        assert len(list(folder.glob("*.py"))) <= 15, folder
+
+
 def test_solvers_know_arrays_only():
     allowed = (
         "hoap3.protocol.errors",
-        "hoap3.protocol.compilation",
+        "hoap3.protocol.runtime.numba_jit",
         "hoap3.remote_controller.solvers",
     )
-    for path in sorted((HOUSE / "remote_controller" / "solvers").glob("*.py")):
+    for path in sorted((HOUSE / "remote_controller" / "solvers").rglob("*.py")):
         ours = {name for name in imported(path) if name.split(".")[0] == "hoap3"}
         assert all(name.startswith(allowed) for name in ours), path
 
@@ -58,13 +117,13 @@ def test_only_its_own_modules_import_zenoh_and_pinocchio():
         names = {name.split(".")[0] for name in imported(path)}
         where = str(path.relative_to(HOUSE))
         if "zenoh" in names:
-            assert where in {"protocol/zenoh_link.py", "tools/record.py"}
+            assert where in {"protocol/link/zenoh_link.py", "tools/services/record.py"}
         if "pinocchio" in names:
             assert where in {
-                "protocol/model.py",
-                "protocol/dynamics.py",
-                "remote_controller/dynamics.py",
-                "remote_controller/kinematics.py",
+                "protocol/robot/pinocchio_model.py",
+                "protocol/robot/rigid_body_dynamics.py",
+                "remote_controller/model/frame_dynamics.py",
+                "remote_controller/model/kinematics.py",
                 "remote_controller/service.py",
             }
 
@@ -83,7 +142,7 @@ def test_files_stay_within_600_lines(path):
         ("hoap3.remote_controller.solvers", ("zenoh", "pinocchio")),
         ("hoap3.remote_controller.config", ("numba", "zenoh", "pinocchio")),
         ("hoap3.robot_emulator.service", ("numba", "zenoh", "pinocchio")),
-        ("hoap3.tools.cli", ("numba", "zenoh", "pinocchio", "pydantic")),
+        ("hoap3.tools.cli.app", ("numba", "zenoh", "pinocchio", "pydantic")),
     ],
 )
 def test_importing_stays_light(module, absent):

@@ -6,10 +6,10 @@ import numpy as np
 import pinocchio
 import pytest
 
-from hoap3.protocol.dynamics import Dynamics
 from hoap3.protocol.errors import FrameNotFoundError
-from hoap3.remote_controller.controllers.tsid_kernels import aim, rotation_of
-from hoap3.remote_controller.dynamics import (
+from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
+from hoap3.remote_controller.controllers.acceleration_tasks.se3_pd_kernels import aim, rotation_of
+from hoap3.remote_controller.model.frame_dynamics import (
     POSE,
     POSITION,
     FrameDynamics,

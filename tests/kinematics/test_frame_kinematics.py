@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
 
 HOAP3, ARM = load("hoap3"), describe()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.robot_emulator.filter_kernels import filter_setpoint
+from hoap3.robot_emulator.filters.position_kernels import filter_setpoint
 
 N, T = 7, 1e-3
 

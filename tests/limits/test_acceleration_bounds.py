@@ -9,7 +9,11 @@ from hypothesis import strategies as st
 from viability import allows, random_states
 
 from hoap3.protocol.errors import BadProblemError
-from hoap3.protocol.limits import AccelerationBounds, acceleration_bounds, naive_acceleration_bounds
+from hoap3.protocol.robot.viability_bounds import (
+    AccelerationBounds,
+    acceleration_bounds,
+    naive_acceleration_bounds,
+)
 
 SEEDS = st.integers(0, 2**32 - 1)
 LIMITS = (-2.0, 2.0, 2.0, 12.0)

@@ -12,11 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_trees import random_tree
 
-from hoap3.protocol import torque_limits_kernels as kernels
 from hoap3.protocol.errors import BadProblemError
-from hoap3.protocol.model import RobotModel, build_model
-from hoap3.protocol.torque_limits import BATCH
-from hoap3.protocol.tree import build_tree
+from hoap3.protocol.robot import torque_bounds_kernels as kernels
+from hoap3.protocol.robot.link_tables import build_tree
+from hoap3.protocol.robot.pinocchio_model import RobotModel, build_model
+from hoap3.protocol.robot.torque_bounds import BATCH
 from hoap3.remote_controller.bounds import torque_acceleration_bounds
 from hoap3.robot_emulator.robots import available, load
 

@@ -12,10 +12,10 @@ import sys
 from pathlib import Path
 
 if "FAKE_CPUS" in os.environ:
-    import hoap3.tools.awake
+    import hoap3.tools.machine.cpu_idle
 
     os.sched_setaffinity = os.sched_setscheduler = lambda *_: None
-    hoap3.tools.awake.SYSTEM = Path(os.environ["FAKE_CPUS"])
-if "MOST_BYTES" in os.environ and "hoap3.tools.observer" in sys.orig_argv:
+    hoap3.tools.machine.cpu_idle.SYSTEM = Path(os.environ["FAKE_CPUS"])
+if "MOST_BYTES" in os.environ and "hoap3.tools.services.observer" in sys.orig_argv:
     most = int(os.environ["MOST_BYTES"])
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hoap3.protocol.settings import parse
-from hoap3.remote_controller.priorities.priorities import Priorities
-from hoap3.remote_controller.priorities.settings import PrioritySettings
+from hoap3.protocol.config.settings import parse
+from hoap3.remote_controller.scheduling.priorities import Priorities
+from hoap3.remote_controller.scheduling.settings import PrioritySettings
 
 ABC = ("a", "b", "c")
 unit = st.floats(0.0, 1.0)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hoap3.protocol.config.settings import parse
 from hoap3.protocol.errors import ConfigError, UsageError
-from hoap3.protocol.settings import parse
-from hoap3.remote_controller.priorities.priorities import Priorities
-from hoap3.remote_controller.priorities.settings import PrioritySettings
+from hoap3.remote_controller.scheduling.priorities import Priorities
+from hoap3.remote_controller.scheduling.settings import PrioritySettings
 
 ABC = ("hand", "elbow", "posture")
 ROWS = [[0.0, 1.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]

@@ -16,16 +16,16 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from hoap3.protocol.config.settings import apply_overrides, parse, parse_yaml
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, UnknownNameError
-from hoap3.protocol.settings import apply_overrides, parse, parse_yaml
 from hoap3.protocol.urdf import read_urdf
 from hoap3.remote_controller.config import ControllerConfig
-from hoap3.remote_controller.tasks.targets.spline import read_csv
+from hoap3.remote_controller.references.spline import read_csv
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.robots.yaml_file import RobotFile
 from hoap3.tools.compare.candidates import split
-from hoap3.tools.log_format import pack_string, unpack_input
+from hoap3.tools.logs.log_format import pack_string, unpack_input
 
 SINGLE = [*"019aexEn_+-.,:;?!*&#%@=|><~^$()[]{}'\"`/\\ \n\t\r\0\x1b\x85é𝟙", "\u2028", "\ufeff"]
 SEVERAL = ["1:", ":59", "1,", "1 ", "1e", "e+", ".1", "1.", "0x", "0_", "a:\n", "- ", "? ", "-\n"]

@@ -12,8 +12,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from hoap3.protocol.settings import LinkSettings
-from hoap3.protocol.zenoh_link import ZenohControllerLink, ZenohRobotLink, key
+from hoap3.protocol.config.settings import LinkSettings
+from hoap3.protocol.link.zenoh_link import ZenohControllerLink, ZenohRobotLink, key
 
 PATIENCE_S = 30.0  # on a machine so busy that nothing else explains it
 

@@ -12,8 +12,8 @@ import os
 import resource
 import sys
 
-from hoap3.protocol.realtime import claim_cpu, prepare_process
-from hoap3.protocol.settings import RealtimeSettings
+from hoap3.protocol.config.settings import RealtimeSettings
+from hoap3.protocol.runtime.realtime import claim_cpu, prepare_process
 
 
 def become(user: str) -> None:

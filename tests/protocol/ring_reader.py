@@ -10,7 +10,7 @@ import json
 import sys
 import time
 
-from hoap3.protocol.ring import Kind, Ring
+from hoap3.protocol.runtime.shm_ring import Kind, Ring
 
 
 def body(number: int, size: int) -> bytes:

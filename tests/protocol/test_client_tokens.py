@@ -17,14 +17,14 @@ import zenoh
 from loopback import Network, eventually, free_endpoint
 from small_arm import arm
 
-from hoap3.protocol import zenoh_link
-from hoap3.protocol.clock import VirtualClock
+from hoap3.protocol.config.settings import LinkSettings
+from hoap3.protocol.link import zenoh_link
+from hoap3.protocol.link.zenoh_link import MAX_CLIENTS, key, open_session
 from hoap3.protocol.messages import Event
-from hoap3.protocol.realtime import Ticker
-from hoap3.protocol.recorder import MemoryRecorder
-from hoap3.protocol.ring import Kind
-from hoap3.protocol.settings import LinkSettings
-from hoap3.protocol.zenoh_link import MAX_CLIENTS, key, open_session
+from hoap3.protocol.runtime.clock import VirtualClock
+from hoap3.protocol.runtime.realtime import Ticker
+from hoap3.protocol.runtime.recorder import MemoryRecorder
+from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.loop import EVENTS, REQUESTS_PER_TICK, RobotLoop
 

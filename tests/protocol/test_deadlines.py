@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hoap3.protocol.statistics import WINDOW, Deadlines, verdict
+from hoap3.protocol.runtime.deadlines import WINDOW, Deadlines, verdict
 
 WINDOWS = st.sampled_from([1, 2, 5, WINDOW])
 STEPS = st.lists(

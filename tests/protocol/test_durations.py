@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hoap3.protocol.statistics import PERCENTILES, TAIL_SAMPLES, Durations, Jitter
+from hoap3.protocol.runtime.deadlines import PERCENTILES, TAIL_SAMPLES, Durations, Jitter
 
 PRECISION = 1e-3  # what the docstring promises
 HIGHEST = 10_000_000_000

@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 from arm3 import URDF, YAML, write
 
+from hoap3.protocol.config.regular_file import open_regular
+from hoap3.protocol.config.settings import LogSettings, parse, parse_yaml
 from hoap3.protocol.errors import ConfigError, DescriptionError
-from hoap3.protocol.regular_file import open_regular
-from hoap3.protocol.settings import LogSettings, parse, parse_yaml
 from hoap3.protocol.urdf import read_urdf
-from hoap3.remote_controller.tasks.targets.spline import read_csv
+from hoap3.remote_controller.references.spline import read_csv
 from hoap3.robot_emulator.robots import load
 
 FEEDER = Path(__file__).with_name("hostile_text.py")

@@ -9,12 +9,12 @@ import pytest
 from loopback import Network, eventually, known, next_state
 from small_arm import arm
 
-from hoap3.protocol.clock import VirtualClock
+from hoap3.protocol.config.settings import LinkSettings
+from hoap3.protocol.link.zenoh_link import key, open_session
 from hoap3.protocol.messages import Event, Setpoint, State
-from hoap3.protocol.realtime import Ticker
-from hoap3.protocol.recorder import MemoryRecorder
-from hoap3.protocol.settings import LinkSettings
-from hoap3.protocol.zenoh_link import key, open_session
+from hoap3.protocol.runtime.clock import VirtualClock
+from hoap3.protocol.runtime.realtime import Ticker
+from hoap3.protocol.runtime.recorder import MemoryRecorder
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.loop import EVENTS, RobotLoop
 

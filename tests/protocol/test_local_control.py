@@ -15,10 +15,10 @@ import pytest
 import zenoh
 from loopback import PATIENCE_S, Network, eventually
 
-from hoap3.protocol import local_control
 from hoap3.protocol.errors import LinkError
-from hoap3.protocol.local_control import LocalControl, LocalRobot, local_robots
-from hoap3.protocol.zenoh_link import key
+from hoap3.protocol.link import local_control
+from hoap3.protocol.link.local_control import LocalControl, LocalRobot, local_robots
+from hoap3.protocol.link.zenoh_link import key
 
 ENDPOINTS = ("tcp/127.0.0.1:7447",)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hoap3.protocol.clock import VirtualClock
-from hoap3.protocol.link import LockstepLink
+from hoap3.protocol.link.base import LockstepLink
+from hoap3.protocol.runtime.clock import VirtualClock
 
 
 def numbers(arrivals) -> list[bytes]:

@@ -7,8 +7,8 @@ import stat
 
 import pytest
 
-from hoap3.protocol import private_directory
-from hoap3.protocol.private_directory import is_private, runtime_directory
+from hoap3.protocol.runtime import private_directory
+from hoap3.protocol.runtime.private_directory import is_private, runtime_directory
 
 
 def test_a_missing_directory_is_made_for_its_owner_alone(tmp_path):

@@ -17,9 +17,9 @@ from pathlib import Path
 
 import pytest
 
-from hoap3.protocol import realtime
-from hoap3.protocol.realtime import claim_cpu, claim_cpus, prepare_process, virtual_machine
-from hoap3.protocol.settings import RealtimeSettings
+from hoap3.protocol.config.settings import RealtimeSettings
+from hoap3.protocol.runtime import realtime
+from hoap3.protocol.runtime.realtime import claim_cpu, claim_cpus, prepare_process, virtual_machine
 
 HERE = Path(__file__).parent
 NOBODY = "65534"
@@ -293,7 +293,7 @@ def test_a_virtual_machine_is_known_by_what_its_processor_says(monkeypatch, tmp_
 
 
 def test_without_a_cpu_of_its_own_a_process_stays_ordinary(monkeypatch):
-    from hoap3.protocol import realtime
+    from hoap3.protocol.runtime import realtime
 
     asked = []
     monkeypatch.setattr(realtime, "claim_cpu", lambda: None)

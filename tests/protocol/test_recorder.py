@@ -8,13 +8,13 @@ from collections.abc import Iterator
 import pytest
 
 from hoap3.protocol.errors import Hoap3Error
-from hoap3.protocol.recorder import (
+from hoap3.protocol.runtime.recorder import (
     MemoryRecorder,
     NoRecorder,
     PatientRecorder,
     RingRecorder,
 )
-from hoap3.protocol.ring import Kind, Record, Ring
+from hoap3.protocol.runtime.shm_ring import Kind, Record, Ring
 
 
 @pytest.fixture

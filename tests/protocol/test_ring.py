@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from hoap3.protocol.errors import Hoap3Error
 from hoap3.protocol.messages import Event, Setpoint, State
-from hoap3.protocol.ring import Kind, Record, Ring
+from hoap3.protocol.runtime.shm_ring import Kind, Record, Ring
 
 SLOTS, SLOT_BYTES = 5, 64
 CAPACITY = SLOT_BYTES - 32  # bytes of payload that a slot holds

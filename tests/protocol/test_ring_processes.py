@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from ring_reader import body
 
-from hoap3.protocol.ring import Kind, Ring
+from hoap3.protocol.runtime.shm_ring import Kind, Ring
 
 SLOTS, SLOT_BYTES = 64, 1024
 CAPACITY = SLOT_BYTES - 32

@@ -10,7 +10,7 @@ import pytest
 from arm3 import URDF, describe, joint
 
 from hoap3.protocol.errors import DescriptionError, FrameNotFoundError
-from hoap3.protocol.model import RobotModel, build_model
+from hoap3.protocol.robot.pinocchio_model import RobotModel, build_model
 
 HEAVY_BASE = URDF.replace(
     '<link name="base"/>',

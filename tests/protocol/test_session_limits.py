@@ -10,7 +10,8 @@ import pytest
 import zenoh
 from loopback import PATIENCE_S, Network, eventually, next_state
 
-from hoap3.protocol.session_limits import (
+from hoap3.protocol.config.settings import LinkSettings
+from hoap3.protocol.link.session_limits import (
     MAX_MESSAGE_BYTES,
     MAX_PENDING,
     MAX_REQUEST_BYTES,
@@ -18,8 +19,7 @@ from hoap3.protocol.session_limits import (
     connection_limits,
     raise_file_limit,
 )
-from hoap3.protocol.settings import LinkSettings
-from hoap3.protocol.zenoh_link import (
+from hoap3.protocol.link.zenoh_link import (
     WAITING_ANSWERS,
     WAITING_QUERIES,
     alive_robots,
@@ -116,7 +116,7 @@ def test_answers_that_cannot_leave_are_bounded(network, monkeypatch):
     robot, _ = network.pair()
     session = stranger(network)
     monkeypatch.setattr(
-        "hoap3.protocol.zenoh_link._reply", lambda *_: robot._receiver.join(PATIENCE_S)
+        "hoap3.protocol.link.zenoh_link._reply", lambda *_: robot._receiver.join(PATIENCE_S)
     )
     session.get(key("arm", "ask/status"), payload=b"x")
     request = eventually(lambda: next(iter(robot.requests()), None), "the request")

@@ -11,9 +11,8 @@ import pytest
 import yaml
 from pydantic import Field, ValidationError, field_validator
 
-from hoap3.protocol import yaml_text
-from hoap3.protocol.errors import ConfigError
-from hoap3.protocol.settings import (
+from hoap3.protocol.config import yaml_text
+from hoap3.protocol.config.settings import (
     MAX_CONFIG_BYTES,
     LinkSettings,
     LogSettings,
@@ -25,6 +24,7 @@ from hoap3.protocol.settings import (
     parse,
     parse_yaml,
 )
+from hoap3.protocol.errors import ConfigError
 
 
 class Gains(Settings):

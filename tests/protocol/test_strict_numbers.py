@@ -7,8 +7,8 @@ from typing import Annotated, Any
 import pytest
 from pydantic import Field
 
+from hoap3.protocol.config.settings import Settings, apply_overrides, parse, parse_yaml
 from hoap3.protocol.errors import ConfigError
-from hoap3.protocol.settings import Settings, apply_overrides, parse, parse_yaml
 
 
 class Inner(Settings):

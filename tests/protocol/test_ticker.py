@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hoap3.protocol.clock import MonotonicClock, VirtualClock
-from hoap3.protocol.realtime import Ticker
+from hoap3.protocol.runtime.clock import MonotonicClock, VirtualClock
+from hoap3.protocol.runtime.realtime import Ticker
 
 PERIOD = 1_000_000
 START = 5_000_000_000

@@ -15,16 +15,16 @@ import pytest
 from loopback import PATIENCE_S, Network, free_endpoint
 from small_arm import arm
 
-from hoap3.protocol.clock import Clock, MonotonicClock, VirtualClock
+from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.description import CommandKind, DefaultTask, Gravity
-from hoap3.protocol.link import LockstepLink
+from hoap3.protocol.link.base import LockstepLink
+from hoap3.protocol.link.zenoh_lockstep import ZenohLockstepLink
 from hoap3.protocol.messages import Event, Message, Setpoint, State
-from hoap3.protocol.recorder import NoRecorder
-from hoap3.protocol.settings import LinkSettings
-from hoap3.protocol.zenoh_lockstep import ZenohLockstepLink
+from hoap3.protocol.runtime.clock import Clock, MonotonicClock, VirtualClock
+from hoap3.protocol.runtime.recorder import NoRecorder
 from hoap3.robot_emulator.config import EmulatorConfig
-from hoap3.robot_emulator.inbox import HISTORY, MAX_EXTRAS, REJECTION_KINDS
 from hoap3.robot_emulator.loop import EVENTS, GRACE_TICKS, RobotLoop
+from hoap3.robot_emulator.setpoint_validator import HISTORY, MAX_EXTRAS, REJECTION_KINDS
 
 PAGE = (Path(__file__).parent.parent.parent / "docs" / "wire.md").read_text(encoding="utf-8")
 

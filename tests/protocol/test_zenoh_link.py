@@ -26,11 +26,11 @@ from loopback import (
     token_seen,
 )
 
-from hoap3.protocol import zenoh_link
+from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.errors import LinkError, NameTakenError, PortInUseError
-from hoap3.protocol.link import Request
-from hoap3.protocol.settings import LinkSettings
-from hoap3.protocol.zenoh_link import (
+from hoap3.protocol.link import zenoh_link
+from hoap3.protocol.link.base import Request
+from hoap3.protocol.link.zenoh_link import (
     FRESH_S,
     ZenohControllerLink,
     ZenohRobotLink,

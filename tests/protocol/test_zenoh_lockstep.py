@@ -8,14 +8,14 @@ from contextlib import closing
 import pytest
 from loopback import PATIENCE_S, Network, eventually, free_endpoint, known, next_state, token_seen
 
-from hoap3.protocol import zenoh_lockstep
-from hoap3.protocol.clock import VirtualClock
+from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.errors import LinkError
-from hoap3.protocol.local_control import LocalControl, local_robots
+from hoap3.protocol.link import zenoh_lockstep
+from hoap3.protocol.link.local_control import LocalControl, local_robots
+from hoap3.protocol.link.zenoh_link import ZenohControllerLink, key
+from hoap3.protocol.link.zenoh_lockstep import ZenohLockstepLink
 from hoap3.protocol.messages import Event, Setpoint, State
-from hoap3.protocol.settings import LinkSettings
-from hoap3.protocol.zenoh_link import ZenohControllerLink, key
-from hoap3.protocol.zenoh_lockstep import ZenohLockstepLink
+from hoap3.protocol.runtime.clock import VirtualClock
 
 COMPUTE_TIME = 300_000
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from loopback import Network, eventually, next_state
 
-from hoap3.protocol.zenoh_sockets import forbid_lingering
+from hoap3.protocol.link.zenoh_sockets import forbid_lingering
 
 TEN_SECONDS = struct.pack("ii", 1, 10)
 
@@ -57,5 +57,5 @@ def test_only_tcp_sockets_that_linger_are_touched():
 
 
 def test_without_proc_nothing_happens(monkeypatch, tmp_path):
-    monkeypatch.setattr("hoap3.protocol.zenoh_sockets._SOCKETS", tmp_path / "none")
+    monkeypatch.setattr("hoap3.protocol.link.zenoh_sockets._SOCKETS", tmp_path / "none")
     assert forbid_lingering() == 0

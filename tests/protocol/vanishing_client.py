@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sys
 
-from hoap3.protocol.settings import LinkSettings
-from hoap3.protocol.zenoh_link import ZenohControllerLink
+from hoap3.protocol.config.settings import LinkSettings
+from hoap3.protocol.link.zenoh_link import ZenohControllerLink
 
 endpoint, robot, who = sys.argv[1:]
 link = ZenohControllerLink(robot, LinkSettings(connect=(endpoint,)), who)

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hoap3.protocol.model import build_model
+from hoap3.protocol.robot.pinocchio_model import build_model
 from hoap3.robot_emulator.robots import load
 
 # Joint, parent, child, origin [m], axis, allowable range [deg], average and peak torque [N m],

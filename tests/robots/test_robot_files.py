@@ -13,7 +13,7 @@ from arm3 import URDF, YAML, describe, write
 
 import hoap3.robot_emulator.robots
 from hoap3.protocol.errors import ConfigError, DescriptionError, UnknownNameError
-from hoap3.protocol.model import build_model
+from hoap3.protocol.robot.pinocchio_model import build_model
 from hoap3.robot_emulator.robots import available, load
 
 SHIPPED = Path(hoap3.robot_emulator.robots.__file__).parent / "hoap3"

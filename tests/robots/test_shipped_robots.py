@@ -12,7 +12,7 @@ import pinocchio as pin
 import pytest
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.model import RobotModel, build_model
+from hoap3.protocol.robot.pinocchio_model import RobotModel, build_model
 from hoap3.robot_emulator.robots import available, load
 
 X, Y, Z = np.eye(3)

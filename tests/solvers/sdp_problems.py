@@ -13,8 +13,8 @@ from functools import cache
 import numpy as np
 from ur5_dh import START, tasks
 
-from hoap3.remote_controller.solvers.sdp_backends import clarabel, conic
-from hoap3.remote_controller.solvers.sdp_gains import SdpGains
+from hoap3.remote_controller.solvers.sdp.sdp_backends import clarabel, conic
+from hoap3.remote_controller.solvers.sdp.sdp_gains import SdpGains
 
 
 @dataclass
@@ -101,7 +101,7 @@ def ur5(seed: int) -> Problem:
 
 @cache
 def _humanoid():
-    from hoap3.remote_controller.kinematics import Kinematics
+    from hoap3.remote_controller.model.kinematics import Kinematics
     from hoap3.robot_emulator.robots import load
 
     description = load("humanoid32")
@@ -110,7 +110,7 @@ def _humanoid():
 
 def humanoid(seed: int) -> Problem:
     """humanoid32 on its left foot: right foot, centre of mass, right hand; 12 rows, 32 joints."""
-    from hoap3.protocol.dynamics import Dynamics
+    from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 
     rng = np.random.default_rng(seed)
     description, _ = _humanoid()
@@ -195,7 +195,7 @@ def stacked_humanoid(dynamics_class, description, q):
     """Jacobians of the right sole (6), the centre of mass (3) and the right palm (3)."""
     import pinocchio
 
-    from hoap3.protocol.model import build_model
+    from hoap3.protocol.robot.pinocchio_model import build_model
 
     robot = build_model(description)
     model, data = robot.model, robot.model.createData()

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.errors import BadProblemError, InfeasibleError
 from hoap3.remote_controller.solvers import qp12
-from hoap3.remote_controller.solvers.bounded_qp12 import BoundedQp12, qp12_bounded
-from hoap3.remote_controller.solvers.bounded_qp12_kernels import (
+from hoap3.remote_controller.solvers.qp12.bounded_qp12 import BoundedQp12, qp12_bounded
+from hoap3.remote_controller.solvers.qp12.bounded_qp12_kernels import (
     bounded_residual_kernel,
     box_rho_kernel,
     work_shape,

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hoap3.remote_controller.solvers.conic_form import ConicForm
+from hoap3.remote_controller.solvers.sdp.conic_form import ConicForm
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 5), st.integers(1, 6))

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from sdp_problems import Problem, certified, random, ur5
 
 from hoap3.protocol.errors import BadProblemError
-from hoap3.remote_controller.solvers import status
-from hoap3.remote_controller.solvers.constant_gains import ConstantGains
+from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.clik.constant_gains import ConstantGains
 
 SEEDS = st.integers(0, 10**6)
 DAMPING = st.sampled_from([0.0, 1e-3, 0.1, 3.0])

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from stable_problems import M, N, degenerate, generic
 
-from hoap3.remote_controller.solvers import status
-from hoap3.remote_controller.solvers.lyapunov import lyapunov_qp
-from hoap3.remote_controller.solvers.stable_qp import QP, StableQp
+from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.lyapunov_qp.functions import lyapunov_qp
+from hoap3.remote_controller.solvers.lyapunov_qp.stable_qp import QP, StableQp
 
 COUNT = 150
 

@@ -12,9 +12,10 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from hoap3.protocol.errors import BadProblemError, UnknownNameError
-from hoap3.remote_controller.controllers.descent_kernels import qp12_descent
-from hoap3.remote_controller.solvers import descent_rate_kernels, qp12
-from hoap3.remote_controller.solvers.descent_rate import FORMS, DescentRate
+from hoap3.remote_controller.controllers.qp12.lyapunov_descent_kernels import qp12_descent
+from hoap3.remote_controller.solvers import qp12
+from hoap3.remote_controller.solvers.lyapunov_qp import descent_rate_kernels
+from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate import FORMS, DescentRate
 
 Array = NDArray[np.float64]
 gradients = arrays(

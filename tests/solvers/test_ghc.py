@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from hoap3.protocol.errors import BadProblemError, InfeasibleError, UnknownNameError
 from hoap3.remote_controller.solvers import Ghc, generalized_projector, ghc
-from hoap3.remote_controller.solvers import status as codes
-from hoap3.remote_controller.solvers.lqp import PlainLqp
-from hoap3.remote_controller.solvers.stacked import stacked
+from hoap3.remote_controller.solvers.base import status as codes
+from hoap3.remote_controller.solvers.base.task_validation import stacked
+from hoap3.remote_controller.solvers.ghc.lqp import PlainLqp
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -74,7 +74,7 @@ def test_proves_its_answers(seed):
 
 def test_the_proof_notices_a_wrong_answer():
     """A residual that is small whatever the answer would prove nothing."""
-    from hoap3.remote_controller.solvers import ghc_kernels
+    from hoap3.remote_controller.solvers.ghc import ghc_kernels
 
     n = 3
     S, q0, M = np.triu(np.eye(n)), np.ones(n), np.eye(n)

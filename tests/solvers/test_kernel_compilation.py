@@ -16,11 +16,11 @@ import numba
 import numpy as np
 import pytest
 
-from hoap3.protocol import compilation
+from hoap3.protocol.runtime import numba_jit
 
-HOUSE = Path(compilation.__file__).resolve().parents[1]
+HOUSE = Path(numba_jit.__file__).resolve().parents[2]
 TINY = """
-from hoap3.protocol.compilation import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import inlined, kernel
 
 @inlined
 def twice(x):
@@ -31,9 +31,9 @@ def quadruple(x):
     return twice(twice(x))
 """
 PROBE = """
-from hoap3.protocol import compilation
+from hoap3.protocol.runtime import numba_jit
 from hoap3.remote_controller.solvers import qp12
-print(compilation.CACHE_DIRECTORY)
+print(numba_jit.CACHE_DIRECTORY)
 print(*qp12([2.0, -1.0], 1.0, 0.0))
 """
 
@@ -44,7 +44,7 @@ def tiny(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     (tmp_path / "tiny_kernels.py").write_text(TINY)
     (tmp_path / "cache").mkdir(mode=0o700)
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(compilation, "CACHE_DIRECTORY", tmp_path / "cache")
+    monkeypatch.setattr(numba_jit, "CACHE_DIRECTORY", tmp_path / "cache")
     monkeypatch.delitem(sys.modules, "tiny_kernels", raising=False)
     return tmp_path
 
@@ -76,7 +76,7 @@ def unseen_sources(text: str) -> set[str]:
         node = pending.pop()
         if isinstance(node, ast.ImportFrom):
             module = node.module or ""
-            covered = module.endswith(("_kernels", ".status", "hoap3.protocol.compilation"))
+            covered = module.endswith(("_kernels", ".status", "hoap3.protocol.runtime.numba_jit"))
             if module.split(".")[0] == "hoap3" and not covered:
                 imported.update(alias.asname or alias.name for alias in node.names)
         elif isinstance(node, ast.Import):
@@ -100,8 +100,8 @@ class TestDirectory:
         self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     ) -> None:
         monkeypatch.setenv("HOAP3_CACHE_DIR", str(tmp_path / "deep" / "down"))
-        found = compilation.cache_directory()
-        assert found == tmp_path / "deep" / "down" / f"kernels-{compilation.fingerprint()}"
+        found = numba_jit.cache_directory()
+        assert found == tmp_path / "deep" / "down" / f"kernels-{numba_jit.fingerprint()}"
         assert stat.S_IMODE(found.stat().st_mode) == 0o700
         assert found.stat().st_uid == os.geteuid()
 
@@ -110,7 +110,7 @@ class TestDirectory:
         monkeypatch.setenv("HOME", str(tmp_path / "home"))
         for xdg, base in ((str(tmp_path / "xdg"), "xdg"), ("relative", "home/.cache"), ("", None)):
             monkeypatch.setenv("XDG_CACHE_HOME", xdg)
-            found = compilation.cache_directory()
+            found = numba_jit.cache_directory()
             assert found is not None
             assert found.parent == tmp_path / (base or "home/.cache") / "hoap3"
 
@@ -119,7 +119,7 @@ class TestDirectory:
         self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, spoil: str
     ) -> None:
         monkeypatch.setenv("HOAP3_CACHE_DIR", str(tmp_path))
-        wanted = tmp_path / f"kernels-{compilation.fingerprint()}"
+        wanted = tmp_path / f"kernels-{numba_jit.fingerprint()}"
         if spoil == "open to others":
             wanted.mkdir()
             wanted.chmod(0o755)
@@ -130,7 +130,7 @@ class TestDirectory:
             wanted.touch()
         else:
             monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 1)
-        found = compilation.cache_directory()
+        found = numba_jit.cache_directory()
         assert found is not None
         assert found.parent == Path(tempfile.gettempdir())
         assert stat.S_IMODE(found.stat().st_mode) == 0o700
@@ -142,14 +142,14 @@ class TestDirectory:
         for name in ("HOAP3_CACHE_DIR", "XDG_CACHE_HOME"):
             monkeypatch.delenv(name, raising=False)
         monkeypatch.setenv("HOME", home)
-        found = compilation.cache_directory()
+        found = numba_jit.cache_directory()
         assert found is not None
         assert found.parent == Path(tempfile.gettempdir())
 
     def test_is_none_where_nothing_can_be_written(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setenv("HOAP3_CACHE_DIR", "/dev/null")
         monkeypatch.setattr(tempfile, "tempdir", "/dev/null")
-        assert compilation.cache_directory() is None
+        assert numba_jit.cache_directory() is None
 
 
 class TestFingerprint:
@@ -158,12 +158,13 @@ class TestFingerprint:
     def test_follows_every_source_of_a_kernel(
         self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     ) -> None:
-        for room in compilation.ROOMS:
+        for room in numba_jit.ROOMS:
             (tmp_path / room / "inner").mkdir(parents=True)
-        monkeypatch.setattr(compilation, "__file__", str(tmp_path / "protocol/compilation.py"))
+        (tmp_path / "protocol/runtime").mkdir()
+        monkeypatch.setattr(numba_jit, "__file__", str(tmp_path / "protocol/runtime/numba_jit.py"))
         seen = set()
         for name in (
-            "protocol/compilation.py",
+            "protocol/runtime/numba_jit.py",
             "protocol/x_kernels.py",
             "remote_controller/inner/x_kernels.py",
             "remote_controller/inner/y_kernels.py",
@@ -173,22 +174,22 @@ class TestFingerprint:
         ):
             for text in ("a = 1", "a = 2"):
                 (tmp_path / name).write_text(text)
-                seen.add(compilation.fingerprint())
+                seen.add(numba_jit.fingerprint())
         assert len(seen) == 14
         (tmp_path / "tools/kernels_not.py").write_text("a = 1")
-        assert compilation.fingerprint() in seen
+        assert numba_jit.fingerprint() in seen
 
     def test_follows_numba_and_the_processor(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        seen = {compilation.fingerprint()}
+        seen = {numba_jit.fingerprint()}
         monkeypatch.setattr(numba, "__version__", "0.0")
-        seen.add(compilation.fingerprint())
+        seen.add(numba_jit.fingerprint())
         monkeypatch.setattr(numba.config, "CPU_NAME", "generic")
-        seen.add(compilation.fingerprint())
+        seen.add(numba_jit.fingerprint())
         assert len(seen) == 3
 
     def test_sees_everything_that_kernels_take_from_our_packages(self) -> None:
         """A constant from any other module would be frozen into stale machine code."""
-        for room in compilation.ROOMS:
+        for room in numba_jit.ROOMS:
             for path in (HOUSE / room).rglob("*_kernels.py"):
                 assert not unseen_sources(path.read_text()), path
 
@@ -236,7 +237,7 @@ class TestKernel:
         assert quadruple_of_3() == 12.0
 
     def test_works_without_any_directory(self, monkeypatch: pytest.MonkeyPatch, tiny: Path) -> None:
-        monkeypatch.setattr(compilation, "CACHE_DIRECTORY", None)
+        monkeypatch.setattr(numba_jit, "CACHE_DIRECTORY", None)
         assert quadruple_of_3() == 12.0
         assert not list(tiny.rglob("*.nb*"))
 
@@ -258,17 +259,17 @@ class TestKernel:
 
             return compile_now
 
-        monkeypatch.setattr(compilation, "CACHE_DIRECTORY", None)
+        monkeypatch.setattr(numba_jit, "CACHE_DIRECTORY", None)
         monkeypatch.setattr(numba, "njit", watched)
         before = numba.config.SLP_VECTORIZE
         for superwords in (True, False):
-            twice = compilation.kernel("f8(f8)", superwords=superwords)(lambda x: 2.0 * x)
+            twice = numba_jit.kernel("f8(f8)", superwords=superwords)(lambda x: 2.0 * x)
             assert twice(3.0) == 6.0
         assert seen == [1, 0]
         assert before == numba.config.SLP_VECTORIZE
 
     def test_asks_who_makes_arrays_to_say_so(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(compilation, "CACHE_DIRECTORY", None)
+        monkeypatch.setattr(numba_jit, "CACHE_DIRECTORY", None)
 
         def zeros(n: int) -> float:
             return float(np.zeros(n).sum())
@@ -278,27 +279,27 @@ class TestKernel:
 
         for signature, function in (("f8(i8)", zeros), ("void(f8[::1], f8[::1])", copies)):
             with pytest.raises(numba.core.errors.NumbaError) as error:
-                compilation.kernel(signature)(function)
+                numba_jit.kernel(signature)(function)
             assert "allocates=True" in error.value.__notes__[0]
-            compilation.kernel(signature, allocates=True)(function)
+            numba_jit.kernel(signature, allocates=True)(function)
 
     def test_refuses_to_return_a_part_of_an_array_as_the_whole(
         self, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(compilation, "CACHE_DIRECTORY", None)
+        monkeypatch.setattr(numba_jit, "CACHE_DIRECTORY", None)
 
         def parts(x: Any) -> tuple[Any, Any]:
             return x[2:], x[:1]
 
         with pytest.raises(TypeError, match="allocates=True"):
-            compilation.kernel("UniTuple(f8[::1], 2)(f8[::1])")(parts)
-        lent = compilation.kernel("UniTuple(f8[::1], 2)(f8[::1])", allocates=True)(parts)
+            numba_jit.kernel("UniTuple(f8[::1], 2)(f8[::1])")(parts)
+        lent = numba_jit.kernel("UniTuple(f8[::1], 2)(f8[::1])", allocates=True)(parts)
         assert [len(part) for part in lent(np.ones(5))] == [3, 1]
 
     @pytest.mark.parametrize("option", ["fastmath", "parallel"])
     def test_refuses_options_that_change_bits(self, option: str) -> None:
         with pytest.raises(TypeError, match=option):
-            compilation.kernel("f8(f8)", **{option: True})
+            numba_jit.kernel("f8(f8)", **{option: True})
 
 
 def test_warm_up_names_each_module_before_it_is_imported(tiny: Path) -> None:
@@ -309,10 +310,10 @@ def test_warm_up_names_each_module_before_it_is_imported(tiny: Path) -> None:
         told.append((name, "tiny_kernels" in sys.modules, "tinier_kernels" in sys.modules))
 
     sys.modules.pop("tinier_kernels", None)
-    compilation.warm_up(["tiny_kernels", "tinier_kernels"], report)
+    numba_jit.warm_up(["tiny_kernels", "tinier_kernels"], report)
     assert told == [("tiny_kernels", False, False), ("tinier_kernels", True, False)]
     assert "tinier_kernels" in sys.modules
-    compilation.warm_up(["tiny_kernels"])
+    numba_jit.warm_up(["tiny_kernels"])
 
 
 def test_a_process_without_home_or_cache_solves_and_cleans_up(tmp_path: Path) -> None:

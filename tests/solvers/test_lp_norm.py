@@ -15,8 +15,8 @@ from scipy.optimize import minimize
 
 from hoap3.protocol.errors import BadProblemError, InfeasibleError
 from hoap3.remote_controller.solvers import qp12
-from hoap3.remote_controller.solvers.lp_norm import LpNorm, lp_norm
-from hoap3.remote_controller.solvers.lp_norm_kernels import lp_norm_kernel
+from hoap3.remote_controller.solvers.lyapunov_qp.lp_norm import LpNorm, lp_norm
+from hoap3.remote_controller.solvers.lyapunov_qp.lp_norm_kernels import lp_norm_kernel
 
 Array = NDArray[np.float64]
 numbers = st.one_of(st.floats(1e-9, 100), st.floats(-100, -1e-9), st.just(0.0))
@@ -96,7 +96,7 @@ def test_the_certificate_sees_a_wrong_answer(p: float) -> None:
     status, residual = lp_norm_kernel(3, gradient, 0.5, p, np.zeros(3))
     assert status == 0
     assert residual < 1e-14
-    from hoap3.remote_controller.solvers import lp_norm_kernels
+    from hoap3.remote_controller.solvers.lyapunov_qp import lp_norm_kernels
 
     u = lp_norm(gradient, 0.5, p)
     judged = lp_norm_kernels.lp_norm_residual

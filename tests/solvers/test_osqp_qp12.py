@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from hoap3.protocol.errors import BadProblemError, InfeasibleError
 from hoap3.remote_controller.solvers import qp12
-from hoap3.remote_controller.solvers.osqp_qp12 import OsqpQp12
-from hoap3.remote_controller.solvers.qp12_kernels import qp12_residual_kernel
+from hoap3.remote_controller.solvers.qp12.osqp_qp12 import OsqpQp12
+from hoap3.remote_controller.solvers.qp12.qp12_kernels import qp12_residual_kernel
 
 SOLVER = OsqpQp12(9)
 GAMMAS = [0.0, 0.1, 0.5, 0.9, 0.999, 1.0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hoap3.remote_controller.solvers import product_kernels
+from hoap3.remote_controller.solvers.linalg import tiled_product_kernels
 
 SIZES = [1, 2, 3, 4, 5, 7, 8, 11, 16, 33]
 
@@ -24,7 +24,7 @@ def test_a_part_of_a_product_is_added_and_nothing_else_is_touched(n):
     expected = target.copy()
     top, left = n // 3, n // 2
     expected[top:, left : n + 2] -= 0.5 * X[2:7, top:].T @ Y[2:7, left : n + 2]
-    product_kernels.add_product(target, -0.5, X, Y, top, n, left, n + 2, 2, 7)
+    tiled_product_kernels.add_product(target, -0.5, X, Y, top, n, left, n + 2, 2, 7)
     close(target, expected)
 
 
@@ -33,16 +33,16 @@ def test_a_part_of_a_product_is_added_and_nothing_else_is_touched(n):
 def test_gram(n, count):
     rows, target = random(6, n), random(n, n)
     expected = np.triu(target - 2.0 * rows[:count].T @ rows[:count])
-    product_kernels.gram(target, -2.0, rows, count)
+    tiled_product_kernels.gram(target, -2.0, rows, count)
     close(np.triu(target), expected)
 
 
 @pytest.mark.parametrize("n", SIZES)
 def test_products_with_a_triangle_and_without(n):
     X, L, out = random(n, n), random(n, n), np.full((n, n), np.nan)
-    product_kernels.multiply(out, X, L, False)
+    tiled_product_kernels.multiply(out, X, L, False)
     close(out, X.T @ L)
-    product_kernels.multiply(out, X, np.tril(L), True)
+    tiled_product_kernels.multiply(out, X, np.tril(L), True)
     close(out, X.T @ np.tril(L))
 
 
@@ -51,7 +51,7 @@ def test_factor_of_the_upper_triangle_within_a_larger_array(n):
     root = random(n + 2, n)
     A = np.full((n, n + 1), np.nan)
     A[:, :n] = np.where(np.tri(n, k=-1) > 0, np.nan, root.T @ root)
-    assert product_kernels.factorise(A, n, 0.0, np.empty(n)) == n
+    assert tiled_product_kernels.factorise(A, n, 0.0, np.empty(n)) == n
     close(np.triu(A[:, :n]), np.linalg.cholesky(root.T @ root).T)
 
 
@@ -61,7 +61,7 @@ def test_dependent_columns_are_zero_rows_of_the_factor(n):
     root[:, n // 2] = root[:, 0]
     gram = root.T @ root
     A = gram.copy()
-    rank = product_kernels.factorise(A, n, 1e-9, np.empty(n))
+    rank = tiled_product_kernels.factorise(A, n, 1e-9, np.empty(n))
     assert rank == max(n - 1, 1)
     if n > 1:
         assert not A[n // 2, n // 2 :].any()
@@ -73,5 +73,5 @@ def test_dependent_columns_are_zero_rows_of_the_factor(n):
 def test_rows_divided_by_a_triangle(n):
     U, rows = np.triu(random(n, n)) + 3 * np.eye(n), random(n, 2 * n)
     expected = np.linalg.solve(U.T, rows)
-    product_kernels.divide_rows(U, rows)
+    tiled_product_kernels.divide_rows(U, rows)
     close(rows, expected)

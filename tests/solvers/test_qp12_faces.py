@@ -12,7 +12,7 @@ import pytest
 
 from hoap3.protocol.errors import BadProblemError, InfeasibleError
 from hoap3.remote_controller.solvers import Qp12, qp12
-from hoap3.remote_controller.solvers.status import (
+from hoap3.remote_controller.solvers.base.status import (
     BAD_INPUT,
     BAD_SHAPE,
     INFEASIBLE,
@@ -153,7 +153,7 @@ PLAIN = """
 import json, sys
 import numpy as np
 from hoap3.remote_controller.solvers import Pinv, Qp12, pinv, pinv_plain, qp12
-from hoap3.remote_controller.solvers.qp12_kernels import qp12_kernel
+from hoap3.remote_controller.solvers.qp12.qp12_kernels import qp12_kernel
 rng = np.random.default_rng(11)
 bits = [type(qp12_kernel).__name__]
 for gamma in (0.0, 0.1, 0.5, 0.99, 1 - 1e-15, 1.0):

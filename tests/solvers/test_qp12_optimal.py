@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from qp12_exact import exact_kkt_residual, exact_qp12, printed_qp12, relative_error
 
 from hoap3.remote_controller.solvers import Qp12, qp12
-from hoap3.remote_controller.solvers.qp12_kernels import qp12_residual_kernel
+from hoap3.remote_controller.solvers.qp12.qp12_kernels import qp12_residual_kernel
 
 EPS = 2.0**-52
 GAMMAS = (0, 1e-300, 1e-9, 0.1, 0.5, 0.9, 0.99, 1 - 1e-6, 1 - 1e-12, 1 - 1e-15, 1 - EPS / 2, 1)

@@ -7,10 +7,11 @@ import pytest
 from sdp_problems import ur5
 
 from hoap3.protocol.errors import BadProblemError
-from hoap3.remote_controller.solvers import sdp_gains, status
-from hoap3.remote_controller.solvers.constant_gains import ConstantGains
-from hoap3.remote_controller.solvers.sdp_backends import gain_solver
-from hoap3.remote_controller.solvers.sdp_gains import NONE, SdpGains
+from hoap3.remote_controller.solvers import sdp_gains
+from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.clik.constant_gains import ConstantGains
+from hoap3.remote_controller.solvers.sdp.sdp_backends import gain_solver
+from hoap3.remote_controller.solvers.sdp.sdp_gains import NONE, SdpGains
 
 GOOD = {
     "jacobians": [[[1.0, 1, 2, 1]], np.eye(2, 4)],

@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 from sdp_problems import Problem, certified, humanoid, optimum, random, ur5
 
 from hoap3.protocol.errors import BadProblemError, NotInstalledError, UnknownNameError
-from hoap3.remote_controller.solvers import sdp_backends, sdp_gains, status
-from hoap3.remote_controller.solvers.sdp_gains import BUDGET, IPM, NONE, WARM, SdpGains
+from hoap3.remote_controller.solvers import sdp_gains
+from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.sdp import sdp_backends
+from hoap3.remote_controller.solvers.sdp.sdp_gains import BUDGET, IPM, NONE, WARM, SdpGains
 
 SEEDS = st.integers(0, 10**6)
 NO_STABILISING_GAINS = (

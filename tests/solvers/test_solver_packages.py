@@ -8,10 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from hoap3.protocol.config.settings import parse
 from hoap3.protocol.errors import ConfigError
-from hoap3.protocol.settings import parse
 from hoap3.remote_controller.config import ControllerConfig, build, read_config
-from hoap3.remote_controller.solvers import qp_backends, sdp_backends
+from hoap3.remote_controller.solvers.qp import qp_backends
+from hoap3.remote_controller.solvers.sdp import sdp_backends
 from hoap3.robot_emulator.robots import load
 
 HOUSE = Path(__file__).resolve().parents[2]

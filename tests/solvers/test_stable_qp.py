@@ -12,8 +12,16 @@ from numpy.typing import NDArray
 from stable_problems import M, N, generic, most_descent
 
 from hoap3.protocol.errors import BadProblemError, NotInstalledError, UnknownNameError
-from hoap3.remote_controller.solvers import qp_backends, status
-from hoap3.remote_controller.solvers.stable_qp import CLAMPED, FREE, PATHS, QP, STILL, StableQp
+from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.lyapunov_qp.stable_qp import (
+    CLAMPED,
+    FREE,
+    PATHS,
+    QP,
+    STILL,
+    StableQp,
+)
+from hoap3.remote_controller.solvers.qp import qp_backends
 
 Array = NDArray[np.float64]
 FAR = 1e3

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from stable_problems import generic, most_descent
 
 from hoap3.protocol.errors import BadProblemError, InfeasibleError
-from hoap3.remote_controller.solvers import status
-from hoap3.remote_controller.solvers.bounded_qp12 import qp12_bounded
-from hoap3.remote_controller.solvers.lyapunov import feasible_rate, lyapunov_qp
-from hoap3.remote_controller.solvers.stable_qp import StableQp
+from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.lyapunov_qp.functions import feasible_rate, lyapunov_qp
+from hoap3.remote_controller.solvers.lyapunov_qp.stable_qp import StableQp
+from hoap3.remote_controller.solvers.qp12.bounded_qp12 import qp12_bounded
 
 Array = NDArray[np.float64]
 FAR = 1e3

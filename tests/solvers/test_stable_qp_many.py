@@ -15,8 +15,8 @@ from stable_problems import (
     most_descent,
 )
 
-from hoap3.remote_controller.solvers import status
-from hoap3.remote_controller.solvers.stable_qp import FREE, QP, StableQp
+from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.lyapunov_qp.stable_qp import FREE, QP, StableQp
 
 SOLVER = {gamma: StableQp(N, M, gamma=gamma) for gamma in (0.0, 0.1, 0.5, 0.9, 0.99)}
 

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from stable_problems import Problem, generic
 
-from hoap3.remote_controller.solvers import status
-from hoap3.remote_controller.solvers.stable_qp import QP, STILL, StableQp
+from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.lyapunov_qp.stable_qp import QP, STILL, StableQp
 
 N, ROWS = 21, 4
 BROKEN = 1e-8  # of a bound or row
@@ -68,7 +68,7 @@ def test_where_rows_are_nearly_parallel_to_the_gradient_v_falls_as_fast_as_it_ca
 @given(st.integers(0, 2**32 - 1))
 def test_a_row_says_the_same_without_what_it_has_along_an_equation(seed: int) -> None:
     """On s·x = r the slack of a turned row is λ times that of the row; both look the same way."""
-    from hoap3.remote_controller.solvers.across_kernels import across_kernel
+    from hoap3.remote_controller.solvers.lyapunov_qp.row_projection_kernels import across_kernel
 
     rng = np.random.default_rng(seed)
     v, count, place = 7, 4, int(rng.integers(4))
@@ -98,7 +98,7 @@ def test_a_row_says_the_same_without_what_it_has_along_an_equation(seed: int) ->
 
 
 def test_a_row_along_the_equation_is_left_as_short_as_it_becomes() -> None:
-    from hoap3.remote_controller.solvers.across_kernels import across_kernel
+    from hoap3.remote_controller.solvers.lyapunov_qp.row_projection_kernels import across_kernel
 
     rows, none = np.array([[1.0, 2.0], [3.0, 6.0]]), np.full(4, -1e30)
     turns, turned, low, high = np.zeros((2, 2)), np.zeros((2, 2)), np.zeros(4), np.zeros(4)
@@ -178,7 +178,7 @@ def test_a_solver_that_calls_a_broken_bound_solved_is_not_believed(
 
 
 def test_a_broken_bound_is_in_the_residual_however_large_the_multipliers_are() -> None:
-    from hoap3.remote_controller.solvers.proof_kernels import residual_kernel
+    from hoap3.remote_controller.solvers.lyapunov_qp.kkt_residual_kernels import residual_kernel
 
     y, none = np.array([0.9, 0.1]), np.zeros(2)
     rows = np.array([[1.0, 0.0], [0.0, 1.0]])

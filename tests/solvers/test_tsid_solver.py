@@ -10,8 +10,8 @@ import quadprog
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from hoap3.remote_controller.solvers import status
-from hoap3.remote_controller.solvers.tsid import VIOLATION, Tsid
+from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.tsid.tsid import VIOLATION, Tsid
 
 SEEDS = st.integers(0, 2**32 - 1)
 

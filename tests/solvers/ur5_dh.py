@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hoap3.remote_controller.solvers.sdp_gains import SdpGains
+from hoap3.remote_controller.solvers.sdp.sdp_gains import SdpGains
 
 A = (0.0, -0.425, -0.39225, 0.0, 0.0, 0.0)
 D = (0.089459, 0.0, 0.0, 0.10915, 0.09465, 0.0823)

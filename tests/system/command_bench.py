@@ -23,9 +23,9 @@ from typing import Any, Self
 import numpy as np
 
 from hoap3.protocol.messages import Event, State
-from hoap3.protocol.ring import Kind
-from hoap3.tools.cli import main
-from hoap3.tools.log import Log
+from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.tools.cli.app import main
+from hoap3.tools.logs.log import Log
 
 HOAP3 = str(Path(sysconfig.get_path("scripts")) / "hoap3")
 STOPS = (signal.SIGINT, signal.SIGTERM)

@@ -18,7 +18,7 @@ from typing import Any
 from command_bench import PATIENT, Command, endpoint, followed
 
 from hoap3.protocol.errors import LinkError
-from hoap3.protocol.local_control import LocalRobot, local_robots
+from hoap3.protocol.link.local_control import LocalRobot, local_robots
 
 FLOODS = str(Path(__file__).parent / "floods.py")
 STOP_EVERY_S = 0.25

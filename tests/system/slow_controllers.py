@@ -7,10 +7,10 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray, Setpoint, State
-from hoap3.protocol.settings import Settings
-from hoap3.remote_controller.controllers.controller import Controller
+from hoap3.remote_controller.controllers.base import Controller
 
 
 def keep_busy(length_ns: int) -> None:

@@ -10,7 +10,7 @@ import pytest
 from command_bench import PATIENT, controller, emulator, endpoint, hoap3, on_path, wait_for_mode
 from holding_link import HoldingLink
 
-from hoap3.tools.ticks import STAGES, TickTable
+from hoap3.tools.timing.ticks import STAGES, TickTable
 
 HERE = Path(__file__).parent
 MS = 1_000_000

@@ -203,7 +203,7 @@ def test_a_controller_made_for_another_robot(tmp_path: Path) -> None:
     written(
         tmp_path,
         "import numpy as np\n"
-        "from hoap3.remote_controller.controllers.controller import Controller\n"
+        "from hoap3.remote_controller.controllers.base import Controller\n"
         "class Mine(Controller):\n"
         "    def __init__(self, description, parameters):\n"
         "        super().__init__(description, parameters)\n"
@@ -233,7 +233,7 @@ def test_a_controller_that_is_none(
     code: str, words: tuple[str, ...], tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     name = f"broken{abs(hash(request.node.name))}"
-    head = "from hoap3.remote_controller.controllers.controller import Controller\n"
+    head = "from hoap3.remote_controller.controllers.base import Controller\n"
     written(tmp_path, head + code, f"{name}.py")
     law = written(tmp_path, f"controller: {name}:Mine\n")
     for command in ((*LOCKSTEP, "--controller", law), ("config", "check", "--allow-code", law)):

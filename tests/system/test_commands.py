@@ -31,7 +31,7 @@ from hoap3.protocol.messages import State
 from hoap3.remote_controller import registry as controllers
 from hoap3.remote_controller.constraints import registry as constraints
 from hoap3.remote_controller.tasks import registry as tasks
-from hoap3.tools.log import Log
+from hoap3.tools.logs.log import Log
 
 TASKS, CONSTRAINTS = sorted(tasks.BUILTIN), sorted(constraints.BUILTIN)
 

@@ -10,7 +10,7 @@ import arm3
 import pytest
 from command_bench import inside
 
-from hoap3.remote_controller.solvers import qp_backends
+from hoap3.remote_controller.solvers.qp import qp_backends
 
 TASK = "{task: com, parameters: {target: {kind: point, position_m: [0.01, 0.025, 0.2869]}}}"
 FAST = "{constraint: joint_position, parameters: {eta_per_s: 5000}}"
@@ -169,7 +169,7 @@ def test_a_schema_is_found_beside_the_current_folder(
     assert f"be in the folder of its module (this is {tmp_path})" in missing.stderr
     (tmp_path / "swing_of_mine.py").write_text(
         "from pydantic import Field\n\n"
-        "from hoap3.protocol.settings import Settings\n"
+        "from hoap3.protocol.config.settings import Settings\n"
         "from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction\n\n\n"
         "class Swing(LyapunovFunction):\n"
         "    class Parameters(Settings):\n"
@@ -193,7 +193,7 @@ CODE = """
 from pathlib import Path
 
 Path(__file__).with_name("ran").touch()
-from hoap3.remote_controller.controllers.pinv import PinvController as Law
+from hoap3.remote_controller.controllers.qp12.pinv import PinvController as Law
 from hoap3.remote_controller.tasks.com import ComTask as Task
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import yaml
 from command_bench import assert_ran, inside
 
-from hoap3.protocol.ring import Kind
-from hoap3.tools.export import export
-from hoap3.tools.log import Log
+from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.tools.logs.export import export
+from hoap3.tools.logs.log import Log
 
 PLANE = {"frame": "ee", "point_m": [0.0, 0.0, 0.554], "normal": [0.0, 0.0, 1.0]}
 ROBOT = {"robot": "lwr", "command": "torque", "plant": {"gravity": "none", "contacts": [PLANE]}}

@@ -8,7 +8,7 @@ import numpy as np
 from command_bench import inside
 from mcap.reader import make_reader
 
-from hoap3.tools.log import Log
+from hoap3.tools.logs.log import Log
 
 
 def test_commands_skip_a_damaged_chunk_and_say_so(tmp_path: Path) -> None:

@@ -18,8 +18,8 @@ from pathlib import Path
 import pytest
 from command_bench import PATIENT, QUIET, Command, emulator, endpoint
 
-from hoap3.protocol.settings import LinkSettings
-from hoap3.protocol.zenoh_link import ask, key, open_session
+from hoap3.protocol.config.settings import LinkSettings
+from hoap3.protocol.link.zenoh_link import ask, key, open_session
 
 CLIENT = Path(__file__).parent / "dying_client.py"
 ROOT = Path(__file__).parent.parent.parent

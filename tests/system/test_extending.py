@@ -24,14 +24,14 @@ from command_bench import (
 
 from hoap3.protocol.messages import State
 from hoap3.remote_controller.registry import BUILTIN
-from hoap3.tools.log import Log
+from hoap3.tools.logs.log import Log
 
 CONTROLLER = '''
 """A controller as somebody else would write it."""
 
 import numpy as np
 
-from hoap3.remote_controller.controllers.controller import VelocityController
+from hoap3.remote_controller.controllers.base import VelocityController
 
 
 class Sway(VelocityController):

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from command_bench import assert_at_rest, assert_no_traceback, events, hoap3, inside
 
-from hoap3.tools.log import Log
+from hoap3.tools.logs.log import Log
 
 CODE = """
 import numpy as np
-from hoap3.remote_controller.controllers.controller import VelocityController
+from hoap3.remote_controller.controllers.base import VelocityController
 
 
 class Fails(VelocityController):

@@ -22,8 +22,8 @@ from command_bench import (
     wait_for_mode,
 )
 
-from hoap3.protocol.ring import Kind
-from hoap3.tools.log import Log
+from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.tools.logs.log import Log
 from hoap3.tools.replay import replay
 
 HERE = Path(__file__).parent

@@ -17,8 +17,8 @@ from command_bench import (
     wait_for_mode,
 )
 
-from hoap3.protocol.ring import Kind
-from hoap3.tools.log import Log
+from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.tools.logs.log import Log
 from hoap3.tools.replay import replay
 
 OVER_S = 0.3

@@ -9,12 +9,13 @@ from pathlib import Path
 import pytest
 from command_bench import QUIET, controller, emulator, endpoint, inside, tell
 
-from hoap3.protocol import local_control
 from hoap3.protocol.errors import LinkError, UsageError
-from hoap3.protocol.local_control import LocalControl
-from hoap3.tools import control, find_robot
-from hoap3.tools.cli_options import ENDPOINT
-from hoap3.tools.find_robot import ask_robot, reach_robot, release_robot
+from hoap3.protocol.link import local_control
+from hoap3.protocol.link.local_control import LocalControl
+from hoap3.tools.cli import find_robot
+from hoap3.tools.cli.find_robot import ask_robot, reach_robot, release_robot
+from hoap3.tools.cli.options import ENDPOINT
+from hoap3.tools.services import client
 
 
 @pytest.fixture(autouse=True)
@@ -136,7 +137,7 @@ def test_on_the_network_only_a_single_robot_needs_no_name(monkeypatch, names, er
 
 def test_a_change_that_no_robot_takes_is_refused_before_it_is_sent():
     with pytest.raises(UsageError, match="the change has 70011 bytes; a robot takes 65536"):
-        control.change("arm", {"key": "x" * 70_000}, "tcp/127.0.0.1:1")
+        client.change("arm", {"key": "x" * 70_000}, "tcp/127.0.0.1:1")
 
 
 @pytest.mark.parametrize("robot", ["", "*", "Arm", "../arm", "arm-1"])

@@ -22,7 +22,7 @@ from command_bench import (
 )
 
 from hoap3.protocol.messages import Setpoint
-from hoap3.tools.log import Log
+from hoap3.tools.logs.log import Log
 from hoap3.tools.simulate import simulate
 
 SEED = 5

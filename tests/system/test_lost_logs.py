@@ -23,7 +23,7 @@ from command_bench import (
     wait_for_mode,
 )
 
-from hoap3.tools.log import Log
+from hoap3.tools.logs.log import Log
 
 LIMITED = on_path(Path(__file__).parents[1] / "other_machine")
 LOST = "the {}'s log is not whole: {}; `hoap3 record --repair` mends what there is"
@@ -34,7 +34,7 @@ def observer_of(command: Command, log: str, at: str) -> int:
     """Process id of the observer that writes a log, of a command that goes on meanwhile."""
     for _ in range(100):
         for pid, words in command.family().items():
-            if "hoap3.tools.observer" in words:
+            if "hoap3.tools.services.observer" in words:
                 handles = [handle.resolve() for handle in Path(f"/proc/{pid}/fd").iterdir()]
                 if log in {handle.name for handle in handles}:
                     return pid

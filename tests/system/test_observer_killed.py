@@ -18,7 +18,7 @@ from command_bench import (
 )
 from mcap.reader import make_reader
 
-from hoap3.tools.log import Log
+from hoap3.tools.logs.log import Log
 
 
 def test_a_killed_observer_costs_less_than_a_second_of_log(tmp_path: Path) -> None:
@@ -52,7 +52,7 @@ def test_a_killed_observer_costs_less_than_a_second_of_log(tmp_path: Path) -> No
 def observer_of_the_robot(run: Command) -> int:
     """Process id of the observer that writes the robot's log."""
     for pid, words in run.family().items():
-        if "hoap3.tools.observer" in words:
+        if "hoap3.tools.services.observer" in words:
             handles = [handle.resolve() for handle in Path(f"/proc/{pid}/fd").iterdir()]
             if "robot.mcap" in {handle.name for handle in handles}:
                 return pid

@@ -8,18 +8,18 @@ from command_bench import inside
 
 from hoap3.protocol.errors import Hoap3Error, NoDefaultTaskError
 from hoap3.protocol.messages import Setpoint, State
-from hoap3.protocol.recorder import MemoryRecorder
-from hoap3.protocol.ring import Kind
+from hoap3.protocol.runtime.recorder import MemoryRecorder
+from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.config import CONFIGS, available_configs, build
-from hoap3.remote_controller.controllers.controller import STATUS
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.controllers.base import STATUS
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.pairs import HELD_BACK, PAIRS, POSTURES, configs_for, robots_for
 from hoap3.remote_controller.tasks.com import ComTask
 from hoap3.remote_controller.tasks.frame_position import FramePositionTask
 from hoap3.robot_emulator.config import available_configs as emulator_configs
 from hoap3.robot_emulator.robots import available as robots
 from hoap3.robot_emulator.service import describe
-from hoap3.tools.pairs_table import COLUMNS, PAGE, written
+from hoap3.tools.robots.pairs_table import COLUMNS, PAGE, written
 from hoap3.tools.simulate import Lockstep, controller_settings, emulator_settings, suited
 
 CELLS = [(config, robot) for config, names in PAIRS.items() for robot in names]
@@ -85,7 +85,7 @@ def test_after_five_seconds_too(config, robot):
 
 def test_the_table_of_the_page_is_up_to_date():
     text = PAGE.read_text(encoding="utf-8")
-    assert written(text) == text, "run `python -m hoap3.tools.pairs_table`"
+    assert written(text) == text, "run `python -m hoap3.tools.robots.pairs_table`"
 
 
 def test_every_shipped_config_is_in_the_table():

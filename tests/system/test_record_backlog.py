@@ -9,11 +9,11 @@ import pytest
 from command_bench import endpoint
 from fake_robot import FakeRobot
 
-from hoap3.protocol.ring import Kind, Record
+from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.robot_emulator.robots import load
-from hoap3.tools import record
-from hoap3.tools.log import Log
-from hoap3.tools.log_writer import LogWriter
+from hoap3.tools.logs.log import Log
+from hoap3.tools.logs.log_writer import LogWriter
+from hoap3.tools.services import record
 
 
 def test_a_flood_neither_fills_memory_nor_keeps_it_from_stopping(

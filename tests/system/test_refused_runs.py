@@ -71,7 +71,7 @@ def test_a_robot_that_cannot_listen_leaves_no_log(tmp_path: Path) -> None:
 
 def test_a_controller_that_fails_on_a_state_keeps_the_log_of_it(tmp_path: Path) -> None:
     (tmp_path / "fails.py").write_text(
-        "from hoap3.remote_controller.controllers.controller import VelocityController\n\n\n"
+        "from hoap3.remote_controller.controllers.base import VelocityController\n\n\n"
         "class Fails(VelocityController):\n"
         "    def velocity(self, state):\n"
         "        raise RuntimeError('always')\n"

@@ -22,9 +22,9 @@ from mcap.reader import make_reader
 from socket_census import census
 
 from hoap3.protocol.messages import State
-from hoap3.protocol.ring import Kind
-from hoap3.tools.log import Log, payload_hash
-from hoap3.tools.show import LiveTable
+from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.tools.logs.log import Log, payload_hash
+from hoap3.tools.show.summary import LiveTable
 
 TICKS = 1000
 

@@ -21,10 +21,10 @@ from command_bench import (
 )
 
 from hoap3.protocol.messages import State
-from hoap3.protocol.ring import Kind, Record
+from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.loop import ControllerLoop
-from hoap3.tools.log import Log, payload_hash
-from hoap3.tools.log_writer import LogWriter
+from hoap3.tools.logs.log import Log, payload_hash
+from hoap3.tools.logs.log_writer import LogWriter
 from hoap3.tools.simulate import simulate
 
 DURATION, SEED = 1.5, 7  # with few joints, γ matters only where a second one sets in
@@ -237,7 +237,7 @@ def test_a_log_without_setpoints_proves_nothing(first: Done, folder: Path, tmp_p
 def test_code_is_not_run_on_the_word_of_a_log(first: Done, folder: Path, tmp_path: Path) -> None:
     (tmp_path / "evil.py").write_text(
         "from pathlib import Path\n"
-        "from hoap3.remote_controller.controllers.qp12 import Qp12Controller as Evil\n"
+        "from hoap3.remote_controller.controllers.qp12.qp12 import Qp12Controller as Evil\n"
         "Path(__file__).with_name('was_here').touch()\n"
     )
     copy = rewritten(folder, tmp_path / "copy.mcap", controller="evil:Evil")

@@ -24,11 +24,11 @@ from command_bench import (
     wait_for_mode,
 )
 
+from hoap3.protocol.config.settings import LinkSettings
+from hoap3.protocol.link.zenoh_link import ZenohControllerLink
 from hoap3.protocol.messages import State
-from hoap3.protocol.settings import LinkSettings
-from hoap3.protocol.zenoh_link import ZenohControllerLink
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.log import Log
+from hoap3.tools.logs.log import Log
 
 THRESHOLD = 500  # misses: many for a busy machine, and reached before the lease of 1 s ends
 

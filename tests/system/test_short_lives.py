@@ -21,7 +21,7 @@ from command_bench import (
 )
 from fake_rights import FakeCpu
 
-from hoap3.tools.observer import DRAIN_S
+from hoap3.tools.services.observer import DRAIN_S
 
 COUNT = 50
 SOON_S = 3.0  # the promise, beyond the start-up

@@ -21,7 +21,7 @@ from command_bench import (
 )
 from mcap.reader import make_reader
 
-from hoap3.tools.log import Log
+from hoap3.tools.logs.log import Log
 
 LATEST_S = {"run": 3.0, "emulator": 1.2, "controller": 2.5}
 

@@ -24,7 +24,7 @@ from command_bench import (
     wait_for_mode,
 )
 
-from hoap3.tools.cli import app
+from hoap3.tools.cli.app import app
 
 LOCKSTEP = ("run", "--lockstep", "--duration", 0.05, "--no-realtime")
 LOCAL: dict[str, tuple[object, ...]] = {

@@ -25,11 +25,11 @@ from hoap3.protocol.answers import (
     parse_answer,
     parse_description,
 )
+from hoap3.protocol.config.settings import parse
 from hoap3.protocol.errors import AuthorityError, WireError
-from hoap3.protocol.local_control import LocalRobot
+from hoap3.protocol.link.local_control import LocalRobot
 from hoap3.protocol.messages import State
-from hoap3.protocol.recorder import MemoryRecorder
-from hoap3.protocol.settings import parse
+from hoap3.protocol.runtime.recorder import MemoryRecorder
 from hoap3.remote_controller import service
 from hoap3.remote_controller.config import ControllerConfig, read_config
 from hoap3.robot_emulator.robots import load
@@ -213,7 +213,7 @@ def test_hundreds_of_malformed_answers_end_no_command(robots):
 @pytest.mark.parametrize("verb", ["status", "stop", "recover", "release"])
 def test_an_answer_over_the_local_socket_is_checked_too(verb, monkeypatch):
     local = LocalRobot("hoap3", 1, Path("nowhere"))
-    monkeypatch.setattr("hoap3.tools.find_robot.find_local", lambda _: local)
+    monkeypatch.setattr("hoap3.tools.cli.find_robot.find_local", lambda _: local)
     monkeypatch.setattr(LocalRobot, "ask", lambda *_: {"mode": 3, "released": "yes"})
     done = inside(verb)
     assert (done.code, len(done.stderr.splitlines())) == (1, 1)
@@ -259,7 +259,7 @@ def test_what_is_no_endpoint_is_one_error_with_the_remedy(words, name):
 def test_a_silent_robot_is_followed_again_in_a_new_session(robots, monkeypatch):
     """It stays connected, but neither publishes nor answers until a new session has come."""
     monkeypatch.setattr(service, "SILENCE_S", 0.1)
-    monkeypatch.setattr("hoap3.protocol.zenoh_link.QUERY_TIMEOUT_S", 0.2)
+    monkeypatch.setattr("hoap3.protocol.link.zenoh_link.QUERY_TIMEOUT_S", 0.2)
     silent_to: list[str] = []
 
     def script(verb: str, who: str) -> bytes | None:

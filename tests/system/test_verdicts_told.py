@@ -7,10 +7,10 @@ from pathlib import Path
 
 from command_bench import inside
 
-from hoap3.protocol.recorder import MemoryRecorder, NoRecorder
-from hoap3.tools.certificate_count import in_a_line
+from hoap3.protocol.runtime.recorder import MemoryRecorder, NoRecorder
+from hoap3.tools.services.run_statistics import RunStatistics
+from hoap3.tools.show.certificate_count import in_a_line
 from hoap3.tools.simulate import Lockstep, controller_settings, emulator_settings
-from hoap3.tools.statistics import RunStatistics
 
 GOOD = {"deadlines": "fit", "task": "good", "limits_and_balance": "good"}
 FAR = ("--set", "controller.parameters.target_m=[9,9,9]")

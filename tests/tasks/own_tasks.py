@@ -7,8 +7,8 @@ import math
 import numpy as np
 from pydantic import Field
 
-from hoap3.protocol.settings import Settings
-from hoap3.remote_controller.tasks.curve import Curve
+from hoap3.protocol.config.settings import Settings
+from hoap3.remote_controller.tasks.curve_following.curve import Curve
 from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
 
 

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import task_cases
 
+from hoap3.protocol.config.settings import load_yaml, parse
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.settings import load_yaml, parse
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
 from hoap3.remote_controller.tasks.registry import TaskSettings, build, registered
 from hoap3.robot_emulator.robots import load

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
 from hoap3.remote_controller.tasks.registry import TaskSettings, build
 from hoap3.robot_emulator.robots import load

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from hoap3.remote_controller.tasks.targets.settings import TargetSettings
-from hoap3.remote_controller.tasks.targets.spline import Spline
-from hoap3.remote_controller.tasks.targets.target import Approach, Point, Target
-from hoap3.remote_controller.tasks.targets.waypoints import Waypoints
+from hoap3.remote_controller.references.settings import TargetSettings
+from hoap3.remote_controller.references.spline import Spline
+from hoap3.remote_controller.references.target import Approach, Point, Target
+from hoap3.remote_controller.references.waypoints import Waypoints
 
 START = np.array([0.11, -0.07, 0.31])
 CENTER = [0.1, 0.0, 0.3]

@@ -11,7 +11,7 @@ from task_cases import ARM, CASES, HOAP3, POINT, kinematics_of
 
 from hoap3.protocol.errors import ConfigError, UnknownNameError
 from hoap3.remote_controller import plugins
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks.registry import TaskSettings, build, check_parameters, registered
 
 

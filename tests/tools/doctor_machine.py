@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hoap3.protocol.clock import VirtualClock
-from hoap3.tools.doctor_system import System
+from hoap3.protocol.runtime.clock import VirtualClock
+from hoap3.tools.doctor.system import System
 
 OK, ADVICE, PROBLEM = "ok", "advice", "problem"
 CPU = "sys/devices/system/cpu"

@@ -10,8 +10,8 @@ import numpy as np
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import Event, Setpoint, State
-from hoap3.protocol.ring import Kind, Record
-from hoap3.tools.log_writer import LogWriter
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.logs.log_writer import LogWriter
 
 MS = 1_000_000
 START = 5_000_000_000  # ns

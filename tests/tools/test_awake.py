@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from hoap3.tools.awake import kept_awake, let_sleep, may_keep_awake
+from hoap3.tools.machine.cpu_idle import kept_awake, let_sleep, may_keep_awake
 
 ROOT = Path(__file__).parents[2]
 
@@ -53,7 +53,7 @@ def test_of_two_that_overlap_the_last_one_lets_it_sleep(setting, tmp_path):
 def test_what_a_killed_one_left_is_mended_by_the_next(setting, tmp_path):
     code = (
         "import os, pathlib, signal, sys\n"
-        "from hoap3.tools.awake import kept_awake\n"
+        "from hoap3.tools.machine.cpu_idle import kept_awake\n"
         "folder = pathlib.Path(sys.argv[1])\n"
         "held = kept_awake(3, folder, folder)\n"
         "held.__enter__()\n"
@@ -96,7 +96,7 @@ def test_what_lies_in_place_of_a_note_is_refused_and_not_waited_for(setting, tmp
 
 
 def test_a_locked_note_is_not_waited_for_long(setting, tmp_path, monkeypatch):
-    monkeypatch.setattr("hoap3.tools.awake.PATIENCE_S", 0.01)
+    monkeypatch.setattr("hoap3.tools.machine.cpu_idle.PATIENCE_S", 0.01)
     with (tmp_path / "awake3").open("w") as squatted:
         fcntl.flock(squatted, fcntl.LOCK_EX)
         with awake(tmp_path) as refusal:

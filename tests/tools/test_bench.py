@@ -13,10 +13,10 @@ from hoap3.protocol.errors import UnknownNameError
 from hoap3.tools.bench import peers
 from hoap3.tools.bench.cycle import bench_cycle
 from hoap3.tools.bench.peers import PEERS, installed, missing, peer
-from hoap3.tools.bench.problems import STREAM, gradients, jacobians
+from hoap3.tools.bench.problems.streams import STREAM, gradients, jacobians
 from hoap3.tools.bench.solvers import bench_solvers, worst_error
 from hoap3.tools.bench.timing import BATCH, SETTLE, Contender, Times, race
-from hoap3.tools.cli import app
+from hoap3.tools.cli.app import app
 
 FIGURES = {"samples", "min_us", "mean_us", "p50_us", "p99_us", "max_us"}
 OF_BATCHES = {"batches", "batch_min_us", "batch_mean_us", "batch_max_us"}

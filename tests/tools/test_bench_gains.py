@@ -9,11 +9,11 @@ import pytest
 from typer.testing import CliRunner
 
 from hoap3.protocol.errors import UnknownNameError
-from hoap3.remote_controller.solvers import sdp_backends
+from hoap3.remote_controller.solvers.sdp import sdp_backends
 from hoap3.tools.bench import gains
 from hoap3.tools.bench.gains import BARE, COLD, OURS, QUICK_S, TICK, bench_gains, missing
-from hoap3.tools.bench.gains_problems import Moment, stretches, walk
-from hoap3.tools.cli import app
+from hoap3.tools.bench.problems.gains_problems import Moment, stretches, walk
+from hoap3.tools.cli.app import app
 
 KEYS = {"solver", "robot", "n", "joints", "samples", "min_us", "mean_us", "p50_us", "p99_us"} | {
     *("max_us", "times_sdp", "times_sdp_min", "paths", "newton_mean", "worst_gap"),

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from hoap3.remote_controller.solvers import StableQp, status
-from hoap3.remote_controller.solvers.stable_qp import QP
+from hoap3.remote_controller.solvers import StableQp
+from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.lyapunov_qp.stable_qp import QP
 from hoap3.tools.bench import general
-from hoap3.tools.cli import app
+from hoap3.tools.cli.app import app
 
 
 @pytest.fixture(autouse=True)

@@ -11,7 +11,8 @@ from typer.testing import CliRunner
 from hoap3.remote_controller.solvers import ghc
 from hoap3.tools.bench import hierarchy
 from hoap3.tools.bench.hierarchy import OURS, PEERS, QUICK_TASKS, bench_hierarchy, missing, ratios
-from hoap3.tools.bench.hierarchy_problems import (
+from hoap3.tools.bench.plot import plot_hierarchies
+from hoap3.tools.bench.problems.hierarchy_problems import (
     FRAMES,
     STATES,
     W_R,
@@ -20,8 +21,7 @@ from hoap3.tools.bench.hierarchy_problems import (
     moments,
     program,
 )
-from hoap3.tools.bench.plot import plot_hierarchies
-from hoap3.tools.cli import app
+from hoap3.tools.cli.app import app
 
 KEYS = {"solver", "robot", "n", "tasks", "case", "samples", "min_us", "mean_us", "p50_us"} | {
     *("p99_us", "max_us", "times_ghc", "times_ghc_min", "worst_error", "worst_residual"),

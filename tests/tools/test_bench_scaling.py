@@ -14,7 +14,7 @@ from hoap3.tools.bench import scaling
 from hoap3.tools.bench.peers import installed
 from hoap3.tools.bench.plot import plot_scaling
 from hoap3.tools.bench.scaling import FIT_FROM, SIZES, bench_scaling, slope, slopes
-from hoap3.tools.cli import app
+from hoap3.tools.cli.app import app
 
 MACHINE = {"processor": "Abacus", "kernel": "0.1"}
 

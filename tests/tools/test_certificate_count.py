@@ -9,14 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hoap3.protocol.messages import Event, Setpoint, State
-from hoap3.protocol.ring import Kind, Record
-from hoap3.tools.certificate_count import (
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.services.run_statistics import RunStatistics
+from hoap3.tools.show.certificate_count import (
     CertificateCount,
     CountingRecorder,
     in_a_line,
     reasons_on_wire,
 )
-from hoap3.tools.statistics import RunStatistics
 
 CERTIFIED, AT_TARGET, UNCERTIFIED, INFEASIBLE, NONE = range(5)
 STATUSES = ["certified", "at_target", "uncertified", "infeasible"]

@@ -15,10 +15,10 @@ from pathlib import Path
 import pytest
 from doctor_machine import ADVICE, OK, PROBLEM, LateClock, machine
 
-from hoap3.protocol.clock import VirtualClock
-from hoap3.tools import doctor, doctor_probes, doctor_stack, doctor_system
-from hoap3.tools.doctor import examine, run_doctor, verdict
-from hoap3.tools.doctor_system import Finding
+from hoap3.protocol.runtime.clock import VirtualClock
+from hoap3.tools.doctor import doctor, probes, stack, system
+from hoap3.tools.doctor.doctor import examine, run_doctor, verdict
+from hoap3.tools.doctor.system import Finding
 
 HOUSE = Path(__file__).resolve().parents[2]
 CHECKS = (*doctor.LOOKS, *doctor.MEASURES)
@@ -50,7 +50,7 @@ class SteppingClock(VirtualClock):
     ],
 )
 def test_a_clock_is_judged_by_its_steps_and_its_cost(tmp_path, step, every, level, found):
-    finding = doctor_probes.clock(machine(tmp_path, {}, clock=SteppingClock(step, every)))
+    finding = probes.clock(machine(tmp_path, {}, clock=SteppingClock(step, every)))
     assert finding.level == level
     assert found in finding.found
 
@@ -87,7 +87,7 @@ class BusyClock(VirtualClock):
     ],
 )
 def test_load_is_what_the_cpus_did_meanwhile(tmp_path, cpus, busy, idle, level, found):
-    finding = doctor_probes.load(machine(tmp_path, {}, clock=BusyClock(tmp_path, cpus, busy, idle)))
+    finding = probes.load(machine(tmp_path, {}, clock=BusyClock(tmp_path, cpus, busy, idle)))
     assert finding.level == level
     assert found in finding.found
 
@@ -105,7 +105,7 @@ def test_wake_ups_are_judged_by_lateness_and_skipped_ticks(tmp_path, late, level
     class Clock(LateClock):
         now = VirtualClock.now
 
-    finding = doctor_probes.wake_up(machine(tmp_path, {}, clock=Clock(late)))
+    finding = probes.wake_up(machine(tmp_path, {}, clock=Clock(late)))
     assert finding.level == level, finding
     assert found in finding.found
 
@@ -113,37 +113,37 @@ def test_wake_ups_are_judged_by_lateness_and_skipped_ticks(tmp_path, late, level
 def test_a_port_in_use_is_told_from_a_free_one():
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-        assert "in use" in (doctor_system.listen(port) or "")
-    assert doctor_system.listen(port) is None
+        assert "in use" in (system.listen(port) or "")
+    assert system.listen(port) is None
 
 
 def test_timer_slack_is_tried_and_put_back():
     path = Path("/proc/self/timerslack_ns")
     before = path.read_text()
-    assert doctor_system.timer_slack() is None
+    assert system.timer_slack() is None
     assert path.read_text() == before
 
 
 def test_priority_is_tried_without_changing_ours():
     before = os.sched_getscheduler(0)
-    assert doctor_system.fifo(1) in {None, "Operation not permitted"}
-    assert doctor_system.fifo(1000) is not None
+    assert system.fifo(1) in {None, "Operation not permitted"}
+    assert system.fifo(1000) is not None
     assert os.sched_getscheduler(0) == before
 
 
 def test_writing_is_measured_and_leaves_nothing_behind(tmp_path):
-    assert doctor_system.write_speed(tmp_path, seconds=0.02) > 0
+    assert system.write_speed(tmp_path, seconds=0.02) > 0
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(OSError, match="No such file"):
-        doctor_system.write_speed(tmp_path / "missing", seconds=0.02)
+        system.write_speed(tmp_path / "missing", seconds=0.02)
 
 
 def test_a_disk_that_hangs_is_not_waited_for(tmp_path, monkeypatch):
     answered = []
-    monkeypatch.setattr(doctor_system.os, "fsync", lambda _: answered.append(pipe[0].recv(1)))
+    monkeypatch.setattr(system.os, "fsync", lambda _: answered.append(pipe[0].recv(1)))
     pipe = socket.socketpair()
     try:
-        assert doctor_system.write_speed(tmp_path, seconds=0.01, patience=0.05) == 0.0
+        assert system.write_speed(tmp_path, seconds=0.01, patience=0.05) == 0.0
         assert answered == []
     finally:
         for end in pipe:
@@ -155,7 +155,7 @@ def test_a_folder_for_logs_that_does_not_exist_yet_is_not_made(tmp_path):
     asked = []
     system = machine(tmp_path, {}, free=lambda folder: asked.append(folder) or 10**11)
     system = replace(system, logs=tmp_path / "a" / "b")
-    assert doctor_stack.log_disk(system).level == OK
+    assert stack.log_disk(system).level == OK
     assert asked == [tmp_path]
     assert list(tmp_path.iterdir()) == []
 
@@ -164,13 +164,13 @@ def test_a_folder_that_cannot_be_written_is_a_problem(tmp_path):
     def refuse(_: Path) -> float:
         raise PermissionError(13, "Permission denied")
 
-    finding = doctor_stack.log_disk(machine(tmp_path, {}, write_speed=refuse))
+    finding = stack.log_disk(machine(tmp_path, {}, write_speed=refuse))
     assert finding.level == PROBLEM
     assert "Permission denied" in finding.found
 
 
 def test_the_cache_for_kernels_is_known_to_be_kept_or_not(tmp_path):
-    code = "from hoap3.tools.doctor_system import kernel_cache; print(*kernel_cache())"
+    code = "from hoap3.tools.doctor.system import kernel_cache; print(*kernel_cache())"
     for folder, kept in ((tmp_path / "own", "True"), (Path("/proc/nowhere"), "False")):
         env = {**os.environ, "HOAP3_CACHE_DIR": str(folder)}
         command = [sys.executable, "-c", code]
@@ -201,8 +201,8 @@ def test_this_machine_is_examined(tmp_path):
 
 
 AS_NOBODY = """
-from hoap3.tools.doctor import examine
-from hoap3.tools.placement_probe import measure_placement
+from hoap3.tools.doctor.doctor import examine
+from hoap3.tools.services.placement_probe import measure_placement
 import json
 levels = {finding.name: finding.level for finding in examine(measure=False)}
 print(json.dumps({"levels": levels, "placement": measure_placement(ticks=20)}))
@@ -258,7 +258,7 @@ def test_the_exit_code_is_one_where_there_is_a_problem(monkeypatch, capsys, leve
 
 
 def test_people_read_standard_output_and_programs_one_object():
-    code = "import sys; from hoap3.tools.doctor import run_doctor; sys.exit(run_doctor({}, False))"
+    code = "import hoap3.tools.doctor.doctor as it, sys; sys.exit(it.run_doctor({}, False))"
     told, printed = (
         subprocess.run(
             [sys.executable, "-c", code.format(as_json)],

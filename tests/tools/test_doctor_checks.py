@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from doctor_machine import ADVICE, CLOCK, CPU, OK, PROBLEM, LateClock, machine
 
-from hoap3.tools import doctor, doctor_stack, doctor_system
-from hoap3.tools.doctor_system import System, cpu_list
+from hoap3.tools.doctor import doctor, stack, system
+from hoap3.tools.doctor.system import System, cpu_list
 
 INFINITY = resource.RLIM_INFINITY
 CHECKS = (*doctor.LOOKS, *doctor.MEASURES)
@@ -314,14 +314,14 @@ def test_versions_are_held_against_their_ranges(tmp_path, requirement, installed
         return installed
 
     system = machine(tmp_path, {}, requirements=lambda: [requirement], installed=version)
-    finding = doctor_stack.versions(system)
+    finding = stack.versions(system)
     assert finding.level == level
     assert found in finding.found
 
 
 def test_the_ranges_are_those_of_the_package_itself():
-    known = {text.split("<")[0].split(">")[0].strip() for text in doctor_system.requirements()}
+    known = {text.split("<")[0].split(">")[0].strip() for text in system.requirements()}
     assert {"python", "numpy", "eclipse-zenoh", "pin"} <= known
-    assert doctor_system.installed("python")
-    assert doctor_system.installed("no-such-distribution") is None
-    assert doctor_stack.versions(System()).level == OK
+    assert system.installed("python")
+    assert system.installed("no-such-distribution") is None
+    assert stack.versions(System()).level == OK

@@ -14,15 +14,15 @@ from typer.testing import CliRunner
 
 from hoap3.protocol.errors import Hoap3Error, LogError, UsageError
 from hoap3.protocol.messages import Setpoint, State
-from hoap3.tools.cli_latency import latency
-from hoap3.tools.latency import WARM_UP, Plan, analyse_log, compare, measure_latency
-from hoap3.tools.latency_echo import Exchanges
-from hoap3.tools.latency_links import LINKS
-from hoap3.tools.latency_show import show_latency
-from hoap3.tools.run import Outcome
-from hoap3.tools.services import emulator_config
-from hoap3.tools.tick_logs import NEVER
-from hoap3.tools.ticks import TickTable
+from hoap3.tools.cli.latency import latency
+from hoap3.tools.latency.echo import Exchanges
+from hoap3.tools.latency.latency import WARM_UP, Plan, analyse_log, compare, measure_latency
+from hoap3.tools.latency.show import show_latency
+from hoap3.tools.machine.loopback_links import LINKS
+from hoap3.tools.services.run import Outcome
+from hoap3.tools.services.services import emulator_config
+from hoap3.tools.timing.tick_logs import NEVER
+from hoap3.tools.timing.ticks import TickTable
 
 US = 1_000
 PROMISED = {
@@ -80,8 +80,8 @@ def made_up(monkeypatch):
         stamps = np.arange(order_of_block["ticks"]) * 1000 * US
         return Exchanges(stamps, stamps, stamps + 20 * US)
 
-    monkeypatch.setattr("hoap3.tools.latency.run_realtime", run)
-    monkeypatch.setattr("hoap3.tools.latency.run_echo", echo)
+    monkeypatch.setattr("hoap3.tools.latency.latency.run_realtime", run)
+    monkeypatch.setattr("hoap3.tools.latency.latency.run_echo", echo)
     return order
 
 
@@ -171,7 +171,7 @@ def test_an_interrupted_measurement_without_a_block_is_an_error():
 
 
 def test_two_measurements_do_not_share_a_cpu(monkeypatch):
-    monkeypatch.setattr("hoap3.tools.placement.claim_cpus", lambda *_: [])
+    monkeypatch.setattr("hoap3.tools.services.placement.claim_cpus", lambda *_: [])
     with pytest.raises(UsageError, match="claimed by another run"):
         measure_latency(plan(realtime=True))
 

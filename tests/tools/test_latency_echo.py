@@ -10,13 +10,13 @@ import threading
 import numpy as np
 import pytest
 
-from hoap3.protocol.clock import MonotonicClock, VirtualClock
+from hoap3.protocol.config.settings import RealtimeSettings
 from hoap3.protocol.errors import Hoap3Error
-from hoap3.protocol.settings import RealtimeSettings
-from hoap3.tools import latency_echo
-from hoap3.tools.latency_echo import START_DELAY_NS, TcpPeer, exchange, run_echo
-from hoap3.tools.latency_figures import percentiles, response
-from hoap3.tools.tick_logs import NEVER
+from hoap3.protocol.runtime.clock import MonotonicClock, VirtualClock
+from hoap3.tools.latency import echo
+from hoap3.tools.latency.echo import START_DELAY_NS, TcpPeer, exchange, run_echo
+from hoap3.tools.timing.tick_logs import NEVER
+from hoap3.tools.timing.tick_metrics import percentiles, response
 
 MS, US = 1_000_000, 1_000
 ORDINARY = RealtimeSettings(policy="none", cpu="none", lock_memory=False)
@@ -138,7 +138,7 @@ def test_two_processes_exchange_what_was_ordered():
 
 
 def test_asking_begins_when_somebody_answers(monkeypatch):
-    started, begin = [], latency_echo.start_module
+    started, begin = [], echo.start_module
 
     def start_late(module, order, fds):
         """Stop the process that answers until the one that asks has been started."""
@@ -150,7 +150,7 @@ def test_asking_begins_when_somebody_answers(monkeypatch):
         started.append(child)
         return child
 
-    monkeypatch.setattr(latency_echo, "start_module", start_late)
+    monkeypatch.setattr(echo, "start_module", start_late)
     found = run_echo({"ticks": 100, "period_ns": MS, "sizes": (1000, 300)}, ORDINARY, ORDINARY)
     assert (found.arrival != NEVER).sum() >= (found.sent != NEVER).sum() - 50
 

@@ -10,8 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tick_story import MS, START, US, Story
 
-from hoap3.protocol.statistics import Deadlines, Durations, Jitter
-from hoap3.tools.latency_figures import (
+from hoap3.protocol.runtime.deadlines import Deadlines, Durations, Jitter
+from hoap3.tools.machine.stalls import StallLog
+from hoap3.tools.services.run_statistics import RunStatistics
+from hoap3.tools.services.stall_attribution import OutsideStalls
+from hoap3.tools.timing.tick_logs import NEVER
+from hoap3.tools.timing.tick_metrics import (
     jitter,
     longest_run,
     percentiles,
@@ -19,11 +23,7 @@ from hoap3.tools.latency_figures import (
     tick_figures,
     worst_window,
 )
-from hoap3.tools.outside import OutsideStalls
-from hoap3.tools.stalls import StallLog
-from hoap3.tools.statistics import RunStatistics
-from hoap3.tools.tick_logs import NEVER
-from hoap3.tools.ticks import IN_TIME, STAGES, TickTable
+from hoap3.tools.timing.ticks import IN_TIME, STAGES, TickTable
 
 durations = st.lists(st.integers(1, 20_000_000_000), min_size=1, max_size=100)
 FIGURES = {"n", "min", "p50", "p90", "p99", "p99_9", "max"}

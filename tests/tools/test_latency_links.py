@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from hoap3.protocol.config.settings import LinkSettings, RealtimeSettings
 from hoap3.protocol.errors import Hoap3Error, UsageError
-from hoap3.protocol.settings import LinkSettings, RealtimeSettings
-from hoap3.protocol.zenoh_link import ZenohControllerLink, ZenohRobotLink
-from hoap3.tools.latency_links import LINKS, link, self_signed
+from hoap3.protocol.link.zenoh_link import ZenohControllerLink, ZenohRobotLink
+from hoap3.tools.machine.loopback_links import LINKS, link, self_signed
 
 ORDINARY = RealtimeSettings(policy="none", cpu="none", lock_memory=False)
 PATIENCE_S = 60.0
@@ -57,9 +57,9 @@ def test_nothing_of_a_link_is_left_behind():
 def test_what_is_missing_is_said(monkeypatch, tmp_path):
     with pytest.raises(UsageError, match="no link is called 'pigeon'"), link("pigeon", ORDINARY):
         pass
-    monkeypatch.setattr("hoap3.tools.latency_links.shutil.which", lambda _: None)
+    monkeypatch.setattr("hoap3.tools.machine.loopback_links.shutil.which", lambda _: None)
     with pytest.raises(UsageError, match="openssl is missing"), link("tls", ORDINARY):
         pass
-    monkeypatch.setattr("hoap3.tools.latency_links.shutil.which", lambda _: "/bin/false")
+    monkeypatch.setattr("hoap3.tools.machine.loopback_links.shutil.which", lambda _: "/bin/false")
     with pytest.raises(Hoap3Error, match="openssl made no certificate"):
         self_signed(tmp_path)

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from log_samples import MS, START, describe, inputs, ticks, write
 from mcap.reader import make_reader
 
-import hoap3.tools.log
-from hoap3.protocol.ring import Kind, Record
-from hoap3.tools.log import Log
-from hoap3.tools.log_writer import LogWriter
+import hoap3.tools.logs.log
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.logs.log import Log
+from hoap3.tools.logs.log_writer import LogWriter
 
 SECOND = 1_000_000_000
 
@@ -103,8 +103,8 @@ import sys
 sys.path.insert(0, sys.argv[2])
 from pathlib import Path
 from log_samples import describe, inputs, ticks
-from hoap3.protocol.ring import Record
-from hoap3.tools.log_writer import LogWriter
+from hoap3.protocol.runtime.shm_ring import Record
+from hoap3.tools.logs.log_writer import LogWriter
 
 now = 0
 writer = LogWriter(
@@ -128,7 +128,7 @@ def test_a_killed_writer_loses_less_than_a_second(tmp_path: Path, step: int) -> 
         [sys.executable, "-c", CHILD, str(tmp_path), str(Path(__file__).parent)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        cwd=Path(hoap3.tools.log.__file__).parents[2],
+        cwd=Path(hoap3.tools.logs.log.__file__).parents[2],
         env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
         text=True,
     )

@@ -23,13 +23,13 @@ from mcap.reader import make_reader
 from mcap.records import Attachment, Chunk, ChunkIndex, Metadata
 
 from hoap3.protocol.errors import LogError
-from hoap3.protocol.ring import Kind, Record
-from hoap3.tools import mcap_scan
-from hoap3.tools.export import export
-from hoap3.tools.log import Log
-from hoap3.tools.mcap_scan import MAX_CHUNK, McapScan
-from hoap3.tools.mcap_write import MAGIC, MESSAGE_HEAD, McapFile
-from hoap3.tools.repair import repair
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.logs import mcap_scan
+from hoap3.tools.logs.export import export
+from hoap3.tools.logs.log import Log
+from hoap3.tools.logs.mcap_scan import MAX_CHUNK, McapScan
+from hoap3.tools.logs.mcap_write import MAGIC, MESSAGE_HEAD, McapFile
+from hoap3.tools.logs.repair import repair
 
 
 @dataclass(repr=False)
@@ -198,9 +198,9 @@ def message(data: bytes) -> bytes:
 
 READ = """
 import sys
-from hoap3.tools.log import Log
+from hoap3.tools.logs.log import Log
 from hoap3.protocol.errors import LogError
-from hoap3.protocol.ring import Kind
+from hoap3.protocol.runtime.shm_ring import Kind
 from pathlib import Path
 try:
     log = Log.open(Path(sys.argv[1]))

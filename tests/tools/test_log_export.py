@@ -14,9 +14,9 @@ from log_samples import MS, START, describe, fill, inputs, ticks, write
 
 from hoap3.protocol.errors import LogError, UsageError
 from hoap3.protocol.messages import Setpoint, State
-from hoap3.protocol.ring import Kind, Record
-from hoap3.tools.export import export, export_csv, export_npz
-from hoap3.tools.log import Log
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.logs.export import export, export_csv, export_npz
+from hoap3.tools.logs.log import Log
 
 JOINTS = 3
 

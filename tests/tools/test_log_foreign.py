@@ -13,11 +13,11 @@ from mcap.records import Channel, Metadata
 from mcap.writer import Writer
 
 from hoap3.protocol.errors import LogError
-from hoap3.tools.export import export_csv, export_npz
-from hoap3.tools.log import Log
-from hoap3.tools.mcap_scan import McapScan
-from hoap3.tools.mcap_write import MAGIC, McapFile
-from hoap3.tools.repair import repair
+from hoap3.tools.logs.export import export_csv, export_npz
+from hoap3.tools.logs.log import Log
+from hoap3.tools.logs.mcap_scan import McapScan
+from hoap3.tools.logs.mcap_write import MAGIC, McapFile
+from hoap3.tools.logs.repair import repair
 
 Opener = Callable[[Path], object]
 

@@ -23,8 +23,8 @@ from rosbags.highlevel import AnyReader
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import Event, Message, Setpoint, State
-from hoap3.protocol.ring import Kind, Record
-from hoap3.tools.log import Log
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.logs.log import Log
 
 JOINTS = 5
 Decoded = dict[str, list[tuple[int, Any]]]

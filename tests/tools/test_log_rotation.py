@@ -10,8 +10,8 @@ from log_samples import MS, START, describe, inputs, ticks, write
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from hoap3.protocol.ring import Kind, Record
-from hoap3.tools.log import Log, payload_hash
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.logs.log import Log, payload_hash
 
 JOINTS = 4
 FILE = 200_000

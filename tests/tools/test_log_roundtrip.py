@@ -14,10 +14,10 @@ from log_samples import MS, START, describe, fill, inputs, ticks, write
 
 from hoap3.protocol.errors import LogError, UsageError
 from hoap3.protocol.messages import Setpoint, State, schema
-from hoap3.protocol.ring import Kind, Record
-from hoap3.tools.log import Log, payload_hash
-from hoap3.tools.log_format import pack_input, unpack_input
-from hoap3.tools.log_writer import LogWriter
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.logs.log import Log, payload_hash
+from hoap3.tools.logs.log_format import pack_input, unpack_input
+from hoap3.tools.logs.log_writer import LogWriter
 
 
 @pytest.mark.parametrize("side", ["robot", "controller"])

@@ -15,9 +15,9 @@ from mcap.records import ChunkIndex
 from mcap.stream_reader import StreamReader
 
 from hoap3.protocol.errors import LogError, UsageError
-from hoap3.protocol.ring import Record
-from hoap3.tools.log import Log
-from hoap3.tools.repair import repair, repair_all
+from hoap3.protocol.runtime.shm_ring import Record
+from hoap3.tools.logs.log import Log
+from hoap3.tools.logs.repair import repair, repair_all
 
 
 @dataclass

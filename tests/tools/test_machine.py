@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hoap3.tools.machine import versions
+from hoap3.tools.machine.machine import versions
 
 
 @pytest.mark.parametrize("package", ["numpy", "numba", "pin", "coal", "daqp", "osqp"])
@@ -13,5 +13,5 @@ def test_what_computes_answers_is_named_with_its_version(package):
 
 
 def test_what_is_not_installed_is_said_to_be_missing(monkeypatch):
-    monkeypatch.setattr("hoap3.tools.machine.STACK", ("no-such-package",))
+    monkeypatch.setattr("hoap3.tools.machine.machine.STACK", ("no-such-package",))
     assert versions()["no-such-package"] == "not installed"

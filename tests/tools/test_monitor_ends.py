@@ -1,4 +1,4 @@
-"""Stall monitors end with whoever started them, and leave no CPU awake, however that ends."""
+"""Stall monitors end with whoever started them, and leave no CPU cpu_idle, however that ends."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from pathlib import Path
 import pytest
 from fake_rights import FakeCpu
 
-from hoap3.tools import awake
-from hoap3.tools.stalls import StallMonitor
+from hoap3.tools.machine import cpu_idle
+from hoap3.tools.machine.stalls import StallMonitor
 
 ROOT = Path(__file__).parents[2]
 KEEPER = """
 import sys
-from hoap3.tools.awake_apart import kept_awake_apart
+from hoap3.tools.machine.cpu_idle_apart import kept_awake_apart
 with kept_awake_apart([0]):
     print(flush=True)
     sys.stdin.read()
 """
 HOLDER = """
 import sys
-from hoap3.tools.stalls import StallMonitor
+from hoap3.tools.machine.stalls import StallMonitor
 monitor = StallMonitor([0], keep_awake=True)
 while not monitor.logs[0].runs:
     pass
@@ -41,7 +41,7 @@ def cpu(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FakeCpu:
     fake = FakeCpu(tmp_path)
     for name, value in fake.environment.items():
         monkeypatch.setenv(name, value)
-    monkeypatch.setattr(awake, "SYSTEM", Path(fake.environment["FAKE_CPUS"]))
+    monkeypatch.setattr(cpu_idle, "SYSTEM", Path(fake.environment["FAKE_CPUS"]))
     return fake
 
 
@@ -58,7 +58,7 @@ def running(cpu: FakeCpu) -> StallMonitor:
     monitor = StallMonitor([0], keep_awake=True)
     while not monitor.logs[0].runs:
         assert monitor.refused() == monitor.killed() == []
-    assert cpu.setting == awake.NO_LATENCY
+    assert cpu.setting == cpu_idle.NO_LATENCY
     return monitor
 
 
@@ -138,7 +138,7 @@ def test_what_both_left_that_were_killed_together_the_next_one_mends(cpu: FakeCp
     os.kill(monitor, signal.SIGKILL)
     assert select.select([handle], [], [], 60.0)[0]
     os.close(handle)
-    assert cpu.setting == awake.NO_LATENCY
+    assert cpu.setting == cpu_idle.NO_LATENCY
     StallMonitor([], keep_awake=True).stop()
     cpu.assert_nothing_left()
 
@@ -154,7 +154,7 @@ def test_who_keeps_a_cpu_awake_apart_may_be_killed(cpu: FakeCpu, dies: bool) -> 
     )
     assert process.stdout is not None
     process.stdout.readline()
-    assert cpu.setting == awake.NO_LATENCY
+    assert cpu.setting == cpu_idle.NO_LATENCY
     children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
     handles = [os.pidfd_open(int(child)) for child in children]
     assert handles

@@ -9,8 +9,8 @@ from contextlib import redirect_stderr, redirect_stdout
 import pytest
 from rich.console import Console
 
-from hoap3.tools import output
-from hoap3.tools.output import Meter, print_json, print_line, progress
+from hoap3.tools.show import output
+from hoap3.tools.show.output import Meter, print_json, print_line, progress
 from hoap3.tools.simulate import simulate
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from hoap3.protocol.messages import State
-from hoap3.protocol.ring import Kind, Record
-from hoap3.tools.outside import FOREVER, PATIENCE_NS, OutsideStalls
-from hoap3.tools.stalls import GRID_NS, StallLog
-from hoap3.tools.statistics import RunStatistics
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.machine.stalls import GRID_NS, StallLog
+from hoap3.tools.services.run_statistics import RunStatistics
+from hoap3.tools.services.stall_attribution import FOREVER, PATIENCE_NS, OutsideStalls
 
 T = 1_000_000
 START = 50 * T

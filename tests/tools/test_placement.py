@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from hoap3.protocol.settings import RealtimeSettings
-from hoap3.tools import placement
+from hoap3.protocol.config.settings import RealtimeSettings
+from hoap3.tools.services import placement
 
 AUTO = RealtimeSettings()
 

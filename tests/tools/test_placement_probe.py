@@ -13,9 +13,9 @@ from doctor_machine import ADVICE, OK, PROBLEM
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hoap3.protocol.clock import VirtualClock
-from hoap3.tools.doctor import judge_placement
-from hoap3.tools.placement_probe import Order, exchange, measure_placement, recommend
+from hoap3.protocol.runtime.clock import VirtualClock
+from hoap3.tools.doctor.doctor import judge_placement
+from hoap3.tools.services.placement_probe import Order, exchange, measure_placement, recommend
 
 
 class FakePeer:
@@ -110,7 +110,7 @@ def awake(monkeypatch):
         yield
         awake.clear()
 
-    monkeypatch.setattr("hoap3.tools.placement_probe.kept_awake_apart", kept_awake)
+    monkeypatch.setattr("hoap3.tools.services.placement_probe.kept_awake_apart", kept_awake)
     return awake
 
 

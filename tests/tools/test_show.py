@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from hoap3.tools.show import show_summary
-from hoap3.tools.statistics import RunStatistics
+from hoap3.tools.services.run_statistics import RunStatistics
+from hoap3.tools.show.summary import show_summary
 
 
 @pytest.mark.parametrize("complete", [True, False])

@@ -11,8 +11,8 @@ import sys
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hoap3.protocol.clock import VirtualClock
-from hoap3.tools.stalls import (
+from hoap3.protocol.runtime.clock import VirtualClock
+from hoap3.tools.machine.stalls import (
     CAPACITY,
     GRID_NS,
     THRESHOLD_NS,

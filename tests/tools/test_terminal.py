@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.table import Table
 
-from hoap3.tools.output import PrintableConsole, print_line, print_note
-from hoap3.tools.processes import to_people
-from hoap3.tools.show import show_matrix
-from hoap3.tools.terminal import one_line, printable
+from hoap3.tools.machine.processes import to_people
+from hoap3.tools.machine.terminal import one_line, printable
+from hoap3.tools.show.output import PrintableConsole, print_line, print_note
+from hoap3.tools.show.summary import show_matrix
 
 ESCAPES = "\x1b]0;title\x07 \x1b[2J \x9b31m \r \x08 \x00 \u202e \u2028 \udc80"
 

@@ -12,10 +12,10 @@ from log_samples import describe, write
 from tick_story import MS, START, US, USUAL_US, Story
 
 from hoap3.protocol.errors import LogError
-from hoap3.tools.stalls import Stall, overlapping
-from hoap3.tools.tick_blame import Away
-from hoap3.tools.tick_logs import NEVER
-from hoap3.tools.ticks import IN_TIME, LATE, LOST, SKIPPED, STAGES, TickTable
+from hoap3.tools.machine.stalls import Stall, overlapping
+from hoap3.tools.timing.miss_attribution import Away
+from hoap3.tools.timing.tick_logs import NEVER
+from hoap3.tools.timing.ticks import IN_TIME, LATE, LOST, SKIPPED, STAGES, TickTable
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from hoap3.tools.verdicts import CERTIFIED_SHARE, failed, in_words, judge
+from hoap3.tools.show.verdicts import CERTIFIED_SHARE, failed, in_words, judge
 
 ERROR = {
     "task": "com", "error": 5e-4, "unit": "m", "tolerance": 1e-3, "within": True,

@@ -14,7 +14,7 @@ import numpy as np
 from log_samples import describe, write
 
 from hoap3.protocol.messages import Event, Setpoint, State
-from hoap3.protocol.ring import Kind, Record
+from hoap3.protocol.runtime.shm_ring import Kind, Record
 
 MS, US = 1_000_000, 1_000
 START = 7_000_000_000

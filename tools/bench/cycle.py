@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from hoap3.protocol.clock import MonotonicClock
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import State
-from hoap3.protocol.recorder import MemoryRecorder, NoRecorder
-from hoap3.protocol.ring import Kind
+from hoap3.protocol.runtime.clock import MonotonicClock
+from hoap3.protocol.runtime.recorder import MemoryRecorder, NoRecorder
+from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.loop import ControllerLoop
 from hoap3.tools.bench.reference import reference

@@ -9,9 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.errors import UnknownNameError
-from hoap3.remote_controller.solvers.sdp_backends import PACKAGES, SOLVERS, ConicGains, installed
-from hoap3.remote_controller.solvers.sdp_gains import PATHS, SdpGains
-from hoap3.tools.bench.gains_problems import MOTIONS, Moment, Walk, stretches, walk
+from hoap3.remote_controller.solvers.sdp.sdp_backends import (
+    PACKAGES,
+    SOLVERS,
+    ConicGains,
+    installed,
+)
+from hoap3.remote_controller.solvers.sdp.sdp_gains import PATHS, SdpGains
+from hoap3.tools.bench.problems.gains_problems import MOTIONS, Moment, Walk, stretches, walk
 from hoap3.tools.bench.timing import SETTLE, Contender, Times, race
 
 OURS, COLD, TICK, BARE = "sdp", "sdp, cold", "sdp tick", "_bare"

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.remote_controller.solvers import qp_backends, status
-from hoap3.remote_controller.solvers.bounded_qp12 import BoundedQp12
-from hoap3.remote_controller.solvers.stable_qp import QP, StableQp
+from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.lyapunov_qp.stable_qp import QP, StableQp
+from hoap3.remote_controller.solvers.qp import qp_backends
+from hoap3.remote_controller.solvers.qp12.bounded_qp12 import BoundedQp12
 from hoap3.tools.bench.reference import reference
 from hoap3.tools.bench.timing import Contender, Report, race, silent
 
@@ -161,7 +162,7 @@ def ready(problem: Problem, gamma: float) -> qp_backends.Program:
 
 def peers() -> dict[str, Callable[[qp_backends.Program], Array]]:
     """Solvers that are installed, daqp first: from a program to u, NaN where it gave up."""
-    import daqp as library  # noqa: PLC0415
+    import daqp as library
 
     def bare_daqp(program: qp_backends.Program) -> Array:
         x, _, flag, _ = library.solve(
@@ -190,7 +191,7 @@ def missing() -> dict[str, str]:
 
 
 def _quadprog(program: qp_backends.Program) -> Array:
-    import quadprog as library  # noqa: PLC0415
+    import quadprog as library
 
     variables = program.f.size
     one, rows = np.eye(variables), program.A.T

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.remote_controller.solvers import Ghc
-from hoap3.tools.bench.hierarchy_problems import (
+from hoap3.tools.bench.problems.hierarchy_problems import (
     FRAMES,
     PEERS,
     W_R,
@@ -22,7 +22,7 @@ from hoap3.tools.bench.hierarchy_problems import (
     moments,
     program,
 )
-from hoap3.tools.bench.steps import motion
+from hoap3.tools.bench.problems.steps import motion
 from hoap3.tools.bench.timing import Contender, Times, race
 
 Array = NDArray[np.float64]

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.limits import AccelerationBounds
 from hoap3.protocol.messages import State
-from hoap3.protocol.model import build_model
-from hoap3.protocol.torque_limits import torque_acceleration_bounds
-from hoap3.remote_controller.controllers.tsid import TsidController
+from hoap3.protocol.robot.pinocchio_model import build_model
+from hoap3.protocol.robot.torque_bounds import torque_acceleration_bounds
+from hoap3.protocol.robot.viability_bounds import AccelerationBounds
+from hoap3.remote_controller.controllers.acceleration.tsid import TsidController
+from hoap3.robot_emulator.filters.position import Reference
 from hoap3.robot_emulator.robots import load
-from hoap3.robot_emulator.safety import Reference
+from hoap3.tools.bench.problems.steps import motion
 from hoap3.tools.bench.reference import reference
-from hoap3.tools.bench.steps import motion
 from hoap3.tools.bench.timing import Contender, Report, race, silent
 from hoap3.tools.bench.tsid_peers import PEERS, program
 

@@ -48,7 +48,7 @@ def qp12(n: int, gamma: float) -> Peer:
 
 def daqp(n: int, gamma: float) -> Peer:
     """daqp, a dual active set, from the last active set."""
-    import daqp as library  # noqa: PLC0415 - each peer only where it is asked for
+    import daqp as library
 
     model: Any = library.Model()
     rows = np.ones((1, n))
@@ -103,8 +103,8 @@ def _osqp_model(n: int, gamma: float) -> tuple[Any, NDArray[np.int32]]:
 
     The places of the equation's entries in the matrix, column by column, are given too.
     """
-    import osqp as library  # noqa: PLC0415
-    from scipy import sparse  # noqa: PLC0415
+    import osqp as library
+    from scipy import sparse
 
     lower, upper = np.zeros(n + 1), np.full(n + 1, np.inf)
     lower[0] = upper[0] = 1.0
@@ -128,7 +128,7 @@ def _osqp_model(n: int, gamma: float) -> tuple[Any, NDArray[np.int32]]:
 
 def quadprog(n: int, gamma: float) -> Peer:
     """quadprog, Goldfarb and Idnani; it knows no warm start, but takes H already factorised."""
-    import quadprog as library  # noqa: PLC0415
+    import quadprog as library
 
     root = np.eye(n) / np.sqrt(1.0 - gamma)  # R⁻¹ of H = RᵀR
     linear, constraints = np.full(n, -gamma), np.hstack([np.ones((n, 1)), np.eye(n)])
@@ -146,7 +146,7 @@ def quadprog(n: int, gamma: float) -> Peer:
 
 def proxqp(n: int, gamma: float) -> Peer:
     """ProxQP, dense, with bounds as a box, from the last solution."""
-    from proxsuite import proxqp as library  # noqa: PLC0415
+    from proxsuite import proxqp as library
 
     box, hessian = True, (1.0 - gamma) * np.eye(n)
     solver: Any = library.dense.QP(n, 1, 0, box, library.dense.HessianType.Diagonal)

@@ -30,8 +30,8 @@ def plot_scaling(measured: dict[str, Any], machine: dict[str, Any], path: Path) 
     Raises:
         ConfigError: the picture cannot be written.
     """
-    from matplotlib.figure import Figure  # noqa: PLC0415 - takes half a second
-    from matplotlib.ticker import FuncFormatter  # noqa: PLC0415
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import FuncFormatter
 
     check_picture(path)
     figure = Figure(figsize=(8, 5.5), layout="constrained")
@@ -61,7 +61,7 @@ def plot_hierarchies(measured: dict[str, Any], machine: dict[str, Any], path: Pa
     Raises:
         ConfigError: the picture cannot be written.
     """
-    from matplotlib.figure import Figure  # noqa: PLC0415
+    from matplotlib.figure import Figure
 
     check_picture(path)
     rows = [row for row in measured["rows"] if row["times_ghc"] is not None]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from hoap3.tools.bench.peers import Peer, installed, peer
-from hoap3.tools.bench.problems import gradients
+from hoap3.tools.bench.problems.streams import gradients
 from hoap3.tools.bench.solvers import GAMMA, contender
 from hoap3.tools.bench.timing import Contender, race
 

@@ -8,7 +8,7 @@ from rich.table import Table
 
 from hoap3.tools.bench.peers import missing as missing_peers
 from hoap3.tools.bench.scaling import FIT_FROM
-from hoap3.tools.output import results
+from hoap3.tools.show.output import results
 
 COLUMNS = ("min_us", "mean_us", "p50_us", "p99_us", "max_us", "batch_mean_us")
 

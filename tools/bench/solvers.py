@@ -9,7 +9,7 @@ import numpy as np
 
 from hoap3.remote_controller.solvers import Pinv
 from hoap3.tools.bench.peers import Peer, installed, peer
-from hoap3.tools.bench.problems import Array, gradients, jacobians
+from hoap3.tools.bench.problems.streams import Array, gradients, jacobians
 from hoap3.tools.bench.reference import reference
 from hoap3.tools.bench.timing import Contender, Report, race, silent
 

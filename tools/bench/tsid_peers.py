@@ -41,7 +41,7 @@ def program(given: tuple[Any, ...], effort: Array) -> Program:
 
 def daqp() -> Callable[[Program], Array]:
     """daqp, as its documentation calls it."""
-    import daqp as library  # noqa: PLC0415
+    import daqp as library
 
     def solve(problem: Program) -> Array:
         most = np.concatenate((problem.upper, problem.most))
@@ -55,7 +55,7 @@ def daqp() -> Callable[[Program], Array]:
 
 def quadprog() -> Callable[[Program], Array]:
     """quadprog, Goldfarb and Idnani."""
-    import quadprog as library  # noqa: PLC0415
+    import quadprog as library
 
     def solve(problem: Program) -> Array:
         one = np.eye(len(problem.f))
@@ -69,7 +69,7 @@ def quadprog() -> Callable[[Program], Array]:
 
 def proxqp() -> Callable[[Program], Array]:
     """ProxQP, dense, with bounds as a box, from its last answer."""
-    from proxsuite import proxqp as library  # noqa: PLC0415
+    from proxsuite import proxqp as library
 
     solver: Any = None
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import Setpoint, State
-from hoap3.protocol.ring import Kind
-from hoap3.remote_controller.controllers.controller import Controller
-from hoap3.tools.verdicts import judge
+from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.remote_controller.controllers.base import Controller
+from hoap3.tools.show.verdicts import judge
 
 Rows = np.ndarray[Any, Any]
 
@@ -45,7 +45,7 @@ class Answers:
         closed_loop: whether its answers moved the robot.
         success_rate: share of answers in time; None in open loop.
         safe_stops: of the robot.
-        judged: the three verdicts, and what they rest on, as `hoap3.tools.verdicts.judge` has
+        judged: the three verdicts, and what they rest on, as `hoap3.tools.show.verdicts.judge` has
             them; in open loop none is judged.
     """
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hoap3.protocol.config.settings import apply_overrides, parse
 from hoap3.protocol.errors import ConfigError, UsageError
-from hoap3.protocol.settings import apply_overrides, parse
 from hoap3.remote_controller.config import ControllerConfig, check_parameters, read_config
 from hoap3.remote_controller.registry import find
 

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.messages import Setpoint, State
-from hoap3.protocol.ring import Kind
-from hoap3.protocol.statistics import verdict
+from hoap3.protocol.runtime.deadlines import verdict
+from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.tools.compare.answers import MOST_TIMED, Answers, Tape, table
 from hoap3.tools.compare.candidates import Candidate
+from hoap3.tools.show.verdicts import judge
 from hoap3.tools.simulate import Lockstep
-from hoap3.tools.verdicts import judge
 
 SAID_TICKS = 1000  # after so many the progress is told
 

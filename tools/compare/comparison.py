@@ -18,7 +18,7 @@ from hoap3.tools.compare.open_loop import OpenLoop, read_asked
 from hoap3.tools.compare.series import Series, read_series
 from hoap3.tools.compare.tasks import other_tasks
 from hoap3.tools.compare.timing import measure
-from hoap3.tools.machine import versions
+from hoap3.tools.machine.machine import versions
 from hoap3.tools.simulate import emulator_content, emulator_settings
 
 ROBOT, DURATION_S, SEED = "hoap3", 20.0, 0

@@ -7,16 +7,16 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.tools.compare.comparison import Comparison
 from hoap3.tools.compare.series import SPEED, Series
 from hoap3.tools.compare.words import unit
-from hoap3.tools.report.canvas import Canvas, canvas, thin
-from hoap3.tools.report.drawing import Drawing, Key
-from hoap3.tools.report.motion_figures import means, positive
-from hoap3.tools.report.numbers import count, number
-from hoap3.tools.report.palette import LIGHT
-from hoap3.tools.report.palette import SERIES as FIRST_ROLES
+from hoap3.tools.html.canvas import Canvas, canvas, thin
+from hoap3.tools.html.drawing import Drawing, Key
+from hoap3.tools.html.numbers import count, number
+from hoap3.tools.html.palette import LIGHT
+from hoap3.tools.html.palette import SERIES as FIRST_ROLES
+from hoap3.tools.report.plots.motion_plots import means, positive
 
 ROLES = (*(role for role in FIRST_ROLES if role != "red"), "pink", "brown")
 """Colours of controllers; red stays for what is wrong."""

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.tools.compare.series import Series
-from hoap3.tools.verdicts import NAMES, failed, in_words, judge
+from hoap3.tools.show.verdicts import NAMES, failed, in_words, judge
 
 SETTLED = 0.01  # of the error at the start
 LEAST_MARGIN = -1e-6  # what linearised constraints may miss in one period without a finding
@@ -109,7 +109,7 @@ def figures(
         closed_loop: whether its answers moved the robot.
         success_rate: share of answers in time.
         same_task: as the first; what could not be compared is None otherwise.
-        judged: its verdicts, as `hoap3.tools.verdicts.judge` gives them; None for none.
+        judged: its verdicts, as `hoap3.tools.show.verdicts.judge` gives them; None for none.
     """
     found: Figures = {
         **(judged or judge(None, None, None, None)),

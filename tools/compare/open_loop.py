@@ -6,17 +6,17 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from hoap3.protocol.clock import VirtualClock
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import LogError
 from hoap3.protocol.messages import Setpoint, State
-from hoap3.protocol.ring import Kind
+from hoap3.protocol.runtime.clock import VirtualClock
+from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.config import build
-from hoap3.remote_controller.controllers.controller import Controller
+from hoap3.remote_controller.controllers.base import Controller
 from hoap3.remote_controller.loop import failure
 from hoap3.tools.compare.answers import MOST_TIMED, Answers, table
 from hoap3.tools.compare.candidates import Candidate
-from hoap3.tools.log import Log
+from hoap3.tools.logs.log import Log
 from hoap3.tools.report.sources import Sources, of_ours
 
 

@@ -8,8 +8,8 @@ from hoap3.tools.compare.comparison import Comparison
 from hoap3.tools.compare.drawings import drawings, role
 from hoap3.tools.compare.figures import WORDS
 from hoap3.tools.compare.words import cell, shown_words, unit
-from hoap3.tools.report.document import document, figure
-from hoap3.tools.report.markup import Markup, element, join, link, more, table
+from hoap3.tools.html.document import document, figure
+from hoap3.tools.html.markup import Markup, element, join, link, more, table
 
 SECTIONS = {
     "plots": "Over time",

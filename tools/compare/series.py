@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray, Setpoint
-from hoap3.remote_controller.controllers.controller import ACTIVE_SPEED, STATUS
+from hoap3.remote_controller.controllers.base import ACTIVE_SPEED, STATUS
 from hoap3.tools.compare.answers import Answers, Rows
 from hoap3.tools.report.motion import UNITS, com_path, control_inputs
 

@@ -11,8 +11,8 @@ from rich.table import Table
 
 from hoap3.tools.compare.comparison import Comparison
 from hoap3.tools.compare.words import cell, shown_words, unit
-from hoap3.tools.output import results
-from hoap3.tools.report.numbers import number
+from hoap3.tools.html.numbers import number
+from hoap3.tools.show.output import results
 
 
 def show(made: Comparison, files: Sequence[Path]) -> None:

@@ -15,8 +15,8 @@ import numpy as np
 from hoap3.tools.bench.timing import BLOCKS, SETTLE, Times, undisturbed
 from hoap3.tools.compare.answers import Answers
 from hoap3.tools.compare.open_loop import state_for
-from hoap3.tools.machine import machine_block
-from hoap3.tools.report.numbers import summary
+from hoap3.tools.html.numbers import summary
+from hoap3.tools.machine.machine import machine_block
 
 LEAST = 10  # answers in a block
 

@@ -6,8 +6,8 @@ from typing import Any
 
 from hoap3.tools.compare.comparison import Comparison
 from hoap3.tools.compare.figures import WORDS, Figures, Word, value
+from hoap3.tools.html.numbers import number
 from hoap3.tools.report.motion import UNITS
-from hoap3.tools.report.numbers import number
 
 OF_U = dict(
     zip(

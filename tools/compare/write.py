@@ -11,8 +11,8 @@ from typing import Any
 from hoap3.tools.compare.comparison import Comparison
 from hoap3.tools.compare.figures import WORDS, value
 from hoap3.tools.compare.page import page
-from hoap3.tools.result_folder import unwritable
-from hoap3.tools.whole_file import whole_file
+from hoap3.tools.logs.atomic_write import whole_file
+from hoap3.tools.show.result_folder import unwritable
 
 RESULT = "compare.json"
 TIMING = "timing.json"

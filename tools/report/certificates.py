@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.tools.certificate_count import NAMES, PROVED, STATUS
-from hoap3.tools.report.numbers import count
+from hoap3.tools.html.numbers import count
+from hoap3.tools.show.certificate_count import NAMES, PROVED, STATUS
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Certificates:
         margin: (k,), smallest true margin, in the unit of its constraint.
         duration_s: of the motion.
         reasons: by status, conditions that held during answers without certificate, or that say
-            how little one is worth, and during how many; as `hoap3.tools.certificate_count`
+            how little one is worth, and during how many; as `hoap3.tools.show.certificate_count`
             has them.
     """
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.messages import Event
-from hoap3.protocol.ring import Kind
-from hoap3.tools.event_words import CONDITIONS, in_words
-from hoap3.tools.log import Log
+from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.tools.logs.log import Log
+from hoap3.tools.show.event_words import CONDITIONS, in_words
 
 _BEGAN = Event.schema.constants["CONDITION_BEGAN"]
 

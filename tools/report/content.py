@@ -10,17 +10,17 @@ from pathlib import Path
 from typing import Any
 
 from hoap3.protocol.errors import LogError
-from hoap3.tools.report.certificate_figures import certificate_drawings
+from hoap3.tools.html.drawing import Drawing
 from hoap3.tools.report.certificates import Certificates
 from hoap3.tools.report.conditions import Condition, read_conditions
-from hoap3.tools.report.drawing import Drawing
 from hoap3.tools.report.happenings import Happening, read_happenings
 from hoap3.tools.report.motion import Motion, read_motion
-from hoap3.tools.report.motion_figures import motion_drawings
+from hoap3.tools.report.plots.certificate_plots import certificate_drawings
+from hoap3.tools.report.plots.motion_plots import motion_drawings
+from hoap3.tools.report.plots.timing_plots import timing_drawings
 from hoap3.tools.report.sources import Sources, of_ours
 from hoap3.tools.report.timing import Timing, read_timing
-from hoap3.tools.report.timing_figures import timing_drawings
-from hoap3.tools.verdicts import judge
+from hoap3.tools.show.verdicts import judge
 
 
 @dataclass(frozen=True)

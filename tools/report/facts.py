@@ -6,13 +6,13 @@ import json
 from typing import Any
 
 from hoap3.protocol.errors import LogError
-from hoap3.tools.log import Log
+from hoap3.tools.html.markup import Markup, element, more, table
+from hoap3.tools.html.numbers import count, number, rate
+from hoap3.tools.logs.log import Log
+from hoap3.tools.machine.stalls import figures
 from hoap3.tools.report.certificates import Certificates
 from hoap3.tools.report.content import Content
-from hoap3.tools.report.markup import Markup, element, more, table
-from hoap3.tools.report.numbers import count, number, rate
-from hoap3.tools.stalls import figures
-from hoap3.tools.ticks import IN_TIME
+from hoap3.tools.timing.ticks import IN_TIME
 
 Tile = tuple[str, str, str, tuple[str, ...]]
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from hoap3.protocol.errors import LogError
 from hoap3.protocol.messages import Event
-from hoap3.protocol.ring import Kind
-from hoap3.tools.event_words import CONDITIONS, event_name, in_words
-from hoap3.tools.log import Log
+from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.tools.logs.log import Log
+from hoap3.tools.show.event_words import CONDITIONS, event_name, in_words
 
 MOST = 200  # rows that a reader is given; the log has all
 _OFTEN = {Event.schema.constants[name] for name in ("SKIPPED", "OVERWRITTEN", "HOST_STALL")}

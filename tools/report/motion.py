@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from hoap3.protocol.description import COM, RobotDescription
 from hoap3.protocol.errors import DescriptionError, LogError
 from hoap3.protocol.messages import FloatArray, Setpoint, State
-from hoap3.remote_controller.tasks.default import default_goal
-from hoap3.tools.certificate_count import PROVED, STATUS, CertificateCount, doubts
-from hoap3.tools.log import Log
+from hoap3.remote_controller.default_task import default_goal
+from hoap3.tools.logs.log import Log
 from hoap3.tools.report.certificates import Certificates
 from hoap3.tools.report.sources import Sources
+from hoap3.tools.show.certificate_count import PROVED, STATUS, CertificateCount, doubts
 
 MOST_POINTS = 20_000  # of the path; more cannot be seen, and each costs a pass of kinematics
 NAMES_TASK = {
@@ -301,7 +301,7 @@ def point_path(q: FloatArray, description: RobotDescription, point: str, frame: 
     Raises:
         LogError: Pinocchio cannot build the robot.
     """
-    from hoap3.remote_controller.kinematics import Kinematics  # noqa: PLC0415 - loads Pinocchio
+    from hoap3.remote_controller.model.kinematics import Kinematics
 
     try:
         kinematics = Kinematics(description)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from hoap3.tools.html.document import POLICY, document, figure
+from hoap3.tools.html.drawing import Drawing
+from hoap3.tools.html.markup import Markup, element, join, link
 from hoap3.tools.report.content import Content
-from hoap3.tools.report.document import POLICY, document, figure
-from hoap3.tools.report.drawing import Drawing
 from hoap3.tools.report.facts import facts_section, tiles
-from hoap3.tools.report.markup import Markup, element, join, link
 from hoap3.tools.report.tables import (
     certificates_section,
     conditions_section,
@@ -15,7 +15,7 @@ from hoap3.tools.report.tables import (
     ticks_section,
 )
 from hoap3.tools.report.words import WORDS
-from hoap3.tools.verdicts import NAMES, NOT_JUDGED, in_words
+from hoap3.tools.show.verdicts import NAMES, NOT_JUDGED, in_words
 
 __all__ = ["POLICY", "SECTIONS", "page"]
 

@@ -11,11 +11,11 @@ from typing import Any
 
 import yaml
 
+from hoap3.protocol.config.settings import parse_yaml
 from hoap3.protocol.errors import ConfigError, LogError, WireError
-from hoap3.protocol.ring import Kind
-from hoap3.protocol.settings import parse_yaml
-from hoap3.tools.log import Log
-from hoap3.tools.log_format import SIDES
+from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.tools.logs.log import Log
+from hoap3.tools.logs.log_format import SIDES
 
 
 @dataclass
@@ -110,7 +110,7 @@ class Sources:
 
     @property
     def held_back_joints(self) -> dict[str, Any] | None:
-        """Which joints the robot held back (`hoap3.tools.verdicts`); None: not told."""
+        """Which joints the robot held back (`hoap3.tools.show.verdicts`); None: not told."""
         found = self.summary.get("held_back_joints")
         whole = isinstance(found, dict) and all(
             isinstance(found.get(key), kind) for key, kind in HELD_BACK_JOINTS.items()

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from hoap3.tools.html.markup import Markup, element, link, more, table
+from hoap3.tools.html.numbers import NAMES, count, number, summary
 from hoap3.tools.report.certificates import Certificates
 from hoap3.tools.report.conditions import Condition
 from hoap3.tools.report.content import Content
 from hoap3.tools.report.happenings import MOST
-from hoap3.tools.report.markup import Markup, element, link, more, table
-from hoap3.tools.report.numbers import NAMES, count, number, summary
 from hoap3.tools.report.timing import Timing
-from hoap3.tools.ticks import STAGES
+from hoap3.tools.timing.ticks import STAGES
 
 
 def ticks_section(timing: Timing | None, title: str) -> Markup:

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.statistics import WINDOW
-from hoap3.tools.latency_figures import tick_figures
+from hoap3.protocol.runtime.deadlines import WINDOW
+from hoap3.tools.machine.stalls import Stall
 from hoap3.tools.report.sources import Sources
-from hoap3.tools.stalls import Stall
-from hoap3.tools.tick_logs import Cycles, RobotSide
-from hoap3.tools.ticks import IN_TIME, TickTable
+from hoap3.tools.timing.tick_logs import Cycles, RobotSide
+from hoap3.tools.timing.tick_metrics import tick_figures
+from hoap3.tools.timing.ticks import IN_TIME, TickTable
 
 
 @dataclass(frozen=True)

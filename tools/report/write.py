@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from hoap3.protocol.errors import UsageError
+from hoap3.tools.logs.atomic_write import whole_file
 from hoap3.tools.report.content import read_content
 from hoap3.tools.report.page import page
 from hoap3.tools.report.sources import of_ours
-from hoap3.tools.whole_file import whole_file
 
 
 def write_report(

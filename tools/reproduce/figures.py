@@ -121,7 +121,7 @@ def save(figure: Figure, folder: Path) -> list[Path]:
     Returns:
         The files.
     """
-    import matplotlib  # noqa: PLC0415 - heavy: only who draws needs it
+    import matplotlib
 
     files = [folder / f"{figure.name}.png", folder / f"{figure.name}.svg"]
     with matplotlib.rc_context({"svg.hashsalt": figure.name, "svg.fonttype": "none"}):
@@ -148,7 +148,7 @@ def write_csv(panel: Panel, path: Path) -> None:
 
 def draw(figure: Figure) -> Any:
     """Draw a figure without any window; a `matplotlib.figure.Figure`."""
-    from matplotlib.figure import Figure as Picture  # noqa: PLC0415
+    from matplotlib.figure import Figure as Picture
 
     picture = Picture(figsize=figure.size, layout="constrained")
     picture.suptitle(figure.title, fontsize=11, fontweight="bold")
@@ -166,7 +166,7 @@ def draw(figure: Figure) -> Any:
 
 def _draw_panel(panel: Panel, axes: Any) -> dict[str, Any]:
     """Draw one panel; handles of its curves by their names in the legend."""
-    from matplotlib.ticker import MultipleLocator  # noqa: PLC0415
+    from matplotlib.ticker import MultipleLocator
 
     handles: dict[str, Any] = {}
     for curve in panel.curves:

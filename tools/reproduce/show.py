@@ -5,9 +5,9 @@ from __future__ import annotations
 from rich.markup import escape
 from rich.table import Table
 
-from hoap3.tools.output import results
 from hoap3.tools.reproduce.remake import Reproduction
 from hoap3.tools.reproduce.rows import Row
+from hoap3.tools.show.output import results
 
 _MARKS = {True: "[green]pass[/green]", False: "[red]FAIL[/red]", None: "[dim]–[/dim]"}
 

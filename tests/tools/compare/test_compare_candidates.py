@@ -59,7 +59,7 @@ def test_a_file_of_the_users_own_is_taken_too(tmp_path):
 
 
 def test_a_bare_name_and_a_dotted_path_are_taken_too():
-    path = "hoap3.remote_controller.controllers.qp12:Qp12Controller"
+    path = "hoap3.remote_controller.controllers.qp12.qp12:Qp12Controller"
     first, second = read_candidates([f"mine={path}@gamma=1", path])
     assert (first.label, second.label) == ("mine", path)
     assert first.config.controller == second.config.controller == path

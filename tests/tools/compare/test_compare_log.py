@@ -12,12 +12,12 @@ from typer.testing import CliRunner
 
 from hoap3.protocol.errors import ConfigError, Hoap3Error, LogError, UsageError
 from hoap3.protocol.messages import State
-from hoap3.protocol.ring import Kind, Record
-from hoap3.tools.cli_compare import compare as command
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.cli.compare import compare as command
 from hoap3.tools.compare.comparison import compare
-from hoap3.tools.log import Log
-from hoap3.tools.run import run_lockstep
-from hoap3.tools.services import controller_config, emulator_config
+from hoap3.tools.logs.log import Log
+from hoap3.tools.services.run import run_lockstep
+from hoap3.tools.services.services import controller_config, emulator_config
 
 app = typer.Typer(pretty_exceptions_enable=False)
 app.command()(command)
@@ -167,7 +167,7 @@ def test_what_a_log_decides_cannot_be_asked_for(run, given, name):
 
 
 FAILING = """
-from hoap3.remote_controller.controllers.controller import Controller
+from hoap3.remote_controller.controllers.base import Controller
 
 
 class Failing(Controller):

@@ -8,11 +8,11 @@ import re
 import pytest
 from html_page import Page
 
-from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.tools.compare.comparison import compare
 from hoap3.tools.compare.drawings import ROLES, drawings
 from hoap3.tools.compare.page import SECTIONS, page
-from hoap3.tools.report.document import POLICY
+from hoap3.tools.html.document import POLICY
 
 PLOTS = ["error", "v", "active", "switching", "effort", "certificates"]
 EVIL = "</pre><script>alert(1)</script><img src=x onerror='a()'>\" onload=\"b()"

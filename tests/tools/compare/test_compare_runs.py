@@ -10,7 +10,7 @@ import typer
 from typer.testing import CliRunner
 
 from hoap3.protocol.errors import ConfigError, Hoap3Error, UnknownNameError, UsageError
-from hoap3.tools.cli_compare import compare as command
+from hoap3.tools.cli.compare import compare as command
 from hoap3.tools.compare.comparison import compare
 from hoap3.tools.compare.figures import WORDS, value
 from hoap3.tools.simulate import simulate
@@ -183,7 +183,7 @@ def test_a_folder_that_cannot_be_made_is_refused_before_the_work(tmp_path):
 
 
 FAILING = """
-from hoap3.remote_controller.controllers.controller import VelocityController
+from hoap3.remote_controller.controllers.base import VelocityController
 
 
 class Failing(VelocityController):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from log_samples import describe
 
 from hoap3.protocol.messages import Setpoint, State
-from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.tools.compare.answers import Answers, table
 from hoap3.tools.compare.series import read_series
 

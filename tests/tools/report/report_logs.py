@@ -13,13 +13,13 @@ from tick_story import Story
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import Event, Setpoint, State
-from hoap3.protocol.ring import Kind, Record
+from hoap3.protocol.runtime.shm_ring import Kind, Record
 
 
 def lockstep_run(folder: Path) -> tuple[Path, dict]:
     """Half a second of HOAP-3 with QP12."""
-    from hoap3.tools.run import run_lockstep
-    from hoap3.tools.services import controller_config, emulator_config
+    from hoap3.tools.services.run import run_lockstep
+    from hoap3.tools.services.services import controller_config, emulator_config
 
     emulator, _ = emulator_config("hoap3", [])
     controller, _ = controller_config("qp12", [])

@@ -7,10 +7,10 @@ import pytest
 
 from hoap3.protocol.description import COM
 from hoap3.tools.report.motion import point_path, read_motion
-from hoap3.tools.report.motion_figures import motion_drawings
+from hoap3.tools.report.plots.motion_plots import motion_drawings
 from hoap3.tools.report.sources import Sources
-from hoap3.tools.run import run_lockstep
-from hoap3.tools.services import controller_config, emulator_config
+from hoap3.tools.services.run import run_lockstep
+from hoap3.tools.services.services import controller_config, emulator_config
 
 ARMS = [("ur5", "qp12", "tool0"), ("lwr", "tsid", "ee"), ("humanoid32", "clik_sdp", "r_palm")]
 

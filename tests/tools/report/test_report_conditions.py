@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from log_samples import MS, START, describe, fill, write
 
 from hoap3.protocol.messages import Event, State
-from hoap3.protocol.ring import Kind, Record
-from hoap3.tools.log import Log
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.logs.log import Log
 from hoap3.tools.report.conditions import read_conditions
 from hoap3.tools.report.content import read_content
 from hoap3.tools.report.page import page

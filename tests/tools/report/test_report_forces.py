@@ -7,13 +7,13 @@ import pytest
 from report_logs import active_log
 
 from hoap3.protocol.messages import Setpoint
-from hoap3.tools.log import Log
+from hoap3.tools.logs.log import Log
 from hoap3.tools.report.content import read_content
 from hoap3.tools.report.motion import read_motion
-from hoap3.tools.report.motion_figures import motion_drawings
+from hoap3.tools.report.plots.motion_plots import motion_drawings
 from hoap3.tools.report.sources import Sources
-from hoap3.tools.run import run_lockstep
-from hoap3.tools.services import controller_config, emulator_config
+from hoap3.tools.services.run import run_lockstep
+from hoap3.tools.services.services import controller_config, emulator_config
 
 STATUS_NONE = Setpoint.schema.constants["STATUS_NONE"]
 

@@ -16,9 +16,9 @@ from typer.testing import CliRunner
 
 from hoap3.protocol.errors import LogError, UsageError
 from hoap3.protocol.messages import Event, Setpoint
-from hoap3.protocol.ring import Kind, Record
-from hoap3.tools.cli_report import report
-from hoap3.tools.log import Log
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.cli.report import report
+from hoap3.tools.logs.log import Log
 from hoap3.tools.report.content import read_content
 from hoap3.tools.report.facts import tiles
 from hoap3.tools.report.page import page

@@ -16,17 +16,17 @@ from report_logs import active_log
 
 from hoap3.protocol.errors import LogError
 from hoap3.protocol.messages import Event, Setpoint
-from hoap3.protocol.ring import Kind, Record
-from hoap3.tools.certificate_count import STATUS
-from hoap3.tools.cli import main
-from hoap3.tools.event_words import in_words
-from hoap3.tools.log import Log
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.cli.app import main
+from hoap3.tools.html.drawing import Drawing, Key
+from hoap3.tools.html.markup import element, table, text
+from hoap3.tools.logs.log import Log
 from hoap3.tools.report.content import read_content
-from hoap3.tools.report.drawing import Drawing, Key
 from hoap3.tools.report.happenings import read_happenings
-from hoap3.tools.report.markup import element, table, text
 from hoap3.tools.report.page import page
 from hoap3.tools.report.write import write_report
+from hoap3.tools.show.certificate_count import STATUS
+from hoap3.tools.show.event_words import in_words
 
 EVIL = "</pre></style></title><script>alert(1)</script><img src=x onerror='a()'>\"' onload=\"b()"
 

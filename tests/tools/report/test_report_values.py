@@ -13,12 +13,12 @@ from hypothesis.extra.numpy import arrays
 from tick_story import US
 
 from hoap3.protocol.messages import State
-from hoap3.protocol.statistics import Deadlines
-from hoap3.tools.log import Log
-from hoap3.tools.report.canvas import decade, thin
+from hoap3.protocol.runtime.deadlines import Deadlines
+from hoap3.tools.html.canvas import decade, thin
+from hoap3.tools.html.numbers import number, rate, spread, summary
+from hoap3.tools.logs.log import Log
 from hoap3.tools.report.content import read_content
 from hoap3.tools.report.motion import read_motion
-from hoap3.tools.report.numbers import number, rate, spread, summary
 from hoap3.tools.report.page import page
 from hoap3.tools.report.sources import Sources
 

@@ -12,7 +12,7 @@ import typer
 from made_up import failed
 from typer.testing import CliRunner
 
-from hoap3.tools.cli_reproduce import reproduce
+from hoap3.tools.cli.reproduce import reproduce
 from hoap3.tools.reproduce.papers.bounds import elbow, elbow_figure, one_joint, one_joint_figure
 from hoap3.tools.reproduce.papers.bounds.joint import FIG_4
 

@@ -11,7 +11,7 @@ import typer
 from typer.testing import CliRunner
 
 from hoap3.protocol.errors import ConfigError, UnknownNameError, UsageError
-from hoap3.tools.cli_reproduce import reproduce
+from hoap3.tools.cli.reproduce import reproduce
 from hoap3.tools.reproduce import papers
 from hoap3.tools.reproduce.remake import papers as known_papers
 

@@ -10,7 +10,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from hoap3.tools.cli_reproduce import reproduce
+from hoap3.tools.cli.reproduce import reproduce
 from hoap3.tools.reproduce.figures import save
 from hoap3.tools.reproduce.papers.ghc import (
     alphas,

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from made_up import TICKS, failed, good_run
 
-from hoap3.remote_controller.constraints.bodies import links
-from hoap3.remote_controller.controllers.controller import STATUS
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.constraints.collision.collision_geometry import links
+from hoap3.remote_controller.controllers.base import STATUS
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.reproduce.papers.qp12 import certified, circulation, obstacle, support
 from hoap3.tools.reproduce.papers.qp12.circulation import Circulation, Ellipse

@@ -12,7 +12,7 @@ import typer
 from typer.testing import CliRunner
 
 from hoap3.tools.bench.solvers import bench_solvers
-from hoap3.tools.cli_reproduce import reproduce
+from hoap3.tools.cli.reproduce import reproduce
 from hoap3.tools.reproduce.figures import save
 from hoap3.tools.reproduce.papers.qp12 import checks, drawings, experiments, reference, table
 from hoap3.tools.reproduce.papers.qp12.reference import EVEN, PINV, SPARSE_CONSTANT, TRIALS, Law

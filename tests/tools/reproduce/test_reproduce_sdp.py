@@ -11,9 +11,9 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.cli_reproduce import reproduce
+from hoap3.tools.cli.reproduce import reproduce
 from hoap3.tools.reproduce.figures import save
 from hoap3.tools.reproduce.papers.sdp import (
     arm,

@@ -15,7 +15,7 @@ from hoap3.tools.reproduce.rows import Row
 
 def remake(say: Callable[[str], None]) -> tuple[list[Figure], list[Row]]:
     """Do the sets, then the motions."""
-    from hoap3.tools.reproduce.papers.bounds import (  # noqa: PLC0415 - these load numba and Pinocchio
+    from hoap3.tools.reproduce.papers.bounds import (
         elbow,
         elbow_figure,
         one_joint,

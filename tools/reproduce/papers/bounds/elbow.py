@@ -23,10 +23,10 @@ import numpy as np
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import State
-from hoap3.protocol.model import build_model
-from hoap3.protocol.torque_limits import torque_acceleration_bounds
-from hoap3.remote_controller.controllers.tsid import TsidController
-from hoap3.robot_emulator.acceleration_servo import AccelerationServo
+from hoap3.protocol.robot.pinocchio_model import build_model
+from hoap3.protocol.robot.torque_bounds import torque_acceleration_bounds
+from hoap3.remote_controller.controllers.acceleration.tsid import TsidController
+from hoap3.robot_emulator.plants.acceleration_servo import AccelerationServo
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.reproduce.figures import Array
 from hoap3.tools.reproduce.papers.bounds.reference import (

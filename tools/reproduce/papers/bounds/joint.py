@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.limits import AccelerationBounds
+from hoap3.protocol.robot.viability_bounds import AccelerationBounds
 from hoap3.tools.reproduce.figures import Array
 
 

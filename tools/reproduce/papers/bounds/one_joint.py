@@ -15,7 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hoap3.protocol.errors import BadProblemError
-from hoap3.remote_controller.controllers.joint_acceleration_kernels import accelerate_to
+from hoap3.remote_controller.controllers.acceleration.joint_acceleration_kernels import (
+    accelerate_to,
+)
 from hoap3.tools.reproduce.figures import Array
 from hoap3.tools.reproduce.papers.bounds.joint import FIG_4, Joint
 from hoap3.tools.reproduce.papers.bounds.reference import CHATTER, NAIVE

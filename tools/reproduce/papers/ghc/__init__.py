@@ -16,7 +16,7 @@ from hoap3.tools.reproduce.rows import Row
 
 def remake(say: Callable[[str], None]) -> tuple[list[Figure], list[Row]]:
     """Do the runs, then the timing of Fig. 12."""
-    from hoap3.tools.reproduce.papers.ghc import (  # noqa: PLC0415 - these load numba and Pinocchio
+    from hoap3.tools.reproduce.papers.ghc import (
         alphas,
         compromise,
         errors_figure,

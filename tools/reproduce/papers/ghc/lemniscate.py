@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Figure, Panel
 from hoap3.tools.reproduce.papers.ghc import alphas

@@ -16,8 +16,8 @@ from hoap3.tools.reproduce.rows import Row
 
 def remake(say: Callable[[str], None]) -> tuple[list[Figure], list[Row]]:
     """Do the analysis, the experiments, then the timing of Table I."""
-    from hoap3.tools.bench.solvers import bench_solvers  # noqa: PLC0415 - these load numba and Pinocchio
-    from hoap3.tools.reproduce.papers.qp12 import (  # noqa: PLC0415
+    from hoap3.tools.bench.solvers import bench_solvers
+    from hoap3.tools.reproduce.papers.qp12 import (
         checks,
         circulation,
         drawings,

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.messages import Event
-from hoap3.protocol.ring import Kind, Record
+from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.config import read_config
-from hoap3.remote_controller.controllers.controller import STATUS
+from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Panel
 from hoap3.tools.reproduce.papers.qp12.experiments import PERIOD_S, ROBOT
 from hoap3.tools.reproduce.rows import Row, bounded

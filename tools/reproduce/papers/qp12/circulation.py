@@ -25,7 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.reproduce.figures import COLOURS, INK, PALE, Array, Axis, Curve, Figure, Panel
 from hoap3.tools.reproduce.papers.qp12.certified import (

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.solvers import DescentRate, lp_norm, pinv_plain
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.reproduce.figures import COLOURS, Array, Axis, Curve, Figure, Panel

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.model import collision_shapes
-from hoap3.remote_controller.kinematics import Kinematics
+from hoap3.protocol.robot.pinocchio_model import collision_shapes
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Figure, Panel
 from hoap3.tools.reproduce.papers.qp12.certified import (
@@ -98,7 +98,7 @@ def _from_ball(ball: dict[str, Any], link: str, positions: Array) -> tuple[Array
     Returns:
         (ticks,) [m], negative inside; (ticks, 3) [m], seen from the ball's centre.
     """
-    import coal  # type: ignore[import-untyped] # noqa: PLC0415 - only for this
+    import coal  # type: ignore[import-untyped]
 
     robot = load(ROBOT)
     kinematics = Kinematics(robot)

@@ -16,7 +16,7 @@ from hoap3.tools.reproduce.rows import Row
 
 def remake(say: Callable[[str], None]) -> tuple[list[Figure], list[Row]]:
     """Do the runs of the UR5, then those of the humanoid."""
-    from hoap3.tools.reproduce.papers.sdp import (  # noqa: PLC0415 - these load numba and Pinocchio
+    from hoap3.tools.reproduce.papers.sdp import (
         claims,
         conventions,
         corrections,

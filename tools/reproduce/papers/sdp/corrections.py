@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hoap3.remote_controller.solvers import status
-from hoap3.remote_controller.solvers.sdp_backends import clarabel, conic, installed
-from hoap3.remote_controller.solvers.sdp_gains import DELTA, SdpGains
+from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.sdp.sdp_backends import clarabel, conic, installed
+from hoap3.remote_controller.solvers.sdp.sdp_gains import DELTA, SdpGains
 from hoap3.tools.reproduce.figures import Array
 from hoap3.tools.reproduce.papers.sdp.arm import JOINTS, SIZES, START, toolbox
 from hoap3.tools.reproduce.papers.sdp.loop import AT_LIMIT, scheduled

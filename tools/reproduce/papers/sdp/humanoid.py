@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hoap3.remote_controller.solvers.sdp_gains import SdpGains
+from hoap3.remote_controller.solvers.sdp.sdp_gains import SdpGains
 from hoap3.tools.reproduce.figures import COLOURS, Axis, Curve, Figure, Panel
 from hoap3.tools.reproduce.papers.sdp.claims import LESS
 from hoap3.tools.reproduce.papers.sdp.configured import ConfiguredTasks

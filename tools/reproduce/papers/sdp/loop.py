@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.remote_controller.solvers import status
-from hoap3.remote_controller.solvers.constant_gains import ConstantGains
-from hoap3.remote_controller.solvers.sdp_gains import PATHS, SdpGains
+from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.clik.constant_gains import ConstantGains
+from hoap3.remote_controller.solvers.sdp.sdp_gains import PATHS, SdpGains
 from hoap3.tools.reproduce.figures import Array
 from hoap3.tools.reproduce.papers.sdp.arm import JOINTS, SIZES, START, Tasks, toolbox
 from hoap3.tools.reproduce.papers.sdp.reference import CONSTANT, DT_S, LIMIT_RAD_S

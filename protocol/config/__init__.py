@@ -1,0 +1,1 @@
+"""Reading settings: YAML that may be hostile, strict types, errors that name the key."""

@@ -1,0 +1,220 @@
+"""Strict settings from YAML: an unknown key, a wrong type or an unfit value is one clear error.
+
+The models that both services share stand here; each service adds its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, ValidationError
+from pydantic_core import core_schema
+
+from hoap3.protocol.config.regular_file import read_at_most
+from hoap3.protocol.config.strict_numbers import make_strict
+from hoap3.protocol.config.wrong_settings import config_error
+from hoap3.protocol.config.yaml_text import MAX_BYTES as MAX_CONFIG_BYTES
+from hoap3.protocol.config.yaml_text import read_yaml
+from hoap3.protocol.errors import ConfigError
+
+MAX_PARTS = 32  # of a dotted key
+SNIFFED = 4096  # bytes of a file in which a URDF is told from YAML
+NAME_PATTERN = r"^[a-z][a-z0-9_]{0,31}$"
+RobotName = Annotated[str, Field(pattern=NAME_PATTERN)]
+ENDPOINT_PATTERN = r"^[a-z][a-z-]*/\S+$"
+Endpoint = Annotated[str, Field(pattern=ENDPOINT_PATTERN)]
+
+Model = TypeVar("Model", bound="Settings")
+
+
+class Settings(BaseModel):
+    """Base of every settings model: unknown keys are errors, values cannot be changed later."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @classmethod
+    def __get_pydantic_core_schema__(
+        cls, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        """Neither `true` nor "3" passes for a number, and no number for true or false."""
+        schema = handler(source)
+        make_strict(schema)
+        return schema
+
+
+class LinkSettings(Settings):
+    """How a service reaches the network.
+
+    Endpoints are Zenoh's, such as `tcp/127.0.0.1:7447`. Nothing listens beyond loopback unless
+    an endpoint says so; nothing is discovered by itself.
+    """
+
+    listen: tuple[Endpoint, ...] = Field((), description="endpoints to listen on")
+    connect: tuple[Endpoint, ...] = Field((), description="endpoints to connect to")
+    mode: Literal["peer", "client"] = Field("peer", description="client: everything by a router")
+    lease_ms: int = Field(
+        1000, strict=True, ge=100, le=60_000, description="silence after which a peer is gone"
+    )
+
+
+CpuNumber = Annotated[int, Field(strict=True, ge=0)]
+
+
+class RealtimeSettings(Settings):
+    """What a service asks of the operating system; what is refused is reported, never fatal."""
+
+    policy: Literal["auto", "none"] = Field("auto", description="auto: SCHED_FIFO if allowed")
+    priority: int = Field(80, strict=True, ge=1, le=98, description="SCHED_FIFO priority")
+    cpu: Literal["auto", "none"] | CpuNumber = Field(
+        "auto", description="auto: a CPU that no other run has claimed; none; or its number"
+    )
+    lock_memory: bool = Field(True, strict=True, description="keep pages in memory")
+    keep_awake: bool = Field(
+        True, strict=True, description="let a watched CPU never fall asleep when it is idle"
+    )
+    watch_stalls: Literal["auto", "none"] | tuple[CpuNumber, ...] = Field(
+        "auto", description="CPUs whose stalls are noted; auto: the one that it is pinned to"
+    )
+
+
+class LogSettings(Settings):
+    """What the observer process records."""
+
+    record: bool = Field(True, strict=True, description="write an MCAP log")
+    directory: str = Field("logs", description="a folder per run is made inside")
+    cap_mb: int = Field(
+        1000, strict=True, ge=1, description="the oldest files of a run go beyond this"
+    )
+    file_mb: int = Field(250, strict=True, ge=1, description="a new file begins beyond this")
+
+
+def load_yaml(path: Path) -> dict[str, Any]:
+    """Read a YAML mapping.
+
+    Raises:
+        ConfigError: missing, not a regular file, too large, a URDF, not YAML, empty, or not a
+            mapping.
+    """
+    file = str(path)
+    try:
+        data = read_at_most(path, MAX_CONFIG_BYTES)
+    except IsADirectoryError as error:
+        raise ConfigError(file, "", None, "is a folder", "Name a YAML file") from error
+    except OSError as error:
+        reason = error.strerror or "cannot be read"
+        raise ConfigError(file, "", None, reason, "Name a file that can be read") from error
+    start = data[:SNIFFED].lstrip()
+    if start.startswith(b"<") and b"<robot" in start:
+        remedy = "Write a robot.yaml beside it, and name that; see docs/new_robot.md"
+        raise ConfigError(file, "", None, "is a URDF, not a config", remedy)
+    return parse_yaml(data, file)
+
+
+def parse_yaml(data: bytes | str, file: str) -> dict[str, Any]:
+    """Content of a YAML mapping that came from `file`.
+
+    Raises:
+        ConfigError: too large, not YAML, empty, or not a mapping.
+    """
+    if len(data) > MAX_CONFIG_BYTES:
+        problem = f"is larger than {MAX_CONFIG_BYTES >> 10} KiB"
+        raise ConfigError(file, "", None, problem, "A config is a few lines")
+    try:
+        content = read_yaml(data)
+    except yaml.YAMLError as error:
+        raise ConfigError(
+            file, "", None, f"is not valid YAML{_why(error)}", "Correct it"
+        ) from error
+    if content is None:
+        remedy = "Write `key: value` lines, such as `robot: hoap3` or `controller: qp12`"
+        raise ConfigError(file, "", None, "is empty", remedy)
+    if not isinstance(content, dict) or not all(isinstance(key, str) for key in content):
+        raise ConfigError(file, "", content, "is not a mapping", "Write `key: value` lines")
+    return content
+
+
+def apply_overrides(content: dict[str, Any], overrides: Sequence[str]) -> dict[str, Any]:
+    """A copy of `content` with each `dotted.key=value` of `overrides` set; values are YAML.
+
+    The entries of a list are counted from 0.
+
+    Raises:
+        ConfigError: no `=`, a key below something that has none, an entry that a list does not
+            have, or bad YAML.
+    """
+    result: dict[str, Any] = _copy(content)
+    for override in overrides:
+        key, equals, text = override.partition("=")
+        parts = key.strip().split(".")
+        if not equals or not all(parts):
+            raise ConfigError("--set", key, override, "is not key=value", "Write --set a.b=1")
+        if len(parts) > MAX_PARTS:
+            problem = f"has {len(parts)} parts, at most {MAX_PARTS}"
+            raise ConfigError("--set", key, None, problem, "Write --set a.b=1")
+        try:
+            value = read_yaml(text)
+        except yaml.YAMLError as error:
+            problem = f"is not a YAML value{_why(error)}"
+            raise ConfigError("--set", key, text, problem, "Quote it") from error
+        place: Any = result
+        for part in parts[:-1]:
+            place = _below(place, part, key)
+        place[_where(place, parts[-1], key)] = value
+    return result
+
+
+def _why(error: yaml.YAMLError) -> str:
+    """Where a YAML text is wrong, if known, and why."""
+    mark = getattr(error, "problem_mark", None)
+    place = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+    return f"{place}: {getattr(error, 'problem', None) or str(error).partition(chr(10))[0]}"
+
+
+def _below(place: Any, part: str, key: str) -> Any:
+    """The mapping or list under `part`; an empty mapping where there is nothing yet."""
+    where = _where(place, part, key)
+    inner = place.setdefault(where, {}) if isinstance(place, dict) else place[where]
+    if not isinstance(inner, dict | list):
+        raise ConfigError("--set", key, inner, f"{part!r} has no keys below it", "Drop it")
+    return inner
+
+
+def _where(place: Any, part: str, key: str) -> str | int:
+    """A key of a mapping as it is, or the index of a list's entry."""
+    if isinstance(place, dict):
+        return part
+    entries = [str(i) for i in range(len(place))]
+    if part not in entries:
+        remedy = f"Give one of {', '.join(entries)}" if entries else "Set the whole list"
+        raise ConfigError("--set", key, part, f"no such entry in a list of {len(place)}", remedy)
+    return entries.index(part)
+
+
+def parse(model: type[Model], content: dict[str, Any], file: str, prefix: str = "") -> Model:
+    """`content` as a `model`.
+
+    Args:
+        model: what is expected.
+        content: a mapping, as YAML gives it.
+        file: where it came from, for the error.
+        prefix: dotted key under which `content` stands in that file.
+
+    Raises:
+        ConfigError: naming each wrong key, its value, and what is allowed.
+    """
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        errors = error.errors(include_url=False)
+        raise config_error(model, content, errors, file, prefix) from error
+
+
+def _copy(content: Any) -> Any:
+    if isinstance(content, dict):
+        return {key: _copy(value) for key, value in content.items()}
+    if isinstance(content, list):
+        return [_copy(value) for value in content]
+    return content

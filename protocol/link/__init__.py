@@ -1,0 +1,1 @@
+"""Links between a robot and its controller: in one process, over Zenoh, in lockstep."""

@@ -1,0 +1,144 @@
+"""What lies between a robot and its controller: the interface, and one that needs no network.
+
+Both loops are given a link and never know which. `zenoh_link` has the real ones.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from hoap3.protocol.runtime.clock import Clock
+
+Arrival = tuple[int, bytes]
+"""Arrival stamp on the receiver's clock [ns], and the payload."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """Something that somebody asks of a robot, or of its controller.
+
+    Attributes:
+        verb: of a robot "description", "status", "acquire", "release", "stop", "recover", or "gone"
+            for a client that vanished; of a controller "change" or "show".
+        who: identity of the client.
+        answer: takes the answer, a JSON object or bytes; for "gone" it does nothing.
+        body: what came with it.
+        local: whether it came from the robot's own machine and user, not over the network.
+        present: whether the client's liveliness token is seen; counts for "acquire" only.
+    """
+
+    verb: str
+    who: str
+    answer: Callable[[dict[str, Any] | bytes], None]
+    body: bytes = b""
+    local: bool = False
+    present: bool = True
+
+
+class RobotLink(Protocol):
+    """The robot's side."""
+
+    def publish(self, state: bytes) -> None:
+        """Send a State to whoever listens; never waits for them."""
+
+    def drain(self) -> Sequence[Arrival]:
+        """Setpoints that have arrived since the last call, oldest first."""
+
+    def requests(self) -> Iterable[Request]:
+        """Requests that have arrived since the last call."""
+
+    def announce(self, event: bytes) -> None:
+        """Send an Event to whoever listens."""
+
+    def look_again(self, who: str) -> None:
+        """Check whether a client is alive; returns at once, and "gone" follows if it is not."""
+
+    def close(self) -> None:
+        """Leave the network."""
+
+
+class ControllerLink(Protocol):
+    """The controller's side."""
+
+    def wait(self) -> Arrival | None:
+        """Block until a State newer than the last one is there; None when woken without one."""
+
+    def publish(self, setpoint: bytes) -> None:
+        """Send a Setpoint."""
+
+
+Fate = Callable[[bytes], Iterable[tuple[int, bytes]]]
+"""What becomes of an answer: pairs of (delay after the State was published [ns], bytes)."""
+
+
+class LockstepLink:
+    """Robot's side of a link on virtual time: the answer is asked for at once, and given a fate.
+
+    Each State is handed to `exchange`, which returns the controller's answer however long that
+    takes on the wall clock. `fate` then says when, how often and in which form the answer
+    arrives in virtual time; "never" is an empty list. So misses, loss policies and safe stops
+    run on virtual time, and a slow machine changes nothing but the duration.
+
+    Args:
+        exchange: State bytes in, Setpoint bytes out, or None where the controller keeps silent.
+        clock: virtual clock of the robot.
+        compute_time: delay of every answer where no `fate` is given [ns].
+        fate: see above.
+    """
+
+    def __init__(
+        self,
+        exchange: Callable[[bytes], bytes | None],
+        clock: Clock,
+        compute_time: int = 200_000,
+        fate: Fate | None = None,
+    ) -> None:
+        self._exchange, self._clock = exchange, clock
+        self._fate = fate or (lambda answer: ((compute_time, answer),))
+        self._flying: list[tuple[int, int, bytes]] = []
+        self._sent = 0
+        self._requests: list[Request] = []
+        self.announced: list[bytes] = []
+
+    def publish(self, state: bytes) -> None:
+        """Exchange a State for an answer and let that fly."""
+        now = self._clock.now()
+        answer = self._exchange(state)
+        if answer is not None:
+            for delay, payload in self._fate(answer):
+                self._sent += 1  # keeps the order of arrivals at the same time
+                heapq.heappush(self._flying, (now + delay, self._sent, payload))
+
+    def drain(self) -> Sequence[Arrival]:
+        """Answers whose virtual arrival time has come."""
+        now, landed = self._clock.now(), []
+        while self._flying and self._flying[0][0] <= now:
+            stamp, _, payload = heapq.heappop(self._flying)
+            landed.append((stamp, payload))
+        return landed
+
+    def ask(
+        self, verb: str, who: str = "in process", *, local: bool = False
+    ) -> list[dict[str, Any] | bytes]:
+        """Queue a request for the robot's next tick; its answer appears in the returned list."""
+        answers: list[dict[str, Any] | bytes] = []
+        self._requests.append(Request(verb, who, answers.append, local=local))
+        return answers
+
+    def requests(self) -> Iterable[Request]:
+        """Requests queued by `ask`."""
+        queued, self._requests = self._requests, []
+        return queued
+
+    def announce(self, event: bytes) -> None:
+        """Keep the Event for whoever looks."""
+        self.announced.append(event)
+
+    def look_again(self, who: str) -> None:
+        """Nothing to check: clients in this process vanish only when a test says so."""
+
+    def close(self) -> None:
+        """Nothing to leave."""

@@ -1,0 +1,147 @@
+"""Lockstep over Zenoh: the same messages on the same keys, but each State waits for its answer."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from itertools import islice
+from typing import Any
+
+from hoap3.protocol.config.settings import LinkSettings
+from hoap3.protocol.errors import LinkError, WireError
+from hoap3.protocol.link.base import LockstepLink, Request
+from hoap3.protocol.link.local_control import LocalControl
+from hoap3.protocol.link.zenoh_link import WAITING_QUERIES, ZenohRobotLink
+from hoap3.protocol.messages import Setpoint, State
+from hoap3.protocol.runtime.clock import VirtualClock
+
+REPEAT_S = 0.05
+GIVE_UP_S = 10.0
+
+
+class ZenohLockstepLink(LockstepLink):
+    """The robot's side.
+
+    A State that asks for an answer is repeated every 50 ms of wall time until it is answered, or
+    until the holder of authority leaves; the controller answers a repeated one with the bytes that
+    it has sent already. Before the first State, virtual time stands still until a controller has
+    authority; with an `endless` robot it does so again whenever that is at rest, until it is told
+    to follow or to recover.
+
+    Args:
+        robot, settings: as for `ZenohRobotLink`.
+        clock, compute_time: as for `LockstepLink`.
+        should_stop: asked while waiting.
+        endless: no end is set to the robot's time.
+
+    Raises:
+        LinkError: no answer for ten seconds; names the tick.
+    """
+
+    def __init__(
+        self,
+        robot: str,
+        settings: LinkSettings,
+        clock: VirtualClock,
+        compute_time: int,
+        should_stop: Callable[[], bool],
+        *,
+        endless: bool = False,
+    ) -> None:
+        super().__init__(self._exchange_over_zenoh, clock, compute_time)
+        self._inner = ZenohRobotLink(robot, settings, blocking=True)
+        self._should_stop, self._endless = should_stop, endless
+        self._waiting: list[Request] = []
+        self._holder: str | None = None
+        self._awake = False
+
+    def requests(self) -> Iterable[Request]:
+        """Requests that have arrived; while time stands still, wait for one that moves it."""
+        while True:
+            self._gather()
+            for request in self._waiting:
+                yield self._watched(request)
+            self._waiting.clear()
+            if self._awake or self._should_stop():
+                return
+            self._inner.arrival.wait(REPEAT_S)
+            self._inner.arrival.clear()
+
+    def announce(self, event: bytes) -> None:
+        """Send an Event."""
+        self._inner.announce(event)
+
+    def serve_also(self, local: LocalControl) -> None:
+        """Take requests of the robot's own machine, too; they come first."""
+        self._inner.serve_also(local)
+
+    def look_again(self, who: str) -> None:
+        """Check whether a client is alive."""
+        self._inner.look_again(who)
+
+    def close(self) -> None:
+        """Leave the network."""
+        self._inner.close()
+
+    def _exchange_over_zenoh(self, payload: bytes) -> bytes | None:
+        mode, tick = State.scalars(payload, "mode", "tick")
+        inner = self._inner
+        inner.publish(payload)
+        if self._endless and mode in {State.IDLE, State.STOPPED}:
+            self._awake = False
+        if mode != State.ACTIVE:
+            return None
+        began = repeated = time.monotonic()
+        while not self._should_stop():
+            inner.arrival.wait(REPEAT_S)
+            inner.arrival.clear()
+            for _, answer in inner.drain():
+                if _answers(answer, tick):
+                    return answer
+            self._gather()
+            if any(self._leaves(request) for request in self._waiting):
+                return None
+            now = time.monotonic()
+            if now - began > GIVE_UP_S:
+                raise LinkError(f"lockstep: no answer to tick {tick} for {GIVE_UP_S:.0f} s")
+            if now - repeated >= REPEAT_S:
+                inner.publish(payload)
+                repeated = now
+        return None
+
+    def _gather(self) -> None:
+        """Take requests until the robot serves them, the first ones where there are too many.
+
+        What ends the waiting is always taken: news of clients, local requests, and a `stop`.
+        """
+        for request in islice(self._inner.requests(), WAITING_QUERIES):
+            urgent = request.local or request.verb == "gone"
+            stops = request.verb == "stop" and all(one.verb != "stop" for one in self._waiting)
+            if urgent or stops or len(self._waiting) < WAITING_QUERIES:
+                self._waiting.append(request)
+
+    def _leaves(self, request: Request) -> bool:
+        """Whether it ends the waiting for an answer: the holder leaves, or the user says so."""
+        if request.local:
+            return request.verb in {"release", "stop"}
+        return request.verb in {"release", "gone"} and request.who == self._holder
+
+    def _watched(self, request: Request) -> Request:
+        """The same, but we learn from its answer who holds authority, and whether time goes on."""
+
+        def answer(content: dict[str, Any] | bytes) -> None:
+            if isinstance(content, dict):
+                if content.get("granted"):
+                    self._holder = request.who
+                self._awake |= bool(content.get("granted") or content.get("recovered"))
+            request.answer(content)
+
+        return replace(request, answer=answer)
+
+
+def _answers(payload: bytes, tick: int) -> bool:
+    try:
+        return Setpoint.scalars(payload, "tick") == (tick,)
+    except WireError:
+        return False

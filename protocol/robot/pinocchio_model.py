@@ -1,0 +1,114 @@
+"""Builds the Pinocchio model of a described robot; Pinocchio is imported here, on use.
+
+It sorts the joints in its own way: `RobotModel.order` says where each joint of the wire went.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import DescriptionError, FrameNotFoundError
+
+
+@dataclass(frozen=True)
+class RobotModel:
+    """A fixed-base model: the root link stands still at the world's origin.
+
+    Attributes:
+        description: what the model was built from.
+        model, data: ``pinocchio.Model`` and its ``pinocchio.Data``; nq == nv == n. It has the
+            description's armature; ``damping`` and ``friction`` are those of the URDF.
+        order: (n,) index into Pinocchio's q and v of each joint in wire order:
+            ``q_pinocchio[order] = q_wire``, ``J_wire = J_pinocchio[:, order]``. Read-only.
+        root_mass: mass of the root link and all that is fixed to it [kg]; Pinocchio keeps it in
+            ``model.inertias[0]`` and leaves it out of the centre of mass and of the total.
+        root_com: (3,) its centre of mass in the root link's frame [m]. Read-only.
+        total_mass: with the root [kg].
+        frames: Pinocchio's frame index of every link.
+    """
+
+    description: RobotDescription
+    model: Any
+    data: Any
+    order: NDArray[np.intp]
+    root_mass: float
+    root_com: NDArray[np.float64]
+    total_mass: float
+    frames: dict[str, int]
+
+    def frame_id(self, name: str) -> int:
+        """Pinocchio's index of a frame.
+
+        Raises:
+            FrameNotFoundError: no link is called so; carries the names of all.
+        """
+        if name not in self.frames:
+            raise FrameNotFoundError(name, self.description.name, self.frames)
+        return self.frames[name]
+
+
+def build_model(description: RobotDescription) -> RobotModel:
+    """Build the model of a described robot.
+
+    Raises:
+        DescriptionError: Pinocchio or its URDF reader refuses the text.
+    """
+    import pinocchio as pin
+
+    try:
+        model = pin.buildModelFromXML(description.urdf)
+    except (ArithmeticError, LookupError, RuntimeError, ValueError) as error:
+        raise DescriptionError(
+            f"robot {description.name!r}: Pinocchio cannot read the URDF ({error}). "
+            "Check it with check_urdf from liburdfdom-tools."
+        ) from error
+    order = np.array(
+        [model.joints[model.getJointId(name)].idx_q for name in description.joint_names],
+        dtype=np.intp,
+    )
+    model.armature[order] = description.armature
+    root = model.inertias[0]
+    root_com = np.array(root.lever, dtype=np.float64)
+    for array in (order, root_com):
+        array.setflags(write=False)
+    return RobotModel(
+        description=description,
+        model=model,
+        data=model.createData(),
+        order=order,
+        root_mass=float(root.mass),
+        root_com=root_com,
+        total_mass=float(root.mass) + float(pin.computeTotalMass(model)),
+        frames={
+            name: int(model.getFrameId(name, pin.FrameType.BODY)) for name in description.frames
+        },
+    )
+
+
+def collision_shapes(
+    description: RobotDescription,
+) -> dict[str, list[tuple[Any, NDArray[np.float64], NDArray[np.float64]]]]:
+    """The <collision> shapes of each link as Pinocchio reads them.
+
+    Returns:
+        By link: Coal's geometry, its centre (3,) [m] and its axes (3, 3) in the link's frame.
+
+    Raises:
+        DescriptionError: Pinocchio or its URDF reader refuses the text.
+    """
+    import pinocchio as pin
+
+    model = build_model(description).model
+    found: dict[str, list[tuple[Any, NDArray[np.float64], NDArray[np.float64]]]] = {}
+    shapes = pin.buildGeomFromUrdfString(model, description.urdf, pin.COLLISION)
+    for shape in shapes.geometryObjects:
+        frame = model.frames[shape.parentFrame]
+        here = frame.placement.actInv(shape.placement)
+        placed = (shape.geometry, here.translation.copy(), here.rotation.copy())
+        found.setdefault(frame.name, []).append(placed)
+    return found

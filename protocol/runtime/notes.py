@@ -1,0 +1,53 @@
+"""What a service says to people, by how much it matters: text that knows its kind.
+
+A plain `str` is always shown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from hoap3.protocol.runtime.realtime import Measure
+
+
+class Note(str):
+    """Text of one kind; it is a `str`, so whoever takes any text takes it.
+
+    Attributes:
+        news: the kind, as it is named between processes.
+    """
+
+    __slots__ = ()
+    news = "said"
+
+
+class Detail(Note):
+    """Shown with `--verbose` only, such as each kernel and each request to the system."""
+
+    __slots__ = ()
+    news = "detail"
+
+
+class Routine(Note):
+    """The normal course of a service: shown where it runs by itself, by `run` with `--verbose`."""
+
+    __slots__ = ()
+    news = "routine"
+
+
+class NotGranted(Note):
+    """What the operating system did not grant; both services of a `run` may say the same."""
+
+    __slots__ = ()
+    news = "not granted"
+
+
+def told(measures: Iterable[Measure]) -> Iterator[Note]:
+    """Each measure as a detail, and in one line those that were not granted, if any."""
+    missing = []
+    for measure in measures:
+        yield Detail(measure)
+        if not measure.obtained:
+            missing.append(f"{measure.name} ({measure.detail})")
+    if missing:
+        yield NotGranted(f"not granted by the system: {', '.join(missing)}")

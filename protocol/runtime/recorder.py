@@ -1,0 +1,89 @@
+"""Where a loop puts what it did: a ring to the observer process, a list, or nowhere."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+from hoap3.protocol.errors import Hoap3Error
+from hoap3.protocol.runtime.shm_ring import Kind, Record, Ring
+
+
+class Recorder(Protocol):
+    """What loops call. Neither call may block a loop in real time."""
+
+    def record(self, kind: Kind, stamp: int, payload: bytes) -> None:
+        """Keep a message with the monotonic stamp [ns] that belongs to it."""
+
+    def record_large(self, kind: Kind, stamp: int, payload: bytes) -> None:
+        """The same for a payload of any size, outside the loop."""
+
+
+class NoRecorder:
+    """Keeps nothing."""
+
+    def record(self, kind: Kind, stamp: int, payload: bytes) -> None:
+        """Forget it."""
+
+    record_large = record
+
+
+class MemoryRecorder:
+    """Keeps everything in a list: for simulations in process, and tests."""
+
+    def __init__(self) -> None:
+        self.records: list[Record] = []
+
+    def record(self, kind: Kind, stamp: int, payload: bytes) -> None:
+        """Append it."""
+        self.records.append(Record(kind, stamp, payload))
+
+    record_large = record
+
+
+class RingRecorder:
+    """Hands everything to the observer process and never waits for it."""
+
+    def __init__(self, ring: Ring) -> None:
+        self._ring = ring
+
+    def record(self, kind: Kind, stamp: int, payload: bytes) -> None:
+        """Write a slot; a full ring counts a drop."""
+        self._ring.write(kind, stamp, payload)
+
+    def record_large(self, kind: Kind, stamp: int, payload: bytes) -> None:
+        """Write several slots."""
+        self._ring.write_large(kind, stamp, payload)
+
+
+class PatientRecorder:
+    """Hands everything to the observer and waits while the ring is full: for lockstep.
+
+    Args:
+        ring: shared with the observer.
+        reader_alive: asked now and then while waiting.
+
+    Raises:
+        Hoap3Error: the observer has died, so nothing would ever be read.
+    """
+
+    def __init__(self, ring: Ring, reader_alive: Callable[[], bool]) -> None:
+        self._ring, self._reader_alive = ring, reader_alive
+
+    def record(self, kind: Kind, stamp: int, payload: bytes) -> None:
+        """Write a slot, when there is one."""
+        if self._ring.free < 1:
+            self._wait(1)
+        self._ring.write(kind, stamp, payload)
+
+    def record_large(self, kind: Kind, stamp: int, payload: bytes) -> None:
+        """Write several slots, when there are enough."""
+        self._wait(min(512, 1 + len(payload) // 4096))
+        self._ring.write_large(kind, stamp, payload)
+
+    def _wait(self, slots: int) -> None:
+        while self._ring.free < slots:
+            if not self._reader_alive():
+                raise Hoap3Error("the recorder has died: the log of this run is not whole")
+            time.sleep(0.001)

@@ -1,0 +1,1 @@
+"""Balance on the soles: support polygon and zero-moment point."""

@@ -1,0 +1,1 @@
+"""Controllers of accelerations and torques: ghc, hqp, weighted, tsid, joint_acceleration."""

@@ -1,0 +1,399 @@
+"""What controllers of several tasks have in common: all but how they weigh them up."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import FloatArray, Setpoint, State
+from hoap3.remote_controller.controllers.acceleration_tasks.bounds import HierarchyBounds, bounds_of
+from hoap3.remote_controller.controllers.acceleration_tasks.settings import AnyTask
+from hoap3.remote_controller.controllers.acceleration_tasks.tasks import AccelerationTasks
+from hoap3.remote_controller.controllers.base import STATUS, Controller
+from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.tsid.tsid import Tsid
+from hoap3.remote_controller.tasks.accuracy import ABSENT, LOWER, TaskError
+
+CERTIFIED_RESIDUAL = 1e-9
+MARGIN_ROUNDING = 1e-9  # relative to the greatest acceleration or torque
+SOLVED, NEAREST, OVERLOADED_MOTORS, GAVE_UP = range(4)  # Setpoint.fallback
+FALLBACKS = {status.OK: NEAREST, status.INFEASIBLE: OVERLOADED_MOTORS, status.UNSOLVED: GAVE_UP}
+BRAKE_PER_S = 10.0  # of −dq, where not even the bounds of accelerations have an answer
+CONDITIONS = (
+    "state not finite",
+    "tasks have no answer within bounds",
+    "torques too small",
+    "QP not solved",
+    "held by bounds of joints",
+    "half a turn from the goal",
+    "cannot hold its load",
+    "priorities in transition",
+    "touches",
+    "no task takes part",
+    "its solver proves nothing",
+    "answer not finite",
+)
+BITS = [1 << bit for bit in range(len(CONDITIONS))]
+NOT_FINITE, UNFIT, TOO_SMALL, UNSOLVED, HELD, HALF_A_TURN = BITS[:6]
+LOADED, MOVING, TOUCHES, IDLE, UNPROVED, OVERFLOWN = BITS[6:]
+
+
+class Importance(Protocol):
+    """What weighs the tasks up: `Priorities` or `Weights`."""
+
+    moving: bool
+
+    def reset(self) -> None:
+        """Go back to the start."""
+
+    def shown(self) -> dict[str, Any]:
+        """What it is now, for people."""
+
+    def update(self, time_s: float) -> bool:
+        """Recompute it for a time since the reset [s]; whether it is another than before."""
+
+    def change(self, request: Mapping[str, Any], time_s: float) -> None:
+        """Begin a change."""
+
+
+class HierarchyController(Controller):
+    """Tasks, each of which asks for accelerations of its own, by torques or accelerations.
+
+    The command is the torque τ = M·ddq + h, less g(q) where the robot adds that; or ddq, for a
+    robot that takes accelerations. h counts what wrench sensors of force tasks measure.
+
+    What no task speaks of would coast: accelerations of 0 keep a velocity. A task of all joints
+    that asks for −d·dq, d = `null_damping_per_s`, stands below those that take part; where they
+    span the robot, as a posture does, it changes nothing.
+
+    How much each task counts moves with the time of the robot's ticks since the reset. It is
+    settled one tick ahead, so that a certificate knows of it.
+
+    Where the tasks have no answer within the bounds of accelerations and torques, they are asked
+    without the torques, or the robot brakes with −10/s·dq if that fails, too; the ddq nearest to
+    it that the bounds and the torques allow is `fallback` 1. Where there is none, the bounds are
+    kept, the torques violated as little as possible, and `fallback` is 2; or 3 where the solver
+    gave up, and ddq is only cut to the bounds.
+
+    Certificate: V = ½ Σ |e|² of those tasks above which nothing stands [m², rad²], in a cycle
+    without one of all that take part; of nobody else's error is anything said. `v_rate_predicted`
+    is V̇ half a period on, and `v_rate_required` is 0 where V does not rise in this period, else how
+    fast it may. `certified` says that the condensed problem was solved, by a residual ≤ 10⁻⁹,
+    that its bounds leave each joint able to stop, that every joint can hold its load, that nothing
+    touches, that some task takes part, and that priorities are the same in the next tick. `margin`
+    is the least distance from a bound, relative to the greatest acceleration or torque.
+
+    Raises:
+        ConfigError: tasks, priorities or bounds that do not fit the robot, or each other.
+    """
+
+    class Parameters(Controller.Parameters):
+        """Tasks and bounds."""
+
+        tasks: tuple[AnyTask, ...] = Field(min_length=1, description="what shall be")
+        w_r: float = Field(
+            0.01, ge=1e-6, le=1e3, description="ω_r: weight of the regularisation, beside 1"
+        )
+        null_damping_per_s: float = Field(
+            10.0,
+            ge=0,
+            le=1e4,
+            description="d: motion that no task speaks of brakes with −d·dq; 0: it goes on",
+        )
+        bounds: HierarchyBounds = Field(HierarchyBounds(), description="of the motion")
+        compensate_friction: bool = Field(
+            True, description="count the viscous friction of the URDF among the torques"
+        )
+
+    commands = ("torque", "acceleration")
+    word: ClassVar[str] = "priorities"
+    """What its `importance` is called."""
+    proves: ClassVar[bool] = False
+    """Whether `residual` is found without the solver's word."""
+    kernels: ClassVar[tuple[str, ...]] = (
+        "hoap3.protocol.robot.viability_bounds_kernels",
+        "hoap3.remote_controller.model.frame_dynamics_kernels",
+        "hoap3.remote_controller.solvers.tsid.tsid_kernels",
+        "hoap3.remote_controller.solvers.qp.active_set_kernels",
+        "hoap3.remote_controller.tasks.se3_kernels",
+        "hoap3.remote_controller.controllers.acceleration_tasks.se3_pd_kernels",
+        "hoap3.remote_controller.controllers.acceleration_tasks.task_acceleration_kernels",
+    )
+
+    def __init__(
+        self, description: RobotDescription, parameters: Any, file: str = "config"
+    ) -> None:
+        from hoap3.remote_controller.controllers.acceleration_tasks import (
+            task_acceleration_kernels as kernels,
+        )
+        from hoap3.remote_controller.controllers.acceleration_tasks.se3_pd_kernels import judge
+
+        n = description.n
+        self.importance = self.importance_of(parameters, file)
+        self.bounds, self.torque_max = bounds_of(
+            description, parameters.bounds, file, "parameters.bounds"
+        )
+        self.tasks = AccelerationTasks(
+            description,
+            parameters.tasks,
+            file,
+            "parameters.tasks",
+            self.torque_max,
+            compensate_friction=parameters.compensate_friction,
+            braking_per_s=parameters.null_damping_per_s,
+        )
+        names = self.tasks.names
+        self.extra_names = (
+            "largest_torque_share",
+            *(f"error_{name}" for name in names),
+            *(f"force_{names[i]}" for i in self.tasks.presses),
+            *self.columns(names),
+        )
+        super().__init__(description, parameters)
+        self._judge = judge  # 0 where both arrays are finite
+        self._foresee, self._distances = kernels.foresee, kernels.distances
+        self.w_r, self._viable = parameters.w_r, parameters.bounds.kind == "viability"
+        self.ddq, self.tau, self._wish, self._scratch = np.zeros((4, n))
+        self.tops, self.absent = np.zeros(len(names), np.bool_), np.zeros(len(names))
+        self.residual = math.inf
+        self._nearest = Tsid(self.torque_max, self.bounds.greatest)
+        self._unbounded = np.full(n, np.inf)
+        self._no_rows, self._no_wish = np.zeros((0, n)), np.zeros(0)
+        torque = self.kind == "torque"
+        self._given = self.tau if torque else self.ddq
+        self._less = self.tasks.dynamics.weight if torque else np.zeros(n)
+        forces = 1 + len(names)
+        self._errors = self.command.extra[1:forces]
+        self._forces = self.command.extra[forces : forces + len(self.tasks.presses)]
+        self._counts = self.command.extra[forces + len(self.tasks.presses) :]
+        self._present_counts = np.zeros(self._counts.size)
+        self._dt, self._begun = description.period_s, False
+        self._first = self._settled = 0
+        self.conditions, self.margin_tolerance = CONDITIONS, MARGIN_ROUNDING
+        self.certifies = self.proves and self._viable
+        self.not_certified_in = MOVING | TOUCHES | IDLE
+
+    @classmethod
+    def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Any:
+        """One for a robot."""
+        return cls(description, parameters, file)
+
+    @classmethod
+    def check(cls, parameters: Any, file: str) -> None:
+        """Refuse priorities that do not fit the tasks.
+
+        Raises:
+            ConfigError: naming the key and the value.
+        """
+        cls.importance_of(parameters, file)
+
+    @staticmethod
+    def names_of(parameters: Any, file: str) -> list[str]:
+        """Names of the tasks.
+
+        Raises:
+            ConfigError: two of them are the same.
+        """
+        names = [task.name for task in parameters.tasks]
+        for number, name in enumerate(names):
+            if name in names[:number]:
+                key, problem = f"parameters.tasks.{number}.name", "two tasks have this name"
+                raise ConfigError(file, key, name, problem, "Give this one another")
+        return names
+
+    @classmethod
+    @abstractmethod
+    def importance_of(cls, parameters: Any, file: str) -> Any:
+        """An `Importance` of the tasks.
+
+        Raises:
+            ConfigError: it does not fit them.
+        """
+
+    @classmethod
+    @abstractmethod
+    def columns(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Names of what `count` writes."""
+
+    @abstractmethod
+    def count(self, out: FloatArray) -> None:
+        """Take what the importance is now.
+
+        Write it into `out`, which tasks are `tops`, and how far each is `absent`, from 0 to 1.
+        """
+
+    def judged(self) -> NDArray[np.bool_]:
+        """Which tasks must reach their target, (k,): those that nothing stands above."""
+        return self.tops
+
+    def task_errors(self) -> list[TaskError]:
+        """Errors of all tasks; those of lower priority, and those left out, are not judged."""
+        judged = self.judged()
+        notes = [
+            ABSENT if self.absent[i] >= 1.0 else "" if judged[i] else LOWER
+            for i in range(len(judged))
+        ]
+        return [
+            replace(error, task=name, note=notes[i])
+            for i, name in enumerate(self.tasks.names)
+            for error in self.tasks.errors_of(i)
+        ]
+
+    @abstractmethod
+    def solve(self, torque_max: FloatArray) -> bool:
+        """Find `ddq` and `tau`, (n,), within bounds, and the `residual`; whether there are any."""
+
+    def change(self, request: Mapping[str, Any]) -> None:
+        """Begin a change of priorities, from the next tick that is not settled yet on.
+
+        Args:
+            request: as for `Priorities.change`, or `Weights.change`.
+
+        Raises:
+            ConfigError: something is wrong with it; nothing has been changed then.
+        """
+        self.importance.change(request, self._settled * self._dt)
+
+    def changeable(self) -> dict[str, Any]:
+        """The priorities, or weights, as they are settled."""
+        return {self.word: self.importance.shown()}
+
+    def reset(self, state: State, last_command: FloatArray | None) -> None:
+        """Begin where the robot is; a joint that is outside its bounds here may stay there."""
+        del last_command
+        self.bounds.begin(state.q)
+        self._begun, self._first, self._settled = False, state.tick, 0
+        self.importance.reset()
+        self.importance.update(0.0)
+        self.count(self._present_counts)
+
+    def step(self, state: State) -> Setpoint:
+        """Torques, or accelerations, for one period."""
+        command, tasks, q, dq = self.command, self.tasks, state.q, state.dq
+        judge = self._judge
+        if judge(q, dq) or (tasks.presses and judge(state.wrench, state.wrench)):
+            command.stamp_kinematics = self.now()
+            return self._refuse(NOT_FINITE)
+        time = state.tick * self._dt
+        if not self._begun:
+            tasks.begin(q, dq, time)
+            self._begun = True
+        self._settle(state.tick - self._first)  # already done, unless States were missed
+        tasks.update(q, dq, state.wrench, time, self.absent)
+        self.bounds.update(q, dq)
+        command.stamp_kinematics = self.now()
+        fallback = SOLVED if self.solve(self.torque_max) else self._fall_back(dq)
+        np.subtract(self._given, self._less, out=command.values)
+        if judge(command.values, self.ddq):
+            return self._refuse(OVERFLOWN)
+        for place, press in enumerate(tasks.presses.values()):
+            self._forces[place] = press.force
+        self._counts[:] = self._present_counts
+        sound = self._certify(fallback, dq)
+        moved = self._settle(state.tick - self._first + 1)
+        if sound and not moved:
+            command.solver_status = STATUS["certified"]
+        return command
+
+    def _settle(self, tick: int) -> bool:
+        """Move the importance to a tick since the reset; whether it is another than before."""
+        if tick <= self._settled:
+            return False
+        self._settled = tick
+        moved: bool = self.importance.update(tick * self._dt)
+        if moved:
+            self.count(self._present_counts)
+        return moved
+
+    def _fall_back(self, dq: FloatArray) -> int:
+        """The nearest that there is to what tasks would do with strong motors."""
+        dynamics, bounds, nearest, wish = (
+            self.tasks.dynamics,
+            self.bounds,
+            self._nearest,
+            self._wish,
+        )
+        np.multiply(dq, -BRAKE_PER_S, out=wish)
+        if self.solve(self._unbounded):
+            wish[:] = self.ddq
+        found = nearest.solve(
+            self._no_rows,
+            self._no_wish,
+            1.0,
+            wish,
+            dynamics.mass,
+            dynamics.bias,
+            bounds.lower,
+            bounds.upper,
+        )
+        self.ddq[:], self.tau[:], self.residual = nearest.ddq, nearest.tau, math.inf
+        return FALLBACKS[found]
+
+    def _certify(self, fallback: int, dq: FloatArray) -> bool:
+        """Write what is known of the answer; whether it is proved for the present importance."""
+        command, tasks, bounds = self.command, self.tasks, self.bounds
+        V, rate, growth, command.active_joints = self._foresee(
+            tasks.tasks,
+            self.tops,
+            tasks.jacobian,
+            tasks.error,
+            tasks.motion,
+            tasks.rate,
+            tasks.slope,
+            dq,
+            self.ddq,
+            self._dt,
+            self._errors,
+        )
+        command.margin, command.extra[0], held = self._distances(
+            self.ddq,
+            self.tau,
+            bounds.lower,
+            bounds.upper,
+            bounds.greatest,
+            self.torque_max,
+            self._scratch,
+        )
+        command.v, command.v_rate_predicted = V, rate
+        command.v_rate_required, command.rho = max(growth, 0.0), 1.0
+        command.solver_path = command.fallback = fallback
+        touches = any(press.touches for press in tasks.presses.values())
+        loaded, idle = tasks.load > 1.0, not self.tops.any()
+        solved = fallback == SOLVED
+        command.kkt_residual = self.residual if solved and self.proves else 0.0
+        command.solver_status = STATUS["uncertified" if solved else "infeasible"]
+        self.present = (
+            (UNFIT if fallback else 0)
+            | (TOO_SMALL if fallback == OVERLOADED_MOTORS else 0)
+            | (UNSOLVED if fallback == GAVE_UP else 0)
+            | (HELD if held else 0)
+            | (HALF_A_TURN if tasks.opposite else 0)
+            | (LOADED if loaded else 0)
+            | (MOVING if self.importance.moving else 0)
+            | (TOUCHES if touches else 0)
+            | (IDLE if idle else 0)
+            | (0 if self.proves else UNPROVED)
+        )
+        proved = solved and self.proves and self.residual <= CERTIFIED_RESIDUAL
+        return proved and self._viable and not (touches or loaded or idle)
+
+    def _refuse(self, condition: int) -> Setpoint:
+        """Nothing to follow where a State, or the answer to it, is not finite."""
+        command = self.command
+        command.values[:] = np.nan
+        command.v = command.v_rate_required = command.v_rate_predicted = command.rho = 0.0
+        command.margin = command.kkt_residual = 0.0
+        command.extra[:] = 0.0
+        command.active_joints = command.solver_path = command.fallback = 0
+        command.solver_status = STATUS["infeasible"]
+        self.present = condition
+        return command

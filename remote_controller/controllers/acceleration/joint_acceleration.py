@@ -1,0 +1,173 @@
+"""Joint-space acceleration control within bounds that keep the limits (Del Prete, RA-L 2018)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from pydantic import Field
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray, Setpoint, State
+from hoap3.remote_controller.controllers.acceleration_tasks.joint_bounds import (
+    BoundSettings,
+    JointBounds,
+)
+from hoap3.remote_controller.controllers.base import STATUS, Controller
+from hoap3.remote_controller.references.postures import posture_of
+from hoap3.remote_controller.tasks.accuracy import (
+    TOLERANCE_DEG,
+    TOLERANCE_M,
+    JointToleranceDeg,
+    JointToleranceM,
+    TaskError,
+    joint_errors,
+    prismatic_joints,
+)
+
+MARGIN_ROUNDING = 1e-9  # relative to the greatest acceleration
+HELD = 1  # solver_path: some joint is held by a bound; 0: none
+
+
+class JointAccelerationController(Controller):
+    """min |ddq_d − ddq|² within bounds, ddq_d = kp·(q_r − q) − kd·dq: (31) and (32).
+
+    The bounds couple no joints, so the answer is ddq_d cut to them. A robot that takes positions
+    gets the motion that it leads to, q + T·dq + T²/2·ddq, where (q, dq) is the commanded state, not
+    the measured one: it starts with the robot's applied reference, and does so again whenever the
+    robot applied something else than what was sent.
+
+    Certificate: V = ½|q − q_r|². `v_rate_predicted` is e·Δq/T of this step. `v_rate_required` is 0
+    where V does not rise in it, and by how fast it does where it was moving away: then no more is
+    claimed than that. `certified` says that, and that the acceleration is the optimum, and within
+    bounds that leave each joint able to stop; with `naive` and `none` they do not, so it is
+    `uncertified`. `margin` is the least distance from a bound, relative to the
+    greatest acceleration; 0 where a joint is at one.
+
+    Raises:
+        ConfigError: a posture that the robot does not have, or bounds that do not fit it.
+    """
+
+    class Parameters(Controller.Parameters):
+        """Where to, how fast, and within what."""
+
+        posture: str | None = Field(
+            None, description="q_r, one of the robot's description; null: where it starts"
+        )
+        posture_rad: tuple[float, ...] = Field((), description="q_r itself instead [rad or m]")
+        tolerance_deg: JointToleranceDeg = TOLERANCE_DEG
+        tolerance_m: JointToleranceM = TOLERANCE_M
+        kp: float = Field(100.0, gt=0, description="of q_r − q [1/s²]")
+        kd: float | None = Field(None, ge=0, description="of dq [1/s]; null: 2√kp")
+        bounds: BoundSettings = Field(BoundSettings(), description="of the accelerations")
+
+    commands = ("acceleration", "position")
+    kernels = (
+        "hoap3.protocol.robot.viability_bounds_kernels",
+        "hoap3.remote_controller.controllers.acceleration.joint_acceleration_kernels",
+    )
+
+    def __init__(
+        self, description: RobotDescription, parameters: Parameters, file: str = "config"
+    ) -> None:
+        from hoap3.remote_controller.controllers.acceleration import (
+            joint_acceleration_kernels as kernels,
+        )
+
+        super().__init__(description, parameters)
+        self._follow_reference, self._accelerate_to = (
+            kernels.follow_reference,
+            kernels.accelerate_to,
+        )
+        key = "parameters.posture"
+        wanted = (parameters.posture, parameters.posture_rad)
+        self._target = posture_of(description, *wanted, file, key)
+        self._bounds = JointBounds(description, parameters.bounds, file, "parameters.bounds")
+        self._viable = parameters.bounds.kind == "viability"
+        kd = 2.0 * math.sqrt(parameters.kp) if parameters.kd is None else parameters.kd
+        self._gains = parameters.kp, kd
+        self._prismatic = prismatic_joints(description)
+        self._tolerances = parameters.tolerance_m, parameters.tolerance_deg
+        self.certifies, self.margin_tolerance = self._viable, MARGIN_ROUNDING
+        self._positions = self.kind == "position"
+        self._dt, n = description.period_s, description.n
+        self._q, self._dq, self._before, self._next, self._ddq = np.zeros((5, n))
+        self._sent = np.full(n, np.nan)
+        self._tick = -1
+        self.conditions = ("state not finite", "held by bounds of joints")
+
+    @classmethod
+    def configured(
+        cls, description: RobotDescription, parameters: Parameters, file: str
+    ) -> JointAccelerationController:
+        """One for a robot."""
+        return cls(description, parameters, file)
+
+    def task_errors(self) -> list[TaskError]:
+        """The greatest error of any joint."""
+        error = self._target - self._q
+        found = joint_errors(error, self._prismatic, *self._tolerances)
+        return [replace(each, task="posture") for each in found]
+
+    def reset(self, state: State, last_command: FloatArray | None) -> None:
+        """Begin with the motion that the robot has: its reference, as fast as its joints move."""
+        del last_command
+        self._bounds.begin(state.reference)
+        self._sent[:], self._tick = np.nan, -1
+
+    def step(self, state: State) -> Setpoint:
+        """Accelerate for one period."""
+        command = self.command
+        if self._positions:
+            elapsed = (state.tick - self._tick) * self._dt
+            if self._tick < 0:
+                self._dq[:], elapsed = state.dq, 0.0
+            finite = self._follow_reference(
+                state.reference, self._before, self._sent, self._q, elapsed, self._dq
+            )
+            self._tick = state.tick
+        else:
+            self._q[:], self._dq[:] = state.q, state.dq
+            finite = math.isfinite(self._q @ self._dq)
+        command.stamp_kinematics = self.now()
+        if not finite:
+            return self._refuse()
+        bounds = self._bounds
+        bounds.update(self._q, self._dq)
+        V, rate, growth, active, margin, resting = self._accelerate_to(
+            self._q,
+            self._dq,
+            self._target,
+            *self._gains,
+            bounds.lower,
+            bounds.upper,
+            bounds.greatest,
+            self._dt,
+            self._ddq,
+            self._next,
+            self._dq,
+        )
+        if self._positions:
+            self._sent[:] = self._next
+        command.values[:] = self._next if self._positions else self._ddq
+        command.v, command.v_rate_predicted = V, rate
+        command.v_rate_required = 0.0 if resting else max(growth, 0.0)
+        command.rho, command.kkt_residual, command.margin = 1.0, 0.0, margin
+        held = margin <= 0.0
+        command.active_joints, command.solver_path = active, HELD if held else 0
+        self.present = 2 if held else 0
+        proven = "at_target" if resting else "certified"
+        command.solver_status = STATUS[proven if self._viable else "uncertified"]
+        return command
+
+    def _refuse(self) -> Setpoint:
+        """Nothing to follow for a State that is not finite; the next one begins anew."""
+        command = self.command
+        command.values[:] = np.nan
+        command.v = command.v_rate_required = command.v_rate_predicted = command.rho = 0.0
+        command.margin = command.kkt_residual = 0.0
+        command.active_joints = command.solver_path = 0
+        command.solver_status = STATUS["infeasible"]
+        self.present, self._tick, self._sent[:] = 1, -1, np.nan
+        return command

@@ -1,0 +1,98 @@
+"""The weighting strategy: a baseline of `ghc` that is never strict."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import SolverError
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.controllers.acceleration.base import HierarchyController
+from hoap3.remote_controller.scheduling.weights import Weights, WeightSettings
+from hoap3.remote_controller.solvers.ghc.weighted import weighted
+
+
+class WeightedController(HierarchyController):
+    """(12) of Liu, Tan and Padois (2015): all tasks share one acceleration.
+
+        min Σ ω_i |J_i ddq − b_i|² + ω_r |ddq + d·dq|² + ω_r |τ − o|²   within the bounds
+
+    The paper has d = 0. A baseline: it allocates, and nothing of it is certified. V is that of all
+    tasks with weight.
+    """
+
+    class Parameters(HierarchyController.Parameters):
+        """Tasks, bounds and weights."""
+
+        regularise: Literal["gravity_compensated", "torque", "none"] = Field(
+            "gravity_compensated", description="what ω_r weighs beside |ddq|², as for `ghc`"
+        )
+        priorities: WeightSettings = Field(
+            WeightSettings(), description="weights of the tasks, in place of priorities"
+        )
+
+    kernels: ClassVar[tuple[str, ...]] = (
+        *HierarchyController.kernels,
+        "hoap3.remote_controller.solvers.ghc.projector_kernels",
+    )
+    word = "weights"
+    importance: Weights
+
+    def __init__(
+        self, description: RobotDescription, parameters: Any, file: str = "config"
+    ) -> None:
+        super().__init__(description, parameters, file)
+        self._regularise = parameters.regularise
+
+    @classmethod
+    def importance_of(cls, parameters: Any, file: str) -> Weights:
+        """The weights.
+
+        Raises:
+            ConfigError: they do not fit the tasks.
+        """
+        names = cls.names_of(parameters, file)
+        return Weights(names, parameters.priorities, file, "parameters.priorities")
+
+    @classmethod
+    def columns(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        """The weight of each task."""
+        return tuple(f"weight_{name}" for name in names)
+
+    def count(self, out: FloatArray) -> None:
+        """Write the weights."""
+        out[:] = self.importance.value
+        np.greater(self.importance.value, 0.0, out=self.tops)
+        np.logical_not(self.tops, out=self.absent)
+
+    def judged(self) -> NDArray[np.bool_]:
+        """Those of the greatest weight."""
+        weights = self.importance.value
+        return np.asarray((weights > 0.0) & (weights >= weights.max()))
+
+    def solve(self, torque_max: FloatArray) -> bool:
+        """One quadratic program of all."""
+        tasks, bounds = self.tasks, self.bounds
+        try:
+            self.ddq[:], self.tau[:] = weighted(
+                [tasks.jacobian[rows] for rows in tasks.rows],
+                [tasks.wanted[rows] for rows in tasks.rows],
+                self.importance.value,
+                tasks.dynamics.mass,
+                tasks.dynamics.bias,
+                self.w_r,
+                regularise=self._regularise,
+                towards=tasks.with_rest[1][len(tasks.wanted) :],
+                qdd_lower=bounds.lower,
+                qdd_upper=bounds.upper,
+                tau_lower=-torque_max,
+                tau_upper=torque_max,
+            )
+        except SolverError:
+            return False
+        return math.isfinite(float(self.tau.sum()))

@@ -1,0 +1,1 @@
+"""Tasks that ask for accelerations, their references and their bounds."""

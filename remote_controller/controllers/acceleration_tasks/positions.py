@@ -1,0 +1,54 @@
+"""Targets of positions, seen from the root."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.references.target import Target
+
+
+class Place:
+    """A target x_d in the root's axes, with its velocity and its acceleration.
+
+    What the velocity gains in the coming period is the acceleration: held for so long it leads to
+    where the target is then.
+
+    Args:
+        target: where; None: where the frame is at the start.
+        origin, axes: of the frame in which it is given, (3,) [m] and (3, 3).
+        period_s: [s].
+        out: x_d, v_d and a_d, (3, 3), to be written to.
+    """
+
+    def __init__(
+        self,
+        target: Target | None,
+        origin: FloatArray,
+        axes: FloatArray,
+        period_s: float,
+        out: FloatArray,
+    ) -> None:
+        self._target, self._origin, self._axes, self._period = target, origin, axes, period_s
+        self._out, self._there = out, np.zeros((3, 3))
+        self._next, self._none = np.zeros(3), np.zeros(3)
+
+    def start(self, present: FloatArray, time_s: float) -> None:
+        """Begin where the frame is, (3,) [m] in the root's axes."""
+        if self._target is None:
+            self._out[0] = present
+        else:
+            self._target.start(self._axes.T @ (present - self._origin), time_s)
+            self.update(time_s)
+
+    def update(self, time_s: float) -> None:
+        """Write where it is at a time [s], and how it moves there."""
+        target, there = self._target, self._there
+        if target is None:
+            return
+        target.at(time_s + self._period, self._none, self._next)
+        target.at(time_s, there[0], there[1])
+        np.subtract(self._next, there[1], out=there[2])
+        np.divide(there[2], self._period, out=there[2])
+        np.matmul(there, self._axes.T, out=self._out)
+        self._out[0] += self._origin

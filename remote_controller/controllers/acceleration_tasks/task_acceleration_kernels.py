@@ -1,0 +1,281 @@
+"""Compiled: the accelerations that tasks ask for, and what becomes of their errors."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.runtime.numba_jit import kernel
+from hoap3.remote_controller.controllers.acceleration_tasks.se3_pd_kernels import (
+    AT_HALF_A_TURN,
+    aim,
+)
+from hoap3.remote_controller.solvers.linalg.dense_kernels import dot, solve_lower
+from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import factorise
+
+Indices = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+POSITION, POSE, POSTURE = 0, 1, 2  # kinds of tasks
+ACTIVE_SPEED = 1e-3  # rad/s or m/s: below it a joint counts as inactive
+UNSURE = 1e-2  # of an acceleration, and of 1 m/s²: by how much it changes within a period
+
+
+@kernel(
+    "i8(i8[:,::1], f8[:,::1], f8[:,:,::1], f8[::1], f8[::1], f8[:,:,::1], f8[:,:,::1], f8[::1],"
+    " i8[::1], f8[:,::1], f8[::1], f8[::1], f8[:,::1], f8[::1], f8[::1], f8[::1], f8[::1],"
+    " f8[::1])"
+)
+def ask(
+    tasks: Indices,
+    origins: FloatArray,
+    rotations: FloatArray,
+    twist: FloatArray,
+    drift: FloatArray,
+    targets: FloatArray,
+    turns: FloatArray,
+    posture: FloatArray,
+    joints: Indices,
+    gains: FloatArray,
+    q: FloatArray,
+    dq: FloatArray,
+    turn: FloatArray,
+    error_out: FloatArray,
+    motion_out: FloatArray,
+    rate_out: FloatArray,
+    slope_out: FloatArray,
+    wanted_out: FloatArray,
+) -> int:
+    """Write for each row of each task its error e and what J·ddq shall be.
+
+    A position wants a_d + kp·(x_d − x) + kd·(v_d − v) − J̇·dq, a posture kp·(q_r − q) − kd·dq, a
+    pose what `tsid_kernels.aim` says. V = ½|e|² of a task changes with slope·motion, where the
+    motion ν is that against its target, and ν's rate is J·ddq + rate.
+
+    Args:
+        tasks: (k, 4) kind, first row, number of rows, and which of the frames.
+        origins, rotations: of the frames in the root, (f, 3) [m] and (f, 3, 3).
+        twist, drift: of the rows of frames, (m,).
+        targets: (k, 3, 3) x_d, v_d and a_d of positions; the first is also the origin of a pose.
+        turns: (k, 3, 3) rotation of a pose.
+        posture: q_r at the rows of postures, (m,).
+        joints: which joint each of these rows is, (m,).
+        gains: (k, 2) kp [1/s²] and kd [1/s].
+        q, dq: (n,).
+        turn: scratch, (3, 3).
+        error_out, motion_out, rate_out, slope_out, wanted_out: (m,).
+
+    Returns:
+        How many poses are half a turn away.
+    """
+    opposite = 0
+    for i in range(tasks.shape[0]):
+        kind, start, size, frame = tasks[i]
+        kp, kd = gains[i]
+        if kind == POSE:
+            rows = slice(start, start + size)
+            _, where = aim(
+                origins[frame],
+                rotations[frame],
+                targets[i, 0],
+                turns[i],
+                twist[rows],
+                drift[rows],
+                kp,
+                kd,
+                turn,
+                error_out[rows],
+                wanted_out[rows],
+                slope_out[rows],
+            )
+            opposite += where == AT_HALF_A_TURN
+            for row in range(start, start + size):
+                motion_out[row], rate_out[row] = twist[row], drift[row]
+            continue
+        for place in range(size):
+            row = start + place
+            if kind == POSTURE:
+                joint = joints[row]
+                error, motion, rate = posture[row] - q[joint], dq[joint], 0.0
+            else:
+                error = targets[i, 0, place] - origins[frame, place]
+                motion = twist[row] - targets[i, 1, place]
+                rate = drift[row] - targets[i, 2, place]
+            error_out[row], motion_out[row], rate_out[row] = error, motion, rate
+            slope_out[row] = -error
+            wanted_out[row] = kp * error - kd * motion - rate
+    return opposite
+
+
+@kernel("f8(f8[:,::1], f8[:,::1], f8[::1], f8[:,::1], f8[::1], f8[::1])")
+def mobility(
+    mass: FloatArray,
+    jacobian: FloatArray,
+    normal: FloatArray,
+    factor: FloatArray,
+    row: FloatArray,
+    scratch: FloatArray,
+) -> float:
+    """nᵀ J M⁻¹ Jᵀ n: how fast a force of 1 N along n accelerates a point along n [1/kg].
+
+    Args:
+        mass: M (n, n).
+        jacobian: of the point's velocity, (3, n).
+        normal: n (3,).
+        factor, row, scratch: scratch, (n, n), (n,) and (n,).
+    """
+    n = row.size
+    for i in range(n):
+        row[i] = 0.0
+        for j in range(n):
+            factor[i, j] = mass[i, j]
+        for k in range(3):
+            row[i] += normal[k] * jacobian[k, i]
+    factorise(factor, n, 0.0, scratch)
+    solve_lower(factor, row)
+    return dot(row, row)
+
+
+@kernel("void(f8[::1], f8, f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1])")
+def push(
+    normal: FloatArray,
+    acceleration: float,
+    ahead: FloatArray,
+    error: FloatArray,
+    motion: FloatArray,
+    rate: FloatArray,
+    slope: FloatArray,
+    wanted: FloatArray,
+) -> None:
+    """Let a position's rows, (3,) each, ask for an acceleration along n, and no more for a place.
+
+    What is left of its error and its motion is tangential. `ahead` is a_d of its target.
+    """
+    along, moving, changing, asking = 0.0, 0.0, 0.0, acceleration
+    for k in range(3):
+        along += normal[k] * error[k]
+        moving += normal[k] * motion[k]
+        changing += normal[k] * rate[k]
+        asking -= normal[k] * (wanted[k] + rate[k] + ahead[k])
+    for k in range(3):
+        wanted[k] += asking * normal[k]
+        error[k] -= along * normal[k]
+        motion[k] -= moving * normal[k]
+        slope[k] = -error[k]
+
+
+@kernel("f8(f8[:,::1], f8[::1], f8[::1], f8[::1], f8, f8[::1], f8[:,::1], f8[::1])")
+def load(
+    frame_rows: FloatArray,
+    wrench: FloatArray,
+    damping: FloatArray,
+    dq: FloatArray,
+    T: float,
+    torque_max: FloatArray,
+    mass: FloatArray,
+    bias: FloatArray,
+) -> float:
+    """Add friction to M and h, and take from h what a measured wrench does: h − Jᵀw.
+
+    Viscous friction is taken at the end of the period: d·(dq + T·ddq).
+
+    Args:
+        frame_rows: J of the sensors, in their own axes, (6s, n).
+        wrench: on the robot, (6s,) [N, N m].
+        damping: d, (n,) [N m s/rad].
+        dq: (n,).
+        T: period [s].
+        torque_max: greatest torques, (n,).
+        mass, bias: M (n, n) and h (n,), changed.
+
+    Returns:
+        The greatest |h|/torque_max.
+    """
+    worst = 0.0
+    for i in range(dq.size):
+        mass[i, i] += T * damping[i]
+        bias[i] += damping[i] * dq[i]
+        for row in range(wrench.size):
+            bias[i] -= frame_rows[row, i] * wrench[row]
+        worst = max(worst, abs(bias[i]) / torque_max[i])
+    return worst
+
+
+@kernel(
+    "Tuple((f8, f8, f8, i8))(i8[:,::1], b1[::1], f8[:,::1], f8[::1], f8[::1], f8[::1], f8[::1],"
+    " f8[::1], f8[::1], f8, f8[::1])"
+)
+def foresee(
+    tasks: Indices,
+    tops: Flags,
+    jacobian: FloatArray,
+    error: FloatArray,
+    motion: FloatArray,
+    rate: FloatArray,
+    slope: FloatArray,
+    dq: FloatArray,
+    ddq: FloatArray,
+    T: float,
+    norms_out: FloatArray,
+) -> tuple[float, float, float, int]:
+    """Say what becomes of V = ½ Σ |e|² of the tasks that are `tops`.
+
+    Args:
+        tasks: as for `ask`.
+        tops: (k,).
+        jacobian: (m, n), at least.
+        error, motion, rate, slope: (m,), of `ask`.
+        dq, ddq: (n,).
+        T: period [s].
+        norms_out: |e| of every task, (k,).
+
+    Returns:
+        V; V̇ half a period on; the most that V may rise by in this period, per second, to second
+        order in it (`tsid_kernels.finish`) and with what is `UNSURE`, so that nothing is said of
+        errors of some µm; and how many joints then move.
+    """
+    V, expected, square, unsure, active = 0.0, 0.0, 0.0, 0.0, 0
+    for i in range(tasks.shape[0]):
+        _, start, size, _ = tasks[i]
+        total = 0.0
+        for row in range(start, start + size):
+            total += error[row] * error[row]
+            if tops[i]:
+                change = rate[row] + dot(jacobian[row], ddq)
+                moving = motion[row] + 0.5 * T * change
+                expected += slope[row] * moving
+                square += moving * moving
+                unsure += abs(slope[row]) * T * (abs(change) + 1.0)
+        norms_out[i] = math.sqrt(total)
+        if tops[i]:
+            V += 0.5 * total
+    for i in range(ddq.size):
+        active += abs(dq[i] + T * ddq[i]) >= ACTIVE_SPEED
+    return V, expected, expected + 2.0 * T * square + UNSURE * unsure, active
+
+
+@kernel("Tuple((f8, f8, b1))(f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1])")
+def distances(
+    ddq: FloatArray,
+    tau: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    greatest: FloatArray,
+    torque_max: FloatArray,
+    scratch: FloatArray,
+) -> tuple[float, float, bool]:
+    """How far accelerations and torques are from their bounds, (n,) all.
+
+    Returns:
+        The least distance, relative to the greatest acceleration or torque; the largest |τ|/τ_max;
+        and whether a bound of an acceleration is reached.
+    """
+    least, share = 1.0, 0.0
+    for i in range(ddq.size):
+        scratch[i] = min(ddq[i] - lower[i], upper[i] - ddq[i]) / greatest[i]
+        least = min(least, scratch[i])
+        share = max(share, abs(tau[i]) / torque_max[i])
+    return min(least, 1.0 - share), share, least <= 1e-9

@@ -1,0 +1,246 @@
+"""What every controller is: built from a description and its parameters, reset, stepped."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import Field
+
+from hoap3.protocol.config.settings import Settings
+from hoap3.protocol.description import CommandKind, RobotDescription
+from hoap3.protocol.errors import BadProblemError, DescriptionError, UsageError
+from hoap3.protocol.messages import COMMANDS, FloatArray, Setpoint, State, schema
+from hoap3.remote_controller.tasks.accuracy import TaskError
+
+STATUS = {
+    name.removeprefix("STATUS_").lower(): value
+    for name, value in schema("Setpoint").constants.items()
+    if name.startswith("STATUS_")
+}
+"""Setpoint.solver_status by name: certified, at_target, uncertified, infeasible, none."""
+
+ACTIVE_SPEED = 1e-3  # rad/s: below it a joint counts as inactive (QP12, section V-C)
+
+
+def agreed(commands: Sequence[CommandKind], description: RobotDescription) -> CommandKind:
+    """What a controller shall give, of what it can, to a robot: the first that this takes.
+
+    Raises:
+        DescriptionError: the robot takes nothing of it.
+    """
+    for kind in description.command_kinds:
+        if kind in commands:
+            return kind
+    raise DescriptionError(
+        f"{mismatch(commands, description)}. If the robot can take that, too, start it so: "
+        f"`hoap3 emulator … --set command={commands[0]}`, or with `run` "
+        f"--set emulator.command={commands[0]}. Else choose another controller, or another robot"
+    )
+
+
+def mismatch(commands: Sequence[CommandKind], description: RobotDescription) -> str:
+    """That a controller gives nothing that a robot takes, in words."""
+    takes, gives = " or ".join(description.command_kinds), " or ".join(commands)
+    return f"robot {description.name!r} takes {takes}, and the controller gives {gives}"
+
+
+class Controller(ABC):
+    """Answers each State with a Setpoint.
+
+    A subclass names its settings in a nested `Parameters` model and its additional log columns
+    in `extra_names`, writes into `self.command` and returns it. Where the columns depend on the
+    parameters, it sets `self.extra_names` before it calls this `__init__`. Nothing may be
+    allocated in `step` that can be allocated in `__init__`.
+
+    Args:
+        description: of the robot.
+        parameters: a `Parameters` of this class.
+
+    Attributes:
+        command: the answer; its certificate says what was proved of it.
+        now: clock of the loop [ns]; for stamps only, never for control.
+        kind: what its commands are, one of `commands`.
+        conditions: names of what may hold in a cycle and people should know.
+        present: which of them hold in this cycle: bit i for `conditions[i]`. Where one begins or
+            ends, the log says so.
+        certifies: whether it can certify its answers. False for one that certifies only some, by
+            its design: then the share of certified answers says nothing of the motion.
+        not_certified_in: conditions, by bit, in which nothing is certified by design.
+        margin_tolerance: how far the certificate's `margin` may be below 0 by rounding, in its
+            unit; None for a controller without constraints.
+    """
+
+    class Parameters(Settings):
+        """Settings of this controller; none here."""
+
+    extra_names: tuple[str, ...] = ()
+    commands: ClassVar[tuple[CommandKind, ...]] = ("position",)
+    """What it can give; the robot's description decides which of these its `command` is."""
+    kernels: ClassVar[tuple[str, ...]] = ()
+    """Modules that compile what it needs; a service has them ready before anything else."""
+
+    def __init__(self, description: RobotDescription, parameters: Settings) -> None:
+        self.conditions: tuple[str, ...] = ()
+        self.present = 0
+        self.certifies, self.not_certified_in = True, 0
+        self.margin_tolerance: float | None = None
+        self.description, self.parameters = description, parameters
+        self.now: Callable[[], int] = time.monotonic_ns
+        self.command = Setpoint(description.n, len(self.extra_names))
+        self.command.solver_status = STATUS["none"]
+        self.kind = agreed(self.commands, description)
+        self.command.command = COMMANDS[self.kind]
+
+    @classmethod
+    def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Self:
+        """One for a robot; whoever names other files or parts in its parameters builds them here.
+
+        Args:
+            description: of the robot.
+            parameters: a `Parameters` of this class.
+            file: where they stand, for errors. Other files are sought beside it.
+        """
+        del file
+        return cls(description, parameters)
+
+    @classmethod  # noqa: B027 - most have nothing to add
+    def check(cls, parameters: Any, file: str) -> None:
+        """Refuse what `Parameters` cannot see to be wrong, and what needs no robot to be so.
+
+        Raises:
+            ConfigError, UnknownNameError: naming the file, the key and the value.
+        """
+
+    @abstractmethod
+    def reset(self, state: State, last_command: FloatArray | None) -> None:
+        """Begin at `state`, so that the next command does not jump.
+
+        Args:
+            state: the newest one; its `reference` is what the robot applies.
+            last_command: the last values sent to the robot, (n,), or None.
+        """
+
+    @abstractmethod
+    def step(self, state: State) -> Setpoint:
+        """Answer `state`; returns `self.command` with `values` and the certificate filled in."""
+
+    def task_errors(self) -> list[TaskError]:
+        """Errors of the tasks at the last `step`, each with its tolerance; empty without a target.
+
+        Called outside the loop, when the robot stops following; it must not change anything.
+        """
+        return []
+
+    def change(self, request: Mapping[str, Any]) -> None:
+        """Take over what somebody wants to be otherwise from now on: all of it, or nothing.
+
+        Comes between two steps. The log has what was taken over, so that a replay does the same.
+
+        Args:
+            request: a JSON object of the controller's own making.
+
+        Raises:
+            UsageError: it is refused; says what is wrong with it and what is not.
+        """
+        del request
+        raise UsageError(f"controller {type(self).__name__} takes no changes while it runs")
+
+    def changeable(self) -> dict[str, Any]:
+        """What `change` can change, as it is now: a JSON object, empty here."""
+        return {}
+
+
+class VelocityController(Controller):
+    """A controller that finds joint velocities u; setpoints are their Euler integral.
+
+    q*_{k+1} = a_k + u_k·T, where a_k is the reference that the robot applies (footnote 11 of
+    the QP12 paper has the measured position there; `integrate_from: measured` does that, and
+    stalls on coarse encoders).
+
+    Where the robot would hold a joint back at a limit of position, speed or acceleration, nothing
+    is certified, whatever `velocity` said. How fast the reference moves is known from two States
+    in a row, and where the robot begins to follow: it is at rest then. After a State that was
+    missed one answer is not certified, because nobody knows whether the robot can do it.
+    """
+
+    class Parameters(Controller.Parameters):
+        """Settings that every velocity controller has."""
+
+        integrate_from: Literal["measured", "reference"] = Field(
+            "reference", description="joint positions that setpoints are integrated from"
+        )
+
+    def __init__(self, description: RobotDescription, parameters: Settings) -> None:
+        from hoap3.remote_controller.model import kinematics_kernels as kernels
+
+        super().__init__(description, parameters)
+        self._euler_step = kernels.euler_step
+        self._histories = kernels.AT_REST, kernels.FOLLOWED, kernels.UNKNOWN
+        self._dt = description.period_s
+        self._limits = np.array(
+            [
+                description.lower,
+                description.upper,
+                description.velocity,
+                description.setpoint_acceleration_max,
+            ]
+        )
+        self._fastest = self._limits[2]
+        self._earlier = np.zeros(description.n)  # reference
+        self._periods = -1  # of the last State
+        self._from_measured = getattr(parameters, "integrate_from", "reference") == "measured"
+
+    @abstractmethod
+    def velocity(self, state: State) -> FloatArray:
+        """Joint velocities u for `state`, (n,) [rad/s or m/s], in wire order, contiguous."""
+
+    def reset(self, state: State, last_command: FloatArray | None) -> None:
+        """Nothing to remember: every setpoint starts from the robot's applied reference."""
+
+    def step(self, state: State) -> Setpoint:
+        """Integrate `velocity` over one period.
+
+        Raises:
+            BadProblemError: it is no array of float64 with as many values as the robot has joints.
+        """
+        command = self.command
+        command.stamp_kinematics = self.now()
+        u = self.velocity(state)
+        start = state.q if self._from_measured else state.reference
+        history = self._history(state)
+        try:
+            active, beyond = self._euler_step(
+                start,
+                u,
+                self._dt,
+                ACTIVE_SPEED,
+                history,
+                state.reference,
+                self._limits,
+                self._earlier,
+                command.values,
+            )
+        except TypeError as error:
+            name = type(self).__name__
+            raise BadProblemError(
+                f"{name}.velocity gave {u!r:.60}, not a contiguous array of float64"
+            ) from error
+        if active < 0:
+            name, n = type(self).__name__, self.description.n
+            raise BadProblemError(f"{name}.velocity gave {u.size} values for {n} joints")
+        command.active_joints = active
+        if beyond and command.solver_status == STATUS["certified"]:
+            command.solver_status = STATUS["uncertified"]
+        return command
+
+    def _history(self, state: State) -> int:
+        """What the States seen so far say of the reference's velocity."""
+        at_rest, followed, unknown = self._histories
+        last, self._periods = self._periods, state.tick - state.skipped
+        if state.mode != State.ACTIVE or state.tick == state.epoch_from_tick:
+            return at_rest
+        return followed if self._periods == last + 1 else unknown

@@ -1,0 +1,1 @@
+"""The controller that is stable by design: any task, objective and constraints."""

@@ -1,0 +1,86 @@
+"""What people should know of a cycle of `stable_qp`, as bits for the log."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.constraints.stack import ConstraintStack
+from hoap3.remote_controller.solvers.base import status as solver_status
+from hoap3.remote_controller.tasks import status as task_status
+
+BELOW_ONE = 1.0 - 1e-6  # of ρ: the constraints slow the fall of V
+ACTIVE = 1e-6  # of a row: its slack, relative to its length [rad/s]
+BOUNDS = "held by bounds of joints"
+
+
+class Watch:
+    """Finds out which conditions hold.
+
+    `slowed` (ρ < 1), statuses of the solver and of the task by name, `LABEL: EVENT` for the
+    events of each constraint, and `held by LABEL` for constraints that keep V from falling as
+    fast as asked: u is on one of their rows, and −∇V points beyond it.
+
+    Args:
+        stack: the constraints.
+
+    Attributes:
+        names: of the conditions, by bit.
+    """
+
+    def __init__(self, stack: ConstraintStack) -> None:
+        self._stack = stack
+        solver = [name for name in solver_status.NAMES if name != "ok"]
+        task = [name for name in task_status.NAMES if name != "ok"]
+        events = [
+            (f"{label}: {event}", constraint.events, event)
+            for label, constraint in zip(stack.labels, stack.constraints, strict=True)
+            for event in constraint.events
+        ]
+        held = [f"held by {label}" for label in stack.labels]
+        self.names = ("slowed", *solver, *task, BOUNDS, *held, *(name for name, *_ in events))
+        bits = {name: 1 << place for place, name in enumerate(self.names)}
+        self._slowed, self._bounds = bits["slowed"], bits[BOUNDS]
+        self._solver = [bits.get(name, 0) for name in solver_status.NAMES]
+        self._task = [bits.get(name, 0) for name in task_status.NAMES]
+        self._events = [(bits[name], counts, event) for name, counts, event in events]
+        self._counted = [0] * len(events)
+        self._rows = [
+            (bits[f"held by {label}"], len(constraint.names))
+            for label, constraint in zip(stack.labels, stack.constraints, strict=True)
+            if not constraint.equality
+        ]
+
+    def look(self, found: int, rho: float, task: int, gradient: FloatArray, u: FloatArray) -> int:
+        """Conditions of a cycle.
+
+        Args:
+            found, rho: of the solver.
+            task: status of the task.
+            gradient: ∇V, (n,).
+            u: the answer, (n,) [rad/s or m/s].
+        """
+        present = self._solver[found] | self._task[task]
+        for place, (bit, counts, event) in enumerate(self._events):
+            if counts[event] != self._counted[place]:
+                self._counted[place] = counts[event]
+                present |= bit
+        if rho < BELOW_ONE:
+            present |= self._slowed | self._holders(gradient, u)
+        return present
+
+    def _holders(self, gradient: FloatArray, u: FloatArray) -> int:
+        stack, present, start = self._stack, 0, 0
+        at_limit = ((stack.upper - u <= ACTIVE) & (gradient < 0.0)) | (
+            (u - stack.lower <= ACTIVE) & (gradient > 0.0)
+        )
+        if at_limit.any():
+            present |= self._bounds
+        slack, outwards = stack.b - stack.A @ u, stack.A @ gradient < 0.0
+        lengths = np.abs(stack.A).max(axis=1, initial=0.0)
+        holding = outwards & (slack <= ACTIVE * lengths)
+        for bit, rows in self._rows:
+            if holding[start : start + rows].any():
+                present |= bit
+            start += rows
+        return present

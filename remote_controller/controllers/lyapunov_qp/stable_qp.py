@@ -1,0 +1,278 @@
+"""The general controller, stable by design: any task, Φ, Ψ and constraints (QP12, problem (3))."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.constraints import registry as constraints
+from hoap3.remote_controller.controllers.base import STATUS, VelocityController
+from hoap3.remote_controller.controllers.lyapunov_qp import settings
+from hoap3.remote_controller.controllers.lyapunov_qp.diagnostics import Watch
+from hoap3.remote_controller.controllers.lyapunov_qp.objective import check_objective, solver_of
+from hoap3.remote_controller.controllers.qp12.lyapunov_descent_kernels import GAMMA_SLOPE
+from hoap3.remote_controller.controllers.ramp import Ramp
+from hoap3.remote_controller.default_task import default_goal
+from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate import FORMS
+from hoap3.remote_controller.solvers.lyapunov_qp.stable_qp import STILL
+from hoap3.remote_controller.tasks import registry as tasks
+from hoap3.remote_controller.tasks.accuracy import TaskError
+from hoap3.remote_controller.tasks.curve_following.curve_following import PersistentMotion
+
+PROVEN = (status.OK, status.STATIONARY)
+CERTIFIED_RESIDUAL = 1e-9
+ANSWERED = (*PROVEN, status.BEHIND, status.AHEAD)
+HELD = (*ANSWERED, status.FLAT)  # what the solver gives is followed; else the robot brakes
+ROUNDING = 1e-9  # of V̇ relative to what is required, and of a speed [rad/s or m/s]
+CURVATURE = 1e-6  # of a margin: what one Euler step of a curved constraint may overstep
+
+
+class StableQpController(VelocityController):
+    """min Φ(u) such that V̇ = −ρΨ within the constraints; ρ ≤ 1 is what they leave of Ψ.
+
+    With `rho: largest` ρ is (6); `damped`, the default, asks for no more of it than is worth its
+    speed (`solvers.stable_qp`), so that the robot comes to rest where V can fall no further.
+
+    On a curve (`joint_curve`, `task_curve`) the motion along it is one more equation, (23).
+
+    A cycle is certified if V̇ is what is required, −ρΨ with 0 ≤ ρ ≤ 1, the answer is optimal to
+    10⁻⁹ and no constraint is violated. What stands in the way of it is one of `conditions`: the
+    solver's statuses, the task's, and those of each constraint.
+
+    Where there is no answer, as no u keeps the constraints or a part of them is NaN, the robot
+    does not jump to rest: all joints brake together, in a straight line, at the braking limit of
+    one, and only then is an answer followed again.
+
+    Raises:
+        ConfigError: a task, a constraint or an objective that does not fit the robot.
+    """
+
+    Parameters: ClassVar[Any] = settings.Parameters
+    extra_names = ("psi", "drift", "solver_status")
+    kernels = (
+        "hoap3.remote_controller.solvers.lyapunov_qp.lyapunov_qp_kernels",
+        "hoap3.remote_controller.solvers.lyapunov_qp.kkt_residual_kernels",
+        "hoap3.remote_controller.solvers.lyapunov_qp.descent_rate_kernels",
+        "hoap3.remote_controller.solvers.lyapunov_qp.lp_norm_kernels",
+        "hoap3.remote_controller.constraints.limit_kernels",
+        "hoap3.remote_controller.constraints.collision.distance_kernels",
+        "hoap3.remote_controller.tasks.lyapunov_kernels",
+        "hoap3.remote_controller.tasks.se3_kernels",
+        "hoap3.remote_controller.tasks.curve_following.curve_kernels",
+    )
+
+    def __init__(
+        self, description: RobotDescription, parameters: settings.Parameters, file: str = "config"
+    ) -> None:
+        from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate_kernels import (
+            rate_kernel,
+        )
+
+        task = parameters.task
+        if task is None:
+            task = default_goal(description, file, "parameters.task").settings
+        super().__init__(description, parameters)
+        self.kinematics = Kinematics(description)
+        self.function = tasks.build(task, description, self.kinematics, file, "parameters.task")
+        self.stack = constraints.build(
+            parameters.constraints, description, self.kinematics, description.period_s, file
+        )
+        curve = self.function if isinstance(self.function, PersistentMotion) else None
+        self._curve = curve
+        m, k, n = len(self.stack.b), len(self.stack.c), description.n
+        self._C = np.zeros((k + (curve is not None), n))
+        self._c = np.zeros(len(self._C))
+        self._solver = solver_of(parameters, description, m, len(self._C), file)
+        self.u = self._solver.u
+        self._adaptive = getattr(parameters.objective, "adaptive_gamma", False)
+        self._gamma = getattr(parameters.objective, "gamma", 0.0)
+        self._M, self._y = self._squares(parameters, file)
+        self._equality = parameters.lyapunov == "equality"
+        self._gain = getattr(parameters.objective, "gain_per_s", 0.0)
+        self._rate_kernel, psi = rate_kernel, parameters.psi
+        bounded = psi.form not in ("tanh", "exponential")
+        self._psi = (psi.u_max_rad_s, psi.beta) if bounded else (psi.eta_per_s, psi.kappa)
+        self._form = FORMS.index(psi.form)
+        self._ramp = Ramp(psi.ramp_s, description.period_s)
+        self._from_reference = parameters.kinematics_from == "reference"
+        self._watch = Watch(self.stack)
+        self.conditions = self._watch.names
+        self.margin_tolerance = CURVATURE if parameters.constraints else None
+        self._task_name = task.task
+        self._begun = False
+        self._brake_step = description.brake_acceleration * self._dt
+        self._last, self._stopping = np.zeros(n), status.OK
+
+    @classmethod
+    def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Self:
+        """One for a robot."""
+        return cls(description, parameters, file)
+
+    @classmethod
+    def check(cls, parameters: Any, file: str) -> None:
+        """Refuse parts that are wrong for any robot."""
+        if parameters.task is not None:
+            tasks.check_parameters(parameters.task, file, "parameters.task")
+        constraints.read(parameters.constraints, file)
+        check_objective(parameters, file)
+
+    def task_errors(self) -> list[TaskError]:
+        """Errors of the task."""
+        return [replace(error, task=self._task_name) for error in self.function.accuracy()]
+
+    def reset(self, state: State, last_command: FloatArray | None) -> None:
+        """Begin anew at the next State that is finite."""
+        super().reset(state, last_command)
+        self._begun = False
+        self._last[:], self._stopping = 0.0, status.OK
+
+    def _begin(self, state: State) -> None:
+        """Have the task start where the robot is, and ρ at 1; `kinematics` is up to date."""
+        self.function.reset(self.kinematics, state.tick * self._dt)
+        self.stack.reset()
+        self._ramp.restart()
+        self._solver.forget()
+        self._begun = True
+
+    def velocity(self, state: State) -> FloatArray:
+        """Joint velocities, and their certificate."""
+        function, stack, solver, command = self.function, self.stack, self._solver, self.command
+        if not np.isfinite(state.q @ state.reference):
+            return self._refuse()
+        self.kinematics.update(state.reference if self._from_reference else state.q)
+        if not self._begun:
+            self._begin(state)
+        function.update(self.kinematics, state.tick * self._dt)
+        stack.update(self.kinematics, state)
+        command.stamp_kinematics = self.now()
+        V, gradient, drift = function.value, function.gradient, function.rate
+        error = math.sqrt(2.0 * V) if V >= 0.0 else math.nan
+        self._ramp.advance(state)
+        psi = self._rate_kernel(self._form, V, gradient, error, *self._psi) * self._ramp.share
+        if self._adaptive:
+            slope = GAMMA_SLOPE * math.sqrt(gradient @ gradient)
+            solver.gamma = 2.0 * self._gamma / math.pi * math.atan(slope)
+        rejected = stack.reject(gradient)
+        self._equations()
+        if self._y is not None and self._curve is None:
+            np.multiply(function.error, -self._gain, out=self._y)
+        found = solver.solve(
+            gradient,
+            psi,
+            drift,
+            stack.A,
+            stack.b,
+            stack.lower,
+            stack.upper,
+            self._C,
+            self._c,
+            self._M,
+            self._y,
+        )
+        if found not in HELD or self._stopping:
+            found = self._brake(found)
+        self._last[:] = self.u
+        self._certify(V, psi, drift, found, bool(rejected))
+        share = solver.rho if self._equality else 1.0  # V̇ ≤ 0 asks for no share of Ψ
+        self.present = self._watch.look(found, share, function.status, gradient, self.u)
+        return self.u
+
+    def _brake(self, found: int) -> int:
+        """Come nearer to rest, as far as the bounds allow, and go on until there; why."""
+        why = self._stopping or found
+        periods = float(np.max(np.abs(self._last) / self._brake_step))
+        share = 1.0 - 1.0 / periods if periods > 1.0 else 0.0
+        self._stopping = why if share else status.OK
+        np.multiply(self._last, share, out=self.u)
+        np.fmax(self.u, self.stack.lower, out=self.u)  # a bound that is NaN is none
+        np.fmin(self.u, self.stack.upper, out=self.u)
+        return why
+
+    def _refuse(self) -> FloatArray:
+        """Nothing to follow for a State that is not finite."""
+        command = self.command
+        command.solver_status, command.solver_path = STATUS["infeasible"], STILL
+        command.v = command.v_rate_required = command.v_rate_predicted = command.rho = 0.0
+        command.margin = command.kkt_residual = 0.0
+        command.extra[:] = 0.0, 0.0, status.BAD_INPUT
+        self.u[:] = np.nan
+        self.present = self._watch.look(status.BAD_INPUT, 1.0, 0, self.u, self.u)
+        return self.u
+
+    def _equations(self) -> None:
+        """C u = c of the constraints, and of the motion along a curve."""
+        k, curve = len(self.stack.c), self._curve
+        if k:
+            self._C[:k], self._c[:k] = self.stack.C, self.stack.c
+        if curve is not None:
+            self._C[k], self._c[k] = curve.motion_row, curve.speed
+
+    def _squares(
+        self, parameters: settings.Parameters, file: str
+    ) -> tuple[FloatArray | None, FloatArray | None]:
+        """M and y of ½|M u − y|², or none."""
+        if not isinstance(parameters.objective, settings.LeastSquares):
+            return None, None
+        if self._curve is not None:
+            return self._curve.objective_rows, np.zeros(len(self._curve.objective_rows))
+        if not self.function.error.size:
+            raise ConfigError(
+                file,
+                "parameters.objective.kind",
+                "least_squares",
+                "needs a task with an error e, and this one gives V only",
+                "Choose qp12 or lp, or give the task an error and its Jacobian",
+            )
+        return self.function.jacobian, np.zeros(self.function.error.size)
+
+    def _certify(self, V: float, psi: float, drift: float, found: int, rejected: bool) -> None:
+        """Write what is proved of u."""
+        solver, command = self._solver, self.command
+        share = min(solver.rho, 1.0)
+        command.v, command.rho = V, share
+        required = -share * psi if self._equality else 0.0
+        command.v_rate_required, command.v_rate_predicted = required, solver.rate
+        command.margin = margin = self._least_margin()
+        command.kkt_residual = solver.kkt_residual
+        command.solver_path = solver.path
+        command.extra[:] = psi, drift, found
+        if found not in ANSWERED:
+            command.solver_status = STATUS["infeasible"]
+            command.rho = command.v_rate_required = command.v_rate_predicted = 0.0
+            command.kkt_residual = 0.0
+            return
+        if psi == drift == 0.0 and solver.path == STILL and found == status.OK:
+            command.solver_status = STATUS["at_target"]
+            return
+        holds = (
+            found in PROVEN
+            and not rejected
+            and share >= 0.0
+            and self._falls(solver.rate, required)
+            and solver.kkt_residual <= CERTIFIED_RESIDUAL
+            and solver.margin >= -ROUNDING
+            and margin >= -CURVATURE
+        )
+        command.solver_status = STATUS["certified" if holds else "uncertified"]
+
+    def _falls(self, rate: float, required: float) -> bool:
+        """Whether V̇ is −ρΨ, or with Remark 1 not above 0."""
+        short = rate - required
+        return (abs(short) if self._equality else short) <= ROUNDING * abs(required)
+
+    def _least_margin(self) -> float:
+        """Of the constraints, else of the bounds on u, else of the robot's speed limits."""
+        margin = min(self.stack.margin(), math.inf)
+        if margin == math.inf:
+            margin = self._solver.margin
+        if margin == math.inf:
+            margin = float((self._fastest - np.abs(self.u)).min())
+        return margin if math.isfinite(margin) else 0.0

@@ -1,0 +1,147 @@
+"""Controllers that make V = |e|²/2 of one point decrease at a chosen rate (QP12, section V)."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import replace
+from typing import Any, Literal, Self
+
+import numpy as np
+from pydantic import Field
+
+from hoap3.protocol.description import COM, RobotDescription
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.controllers.base import STATUS, VelocityController
+from hoap3.remote_controller.controllers.ramp import Ramp
+from hoap3.remote_controller.default_task import default_goal
+from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.tasks.accuracy import TOLERANCE_M, TaskError
+from hoap3.remote_controller.tasks.com import ComTask
+from hoap3.remote_controller.tasks.frame_position import FramePositionTask
+
+PSI_SCALES = {"inverse_sqrt_n": 0, "one": 1, "max_norm": 2}
+CERTIFIED_RESIDUAL = 1e-9
+ROUNDING = 1e-12  # of a speed relative to u_max
+
+
+class DescentController(VelocityController):
+    """Brings the centre of mass, or a frame, to a target; subclasses choose how the joints move.
+
+    Raises:
+        FrameNotFoundError: the robot does not have a frame of the task.
+        ConfigError: the task is not named in full, and the robot has no default task.
+    """
+
+    class Parameters(VelocityController.Parameters):
+        """Task, rate of decrease, and what is fed back."""
+
+        point: str | None = Field(
+            None,
+            description="what is brought to the target: com, or a frame; null: the robot's default "
+            "task decides, or com where frame is named",
+        )
+        frame: str | None = Field(
+            None, description="frame that it is seen from; null: that of the default task"
+        )
+        target_m: tuple[float, float, float] | None = Field(
+            None, description="where it shall be, in that frame [m]; null: as the default task"
+        )
+        tolerance_m: float = Field(
+            TOLERANCE_M, gt=0, description="|e| at the end that counts as reached [m]"
+        )
+        u_max_rad_s: float = Field(0.6, gt=0, description="joint speed that Ψ is scaled by")
+        beta: float = Field(46.0, gt=0, description="β of R(q), (41) [1/m]")
+        psi_scale: Literal["inverse_sqrt_n", "one", "max_norm"] = Field(
+            "inverse_sqrt_n",
+            description="Ψ = u_max·|∇V|₂·R/√n as (16) has it, without 1/√n, or u_max·|∇V|∞·R",
+        )
+        ramp_s: float = Field(
+            0.0, ge=0, description="time in which Ψ rises to that after the start [s]; 0: at once"
+        )
+        kinematics_from: Literal["measured", "reference"] = Field(
+            "measured", description="joint positions that kinematics are computed from"
+        )
+
+    def __init__(self, description: RobotDescription, parameters: Parameters) -> None:
+        parameters = _complete(parameters, description, "config")
+        super().__init__(description, parameters)
+        self.kinematics = Kinematics(description)
+        self.task = _task(self.kinematics, parameters)
+        self.task.tolerance_m = parameters.tolerance_m
+        self._point = parameters.point or "task"
+        self._ramp = Ramp(parameters.ramp_s, description.period_s)
+        self._from_reference = parameters.kinematics_from == "reference"
+        self._least_margin = -ROUNDING * parameters.u_max_rad_s
+        self.u = np.zeros(description.n)
+
+    @classmethod
+    def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Self:
+        """One for a robot, whose default task stands for what the parameters do not name."""
+        return cls(description, _complete(parameters, description, file))
+
+    def reset(self, state: State, last_command: FloatArray | None) -> None:
+        """Begin again from rest."""
+        super().reset(state, last_command)
+        self._ramp.restart()
+
+    def velocity(self, state: State) -> FloatArray:
+        """Joint velocities that decrease V, and their certificate."""
+        self._ramp.advance(state)
+        self.kinematics.update(state.reference if self._from_reference else state.q)
+        self.task.update(self.kinematics)
+        command = self.command
+        command.stamp_kinematics = self.now()
+        command.solver_status = self._verdict(self.descend(command.certificate))
+        return self.u
+
+    def task_errors(self) -> list[TaskError]:
+        """|e|."""
+        asked = np.ones(len(self.task.error), np.bool_)
+        return [replace(error, task=self._point) for error in self.task.accuracy(asked)]
+
+    @abstractmethod
+    def descend(self, certificate: FloatArray) -> int:
+        """Write u into `self.u` and (V, required V̇, predicted V̇, ρ, margin, residual).
+
+        Ψ is that of u_max times `self._ramp.share`.
+
+        Returns:
+            Status of the solver, one of `solvers.status`.
+        """
+
+    def _verdict(self, answer: int) -> int:
+        """One of `STATUS`: what the certificate in `self.command` proves."""
+        command = self.command
+        if answer != status.OK:
+            return STATUS["infeasible"]
+        if command.v_rate_required == command.v_rate_predicted == 0.0:
+            return STATUS["at_target"]
+        optimal = command.kkt_residual <= CERTIFIED_RESIDUAL
+        slow_enough = command.margin >= self._least_margin
+        return STATUS["certified"] if optimal and slow_enough else STATUS["uncertified"]
+
+
+def _complete(
+    parameters: DescentController.Parameters, description: RobotDescription, file: str
+) -> DescentController.Parameters:
+    """The parameters with what they leave to the robot's default task."""
+    point = parameters.point or (COM if parameters.frame else None)
+    reference, target = parameters.frame, parameters.target_m
+    if point is None or reference is None or target is None:
+        key = "parameters.target_m" if target is None else "parameters.frame"
+        goal = default_goal(description, file, key, point, reference)
+        point, reference, target = goal.point, goal.reference, target or goal.target_m
+    update = {"point": point, "frame": reference, "target_m": target}
+    return parameters.model_copy(update=update)
+
+
+def _task(
+    kinematics: Kinematics, parameters: DescentController.Parameters
+) -> ComTask | FramePositionTask:
+    """The task of complete parameters."""
+    point, reference = str(parameters.point), str(parameters.frame)
+    target = np.array(parameters.target_m)
+    if point == COM:
+        return ComTask(kinematics, reference, target)
+    return FramePositionTask(kinematics, point, reference, target)

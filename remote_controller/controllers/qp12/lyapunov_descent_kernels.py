@@ -1,0 +1,152 @@
+"""One compiled call per tick: gradient, Ψ, γ, u and certificate (QP12, section V)."""
+
+from __future__ import annotations
+
+import math
+
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.remote_controller.solvers.qp12.pinv_kernels import solve_pinv, solve_pinv_plain
+from hoap3.remote_controller.solvers.qp12.qp12_kernels import qp12_kkt_residual, solve_qp12
+
+GAMMA_SLOPE = 100.0  # of the adaptive γ (QP12, section V-C), in 1/|∇V|
+
+
+@inlined
+def required_decrease(
+    error: FloatArray,
+    jacobian: FloatArray,
+    u_max: float,
+    beta: float,
+    psi_scale: int,
+    gradient_out: FloatArray,
+    certificate_out: FloatArray,
+) -> float:
+    """∇V = Jᵀe (39) and Ψ by (16) with R by (41); V and the required V̇ = −Ψ are written too.
+
+    `psi_scale` 0: Ψ = u_max|∇V|₂R/√n, 1: without 1/√n, 2: u_max|∇V|∞R. With 0 and 2 the largest
+    |u_i| of QP12 is at most u_max·R; with 1 only √n times that.
+    """
+    m, n = jacobian.shape
+    squares = 0.0
+    for row in range(m):
+        squares += error[row] * error[row]
+    largest = 0.0
+    for i in range(n):
+        slope = 0.0
+        for row in range(m):
+            slope += jacobian[row, i] * error[row]
+        gradient_out[i] = slope
+        largest = max(largest, abs(slope))
+    norm = 0.0
+    if largest > 0.0:
+        for i in range(n):
+            norm += (gradient_out[i] / largest) ** 2
+        norm = largest * math.sqrt(norm)
+    reach = 2.0 / math.pi * math.atan(beta * math.sqrt(squares))
+    if psi_scale == 0:
+        psi = u_max * norm / math.sqrt(n) * reach
+    elif psi_scale == 1:
+        psi = u_max * norm * reach
+    else:
+        psi = u_max * largest * reach
+    certificate_out[0] = 0.5 * squares
+    certificate_out[1] = -psi
+    return psi
+
+
+@inlined
+def rate_and_margin(
+    gradient: FloatArray, u: FloatArray, u_max: float, certificate_out: FloatArray
+) -> None:
+    """Write the predicted V̇ = ∇V·u, ρ = 1, and the margin u_max − max|u|."""
+    rate, fastest = 0.0, 0.0
+    for i in range(u.size):
+        rate += gradient[i] * u[i]
+        fastest = max(fastest, abs(u[i]))
+    certificate_out[2] = rate
+    certificate_out[3] = 1.0
+    certificate_out[4] = u_max - fastest
+
+
+@kernel("i8(f8[::1], f8[:,::1], f8, f8, i8, f8, b1, f8[::1], f8[::1], f8[::1])")
+def qp12_descent(
+    error: FloatArray,
+    jacobian: FloatArray,
+    u_max: float,
+    beta: float,
+    psi_scale: int,
+    gamma_far: float,
+    adaptive: bool,
+    gradient_out: FloatArray,
+    u_out: FloatArray,
+    certificate_out: FloatArray,
+) -> int:
+    """Find u of (40), with constant γ or γ = (2γ_far/π)·atan(100|∇V|).
+
+    Args:
+        error: e, (m,) [m].
+        jacobian: J, (m, n) [m/rad].
+        u_max: [rad/s].
+        beta: of (41) [1/m].
+        psi_scale: see `required_decrease`.
+        gamma_far: γ, or γ_far where `adaptive`.
+        gradient_out: ∇V, (n,).
+        u_out: u, (n,) [rad/s].
+        certificate_out: V, required V̇, predicted V̇, ρ, margin, KKT residual.
+
+    Returns:
+        Status of `solve_qp12`.
+    """
+    decrease = required_decrease(
+        error, jacobian, u_max, beta, psi_scale, gradient_out, certificate_out
+    )
+    gamma = gamma_far
+    if adaptive:
+        norm = 0.0
+        for i in range(gradient_out.size):
+            norm += gradient_out[i] * gradient_out[i]
+        gamma = 2.0 * gamma_far / math.pi * math.atan(GAMMA_SLOPE * math.sqrt(norm))
+    status = solve_qp12(gradient_out, decrease, gamma, u_out)
+    rate_and_margin(gradient_out, u_out, u_max, certificate_out)
+    certificate_out[5] = qp12_kkt_residual(gradient_out, decrease, gamma, u_out)
+    return status
+
+
+@kernel(
+    "i8(f8[::1], f8[:,::1], f8, f8, i8, f8, f8[:,::1], f8[::1], f8[::1], f8[::1])",
+)
+def pinv_descent(
+    error: FloatArray,
+    jacobian: FloatArray,
+    u_max: float,
+    beta: float,
+    psi_scale: int,
+    gain: float,
+    work: FloatArray,
+    gradient_out: FloatArray,
+    u_out: FloatArray,
+    certificate_out: FloatArray,
+) -> int:
+    """Find u along −J⁺e: with the same V̇ = −Ψ as QP12 where `gain` is 0, else u = −gain·J⁺e.
+
+    Arguments and result as for `qp12_descent`; `gain` is in 1/s, and `work` has the shape that
+    `pinv_kernels.work_shape` gives. With a gain, V̇ ≤ 0 is all that is required. The residual is
+    that of the equation eᵀJu = V̇: relative, and 0 where nothing is required.
+    """
+    decrease = required_decrease(
+        error, jacobian, u_max, beta, psi_scale, gradient_out, certificate_out
+    )
+    if gain == 0.0:
+        status, _ = solve_pinv(jacobian, error, decrease, work, u_out)
+    else:
+        status, _ = solve_pinv_plain(jacobian, error, gain, work, u_out)
+        decrease = 0.0
+        certificate_out[1] = 0.0
+    rate_and_margin(gradient_out, u_out, u_max, certificate_out)
+    scale = decrease
+    for i in range(u_out.size):
+        scale += abs(gradient_out[i] * u_out[i])
+    missing = abs(certificate_out[2] + decrease) if gain == 0.0 else max(0.0, certificate_out[2])
+    certificate_out[5] = missing / scale if missing > 0.0 else 0.0
+    return status

@@ -1,0 +1,249 @@
+"""Closed-loop inverse kinematics of prioritised tasks, with constant gains or with a proof."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Any, ClassVar
+
+import numpy as np
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.controllers.base import STATUS
+from hoap3.remote_controller.controllers.velocity import clik_settings as settings
+from hoap3.remote_controller.controllers.velocity.velocity_task_stack import LabelledTasksController
+from hoap3.remote_controller.default_task import default_goal
+from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.clik.constant_gains import ConstantGains
+from hoap3.remote_controller.solvers.sdp.sdp_gains import SdpGains
+
+AT_TARGET = 1e-5  # of |e|, all tasks [m or rad]
+FIRST_ORDER = 0.01  # of β: by how much V may fall slower than the linear model has it
+ACTIVE = 1e-9  # how near to a bound a velocity is held by it [rad/s or m/s]
+MOST_LOGGED = 36  # rows whose gains are logged
+FIGURES = ("beta", "beta_actual", "rank", "task_rank", "slack")
+FALLBACKS = {status.OK: 0, status.STATIONARY: 1}
+GAVE_UP = 2
+NO_CERTIFICATE, SPENT, UNSOLVED, HELD, MOVING = (1 << bit for bit in range(1, 6))
+CONDITIONS = (
+    "state not finite",
+    "no certificate",
+    "budget spent",
+    "gains not optimal",
+    "held by limits",
+    "target moves",
+)
+LITTLE = 0.1  # of β̃: with less than that V falls, but the lower tasks hardly arrive
+LASTING_S = 0.1  # for which β is as little, before anybody is told
+SLOW = "beta below a tenth of what was asked"
+
+
+def _with_default_task(parameters: Any, description: RobotDescription, file: str) -> Any:
+    """The parameters with the robot's default task as their only one."""
+    goal = default_goal(description, file, "parameters.tasks").settings
+    content = {**parameters.model_dump(), "tasks": (goal.model_dump(),)}
+    return type(parameters).model_validate(content)
+
+
+class _Clik(LabelledTasksController):
+    """dq = B(Λ e + σ̇*), B = [J_1⁺ | N_1 J_2⁺ | …], for tasks in the order of their priorities.
+
+    By Marti-Saumell et al., (7), with feed-forward of moving targets. The solver is given the
+    bounds of velocities as limits, those of acceleration included. It can only take limits that
+    allow to stand still: where a joint is too fast for that, 0 stands for the bound that forbids
+    it, and if the answer is beyond the bound, u is cut to it. Nothing is certified then.
+
+    Certificate: V = ½ Σ w|e|² of all tasks falls by V⁺ ≤ (1 − β Δt) V, for targets that stand and
+    by the linear model; `v_rate_required` is −β V. `certified` says that the solver is done, that
+    β > 0, that targets stand, that u is exactly what the solver gave, and that V, evaluated where u
+    leads, falls so fast, to 1 % of β: by `beta_actual`, (1 − V⁺/V)/Δt. `at_target` says the same
+    without β, of tasks all within 10⁻⁵ m or rad. `margin` is the least distance of u from a
+    bound [rad/s or m/s]. `fallback` is 1 where no gains have a certificate, and 2 where the gains
+    are not the optimal ones.
+
+    Columns: `error_NAME`, |e| of each task; `beta`, `beta_actual` [1/s]; `rank` of the multiplier;
+    `task_rank` of the stacked Jacobian; `slack` of the matrix inequality [1/s]; and of up to 36
+    rows `gain_NAME`, λ [1/s], with the number of the row if a task has more than one.
+    """
+
+    own_conditions: tuple[str, ...] = CONDITIONS
+    solver: ConstantGains | SdpGains
+
+    def __init__(
+        self, description: RobotDescription, parameters: Any, file: str = "config"
+    ) -> None:
+        if parameters.tasks is None:
+            parameters = _with_default_task(parameters, description, file)
+        super().__init__(description, parameters, file)
+        self._tasks = parameters.tasks
+        self._weights = [task.weight for task in self._tasks]
+        first = len(self.labels)
+        self._errors_logged = slice(0, first)
+        self._figures = slice(first, first + len(FIGURES))
+        self._gains_logged = slice(first + len(FIGURES), len(self.extra_names))
+        self.not_certified_in = MOVING
+        self._has_gains = len(self.extra_names) > first + len(FIGURES)
+
+    def columns(self) -> tuple[str, ...]:
+        """Figures of the certificate, and gains."""
+        gains: list[str] = []
+        for label, rows in zip(self.labels, self.sizes, strict=True):
+            ends = [f"_{row}" for row in range(1, rows + 1)] if rows > 1 else [""]
+            gains += [f"gain_{label}{end}" for end in ends]
+        return (*FIGURES, *(gains if len(gains) <= MOST_LOGGED else ()))
+
+    def judged(self) -> list[bool]:
+        """The first task: the others move in its null space."""
+        return [number == 0 for number in range(len(self.labels))]
+
+    @abstractmethod
+    def solve(self) -> tuple[int, int, float, float]:
+        """Find gains for the stacked tasks within the limits.
+
+        Returns:
+            Path, rank of the multiplier, slack [1/s], and residual of the answer.
+        """
+
+    def answer(self, _: State, base: FloatArray, now: float, noted: int) -> None:
+        """Joint velocities, and their certificate."""
+        command, solver = self.command, self.solver
+        np.minimum(self.lower, 0.0, out=solver.lower)
+        np.maximum(self.upper, 0.0, out=solver.upper)
+        solver.rates[:] = self.rates
+        command.stamp_kinematics = self.now()
+        command.solver_path, rank, slack, command.kkt_residual = self.solve()
+        found, beta = solver.status, solver.beta
+        command.margin = self._cut(solver.dq, 1.0, self.lower, self.upper, self.u)
+        command.fallback = FALLBACKS.get(found, GAVE_UP)
+        stands = not self.rates.any()
+        self.present = (
+            noted
+            | (0 if beta > 0.0 else NO_CERTIFICATE)
+            | (SPENT if found == status.SPENT else 0)
+            | (UNSOLVED if found not in FALLBACKS and found != status.SPENT else 0)
+            | (HELD if command.margin <= ACTIVE else 0)
+            | (0 if stands else MOVING)
+        )
+        exact = found == status.OK and stands and bool((self.u == solver.dq).all())
+        actual = self._certify(base, now, exact)
+        command.extra[self._figures] = beta, actual, rank, solver.task_rank, slack
+        if self._has_gains:
+            command.extra[self._gains_logged] = solver.gains
+
+    def _certify(self, base: FloatArray, now: float, exact: bool) -> float:
+        """Write what is proved of u; returns the rate at which V falls in fact [1/s]."""
+        command, beta = self.command, self.solver.beta
+        V = rate = end = 0.0
+        for weight, function in zip(self._weights, self.functions, strict=True):
+            V += weight * function.value
+            rate += weight * (function.rate + float(function.gradient @ self.u))
+        self._go_ahead(base)
+        for weight, function in zip(self._weights, self.functions, strict=True):
+            function.update(self.kinematics, now + self._dt)
+            end += weight * function.value
+        if not np.isfinite(V + rate + end):  # of a task that is not a number
+            command.solver_status = STATUS["infeasible"]
+            command.v = command.v_rate_predicted = command.v_rate_required = command.rho = 0.0
+            return 0.0
+        actual = (V - end) / (V * self._dt) if V > 0.0 else 0.0
+        error = command.extra[self._errors_logged]
+        arrived = exact and float(error @ error) <= AT_TARGET**2
+        proven = exact and 0.0 < (1.0 - FIRST_ORDER) * beta <= actual
+        command.v, command.v_rate_predicted = V, rate
+        command.v_rate_required = 0.0 if arrived else -max(beta, 0.0) * V
+        command.rho = 1.0 if exact else 0.0
+        command.solver_status = STATUS[
+            "at_target" if arrived else "certified" if proven else "uncertified"
+        ]
+        return actual
+
+
+class ClikController(_Clik):
+    """Constant gains: dq = B(Λ e + σ̇*), all of it shortened where it would leave its limits.
+
+    β is λ_min(−A − Aᵀ − Δt AᵀA) of the gains as they are applied; one that is not positive
+    certifies nothing, and is a condition, but the robot moves.
+    """
+
+    Parameters: ClassVar[Any] = settings.SteadyParameters
+    kernels = (
+        "hoap3.remote_controller.solvers.clik.constant_gains_kernels",
+        *LabelledTasksController.kernels,
+    )
+    solver: ConstantGains
+
+    def __init__(
+        self, description: RobotDescription, parameters: Any, file: str = "config"
+    ) -> None:
+        super().__init__(description, parameters, file)
+        gains = [task.gain_per_s for task in self._tasks]
+        self.solver = ConstantGains(
+            self.sizes,
+            description.n,
+            np.repeat(gains, self.sizes),
+            weights=np.repeat(self._weights, self.sizes),
+            damping=parameters.damping,
+        )
+
+    def solve(self) -> tuple[int, int, float, float]:
+        """Apply the gains."""
+        self.solver.solve(self.jacobian, self.errors, self._dt)
+        return 0, 0, 0.0, 0.0
+
+
+class ClikSdpController(_Clik):
+    """Gains by semidefinite programming in each cycle, as large a β as the limits allow, up to β̃.
+
+    Where no gains have a certificate, all are 0, and the robot does what moving targets feed
+    forward, or keeps still. `kkt_residual` is the duality gap over β̃², at most 1; `solver_path` is
+    0 none, 1 warm, 2 ipm, 3 budget.
+
+    A further condition holds where β has been below a tenth of β̃ for 0.1 s, and the tasks have not
+    arrived: V may be proved to fall, but the lower tasks will hardly arrive. Since β is 1/T at
+    most, a β̃ beyond that counts as 1/T.
+    """
+
+    own_conditions = (*CONDITIONS, SLOW)
+
+    Parameters: ClassVar[Any] = settings.SdpParameters
+    kernels = ("hoap3.remote_controller.solvers.sdp.sdp_kernels", *LabelledTasksController.kernels)
+    solver: SdpGains
+
+    def __init__(
+        self, description: RobotDescription, parameters: Any, file: str = "config"
+    ) -> None:
+        super().__init__(description, parameters, file)
+        from hoap3.remote_controller.solvers.sdp.sdp_kernels import FASTEST
+
+        self._desired = min(parameters.beta_per_s, FASTEST / description.period_s)
+        self._delta = parameters.delta
+        self._little = LITTLE * min(self._desired, 1.0 / description.period_s)
+        self._patience, self._slow = round(LASTING_S / description.period_s), 0
+        self.solver = SdpGains(
+            self.sizes,
+            description.n,
+            weights=np.repeat(self._weights, self.sizes),
+            damping=parameters.damping,
+            budget=parameters.budget,
+        )
+
+    def reset(self, state: State, last_command: FloatArray | None) -> None:
+        """Begin anew, also with the gains."""
+        super().reset(state, last_command)
+        self.solver.forget()
+        self._slow = 0
+
+    def answer(self, state: State, base: FloatArray, now: float, noted: int) -> None:
+        """Joint velocities, their certificate, and whether β stays low."""
+        super().answer(state, base, now, noted)
+        arrived = self.command.solver_status == STATUS["at_target"]
+        self._slow = self._slow + 1 if self.solver.beta < self._little and not arrived else 0
+        if self._slow > self._patience:
+            self.present |= 1 << len(CONDITIONS)
+
+    def solve(self) -> tuple[int, int, float, float]:
+        """Find the gains."""
+        solver = self.solver
+        solver.solve(self.jacobian, self.errors, self._dt, self._desired, self._delta)
+        gap = min(max(solver.gap / self._desired**2, 0.0), 1.0)
+        return solver.path, solver.rank, solver.slack, gap

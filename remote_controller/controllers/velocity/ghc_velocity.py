@@ -1,0 +1,199 @@
+"""Generalized hierarchical control of joint velocities: tasks with priorities that move."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.controllers.base import STATUS
+from hoap3.remote_controller.controllers.velocity import ghc_velocity_settings as settings
+from hoap3.remote_controller.controllers.velocity.velocity_task_stack import LabelledTasksController
+from hoap3.remote_controller.controllers.velocity.velocity_task_stack_settings import labels_of
+from hoap3.remote_controller.scheduling.priorities import Priorities
+from hoap3.remote_controller.scheduling.priority_matrix import unsurpassed
+from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.ghc.ghc import Ghc
+from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
+
+CERTIFIED_RESIDUAL = 1e-9
+FIRST_ORDER = 0.01  # of V̇: by how much the fall of V over a period may differ from it
+AT_TARGET = 1e-5  # of |e|: there V is too small for its derivative to tell [m or rad]
+MOST_LOGGED = 6  # tasks whose priorities are logged, k² columns
+FREE, BOUNDED = 0, 1  # solver_path
+FALLBACKS = {status.OK: 0, status.INFEASIBLE: 1}
+GAVE_UP = 2
+_, INFEASIBLE, UNSOLVED, HELD, MOVING, IDLE = (1 << bit for bit in range(6))
+CONDITIONS = (
+    "state not finite",
+    "no velocity within the bounds",
+    "QP not solved",
+    "held by bounds of joints",
+    "priorities in transition",
+    "no task takes part",
+)
+
+
+class GhcVelocityController(LabelledTasksController):
+    """Any number of tasks, each kept out of the others as far as `priorities` say.
+
+        min Σ |J_i·x_i + g_i·e_i + ∂e_i/∂t|² + ω_r Σ |x_i|²
+        such that u = Σ P_i(alpha)·x_i, lower ≤ u ≤ upper
+
+    by Liu, Tan and Padois (2015), (13) with the velocities of section 8. The bounds are speed,
+    acceleration, and stopping before the end of the range, so that the robot has nothing to hold
+    back. Where no u that the tasks span is within them, or the solver gave up, each joint brakes as
+    they allow, and `fallback` is 1, or 2.
+
+    Time of the timeline begins with the reset, that is when the robot begins to follow.
+
+    Certificate: V is the sum of those of the tasks that nothing is above, alpha_ij = 0 for all j;
+    in a cycle without such a task, of all that take part. After a change of priorities it is about
+    the new ones as soon as these rest. `v_rate_required` is 0: V shall not rise. `certified` says
+    that the condensed QP was solved, by a residual ≤ 10⁻⁹, that priorities rest, and that V,
+    evaluated where u leads, falls as V̇ says, to 1 %. `at_target` says the first two, and that these
+    tasks are within 10⁻⁵ m or rad, where V is not told from what an Euler step of the tasks below
+    makes of it. Nothing is claimed of tasks below, and where no task takes part nothing at all.
+    `margin` is the least distance of u from a bound [rad/s or m/s].
+
+    Raises:
+        ConfigError: a task without an error, two of one name, or priorities that do not fit them.
+    """
+
+    Parameters: ClassVar[Any] = settings.Parameters
+    own_conditions = CONDITIONS
+    kernels = (
+        "hoap3.remote_controller.solvers.ghc.ghc_kernels",
+        *LabelledTasksController.kernels,
+    )
+
+    def __init__(
+        self, description: RobotDescription, parameters: settings.Parameters, file: str = "config"
+    ) -> None:
+        self.priorities = _priorities(parameters, file)
+        super().__init__(description, parameters, file)
+        n = description.n
+        gains = [task.gain_per_s for task in parameters.tasks]
+        self._gains, self._wanted = np.repeat(gains, self.sizes), np.zeros(sum(self.sizes))
+        self._solver = Ghc(self.sizes, n, regularise="none", smoothing=parameters.smoothing)
+        self.lower, self.upper = self._solver.qdd_lower, self._solver.qdd_upper
+        self._weight = parameters.regularisation
+        self._mass, self._bias = np.eye(n), np.zeros(n)
+        self._first, self._time = 0, 0.0  # tick of the reset, and seconds since then
+        self._top: list[LyapunovFunction] = []
+        self.not_certified_in = MOVING | IDLE
+        self._stale = True  # the top tasks are those of priorities that have moved since
+
+    @classmethod
+    def check(cls, parameters: Any, file: str) -> None:
+        """Refuse tasks and priorities that are wrong for any robot."""
+        super().check(parameters, file)
+        _priorities(parameters, file)
+
+    def columns(self) -> tuple[str, ...]:
+        """Of few tasks alpha, row by row."""
+        names = self.priorities.names if len(self.priorities.names) <= MOST_LOGGED else ()
+        return tuple(f"alpha_{a}_{b}" for a in names for b in names)
+
+    def judged(self) -> list[bool]:
+        """The tasks that nothing is above."""
+        return [function in self._top for function in self.functions]
+
+    def change(self, request: Mapping[str, Any]) -> None:
+        """Begin a change of priorities now, as `Priorities.change` has it.
+
+        Raises:
+            ConfigError: something is wrong with it; nothing has been changed then.
+        """
+        self.priorities.change(request, self._time)
+
+    def changeable(self) -> dict[str, Any]:
+        """The priorities as they are now."""
+        return {"priorities": self.priorities.shown()}
+
+    def reset(self, state: State, last_command: FloatArray | None) -> None:
+        """Begin anew, also with the timeline; the tasks do at the next State that is finite."""
+        super().reset(state, last_command)
+        self.priorities.reset()
+        self._first, self._time = state.tick, 0.0
+        self._top, self._stale = [], True
+
+    def answer(self, state: State, base: FloatArray, now: float, noted: int) -> None:
+        """Joint velocities, and their certificate."""
+        command, solver, priorities = self.command, self._solver, self.priorities
+        self._time = (state.tick - self._first) * self._dt
+        settled = not (priorities.update(self._time) or priorities.moving)
+        self._stale = self._stale or not settled
+        if (settled and self._stale) or not self._top:
+            top = unsurpassed(priorities.alpha).tolist()
+            self._top = [task for task, is_top in zip(self.functions, top, strict=True) if is_top]
+            self._stale = False
+        if len(command.extra) > len(self.functions):
+            command.extra[len(self.functions) :] = priorities.alpha.ravel()
+        np.multiply(self._gains, self.errors, out=self._wanted)
+        self._wanted += self.rates
+        command.stamp_kinematics = self.now()
+        found = solver.solve(
+            self.jacobian,
+            self._wanted,
+            priorities.alpha,
+            self._mass,
+            self._bias,
+            self._weight,
+        )
+        # where there is no answer, as near to rest as the bounds allow
+        command.margin = self._cut(
+            solver.qdd, float(found == status.OK), self.lower, self.upper, self.u
+        )
+        self.present = (
+            noted
+            | (INFEASIBLE if found == status.INFEASIBLE else 0)
+            | (UNSOLVED if found not in FALLBACKS else 0)
+            | (HELD if solver.active else 0)
+            | (0 if settled else MOVING)
+            | (0 if self._top else IDLE)
+        )
+        self._certify(base, now, found, settled)
+
+    def _certify(self, base: FloatArray, now: float, found: int, settled: bool) -> None:
+        """Write what is proved of u."""
+        command, solver = self.command, self._solver
+        V = rate = 0.0
+        for function in self._top:
+            V += function.value
+            rate += function.rate + float(function.gradient @ self.u)
+        command.v, command.v_rate_predicted, command.v_rate_required = V, rate, 0.0
+        command.fallback = FALLBACKS.get(found, GAVE_UP)
+        command.solver_path = BOUNDED if solver.active else FREE
+        if found != status.OK or not np.isfinite(V + rate):
+            command.solver_status = STATUS["infeasible"]
+            command.rho = command.kkt_residual = 0.0
+            if not np.isfinite(V + rate):  # of a task that is not a number
+                command.v = command.v_rate_predicted = 0.0
+            return
+        command.rho, command.kkt_residual = 1.0, solver.kkt_residual
+        solved = settled and bool(self._top) and solver.kkt_residual <= CERTIFIED_RESIDUAL
+        if solved and 2.0 * V <= AT_TARGET**2:
+            command.solver_status = STATUS["at_target"]
+            return
+        proven = solved and rate < 0.0 and self._falls(base, now, V, rate)
+        command.solver_status = STATUS["certified" if proven else "uncertified"]
+
+    def _falls(self, base: FloatArray, now: float, V: float, rate: float) -> bool:
+        """Whether V is less at the end of the period, by what V̇ says."""
+        self._go_ahead(base)
+        end = 0.0
+        for function in self._top:
+            function.update(self.kinematics, now + self._dt)
+            end += function.value
+        fall = (end - V) / self._dt
+        return bool(end <= V and abs(fall - rate) <= FIRST_ORDER * abs(rate))
+
+
+def _priorities(parameters: settings.Parameters, file: str) -> Priorities:
+    """Those of a config, whose tasks have names of their own."""
+    names = labels_of(parameters.tasks, file)
+    return Priorities.configured(names, parameters.priorities, file, "parameters.priorities")

@@ -1,0 +1,218 @@
+"""What controllers of joint velocities with several tasks have in common."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.controllers.base import STATUS, VelocityController
+from hoap3.remote_controller.controllers.velocity.velocity_task_stack_settings import (
+    LabelledTask,
+    LabelledTaskParameters,
+    check_tasks,
+    labels_of,
+)
+from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.tasks import registry as tasks
+from hoap3.remote_controller.tasks import status as task_status
+from hoap3.remote_controller.tasks.accuracy import LOWER, TaskError
+from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
+
+MARGIN_ROUNDING = 1e-9  # of a velocity beside its bounds [rad/s or m/s]
+
+
+class LabelledTasksController(VelocityController):
+    """Stacks the tasks of a config, and bounds joint velocities; a subclass answers with u.
+
+    Columns are `error_NAME`, |e| of each task, and then what a subclass adds in `columns`. It names
+    its conditions in `own_conditions`, first that the State is not finite; those of the tasks
+    follow.
+
+    Attributes:
+        labels, sizes: name and number of rows of each task.
+        functions: the tasks, in the order of the config.
+        offsets: where the rows of each begin, and their number; (k + 1,).
+        jacobian, errors, rates: of all tasks, (m, n), σ* − σ, (m,), and ∂/∂t of it, (m,).
+        lower, upper: of the velocities in this cycle: speed, acceleration, and stopping before the
+            end of the range, so that the robot has nothing to hold back; (n,) [rad/s or m/s].
+        u: the answer, (n,) [rad/s or m/s].
+
+    Raises:
+        ConfigError: a task that cannot be built for the robot, or without an error; two of one
+            name.
+    """
+
+    own_conditions: tuple[str, ...] = ("state not finite",)
+    kernels: ClassVar[tuple[str, ...]] = (
+        "hoap3.remote_controller.tasks.lyapunov_kernels",
+        "hoap3.remote_controller.tasks.se3_kernels",
+        "hoap3.remote_controller.controllers.velocity.velocity_task_stack_kernels",
+    )
+
+    def __init__(
+        self, description: RobotDescription, parameters: LabelledTaskParameters, file: str
+    ) -> None:
+        from hoap3.remote_controller.controllers.velocity import (
+            velocity_task_stack_kernels as kernels,
+        )
+
+        given = parameters.tasks or ()
+        self.labels = labels_of(given, file)
+        self.kinematics = Kinematics(description)
+        self.functions = [
+            _task(task, description, self.kinematics, file, f"parameters.tasks.{number}")
+            for number, task in enumerate(given)
+        ]
+        self.sizes = [len(function.error) for function in self.functions]
+        self.extra_names = (*(f"error_{label}" for label in self.labels), *self.columns())
+        super().__init__(description, parameters)
+        n, m = description.n, sum(self.sizes)
+        self.offsets = np.concatenate([[0], np.cumsum(self.sizes)]).astype(np.int64)
+        self.jacobian, self.errors, self.rates = np.zeros((m, n)), np.zeros(m), np.zeros(m)
+        self._rows = [
+            (self.errors[start:end], self.rates[start:end], self.jacobian[start:end])
+            for start, end in pairwise(self.offsets.tolist())
+        ]
+        self._stack, self._cut = kernels.stack, kernels.cut
+        self._velocity_bounds = kernels.velocity_bounds
+        self._bounds = parameters.bounds.limits(description, file)
+        self.lower, self.upper, self.u, self._dq, self._before, self._next = np.zeros((6, n))
+        self._from_reference = parameters.kinematics_from == "reference"
+        self.conditions = (*self.own_conditions, *task_status.NAMES[1:])
+        self._begun, self._periods_seen = False, 0
+        self.margin_tolerance = MARGIN_ROUNDING
+
+    @classmethod
+    def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Self:
+        """One for a robot."""
+        return cls(description, parameters, file)
+
+    @classmethod
+    def check(cls, parameters: Any, file: str) -> None:
+        """Refuse tasks that are wrong for any robot."""
+        given = parameters.tasks or ()
+        check_tasks(given, file)
+        labels_of(given, file)
+
+    @abstractmethod
+    def judged(self) -> list[bool]:
+        """Which tasks must reach their target: those that no other may keep from it."""
+
+    def task_errors(self) -> list[TaskError]:
+        """Errors of all tasks; those of lower priority are not judged."""
+        return [
+            replace(error, task=label, note=error.note or ("" if judged else LOWER))
+            for label, function, judged in zip(
+                self.labels, self.functions, self.judged(), strict=True
+            )
+            for error in function.accuracy()
+        ]
+
+    def columns(self) -> tuple[str, ...]:
+        """Columns beside the errors; called once, when labels and sizes are known."""
+        return ()
+
+    @abstractmethod
+    def answer(self, state: State, base: FloatArray, now: float, noted: int) -> None:
+        """Write `u`, the certificate and what is `present`.
+
+        Args:
+            state: of the robot; finite.
+            base: joint positions that the kinematics are those of, (n,).
+            now: time of the targets [s].
+            noted: conditions of the tasks.
+        """
+
+    def reset(self, state: State, last_command: FloatArray | None) -> None:
+        """Begin anew; the tasks do at the next State that is finite."""
+        super().reset(state, last_command)
+        self._begun = False
+
+    def velocity(self, state: State) -> FloatArray:
+        """Joint velocities, and their certificate."""
+        if not np.isfinite(state.q @ state.reference):
+            self.command.stamp_kinematics = self.now()
+            return self._refuse()
+        base = state.reference if self._from_reference else state.q
+        now = state.tick * self._dt
+        self.kinematics.update(base)
+        if not self._begun:
+            for function in self.functions:
+                function.reset(self.kinematics, now)
+        self._follow(state)
+        noted = self._look(now)
+        self.answer(state, base, now, noted)
+        return self.u
+
+    def _follow(self, state: State) -> None:
+        """Bound the velocities by where the reference is, and how it has moved since."""
+        periods = state.tick - state.skipped - self._periods_seen
+        if self._begun and periods > 0:
+            np.subtract(state.reference, self._before, out=self._dq)
+            self._dq /= periods * self._dt
+        else:
+            self._dq[:] = state.dq
+            np.nan_to_num(self._dq, copy=False, posinf=0.0, neginf=0.0)
+        self._before[:] = state.reference
+        self._begun, self._periods_seen = True, state.tick - state.skipped
+        self._velocity_bounds(
+            state.reference, self._dq, self._bounds, self._dt, self.lower, self.upper
+        )
+
+    def _look(self, now: float) -> int:
+        """Stack the tasks; log their errors; the conditions that they note."""
+        extra, noted = self.command.extra, 0
+        for place, (function, (errors, rates, jacobian)) in enumerate(
+            zip(self.functions, self._rows, strict=True)
+        ):
+            function.update(self.kinematics, now)
+            extra[place] = self._stack(
+                function.error, function.error_rate, function.jacobian, errors, rates, jacobian
+            )
+            if function.status:
+                noted |= 1 << (len(self.own_conditions) + function.status - 1)
+        return noted
+
+    def _go_ahead(self, base: FloatArray) -> None:
+        """Have the kinematics be those at the end of the period."""
+        np.multiply(self.u, self._dt, out=self._next)
+        np.add(base, self._next, out=self._next)
+        self.kinematics.update(self._next)
+
+    def _refuse(self) -> FloatArray:
+        """Nothing to follow for a State that is not finite."""
+        command = self.command
+        command.solver_status = STATUS["infeasible"]
+        command.v = command.v_rate_required = command.v_rate_predicted = command.rho = 0.0
+        command.margin = command.kkt_residual = 0.0
+        command.solver_path = command.fallback = 0
+        command.extra[:] = 0.0
+        self.u[:] = np.nan
+        self.present = 1
+        return self.u
+
+
+def _task(
+    given: LabelledTask,
+    description: RobotDescription,
+    kinematics: Kinematics,
+    file: str,
+    key: str,
+) -> LyapunovFunction:
+    """A task of a config that has an error.
+
+    Raises:
+        ConfigError, UnknownNameError: it cannot be built, or gives V only.
+    """
+    function = tasks.build(given, description, kinematics, file, key)
+    if not len(function.error):
+        problem = "has no error e, only V: there is no velocity that it wants"
+        raise ConfigError(file, f"{key}.task", given.task, problem, "Give it an error, or leave it")
+    return function

@@ -1,1 +1,0 @@
-"""Tasks that ask for accelerations, and what a hierarchy of them needs."""

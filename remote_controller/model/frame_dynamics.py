@@ -1,0 +1,151 @@
+"""Dynamics of the robot and motion of some of its frames, once per sample."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import as_strided
+from numpy.typing import NDArray
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
+
+POSITION, POSE = 3, 6
+
+
+class FrameRows(NamedTuple):
+    """Where in a stack of rows the motion of a frame stands.
+
+    Attributes:
+        frame: its name.
+        start: the first of its rows.
+        size: `POSITION`: velocity of its origin in the root's axes [m/s]; `POSE`: twist of the
+            frame in its own axes (Pinocchio's LOCAL), velocity of its origin [m/s] over angular
+            velocity [rad/s].
+    """
+
+    frame: str
+    start: int
+    size: int
+
+
+class FramesDynamics:
+    """M(q)·ddq + h(q, dq) = τ of a robot, and d/dt ν = J·ddq + J̇·dq of the motion ν of its frames.
+
+    Joints are in wire order. Gravity is part of h unless the description has it `none`; friction is
+    not. However many frames: one crba, one nle and one kernel.
+
+    Args:
+        description: of the robot.
+        frames: which, and where their rows stand; a frame may be named several times.
+        rows: of the whole stack, m; those of no frame are nobody's here, and 0 at first.
+
+    Attributes:
+        mass, bias: M (n, n) and h (n,).
+        weight: torques that hold the robot, (n,), where it adds these itself; else 0.
+        jacobian, drift, twist: J (m, n), J̇·dq (m,) and ν (m,).
+        origins, rotations: of the frames in the root's axes, (k, 3) [m] and (k, 3, 3).
+        damping: viscous friction of the joints, (n,) [N m s/rad].
+
+    Raises:
+        DescriptionError: Pinocchio cannot build the model.
+        FrameNotFoundError: the robot has no such frame.
+    """
+
+    def __init__(
+        self, description: RobotDescription, frames: Sequence[FrameRows], rows: int
+    ) -> None:
+        import pinocchio
+
+        from hoap3.remote_controller.model.frame_dynamics_kernels import frames_dynamics
+
+        self._gather: Callable[..., None] = frames_dynamics
+        rigid = Dynamics(description)  # which has set gravity
+        self.n, self.damping, self._robot = description.n, rigid.damping, rigid.robot
+        self._model, self._data = rigid.robot.model, rigid.robot.data
+        self._order = np.array(rigid.robot.order, np.int64)
+        self._crba, self._nle = pinocchio.crba, pinocchio.nonLinearEffects
+        self._world = pinocchio.Convention.WORLD
+        self._place_all = pinocchio.framesForwardKinematics
+        self._weigh = pinocchio.computeGeneralizedGravity
+        self._compensated = description.gravity == "compensated"
+        carried = [rigid.carrier(each.frame) for each in frames]
+        movers = [self._movers_of(each.frame) for each in frames]
+        n, k, data = self.n, len(frames), self._data
+        self._q, self._v = np.zeros(n), np.zeros(n)
+        self.mass, self.jacobian = np.zeros((n, n)), np.zeros((rows, n))
+        self.bias, self.weight = np.zeros(n), np.zeros(n)
+        self.twist, self.drift = np.zeros(rows), np.zeros(rows)
+        self.origins, self.rotations = np.zeros((k, 3)), np.zeros((k, 3, 3))
+        self._rigid = (data.M.reshape(n, n), data.nle, data.J.reshape(6, n), _placements(data))
+        self._layout: tuple[Any, ...] = (
+            np.array([joint for joint, _ in carried], np.int64),
+            np.array([mount for _, mount in carried]).reshape(k, 3, 4),
+            self._order,
+            np.concatenate([np.zeros(0, np.int64), *movers]),
+            np.cumsum([0, *map(len, movers)]),
+            np.array([[each.start, each.size] for each in frames], np.int64).reshape(k, 2),
+        )
+        self._out = (
+            self.mass,
+            self.bias,
+            self.jacobian,
+            self.twist,
+            self.drift,
+            self.origins,
+            self.rotations,
+        )
+
+    def update(self, q: FloatArray, dq: FloatArray) -> None:
+        """Take joint positions and velocities, (n,) [rad, rad/s or m, m/s]; both finite."""
+        model, data, order = self._model, self._data, self._order
+        self._q[order], self._v[order] = q, dq
+        self._crba(model, data, self._q, self._world)  # and the Jacobian of the joints
+        self._nle(model, data, self._q, self._v)
+        if self._compensated:
+            np.take(self._weigh(model, data, self._q), order, out=self.weight)
+        self._gather(*self._rigid, *self._layout, dq, *self._out)
+
+    def placement(self, q: FloatArray, frame: str) -> tuple[FloatArray, FloatArray]:
+        """Where a frame is in posture `q`, (n,): copies of origin (3,) [m] and rotation (3, 3)."""
+        self._q[self._order] = q
+        self._place_all(self._model, self._data, self._q)
+        found = self._data.oMf[self._robot.frame_id(frame)]
+        return found.translation.copy(), found.rotation.copy()
+
+    def stands(self, frame: str) -> bool:
+        """Whether no joint moves a frame."""
+        return not self._movers_of(frame).size
+
+    def _movers_of(self, frame: str) -> NDArray[np.int64]:
+        """Joints of the wire that move a frame, from the root outwards."""
+        model, places = self._model, list(self._order)
+        number = self._robot.frame_id(frame)
+        joints = [j for j in model.supports[model.frames[number].parentJoint] if j > 0]
+        return np.array([places.index(model.joints[j].idx_v) for j in joints], np.int64)
+
+
+class FrameDynamics(FramesDynamics):
+    """The same of one frame's pose.
+
+    Attributes:
+        frame: its name.
+        origin, rotation: of the frame in the root's axes, (3,) [m] and (3, 3).
+    """
+
+    def __init__(self, description: RobotDescription, frame: str) -> None:
+        super().__init__(description, [FrameRows(frame, 0, POSE)], POSE)
+        self.frame = frame
+        self.origin, self.rotation = self.origins[0], self.rotations[0]
+
+
+def _placements(data: Any) -> FloatArray:
+    """View of where all joints are in the root, (joints, 12): R by columns, then the origin.
+
+    Pinocchio keeps them one after the other, and gives away views of one at a time.
+    """
+    count, first = len(data.oMi), data.oMi[0].rotation.T
+    return as_strided(first, (count, 12), (12 * first.itemsize, first.itemsize))

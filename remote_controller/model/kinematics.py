@@ -1,0 +1,188 @@
+"""Kinematics, once per sample."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.pinocchio_model import build_model
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """What is needed of a frame: views of its placement, and the joints that move it."""
+
+    origin: FloatArray
+    rotation: FloatArray
+    moved_by: NDArray[np.bool_]
+
+
+class Kinematics:
+    """Where the robot's frames and its centre of mass are, and how they move with the joints.
+
+    Joints are in wire order, everywhere. The root link is Pinocchio's fixed base; its mass is
+    kept in the centre of mass.
+
+    Raises:
+        DescriptionError: Pinocchio cannot build the model.
+    """
+
+    def __init__(self, description: RobotDescription) -> None:
+        import pinocchio
+
+        from hoap3.remote_controller.model.kinematics_kernels import (
+            com_in_frame,
+            frame_in_frame,
+        )
+
+        self._com_in_frame, self._frame_in_frame = com_in_frame, frame_in_frame
+        self.robot = build_model(description)
+        self.n = description.n
+        self._model, self._data = self.robot.model, self.robot.data
+        self._order = np.array(self.robot.order, np.int64)
+        self._q = np.zeros(self.n)
+        self._moving_share = 1.0 - self.robot.root_mass / self.robot.total_mass
+        root_com: Any = self.robot.root_com
+        self._root_moment = np.array(root_com * self.robot.root_mass / self.robot.total_mass)
+        self._pass = pinocchio.jacobianCenterOfMass
+        self._place = pinocchio.updateFramePlacement
+        # Pinocchio hands out views, which every pass rewrites; a single column comes as a vector
+        self._com = self._data.com[0]
+        self._com_jacobian = self._data.Jcom.reshape(3, self.n)
+        self._joint_jacobian = self._data.J.reshape(6, self.n)
+        self._frames: dict[int, _Frame] = {}
+        self._place_all = pinocchio.updateFramePlacements
+        placements = self._data.oMf
+        self._all_frames = (
+            stacked([placement.translation for placement in placements]),
+            stacked([placement.rotation for placement in placements]),
+            self._joint_jacobian,
+            self._order,
+        )
+
+    def frame_id(self, frame: str) -> int:
+        """Number of a frame.
+
+        Raises:
+            FrameNotFoundError: the robot has no such frame.
+        """
+        number = int(self.robot.frame_id(frame))
+        if number not in self._frames:
+            self._frames[number] = self._view(number)
+        return number
+
+    def update(self, q: FloatArray) -> None:
+        """Take the joint positions `q`, (n,) [rad or m]."""
+        self._q[self._order] = q
+        self._pass(self._model, self._data, self._q, False)
+
+    def joints(self, position_out: FloatArray) -> None:
+        """Write the joint positions that `update` took, (n,) [rad or m]."""
+        np.take(self._q, self._order, out=position_out)
+
+    def com(self, frame: int, position_out: FloatArray, jacobian_out: FloatArray) -> None:
+        """Centre of mass, (3,) [m], and its Jacobian, (3, n) [m/rad], as seen from a frame.
+
+        Args:
+            frame: what `frame_id` gave.
+            position_out, jacobian_out: written.
+        """
+        self._place(self._model, self._data, frame)
+        seen_from = self._frames[frame]
+        self._com_in_frame(
+            self._com_jacobian,
+            self._joint_jacobian,
+            self._com,
+            seen_from.origin,
+            seen_from.rotation,
+            seen_from.moved_by,
+            self._root_moment,
+            self._moving_share,
+            self._order,
+            position_out,
+            jacobian_out,
+        )
+
+    def frame(
+        self,
+        frame: int,
+        reference: int,
+        position_out: FloatArray,
+        rotation_out: FloatArray,
+        jacobian_out: FloatArray,
+    ) -> None:
+        """Where a frame is, as seen from another, and how it moves with the joints.
+
+        The first three rows of the Jacobian are the velocity of the frame's origin relative to
+        the reference, dp/dq [m/rad], and the last three the relative angular velocity ω, both in
+        the reference's axes: dR/dt = ω × R.
+
+        Args:
+            frame, reference: what `frame_id` gave.
+            position_out: written, p, (3,) [m].
+            rotation_out: written, R, (3, 3); its columns are the frame's axes.
+            jacobian_out: written, (6, n).
+        """
+        self._place(self._model, self._data, frame)
+        self._place(self._model, self._data, reference)
+        seen, seen_from = self._frames[frame], self._frames[reference]
+        self._frame_in_frame(
+            self._joint_jacobian,
+            seen.origin,
+            seen.rotation,
+            seen.moved_by,
+            seen_from.origin,
+            seen_from.rotation,
+            seen_from.moved_by,
+            self._order,
+            position_out,
+            rotation_out,
+            jacobian_out,
+        )
+
+    def frames(self) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.int64]]:
+        """All frames at once, for kernels: views that the next `update` makes stale.
+
+        Returns:
+            Origins (F, 3) [m] and rotations (F, 3, 3) by `frame_id`; the twist that each joint
+            gives what it carries, (6, n): velocity of the point at the root's origin over angular
+            velocity, all in the root's axes and Pinocchio's order; and the column of each joint
+            of the wire in it, (n,).
+        """
+        self._place_all(self._model, self._data)
+        return self._all_frames
+
+    def moved_by(self, frame: int) -> NDArray[np.bool_]:
+        """Whether each joint moves a frame, (n,)."""
+        return self._frames[frame].moved_by[self._order]
+
+    def _view(self, number: int) -> _Frame:
+        model, placement = self._model, self._data.oMf[number]
+        moved_by = np.zeros(self.n, np.bool_)
+        for joint in model.supports[model.frames[number].parentJoint]:
+            if joint > 0:  # 0 is the world
+                moved_by[model.joints[joint].idx_v] = True
+        return _Frame(placement.translation, placement.rotation, moved_by)
+
+
+def stacked(arrays: Sequence[FloatArray]) -> FloatArray:
+    """One view of arrays of the same layout that lie in memory at equal distances.
+
+    Raises:
+        ValueError: they do not.
+    """
+    first = arrays[0]
+    addresses = np.array([array.ctypes.data for array in arrays])
+    steps = np.diff(addresses)
+    apart = int(steps[0]) if len(steps) else 0
+    if np.any(steps != apart) or any(array.strides != first.strides for array in arrays):
+        raise ValueError("the arrays do not lie at equal distances")
+    return np.lib.stride_tricks.as_strided(
+        first, (len(arrays), *first.shape), (apart, *first.strides)
+    )

@@ -1,0 +1,1 @@
+"""References: where a task's target is at each time."""

@@ -1,0 +1,1 @@
+"""Priorities and weights of tasks, and how they change over time."""

@@ -1,0 +1,1 @@
+"""What all solvers share: statuses, and the validation of arguments."""

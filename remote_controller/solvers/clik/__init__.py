@@ -1,0 +1,1 @@
+"""Closed-loop inverse kinematics of prioritised tasks with constant gains."""

@@ -1,0 +1,272 @@
+"""Closed-loop inverse kinematics of prioritised tasks, as matrices.
+
+Marti-Saumell et al., (7): for tasks J_1 … J_h in the order of their priorities and errors e,
+
+    dq = B Λ e,   B = [J_1⁺ | N_1 J_2⁺ | … | N_{h−1} J_h⁺],   Λ diagonal,
+
+where N_i projects onto what the first i tasks leave free. The errors then follow ė = −L Λ e with
+L = [J_1; …; J_h] B, block lower triangular.
+
+All is computed in an orthonormal basis Q of the rows, J = R Q: what task i adds to the basis is
+Q_i, and N_{i−1} J_i⁺ = Q_iᵀ M_i, so that L_ki = R_ki M_i, and no projector is ever formed.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.remote_controller.solvers.linalg.dense_kernels import (
+    MAX,
+    add,
+    add_rows,
+    dot,
+    not_finite,
+    orthogonalise,
+)
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+RANK = 1e-8  # of a row's length: less than that of it outside the rows before is nothing
+AGAIN = 0.5  # of the squared length: where less is left, rounding counts, and once more removes it
+ONE, TWO, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
+ROUNDING = 1e-13  # of the product of two lengths: a dot product up to that is 0
+
+
+@inlined
+def _product(A: Array, a: int, B: Array, b: int, last: int) -> float:
+    """Inner product of what A[a] and B[b] begin with, in four partial sums of a fixed order.
+
+    Here and below rows are named by their numbers: a view of a row costs more than a short row.
+    Why some numbers are unsigned, `product_kernels` says.
+    """
+    s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
+    row, other = np.uint64(a), np.uint64(b)
+    for q in range(last // 4):
+        i = np.uint64(4 * q)
+        s0 += A[row, i] * B[other, i]
+        s1 += A[row, i + ONE] * B[other, i + ONE]
+        s2 += A[row, i + TWO] * B[other, i + TWO]
+        s3 += A[row, i + THREE] * B[other, i + THREE]
+    for j in range(4 * (last // 4), last):
+        s0 += A[a, j] * B[b, j]
+    return (s0 + s1) + (s2 + s3)
+
+
+@kernel("UniTuple(f8, 2)(f8[:,::1], i8, i8, f8[:,::1], i8, f8[:,::1], i8)", superwords=True)
+def _reduce(
+    rows: Array, row: int, width: int, basis: Array, count: int, factors: Array, at: int
+) -> tuple[float, float]:
+    """Take the first `count` rows of the basis out of a row (Gram and Schmidt, twice if need be).
+
+    Four of them at a time, whose shares do not wait for each other. Makes the row a unit vector
+    where more than rounding is left, and adds what it took to a row of the factors. Returns the
+    lengths before and after.
+    """
+    whole = _product(rows, row, rows, row, width)
+    before = left = whole
+    for _ in range(2 if count > 0 else 0):
+        for q in range(count // 4):
+            p = 4 * q
+            s0 = _product(basis, p, rows, row, width)
+            s1 = _product(basis, p + 1, rows, row, width)
+            s2 = _product(basis, p + 2, rows, row, width)
+            s3 = _product(basis, p + 3, rows, row, width)
+            factors[at, p] += s0
+            factors[at, p + 1] += s1
+            factors[at, p + 2] += s2
+            factors[at, p + 3] += s3
+            for j in range(width):
+                first = s0 * basis[p, j] + s1 * basis[p + 1, j]
+                rows[row, j] -= first + (s2 * basis[p + 2, j] + s3 * basis[p + 3, j])
+        for p in range(4 * (count // 4), count):
+            share = _product(basis, p, rows, row, width)
+            factors[at, p] += share
+            for j in range(width):
+                rows[row, j] -= share * basis[p, j]
+        left = _product(rows, row, rows, row, width)
+        if left > AGAIN * before:
+            break
+        before = left
+    if left > RANK * RANK * whole:
+        inverse = 1.0 / math.sqrt(left)
+        for j in range(width):
+            rows[row, j] *= inverse
+    return math.sqrt(whole), math.sqrt(left)
+
+
+@inlined
+def _plain_inverse(
+    R: Array,
+    start: int,
+    d: int,
+    first: int,
+    last: int,
+    damping: float,
+    T: Array,
+    own: Array,
+    M: Array,
+) -> bool:
+    """Rows of M_iᵀ from [R_i | damping·I] = T·P, P orthonormal; False where rows are dependent."""
+    n = R.shape[0]
+    triangular = damping == 0.0 and first == 0 and last == d  # T = R_i
+    width = 2 * n if damping > 0.0 else last
+    for a in range(d):
+        for p in range(width):
+            own[a, p] = R[start + a, p] if p < last else 0.0
+        for b in range(d):
+            T[a, b] = own[a, b] if triangular else 0.0
+        if triangular:
+            for p in range(width):
+                own[a, p] = 1.0 if p == a else 0.0
+            continue
+        if damping > 0.0:
+            own[a, n + a] = damping
+        whole, left = _reduce(own, a, width, own, a, T, a)
+        if not left > RANK * whole:
+            return False
+        T[a, a] = left
+    for q in range(d):
+        a = d - 1 - q
+        inverse = 1.0 / T[a, a]
+        for p in range(first, last):
+            entry = own[a, p]
+            for b in range(a + 1, d):
+                entry -= T[b, a] * M[start + b, p]
+            M[start + a, p] = entry * inverse
+    return True
+
+
+@kernel("void(f8[:,::1], f8[:,::1], i8, i8, f8[:,::1])")
+def _deficient_inverse(R: Array, own: Array, first: int, last: int, target: Array) -> None:
+    """The same from orthogonal rows A with AᵀA = RᵀR: R⁺ = Aᵀ diag(|A_k|⁻⁴) A Rᵀ.
+
+    R: the task's rows; own: A, written.
+    """
+    d, longest = R.shape[0], 0.0
+    for a in range(d):
+        for p in range(own.shape[1]):
+            own[a, p] = R[a, p] if p < last else 0.0
+    orthogonalise(own, d)
+    for a in range(d):
+        longest = max(longest, dot(own[a], own[a]))
+        for p in range(first, last):
+            target[a, p] = 0.0
+    for k in range(d):
+        square = dot(own[k], own[k])
+        if square > RANK * RANK * longest:
+            for a in range(d):
+                share = dot(own[k, :last], R[a, :last]) / (square * square)
+                add(target[a, first:last], share, own[k, first:last])
+
+
+@inlined
+def _close_loop(
+    offsets: Indices, weights: Array, R: Array, M: Array, lengths: Array, L: Array
+) -> None:
+    """L = D R Mᵀ D⁻¹, lower block triangular."""
+    n = R.shape[0]
+    for a in range(n):
+        lengths[0, a] = math.sqrt(_product(R, a, R, a, n))
+    for task in range(offsets.size - 1):
+        for i in range(offsets[task], offsets[task + 1]):
+            size = ROUNDING * math.sqrt(_product(M, i, M, i, n))
+            for a in range(offsets[task]):
+                L[a, i] = 0.0
+            for a in range(offsets[task], n):
+                entry = _product(R, a, M, i, n)
+                kept = abs(entry) > size * lengths[0, a]
+                L[a, i] = entry * weights[a] / weights[i] if kept else 0.0
+
+
+@kernel(
+    "i8(f8[:,::1], i8[::1], f8, f8[::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1],"
+    " f8[:,::1], f8[:,::1])"
+)
+def prioritised(
+    jacobian: Array,
+    offsets: Indices,
+    damping: float,
+    weights: Array,
+    L: Array,
+    B: Array,
+    Q: Array,
+    R: Array,
+    M: Array,
+    T: Array,
+    own: Array,
+) -> int:
+    """Write L and Bᵀ.
+
+    Args:
+        jacobian: all tasks' rows, (n, joints).
+        offsets: where each task begins, and n; (h + 1,).
+        damping: d: J_iᵀ(J_i J_iᵀ + d²I)⁻¹ stands for J_i⁺; 0 for the pseudoinverse. L is that of
+            the law with the damping, so that what is proved of L holds.
+        weights: square roots D of the weights of the errors, (n,): L is D L D⁻¹.
+        L: (n, n), written. Entries that are rounding are 0.
+        B: Bᵀ, (n, joints), written.
+        Q: scratch, (n, joints).
+        R, M, T: scratch, (n, n).
+        own: scratch, (n, 2n) or larger.
+
+    Returns:
+        The rank of the stacked Jacobian.
+    """
+    (n, joints), rank = jacobian.shape, 0
+    for task in range(offsets.size - 1):
+        start, end, first = offsets[task], offsets[task + 1], rank
+        for i in range(start, end):
+            for p in range(n):
+                R[i, p], M[i, p] = 0.0, 0.0
+            if rank == joints:
+                for p in range(rank):
+                    R[i, p] = _product(Q, p, jacobian, i, joints)
+                continue
+            for j in range(joints):
+                Q[rank, j] = jacobian[i, j]
+            whole, left = _reduce(Q, rank, joints, Q, rank, R, i)
+            if left > RANK * whole:
+                R[i, rank] = left
+                rank += 1
+        if not _plain_inverse(R, start, end - start, first, rank, damping, T, own, M):
+            _deficient_inverse(R[start:end], own, first, rank, M[start:end])
+        for i in range(start, end):
+            for j in range(joints):
+                B[i, j] = 0.0
+            for p in range(first, rank):
+                for j in range(joints):
+                    B[i, j] += M[i, p] * Q[p, j]
+    _close_loop(offsets, weights, R, M, T, L)
+    return rank
+
+
+@inlined
+def unfit(jacobian: Array, errors: Array, rates: Array, weights: Array, limits: Array) -> bool:
+    """Whether a value is not finite, or the limits do not allow to stand still."""
+    n, joints = jacobian.shape
+    found = not_finite(errors) or not_finite(rates) or not_finite(weights)
+    for i in range(n):
+        wrong = 0 if weights[i] > 0.0 else 1
+        for j in range(joints):
+            wrong += 0 if abs(jacobian[i, j]) <= MAX else 1
+        found = found or wrong > 0
+    for r in range(joints):
+        found = found or not (limits[0, r] <= 0.0 <= limits[1, r])
+    return found
+
+
+@inlined
+def feed_forward(B: Array, rates: Array, speed: Array) -> None:
+    """Write B·rates: whether the limits allow it is to be seen with what is fed back."""
+    moves = False
+    for r in range(speed.size):
+        speed[r] = 0.0
+    for i in range(rates.size):
+        moves = moves or rates[i] != 0.0
+    if moves:
+        add_rows(speed, rates, B, 0, rates.size, 0)

@@ -1,0 +1,117 @@
+"""Joint speeds by constant gains of prioritised tasks, and what is proved of them, in one call."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.protocol.runtime.numba_jit import kernel
+from hoap3.remote_controller.solvers.base.status import BAD_INPUT, BAD_SHAPE, OK, OUT_OF_RANGE
+from hoap3.remote_controller.solvers.clik.clik_kernels import feed_forward, prioritised, unfit
+from hoap3.remote_controller.solvers.clik.lmi_kernels import least_eigenvalue, stability_matrix
+from hoap3.remote_controller.solvers.linalg.dense_kernels import MAX, add, not_finite
+from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import gram
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+ACCURACY = 1e-9  # of β, relative
+
+
+@kernel(
+    "Tuple((i8, i8, f8))(f8[:,::1], f8[::1], f8[::1], i8[::1], f8[::1], f8[:,::1], f8, f8,"
+    " f8[::1], f8[:,:,::1], f8[:,:,::1], f8[:,::1], f8[:,::1], f8[::1], f8[::1])"
+)
+def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
+    jacobian: Array,
+    errors: Array,
+    rates: Array,
+    offsets: Indices,
+    weights: Array,
+    speeds: Array,
+    dt: float,
+    damping: float,
+    wanted: Array,
+    squares: Array,
+    wide: Array,
+    own: Array,
+    vectors: Array,
+    gains: Array,
+    dq: Array,
+) -> tuple[int, int, float]:
+    """Write dq = B(Λ e + rates) and the gains Λ, shortened alike until dq keeps its limits.
+
+    Where B·rates alone breaks them, the gains are 0 and dq is cut off, each joint by itself.
+
+    Args:
+        jacobian, errors, rates, offsets: (n, joints), (n,), (n,), (h + 1,).
+        weights: of the squared errors in V, (n,).
+        speeds: lower and upper limits of dq, (2, joints); they hold lower ≤ 0 ≤ upper.
+        dt, damping: Δt, d.
+        wanted: λ, (n,).
+        squares, wide, own, vectors: scratch, (7, n, n), (2, n, joints), (n, 2n), and three rows of
+            n or joints, whichever is more.
+        gains, dq: written, (n,) and (joints,); zeros where there is no answer.
+
+    Returns:
+        Status, rank of the Jacobian, β of the gains that are written.
+    """
+    n, joints = jacobian.shape
+    known = gains.size == n and dq.size == joints and wanted.size == n
+    if not (known and errors.size == n and rates.size == n and weights.size == n):
+        return BAD_SHAPE, 0, 0.0
+    for r in range(joints):
+        dq[r] = 0.0
+    for i in range(n):
+        gains[i] = 0.0
+    fit = 0.0 < dt <= MAX and 0.0 <= damping <= MAX and not not_finite(wanted)
+    if not fit or unfit(jacobian, errors, rates, weights, speeds):
+        return BAD_INPUT, 0, 0.0
+    L, G, roots, move = squares[0], squares[1], vectors[0, :n], vectors[1, :joints]
+    for i in range(n):
+        roots[i] = math.sqrt(weights[i])
+    B = wide[1]
+    rank = prioritised(
+        jacobian,
+        offsets,
+        damping,
+        roots,
+        L,
+        B,
+        wide[0],
+        squares[2],
+        squares[3],
+        squares[4],
+        own,
+    )
+    feed_forward(B, rates, dq)
+    for r in range(joints):
+        move[r] = 0.0
+    for i in range(n):
+        add(move, wanted[i] * errors[i], B[i])
+    share = 1.0
+    for r in range(joints):
+        if dq[r] + move[r] > speeds[1, r]:
+            share = min(share, (speeds[1, r] - dq[r]) / move[r])
+        if dq[r] + move[r] < speeds[0, r]:
+            share = min(share, (speeds[0, r] - dq[r]) / move[r])
+    share = max(share, 0.0)
+    for r in range(joints):
+        dq[r] = min(max(dq[r] + share * move[r], speeds[0, r]), speeds[1, r])
+    for i in range(n):
+        gains[i] = share * wanted[i]
+        for j in range(n):
+            G[i, j] = 0.0
+    gram(G, 1.0, L, n)
+    for i in range(n):
+        for j in range(i):
+            G[i, j] = G[j, i]
+    stability_matrix(L, G, gains, 0.0, dt, squares[5], squares[6])
+    beta = least_eigenvalue(squares[5], 0.0, ACCURACY, vectors)
+    if not_finite(dq) or not abs(beta) <= MAX:
+        for r in range(joints):
+            dq[r] = 0.0
+        return OUT_OF_RANGE, 0, 0.0
+    return OK, rank, beta

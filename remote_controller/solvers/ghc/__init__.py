@@ -1,0 +1,1 @@
+"""Generalized hierarchical control, and the hierarchies that it is compared with."""

@@ -1,0 +1,325 @@
+"""Generalized hierarchical control, condensed to the n joint accelerations, in one call.
+
+Liu, Tan and Padois, Autonomous Robots 2015, (13): with x_i for each of the k tasks,
+
+    min Σ |J_i x_i − b_i|² + w Σ |x_i|² + w |τ − o|²   s.t.   τ = M q̈ + n,  q̈ = Σ P_i x_i, bounds
+
+For a given q̈ the best x_i are known, H_i = J_iᵀJ_i + wI, and what is left is, however many tasks,
+
+    min ½ (q̈ − q₀)ᵀ S⁺ (q̈ − q₀) + w/2 |M q̈ + n − o|²,
+    S = Σ P_i H_i⁻¹ P_i,   q₀ = Σ P_i J_iᵀ (J_i J_iᵀ + wI)⁻¹ b_i.
+
+S may be singular and is never inverted: with S = UᵀU and q̈ = q₀ + Uᵀy the unknown is y, and the
+Hessian I + w TᵀT, T = M Uᵀ. If its optimum satisfies the bounds, that is the answer; if not,
+`active_set` moves from there. q̈ and τ are values alike to it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.remote_controller.solvers.base.status import (
+    BAD_INPUT,
+    BAD_SHAPE,
+    INFEASIBLE,
+    OK,
+    OUT_OF_RANGE,
+    UNSOLVED,
+)
+from hoap3.remote_controller.solvers.ghc.condense_kernels import condense
+from hoap3.remote_controller.solvers.linalg.dense_kernels import (
+    MAX,
+    add,
+    add_rows,
+    dot,
+    not_finite,
+    root_rows,
+    solve_lower,
+    solve_upper,
+)
+from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import (
+    divide_rows,
+    factorise,
+    gram,
+    multiply,
+)
+from hoap3.remote_controller.solvers.qp.active_set_kernels import active_set, most_violated
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+NONE, TORQUE, GRAVITY_COMPENSATED = 0, 1, 2  # what o is: nothing is regularised, 0, n
+LEAST_WEIGHT = 1e-8  # of w: 1/w stands beside numbers near 1, and the rounding of both
+WELL_APART = 1e-9  # of the diagonal of S: pivots above need no order
+ROUNDING = 1e-12  # of what S is a difference from: pivots above are no rounding
+SINGULAR = 1e-14  # of the same: a pivot up to that is 0
+TOLD_APART = 1e-13  # of a task's |J|²: with less of ω_r, directions of S are cut that matter
+SMALLEST = 1e-6  # rad/s²: accelerations below it count as that much
+
+
+@inlined
+def _clear(values: Array) -> None:
+    for j in range(values.size):
+        values[j] = 0.0
+
+
+@inlined
+def _times(M: Array, x: Array, out: Array) -> None:
+    for i in range(x.size):
+        out[i] = dot(M[i], x)
+
+
+@inlined
+def _torques(M: Array, qdd: Array, bias: Array, tau: Array) -> None:
+    _times(M, qdd, tau)
+    for i in range(tau.size):
+        tau[i] += bias[i]
+
+
+@kernel(
+    "f8(f8[:,::1], f8[::1], f8[:,::1], f8[::1], f8, f8[::1], f8[::1], f8[::1], f8[::1], f8[::1],"
+    " f8[::1])",
+    superwords=True,
+)
+def optimality(
+    S: Array,
+    q0: Array,
+    mass: Array,
+    effort: Array,
+    w: float,
+    values: Array,
+    lower: Array,
+    upper: Array,
+    multipliers: Array,
+    g: Array,
+    away: Array,
+) -> float:
+    """How far q̈ is from optimal for its multipliers (μ, ν), for the condensed problem.
+
+    q̈ = q₀ − S(w M·effort + μ + M ν), and each value of a multiplier that is not 0 at its bound, the
+    others within theirs: the largest deviation, the former relative to max(|q̈|, |q₀|), the latter
+    to 1 + |bound|. `effort` is what is regularised, τ − o or 0.
+    """
+    n = q0.size
+    for i in range(n):
+        away[i] = w * effort[i] + multipliers[n + i]
+    _times(mass, away, g)
+    span = SMALLEST
+    for i in range(n):
+        g[i] += multipliers[i]
+        away[i] = values[i] - q0[i]
+        span = max(span, abs(values[i]), abs(q0[i]))
+    for i in range(n):
+        away[i] += dot(S[i, i:], g[i:])
+        add(away[i + 1 :], g[i], S[i, i + 1 :])
+    if not_finite(away) or not_finite(values):
+        return math.inf
+    worst, beyond = 0.0, 0.0
+    for i in range(n):
+        worst = max(worst, abs(away[i]))
+    for j in range(values.size):
+        if multipliers[j] > 0.0 or values[j] > upper[j]:
+            beyond = max(beyond, abs(values[j] - upper[j]) / (1.0 + abs(upper[j])))
+        if multipliers[j] < 0.0 or values[j] < lower[j]:
+            beyond = max(beyond, abs(values[j] - lower[j]) / (1.0 + abs(lower[j])))
+    found = max(worst / span, beyond)
+    return found if found <= MAX else math.inf
+
+
+@inlined
+def _unfit(
+    jacobian: Array, target: Array, alpha: Array, mass: Array, bias: Array, bounds: Array
+) -> bool:
+    """Whether a value is not finite, a priority outside [0, 1], or a bound on the wrong side."""
+    found = not_finite(target) or not_finite(bias)
+    for row in range(jacobian.shape[0]):
+        found = found or not_finite(jacobian[row])
+    for row in range(mass.shape[0]):
+        found = found or not_finite(mass[row])
+    for i in range(alpha.shape[0]):
+        for j in range(alpha.shape[1]):
+            found = found or not 0.0 <= alpha[i, j] <= 1.0
+    for j in range(bounds.shape[1]):
+        found = found or not (bounds[0, j] < math.inf and bounds[1, j] > -math.inf)
+    return found
+
+
+@inlined
+def _too_stiff(jacobian: Array, offsets: Indices, w: float) -> bool:
+    """Whether what a task leaves to ω_r is so little of S that rounding hides it."""
+    found = False
+    for i in range(offsets.size - 1):
+        square = 0.0
+        for row in range(offsets[i], offsets[i + 1]):
+            square += dot(jacobian[row], jacobian[row])
+        found = found or w < TOLD_APART * square
+    return found
+
+
+@inlined
+def _factor(
+    S: Array, whole: float, mass: Array, U: Array, L: Array, T: Array, scratch: Array
+) -> None:
+    """Write U with UᵀU = S, its transpose L, and T = M L."""
+    n = S.shape[0]
+    for i in range(n):
+        for j in range(n):
+            U[i, j] = S[i, j] if j >= i else 0.0
+    regular = factorise(U, n, WELL_APART, scratch) == n
+    for i in range(n):
+        regular = regular and U[i, i] * U[i, i] > ROUNDING * whole
+    if not regular:
+        for i in range(n):
+            for j in range(n):
+                T[i, j] = S[i, j] if j >= i else S[j, i]
+        root_rows(T, SINGULAR * whole, U)
+    for i in range(n):
+        for j in range(n):
+            L[j, i] = U[i, j]
+    multiply(T, mass, L, regular)
+
+
+@inlined
+def _free_optimum(
+    U: Array, T: Array, w: float, pull: Array, A: Array, y: Array, scratch: Array, qdd: Array
+) -> None:
+    """Add Uᵀy to q̈ = q₀, with (I + w TᵀT) y = −w Tᵀ·pull and pull = M q₀ + n − o.
+
+    A becomes the factor of that matrix.
+    """
+    n = qdd.size
+    for i in range(n):
+        scratch[i] = -w * pull[i]
+        for j in range(n):
+            A[i, j] = 1.0 if i == j else 0.0
+    _clear(y)
+    add_rows(y, scratch, T, 0, n, 0)
+    gram(A, w, T, n)
+    factorise(A, n, 0.0, scratch)
+    solve_lower(A, y)
+    solve_upper(A, y)
+    add_rows(qdd, y, U, 0, n, 0)
+
+
+@inlined
+def _normals(U: Array, T: Array, Z: Array) -> None:
+    """Write the rows [U | Tᵀ] of Z."""
+    n = U.shape[0]
+    for i in range(n):
+        for j in range(n):
+            Z[i, j] = U[i, j]
+            Z[i, n + j] = T[j, i]
+
+
+@kernel(
+    "Tuple((i8, i8, i8, f8))(f8[:,::1], i8[::1], f8[::1], f8[:,::1], f8[:,::1], f8[::1], f8, i8,"
+    " f8, f8[:,::1], f8[:,:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[::1],"
+    " i8[:,::1], f8[:,::1])",
+    superwords=True,
+)
+def ghc_kernel(
+    jacobian: Array,
+    offsets: Indices,
+    target: Array,
+    alpha: Array,
+    mass: Array,
+    bias: Array,
+    w: float,
+    mode: int,
+    smoothing: float,
+    bounds: Array,
+    squares: Array,
+    Z: Array,
+    X: Array,
+    basis: Array,
+    K: Array,
+    diagonals: Array,
+    scratch: Array,
+    integers: Indices,
+    out: Array,
+) -> tuple[int, int, int, float]:
+    """Solve one problem; `Ghc` describes the arguments and has the shapes of the scratch.
+
+    Args:
+        jacobian, offsets, target: (m, n), (k + 1,), (m,).
+        alpha, mass, bias: (k, k), (n, n), (n,).
+        w, mode, smoothing: ω_r, what is regularised, s₀.
+        bounds: lower and upper ones of (q̈, τ), (2, 2n).
+        squares, Z, X, basis, K, diagonals, scratch, integers: scratch.
+        out: q̈, τ and the multipliers of both, (2, 2n); zeros where the status is not `OK`.
+
+    Returns:
+        Status, number of active bounds, steps of the active set (0: none was needed), residual.
+    """
+    (m, n), tasks = jacobian.shape, offsets.size - 1
+    shapes = out.shape == (2, 2 * n) and bounds.shape == (2, 2 * n) and mass.shape == (n, n)
+    sizes = target.size == m and bias.size == n and offsets[-1] == m
+    if not (shapes and sizes and alpha.shape == (tasks, tasks)):
+        return BAD_SHAPE, 0, 0, math.inf
+    values, multipliers, lower, upper = out[0], out[1], bounds[0], bounds[1]
+    _clear(values)
+    _clear(multipliers)
+    weighty = LEAST_WEIGHT <= w <= MAX and 0.0 <= smoothing <= MAX
+    if not weighty or _unfit(jacobian, target, alpha, mass, bias, bounds):
+        return BAD_INPUT, 0, 0, math.inf
+    for j in range(2 * n):
+        if lower[j] > upper[j]:
+            return INFEASIBLE, 0, 0, math.inf
+    S, U, T, A, R = squares[0], squares[1], squares[2], squares[3], squares[4]
+    qdd, tau, q0, pull, y = values[:n], values[n:], Z[n, :n], Z[n, n:], Z[n + 1, :n]
+    g, away, vectors = Z[n + 1, n:], Z[n + 2, :n], Z[n + 3 : n + 6].reshape(6, n)[:5]
+    active, state = integers[0, :n], integers[1, : 2 * n]
+    whole = condense(
+        jacobian,
+        offsets,
+        target,
+        alpha,
+        w,
+        smoothing,
+        S,
+        q0,
+        X,
+        basis,
+        diagonals,
+        K,
+        scratch,
+        integers[2:],
+    )
+    weight = 0.0 if mode == NONE else w
+    offset = 1.0 if mode == TORQUE else 0.0
+    _times(mass, q0, pull)
+    for i in range(n):
+        qdd[i] = q0[i]
+        pull[i] += offset * bias[i]
+        state[i], state[n + i] = 0, 0
+    if mode != NONE:
+        _factor(S, whole, mass, U, R, T, scratch)
+        _free_optimum(U, T, w, pull, A, y, scratch, qdd)
+    _torques(mass, qdd, bias, tau)
+    status, count, rounds = OK, 0, 0
+    if most_violated(values, lower, upper, state) >= 0:
+        if mode == NONE:
+            _factor(S, whole, mass, U, R, T, scratch)
+        _normals(U, T, Z)
+        if mode != NONE:
+            divide_rows(A, Z[:n])
+        status, count, rounds = active_set(
+            Z[:n], values, lower, upper, R, vectors, scratch[: 2 * n], active, state, multipliers
+        )
+        _torques(mass, qdd, bias, tau)
+    residual = math.inf
+    hidden = status == INFEASIBLE and _too_stiff(jacobian, offsets, w)
+    status = UNSOLVED if hidden else status
+    if status == OK:
+        for i in range(n):
+            pull[i] = tau[i] - (1.0 - offset) * bias[i]
+        residual = optimality(S, q0, mass, pull, weight, values, lower, upper, multipliers, g, away)
+        status = OK if residual < math.inf else OUT_OF_RANGE
+    if status != OK:
+        _clear(values)
+        _clear(multipliers)
+    return status, count, rounds, residual

@@ -1,0 +1,290 @@
+"""The generalized projector in its order-free closed form, compiled.
+
+Liu, Tan and Padois, Autonomous Robots 2015, (11). With the distinct positive priorities
+a_1 > … > a_L of the rows, a_{L+1} = 0, and N_l the projector onto the null space of all rows with
+priority ≥ a_l,
+
+    P = (1 − a_1) I + Σ_l (a_l − a_{l+1}) N_l  =  c I − Bᵀ diag(D) B
+
+with B an orthonormal basis of the rows, in descending priority, and D their priorities. Rows of
+priority 0 do not matter and are left out. A task whose Jacobian is I leaves no null space, whatever
+the basis: what its priority a makes of the rest is c = 1 − a, and D counts from a.
+
+A row counts as dependent where what is left of it is 1e-9 of the row. The paper takes the smallest
+positive number there, with which rounding errors become directions.
+
+**Smoothed** (not in the paper): P jumps where the rank of the rows changes. Instead of N_l the
+smoothed form uses, with J_l all rows of priority ≥ a_l,
+
+    N_l = I − J_lᵀ g(J_l J_lᵀ) J_l,   g(σ²) = φ(σ/s₀)/σ²,   φ(t) = 3t² − 2t³ up to 1, then 1
+
+which is the exact one where all singular values σ of J_l are s₀ or more. It depends on which rows
+have which priority, and on nothing else, so P is continuous in J, and in the priorities wherever
+they meet: what a level is split into has the weight of the split. The price is that below s₀ no row
+is quite strict: |J_l N_l x| ≤ max t(1 − φ(t))·s₀|x| = 0.26 s₀|x|, and so for P and any strict row.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.remote_controller.solvers.base.status import BAD_INPUT, OK
+from hoap3.remote_controller.solvers.linalg.dense_kernels import (
+    MAX,
+    add,
+    add_rows,
+    dot,
+    eigenvectors,
+    not_finite,
+    orthogonalise,
+)
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+DEPENDENT = 1e-9  # of a row: less than that of it left is rounding
+SURE = 0.5  # of a row: with as much left, one orthogonalisation is enough
+HUGE, SMALL = 1e100, 1e-100  # rows beyond are scaled before they are squared
+DROPPED = 1e-20  # of a projector's eigenvalue
+LEAST_WIDTH = 1e-5  # of s₀, relative to the rows: below it σ is rounding
+
+
+@inlined
+def _extend(row: Array, B: Array, rank: int, along: Array) -> bool:
+    """Write what of a row is orthogonal to the first `rank` rows of B behind them, normalised.
+
+    All projections at once, and once more where little is left (classical Gram and Schmidt twice).
+    """
+    n, fresh, top = row.size, B[rank], 0.0
+    for i in range(n):
+        fresh[i] = row[i]
+        top = max(top, abs(row[i]))
+    if top == 0.0:
+        return False
+    if not SMALL < top < HUGE:
+        for i in range(n):
+            fresh[i] /= top
+    whole = dot(fresh, fresh)
+    left = whole
+    for _ in range(2):
+        for p in range(rank):
+            along[p] = -dot(fresh, B[p])
+        add_rows(fresh, along, B, 0, rank, 0)
+        left = dot(fresh, fresh)
+        if rank == 0 or left > SURE * SURE * whole:
+            break
+    if left <= DEPENDENT * DEPENDENT * whole:
+        return False
+    inverse = 1.0 / math.sqrt(left)
+    for i in range(n):
+        fresh[i] *= inverse
+    return True
+
+
+@inlined
+def sort_tasks(alpha: Array, closes: Indices, rise: Array, order: Indices) -> int:
+    """Write the tasks of positive priority in descending order; returns how many there are.
+
+    Where priorities are equal, a task whose Jacobian is I comes first and then those that rise
+    higher: P is the same, but hierarchies have bases in common then.
+    """
+    count = 0
+    for j in range(alpha.size):
+        if alpha[j] <= 0.0:
+            continue
+        p = count
+        while p > 0:
+            i = order[p - 1]
+            if alpha[i] > alpha[j]:
+                break
+            if alpha[i] == alpha[j]:
+                first = closes[i] > closes[j] or (closes[i] == closes[j] and rise[i] >= rise[j])
+                if first:
+                    break
+            order[p] = i
+            p -= 1
+        order[p] = j
+        count += 1
+    return count
+
+
+@kernel(
+    "Tuple((i8, f8))(f8[:,::1], i8[::1], i8[::1], f8[::1], i8[::1], i8, i8, f8[:,::1], f8[::1],"
+    " i8[::1])",
+    superwords=True,
+)
+def exact_basis(
+    jacobian: Array,
+    offsets: Indices,
+    closes: Indices,
+    alpha: Array,
+    order: Indices,
+    count: int,
+    common: int,
+    B: Array,
+    D: Array,
+    ranks: Indices,
+) -> tuple[int, float]:
+    """Write B and D of P = cI − Bᵀ diag(D) B; returns how many rows B has, and c.
+
+    Args:
+        jacobian: all rows, (m, n).
+        offsets: where the rows of each task begin, and m: (k + 1,).
+        closes: 1 for a task whose Jacobian is I, else 0; (k,).
+        alpha: priorities of the tasks, (k,).
+        order, count: of `sort_tasks`.
+        common: so many tasks at the beginning of the order have their rows in B already.
+        B: (m + 1, n).
+        D: (m,); scratch until then.
+        ranks: how many rows of B the first so many tasks have, (k + 1,); ranks[0] = 0.
+    """
+    n, base, rank = jacobian.shape[1], 0.0, ranks[common]
+    for t in range(count):
+        j = order[t]
+        if closes[j]:
+            base = alpha[j]
+            break
+        if t >= common:
+            for row in range(offsets[j], offsets[j + 1]):
+                if rank < n and _extend(jacobian[row], B, rank, D):
+                    rank += 1
+            ranks[t + 1] = rank
+    for t in range(count):
+        j = order[t]
+        if closes[j]:
+            break
+        for p in range(ranks[t], ranks[t + 1]):
+            D[p] = alpha[j] - base
+    return rank, 1.0 - base
+
+
+@inlined
+def _fade(
+    jacobian: Array, rows: Indices, share: float, width: float, B: Array, K: Array, Q: Array
+) -> None:
+    """Write the rows √(share·g(σ²))·qᵀJ into B, q the eigenvectors of K = J Jᵀ."""
+    m, n, whole = rows.size, jacobian.shape[1], 0.0
+    for a in range(m):
+        for b in range(a, m):
+            K[a, b] = dot(jacobian[rows[a]], jacobian[rows[b]])
+            K[b, a] = K[a, b]
+        whole += K[a, a]
+    eigenvectors(K, Q, m)
+    narrow = max(width, SMALL, LEAST_WIDTH * math.sqrt(whole))
+    for e in range(m):
+        squared = max(K[e, e], 0.0)
+        t = math.sqrt(squared) / narrow
+        root = math.sqrt(3.0 - 2.0 * t) / narrow if t < 1.0 else 1.0 / math.sqrt(squared)
+        for i in range(n):
+            B[e, i] = 0.0
+        for a in range(m):
+            add(B[e], math.sqrt(share) * root * Q[e, a], jacobian[rows[a]])
+
+
+@inlined
+def _compress(B: Array, count: int, most: int) -> int:
+    """Make the first rows of B orthogonal, with the same BᵀB; returns how many are left."""
+    orthogonalise(B, count)
+    kept = 0
+    for p in range(count):
+        if dot(B[p], B[p]) > DROPPED and kept < most:
+            for i in range(B.shape[1]):
+                B[kept, i] = B[p, i]
+            kept += 1
+    return kept
+
+
+@kernel(
+    "Tuple((i8, f8))(f8[:,::1], i8[::1], i8[::1], f8[::1], f8, i8[::1], i8, i8[::1], f8[:,::1],"
+    " f8[::1], f8[:,::1], f8[:,::1])",
+    superwords=True,
+)
+def smooth_basis(
+    jacobian: Array,
+    offsets: Indices,
+    closes: Indices,
+    alpha: Array,
+    width: float,
+    order: Indices,
+    count: int,
+    rows: Indices,
+    B: Array,
+    D: Array,
+    K: Array,
+    Q: Array,
+) -> tuple[int, float]:
+    """As `exact_basis`, smoothed: s₀ = `width` > 0.
+
+    Args:
+        jacobian, offsets, closes, alpha, order, count: as there.
+        width: s₀, in the units of the Jacobian.
+        rows: scratch, (m,).
+        B, D: (2m, n) and (m,).
+        K, Q: scratch, (m, m) or larger.
+    """
+    m, base = 0, 0.0
+    for t in range(count):
+        j = order[t]
+        if closes[j]:
+            base = alpha[j]
+            break
+        for row in range(offsets[j], offsets[j + 1]):
+            rows[m], D[m] = row, alpha[j]
+            m += 1
+    rank, end = 0, 0
+    while end < m:
+        level = D[end]
+        while end < m and D[end] == level:
+            end += 1
+        below = D[end] if end < m else base
+        _fade(jacobian, rows[:end], level - below, width, B[rank:], K, Q)
+        rank = _compress(B, rank + end, end)
+    for p in range(rank):
+        D[p] = dot(B[p], B[p])
+        inverse = 1.0 / math.sqrt(D[p])
+        for i in range(B.shape[1]):
+            B[p, i] *= inverse
+    return rank, 1.0 - base
+
+
+@kernel("i8(f8[::1], f8[:,::1], f8, f8[:,::1])", allocates=True)
+def projector_kernel(alpha: Array, jacobian: Array, width: float, out: Array) -> int:
+    """Write P for priorities of the single rows; the status is `OK` or `BAD_INPUT`.
+
+    Args:
+        alpha: priorities, (m,).
+        jacobian: (m, n).
+        width: s₀; 0 for the exact projector.
+        out: P, (n, n); untouched on bad input.
+    """
+    m, n = jacobian.shape
+    for j in range(m):
+        if not_finite(jacobian[j]) or not 0.0 <= alpha[j] <= 1.0:
+            return BAD_INPUT
+    if not 0.0 <= width <= MAX:
+        return BAD_INPUT
+    offsets, closes = np.arange(m + 1), np.zeros(m, np.int64)
+    order, rows = np.empty(m, np.int64), np.empty(m, np.int64)
+    B, D, ranks = np.empty((2 * m + 1, n)), np.empty(m), np.zeros(m + 1, np.int64)
+    count = sort_tasks(alpha, closes, np.zeros(m), order)
+    if width > 0.0:
+        K, Q = np.empty((m, m)), np.empty((m, m))
+        rank, c = smooth_basis(
+            jacobian, offsets, closes, alpha, width, order, count, rows, B, D, K, Q
+        )
+    else:
+        rank, c = exact_basis(jacobian, offsets, closes, alpha, order, count, 0, B, D, ranks)
+    for i in range(n):
+        for j in range(n):
+            out[i, j] = c if i == j else 0.0
+    for p in range(rank):
+        for i in range(n):
+            add(out[i], -D[p] * B[p, i], B[p])
+    for i in range(n):
+        for j in range(i):
+            out[i, j] = out[j, i]
+    return OK

@@ -1,0 +1,1 @@
+"""Quadratic programs: our dual active set, and solvers of others behind one call."""

@@ -1,0 +1,274 @@
+"""A dual active set for bounds: the point nearest to the free optimum that satisfies them.
+
+    min ½|y|²   subject to   lower ≤ v + Zᵀy ≤ upper
+
+Goldfarb and Idnani (Mathematical Programming 1983), in the coordinates in which the Hessian is I:
+each bounded value v_j has its normal Z[:, j]. Adding a bound reflects the rows of Z (Householder),
+dropping one rotates them (Givens), so that the normals of the active ones are always a triangle;
+all values move with the steps, and none is ever computed anew.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.remote_controller.solvers.base.status import BAD_INPUT, INFEASIBLE, OK, UNSOLVED
+from hoap3.remote_controller.solvers.linalg.dense_kernels import (
+    add,
+    add_rows,
+    dot,
+    not_finite,
+    rotate,
+    solve_lower,
+    solve_upper,
+)
+from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import divide_rows, factorise
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+VIOLATED = 1e-9  # of 1 + |bound|: less is rounding
+DEPENDENT = 1e-10  # of a normal: less than that of it left outside the active ones is rounding
+BLOCKING = 1e-11  # of a normal: a share of an active one in it that is rounding
+ROUNDS = 20  # additions and droppings for each variable and each value: far more than are needed
+
+
+@inlined
+def most_violated(values: Array, lower: Array, upper: Array, state: Indices) -> int:
+    """The inactive value that violates its bound most, relative to 1 + |bound|; −1 for none."""
+    worst, found = VIOLATED, -1
+    for j in range(values.size):
+        if state[j]:
+            continue
+        gap = (lower[j] - values[j]) / (1.0 + abs(lower[j])) if lower[j] > values[j] else 0.0
+        if values[j] > upper[j]:
+            gap = (values[j] - upper[j]) / (1.0 + abs(upper[j]))
+        if gap > worst:
+            worst, found = gap, j
+    return found
+
+
+@inlined
+def _drop(
+    p: int, count: int, Z: Array, R: Array, normal: Array, active: Indices, vectors: Array
+) -> None:
+    """Take the p-th active bound out: shift the later columns of the triangle, and rotate."""
+    share, length, sign = vectors[0], vectors[1], vectors[2]
+    for q in range(p, count - 1):
+        active[q] = active[q + 1]
+        share[q], length[q], sign[q] = share[q + 1], length[q + 1], sign[q + 1]
+        for i in range(q + 2):
+            R[q, i] = R[q + 1, i]
+    for q in range(p, count - 1):
+        a, b = R[q, q], R[q, q + 1]
+        size = math.hypot(a, b)
+        cosine, sine = a / size, b / size
+        rotate(Z[q], Z[q + 1], cosine, sine)
+        for column in range(q, count - 1):
+            a, b = R[column, q], R[column, q + 1]
+            R[column, q] = cosine * a + sine * b
+            R[column, q + 1] = cosine * b - sine * a
+        a, b = normal[q], normal[q + 1]
+        normal[q] = cosine * a + sine * b
+        normal[q + 1] = cosine * b - sine * a
+
+
+@inlined
+def _reflect(count: int, tail: float, Z: Array, normal: Array, step: Array) -> float:
+    """Reflect the rows of Z from `count` on, so that a normal has one entry there; returns it.
+
+    `step` is Σ normal[k]·Z[k] over these rows, `tail` Σ normal[k]²; `step` is overwritten.
+    """
+    size, first = math.sqrt(tail), normal[count]
+    entry = -math.copysign(size, first)
+    factor = 1.0 / (tail + abs(first) * size)
+    add(step, -entry, Z[count])
+    add(Z[count], -factor * (first - entry), step)
+    for k in range(count + 1, normal.size):
+        add(Z[k], -factor * normal[k], step)
+    return entry
+
+
+@inlined
+def _first_to_go(count: int, size: float, R: Array, vectors: Array) -> tuple[int, float]:
+    """The active bound that lets go first on the way to the new one, −1 for none; after how much.
+
+    Writes what of the normal lies along each active one, by the triangle R.
+    """
+    share, length, normal, ratio = vectors[0], vectors[1], vectors[3], vectors[4]
+    for p in range(count):
+        ratio[p] = normal[p]
+    for back in range(count):
+        p = count - 1 - back
+        ratio[p] /= R[p, p]
+        add(ratio[:p], -ratio[p], R[p, :p])
+    blocking, until = -1, math.inf
+    for p in range(count):
+        if ratio[p] * length[p] > BLOCKING * size and share[p] < until * ratio[p]:
+            until, blocking = share[p] / ratio[p], p
+    return blocking, until
+
+
+@kernel(
+    "Tuple((i8, i8, i8))(f8[:,::1], f8[::1], f8[::1], f8[::1], f8[:,::1], f8[:,::1], f8[::1],"
+    " i8[::1], i8[::1], f8[::1])",
+    superwords=True,
+)
+def active_set(  # noqa: PLR0912 - one loop inside the other, as in the paper
+    Z: Array,
+    values: Array,
+    lower: Array,
+    upper: Array,
+    R: Array,
+    vectors: Array,
+    step: Array,
+    active: Indices,
+    state: Indices,
+    multipliers: Array,
+) -> tuple[int, int, int]:
+    """Move the values until all are within their bounds.
+
+    Args:
+        Z: (n, c), overwritten.
+        values: v at y = 0, (c,); overwritten by those of the answer.
+        lower, upper: (c,), ∓inf where there is none.
+        R: scratch, (n, n).
+        vectors: scratch, (5, n).
+        step: scratch, (c,).
+        active: scratch, (n,): the active values, the first so many that are counted.
+        state: scratch, (c,).
+        multipliers: (c,), written: y = −Σ multipliers[j]·Z[:, j] for the Z that was given, so
+            positive where the upper bound holds a value back.
+
+    Returns:
+        `OK`, `INFEASIBLE` or `UNSOLVED`; number of active bounds; of steps.
+    """
+    n, c = Z.shape
+    share, length, sign = vectors[0], vectors[1], vectors[2]
+    normal, ratio = vectors[3], vectors[4]
+    count, rounds = 0, 0
+    for j in range(c):
+        state[j] = 0
+        multipliers[j] = 0.0
+    while True:
+        j = most_violated(values, lower, upper, state)
+        if j < 0:
+            break
+        side = -1.0 if values[j] > upper[j] else 1.0
+        bound = upper[j] if side < 0.0 else lower[j]
+        for k in range(n):
+            normal[k] = side * Z[k, j]
+        whole, own = dot(normal, normal), 0.0
+        size = math.sqrt(whole)
+        while True:
+            rounds += 1
+            if rounds > ROUNDS * (n + c):
+                return UNSOLVED, count, rounds
+            blocking, until = _first_to_go(count, size, R, vectors)
+            tail = dot(normal[count:], normal[count:])
+            free = count < n and tail > DEPENDENT * DEPENDENT * whole
+            full = math.inf
+            if free:
+                for i in range(c):
+                    step[i] = 0.0
+                add_rows(step, normal, Z, count, n, 0)
+                full = max(side * (bound - values[j]), 0.0) / tail
+            elif blocking < 0:
+                return INFEASIBLE, count, rounds
+            stride = min(until, full)
+            if free:
+                add(values, stride, step)
+            for p in range(count):
+                share[p] = max(share[p] - stride * ratio[p], 0.0)
+            own += stride
+            if full <= until:
+                entry = _reflect(count, tail, Z, normal, step)
+                for p in range(count):
+                    R[count, p] = normal[p]
+                R[count, count] = entry
+                share[count], length[count], sign[count] = own, size, side
+                active[count], state[j] = j, 1
+                values[j] = bound
+                count += 1
+                break
+            state[active[blocking]] = 0
+            _drop(blocking, count, Z, R, normal, active, vectors)
+            count -= 1
+    for p in range(count):
+        multipliers[active[p]] = -sign[p] * share[p]
+    return OK, count, rounds
+
+
+@kernel(
+    "Tuple((i8, i8))(f8[:,::1], f8[::1], f8[:,::1], f8[::1], f8[::1], f8[:,::1], f8[:,::1],"
+    " f8[::1], f8[::1])",
+    superwords=True,
+    allocates=True,
+)
+def bounded_values_kernel(
+    H: Array,
+    f: Array,
+    rows: Array,
+    lower: Array,
+    upper: Array,
+    Z: Array,
+    R: Array,
+    values: Array,
+    multipliers: Array,
+) -> tuple[int, int]:
+    """Minimise ½ xᵀHx − fᵀx such that lower ≤ rows·x + offset ≤ upper; x are the first values.
+
+    Args:
+        H: positive definite, (n, n); overwritten.
+        f: (n,); overwritten.
+        rows: V, (c, n).
+        lower, upper: (c,).
+        Z, R: scratch, (n, n + c) and (n, n).
+        values: (n + c,): 0 and the offsets; overwritten by x and rows·x + offset.
+        multipliers: of x (0) and the rows, (n + c,), written.
+
+    Returns:
+        Status and number of active bounds.
+    """
+    c, n = rows.shape
+    scratch = np.empty(n)
+    least, most = np.full(n + c, -math.inf), np.full(n + c, math.inf)
+    for k in range(n):
+        if not_finite(H[k]):
+            return BAD_INPUT, 0
+    for j in range(c):
+        if not_finite(rows[j]) or not (lower[j] < math.inf and upper[j] > -math.inf):
+            return BAD_INPUT, 0
+        least[n + j], most[n + j] = lower[j], upper[j]
+    if not_finite(f) or not_finite(values):
+        return BAD_INPUT, 0
+    if factorise(H, n, 0.0, scratch) < n:
+        return BAD_INPUT, 0
+    solve_lower(H, f)
+    solve_upper(H, f)
+    for k in range(n):
+        values[k] = f[k]
+        for i in range(n):
+            Z[k, i] = 1.0 if i == k else 0.0
+        for j in range(c):
+            Z[k, n + j] = rows[j, k]
+    for j in range(c):
+        values[n + j] += dot(rows[j], f)
+    divide_rows(H, Z)
+    status, count, _ = active_set(
+        Z,
+        values,
+        least,
+        most,
+        R,
+        np.empty((5, n)),
+        np.empty(n + c),
+        np.empty(n, np.int64),
+        np.empty(n + c, np.int64),
+        multipliers,
+    )
+    return status, count

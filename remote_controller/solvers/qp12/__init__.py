@@ -1,0 +1,1 @@
+"""QP12 in closed form, with and without bounds, and its peers."""

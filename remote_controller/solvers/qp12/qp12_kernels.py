@@ -1,0 +1,210 @@
+"""QP12 without a QP solver: the answer, and the residual that certifies it.
+
+    min  γ|u|₁ + (1−γ)/2 |u|²   subject to   gradient·u = −decrease
+
+Gonçalves, Adorno, Crosnier, Fraisse, "Stable-by-Design Kinematic Control Based on Optimization",
+IEEE T-RO 2020, equation (26). The form of the answer is that of Proposition 6, but neither (28)
+nor Algorithm 1 is evaluated as printed: λa − γ cancels when u is small or γ near 1. With
+a = |gradient|, A = max a, b = |decrease|, κ = γ/(1−γ) and t = max|u|,
+
+    |u_i| = max(0, (a_i t − κ (A − a_i)) / A),     Σ a_i² t = A b + κ Σ a_i (A − a_i)
+
+where the sums run over the joints that move. No term of the sums is negative, so the error is a
+few units in the last place of t, for every γ and every scale.
+
+Which joints move is found by Newton's method on Σ a_i |u_i|(t) = b, whose left side is convex,
+piecewise linear and increasing in t. It starts at t = b/A, which is never too small (A t ≤ b), so
+t only falls and joints only drop out: the exact set after at most n rounds, usually two. Nothing
+is sorted and nothing remembered.
+
+γ = 1 means the limit γ → 1: the joints tied for the largest gradient share the work evenly.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.remote_controller.solvers.base.status import (
+    BAD_INPUT,
+    BAD_SHAPE,
+    INFEASIBLE,
+    OK,
+    OUT_OF_RANGE,
+)
+from hoap3.remote_controller.solvers.linalg.scaling_kernels import (
+    MAX,
+    TINY,
+    largest,
+    power_halves,
+    times_power,
+)
+
+LARGEST = 2.0**1020  # of b/A: leaves room for the sums
+SMALL = 2.0**-900  # below, b and κ are lifted by 2^LIFT, and so is u, to keep clear of underflow
+LIFT = 200
+NOTHING = 2.0**-1000  # a lifted b/A below this rounds to zero once it is lowered again
+
+
+@inlined
+def _largest_speed(gradient: NDArray[np.float64], A: float, b: float, kappa: float) -> float:
+    """Solve Σ a max(0, a τ − κ (A − a)) = b for τ = t/A, with κ given in units of A.
+
+    Newton's method from above; each round drops the joints that do not move at its τ.
+    """
+    tau = b / (A * A)
+    moving = gradient.size + 1
+    while True:
+        supply, weight, still_moving = b, 0.0, 0
+        for i in range(gradient.size):
+            a = abs(gradient[i])
+            cost = kappa * (A - a)
+            moves = a * tau > cost
+            supply += a * cost if moves else 0.0  # no branch: nothing predicts which joints move
+            weight += a * a if moves else 0.0
+            still_moving += moves
+        if still_moving >= moving:
+            return tau
+        moving = still_moving
+        tau = supply / weight
+
+
+@inlined
+def solve_qp12(
+    gradient: NDArray[np.float64], decrease: float, gamma: float, out: NDArray[np.float64]
+) -> int:
+    """Solve one QP12; for other kernels to call.
+
+    Args:
+        gradient: ∇V, shape (n,).
+        decrease: −V̇ to be reached, ρΨ in the paper; any sign, u is odd in it.
+        gamma: 0 (even) to 1 (sparse). κ = γ/(1−γ) has the unit of u.
+        out: u, shape (n,). All zeros where the status is not ``OK``, untouched where it is
+            ``BAD_SHAPE``. May be ``gradient`` itself.
+
+    Returns:
+        ``OK``; ``INFEASIBLE``: the gradient is zero, the decrease is not; ``BAD_INPUT``: something
+        is not finite, or γ not in [0, 1]; ``BAD_SHAPE``; ``OUT_OF_RANGE``: max|u| could exceed
+        about 1e307.
+    """
+    n = gradient.size
+    if out.size != n:
+        return BAD_SHAPE
+    top = largest(gradient)
+    if not (top <= MAX and abs(decrease) <= MAX and 0.0 <= gamma <= 1.0):
+        out[:] = 0.0
+        return BAD_INPUT
+    if decrease == 0.0 or top == 0.0:
+        out[:] = 0.0
+        return OK if decrease == 0.0 else INFEASIBLE
+
+    # From here on a and b are scaled by the same power of two, which makes 1/2 ≤ A < 1.
+    A, exponent = math.frexp(top)
+    lift = 0
+    b = times_power(abs(decrease), -exponent)
+    if b < SMALL:
+        lift = LIFT
+        b = times_power(abs(decrease), LIFT - exponent)
+    if b > LARGEST or b < NOTHING:
+        out[:] = 0.0
+        return OUT_OF_RANGE if b > LARGEST else OK
+
+    kappa = math.ldexp(gamma, lift) / (1.0 - gamma) / A if gamma < 1.0 else 0.0
+    first, second = power_halves(-exponent)
+    for i in range(n):
+        counts = gamma < 1.0 or abs(gradient[i]) == top  # γ = 1: least norm over the tied joints
+        out[i] = gradient[i] * first * second if counts else 0.0
+    tau = _largest_speed(out, A, b, kappa)
+    lower = math.ldexp(1.0 if decrease < 0.0 else -1.0, -lift)
+    for i in range(n):
+        a = abs(out[i])
+        x = a * tau - kappa * (A - a)
+        out[i] = math.copysign(x, out[i]) * lower if x > 0.0 else 0.0
+    return OK
+
+
+@inlined
+def qp12_kkt_residual(
+    gradient: NDArray[np.float64], decrease: float, gamma: float, u: NDArray[np.float64]
+) -> float:
+    """How far u is from optimal, relative and without units; for other kernels to call.
+
+    Optimality, (31) and (32) of the paper, means: the constraint holds, no joint moves up its
+    gradient, and with x = −sign(decrease)·sign(gradient)·u, a, A and κ as above and t the x of
+    (the first of) the joints with a_i = A,
+
+        x_i = w_i,   w_i = max(0, (a_i t − κ (A − a_i)) / A).
+
+    The residual is the larger of
+
+        primal         |gradient·u + decrease| / (Σ |gradient_i u_i| + |decrease|)
+        stationarity   max_i |x_i − w_i| / max_i |u_i|
+
+    For γ = 1 every x ≥ 0 on the tied joints is optimal: w_i = max(0, x_i) where a_i = A, else 0.
+    If decrease = 0, or the gradient is zero, it is 0 for u = 0 = decrease and 1 otherwise. Inputs
+    that cannot be judged (not finite, γ outside [0, 1], unlike sizes) give inf; NaN is never
+    returned. Speeds below 2.2e-308, where doubles lose digits, count as rounding.
+
+    It bounds the error: |u − u*| ≤ 4 n · residual · |u*| in the largest component, to first order,
+    for every γ < 1; a stationarity measured in the objective's own terms would say nothing near
+    γ = 1. Rounding alone gives about n · 1e-16.
+    """
+    n = gradient.size
+    if u.size != n:
+        return math.inf
+    top, span = largest(gradient), largest(u)
+    if not (top <= MAX and span <= MAX and abs(decrease) <= MAX and 0.0 <= gamma <= 1.0):
+        return math.inf
+    if decrease == 0.0 or top == 0.0:
+        return 0.0 if decrease == 0.0 and span == 0.0 else 1.0
+
+    A, exponent = math.frexp(top)
+    first, second = power_halves(-exponent)
+    b = times_power(abs(decrease), -exponent)
+    kappa = gamma / (1.0 - gamma) / A if gamma < 1.0 else 0.0
+    down = 1.0 if decrease < 0.0 else -1.0
+    t = 0.0
+    for i in range(n):
+        if abs(gradient[i]) == top:
+            t = math.copysign(1.0, gradient[i]) * down * u[i]
+            break
+
+    power, effort, deviation = -b, b, 0.0
+    for i in range(n):
+        a = abs(gradient[i]) * first * second
+        x = math.copysign(1.0, gradient[i]) * down * u[i]
+        if gamma < 1.0:
+            wanted = max(0.0, a * (t / A) - kappa * (A - a))
+        else:
+            wanted = max(0.0, x) if abs(gradient[i]) == top else 0.0
+        power += a * x
+        effort += a * abs(x)
+        deviation = max(deviation, abs(x - wanted))
+    residual = max(abs(power) / max(effort, TINY), deviation / max(span, TINY))
+    return residual if residual <= MAX else math.inf
+
+
+@kernel("Tuple((i8, f8))(i8, f8[::1], f8, f8, f8[::1])")
+def qp12_kernel(
+    n: int,
+    gradient: NDArray[np.float64],
+    decrease: float,
+    gamma: float,
+    out: NDArray[np.float64],
+) -> tuple[int, float]:
+    """``solve_qp12`` for n joints; status and KKT residual, inf where the status is not ``OK``."""
+    status = solve_qp12(gradient, decrease, gamma, out) if gradient.size == n else BAD_SHAPE
+    if status != OK:
+        return status, math.inf
+    return status, qp12_kkt_residual(gradient, decrease, gamma, out)
+
+
+@kernel("f8(f8[::1], f8, f8, f8[::1])")
+def qp12_residual_kernel(
+    gradient: NDArray[np.float64], decrease: float, gamma: float, u: NDArray[np.float64]
+) -> float:
+    """``qp12_kkt_residual`` of any u."""
+    return qp12_kkt_residual(gradient, decrease, gamma, u)

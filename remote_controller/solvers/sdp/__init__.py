@@ -1,0 +1,1 @@
+"""Certified gains of prioritised tasks, by an interior-point method of our own."""

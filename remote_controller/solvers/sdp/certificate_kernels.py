@@ -1,0 +1,170 @@
+"""What gains certify, whether they keep the limits, and how far from optimal they may be.
+
+Wherever the gains come from: a solver that ends early, or another one. Units are those of β̃ = 1.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.remote_controller.solvers.clik.lmi_kernels import least_eigenvalue, stability_matrix
+
+Array = NDArray[np.float64]
+
+NOTHING = 1e-8  # of β̃: a β up to that is no certificate
+OVER = 1e-9  # of 1 + |limit|: what is cut off as rounding
+
+
+@kernel("f8(f8[:,::1], f8[:,::1], f8[::1], f8[::1])")
+def fit(S: Array, limits: Array, gains: Array, speed: Array) -> float:
+    """Write S λ, with λ shortened until it keeps the limits; how near it comes to them."""
+    n, share = S.shape[0], 1.0
+    for r in range(speed.size):
+        speed[r] = 0.0
+    for i in range(n):
+        for r in range(speed.size):
+            speed[r] += gains[i] * S[i, r]
+    for r in range(speed.size):
+        if speed[r] - limits[1, r] > OVER * (1.0 + limits[1, r]):
+            share = min(share, limits[1, r] / speed[r])
+        if limits[0, r] - speed[r] > OVER * (1.0 - limits[0, r]):
+            share = min(share, limits[0, r] / speed[r])
+    margin = math.inf
+    for i in range(n):
+        gains[i] *= share
+    for r in range(speed.size):
+        speed[r] = min(max(share * speed[r], limits[0, r]), limits[1, r])
+        margin = min(margin, limits[1, r] - speed[r], speed[r] - limits[0, r])
+    return margin
+
+
+@inlined
+def _duality_gap(
+    S: Array,
+    limits: Array,
+    speed: Array,
+    delta: float,
+    gains: Array,
+    beta: float,
+    Z: Array,
+    z: Array,
+    C: Array,
+    V: Array,
+) -> float:
+    """How much less than that of feasible (λ, β) the objective may be, in the units of β̃ = 1.
+
+    C is C(λ, 0). For any Z ⪰ 0 and z ≥ 0 the Lagrange function is a bound from below where it is
+    least. It is quadratic, with a Hessian of 2δ (λ) and 2 (β) at least, so it falls below its value
+    here by |g_λ|²/4δ + g_β²/4 at most, g its gradient. By the same curvature of the objective
+    |β − β*|² ≤ gap and δ|λ − λ*|² ≤ gap.
+    """
+    n, joints = S.shape
+    gap, trace, pulled = 0.0, 0.0, False
+    for r in range(joints):
+        if z[1, r] > 0.0:
+            gap += z[1, r] * (limits[1, r] - speed[r])
+            pulled = True
+        if z[0, r] > 0.0:
+            gap += z[0, r] * (speed[r] - limits[0, r])
+            pulled = True
+    for i in range(n):
+        trace += Z[i, i]
+        for j in range(n):
+            gap += C[i, j] * Z[i, j]
+    slope = 2.0 * (beta - 1.0) + trace
+    gap += 0.25 * slope * slope - beta * trace
+    for i in range(n):
+        slope = 2.0 * delta * gains[i]
+        if pulled:
+            for r in range(joints):
+                slope += S[i, r] * (z[1, r] - z[0, r])
+        for k in range(n):
+            slope -= 2.0 * V[k, i] * Z[k, i]
+        gap += 0.25 * slope * slope / delta
+    return gap
+
+
+@inlined
+def certified(
+    L: Array, G: Array, gains: Array, dt: float, guess: float, squares: Array, vectors: Array
+) -> float:
+    """β(λ) = λ_min(C(λ, 0))."""
+    stability_matrix(L, G, gains, 0.0, dt, squares[0], squares[1])
+    return least_eigenvalue(squares[0], guess, 0.0, vectors[3:])
+
+
+@kernel(
+    "Tuple((f8, f8, f8, f8, b1))(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, f8[:,::1],"
+    " f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1])"
+)
+def conclude(
+    L: Array,
+    G: Array,
+    S: Array,
+    limits: Array,
+    dt: float,
+    delta: float,
+    points: Array,
+    Z: Array,
+    z: Array,
+    squares: Array,
+    vectors: Array,
+) -> tuple[float, float, float, float, bool]:
+    """What is known of gains, wherever they come from; in the units of β̃ = 1, as for `optimise`.
+
+    Gains that break a limit are shortened; without a certificate they become 0. S λ is left in the
+    first of the vectors.
+
+    Returns:
+        β, slack of the matrix inequality, margin of the limits, gap, whether V is proved to fall.
+    """
+    n, joints = S.shape
+    C, V, W = squares[0], squares[1], squares[2]
+    x, speed = points[0], vectors[0, :joints]
+    gains = x[:n]
+    margin = fit(S, limits, gains, speed)
+    stability_matrix(L, G, gains, 0.0, dt, C, V)
+    for i in range(n):
+        for j in range(n):
+            W[i, j] = C[i, j]
+    beta = least_eigenvalue(W, x[n], 0.0, vectors[3:])
+    kept = beta > NOTHING
+    if not kept:
+        beta = 0.0
+        for i in range(n + 1):
+            x[i] = 0.0
+        margin = fit(S, limits, gains, speed)
+        stability_matrix(L, G, gains, 0.0, dt, C, V)
+    gap = _duality_gap(S, limits, speed, delta, gains, beta, Z, z, C, V)
+    return beta, beta - x[n], margin, gap, kept
+
+
+@inlined
+def keep_better(
+    L: Array,
+    G: Array,
+    S: Array,
+    limits: Array,
+    dt: float,
+    desired: float,
+    last: Array,
+    points: Array,
+    squares: Array,
+    vectors: Array,
+) -> None:
+    """Replace λ by the gains of the last solve, if these, shortened, certify more."""
+    n, joints = S.shape
+    found, kept, speed = points[0], points[1], vectors[0, :joints]
+    for i in range(n):
+        kept[i] = last[i] / desired
+    fit(S, limits, found[:n], speed)
+    fit(S, limits, kept[:n], speed)
+    beta = certified(L, G, found[:n], dt, math.nan, squares, vectors)
+    kept[n] = certified(L, G, kept[:n], dt, math.nan, squares, vectors)
+    if kept[n] > beta:
+        for i in range(n + 1):
+            found[i] = kept[i]

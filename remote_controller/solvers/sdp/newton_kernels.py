@@ -1,0 +1,361 @@
+"""Newton's method on the optimality conditions of the gains, from a guess of what is active.
+
+    min (β − 1)² + δ|λ|²   subject to   C(λ, β) ⪰ 0,  lower ≤ S λ ≤ upper
+
+(`lmi_kernels` has C; time is counted in units of 1/β̃.) The multiplier of C is Z = Y Yᵀ with few
+columns y_k, one as a rule, those of the limits that hold are ν. Optimal is where
+
+    2δ λ_i − 2 Σ_k (v_iᵀ y_k) y_ki + (Sᵀν)_i = 0,   2(β − 1) + Σ |y_k|² = 0,
+    C y_k = 0,   rows of S that hold a limit: S λ = limit,
+
+with C ⪰ 0, ν ≥ 0 and all limits kept. The Newton matrix, with the second line times −2, is
+symmetric and quasidefinite (Vanderbei, SIAM Journal on Optimization 5, 1995): its block of (λ, β)
+is positive definite, and what is left of the other one negative definite, so it has a factorisation
+without pivoting. A column of Y lies within one block of C. Two columns in one block may be rotated
+without changing Z; a term along that rotation makes the answer unique.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.remote_controller.solvers.clik.lmi_kernels import stability_matrix
+from hoap3.remote_controller.solvers.linalg.ldlt_kernels import solve_quasidefinite
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+CONVERGED = 1e-6  # of 1 + |λ|: the step after one of that size is rounding
+STEPS = 8  # of one Newton iteration; from a good guess it takes two or three
+FAR = 1e3  # of 1 + |λ|: a step as long leads nowhere
+SLOW = 0.5  # of the step before: after the first few, a step that is longer leads nowhere
+NEAR = 0.1  # of 1 + |λ|: after a step as short it shows which limits are wrong
+NOTHING = 1e-300  # squares of that size are none
+KEPT = 1e-10  # of 1 + |limit|: how far a limit may be broken
+PULLING = -1e-10  # a multiplier below it says that its limit need not hold
+LEAST = -1e-10  # of C's diagonal: an eigenvalue below it is negative
+
+
+@inlined
+def _limit(limits: Array, held: int) -> float:
+    found: float = limits[1, held - 1] if held > 0 else limits[0, -held - 1]
+    return found
+
+
+@inlined
+def _fill(  # noqa: PLR0912 - one case after the other
+    G: Array,
+    S: Array,
+    limits: Array,
+    dt: float,
+    delta: float,
+    x: Array,
+    Y: Array,
+    block: Indices,
+    home: Indices,
+    rank: int,
+    held: Indices,
+    holding: int,
+    nu: Array,
+    C: Array,
+    V: Array,
+    K: Array,
+    b: Array,
+    w: Array,
+) -> int:
+    """Write the Newton matrix K, its upper triangle, and the negative of what is to vanish, b."""
+    n, size = block.size, block.size + 1
+    for i in range(n):
+        for j in range(i, n):
+            K[i, j] = Y[0, i] * Y[0, j]
+        for k in range(1, rank):
+            for j in range(i, n):
+                K[i, j] += Y[k, i] * Y[k, j]
+        for j in range(i, n):
+            K[i, j] *= 2.0 * dt * G[i, j]
+        K[i, i] += 2.0 * delta
+        K[i, n] = 0.0
+        b[i] = -2.0 * delta * x[i]
+    K[n, n], b[n] = 2.0, -2.0 * (x[n] - 1.0)
+    for k in range(rank):
+        for i in range(n):
+            w[i] = 0.0
+        for j in range(n):
+            factor = Y[k, j]
+            for i in range(n):
+                w[i] += factor * V[j, i]
+        for i in range(n):
+            b[i] += 2.0 * w[i] * Y[k, i]
+            b[n] -= Y[k, i] * Y[k, i]
+        begin = size
+        for p in range(n):
+            if block[p] != home[k]:
+                continue
+            for i in range(n):
+                K[i, size] = -2.0 * V[p, i] * Y[k, i]
+            K[p, size] -= 2.0 * w[p]
+            K[n, size] = 2.0 * Y[k, p]
+            for column in range(n + 1, begin):
+                K[column, size] = 0.0
+            column, pull = begin, 0.0
+            for q in range(p + 1):
+                if block[q] == home[k]:
+                    K[column, size] = -2.0 * C[p, q]
+                    column += 1
+            for q in range(n):
+                pull += C[p, q] * Y[k, q]
+            b[size] = 2.0 * pull
+            size += 1
+    for a in range(holding):
+        sign, r = (1.0, held[a] - 1) if held[a] > 0 else (-1.0, -held[a] - 1)
+        value = 0.0
+        for i in range(n):
+            K[i, size] = sign * S[i, r]
+            value += S[i, r] * x[i]
+            b[i] -= sign * S[i, r] * nu[a]
+        for column in range(n, size + 1):
+            K[column, size] = 0.0
+        b[size] = sign * (_limit(limits, held[a]) - value)
+        size += 1
+    return size
+
+
+@inlined
+def _begin(block: Indices, home: Indices, k: int) -> int:
+    """Where the entries of y_k begin among the unknowns."""
+    n, begin = block.size, block.size + 1
+    for other in range(k):
+        for q in range(n):
+            begin += 1 if block[q] == home[other] else 0
+    return begin
+
+
+@inlined
+def _fix_rotation(Y: Array, block: Indices, home: Indices, rank: int, K: Array) -> None:
+    """Add −2 g gᵀ for each rotation g of two columns within a block: y_k += y_l, y_l −= y_k."""
+    n = block.size
+    for k in range(1, rank):
+        for other in range(k):
+            if home[other] != home[k]:
+                continue
+            first, second = _begin(block, home, other), _begin(block, home, k)
+            a = 0
+            for p in range(n):
+                if block[p] != home[k]:
+                    continue
+                c = 0
+                for q in range(n):
+                    if block[q] != home[k]:
+                        continue
+                    if c >= a:
+                        K[first + a, first + c] -= 2.0 * Y[k, p] * Y[k, q]
+                        K[second + a, second + c] -= 2.0 * Y[other, p] * Y[other, q]
+                    K[first + a, second + c] += 2.0 * Y[k, p] * Y[other, q]
+                    c += 1
+                a += 1
+
+
+@inlined
+def _move(
+    x: Array,
+    Y: Array,
+    block: Indices,
+    home: Indices,
+    rank: int,
+    nu: Array,
+    holding: int,
+    step: Array,
+) -> float:
+    """Take a Newton step; how long it was, relative."""
+    n, longest, whole, change = block.size, 0.0, 0.0, 0.0
+    for i in range(n + 1):
+        longest = max(longest, abs(step[i]) / (1.0 + abs(x[i])))
+        x[i] += step[i]
+    column = n + 1
+    for k in range(rank):
+        for p in range(n):
+            if block[p] == home[k]:
+                change += step[column] * step[column]
+                Y[k, p] += step[column]
+                whole += Y[k, p] * Y[k, p]
+                column += 1
+    for a in range(holding):
+        longest = max(longest, abs(step[column]) / (1.0 + abs(nu[a])))
+        nu[a] += step[column]
+        column += 1
+    if not (longest < FAR and change < math.inf):
+        return math.inf
+    return max(longest, math.sqrt(change / max(whole, NOTHING)))
+
+
+@inlined
+def _first_wrong(
+    S: Array, limits: Array, x: Array, held: Indices, holding: int, nu: Array, speed: Array
+) -> tuple[int, int]:
+    """Which held limit pulls most, or −1; which limit is broken most (signed, from 1), or 0."""
+    n, worst, out = S.shape[0], PULLING, -1
+    for a in range(holding):
+        r = abs(held[a]) - 1
+        if nu[a] < worst and limits[1, r] - limits[0, r] > KEPT:
+            worst, out = nu[a], a
+    for r in range(S.shape[1]):
+        speed[r] = 0.0
+    for i in range(n):
+        for r in range(S.shape[1]):
+            speed[r] += x[i] * S[i, r]
+    beyond, broken = KEPT, 0
+    for r in range(speed.size):
+        over, under = speed[r] - limits[1, r], limits[0, r] - speed[r]
+        if over > beyond * (1.0 + abs(limits[1, r])):
+            beyond, broken = over / (1.0 + abs(limits[1, r])), r + 1
+        if under > beyond * (1.0 + abs(limits[0, r])):
+            beyond, broken = under / (1.0 + abs(limits[0, r])), -r - 1
+    return out, broken
+
+
+@inlined
+def _positive(C: Array, Y: Array, rank: int, K: Array, scratch: Array) -> bool:
+    """Whether C + Σ ρ y_k y_kᵀ is positive definite, so C semidefinite where C y_k = 0."""
+    n = C.shape[0]
+    size, whole = 0.0, 1e-300
+    for i in range(n):
+        size += abs(C[i, i])
+        for k in range(rank):
+            whole += Y[k, i] * Y[k, i]
+    rho = size / whole
+    for i in range(n):
+        for j in range(i, n):
+            entry = C[i, j]
+            for k in range(rank):
+                entry += rho * Y[k, i] * Y[k, j]
+            K[i, j] = entry
+        K[i, i] -= LEAST * size
+    for i in range(n):
+        for j in range(i, n):
+            scratch[j] = K[i, j]
+        for k in range(i):
+            factor = K[k, i]
+            for j in range(i, n):
+                scratch[j] -= factor * K[k, j]
+        if not scratch[i] > 0.0:
+            return False
+        inverse = 1.0 / math.sqrt(scratch[i])
+        for j in range(i, n):
+            K[i, j] = scratch[j] * inverse
+    return True
+
+
+@kernel(
+    "Tuple((b1, i8, i8))(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, f8[::1], f8[:,::1],"
+    " i8[::1], i8[::1], i8, i8[::1], i8, f8[::1], i8, f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1])"
+)
+def settle(  # noqa: PLR0912 - one case after the other
+    L: Array,
+    G: Array,
+    S: Array,
+    limits: Array,
+    dt: float,
+    delta: float,
+    x: Array,
+    Y: Array,
+    block: Indices,
+    home: Indices,
+    rank: int,
+    held: Indices,
+    holding: int,
+    nu: Array,
+    budget: int,
+    C: Array,
+    V: Array,
+    K: Array,
+    vectors: Array,
+) -> tuple[bool, int, int]:
+    """Find the optimum by Newton's method, and which limits hold: one more, or less, at a time.
+
+    Args:
+        L, G: (n, n), and LᵀL.
+        S: Sᵀ, (n, joints).
+        limits: of S λ, (2, joints), ∓inf where there is none.
+        dt, delta: Δt β̃ and δ.
+        x: guess of λ and β, (n + 1,); overwritten by the optimum.
+        Y: guess of the columns y_k, as rows, (any, n); overwritten.
+        block: of each row of L, (n,).
+        home: block of each y_k.
+        rank: how many y_k there are.
+        held: limits that hold: 1 + r for the upper one of row r, −1 − r for the lower; (n,).
+        holding: how many do.
+        nu: their multipliers, (n,).
+        budget: how many Newton steps are allowed.
+        C, V: scratch, (n, n).
+        K: scratch, large enough for all unknowns.
+        vectors: scratch, (4, unknowns or joints).
+
+    Returns:
+        Whether x is optimal: the conditions hold and C is positive semidefinite; how many limits
+        hold; Newton steps taken.
+    """
+    n, joints, taken, dual = block.size, S.shape[1], 0, 0
+    for k in range(rank):
+        for other in range(k + 1):
+            dual += 1 if home[other] == home[k] else 0
+    for _ in range(2 * n + 2):
+        if rank == 0 or dual + holding > n + 1:
+            break
+        close, before, out, broken = False, math.inf, -1, 0
+        for step in range(STEPS):
+            if taken == budget:
+                return False, holding, taken
+            taken += 1
+            stability_matrix(L, G, x[:n], x[n], dt, C, V)
+            size = _fill(
+                G,
+                S,
+                limits,
+                dt,
+                delta,
+                x,
+                Y,
+                block,
+                home,
+                rank,
+                held,
+                holding,
+                nu,
+                C,
+                V,
+                K,
+                vectors[0],
+                vectors[1],
+            )
+            _fix_rotation(Y, block, home, rank, K)
+            if not solve_quasidefinite(K, size, vectors[0], vectors[1], vectors[2]):
+                return False, holding, taken
+            length = _move(x, Y, block, home, rank, nu, holding, vectors[0])
+            close = length < CONVERGED
+            lost = not length < math.inf or (step > 2 and length > SLOW * before)
+            if lost and not close:
+                return False, holding, taken
+            before = length
+            if length < NEAR:
+                out, broken = _first_wrong(S, limits, x, held, holding, nu, vectors[3, :joints])
+            if close or out >= 0 or broken != 0:
+                break
+        if out >= 0:
+            holding -= 1
+            for a in range(out, holding):
+                held[a], nu[a] = held[a + 1], nu[a + 1]
+        elif broken != 0:
+            if holding == n:
+                return False, holding, taken
+            held[holding], nu[holding] = broken, 0.0
+            holding += 1
+        elif not close:
+            break
+        else:
+            stability_matrix(L, G, x[:n], x[n], dt, C, V)
+            return _positive(C, Y, rank, K, vectors[1]), holding, taken
+    return False, holding, taken

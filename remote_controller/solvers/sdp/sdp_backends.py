@@ -1,0 +1,188 @@
+"""The gains by general solvers of conic programs, to compare ours with: Clarabel and SCS.
+
+Neither is accurate in λ, in which the objective is nearly flat, so Newton's method follows
+(`settle`), unless it is told not to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hoap3.protocol.errors import NotInstalledError, UnknownNameError
+from hoap3.remote_controller.solvers.base import status as codes
+from hoap3.remote_controller.solvers.sdp.conic_form import ConicForm
+from hoap3.remote_controller.solvers.sdp.sdp_gains import BUDGET, DELTA, IPM, NONE, SdpGains
+
+Array = NDArray[np.float64]
+Program = tuple[Any, Array, Any, Array, int, int]
+
+PACKAGES = {"newton": "", "clarabel": "clarabel", "scs": "scs"}
+POLISH = 40  # Newton steps
+
+
+def installed() -> list[str]:
+    """Names of the solvers that can be used, ours first."""
+    return [name for name, package in PACKAGES.items() if not package or find_spec(package)]
+
+
+def gain_solver(name: str, sizes: Sequence[int], joints: int, **options: Any) -> SdpGains:
+    """A solver of the gains by name; options as for `SdpGains`, and for peers `ConicGains`.
+
+    Raises:
+        UnknownNameError: there is no such solver.
+        NotInstalledError: there is, but its package is not installed.
+    """
+    if name not in PACKAGES:
+        raise UnknownNameError("solver of the gains", name, PACKAGES)
+    if name not in installed():
+        raise NotInstalledError("solver of the gains", name, PACKAGES[name], installed())
+    if name == "newton":
+        return SdpGains(sizes, joints, **options)
+    return ConicGains(sizes, joints, solver=name, **options)
+
+
+def conic(
+    L: Array, S: Array, limits: Array, dt: float, delta: float
+) -> tuple[Any, Array, Any, Array, NDArray[np.intp], int]:
+    """P, q, A and b of `ConicForm.fill`, which rows of ±S A has, and the matrix's size."""
+    form = ConicForm(*S.shape)
+    return (*form.fill(L, S, limits, dt, delta), form.used, form.size)
+
+
+def clarabel(P: Any, q: Array, A: Any, b: Array, limits: int, size: int) -> tuple[Array, Array]:
+    """X and the multipliers, by Clarabel (Apache licence), an interior-point method."""
+    import clarabel as library
+
+    settings = library.DefaultSettings()
+    settings.verbose = False
+    cones = [library.NonnegativeConeT(limits)] if limits else []
+    cones.append(library.PSDTriangleConeT(size))
+    found = library.DefaultSolver(P, q, A, b, cones, settings).solve()
+    return np.array(found.x), np.array(found.z)
+
+
+def scs(
+    P: Any, q: Array, A: Any, b: Array, limits: int, size: int, tolerance: float = 1e-7
+) -> tuple[Array, Array]:
+    """The same by SCS (MIT licence), an operator splitting; its triangle is the lower one."""
+    import scs as library
+
+    columns, rows = np.tril_indices(size)  # rows ≤ columns, by columns
+    number = np.zeros((size, size), np.intp)
+    number[rows, columns] = number[columns, rows] = np.arange(rows.size)
+    lower = [number[i, j] for j in range(size) for i in range(j, size)]
+    order = np.concatenate([np.arange(limits), limits + np.array(lower)]).astype(np.intp)
+    data = {"P": P, "q": q, "A": A[order], "b": b[order], "c": q}
+    data["A"] = data["A"].tocsc()
+    settings = {"verbose": False, "eps_abs": tolerance, "eps_rel": tolerance}
+    model = library.SCS(data, {"l": limits, "s": [size]}, max_iters=50_000, **settings)
+    found = model.solve()
+    z = np.empty(b.size)
+    z[order] = found["y"]
+    return np.asarray(found["x"]), z
+
+
+SOLVERS = {"clarabel": clarabel, "scs": scs}
+
+
+class ConicGains(SdpGains):
+    """`SdpGains` by Clarabel or SCS, each time from nothing; it allocates.
+
+    Args:
+        solver: "clarabel" or "scs".
+        polished: whether Newton's method follows.
+
+    Attributes:
+        polish: whether it arrived; the path is "ipm" either way.
+    """
+
+    def __init__(
+        self,
+        sizes: Sequence[int],
+        joints: int,
+        *,
+        solver: str = "clarabel",
+        polished: bool = True,
+        weights: ArrayLike | None = None,
+        damping: float = 0.0,
+        budget: int = POLISH,
+    ) -> None:
+        from hoap3.remote_controller.solvers.sdp import (
+            certificate_kernels,
+            driver_kernels,
+            sdp_kernels,
+        )
+
+        super().__init__(sizes, joints, weights=weights, damping=damping, budget=budget)
+        self._solve_conic, self._polished, self.polish = SOLVERS[solver], polished, False
+        self._polish, self._conclude = driver_kernels.polish, certificate_kernels.conclude
+        self._enough, self._fastest = sdp_kernels.PROVED, sdp_kernels.FASTEST
+        self._form = ConicForm(self.n, self.joints)
+
+    def program(
+        self, jacobian: Array, errors: Array, dt: float, desired: float, delta: float = DELTA
+    ) -> Program | None:
+        """What the solver is given, as for `SdpGains.solve`; None where that says what is wrong."""
+        self.forget()
+        budget, self.budget = self.budget, 0  # prepares L, S and the limits, no more
+        super().solve(jacobian, errors, dt, desired, delta)
+        self.budget, self.polish = budget, False
+        if self.path != BUDGET:
+            return None
+        desired = min(desired, self._fastest / dt)
+        n, (_, rows, tall, _) = self.n, self._work
+        L, S, room = rows[6 + 3 * n : 6 + 4 * n], tall[3 + 2 * n : 3 + 3 * n], tall[3 + 3 * n :][:2]
+        form = self._form
+        P, q, A, b = form.fill(L, S, room, dt * desired, delta)
+        return P, q, A, b, form.used.size, form.size
+
+    def solve(
+        self, jacobian: Array, errors: Array, dt: float, desired: float, delta: float = DELTA
+    ) -> int:
+        """As `SdpGains.solve`; the status is `OK` only where the gap proves it."""
+        program = self.program(jacobian, errors, dt, desired, delta)
+        if program is None:
+            return self.status
+        desired = min(desired, self._fastest / dt)
+        plan, narrow, tall, unknowns = self._work
+        n, scaled = self.n, dt * desired
+        counts, integers = plan[:6], plan[6 : 6 + 6 * n].reshape(6, n)
+        nu, Y, squares = narrow[3], narrow[4 : 4 + n], narrow[6 + 3 * n :].reshape(16, n, n)
+        S = tall[3 + 2 * n : 3 + 3 * n]
+        room, z = tall[3 + 3 * n : 7 + 3 * n].reshape(2, 2, self.joints)
+        points, vectors, K = unknowns[:5], unknowns[5:11], unknowns[11:]
+        L, G, Z, spare = squares[0], squares[1], squares[2], squares[3:]
+        x, dual = self._solve_conic(*program)
+        form, each = self._form, np.zeros(2 * self.joints)
+        used = form.used
+        each[used] = np.maximum(dual[: used.size], 0.0)
+        z[1], z[0] = each[: self.joints], each[self.joints :]
+        whole = np.zeros((form.size, form.size))
+        entries = dual[used.size :] / form.roots
+        whole[form.rows, form.columns] = whole[form.columns, form.rows] = entries
+        Z[:] = whole[:n, :n]
+        points[0, : n + 1] = x
+        if self._polished:
+            given: Any = (L, G, S, room, scaled, delta, self.budget)
+            known: Any = (points, Y, integers, counts, nu, Z, z)
+            scratch: Any = (spare, K, vectors)
+            self.polish, self.newton = self._polish(*given, *known, *scratch)
+        self.beta, self.slack, self.margin, self.gap, kept = self._conclude(
+            *(L, G, S, room, scaled, delta, points, Z, z, spare, vectors)
+        )
+        self.beta, self.slack, self.margin = (
+            desired * value for value in (self.beta, self.slack, self.margin)
+        )
+        self.gains[:] = desired * points[0, :n]
+        wanted = self.dq + desired * vectors[0, : self.joints]
+        np.clip(wanted, self.lower, self.upper, out=self.dq)
+        self.rank, self.path = int(counts[0]), IPM if kept else NONE
+        proved = self.gap <= self._enough
+        self.gap *= desired * desired
+        self.status = (codes.OK if proved else codes.UNSOLVED) if kept else codes.STATIONARY
+        return self.status

@@ -1,0 +1,1 @@
+"""The QP of task-space inverse dynamics."""

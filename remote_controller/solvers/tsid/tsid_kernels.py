@@ -1,0 +1,142 @@
+"""Compiled: the QP of task-space inverse dynamics, laid out and proved.
+
+Del Prete, IEEE RA-L 2018, (33), with the torques eliminated.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.protocol.runtime.numba_jit import inlined, kernel
+
+Array = NDArray[np.float64]
+
+EQUATION = 5  # daqp's word for it
+SAME = 1e-13  # of a bound: bounds as near as that are one
+TINY = 1e-9  # rad/s²: accelerations below it count as that much
+ACTIVE = 1e-9  # of the greatest acceleration or effort: a bound as near as that is reached
+
+
+@kernel(
+    "void(f8[:,::1], f8[::1], f8, f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[:,::1], f8[::1],"
+    " f8[::1], f8[::1], i4[::1])"
+)
+def lay_out(
+    jacobian: Array,
+    wanted: Array,
+    weight: float,
+    posture: Array,
+    bias: Array,
+    effort: Array,
+    lower: Array,
+    upper: Array,
+    H_out: Array,
+    f_out: Array,
+    least_out: Array,
+    most_out: Array,
+    sense_out: NDArray[np.int32],
+) -> None:
+    """Write H = JᵀJ + w·I, f = −Jᵀy − w·p, and the bounds of ddq and M·ddq.
+
+    Args:
+        jacobian: J (m, n).
+        wanted: y (m,), what J·ddq shall be.
+        weight: w.
+        posture: p (n,), what ddq shall be.
+        bias, effort: h and the greatest torques, (n,).
+        lower, upper: of ddq, (n,).
+        H_out, f_out: (n, n) and (n,).
+        least_out, most_out, sense_out: (2n,).
+    """
+    m, n = jacobian.shape
+    for i in range(n):
+        pull = weight * posture[i]
+        for k in range(m):
+            pull += jacobian[k, i] * wanted[k]
+        f_out[i] = -pull
+        for j in range(i + 1):
+            value = weight if i == j else 0.0
+            for k in range(m):
+                value += jacobian[k, i] * jacobian[k, j]
+            H_out[i, j] = value
+            H_out[j, i] = value
+        least_out[i], most_out[i] = lower[i], upper[i]
+        one = upper[i] - lower[i] <= SAME * max(abs(lower[i]), abs(upper[i]))
+        sense_out[i] = EQUATION if one else 0
+        if one:
+            least_out[i] = most_out[i]
+        least_out[n + i], most_out[n + i] = -effort[i] - bias[i], effort[i] - bias[i]
+
+
+@inlined
+def _away(value: float, pull: float, least: float, most: float) -> float:
+    """How far a value is from its best within its bounds, if it would rather move by `pull`."""
+    return abs(value - min(max(value + pull, least), most))
+
+
+@kernel(
+    "Tuple((f8, f8, f8, b1))(f8[::1], f8[::1], f8[:,::1], f8[::1], f8[:,::1], f8[::1], f8[::1],"
+    " f8[::1], f8[::1], f8[::1], b1, f8[::1], f8[::1])"
+)
+def prove(
+    x: Array,
+    multipliers: Array,
+    H: Array,
+    f: Array,
+    mass: Array,
+    bias: Array,
+    effort: Array,
+    lower: Array,
+    upper: Array,
+    scale: Array,
+    solved: bool,
+    ddq_out: Array,
+    tau_out: Array,
+) -> tuple[float, float, float, bool]:
+    """Write ddq within its bounds and its torques; prove them without any solver's word.
+
+    With the gradient g = H·ddq + f + M·λ, ddq is optimal if each ddq_i is the point within its
+    bounds nearest to ddq_i − g_i/H_ii, and each torque that nearest to τ_j + λ_j·M_jj²/H_jj. The
+    residual is the largest deviation from that, of ddq relative to max|ddq| or to what f asks for,
+    of τ to its effort.
+
+    Args:
+        x: ddq as solved, (n,).
+        multipliers: λ of the torques, (n,).
+        H, f: (n, n) and (n,).
+        mass, bias, effort: of |M·ddq + h| ≤ effort.
+        lower, upper: of ddq.
+        scale: of ddq, (n,): what margins are relative to.
+        solved: whether `multipliers` are those of this QP; if not, the residual is inf.
+        ddq_out, tau_out: (n,).
+
+    Returns:
+        Residual; least margin, of ddq relative to `scale` and of the torques to their efforts; that
+        of the torques alone; whether some bound of ddq is reached.
+    """
+    n = x.size
+    span, margin, torque_margin, held = TINY, math.inf, math.inf, False
+    for i in range(n):
+        ddq_out[i] = min(max(x[i], lower[i]), upper[i])
+        span = max(span, abs(ddq_out[i]), abs(f[i]) / H[i, i])
+        room = min(ddq_out[i] - lower[i], upper[i] - ddq_out[i]) / scale[i]
+        held = held or room <= ACTIVE
+        margin = min(margin, room)
+    worst = 0.0
+    for i in range(n):
+        tau, gradient = bias[i], f[i]
+        for j in range(n):
+            tau += mass[i, j] * ddq_out[j]
+            gradient += H[i, j] * ddq_out[j] + mass[j, i] * multipliers[j]
+        tau_out[i] = tau
+        room = 1.0 - abs(tau) / effort[i]
+        torque_margin = min(torque_margin, room)
+        step = multipliers[i] * mass[i, i] * mass[i, i] / H[i, i]
+        away = _away(ddq_out[i], -gradient / H[i, i], lower[i], upper[i]) / span
+        worst = max(worst, away, _away(tau, step, -effort[i], effort[i]) / effort[i])
+    if not (solved and worst < math.inf):
+        worst = math.inf
+    return worst, min(margin, torque_margin), torque_margin, held

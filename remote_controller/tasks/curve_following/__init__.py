@@ -1,0 +1,1 @@
+"""Converging to a curve and circulating it (QP12, section III-D.2)."""

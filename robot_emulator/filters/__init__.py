@@ -1,0 +1,1 @@
+"""Filters between setpoints and the plant: limits, loss policy, safe stop."""

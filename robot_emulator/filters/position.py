@@ -1,0 +1,125 @@
+"""What stands between any setpoint and the motors: limits, loss policy, safe stop.
+
+Not a safety function in the sense of any norm.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray
+
+
+class Reference:
+    """The reference that is applied to the motors, kept inside the limits of the description.
+
+    Every change goes through one gate, the safety filter: usable position limits, joint velocity
+    and `setpoint_acceleration_max`, whatever the setpoint was (`filter_kernels`). A joint that
+    starts outside its usable range may not go further out.
+
+    Attributes:
+        value, reference: applied reference, (n,) [rad or m].
+        rate: its velocity over the last period, (n,) [rad/s or m/s].
+        interventions: periods in which some joint was held back.
+        weak, torque_limited: see `Gate`; no torque is commanded here.
+    """
+
+    def __init__(self, description: RobotDescription, period_s: float) -> None:
+        from hoap3.robot_emulator.filters.position_kernels import filter_setpoint
+
+        n = description.n
+        self._filter = filter_setpoint
+        self._dt = period_s
+        self._usable = description.lower, description.upper
+        acceleration = description.setpoint_acceleration_max
+        self._limits = np.array([*self._usable, description.velocity, acceleration])
+        self._lower, self._upper = self._limits[0], self._limits[1]
+        self._outside = False  # some joint may be beyond its usable range
+        passing = acceleration * (1.0 - 1e-9)  # the filter's limit, whatever rounding does
+        self._brake = np.minimum(description.brake_acceleration, passing)
+        self.value, self.rate = np.zeros(n), np.zeros(n)
+        self.reference = self.value
+        self.interventions = self.torque_limited = 0
+        self.weak = -1
+        self._target, self._before = np.zeros(n), np.zeros(n)
+        self._newest, self._earlier = np.zeros(n), np.zeros(n)  # setpoints
+        self._newest_tick = -1
+        self._ticks_between = 0
+        self._stop_change = np.zeros(n)
+        self._stop_ticks = self._stopped_for = 0
+
+    def reset(self, q: FloatArray) -> None:
+        """Be at rest at `q`, (n,)."""
+        self.value[:] = q
+        self.rate[:] = 0.0
+        self._begin_at_value()
+        self.forget()
+
+    def _begin_at_value(self) -> None:
+        """Let the range of a joint end where it is, if that is beyond its usable range."""
+        lower, upper = self._usable
+        np.minimum(lower, self.value, out=self._lower)
+        np.maximum(upper, self.value, out=self._upper)
+        self._outside = bool((self._lower < lower).any() or (self._upper > upper).any())
+
+    def forget(self) -> None:
+        """Forget earlier setpoints: there is nothing to hold or extrapolate but the place."""
+        self._target[:] = self._before[:] = self.value
+        self._newest_tick = -1
+        self._ticks_between = 0
+
+    def follow(self, setpoint: FloatArray, tick: int) -> int:
+        """Take a setpoint, (n,), that answers `tick`, which is later than the one before.
+
+        Returns:
+            The number of a joint whose setpoint was outside the limits, or -1.
+        """
+        self._ticks_between = tick - self._newest_tick if self._newest_tick >= 0 else 0
+        self._newest_tick = tick
+        self._newest, self._earlier = self._earlier, self._newest
+        self._newest[:] = setpoint
+        self._target[:] = setpoint
+        return self._apply()
+
+    def hold(self) -> int:
+        """No setpoint: keep to the last one."""
+        return self._apply()
+
+    def extrapolate(self) -> int:
+        """No setpoint: go on as the last two did, as far as they were within the limits."""
+        if self._ticks_between:
+            newest = np.clip(self._newest, self._lower, self._upper)
+            earlier = np.clip(self._earlier, self._lower, self._upper)
+            self._target += (newest - earlier) / self._ticks_between
+        return self._apply()
+
+    def begin_stop(self) -> None:
+        """Plan to brake to rest: all joints together, in a straight line, at the limit of one."""
+        self._stop_change[:] = self.rate * self._dt
+        duration = float(np.max(np.abs(self.rate) / self._brake, initial=0.0))
+        self._stop_ticks = max(1, math.ceil(duration / self._dt - 1e-9))
+        self._stopped_for = 0
+
+    def brake(self) -> bool:
+        """One period of the planned stop; True once at rest."""
+        self._stopped_for += 1
+        share = max(0.0, 1.0 - self._stopped_for / self._stop_ticks)
+        np.multiply(self._stop_change, share, out=self._target)
+        self._target += self.value
+        self._before[:] = self.value
+        self._apply()
+        return share == 0.0 and not self.rate.any()
+
+    def _apply(self) -> int:
+        """Move towards the target as far as the limits allow; the joint held back, or -1."""
+        held: int = self._filter(
+            self._target, self._before, self._limits, self._dt, self.value, self.rate
+        )
+        self._before[:] = self._target
+        self.interventions += held >= 0
+        if self._outside:
+            self._begin_at_value()  # what has come in may not go out again
+        return held

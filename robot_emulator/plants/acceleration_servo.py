@@ -1,0 +1,45 @@
+"""A body whose joints take accelerations: ideal servos, with the torques that they need."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
+
+
+class AccelerationServo:
+    """Joints that have exactly the acceleration of the command during each period.
+
+    q(t+T) = q + T·dq + T²/2·ddq and dq(t+T) = dq + T·ddq. A joint that runs into a mechanical stop
+    stays there, without rebound. `tau` is what the motors give, by inverse dynamics; nothing limits
+    it, and there is neither friction nor contact.
+    """
+
+    def __init__(self, description: RobotDescription) -> None:
+        from hoap3.robot_emulator.plants.motion_kernels import accelerate
+
+        self._accelerate = accelerate
+        self._stops = np.array(description.lower_hard), np.array(description.upper_hard)
+        self._dynamics = Dynamics(description)
+        n = description.n
+        self._still = np.zeros(n)
+        self.q, self.dq, self.tau = np.zeros(n), np.zeros(n), np.zeros(n)
+        self.wrench = np.zeros(6 * len(description.wrench_sensors))
+
+    def reset(self, q: FloatArray) -> None:
+        """Be at rest at `q`, (n,) [rad or m]."""
+        self.q[:] = q
+        self.hold(0.0)
+
+    def step(self, command: FloatArray, dt: float) -> None:
+        """Accelerate by `command`, (n,) [rad/s² or m/s²], for `dt` [s]."""
+        self._accelerate(command, dt, *self._stops, self.q, self.dq)
+        self._dynamics.inverse(self.q, self.dq, command, self.tau)
+
+    def hold(self, dt: float) -> None:
+        """Stand still: the brakes hold it."""
+        del dt
+        self.dq[:] = 0.0
+        self._dynamics.inverse(self.q, self._still, self._still, self.tau)

@@ -1,0 +1,152 @@
+"""What becomes of each setpoint that arrives, and of each tick that asked for one.
+
+Two questions, counted apart. A message is accepted, or a duplicate, or out of order, or rejected
+for one named reason. A tick that asked for an answer got it in time, late, or not at all.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hoap3.protocol.errors import WireError
+from hoap3.protocol.messages import Setpoint
+from hoap3.protocol.runtime.deadlines import Deadlines
+
+HISTORY = 1024
+MAX_EXTRAS = 256
+REJECTION_KINDS = (
+    "size",
+    "layout",
+    "wire_version",
+    "session",
+    "future",
+    "unasked",
+    "epoch",
+    "command",
+    "not_finite",
+)
+"""Why a setpoint is refused; the order is part of the wire (Event.detail of REJECTED)."""
+
+
+class Inbox:
+    """Judges setpoints.
+
+    Args:
+        joints: n.
+        session_id: the robot's.
+        command: command kind that the robot takes now.
+
+    Attributes:
+        setpoint: the newest accepted one.
+        fresh: whether `setpoint` has not been taken by a tick yet.
+        duplicate: setpoints for a tick that was answered before.
+        conflicting: those of them whose values are not those of the first answer.
+        rejections: counts by reason.
+        deadlines: outcomes of ticks.
+    """
+
+    def __init__(self, joints: int, session_id: int, command: int) -> None:
+        from hoap3.robot_emulator.plants.motion_kernels import all_finite
+
+        self.setpoint = Setpoint(joints)
+        self._incoming = Setpoint(joints)
+        self._joints, self._session_id, self._command = joints, session_id, command
+        self._all_finite = all_finite
+        self._asked = [-1] * HISTORY  # the tick that uses this place
+        self._epochs = [0] * HISTORY
+        self._deadline = [0] * HISTORY
+        self._arrival = [-1] * HISTORY
+        self._values = np.zeros((HISTORY, joints))  # of the first answer
+        self._counted_lost = [False] * HISTORY
+        self.fresh = False
+        self.newest_tick = -1
+        self.duplicate = self.conflicting = self.out_of_order = 0
+        self.rejections = dict.fromkeys(REJECTION_KINDS, 0)
+        self.deadlines = Deadlines()
+
+    @property
+    def rejected(self) -> int:
+        """Setpoints refused, of all kinds."""
+        return sum(self.rejections.values())
+
+    def ask(self, tick: int, epoch: int, deadline: int) -> None:
+        """The State of `tick` asks for an answer under `epoch` that is there by `deadline` [ns]."""
+        place = tick % HISTORY
+        self._asked[place] = tick
+        self._epochs[place] = epoch
+        self._deadline[place] = deadline
+        self._arrival[place] = -1
+        self._counted_lost[place] = False
+
+    def accept(self, stamp: int, payload: bytes, last_tick: int) -> str | None:
+        """Take a payload that arrived at `stamp` [ns]; `last_tick` is the newest one published.
+
+        Returns:
+            None, or the reason for which it was refused.
+        """
+        reason = self._refusal(payload, last_tick)
+        if reason is not None:
+            self.rejections[reason] += 1
+            return reason
+        setpoint, place = self._incoming, self._incoming.tick % HISTORY
+        if self._arrival[place] >= 0:
+            self.duplicate += 1
+            self.conflicting += setpoint.values.tobytes() != self._values[place].tobytes()
+            return None
+        self._arrival[place] = stamp
+        self._values[place] = setpoint.values
+        if self._counted_lost[place]:
+            self.deadlines.lost_arrived()
+        if setpoint.tick <= self.newest_tick:
+            self.out_of_order += 1
+            return None
+        self.newest_tick = setpoint.tick
+        self._incoming, self.setpoint = self.setpoint, setpoint
+        self.fresh = True
+        return None
+
+    def in_time(self, tick: int) -> bool:
+        """Whether the answer to `tick` is here, and came in time."""
+        place = tick % HISTORY
+        return 0 <= self._arrival[place] <= self._deadline[place]
+
+    def judge(self, tick: int) -> bool:
+        """Count the outcome of `tick`, whose deadline has passed; True where it was in time."""
+        if self.in_time(tick):
+            self.deadlines.hit()
+            return True
+        place = tick % HISTORY
+        arrived = self._arrival[place] >= 0
+        self.deadlines.miss(arrived=arrived)
+        self._counted_lost[place] = not arrived
+        return False
+
+    def start_anew(self, tick: int) -> None:
+        """From `tick` on, follow no answer to an earlier tick, and let earlier misses not count."""
+        self.fresh = False
+        self.newest_tick = max(self.newest_tick, tick - 1)
+        self.deadlines.end_run()
+
+    def _refusal(self, payload: bytes, last_tick: int) -> str | None:
+        setpoint = self._incoming
+        try:
+            if len(payload) != setpoint.size:  # as many extras as the controller likes
+                extra = Setpoint.schema.lengths_in(payload)["extra"]
+                self._incoming = setpoint = Setpoint(self._joints, min(extra, MAX_EXTRAS))
+            setpoint.load(payload)
+        except WireError as error:
+            return error.kind
+        place = setpoint.tick % HISTORY
+        if setpoint.session_id != self._session_id:
+            return "session"
+        if setpoint.tick > last_tick:
+            return "future"
+        if self._asked[place] != setpoint.tick:
+            return "unasked"
+        if self._epochs[place] != setpoint.epoch:
+            return "epoch"
+        if setpoint.command != self._command:
+            return "command"
+        if not self._all_finite(setpoint.values):
+            return "not_finite"
+        return None

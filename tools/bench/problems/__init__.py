@@ -1,0 +1,1 @@
+"""Problems for benchmarks: streams along motions of shipped robots."""

@@ -1,0 +1,173 @@
+"""Hierarchies of tasks along motions of shipped robots, and (13) for other people's solvers.
+
+k tasks are the positions of k − 1 frames, strictly one below the other, and the posture below all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.remote_controller.model.frame_dynamics import FrameDynamics
+from hoap3.remote_controller.solvers.base.task_validation import stacked
+from hoap3.remote_controller.solvers.ghc.lqp import PlainLqp
+from hoap3.robot_emulator.robots import load
+
+Array = NDArray[np.float64]
+
+FRAMES = {
+    "lwr": ("ee", "elbow", "link_6", "link_3", "link_5", "link_2"),
+    "humanoid32": ("r_palm", "l_palm", "r_sole", "l_sole", "head", "chest"),
+}
+STATES = 32
+W_R = 1e-2
+HELD, STRAINED = 0.3, 0.2  # bounds, of the largest acceleration and effort that the tasks ask for
+FAR = 1e30  # daqp's infinity
+EQUATION = 5  # daqp's word
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A robot at one time: Jacobians of all frames, (3, n) each, and its dynamics."""
+
+    jacobians: list[Array]
+    mass: Array
+    bias: Array
+    wanted: list[Array]
+    posture: Array
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One hierarchy: the arguments of `Ghc.solve` before ω_r, and rows of each task."""
+
+    sizes: list[int]
+    jacobian: Array
+    targets: Array
+    alpha: Array
+    mass: Array
+    bias: Array
+
+
+@dataclass(frozen=True)
+class Program:
+    """(13), q̈ = motion·x: min ½xᵀHx + fᵀx, `equal` rows equations, the others within bounds.
+
+    The last n of x are torques, with bounds of their own.
+    """
+
+    H: Array
+    f: Array
+    rows: Array
+    least: Array
+    most: Array
+    lower: Array
+    upper: Array
+    equal: int
+    motion: Array
+
+
+def moments(robot: str, seed: int = 0) -> list[Moment]:
+    """A slow random walk of a robot from its initial posture, to and fro."""
+    description, rng = load(robot), np.random.default_rng(seed)
+    n, frames = description.n, [FrameDynamics(load(robot), name) for name in FRAMES[robot]]
+    walk = np.cumsum(rng.normal(scale=0.03, size=(STATES // 2, n)), axis=0)
+    q = np.array(description.initial_position) + rng.normal(scale=0.3, size=n) + walk
+    dq = 0.3 * np.cumsum(rng.normal(scale=0.3, size=q.shape), axis=0)
+    found = []
+    for posture, speed in zip(q, dq, strict=True):
+        for frame in frames:
+            frame.update(posture, speed)
+        found.append(
+            Moment(
+                [frame.jacobian[:3].copy() for frame in frames],
+                frames[0].mass.copy(),
+                frames[0].bias.copy(),
+                [2.0 * rng.normal(size=3) - frame.drift[:3] for frame in frames],
+                rng.normal(size=n),
+            )
+        )
+    return found + found[::-1]
+
+
+def hierarchies(walk: list[Moment], tasks: int, seed: int | None = None) -> list[Problem]:
+    """So many tasks along a walk, in strict order; with a seed at any priorities of (0, 1)."""
+    upper, n = tasks - 1, len(walk[0].bias)
+    alpha = np.tril(np.ones((tasks, tasks)), -1)
+    if seed is not None:
+        alpha = np.random.default_rng(seed).random((tasks, tasks))
+    return [
+        Problem(
+            [3] * upper + [n],
+            np.vstack([*each.jacobians[:upper], np.eye(n)]),
+            np.concatenate([*each.wanted[:upper], each.posture]),
+            alpha,
+            each.mass,
+            each.bias,
+        )
+        for each in walk
+    ]
+
+
+def bounds(it: Problem, qdd: Array, tau: Array) -> tuple[Array, Array]:
+    """What |q̈| and |τ| may be at most, (n,), so that many bounds hold the free answer back.
+
+    q̈ = 0 satisfies them, so that no problem is infeasible.
+    """
+    strain = STRAINED * np.abs(tau - it.bias).max()
+    return np.full(qdd.size, HELD * np.abs(qdd).max()), np.abs(it.bias) + strain
+
+
+def program(it: Problem, most: tuple[Array, Array] | None) -> Program:
+    """(13) with |τ − n|² regularised and all its unknowns; `most` of q̈ and τ."""
+    n = it.bias.size
+    edges = np.cumsum(it.sizes)[:-1]
+    parts = np.split(it.jacobian, edges), np.split(it.targets, edges)
+    stack = stacked("bench", *parts, it.mass, it.bias)
+    H, f, rows, least, above, motion, _ = PlainLqp(n).program(
+        stack, it.alpha, W_R, "gravity_compensated", 0.0
+    )
+    lower, upper = np.full(f.size, -FAR), np.full(f.size, FAR)
+    if most is not None:
+        rows = np.vstack([rows, motion[:n]])
+        least, above = np.concatenate([least, -most[0]]), np.concatenate([above, most[0]])
+        lower[-n:], upper[-n:] = -most[1], most[1]
+    return Program(H, f, np.ascontiguousarray(rows), least, above, lower, upper, n, motion[:n])
+
+
+def daqp() -> Callable[[Program], Array]:
+    """daqp, cold: every entry of the program is another one at the next call."""
+    import daqp as library
+
+    def solve(it: Program) -> Array:
+        most, least = np.concatenate((it.upper, it.most)), np.concatenate((it.lower, it.least))
+        sense = np.zeros(most.size, np.int32)
+        sense[it.f.size : it.f.size + it.equal] = EQUATION
+        x: Array = library.solve(it.H, it.f, it.rows, most, least, sense)[0]
+        return x
+
+    return solve
+
+
+def quadprog() -> Callable[[Program], Array]:
+    """quadprog, Goldfarb and Idnani, cold, with the bounds that there are."""
+    import quadprog as library
+
+    def solve(it: Program) -> Array:
+        held = np.flatnonzero(it.upper < FAR)
+        one = np.zeros((held.size, it.f.size))
+        one[np.arange(held.size), held] = 1.0
+        more, e = it.rows[it.equal :], it.equal
+        rows = np.vstack((it.rows[:e], more, -more, one, -one))
+        sides = (it.least, -it.most[e:], it.lower[held], -it.upper[held])
+        x: Array = library.solve_qp(it.H, -it.f, rows.T, np.concatenate(sides), e)[0]
+        return x
+
+    return solve
+
+
+PEERS: dict[str, Callable[[], Callable[[Any], Array]]] = {"daqp": daqp, "quadprog": quadprog}

@@ -1,0 +1,505 @@
+"""The command line. It only wires: what a command does stands in a module of its own.
+
+Results go to standard output, with `--json` as one JSON object; notes, progress and errors go to
+standard error. Exit codes: 0 all verdicts good, 1 findings, 2 wrong usage or settings.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hoap3.tools.cli.change import change, priorities_app
+from hoap3.tools.cli.compare import compare
+from hoap3.tools.cli.latency import latency
+from hoap3.tools.cli.limits import limits
+from hoap3.tools.cli.measure import bench_app, doctor
+from hoap3.tools.cli.options import ENDPOINT, finite
+from hoap3.tools.cli.report import report
+from hoap3.tools.cli.reproduce import reproduce
+from hoap3.tools.machine.terminal import one_line
+
+app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
+config_app = typer.Typer(no_args_is_help=True, help="Look at settings before anything runs.")
+app.add_typer(config_app, name="config")
+app.add_typer(bench_app, name="bench")
+app.add_typer(priorities_app, name="priorities")
+for command in (change, compare, doctor, latency, limits, report, reproduce):
+    app.command()(command)
+
+
+Sets = Annotated[
+    list[str],
+    typer.Option("--set", metavar="KEY=VALUE", help="Change a setting, checked as a file is."),
+]
+Duration = Annotated[
+    float | None,
+    typer.Option(min=0.001, callback=finite, help="Of the motion [s]; default: no end."),
+]
+NoRealtime = Annotated[
+    bool, typer.Option("--no-realtime", help="Neither pin nor ask for priority or locked memory.")
+]
+Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="Show every note.")]
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
+Out = Annotated[
+    Path | None, typer.Option("--out", help="Folder for the log; default: a new one in logs/.")
+]
+AllowCode = Annotated[
+    bool, typer.Option("--allow-code", help="Import code that the config names by dotted path.")
+]
+StatusFd = Annotated[int | None, typer.Option("--status-fd", hidden=True)]
+Named = Annotated[str | None, typer.Option("--named", hidden=True)]
+Somewhere = Annotated[
+    str | None,
+    typer.Option(
+        "--connect",
+        help=f"Endpoint of the robot or a router. Default: this machine, else {ENDPOINT}.",
+    ),
+]
+Running = Annotated[
+    str | None, typer.Argument(help="Name of the robot. Default: the only one that runs.")
+]
+
+
+@app.command()
+def run(
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            help="Robot or emulator config: a name or a path. By default what the controller's "
+            "config names."
+        ),
+    ] = None,
+    controller: Annotated[str, typer.Option(help="Controller config: a name or a path.")] = "qp12",
+    duration: Annotated[
+        float, typer.Option(min=0.001, callback=finite, help="Of the motion [s].")
+    ] = 5.0,
+    lockstep: Annotated[
+        bool, typer.Option("--lockstep", help="Virtual time, in one process.")
+    ] = False,
+    seed: Annotated[int | None, typer.Option(min=0, help="Of everything random.")] = None,
+    out: Out = None,
+    as_json: AsJson = False,
+    no_realtime: NoRealtime = False,
+    verbose: Verbose = False,
+    sets: Sets = [],  # noqa: B006 - typer's own way
+) -> None:
+    """Run a robot and its controller; --set takes emulator.KEY=VALUE and controller.KEY=VALUE."""
+    from hoap3.tools.machine.processes import StopFlag
+
+    stop = StopFlag()
+    from hoap3.tools.show.kernel_news import watch_compilation
+
+    watch_compilation()
+    from hoap3.tools.services.run import run_lockstep, run_realtime
+    from hoap3.tools.services.services import controller_config, emulator_config, split_overrides
+    from hoap3.tools.show.output import print_json, progress
+    from hoap3.tools.show.summary import LiveTable, show_next, show_summary
+    from hoap3.tools.show.verdicts import failed
+
+    ours, theirs = split_overrides(sets)
+    if seed is not None:
+        ours.append(f"seed={seed}")
+    law, law_file = controller_config(controller, theirs, realtime=not no_realtime)
+    emulator, emulator_file = emulator_config(robot or law.robot, ours, realtime=not no_realtime)
+    files = (emulator_file, law_file)
+    title = f"{Path(emulator.robot).name} with {controller}, {duration:g} s"
+    if lockstep:
+        with progress(f"{title} in lockstep") as meter:
+            outcome = run_lockstep(
+                emulator, law, duration, out, files, should_stop=stop, report=meter.part
+            )
+    else:
+        with LiveTable(title, verbose=verbose) as table:
+            outcome = run_realtime(
+                emulator, law, duration, out, table.news, files, should_stop=stop
+            )
+    if as_json:
+        print_json(outcome.summary)
+    else:
+        show_summary(outcome.summary)
+        show_next(outcome.summary["log"])
+    bad = failed(outcome.summary["verdicts"]) or outcome.summary["log_lost"]
+    raise typer.Exit(1 if bad else 0)
+
+
+@app.command()
+def emulator(
+    config: Annotated[str, typer.Argument(help="Emulator config or robot: a name or a path.")],
+    lockstep: Annotated[bool, typer.Option("--lockstep", help="Virtual time over Zenoh.")] = False,
+    duration: Duration = None,
+    out: Out = None,
+    as_json: AsJson = False,
+    no_realtime: NoRealtime = False,
+    verbose: Verbose = False,
+    sets: Sets = [],  # noqa: B006
+    status_fd: StatusFd = None,
+    named: Named = None,
+) -> None:
+    """Be a robot, until SIGINT or SIGTERM; it comes to rest first."""
+    from hoap3.tools.machine.processes import StopFlag
+
+    stop = StopFlag()
+    from hoap3.tools.services.services import emulator_config, run_emulator
+    from hoap3.tools.show.output import print_json
+    from hoap3.tools.show.summary import show_summary
+
+    settings, file = emulator_config(config, sets, realtime=not no_realtime, named=named)
+    code, summary = run_emulator(
+        settings,
+        file,
+        lockstep=lockstep,
+        duration=duration,
+        out=out,
+        status_fd=status_fd,
+        should_stop=stop,
+        verbose=verbose,
+    )
+    if summary is not None and as_json:
+        print_json(summary)
+    elif summary is not None and status_fd is None:
+        show_summary(summary)
+    raise typer.Exit(code)
+
+
+@app.command()
+def controller(
+    config: Annotated[str, typer.Argument(help="Controller config: a name or a path.")],
+    out: Out = None,
+    no_realtime: NoRealtime = False,
+    verbose: Verbose = False,
+    sets: Sets = [],  # noqa: B006
+    status_fd: StatusFd = None,
+    named: Named = None,
+) -> None:
+    """Control a robot, until SIGINT or SIGTERM; waits for it, and survives its absence."""
+    from hoap3.tools.machine.processes import StopFlag
+
+    stop = StopFlag()
+    from hoap3.tools.services.services import controller_config, run_controller
+
+    settings, file = controller_config(config, sets, realtime=not no_realtime, named=named)
+    code = run_controller(
+        settings, file, out=out, status_fd=status_fd, should_stop=stop, verbose=verbose
+    )
+    raise typer.Exit(code)
+
+
+@app.command("list")
+def list_all(
+    live: Annotated[bool, typer.Option("--live", help="Also the robots that are alive.")] = False,
+    connect: Annotated[
+        str | None,
+        typer.Option(
+            "--connect",
+            help=f"Endpoint of robots or a router. Default: this machine, and {ENDPOINT}.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """List robots, controllers, tasks, curves, constraints and configs that can be named."""
+    from hoap3.tools.cli.find_robot import live_robots
+    from hoap3.tools.services.settings import named
+    from hoap3.tools.show.output import print_json, print_line, print_note
+
+    found, silent = named(), ""
+    if live:
+        found["alive"], silent = live_robots(connect)
+    if as_json:
+        print_json(found)
+    else:
+        for kind, names in found.items():
+            print_line(f"{kind}: {', '.join(names) or 'none'}")
+    if silent:
+        print_note(f"robots of the network are not listed: {silent}")
+    if silent and connect is not None:
+        raise typer.Exit(1)
+
+
+@app.command()
+def stop(
+    robot: Running = None,
+    connect: Somewhere = None,
+    as_json: AsJson = False,
+) -> None:
+    """Bring a running robot to rest; it stays there until `recover`."""
+    _tell(robot, "stop", connect, as_json)
+
+
+@app.command()
+def recover(
+    robot: Running = None,
+    connect: Somewhere = None,
+    as_json: AsJson = False,
+) -> None:
+    """Let a stopped robot follow its controller again."""
+    _tell(robot, "recover", connect, as_json)
+
+
+@app.command()
+def status(
+    robot: Running = None,
+    connect: Somewhere = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say what a running robot does, and whom it follows."""
+    _tell(robot, "status", connect, as_json)
+
+
+@app.command()
+def release(robot: Running = None, as_json: AsJson = False) -> None:
+    """Take authority from whoever holds it over a robot on this machine; the robot brakes.
+
+    A controller that still runs asks for authority again at once, and the robot follows it: end the
+    controller first, or use `hoap3 stop`, where the robot is to stay at rest.
+    """
+    from hoap3.tools.cli.find_robot import release_robot
+    from hoap3.tools.show.output import print_json, print_line
+
+    name, answer = release_robot(robot)
+    if as_json:
+        print_json(answer)
+    else:
+        print_line(f"{name}: " + ("released" if answer["released"] else "follows nobody"))
+
+
+@app.command()
+def record(
+    robot: Running = None,
+    repair: Annotated[
+        Path | None,
+        typer.Option("--repair", metavar="LOG", help="Mend a log, or all of a run, instead."),
+    ] = None,
+    duration: Annotated[
+        float | None,
+        typer.Option(min=0.001, callback=finite, help="[s]; default: until Ctrl-C."),
+    ] = None,
+    connect: Somewhere = None,
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Record a running robot from outside, or mend a log that was cut off."""
+    from hoap3.tools.cli.find_robot import reach_robot
+    from hoap3.tools.machine.processes import to_people
+    from hoap3.tools.services.record import record_robot
+    from hoap3.tools.show.output import print_json, print_line
+
+    if repair is not None:
+        _mend(repair, as_json)
+        return
+    name, endpoint = reach_robot(robot, connect)
+    outcome = record_robot(name, endpoint, out, duration, to_people)
+    if as_json:
+        print_json(outcome)
+    else:
+        print_line(
+            f"{outcome['states']} states, {outcome['setpoints']} setpoints: {outcome['log']}"
+        )
+
+
+@app.command()
+def replay(
+    log: Annotated[Path, typer.Argument(help="Log of a controller, or the folder of a run.")],
+    sets: Sets = [],  # noqa: B006
+    tolerance: Annotated[
+        float, typer.Option(min=0.0, callback=finite, help="Largest difference of a value.")
+    ] = 0.0,
+    allow_code: Annotated[
+        bool, typer.Option("--allow-code", help="Run a controller that is not registered.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Run the logged controller on its logged inputs and compare every setpoint."""
+    from hoap3.tools.show.kernel_news import watch_compilation
+
+    watch_compilation()
+    from hoap3.tools.replay import replay as again
+    from hoap3.tools.show.output import print_json, print_line, print_note, progress
+
+    with progress(f"replay {log}") as meter:
+        report = again(
+            *(log, sets),
+            tolerance=tolerance,
+            allow_code=allow_code,
+            say=meter.step,
+            note=print_note,
+        )
+    if as_json:
+        print_json(report.as_json())
+    else:
+        print_line(str(report))
+    raise typer.Exit(0 if report.identical else 1)
+
+
+@app.command()
+def export(
+    log: Annotated[Path, typer.Argument(help="A log, or the folder of a run.")],
+    to: Annotated[Path, typer.Option("--to", help="File to write: *.csv or *.npz.")],
+    side: Annotated[str, typer.Option(help="robot or controller: whose log of a run.")] = "robot",
+) -> None:
+    """Write a log as CSV or as numpy arrays; exit code 1 if a part of the log is lost."""
+    from hoap3.tools.logs.export import export as write
+    from hoap3.tools.show.output import print_line, print_note, progress
+
+    with progress(f"export {log}") as meter:
+        written = write(log, to, side, meter.step)
+    print_line(str(written))
+    if written.replaced:
+        print_note("written in place of an earlier file")
+    if written.missing:
+        print_note(f"the log is not complete: {written.missing}")
+    raise typer.Exit(0 if written.complete else 1)
+
+
+@config_app.command("show")
+def config_show(
+    name: Annotated[str, typer.Argument(help="Config: a name or a path.")],
+    sets: Sets = [],  # noqa: B006
+    allow_code: AllowCode = False,
+) -> None:
+    """Print the whole of a config, defaults included, as YAML."""
+    from hoap3.remote_controller.user_code import user_code
+    from hoap3.tools.services.settings import shown
+    from hoap3.tools.show.output import print_line, print_note
+
+    with user_code(allowed=allow_code, say=print_note) as code:
+        print_line(shown(name, sets, code).rstrip("\n"))
+    if code.names and not allow_code:
+        print_note(
+            f"parameters are as they are written: {', '.join(code.names)} is code, and is imported "
+            "only with --allow-code"
+        )
+
+
+@config_app.command("check")
+def config_check(
+    names: Annotated[list[str], typer.Argument(help="Configs: names or paths.")],
+    sets: Sets = [],  # noqa: B006
+    robot: Annotated[
+        str | None,
+        typer.Option(help="Robot or emulator config that controllers are built for."),
+    ] = None,
+    allow_code: AllowCode = False,
+) -> None:
+    """Check configs, those of controllers also against their robots, as a start does."""
+    from hoap3.tools.show.kernel_news import watch_compilation
+
+    watch_compilation()
+    from hoap3.remote_controller.user_code import user_code
+    from hoap3.tools.services.settings import checked
+    from hoap3.tools.show.output import print_line, print_note
+
+    for name in names:
+        with user_code(allowed=allow_code, say=print_note):
+            print_line(f"{name}: {checked(name, sets, robot)}")
+
+
+@config_app.command("schema")
+def config_schema(
+    kind: Annotated[
+        str,
+        typer.Argument(help="emulator, controller, task, constraint, or a controller's name."),
+    ],
+    name: Annotated[
+        str | None, typer.Argument(help="Of a controller, a task or a constraint.")
+    ] = None,
+) -> None:
+    """Print the JSON Schema of a config, or of a task or a constraint in one, for editors."""
+    from hoap3.tools.services.settings import json_schema
+    from hoap3.tools.show.output import print_json
+
+    print_json(json_schema(kind, name))
+
+
+def _version(value: bool) -> None:
+    if value:
+        from hoap3.tools.machine.machine import versions
+        from hoap3.tools.show.output import print_line
+
+        for name, version in versions().items():
+            print_line(f"{name} {version}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    _: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Versions of the stack."),
+    ] = False,
+) -> None:
+    """A robot and its remote controller, 1 kHz apart."""
+
+
+def _mend(path: Path, as_json: bool) -> None:
+    from hoap3.protocol.errors import LogError
+    from hoap3.tools.logs.repair import repair, repair_all
+    from hoap3.tools.show.output import print_json, print_line
+
+    reports, wrong = repair_all(path) if path.is_dir() else ([repair(path)], [])
+    if as_json and path.is_dir():
+        print_json({"logs": [report.as_json() for report in reports]})
+    elif as_json:
+        print_json(reports[0].as_json())
+    else:
+        for report in reports:
+            print_line(str(report))
+    if wrong:
+        raise LogError("; ".join(wrong))
+
+
+def _tell(robot: str | None, verb: str, connect: str | None, as_json: bool) -> None:
+    from hoap3.protocol.stop_reasons import recovery_words, stop_words, waits_for_recovery
+    from hoap3.tools.cli.find_robot import ask_robot
+    from hoap3.tools.show.output import print_json, print_line
+
+    name, answer = ask_robot(robot, verb, connect)
+    failed = answer.get("recovered") is False
+    if as_json:
+        print_json({"robot": name, **answer})
+    elif not failed:
+        words = f"{name}: {answer['mode']}, follows {one_line(answer['holder'] or 'nobody')}"
+        if waits_for_recovery(answer["mode"], answer.get("stop_reason")):
+            words += f"; {stop_words(answer.get('stop_reason'))}: {recovery_words(name, connect)}"
+        print_line(words)
+    if failed:
+        from hoap3.tools.machine.processes import to_people
+
+        to_people(f"error: {name} is {answer['mode']}: only a stopped robot can be recovered")
+        raise typer.Exit(1)
+
+
+def main() -> None:
+    """Entry point of `hoap3`."""
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # read once, when numpy is imported
+    try:
+        for stream in (sys.stdout, sys.stderr):  # a terminal that knows ASCII only shows `?`
+            if isinstance(stream, io.TextIOWrapper):
+                stream.reconfigure(errors="replace")
+        from hoap3.tools.machine.processes import die_with_parent
+
+        die_with_parent()
+        app()
+    except KeyboardInterrupt:
+        sys.exit(1)
+    except Exception as error:
+        from hoap3.protocol.errors import (  # ours for sure only after the check
+            Hoap3Error,
+            UsageError,
+        )
+
+        if not isinstance(error, Hoap3Error):
+            raise
+        from hoap3.tools.machine.processes import to_people
+
+        to_people(f"error: {error}")
+        sys.exit(2 if isinstance(error, UsageError) else 1)
+
+
+if __name__ == "__main__":
+    main()

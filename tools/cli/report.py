@@ -1,0 +1,47 @@
+"""The command `hoap3 report`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def report(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="Folder of a run, or one *.mcap.")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", help="HTML file to write; default: report.html beside the log."),
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="One JSON object on standard output.")
+    ] = False,
+) -> None:
+    """Draw what a log shows, as one HTML file that needs nothing but itself."""
+    from hoap3.tools.report.write import write_report
+    from hoap3.tools.show.certificate_count import in_a_line
+    from hoap3.tools.show.output import print_json, print_line, print_note, progress
+    from hoap3.tools.show.verdicts import NAMES, NOT_JUDGED, failed, in_words
+
+    with progress(f"report {log}") as meter:
+        figures = write_report(log, out, meter.step)
+    if as_json:
+        print_json(figures)
+    else:
+        print_line(str(figures["report"]))
+        words = in_words(figures)
+        for key, name in NAMES.items():
+            parts = [figures["verdicts"][key] or NOT_JUDGED, *filter(None, [words.get(key)])]
+            print_line(f"{name}: {'; '.join(parts)}")
+        unproved = in_a_line(figures["certificates"])
+        if unproved is not None:
+            print_line(f"certificates: {unproved}")
+        if figures["replaced"]:
+            print_note("written in place of an earlier report")
+    for side, lost in figures["damaged"].items():
+        print_note(
+            f"the log of the {side} is cut off or damaged, and shown as far as it can be read: "
+            f"{lost}. `hoap3 record --repair` makes a whole file of the rest"
+        )
+    raise typer.Exit(1 if figures["damaged"] or failed(figures["verdicts"]) else 0)

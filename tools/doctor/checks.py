@@ -1,0 +1,273 @@
+"""What a machine is: one small check for each thing that a 1 kHz loop in soft real time needs.
+
+A check reads, compares and advises; it changes nothing, and what cannot be read is never an
+error. docs/realtime_rights.md says what each finding means.
+"""
+
+from __future__ import annotations
+
+import re
+import resource
+
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.tools.doctor.system import Finding, System, cpu_list, cpu_text
+
+STEADY_CLOCKS = {
+    "tsc", "kvm-clock", "arch_sys_counter", "hyperv_clocksource_tsc_page", "riscv_clocksource",
+}  # fmt: skip
+IDLE_EXIT_US = 100  # a tenth of a period spent on waking up
+MIN_RT_SHARE = 0.9
+STEAL_SHARE = 0.01
+_CAP_IPC_LOCK, _CAP_SYS_NICE = 14, 23
+_CPU = "sys/devices/system/cpu"
+
+
+def clock_source(system: System) -> Finding:
+    """Does the kernel tell time from a register, or from a slow device?"""
+    folder = "sys/devices/system/clocksource/clocksource0"
+    source = system.text(f"{folder}/current_clocksource")
+    if not source:
+        return Finding("clock source", "ok", "cannot be read; `clock` shows what it gives")
+    if source in STEADY_CLOCKS:
+        return Finding("clock source", "ok", source)
+    if "jiffies" in source:
+        remedy = "Boot without clocksource=; `dmesg | grep -i clocksource` says what was wrong"
+        return Finding("clock source", "problem", f"{source}: steps of a kernel tick", remedy)
+    known = system.text(f"{folder}/available_clocksource") or "unknown"
+    remedy = "Boot with clocksource=tsc if `dmesg | grep -i tsc` calls it stable; update the BIOS"
+    return Finding("clock source", "advice", f"{source}: slow to read; there are: {known}", remedy)
+
+
+def kernel(system: System) -> Finding:
+    """Which kernel, and may it interrupt its own work for a loop?"""
+    release = system.text("proc/sys/kernel/osrelease") or "unknown"
+    build = system.text("proc/sys/kernel/version")
+    if system.text("sys/kernel/realtime") == "1" or "PREEMPT_RT" in build:
+        return Finding("kernel", "ok", f"{release}, PREEMPT_RT")
+    if not build:
+        return Finding("kernel", "ok", f"{release}, preemption cannot be read")
+    if "PREEMPT_DYNAMIC" in build:
+        chosen = re.search(r"\((\w+)\)", system.text("sys/kernel/debug/sched/preempt"))
+        booted = re.search(r"\bpreempt=(\w+)", system.text("proc/cmdline"))
+        mode = chosen[1] if chosen else booted[1] if booted else ""
+        found = f"{release}, PREEMPT_DYNAMIC, {mode or 'mode cannot be read'}"
+        if mode not in {"none", "voluntary"}:
+            return Finding("kernel", "ok", found)
+        remedy = "Boot with preempt=full, or as root: echo full > /sys/kernel/debug/sched/preempt"
+        return Finding("kernel", "advice", found, remedy)
+    if re.search(r"\bPREEMPT\b", build):
+        return Finding("kernel", "ok", f"{release}, PREEMPT")
+    remedy = "Install a kernel with PREEMPT_DYNAMIC or PREEMPT_RT, such as a low-latency one"
+    return Finding("kernel", "advice", f"{release} without preemption", remedy)
+
+
+def governor(system: System) -> Finding:
+    """Do CPUs keep their speed while a loop sleeps?"""
+    governors = {system.text(path) for path in system.paths(f"{_CPU}/cpu*/cpufreq/*_governor")}
+    governors.discard("")
+    if not governors:
+        return Finding("governor", "ok", "no frequency control here (virtual machine, firmware)")
+    turbo = {"0": ", no turbo", "1": ", turbo"}.get(system.text(f"{_CPU}/cpufreq/boost"), "")
+    turbo = {"0": ", turbo", "1": ", no turbo"}.get(
+        system.text(f"{_CPU}/intel_pstate/no_turbo"), turbo
+    )
+    found = ", ".join(sorted(governors)) + turbo
+    if governors == {"performance"}:
+        return Finding("governor", "ok", found)
+    remedy = "sudo cpupower frequency-set -g performance"
+    return Finding("governor", "advice", found, remedy)
+
+
+def idle_states(system: System) -> Finding:
+    """How long does a sleeping CPU need to wake up?"""
+    exits: dict[str, int] = {}
+    for path in system.paths(f"{_CPU}/cpu0/cpuidle/state*"):
+        if not system.number(f"{path}/disable"):
+            exits[system.text(f"{path}/name") or "unnamed"] = system.number(f"{path}/latency") or 0
+    if not exits:
+        return Finding("idle states", "ok", "none to be seen")
+    name = max(exits, key=lambda name: exits[name])
+    found = f"deepest {name}, {exits[name]} us to wake up"
+    if exits[name] <= IDLE_EXIT_US:
+        return Finding("idle states", "ok", found)
+    remedy = "sudo cpupower idle-set -D 100, or hold /dev/cpu_dma_latency open with 0 in it"
+    return Finding("idle states", "advice", found, remedy)
+
+
+def realtime_priority(system: System) -> Finding:
+    """May a loop go before everything else?"""
+    priority = EmulatorConfig().realtime.priority  # the higher of both
+    refusal = system.fifo(priority)
+    soft, hard = system.limit(resource.RLIMIT_RTPRIO)
+    if refusal is None:
+        return Finding("real-time priority", "ok", f"SCHED_FIFO {priority} is granted")
+    found = f"SCHED_FIFO {priority} is refused: {refusal}; limit {_amount(soft)}"
+    if system.capable(_CAP_SYS_NICE) or soft == resource.RLIM_INFINITY or soft >= priority:
+        remedy = (
+            "A container or group forbids it: --cap-add SYS_NICE --ulimit rtprio=99, and "
+            "cpu.rt_runtime_us above 0"
+        )
+    elif hard == resource.RLIM_INFINITY or hard >= priority:
+        remedy = f"ulimit -r {priority}"
+    else:
+        remedy = "/etc/security/limits.d: `@realtime - rtprio 99`, log in anew; LimitRTPRIO=99"
+    return Finding("real-time priority", "advice", found, remedy)
+
+
+def realtime_throttling(system: System) -> Finding:
+    """How much of each second may real-time processes run at all?"""
+    runtime = system.number("proc/sys/kernel/sched_rt_runtime_us")
+    period = system.number("proc/sys/kernel/sched_rt_period_us") or 1_000_000
+    if runtime is None:
+        return Finding("real-time throttling", "ok", "cannot be read")
+    if runtime < 0:
+        return Finding("real-time throttling", "ok", "off")
+    share = runtime / period
+    found = f"real-time processes get {100 * share:.0f} % of the time"
+    if share >= MIN_RT_SHARE:
+        return Finding("real-time throttling", "ok", found)
+    remedy = "sudo sysctl kernel.sched_rt_runtime_us=950000"
+    return Finding("real-time throttling", "advice" if share else "problem", found, remedy)
+
+
+def memory_lock(system: System) -> Finding:
+    """May a loop keep its pages?"""
+    soft, _ = system.limit(resource.RLIMIT_MEMLOCK)
+    if system.capable(_CAP_IPC_LOCK):
+        return Finding("memory lock", "ok", "no limit for this process (CAP_IPC_LOCK)")
+    if soft == resource.RLIM_INFINITY:
+        return Finding("memory lock", "ok", "unlimited")
+    remedy = "/etc/security/limits.d: `@realtime - memlock unlimited`; LimitMEMLOCK=infinity"
+    return Finding("memory lock", "advice", f"limit {soft / 1024**2:.0f} MiB", remedy)
+
+
+def timer_slack(system: System) -> Finding:
+    """May timers be exact without any right?"""
+    refusal = system.timer_slack()
+    if refusal is None:
+        return Finding("timer slack", "ok", "can be set to 1 ns")
+    remedy = "Allow prctl(PR_SET_TIMERSLACK) in the seccomp profile of the container"
+    return Finding("timer slack", "advice", f"cannot be set: {refusal}", remedy)
+
+
+def cores(system: System) -> Finding:
+    """Is there room for loops and observers?"""
+    allowed = len(system.affinity())
+    online = len(cpu_list(system.text(f"{_CPU}/online"))) or allowed
+    found = f"{allowed} of {online} CPUs may be used"
+    if allowed > 1:
+        return Finding("cores", "ok", found)
+    remedy = "Give it a second CPU: the observers that write logs share this one with the loops"
+    return Finding("cores", "advice", found, remedy)
+
+
+def smt(system: System) -> Finding:
+    """Are the CPUs cores, or hyperthreads of fewer cores?"""
+    allowed = system.affinity()
+    groups = set()
+    for cpu in allowed:
+        text = system.text(f"{_CPU}/cpu{cpu}/topology/thread_siblings_list")
+        groups.add(frozenset(cpu_list(text) | {cpu}))
+    shared = sorted(cpu_text(set(group)) for group in groups if len(group) > 1)
+    if not shared:
+        return Finding("hyperthreads", "ok", "no two CPUs share a core")
+    found = f"{len(groups)} cores; CPUs that share one: {'; '.join(shared)}"
+    first = set(sorted(allowed)[-2:])  # those that `auto` takes
+    if len(groups) > 1 and not any(first <= group for group in groups):
+        return Finding("hyperthreads", "ok", found)
+    remedy = "Name CPUs of two cores in realtime.cpu, or boot with nosmt; VM: ask for whole cores"
+    return Finding("hyperthreads", "advice", found, remedy)
+
+
+def virtualisation(system: System) -> Finding:
+    """Is there a host below that can take the CPUs away?"""
+    host = system.virtual()
+    if not host:
+        return Finding("virtualisation", "ok", "bare metal, as far as it shows")
+    remedy = "Bare metal, or ask the host for dedicated, pinned CPUs; no setting in here helps"
+    return Finding("virtualisation", "advice", f"virtual machine ({host})", remedy)
+
+
+def steal(system: System) -> Finding:
+    """How much of their time were the CPUs taken away?"""
+    fields = system.text("proc/stat").partition("\n")[0].split()[1:9]
+    if len(fields) < 8 or not all(field.isdecimal() for field in fields):
+        return Finding("steal", "ok", "cannot be read")
+    share = int(fields[7]) / max(sum(map(int, fields)), 1)
+    found = f"{100 * share:.2f} % since boot"
+    if share < STEAL_SHARE:
+        if system.virtual():
+            found += "; not every host tells"
+        return Finding("steal", "ok", found)
+    remedy = "The host is overcommitted: ask for dedicated CPUs, or a quieter host"
+    return Finding("steal", "advice", found, remedy)
+
+
+def isolation(system: System) -> Finding:
+    """Are CPUs set aside, and do loops get them?"""
+    isolated = cpu_list(system.text(f"{_CPU}/isolated"))
+    tickless = cpu_list(system.text(f"{_CPU}/nohz_full"))
+    if not isolated | tickless:
+        return Finding("isolated CPUs", "ok", "none; fine for soft real time")
+    found = f"isolated {cpu_text(isolated)}; nohz_full {cpu_text(tickless)}"
+    unused = isolated - system.affinity()
+    if not unused:
+        return Finding("isolated CPUs", "ok", found)
+    remedy = f"`auto` does not take them: set realtime.cpu={max(unused)}"
+    return Finding("isolated CPUs", "advice", found, remedy)
+
+
+def swap(system: System) -> Finding:
+    """Can pages be written out under a loop?"""
+    areas = [line.split() for line in system.text("proc/swaps").splitlines()[1:]]
+    used = sum(int(area[3]) for area in areas if len(area) > 3 and area[3].isdecimal())
+    if not areas:
+        return Finding("swap", "ok", "none")
+    found = f"{len(areas)} areas, {used / 1024:.0f} MiB used"
+    if memory_lock(system).level == "ok":
+        return Finding("swap", "ok", f"{found}; the loops lock their pages")
+    return Finding("swap", "advice", found, "Grant the memory lock, or sudo swapoff -a")
+
+
+def cpu_quota(system: System) -> Finding:
+    """Does a control group stop everything for the rest of each period?"""
+    shares = [share for share in map(_quota, *_quota_files(system)) if share is not None]
+    if not shares:
+        return Finding("CPU quota", "ok", "none")
+    share = min(shares)
+    found = f"{share:.2f} CPUs; once used up, everything stands still until the next period"
+    remedy = "Take the limit away: docker without --cpus, Kubernetes without limits.cpu, CPUQuota="
+    return Finding("CPU quota", "problem" if share < 1 else "advice", found, remedy)
+
+
+def _amount(limit: int) -> str:
+    return "unlimited" if limit == resource.RLIM_INFINITY else str(limit)
+
+
+def _quota_files(system: System) -> tuple[list[str], list[str]]:
+    """Quota and period of every control group that this process is in."""
+    quotas, periods = [], []
+    for line in system.text("proc/self/cgroup").splitlines():
+        controllers, _, path = line.partition(":")[2].partition(":")
+        if not controllers:
+            mounts, names = ("sys/fs/cgroup", "sys/fs/cgroup/unified"), ("cpu.max", "cpu.max")
+        elif "cpu" in controllers.split(","):
+            mounts = ("sys/fs/cgroup/cpu", "sys/fs/cgroup/cpu,cpuacct")
+            names = ("cpu.cfs_quota_us", "cpu.cfs_period_us")
+        else:
+            continue
+        parts = [part for part in path.split("/") if part not in {"", ".."}]
+        for depth in range(len(parts) + 1):
+            for mount in mounts:
+                folder = "/".join([mount, *parts[:depth]])
+                quotas.append(system.text(f"{folder}/{names[0]}"))
+                periods.append(system.text(f"{folder}/{names[1]}"))
+    return quotas, periods
+
+
+def _quota(quota: str, period: str) -> float | None:
+    """CPUs that a quota leaves, or None where there is none; `cpu.max` has both in one line."""
+    amount, length = quota.split()[:1], period.split()[-1:]
+    if not amount or not length or not amount[0].isdecimal() or not length[0].isdecimal():
+        return None
+    return int(amount[0]) / int(length[0]) if int(length[0]) else None

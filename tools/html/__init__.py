@@ -1,0 +1,1 @@
+"""Pages and drawings: one HTML file that loads nothing, plots as SVG."""

@@ -1,0 +1,1 @@
+"""`hoap3 latency`: what the link costs beside a bare TCP echo."""

@@ -1,0 +1,261 @@
+"""`hoap3 latency`: what the link costs, whether deadlines hold, and whose fault each miss was.
+
+A robot and a controller that computes nothing run through the same services, loops and links as
+always; a bare TCP echo is placed and paced like them. Both take turns, block by block, so that
+whatever the machine does meanwhile falls on both. The same figures can be had from any log.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hoap3.protocol.config.settings import RealtimeSettings
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import Hoap3Error, LogError, UsageError
+from hoap3.protocol.messages import Setpoint, State
+from hoap3.remote_controller.config import ControllerConfig
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.service import describe
+from hoap3.tools.latency.echo import Exchanges, run_echo
+from hoap3.tools.latency.nodes import NullController
+from hoap3.tools.logs.log import Log
+from hoap3.tools.machine.loopback_links import LinkPair, link
+from hoap3.tools.machine.machine import machine_block
+from hoap3.tools.machine.stalls import StallMonitor
+from hoap3.tools.services.placement import placed
+from hoap3.tools.services.run import run_realtime
+from hoap3.tools.services.services import watched_cpus
+from hoap3.tools.timing.tick_metrics import percentiles, tick_figures
+from hoap3.tools.timing.ticks import TickTable
+
+WARM_UP = 200
+"""Ticks at the begin of each block that enter no figure: caches, branch predictors, sockets."""
+
+NULL_CONTROLLER = f"{NullController.__module__}:{NullController.__qualname__}"
+_NEVER_STOP = 1_000_000_000  # misses in a row: a measurement goes on, and says how many there were
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is measured.
+
+    Attributes:
+        emulator: the robot; its link is replaced.
+        link: one of `hoap3.tools.machine.loopback_links.LINKS`.
+        blocks, ticks: blocks of each, Zenoh and echo, and ticks of each block.
+        realtime: whether to pin, and to ask for priority.
+        out: folder for the logs, one inside for each block; None to keep none.
+    """
+
+    emulator: EmulatorConfig
+    link: str = "tcp"
+    blocks: int = 5
+    ticks: int = 2000
+    realtime: bool = True
+    out: Path | None = None
+
+
+def measure_latency(
+    plan: Plan,
+    progress: Progress = lambda _: None,
+    should_stop: Callable[[], bool] = lambda: False,
+) -> dict[str, Any]:
+    """Measure a link and the echo in turn; docs/latency.md defines each figure.
+
+    Args:
+        plan: what is measured.
+        progress: told what happens, for people.
+        should_stop: asked between and within blocks; what is complete by then is the result.
+
+    Raises:
+        UsageError: the link is unknown, or lacks something.
+        Hoap3Error: a process could not do its work, or the end came before the first block's.
+    """
+    description = describe(plan.emulator)
+    tables: list[TickTable] = []
+    echoes: list[Exchanges] = []
+    said: list[str] = []
+    with (
+        _placement(plan, progress) as (robot, controller),
+        tempfile.TemporaryDirectory(prefix="hoap3-latency-") as scratch,
+    ):
+        folder = plan.out or Path(scratch)
+        for block in range(plan.blocks):
+            progress(f"block {block + 1} of {plan.blocks}: zenoh over {plan.link}")
+            try:
+                with link(plan.link, robot) as pair:
+                    run = _Run(plan, description, robot, controller, pair)
+                    table, said = run.block(folder / f"block{block}", should_stop)
+            except Hoap3Error:
+                if not should_stop():
+                    raise
+            if should_stop():
+                break
+            progress(f"block {block + 1} of {plan.blocks}: bare TCP echo")
+            echoes.append(_echo(plan, description, robot, controller))
+            tables.append(table)
+    if not tables:
+        raise Hoap3Error("interrupted before the first block was complete")
+    return {
+        **tick_figures(tables),
+        **compare(tables, echoes),
+        "link": plan.link,
+        "bytes": dict(zip(("state", "setpoint"), sizes(description), strict=True)),
+        "period_us": description.period_s * 1e6,
+        "ticks_per_block": plan.ticks,
+        "warm_up_ticks": WARM_UP,
+        "final_error": None,
+        "realtime": said,
+        "machine": machine_block(),
+        "transport": f"zenoh {plan.link}, same host",
+        "log": str(plan.out) if plan.out else None,
+    }
+
+
+def analyse_log(path: Path) -> dict[str, Any]:
+    """The same figures of a run that was recorded, as far as they can be had without an echo.
+
+    Args:
+        path: folder of the run, or the log of its robot alone.
+
+    Raises:
+        LogError: the robot's log is missing or cannot be read.
+    """
+    table = TickTable.from_run(path)
+    log = Log.open(path, side="robot") if path.is_dir() else Log.open(path)
+    if not table.asked.any():
+        cut = f" The log is not complete: {log.missing}" if log.missing else ""
+        raise LogError(
+            f"{path}: no tick asked for an answer.{cut} Name the log of a robot that moved"
+        )
+    machine = {name: json.loads(value) for name, value in log.metadata.get("machine", {}).items()}
+    return {
+        **tick_figures([table]),
+        "echo_rtt_us": None,
+        "rtt_ratio": None,
+        "period_us": table.period / 1e3,
+        "warm_up_ticks": 0,
+        "virtual_time": table.lockstep,
+        "missing": log.missing,
+        "final_error": None,
+        "machine": machine,
+        "transport": "as the log was recorded",
+        "log": str(path),
+    }
+
+
+def compare(tables: Sequence[TickTable], echoes: Sequence[Exchanges]) -> dict[str, Any]:
+    """How the RTT of each block compares with that of the echo beside it.
+
+    Returns:
+        `rtt_ratio`, the median over the blocks of p50 ÷ p50; `echo_rtt_us` of all blocks;
+        `blocks` with both medians [us], the ratio, and the skipped ticks of the echo.
+    """
+    blocks = []
+    for table, echo in zip(tables, echoes, strict=True):
+        ours, theirs = percentiles(table.stage("rtt")), percentiles(echo.rtt)
+        known = ours["n"] and theirs["n"]
+        blocks.append(
+            {
+                "rtt_p50_us": ours.get("p50"),
+                "echo_rtt_p50_us": theirs.get("p50"),
+                "ratio": ours["p50"] / theirs["p50"] if known else None,
+                "echo_skipped": echo.skipped,
+            }
+        )
+    ratios = [block["ratio"] for block in blocks if block["ratio"] is not None]
+    return {
+        "rtt_ratio": float(np.median(ratios)) if ratios else None,
+        "echo_rtt_us": percentiles(np.concatenate([echo.rtt for echo in echoes])),
+        "blocks": blocks,
+    }
+
+
+def sizes(description: RobotDescription) -> tuple[int, int]:
+    """Bytes of a State and of a Setpoint of this robot."""
+    n = description.n
+    return State(n, 6 * len(description.wrench_sensors)).size, Setpoint(n).size
+
+
+@dataclass(frozen=True)
+class _Run:
+    """A robot and its null controller, with their links and places."""
+
+    plan: Plan
+    description: RobotDescription
+    robot: RealtimeSettings
+    controller: RealtimeSettings
+    pair: LinkPair
+
+    def block(self, folder: Path, should_stop: Callable[[], bool]) -> tuple[TickTable, list[str]]:
+        """Run one block; its ticks without the warm-up, and what was granted to both."""
+        emulator = self.plan.emulator.model_copy(
+            update={"realtime": self.robot, "misses_to_stop": _NEVER_STOP}
+        )
+        law = ControllerConfig(controller=NULL_CONTROLLER, realtime=self.controller)
+        duration = (self.plan.ticks + WARM_UP) * self.description.period_s
+        outcome = run_realtime(
+            emulator,
+            law,
+            duration,
+            folder,
+            lambda _: None,
+            links=self.pair,
+            should_stop=should_stop,
+        )
+        return TickTable.from_run(folder).after(WARM_UP), outcome.summary["realtime"]
+
+
+def _echo(
+    plan: Plan,
+    description: RobotDescription,
+    robot: RealtimeSettings,
+    controller: RealtimeSettings,
+) -> Exchanges:
+    """One block of the echo, without the warm-up."""
+    order = {
+        "ticks": plan.ticks + WARM_UP,
+        "period_ns": round(description.period_s * 1e9),
+        "sizes": sizes(description),
+    }
+    monitor = StallMonitor(
+        {*watched_cpus(robot), *watched_cpus(controller)}, keep_awake=robot.keep_awake
+    )  # as beside the link
+    try:
+        return run_echo(order, robot, controller).after(WARM_UP)
+    finally:
+        monitor.stop()
+
+
+@contextmanager
+def _placement(
+    plan: Plan, progress: Progress
+) -> Iterator[tuple[RealtimeSettings, RealtimeSettings]]:
+    """Places for both sides, as `hoap3 run` would give them, for as long as this is held."""
+    if not plan.realtime:
+        plain = RealtimeSettings(policy="none", cpu="none", lock_memory=False)
+        yield plain, plain
+        return
+    robot, controller, claims = placed(plan.emulator.realtime, RealtimeSettings(), progress)
+    try:
+        if controller.cpu == "auto":
+            allowed = sorted(os.sched_getaffinity(0))
+            raise UsageError(
+                f"every allowed CPU ({', '.join(map(str, allowed))}) is claimed by another run: "
+                "the figures would be those of both. Wait for its end, or use --no-realtime"
+            )
+        yield robot, controller
+    finally:
+        for claim in claims:
+            claim.release()

@@ -1,0 +1,1 @@
+"""Logs: written crash-safe, read however they ended, repaired, exported, replayed."""

@@ -1,0 +1,375 @@
+"""Reads a log: whole or cut off, one file or several, as the records that were written.
+
+What a log says about files or code is never followed; names in it are keys, no more.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import struct
+from array import array
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import DescriptionError, LogError, WireError
+from hoap3.protocol.messages import CDR_HEADER, WIRE_VERSION, Schema
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.logs.log_format import (
+    CHANNELS,
+    FORMAT,
+    KIND_CHANNELS,
+    PROFILE,
+    SCHEMAS,
+    SIDES,
+    TOPICS,
+    pack_gap,
+    topic_name,
+    unpack_input,
+)
+from hoap3.tools.logs.mcap_scan import Damage, McapMessage, McapScan
+
+Rows = npt.NDArray[Any]
+Stamps = npt.NDArray[np.int64]
+
+MOST_TOLD = 5  # damaged places that are named one by one
+LONGEST_PART = 9  # digits of a file's number
+MOST_LAYOUTS = 32  # of messages of one size that are told apart
+
+_NAME = re.compile(r"(robot|controller)(?:\.(\d{4,}))?\.mcap")
+
+
+class Log:
+    """One side of a run.
+
+    Where a file is cut off or missing, the log ends, even if further files exist; those can be
+    opened by themselves. Damaged chunks of a file are skipped, and `missing` names them.
+
+    Attributes:
+        paths: the files, oldest first.
+        robot, side: whose log it is.
+        metadata: facts by group; of several files, the last one that says something.
+        attachments: enclosed files by name, likewise.
+        truncated: it ends early.
+        damages: what cannot be read inside it, in words, "" for nothing.
+        missing: what is lost, in words, "" for nothing.
+    """
+
+    def __init__(self, files: list[Path]) -> None:
+        self._scans, lost = _unbroken(files)
+        self.truncated = lost is not None
+        self.paths = [scan.path for scan in self._scans]
+        self.metadata = {name: f for scan in self._scans for name, f in scan.metadata.items()}
+        self.attachments = {
+            name: data for scan in self._scans for name, data in scan.attachments.items()
+        }
+        first = self._scans[0].metadata["log"]
+        self.robot, self.side = first["robot"], first["side"]
+        before = _lost_at_begin(self.paths[0], first, self.metadata["log"])
+        damages = [(scan, damage) for scan in self._scans for damage in scan.damages]
+        repaired = [scan.metadata.get("repair", {}).get("damaged", "") for scan in self._scans]
+        self.damages = "; ".join(filter(None, (*_told(damages, self._begin), *repaired)))
+        self.missing = "; ".join(filter(None, (before, self.damages, lost)))
+
+    @classmethod
+    def open(cls, path: Path | str, side: str | None = None) -> Log:
+        """Open a file, or all files of one side in the folder of a run.
+
+        Args:
+            path: `*.mcap` or a folder.
+            side: "robot" or "controller"; None for whatever there is, if it is one only.
+
+        Raises:
+            LogError: nothing there, not ours, of the other side, or of another version.
+        """
+        if side is not None and side not in SIDES:
+            raise LogError(f"{path}: no side is called {side!r}. Choose one of {', '.join(SIDES)}")
+        log = cls(_files(Path(path), side))
+        if side not in {None, log.side}:
+            raise LogError(f"{path}: is the log of the {log.side}. Name that of the {side}")
+        return log
+
+    @property
+    def config(self) -> str:
+        """The resolved configuration that the service ran with, as YAML.
+
+        Raises:
+            LogError: the log encloses none, or no text.
+        """
+        return self._attachment("config.yaml").decode(errors="replace")
+
+    @property
+    def _begin(self) -> int:
+        """Log time of its first message [ns], or 0."""
+        return next((scan.begin for scan in self._scans if scan.begin is not None), 0)
+
+    def names(self, key: str) -> list[str]:
+        """Names that its first session gives: `extra` columns, or `conditions`."""
+        for record in self.records():
+            if record.kind == Kind.SESSION:
+                try:
+                    found = json.loads(record.payload).get(key, [])
+                except (ValueError, AttributeError, RecursionError):
+                    return []
+                return [str(name) for name in found] if isinstance(found, list) else []
+        return []
+
+    @cached_property
+    def description(self) -> RobotDescription:
+        """The robot, as it last described itself.
+
+        Raises:
+            LogError: the log holds no description, or none that is valid.
+        """
+        try:
+            return RobotDescription.from_json(self._attachment("description.json"))
+        except DescriptionError as error:
+            raise LogError(
+                f"{self.paths[0]}: its description is not valid: {error}. "
+                "Read the log with the version that wrote it"
+            ) from error
+
+    def records(self) -> Iterator[Record]:
+        """Every record in the order in which it was processed; copies for viewers left out.
+
+        In the place of what is damaged stands a record of kind GAP.
+
+        Raises:
+            LogError: a record of another version.
+        """
+        kinds = {channel: kind for kind, channel in KIND_CHANNELS.items()}
+        inputs = CHANNELS["inputs"]
+        for place, scan in enumerate(self._scans):
+            for channel, _, stamp, _, payload in _with_gaps(scan):
+                kind = kinds.get(channel)
+                if kind is not None:
+                    yield Record(kind, stamp, payload)
+                elif channel == inputs:
+                    try:
+                        record, repeated = unpack_input(payload)
+                    except ValueError as error:
+                        raise LogError(
+                            f"{scan.path}: an input that this version does not know ({error}). "
+                            "Read the log with the version that wrote it"
+                        ) from error
+                    if not repeated or place == 0:  # it may come from a file that is gone
+                        yield record
+
+    def table(self, kind: Kind) -> tuple[Stamps, Rows]:
+        """Log times [ns] and all messages of a kind, as a structured array.
+
+        Where messages differ in the lengths of their arrays, as those of a stranger may do, these
+        are the ones of the most frequent layout; `records` has all.
+
+        Args:
+            kind: STATE, SETPOINT or EVENT.
+
+        Raises:
+            LogError: messages of another version.
+        """
+        channel = KIND_CHANNELS[kind]
+        by_size: dict[int, tuple[array[int], bytearray]] = {}
+        for scan in self._scans:
+            for message in scan.messages():
+                if message[0] == channel:
+                    payload = message[4]
+                    found = by_size.get(len(payload))
+                    if found is None:
+                        found = by_size[len(payload)] = (array("q"), bytearray())
+                    found[0].append(message[2])
+                    found[1].extend(payload)
+        schema = SCHEMAS[kind]
+        if not by_size:
+            return np.empty(0, np.int64), np.empty(0, _empty(schema))
+        stamps, data = max(by_size.values(), key=lambda found: len(found[0]))
+        try:
+            return _of_one_layout(schema, np.frombuffer(stamps, np.int64), data)
+        except WireError as error:
+            raise LogError(
+                f"{self.paths[0]}: {error}. Read the log with the version that wrote it"
+            ) from error
+
+    def states(self) -> Rows:
+        """Every State, as a structured array with the field names of `State.msg`."""
+        return self.table(Kind.STATE)[1]
+
+    def setpoints(self) -> Rows:
+        """Every Setpoint, likewise."""
+        return self.table(Kind.SETPOINT)[1]
+
+    def stamps(self, kind: Kind) -> Stamps:
+        """Log times [ns] of the rows that `table` gives."""
+        return self.table(kind)[0]
+
+    def _attachment(self, name: str) -> bytes:
+        if name not in self.attachments:
+            enclosed = ", ".join(sorted(self.attachments)) or "nothing"
+            raise LogError(
+                f"{self.paths[0]}: encloses no {name} (but {enclosed}). "
+                "Name a log that a service of ours has written to its end or nearly so"
+            )
+        return self.attachments[name]
+
+
+def payload_hash(log: Log) -> str:
+    """SHA-256 over kind, stamp and bytes of every record: equal for equal runs in lockstep."""
+    digest = hashlib.sha256()
+    for record in log.records():
+        digest.update(struct.pack("<Iqq", record.kind, record.stamp, len(record.payload)))
+        digest.update(record.payload)
+    return digest.hexdigest()
+
+
+def _files(path: Path, side: str | None) -> list[Path]:
+    if not path.is_dir():
+        return [path]
+    found: dict[str, dict[int, Path]] = {}
+    for file in path.iterdir():
+        if match := _NAME.fullmatch(file.name):
+            found.setdefault(match[1], {})[int(match[2] or 0)] = file
+    if side is None and len(found) > 1:
+        raise LogError(f"{path}: holds logs of {' and '.join(sorted(found))}. Say which side")
+    parts = found.get(side or next(iter(found), ""))
+    if not parts:
+        raise LogError(
+            f"{path}: holds no {side or 'robot'}.mcap. Name a log or the folder of a run"
+        )
+    return [parts[part] for part in sorted(parts)]
+
+
+def _unbroken(files: list[Path]) -> tuple[list[McapScan], str | None]:
+    """The files that follow each other without a loss, and what is lost behind them, or None."""
+    scans: list[McapScan] = []
+    for file in files:
+        try:
+            scan = _read_ours(file)
+        except LogError as error:
+            if not scans:
+                raise
+            return scans, str(error)
+        if scans and _part(scan) != _part(scans[-1]) + 1:
+            break
+        scans.append(scan)
+        if lost := _lost_at_end(scan):
+            return scans, lost
+    if scans[-1].metadata.get("end", {}).get("continues") == "true":
+        return scans, f"the file that follows {scans[-1].path.name}, and all that came after"
+    return scans, None
+
+
+def _with_gaps(scan: McapScan) -> Iterator[McapMessage]:
+    """The messages of a file; for each damage an input that says so."""
+    newest = scan.begin or 0
+    for part in scan.parts():
+        if isinstance(part, Damage):
+            gap = pack_gap(part.size, part.after or newest)
+            yield CHANNELS["inputs"], 0, part.after or newest, part.after or newest, gap
+        else:
+            yield from part
+
+
+def _told(damages: list[tuple[McapScan, Damage]], begin: int) -> list[str]:
+    """Where chunks are damaged, and between which times no record is left."""
+    words = [
+        f"{scan.path.name}: {damage.size} bytes at byte {damage.start} are damaged, "
+        f"no record is left{_span(damage, begin)}"
+        for scan, damage in damages[:MOST_TOLD]
+    ]
+    more = len(damages) - len(words)
+    return [*words, f"and {more} more such places"] if more else words
+
+
+def _span(damage: Damage, begin: int) -> str:
+    """Between which times of the log a damage lies; "" where no message is left at all."""
+    after, before = damage.after, damage.before
+    if after is None and before is None:
+        return ""
+    if after is None or before is None:
+        word, stamp = ("before", before) if after is None else ("after", after)
+        return f" {word} {((stamp or 0) - begin) / 1e9:.3f} s"
+    return f" between {(after - begin) / 1e9:.3f} s and {(before - begin) / 1e9:.3f} s"
+
+
+def _is_part(text: str) -> bool:
+    return text.isdecimal() and len(text) <= LONGEST_PART
+
+
+def _part(scan: McapScan) -> int:
+    return int(scan.metadata["log"]["part"])
+
+
+def _read_ours(file: Path) -> McapScan:
+    """What can be read of a file, if it is one of ours."""
+    scan = McapScan.of(file)
+    facts = scan.metadata.get("log", {})
+    ours = {"format", "wire_version", "robot", "side", "part"} <= facts.keys()
+    if not scan.whole and scan.profile in {"", PROFILE} and len(scan.channels) < len(TOPICS):
+        raise LogError(f"{file}: {scan.problem}, before any record. Nothing can be saved")
+    if not ours or facts["side"] not in SIDES or not _is_part(facts["part"]):
+        raise LogError(f"{file}: is an MCAP file, but none of ours. Name a log of `hoap3`")
+    if (facts["format"], facts["wire_version"]) != (FORMAT, str(WIRE_VERSION)):
+        raise LogError(
+            f"{file}: has format {facts['format']}, wire version {facts['wire_version']}; this "
+            f"version reads format {FORMAT}, wire version {WIRE_VERSION}. "
+            "Read it with the version that wrote it"
+        )
+    expected = {place: topic_name(facts["robot"], t.leaf) for place, t in enumerate(TOPICS, 1)}
+    topics = {place: channel.topic for place, channel in scan.channels.items()}
+    if scan.profile != PROFILE or topics != expected:
+        raise LogError(f"{file}: its topics are not those of our logs. Name a log of `hoap3`")
+    return scan
+
+
+def _lost_at_begin(first: Path, facts: dict[str, str], newest: dict[str, str]) -> str | None:
+    """What is lost before the first file: its part counts from 0."""
+    if facts["part"] == "0":
+        return None
+    deleted, cap = newest.get("deleted"), newest.get("cap_bytes")
+    why = f": the cap of {cap} bytes deleted {deleted}" if deleted else ""
+    return f"everything before {first.name}{why}"
+
+
+def _lost_at_end(scan: McapScan) -> str | None:
+    """What is lost behind this file, as far as the file itself can tell."""
+    if not scan.whole:
+        rest = scan.size - scan.end
+        return f"{scan.path.name}: {scan.problem}; {rest} bytes and all that came after are lost"
+    if scan.metadata.get("repair", {}).get("problem"):
+        dropped = scan.metadata["repair"].get("dropped_bytes", "?")
+        return f"{scan.path.name} was cut off and repaired; {dropped} bytes and what came after"
+    return None
+
+
+def _empty(schema: Schema) -> np.dtype[Any]:
+    return schema.dtype(dict.fromkeys(schema.arrays, 0))
+
+
+def _of_one_layout(schema: Schema, stamps: Stamps, data: bytearray) -> tuple[Stamps, Rows]:
+    """Those of equally long messages whose arrays are as long as in most of them.
+
+    Of more than `MOST_LAYOUTS` different ones the first count.
+    """
+    raw = np.frombuffer(data, np.uint8).reshape(len(stamps), -1)
+    left = np.ones(len(stamps), bool)
+    best, dtype = np.zeros(len(stamps), bool), _empty(schema)
+    for _ in range(MOST_LAYOUTS):
+        if left.sum() <= best.sum():
+            break
+        lengths = schema.lengths_in(raw[int(np.argmax(left))].tobytes())
+        alike = left.copy()
+        for name, at in schema.offsets(lengths)[0].items():
+            word = np.frombuffer(lengths[name].to_bytes(4, "little"), np.uint8)
+            start = len(CDR_HEADER) + at
+            alike &= (raw[:, start : start + 4] == word).all(axis=1)
+        if alike.sum() > best.sum():
+            best, dtype = alike, schema.dtype(lengths)
+        left &= ~alike
+    rows = np.frombuffer(data, dtype)
+    return (stamps, rows) if best.all() else (stamps[best], rows[best])

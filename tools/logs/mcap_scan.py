@@ -1,0 +1,353 @@
+"""Reads what is left of an MCAP file, however it ended and whatever is damaged in it.
+
+The library's reader wants a whole file. This one needs nothing but the order of records in the
+data section. It trusts no length that a file states, skips damaged chunks, and knows where the good
+part ends. Where a record of a finished file is damaged, the index at its end tells where the next
+chunk begins.
+
+Memory and time are bounded by the size of the file: one chunk is unpacked at a time, and a file
+whose chunks claim to unpack to far more than a log of ours is refused.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from bisect import bisect_right
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from io import BytesIO
+from itertools import chain, islice, pairwise
+from pathlib import Path
+from typing import IO
+
+import zstandard
+from mcap import records
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+
+from hoap3.protocol.errors import LogError
+from hoap3.protocol.config.regular_file import open_regular
+from hoap3.tools.logs.mcap_write import MAGIC, MESSAGE_FIELDS, MESSAGE_HEAD
+
+MAX_CHUNK = 1 << 26  # bytes that a chunk may unpack to; ours have 1 MiB and a record more
+MAX_RECORD = 1 << 24  # bytes of an attachment, or of anything else that is kept in memory
+MAX_ENCLOSED = 1 << 26  # bytes of all attachments and metadata together
+MAX_RATIO = 128  # of what all chunks unpack to, and the file; 73 with 128 joints that never move
+MESSAGE_BYTES = 16  # of the file for a message, at least: its entry in the index
+SLACK_MESSAGES = 1 << 16  # beyond that
+_RECORD = struct.Struct("<BQ")
+_FOOTER = struct.Struct("<BQQQI8s")  # with the mark behind it
+_CHUNK_HEAD = struct.Struct("<QQQII")  # first and last time, size, CRC, length of compression
+_PARSERS = {
+    int(Opcode.HEADER): records.Header.read,
+    int(Opcode.SCHEMA): records.Schema.read,
+    int(Opcode.CHANNEL): records.Channel.read,
+    int(Opcode.ATTACHMENT): records.Attachment.read,
+    int(Opcode.METADATA): records.Metadata.read,
+}
+
+McapMessage = tuple[int, int, int, int, bytes]
+"""Channel, sequence, log time [ns], publish time [ns], data."""
+
+
+@dataclass(frozen=True)
+class _Chunk:
+    """Where a chunk stands in the file, and how its messages are packed."""
+
+    start: int
+    length: int
+    unpacked: int
+    crc: int
+    compression: bytes
+
+
+@dataclass(frozen=True)
+class Damage:
+    """A stretch of a file that cannot be read.
+
+    Attributes:
+        start, size: where it stands [bytes].
+        after: log time of the newest message before it [ns], None where there is none.
+        before: log time of the oldest message behind it [ns], likewise.
+    """
+
+    start: int
+    size: int
+    after: int | None = None
+    before: int | None = None
+
+
+@dataclass
+class McapScan:
+    """What can be read of a file.
+
+    Attributes:
+        size: of the file.
+        end: of its last whole record; what follows is lost.
+        whole: the file was finished, and nothing is missing at its end.
+        begin: log time of the oldest message [ns], None where there is none.
+        problem: why it is not whole.
+        profile: from the header.
+        channels: by id.
+        schemas: by id.
+        metadata, attachments: by name, the last one of each.
+    """
+
+    path: Path
+    size: int
+    end: int = len(MAGIC)
+    whole: bool = False
+    problem: str = ""
+    begin: int | None = None
+    profile: str = ""
+    channels: dict[int, records.Channel] = field(default_factory=dict)
+    schemas: dict[int, records.Schema] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    attachments: dict[str, bytes] = field(default_factory=dict)
+    _parts: list[_Chunk | Damage] = field(default_factory=list)
+    _unpacked: int = 0
+    _enclosed: int = 0
+
+    @classmethod
+    def of(cls, path: Path) -> McapScan:
+        """Scan a file, and verify its chunks.
+
+        Raises:
+            LogError: missing, empty, not MCAP, it cannot be read, or it claims to hold more than a
+                log of its size can.
+        """
+        try:
+            with open_regular(path) as stream:
+                scan = cls(path, os.fstat(stream.fileno()).st_size)
+                if stream.read(len(MAGIC)) != MAGIC:
+                    what = "is not an MCAP file" if scan.size else "is empty"
+                    raise LogError(f"{path}: {what}. Name a log that `hoap3` has written")
+                scan._walk(stream)
+                scan._verify(stream)
+        except OSError as error:
+            raise LogError(
+                f"{path}: cannot be read ({error.strerror}). Name a log, or the folder of a run"
+            ) from error
+        return scan
+
+    @property
+    def damages(self) -> list[Damage]:
+        """What cannot be read before `end`, in file order."""
+        return [part for part in self._parts if isinstance(part, Damage)]
+
+    def messages(self) -> Iterator[McapMessage]:
+        """Every message that can be read, in file order.
+
+        Raises:
+            LogError: the file has changed since it was scanned.
+        """
+        return chain.from_iterable(part for part in self.parts() if not isinstance(part, Damage))
+
+    def parts(self) -> Iterator[Iterator[McapMessage] | Damage]:
+        """The same, chunk by chunk, and what is damaged between them.
+
+        Each chunk is to be used before the next part is asked for.
+        """
+        with open_regular(self.path) as stream:
+            for part in self._parts:
+                yield part if isinstance(part, Damage) else self._unpack(part, stream)
+
+    def _verify(self, stream: IO[bytes]) -> None:
+        """Read every chunk once; neighbours that are damaged become one damage."""
+        parts: list[_Chunk | Damage] = []
+        newest: int | None = None
+        left = self.size // MESSAGE_BYTES + SLACK_MESSAGES
+        for part in self._parts:
+            stamps: list[int] | None = None
+            if isinstance(part, _Chunk):
+                with suppress(LogError):
+                    found = islice(self._unpack(part, stream), left + 1)
+                    stamps = [message[2] for message in found]
+            if stamps is None:
+                start, end = _extent(part)
+                if parts and isinstance(parts[-1], Damage):
+                    start = parts.pop().start
+                parts.append(Damage(start, end - start, newest))
+                continue
+            if len(stamps) > left:
+                raise LogError(self._too_much("messages"))
+            left -= len(stamps)
+            if stamps:
+                if parts and isinstance(parts[-1], Damage):
+                    parts[-1] = replace(parts[-1], before=min(stamps))
+                newest = max(newest or 0, *stamps)
+                self.begin = min(stamps) if self.begin is None else self.begin
+            parts.append(part)
+        if not self.whole and parts and isinstance(parts[-1], Damage):
+            self.end = parts.pop().start  # nothing good comes behind it: the file ends there
+            self.problem = f"a damaged chunk at byte {self.end}"
+        self._parts = parts
+
+    def _walk(self, stream: IO[bytes]) -> None:
+        starts, tried = _indexed(stream, self.size), 0
+        seen: set[int] = set()  # where records were read: each once, so that the time is linear
+        stopped = self.end, ""
+        while not self.whole:
+            if self.end in seen:  # from here on, an earlier walk has taken all that there is
+                self.end, self.problem = stopped
+            else:
+                seen.add(self.end)
+                stream.seek(self.end)
+                self.problem = self._next(stream)
+                if not self.problem:
+                    continue
+                stopped = self.end, self.problem
+            if self._parts:  # go back to the first chunk that was not found, if there is one
+                tried = max(tried, _extent(self._parts[-1])[1] - 1)
+            place = bisect_right(starts, tried)
+            if place == len(starts):
+                return
+            self.end = tried = starts[place]
+        found = {_extent(part)[0] for part in self._parts}
+        lost = [Damage(at, end - at) for at, end in pairwise(starts) if at not in found]
+        self._parts = sorted([*self._parts, *lost], key=_extent)
+
+    def _next(self, stream: IO[bytes]) -> str:
+        """Take the record at `end`; what is wrong with it, or ""."""
+        head = stream.read(_RECORD.size)
+        if len(head) < _RECORD.size:
+            return f"it ends behind byte {self.end}, unfinished"
+        opcode, length = _RECORD.unpack(head)
+        start = self.end + _RECORD.size
+        if not opcode or start + length > self.size:
+            return f"it ends inside a record that begins at byte {self.end}"
+        if opcode == Opcode.FOOTER:
+            stream.seek(start + length)
+            if stream.read(len(MAGIC) + 1) != MAGIC:
+                self.end = start + length
+                return "the mark at its end is missing"
+            self.whole, self.end = True, self.size
+            return ""
+        try:
+            self._take(opcode, start, length, stream)
+        except (McapError, ValueError, struct.error) as error:
+            return f"a damaged record at byte {self.end} ({error!r:.60})"
+        self.end = start + length
+        return ""
+
+    def _take(self, opcode: int, start: int, length: int, stream: IO[bytes]) -> None:
+        if opcode == Opcode.CHUNK:
+            chunk = _read_chunk(start, length, stream)
+            if chunk.unpacked <= MAX_CHUNK:  # others are damaged, and are not unpacked
+                self._unpacked += chunk.unpacked
+            if self._unpacked > MAX_CHUNK + MAX_RATIO * self.size:
+                raise LogError(self._too_much("bytes"))
+            self._parts.append(chunk)
+            return
+        parser = _PARSERS.get(opcode)
+        if parser is None:
+            return
+        self._enclosed += length
+        if length > MAX_RECORD or self._enclosed > MAX_ENCLOSED:
+            raise ValueError(f"{length} bytes are too many")
+        match parser(ReadDataStream(BytesIO(stream.read(length)))):
+            case records.Header(profile=profile):
+                self.profile = profile
+            case records.Channel() as channel:
+                self.channels[channel.id] = channel
+            case records.Schema() as schema:
+                self.schemas[schema.id] = schema
+            case records.Metadata(name=name, metadata=facts):
+                self.metadata[name] = facts
+            case records.Attachment(name=name, data=data):
+                self.attachments[name] = data
+
+    def _unpack(self, chunk: _Chunk, stream: IO[bytes]) -> Iterator[McapMessage]:
+        raw, at, head = self._read(chunk, stream), 0, MESSAGE_HEAD.size
+        while at < len(raw):
+            if at + head > len(raw):
+                raise self._damaged(chunk)
+            opcode, length, channel, sequence, log, publish = MESSAGE_HEAD.unpack_from(raw, at)
+            start, at = at + head, at + 9 + length
+            if opcode != Opcode.MESSAGE or length < MESSAGE_FIELDS or at > len(raw):
+                raise self._damaged(chunk)
+            yield channel, sequence, log, publish, raw[start:at]
+
+    def _read(self, chunk: _Chunk, stream: IO[bytes]) -> bytes:
+        packed = chunk.length - _CHUNK_HEAD.size - len(chunk.compression) - 8
+        if chunk.unpacked > MAX_CHUNK or packed > MAX_CHUNK + MAX_RECORD:
+            raise self._damaged(chunk)
+        stream.seek(chunk.start + _CHUNK_HEAD.size + len(chunk.compression) + 8)
+        data = stream.read(packed)
+        if chunk.compression == b"zstd":
+            try:
+                if zstandard.frame_content_size(data) != chunk.unpacked:
+                    raise self._damaged(chunk)
+                data = zstandard.ZstdDecompressor().decompress(data)
+            except zstandard.ZstdError as error:
+                raise self._damaged(chunk) from error
+        elif chunk.compression:
+            raise self._damaged(chunk)
+        if len(data) != chunk.unpacked or (chunk.crc and zlib.crc32(data) != chunk.crc):
+            raise self._damaged(chunk)
+        return data
+
+    def _damaged(self, chunk: _Chunk) -> LogError:
+        return LogError(
+            f"{self.path}: the chunk at byte {chunk.start - _RECORD.size} is damaged, and was not "
+            "when it was read first. Wait until nothing writes to the log"
+        )
+
+    def _too_much(self, what: str) -> str:
+        return (
+            f"{self.path}: its chunks unpack to more {what} than a log of {self.size} bytes holds. "
+            "No service of ours has written it; do not read it"
+        )
+
+
+def _extent(part: _Chunk | Damage) -> tuple[int, int]:
+    """First byte of a part, and the one behind its last."""
+    if isinstance(part, Damage):
+        return part.start, part.start + part.size
+    return part.start - _RECORD.size, part.start + part.length
+
+
+def _indexed(stream: IO[bytes], size: int) -> list[int]:
+    """Where the index at the end says that chunks and the summary begin; nothing if it is damaged.
+
+    In rising order.
+    """
+    if size < len(MAGIC) + _FOOTER.size:
+        return []
+    stream.seek(size - _FOOTER.size)
+    opcode, length, start, _, crc, mark = _FOOTER.unpack(stream.read(_FOOTER.size))
+    if (opcode, length, mark) != (Opcode.FOOTER, 20, MAGIC):
+        return []
+    end = size - _FOOTER.size
+    if not 0 < start <= end or end - start > MAX_ENCLOSED:
+        return []
+    stream.seek(start)
+    summary = stream.read(end - start + _FOOTER.size)
+    if zlib.crc32(summary[: -len(MAGIC) - 4]) != crc:
+        return []
+    starts, at = {start}, 0
+    while at + _RECORD.size <= end - start:
+        opcode, length = _RECORD.unpack_from(summary, at)
+        at += _RECORD.size
+        if opcode == Opcode.CHUNK_INDEX and length >= 24:
+            starts.add(struct.unpack_from("<Q", summary, at + 16)[0])  # behind the time range
+        at += length
+    return sorted(place for place in starts if place <= start)
+
+
+def _read_chunk(start: int, length: int, stream: IO[bytes]) -> _Chunk:
+    """Read what stands before the messages.
+
+    Raises:
+        struct.error, ValueError: the lengths do not agree with each other.
+    """
+    _, _, unpacked, crc, size = _CHUNK_HEAD.unpack(stream.read(_CHUNK_HEAD.size))
+    compression = stream.read(min(size, 16))
+    (packed,) = struct.unpack("<Q", stream.read(8))
+    if len(compression) != size or packed != length - _CHUNK_HEAD.size - size - 8:
+        raise ValueError("lengths that do not agree")
+    return _Chunk(start, length, unpacked, crc, compression)

@@ -1,0 +1,203 @@
+"""Makes a whole log of one that was cut off, or has damaged chunks.
+
+The safe way is the default: the result stands beside the original, as `<name>.repaired.mcap`, and
+the original is not touched. In place, the original is kept as `<name>.mcap.damaged`.
+"""
+
+from __future__ import annotations
+
+import os
+import shlex
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from mcap.records import Attachment, Metadata
+
+from hoap3.protocol import __version__
+from hoap3.protocol.errors import LogError, UsageError
+from hoap3.tools.logs.log import Log
+from hoap3.tools.logs.log_format import CHANNELS, pack_gap
+from hoap3.tools.logs.mcap_scan import Damage, McapScan
+from hoap3.tools.logs.mcap_write import McapFile
+
+REPAIRED = ".repaired.mcap"
+REPAIRING = ".repairing.mcap"
+
+
+@dataclass(frozen=True)
+class RepairReport:
+    """What became of a log.
+
+    Attributes:
+        path: the log.
+        out: the whole log; the same file where there was nothing to do, or in place.
+        whole: it was whole already, and was left alone.
+        messages: how many it holds, or how many could be saved.
+        last_stamp: log time of the newest of them [ns], or None.
+        dropped_bytes: what could not be read at its end.
+        damaged: what could not be read before that, in words, or "".
+        already: an earlier repair has made `out`; it was left alone.
+    """
+
+    path: Path
+    out: Path
+    whole: bool
+    messages: int
+    last_stamp: int | None
+    dropped_bytes: int
+    damaged: str = ""
+    already: bool = False
+
+    def as_json(self) -> dict[str, Any]:
+        """All of it."""
+        return {**asdict(self), "path": str(self.path), "out": str(self.out)}
+
+    def __str__(self) -> str:
+        if self.whole:
+            return f"{self.path}: is whole, {self.messages} messages; nothing was done"
+        if self.already:
+            return f"{self.path}: already repaired, as {self.out}; {self._by_name}"
+        until = "" if self.last_stamp is None else f", the last one at {self.last_stamp} ns"
+        inside = f"; {self.damaged}" if self.damaged else ""
+        mended = (
+            f"{self.out}: {self.messages} messages saved{until}{inside}; "
+            f"{self.dropped_bytes} bytes at the end could not be read"
+        )
+        return mended if self.out == self.path else f"{mended}; {self._by_name}"
+
+    @property
+    def _by_name(self) -> str:
+        """How to read the result: in its folder the original is read."""
+        return f"name it by itself: `hoap3 report {shlex.quote(str(self.out))}`"
+
+
+def repair_all(path: Path) -> tuple[list[RepairReport], list[str]]:
+    """Repair each log in the folder of a run that is not repaired yet.
+
+    Results of earlier repairs, and what is left of one that was killed, are not taken for logs.
+
+    Returns:
+        What became of each, and what is wrong with those that cannot be repaired.
+
+    Raises:
+        LogError: there is no log.
+    """
+    ours = (REPAIRED, REPAIRING)
+    files = [file for file in sorted(path.glob("*.mcap")) if not file.name.endswith(ours)]
+    if not files:
+        raise LogError(f"{path}: holds no *.mcap. Name a log or the folder of a run")
+    reports, wrong = [], []
+    for file in files:
+        try:
+            reports.append(_repaired_before(file) or repair(file))
+        except UsageError as error:
+            wrong.append(str(error))
+    return reports, wrong
+
+
+def repair(path: Path, out: Path | None = None, *, in_place: bool = False) -> RepairReport:
+    """Write what can be read of a log as a whole one; a whole one is left alone.
+
+    Args:
+        path: one file.
+        out: where the result goes; default: beside it, as `<name>.repaired.mcap`.
+        in_place: put the result in the log's place, and keep the log as `<name>.mcap.damaged`.
+
+    Raises:
+        LogError: not a log of ours, or nothing of it can be read.
+        UsageError: the result exists already, or cannot be written.
+    """
+    if path.is_dir():
+        raise LogError(f"{path}: is a folder. Name the file to mend")
+    log = Log.open(path)  # refuses what is not ours
+    scan = McapScan.of(path)
+    messages, last = 0, None
+    if scan.whole and not scan.damages:
+        for message in scan.messages():
+            messages, last = messages + 1, max(last or 0, message[2])
+        return RepairReport(
+            path, path, whole=True, messages=messages, last_stamp=last, dropped_bytes=0
+        )
+    target = _target(path, out, in_place=in_place)
+    file = McapFile(target, scan.profile, f"hoap3 {__version__}")
+    dropped = scan.size - scan.end
+    try:
+        _copy_head(log, scan, file, dropped)
+        for part in scan.parts():
+            if isinstance(part, Damage):
+                stamp = part.after or scan.begin or 0
+                gap = pack_gap(part.size, stamp)
+                file.message(CHANNELS["inputs"], 0, stamp, stamp, gap)
+                continue
+            for channel, sequence, log_time, publish_time, data in part:
+                file.message(channel, sequence, log_time, publish_time, data)
+                messages, last = messages + 1, max(last or 0, log_time)
+            file.cut()
+        file.finish()
+    except OSError as error:
+        target.unlink(missing_ok=True)
+        raise UsageError(
+            f"{target}: cannot be written ({error.strerror}). Choose a place with more room"
+        ) from error
+    if in_place:
+        os.link(path, _damaged(path))  # refuses to replace an older one
+        target.replace(path)
+        target = path
+    return RepairReport(path, target, False, messages, last, dropped, log.damages)
+
+
+def _repaired_before(path: Path) -> RepairReport | None:
+    """What an earlier repair has made of a log; None where there is no whole result of one."""
+    out = path.with_suffix(REPAIRED)
+    if not out.is_file():
+        return None
+    try:
+        log, scan = Log.open(out), McapScan.of(out)
+    except LogError:
+        return None
+    facts = scan.metadata.get("repair")
+    if facts is None or not scan.whole:
+        return None
+    stamps = [message[2] for message in scan.messages()]
+    dropped = facts.get("dropped_bytes", "")
+    return RepairReport(
+        path,
+        out,
+        whole=False,
+        messages=len(stamps),
+        last_stamp=max(stamps, default=None),
+        dropped_bytes=int(dropped) if dropped.isdecimal() else 0,
+        damaged=log.damages,
+        already=True,
+    )
+
+
+def _target(path: Path, out: Path | None, *, in_place: bool) -> Path:
+    if not in_place:
+        return out or path.with_suffix(REPAIRED)
+    if out is not None:
+        raise UsageError(f"{out}: a repair in place has no other file. Leave one of both out")
+    if _damaged(path).exists():
+        raise UsageError(f"{_damaged(path)}: exists already. Move it away first")
+    return path.with_suffix(REPAIRING)
+
+
+def _damaged(path: Path) -> Path:
+    return path.with_name(path.name + ".damaged")
+
+
+def _copy_head(log: Log, scan: McapScan, file: McapFile, dropped: int) -> None:
+    """Everything that stands before the messages, and what was lost behind them."""
+    facts = {"dropped_bytes": str(dropped), "problem": scan.problem, "damaged": log.damages}
+    for name, group in {**scan.metadata, "repair": facts}.items():
+        if name != "end" or scan.whole:
+            file.add(Metadata(name, group))
+    clock = log.metadata.get("clock", {})
+    logged, created = (int(clock.get(key, "0")) for key in ("monotonic_ns", "realtime_ns"))
+    for name, data in scan.attachments.items():
+        file.add(Attachment(created, logged, name, "application/octet-stream", data))
+    for schema in scan.schemas.values():
+        file.add(schema)
+    for channel in scan.channels.values():
+        file.add(channel)

@@ -1,0 +1,233 @@
+"""The stall monitor: when did the host take a CPU away?
+
+A process of the highest real-time priority sleeps on a 500 us grid on each CPU in use. Nothing in
+this system can keep it waiting, so where it wakes late, the CPU itself was away: taken by the
+hypervisor, by firmware, or by the kernel where it cannot be interrupted. Such times are noted in
+shared memory. Without real-time rights the same lateness could be anybody's load, so there is no
+monitor then, and reports give the raw figures only.
+"""
+
+from __future__ import annotations
+
+import bisect
+import ctypes
+import gc
+import json
+import mmap
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from hoap3.protocol.runtime.clock import Clock, MonotonicClock
+from hoap3.tools.machine.cpu_idle import kept_awake, let_sleep
+from hoap3.tools.machine.processes import Child, Lifeline, read_order
+
+GRID_NS = 500_000
+THRESHOLD_NS = 150_000
+CAPACITY = 65_536  # stalls; what is not taken before so many more is overwritten
+PRIORITY = 99
+NO_RIGHTS = 3  # exit code
+PATIENCE_S = 1.0  # with a monitor that is to end; it looks ten times a second
+LOOK_EVERY = 200  # periods between two looks at whether anybody still wants to know
+_HEADER = 8  # int64 words: how many, whether it runs, is kept awake, last seen; then unused
+_PR_SET_TIMERSLACK = 29
+
+Words = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Stall:
+    """A time in which a CPU was away, on the monotonic clock [ns].
+
+    It is what was seen of it: the CPU may have gone up to one grid period before `start`.
+    """
+
+    start: int
+    end: int
+
+
+class StallLog:
+    """Stalls of one CPU in memory that two processes share.
+
+    Args:
+        fd: memory to attach to, or None to create it.
+    """
+
+    def __init__(self, fd: int | None = None) -> None:
+        size = 8 * (_HEADER + 2 * CAPACITY)
+        if fd is None:
+            fd = os.memfd_create("hoap3-stalls", os.MFD_CLOEXEC)
+            os.ftruncate(fd, size)
+        self.fd = fd
+        self._words: Words = np.frombuffer(mmap.mmap(fd, size), np.int64)
+        self._taken = 0
+
+    def note(self, start: int, end: int) -> None:
+        """Add a stall."""
+        count = int(self._words[0])
+        at = _HEADER + 2 * (count % CAPACITY)
+        self._words[at], self._words[at + 1] = start, end
+        self._words[0] = count + 1  # after its content
+
+    def see(self, now: int) -> None:
+        """Say that the CPU was there, and that all before is noted."""
+        self._words[3] = now
+
+    @property
+    def seen(self) -> int:
+        """Until when the stalls are known [ns]."""
+        return int(self._words[3])
+
+    def begin(self, *, awake: bool = False) -> None:
+        """Say that the monitor runs, with the rights that it needs, and keeps its CPU awake."""
+        self._words[2] = awake
+        self._words[1] = 1
+
+    @property
+    def runs(self) -> bool:
+        """Whether the monitor got the rights that it needs, and has not ended."""
+        return bool(self._words[1])
+
+    def end(self) -> None:
+        """Say that the monitor does not run any more."""
+        self._words[1] = 0
+
+    @property
+    def awake(self) -> bool:
+        """Whether the monitor keeps its CPU awake."""
+        return bool(self._words[2])
+
+    def take(self) -> list[Stall]:
+        """The stalls since the last call, oldest first."""
+        count = int(self._words[0])
+        new = range(max(self._taken, count - CAPACITY), count)
+        self._taken = count
+        places = [_HEADER + 2 * (number % CAPACITY) for number in new]
+        return [Stall(int(self._words[at]), int(self._words[at + 1])) for at in places]
+
+
+class StallMonitor:
+    """Monitors of some CPUs, one process each; each ends by itself where this process does.
+
+    Args:
+        cpus: which.
+        keep_awake: whether they never sleep meanwhile. It is up to the monitors since they outlive
+            whoever is killed.
+
+    Raises:
+        OSError: a process cannot be started.
+    """
+
+    def __init__(self, cpus: Iterable[int], *, keep_awake: bool = False) -> None:
+        self.logs: dict[int, StallLog] = {}
+        self._processes: dict[int, Child] = {}
+        self._keep_awake = keep_awake
+        self._ended: set[int] = set()
+        try:
+            for cpu in sorted(set(cpus)):
+                log = self.logs[cpu] = StallLog()
+                order = {"fd": log.fd, "cpu": cpu, "awake": keep_awake}
+                self._processes[cpu] = Child(
+                    ["hoap3.tools.machine.stalls"], json.dumps(order), [log.fd]
+                )
+        except BaseException:
+            self.stop()
+            raise
+
+    def refused(self) -> list[int]:
+        """CPUs whose monitors have ended by themselves: they did not get what they need."""
+        return [cpu for cpu in self._gone() if self._processes[cpu].returncode == NO_RIGHTS]
+
+    def killed(self) -> list[int]:
+        """CPUs whose monitors have ended otherwise: their stalls are not known any more."""
+        return [cpu for cpu in self._gone() if self._processes[cpu].returncode != NO_RIGHTS]
+
+    def stop(self) -> None:
+        """End the monitors, and let CPUs sleep that a killed one kept awake."""
+        for process in self._processes.values():
+            process.cut()
+        for cpu, process in self._processes.items():
+            process.end(PATIENCE_S if self.logs[cpu].runs else 0.0)  # 0: it has not begun
+        if self._keep_awake:
+            let_sleep()
+
+    def _gone(self) -> list[int]:
+        """CPUs whose monitors have ended; what a killed one left is mended."""
+        gone = [cpu for cpu, process in self._processes.items() if process.poll() is not None]
+        for cpu in {*gone} - self._ended:
+            self._ended.add(cpu)
+            self.logs[cpu].end()
+            if self._keep_awake:
+                let_sleep()
+        return gone
+
+
+def overlapping(stalls: Sequence[Stall], start: int, end: int) -> bool:
+    """Whether a time [ns] overlaps one of the stalls, which are sorted by start and disjoint.
+
+    A stall counts from one grid period before its start: that is when the CPU was last seen.
+    """
+    at = bisect.bisect_right(stalls, start, key=lambda stall: stall.start)
+    before = at > 0 and stalls[at - 1].end > start
+    return before or (at < len(stalls) and stalls[at].start - GRID_NS < end)
+
+
+def figures(stalls: Sequence[Stall]) -> dict[str, float]:
+    """How many, how long together, and the longest one."""
+    lengths = [(stall.end - stall.start) / 1e6 for stall in stalls]
+    return {"n": len(lengths), "total_ms": sum(lengths), "longest_ms": max(lengths, default=0.0)}
+
+
+def main() -> int:
+    """Watch one CPU until told to end, or until whoever asked is gone; exit 3 without rights."""
+    ended = threading.Event()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: ended.set())
+    parent, order = Lifeline(), read_order()
+    log, cpu = StallLog(order["fd"]), order["cpu"]
+    if not _rise_above_all(cpu):
+        return NO_RIGHTS
+    with kept_awake(cpu) if order["awake"] else nullcontext("not asked for") as refusal:
+        log.begin(awake=not refusal)
+        watch(log, lambda: not (parent.cut() or ended.is_set()), MonotonicClock())
+    return 0
+
+
+def watch(log: StallLog, wanted: Callable[[], bool], clock: Clock) -> None:
+    """Sleep on the grid and note each time that was slept through, while it is wanted."""
+    now, sleep_until = clock.now, clock.sleep_until
+    due = now() + GRID_NS
+    while wanted():
+        for _ in range(LOOK_EVERY):
+            sleep_until(due)
+            woke = now()
+            if woke - due > THRESHOLD_NS:
+                log.note(due, woke)
+                due += (woke - due) // GRID_NS * GRID_NS
+            due += GRID_NS
+            log.see(woke)
+
+
+def _rise_above_all(cpu: int) -> bool:
+    """Be the most urgent process of a CPU; False where that is refused."""
+    try:
+        os.sched_setaffinity(0, {cpu})
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    except OSError:
+        return False
+    ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, ctypes.c_ulong(1), 0, 0, 0)
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    return True
+
+
+if __name__ == "__main__":
+    sys.exit(main())

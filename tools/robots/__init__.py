@@ -1,0 +1,1 @@
+"""What is computed of robots: the table of pairs, and the bounds of their accelerations."""

@@ -1,0 +1,1 @@
+"""Emulator and controller as services: start, observe, count, record, stop."""

@@ -1,0 +1,115 @@
+"""`hoap3 stop`, `recover`, `status`, `change` and `list --live`: words with what runs."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from hoap3.protocol.answers import MAX_CONTROL_BYTES, ROBOT_ANSWERS, ControlAnswer, parse_answer
+from hoap3.protocol.config.settings import ENDPOINT_PATTERN, NAME_PATTERN, LinkSettings
+from hoap3.protocol.errors import LinkError, UsageError
+from hoap3.protocol.link.session_limits import MAX_REQUEST_BYTES
+
+
+def tell(robot: str, verb: str, endpoint: str) -> dict[str, Any]:
+    """Ask a running robot something.
+
+    Args:
+        robot: its name.
+        verb: "stop", "recover" or "status".
+        endpoint: where it, or a router, listens.
+
+    Raises:
+        UsageError: that cannot be the name of a robot, or an endpoint.
+        LinkError: it cannot be reached.
+        WireError: its answer makes no sense.
+    """
+    from hoap3.protocol.link.zenoh_link import ask, open_session
+
+    check_name(robot)
+    with open_session(client_settings(endpoint)) as session:
+        reply = ask(session, robot, verb, f"tool-{os.getpid()}")
+    if reply is None:
+        raise LinkError(f"no robot called {robot!r} answers at {endpoint}: `hoap3 list --live`")
+    who = f"robot {robot!r} answers {verb!r}"
+    return parse_answer(ROBOT_ANSWERS[verb], reply, who).model_dump()
+
+
+def change(robot: str, request: Mapping[str, Any] | None, endpoint: str) -> dict[str, Any]:
+    """Have the controller of a running robot change something.
+
+    Args:
+        robot: its name.
+        request: what shall be otherwise; None: only ask.
+        endpoint: where the robot, or a router, listens.
+
+    Returns:
+        What can be changed, as it is now.
+
+    Raises:
+        UsageError: that cannot be the name of a robot, or an endpoint, or the controller refuses.
+        LinkError: the robot cannot be reached, or follows no controller.
+        WireError: the controller's answer makes no sense.
+    """
+    from hoap3.protocol.link.zenoh_link import ask, open_session
+
+    check_name(robot)
+    verb, body = ("show", "") if request is None else ("change", json.dumps(request))
+    if len(body.encode()) > MAX_REQUEST_BYTES:
+        raise UsageError(
+            f"the change has {len(body.encode())} bytes; a robot takes {MAX_REQUEST_BYTES} at most"
+        )
+    with open_session(client_settings(endpoint)) as session:
+        reply = ask(session, robot, verb, body, whom="control")
+    if reply is None:
+        raise LinkError(
+            f"no controller of a robot called {robot!r} answers at {endpoint}: `hoap3 status` says "
+            "whom it follows. In lockstep a controller answers only while its robot moves"
+        )
+    who = f"the controller of {robot!r} answers {verb!r}"
+    answer = parse_answer(ControlAnswer, reply, who, MAX_CONTROL_BYTES)
+    if answer.now is None:
+        raise UsageError(answer.error or "the controller refuses, and gives no reason")
+    return answer.now
+
+
+def client_settings(endpoint: str) -> LinkSettings:
+    """Settings of a client that connects to one endpoint.
+
+    Raises:
+        UsageError: not the form of an endpoint.
+    """
+    if not re.fullmatch(ENDPOINT_PATTERN, endpoint):
+        raise UsageError(
+            f"--connect {endpoint!r:.100} is not an endpoint, which has the form "
+            f"PROTOCOL/ADDRESS:PORT: write --connect tcp/{_address(endpoint)}"
+        )
+    return LinkSettings(connect=(endpoint,), mode="client")
+
+
+def _address(endpoint: str) -> str:
+    """What was probably meant as address and port."""
+    words = endpoint.replace("://", "/").rpartition("/")[2].strip()
+    return words if re.fullmatch(r"[\w.\[\]:-]+:[0-9]{1,5}", words) else "127.0.0.1:7447"
+
+
+def check_name(robot: str) -> None:
+    """Refuse what is no name of one robot, such as a wildcard."""
+    if not re.fullmatch(NAME_PATTERN, robot):
+        raise UsageError(f"{robot!r} is not the name of a robot. Names match {NAME_PATTERN}")
+
+
+def alive(endpoint: str) -> list[str]:
+    """Names of the robots that are alive behind an endpoint.
+
+    Raises:
+        UsageError: that cannot be an endpoint.
+        LinkError: it cannot be reached.
+    """
+    from hoap3.protocol.link.zenoh_link import alive_robots, open_session
+
+    with open_session(client_settings(endpoint)) as session:
+        return [name for name in alive_robots(session) if re.fullmatch(NAME_PATTERN, name)]

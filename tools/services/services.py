@@ -1,0 +1,391 @@
+"""The two services as commands: config in, observer beside them, an orderly end."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+
+from hoap3.protocol.config.settings import (
+    LogSettings,
+    RealtimeSettings,
+    Settings,
+    apply_overrides,
+    parse,
+    parse_yaml,
+)
+from hoap3.protocol.errors import ConfigError, Hoap3Error, UsageError
+from hoap3.protocol.runtime.notes import Note, Routine
+from hoap3.protocol.runtime.realtime import CpuClaim
+from hoap3.protocol.runtime.recorder import PatientRecorder, Recorder, RingRecorder
+from hoap3.remote_controller.config import ControllerConfig, check_parameters
+from hoap3.remote_controller.config import read_config as read_controller_config
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.service import describe, serve, serve_lockstep
+from hoap3.tools.logs.log_format import SIDES, file_name
+from hoap3.tools.machine.machine import machine_block
+from hoap3.tools.machine.processes import StopFlag, check_open_files, to_people
+from hoap3.tools.machine.software import software
+from hoap3.tools.services.observer import Observer
+from hoap3.tools.services.placement import settled_alone
+from hoap3.tools.show.output import Meter, print_line
+from hoap3.tools.show.refusal import forget, is_new, nothing_happened
+from hoap3.tools.show.result_folder import new_name
+from hoap3.tools.show.verdicts import failed
+from hoap3.tools.simulate import emulator_content
+
+NO_REALTIME = {"policy": "none", "cpu": "none", "lock_memory": False}
+
+
+STANDARD_INPUT = "-"
+
+Config = TypeVar("Config", EmulatorConfig, ControllerConfig)
+
+
+def emulator_config(
+    name: str, overrides: list[str], *, realtime: bool = True, named: str | None = None
+) -> tuple[EmulatorConfig, str]:
+    """Settings of an emulator: a config or a robot, changed by `--set`, and where it was read.
+
+    Args:
+        name: a shipped config, a robot, a file, or `-` for standard input.
+        overrides: `dotted.key=value`, each.
+        realtime: False for an ordinary process.
+        named: what errors call it.
+    """
+    content, file = _piped(named) if name == STANDARD_INPUT else emulator_content(name)
+    content = apply_overrides(content, overrides)
+    label = f"{file} with --set" if overrides else file
+    if not realtime:
+        content["realtime"] = {**content.get("realtime", {}), **NO_REALTIME}
+    return parse(EmulatorConfig, content, label), file
+
+
+def controller_config(
+    name: str, overrides: list[str], *, realtime: bool = True, named: str | None = None
+) -> tuple[ControllerConfig, str]:
+    """Settings of a controller, its parameters checked; arguments as for `emulator_config`."""
+    content, file = _piped(named) if name == STANDARD_INPUT else read_controller_config(name)
+    content = apply_overrides(content, overrides)
+    label = f"{file} with --set" if overrides else file
+    if not realtime:
+        content["realtime"] = {**content.get("realtime", {}), **NO_REALTIME}
+    config = parse(ControllerConfig, content, label)
+    check_parameters(config, label)
+    return config, file
+
+
+def split_overrides(overrides: list[str]) -> tuple[list[str], list[str]]:
+    """Overrides of a run: those for the emulator, and those for the controller.
+
+    Raises:
+        ConfigError: one begins with neither name.
+    """
+    sides: dict[str, list[str]] = {"emulator": [], "controller": []}
+    for override in overrides:
+        side, _, rest = override.partition(".")
+        if side not in sides:
+            raise ConfigError(
+                "--set",
+                override.partition("=")[0],
+                override,
+                "belongs to neither side",
+                "Begin with `emulator.` or `controller.`",
+            )
+        sides[side].append(rest)
+    return sides["emulator"], sides["controller"]
+
+
+def _piped(named: str | None) -> tuple[dict[str, Any], str]:
+    """Settings from standard input; modules beside the file that they came from can be found."""
+    file = named or "standard input"
+    content = parse_yaml(sys.stdin.read(), file)
+    if named is not None and Path(named).is_file():
+        sys.path.append(str(Path(named).resolve().parent))
+    return content, file
+
+
+def run_folder(
+    log: LogSettings, *, exact: bool = False, sides: Sequence[str] = SIDES
+) -> Path | None:
+    """A new folder for the log of one run, or None where nothing is recorded.
+
+    Args:
+        log: where, and whether.
+        exact: `log.directory` is the folder itself, as `--out` names it; it may exist.
+        sides: those whose logs will be written there.
+
+    Raises:
+        ConfigError: the folder cannot be made or written, or holds such a log already.
+    """
+    if not log.record:
+        return None
+    base = Path(log.directory)
+    folder = base if exact else new_name(base)
+    try:
+        folder.mkdir(parents=True, exist_ok=exact)
+        _check_folder(folder, sides)
+    except OSError as error:
+        raise ConfigError(
+            "--out" if exact else "settings",
+            "" if exact else "log.directory",
+            log.directory,
+            error.strerror or "cannot be made",
+            "Name a new folder that can be written, or set log.record=false",
+        ) from error
+    return folder
+
+
+def _check_folder(folder: Path, sides: Sequence[str]) -> None:
+    """Raise an OSError where the observers could not make their logs."""
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    for name in (file_name(side, 0) for side in sides):
+        if (folder / name).exists():
+            raise FileExistsError(errno.EEXIST, f"holds {name} already")
+
+
+def observer_for(
+    side: str,
+    robot: str,
+    config: EmulatorConfig | ControllerConfig,
+    folder: Path | None,
+    *,
+    period_ns: int,
+    lockstep: bool,
+    status_fd: int | None,
+    report: Callable[[str], None],
+) -> Observer:
+    """The observer of a service; `report` is told, in a thread, when the log is lost."""
+    log = config.log
+    return Observer(
+        side=side,
+        robot=robot,
+        directory=folder,
+        attachments={"config.yaml": as_yaml(config)},
+        metadata={
+            "versions": software(),
+            "machine": {key: json.dumps(value) for key, value in machine_block().items()},
+            "run": {"seed": str(getattr(config, "seed", "")), "lockstep": str(lockstep).lower()},
+        },
+        limits=(log.cap_mb * 1_000_000, log.file_mb * 1_000_000),
+        period_ns=period_ns,
+        lockstep=lockstep,
+        watch=() if lockstep else watched_cpus(config.realtime),
+        keep_awake=config.realtime.keep_awake,
+        status_fd=status_fd,
+        report=report,
+    )
+
+
+def watched_cpus(realtime: RealtimeSettings) -> tuple[int, ...]:
+    """CPUs whose stalls are noted: with ordinary priority they cannot be told from load."""
+    if isinstance(realtime.watch_stalls, tuple):
+        return realtime.watch_stalls
+    watch = realtime.watch_stalls == "auto" and realtime.policy == "auto"
+    return (realtime.cpu,) if watch and isinstance(realtime.cpu, int) else ()
+
+
+def settled(config: Config, report: Callable[[str], None]) -> tuple[Config, CpuClaim | None]:
+    """The config with the CPU that `auto` gets, where there is one, and the claim that holds it."""
+    side = "robot" if isinstance(config, EmulatorConfig) else "controller"
+    realtime, claim = settled_alone(config.realtime, side, report)
+    return config.model_copy(update={"realtime": realtime}), claim
+
+
+def as_yaml(config: Settings) -> str:
+    """The resolved whole, as a config file that can be used again."""
+    return yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+
+
+def run_emulator(
+    config: EmulatorConfig,
+    file: str,
+    *,
+    lockstep: bool,
+    duration: float | None,
+    out: Path | None,
+    status_fd: int | None,
+    should_stop: Callable[[], bool],
+    verbose: bool = False,
+) -> tuple[int, dict[str, Any] | None]:
+    """Run a robot until it is told to stop.
+
+    Returns:
+        Exit code, 0, or 1 after a safe stop, a bad verdict, or where the log was lost, and the
+        summary as `run` has it; None after a failure. A robot that nothing followed is no failure.
+    """
+    check_open_files()
+    from hoap3.tools.show.kernel_news import watch_compilation
+
+    description = describe(config, file)
+    period_ns = round(description.period_s * 1e9)
+    made, refused = is_new(out), False
+    folder = _folder(config.log, out, "robot")
+    voice = Voice(status_fd, verbose=verbose)
+    watch_compilation(voice.compiling)
+    config, claim = (config, None) if lockstep else settled(config, voice.say)
+    ticks = None if duration is None else round(duration * 1e9 / period_ns)
+    run = serve_lockstep if lockstep else serve
+    with _released(claim):
+        observer = observer_for(
+            "robot",
+            description.name,
+            config,
+            folder,
+            period_ns=period_ns,
+            lockstep=lockstep,
+            status_fd=status_fd,
+            report=voice.lost,
+        )
+        try:
+            recorder = _recorder(observer, lockstep=lockstep)
+            loop = run(config, description, recorder, voice.say, should_stop, ticks)
+        except Hoap3Error as error:
+            refused = True
+            return voice.fail(error), None
+        finally:
+            observer.close()
+            if refused and nothing_happened(observer.final):
+                forget([observer.final], folder, made=made)
+    summary = observer.final.get("summary")
+    if summary is not None:
+        summary["log_lost"] = [observer.lost] if observer.lost else []
+        summary["machine"] = machine_block()
+        summary["transport"] = "zenoh, virtual time" if lockstep else "zenoh"
+        summary["log"] = str(folder) if folder else None
+    bad = summary is not None and failed(summary["verdicts"])
+    return 1 if loop.safe_stops or bad or observer.lost else 0, summary
+
+
+def run_controller(
+    config: ControllerConfig,
+    file: str,
+    *,
+    out: Path | None,
+    status_fd: int | None,
+    should_stop: Callable[[], bool],
+    verbose: bool = False,
+) -> int:
+    """Run a controller until it is told to stop; exit code 1 where its log was lost."""
+    check_open_files()
+    from hoap3.tools.show.kernel_news import watch_compilation
+
+    voice = Voice(status_fd, verbose=verbose)
+    watch_compilation(voice.compiling)
+    from hoap3.remote_controller.service import Service
+
+    made, refused = is_new(out), False
+    folder = _folder(config.log, out, "controller")
+    config, claim = settled(config, voice.say)
+    with _released(claim):
+        observer = observer_for(
+            "controller",
+            config.robot,
+            config,
+            folder,
+            period_ns=1_000_000,
+            lockstep=False,
+            status_fd=status_fd,
+            report=voice.lost,
+        )
+        try:
+            hasty = _recorder(observer, lockstep=False)
+            patient = _recorder(observer, lockstep=True)
+            on_stop = should_stop.wake if isinstance(should_stop, StopFlag) else None
+            Service(config, hasty, voice.say, should_stop, file, patient, on_stop).run()
+        except Hoap3Error as error:
+            refused = True
+            return voice.fail(error)
+        finally:
+            observer.close()
+            if refused and nothing_happened(observer.final):
+                forget([observer.final], folder, made=made)
+    voice.result(f"log: {folder or 'none'}")
+    return 1 if observer.lost else 0
+
+
+@contextmanager
+def _released(claim: CpuClaim | None) -> Iterator[None]:
+    """Let others have the CPU again, however this ends."""
+    try:
+        yield
+    finally:
+        if claim is not None:
+            claim.release()
+
+
+def _folder(log: LogSettings, out: Path | None, side: str) -> Path | None:
+    if out is None:
+        return run_folder(log)
+    settings = log.model_copy(update={"directory": str(out)})
+    return run_folder(settings, exact=True, sides=(side,))
+
+
+def _recorder(observer: Observer, *, lockstep: bool) -> Recorder:
+    if lockstep:
+        return PatientRecorder(observer.ring, observer.alive)
+    return RingRecorder(observer.ring)
+
+
+class Voice:
+    """Tells people, or the process that started us, what a service has to say.
+
+    Args:
+        status_fd: pipe to that process, shared with the observer; None for people.
+        verbose: show people details, too.
+    """
+
+    def __init__(self, status_fd: int | None, *, verbose: bool = False) -> None:
+        self._verbose = verbose
+        self._meter = Meter("compiling kernels, once for each version", None)
+        self._stream = None if status_fd is None else os.fdopen(os.dup(status_fd), "w")
+
+    def say(self, text: str, news: str = "said") -> None:
+        """Something to know; of which kind, for the process that started us."""
+        kind = text.news if isinstance(text, Note) else news
+        if self._stream is not None or kind != "detail" or self._verbose:
+            self._send({"news": kind, "text": text})
+
+    def compiling(self, kernel: str) -> None:
+        """Tell that a kernel is being compiled."""
+        if self._stream is None:
+            self._meter.step(kernel)
+        else:
+            self.say(kernel, news="compiling")
+
+    def result(self, text: str) -> None:
+        """What the service leaves; to people on standard output."""
+        if self._stream is None:
+            print_line(text)
+        else:
+            self.say(Routine(text))
+
+    def lost(self, text: str) -> None:
+        """The log of this service is lost."""
+        self.say(text, news="damaged")
+
+    def fail(self, error: Hoap3Error) -> int:
+        """Tell what ended the service; its exit code. With nobody to tell, raise it again."""
+        usage = isinstance(error, UsageError)
+        if self._stream is None:
+            raise error
+        self._send({"news": "failed", "text": str(error), "usage": usage})
+        return 2 if usage else 1
+
+    def _send(self, item: dict[str, Any]) -> None:
+        try:
+            if self._stream is not None:
+                self._stream.write(json.dumps(item) + "\n")
+                self._stream.flush()
+                return
+        except BrokenPipeError:  # whoever started us is gone
+            self._stream = None
+        to_people(item["text"])

@@ -1,0 +1,217 @@
+"""`hoap3 config`: settings as they will be used, checked, and described for editors."""
+
+from __future__ import annotations
+
+import sys
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hoap3.protocol.config.settings import Settings, apply_overrides, load_yaml, parse
+from hoap3.protocol.config.wrong_settings import likeness
+from hoap3.protocol.errors import ConfigError, UnknownNameError, UsageError, nearest
+from hoap3.remote_controller import registry as controllers
+from hoap3.remote_controller.config import ControllerConfig, build
+from hoap3.remote_controller.config import available_configs as controller_configs
+from hoap3.remote_controller.config import read_config as read_controller_config
+from hoap3.remote_controller.constraints import registry as constraints
+from hoap3.remote_controller.constraints.registry import ConstraintSettings
+from hoap3.remote_controller.tasks import registry as tasks
+from hoap3.remote_controller.tasks.curve_following.curve import CURVES
+from hoap3.remote_controller.tasks.registry import TaskSettings
+from hoap3.remote_controller.user_code import UserCode
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.config import available_configs as emulator_configs
+from hoap3.robot_emulator.plant_factory import build_body
+from hoap3.robot_emulator.robots import available as robots
+from hoap3.robot_emulator.service import describe
+from hoap3.tools.services.services import as_yaml, controller_config, emulator_config
+from hoap3.tools.simulate import suited
+
+SOME_KEYS = 50  # of a file, by which its side is told
+
+
+def resolved(name: str, overrides: list[str]) -> tuple[str, str]:
+    """The whole of a config as YAML, and which side it belongs to; checked as at a start.
+
+    Raises:
+        UnknownNameError: nothing has that name.
+        UsageError: what it says is wrong.
+    """
+    known = {*emulator_configs(), *robots(), *controller_configs(), *controllers.registered()}
+    path = Path(name)
+    if not (name in known or ":" in name or path.suffix in {".yaml", ".yml"} or path.exists()):
+        raise UnknownNameError("config", name, known, " Or name a file.")
+    if _is_emulator(name):
+        settings, file = emulator_config(name, overrides)
+        describe(settings, file)
+        return as_yaml(settings), "an emulator"
+    config, file = controller_config(name, overrides)
+    parameters = controllers.find(config.controller, file).Parameters.model_validate(
+        config.parameters
+    )
+    whole = config.model_copy(update={"parameters": parameters.model_dump(mode="json")})
+    return as_yaml(whole), "a controller"
+
+
+def shown(name: str, overrides: list[str], code: UserCode) -> str:
+    """The whole of a config as YAML.
+
+    Where `code` forbids an import that the defaults of its parameters need, the parameters are as
+    they are written.
+
+    Raises:
+        UnknownNameError: nothing has that name.
+        UsageError: what it says is wrong.
+    """
+    try:
+        return resolved(name, overrides)[0]
+    except ConfigError:
+        if code.allowed or not code.names:
+            raise
+    content, file = read_controller_config(name)
+    return as_yaml(parse(ControllerConfig, apply_overrides(content, overrides), file))
+
+
+def checked(name: str, overrides: list[str], robot: str | None = None) -> str:
+    """What a config is found to be, in words; a controller is built for its robot.
+
+    Args:
+        name: a config, a robot or a controller; a name or a path.
+        overrides: `dotted.key=value`, each.
+        robot: robot or emulator config to build a controller for; None for the one that its
+            config names.
+
+    Raises:
+        UsageError: what `run` would refuse as well, or a robot for what is none's controller.
+        ConfigError: nothing here is called as the robot that a controller's config names.
+    """
+    side = resolved(name, overrides)[1]
+    if side == "an emulator":
+        if robot is not None:
+            raise UsageError(f"{name}: is the config of an emulator. Leave --robot out")
+        settings, file = emulator_config(name, overrides)
+        description = describe(settings, file)
+        start = description.postures[settings.posture or description.initial_posture]
+        build_body(description, settings)[1].reset(np.array(start))
+        return f"a correct config of {side}"
+    config, file = controller_config(name, overrides)
+    file = f"{file} with --set" if overrides else file
+    correct = f"a correct config of {side}"
+    if robot is None:
+        unchecked = "so what depends on it was not checked: name one with --robot"
+        if "robot" not in config.model_fields_set:
+            return f"{correct}; it names no robot, {unchecked}"
+        _check_robot(config.robot, file)
+    emulator, source = emulator_config(robot or config.robot, [])
+    description = describe(suited(emulator, config, file), source)
+    build(config, description, file)
+    return f"{correct} for robot {description.name}"
+
+
+def _check_robot(name: str, file: str) -> None:
+    """Refuse a controller's `robot` that nothing here is called."""
+    known = {*robots(), *emulator_configs()}
+    if name not in known:
+        close = nearest(name, known)
+        guess = f"Did you mean {close!r}? " if close else ""
+        remedy = f"{guess}Known: {', '.join(sorted(known))}. Or name its folder with --robot"
+        raise ConfigError(file, "robot", name, "no such robot is known here", remedy)
+
+
+FAMILIES: dict[str, tuple[Any, type[Settings]]] = {
+    "controller": (controllers, ControllerConfig),
+    "task": (tasks, TaskSettings),
+    "constraint": (constraints, ConstraintSettings),
+}
+"""What has parameters of its own: the registry of its names, and what a config says of one."""
+
+
+def json_schema(kind: str, name: str | None = None) -> dict[str, Any]:
+    """JSON Schema of a side's config, of a controller's whole config, or of an entry in one.
+
+    Args:
+        kind: "emulator", one of `FAMILIES`, or a controller's name.
+        name: of one of that family; its parameters are part of the schema then.
+
+    Raises:
+        UnknownNameError: nothing is called so.
+        ConfigError: what is called so cannot be imported, or is something else.
+    """
+    if name is not None:
+        if kind not in FAMILIES:
+            raise UnknownNameError("kind of config with names", kind, FAMILIES)
+        registry, whole = FAMILIES[kind]
+        return _with_parameters(whole, _found(registry, name, kind).Parameters)
+    if kind == "emulator":
+        return EmulatorConfig.model_json_schema()
+    if kind in FAMILIES:
+        return FAMILIES[kind][1].model_json_schema()
+    if not (controllers.is_registered(kind) or ":" in kind):
+        known = ["emulator", *FAMILIES, *controllers.registered()]
+        hint = "".join(
+            f" Did you mean: {family} {kind}?"
+            for family, (registry, _) in FAMILIES.items()
+            if kind in registry.registered()
+        )
+        raise UnknownNameError("kind of config", kind, known, hint)
+    return _with_parameters(ControllerConfig, _found(controllers, kind, "controller").Parameters)
+
+
+def _found(registry: Any, name: str, family: str) -> Any:
+    """A class of a family; a dotted path may lead into the current folder, as into a config's."""
+    here = str(Path.cwd())
+    if ":" in name and here not in sys.path:
+        sys.path.append(here)
+    try:
+        return registry.find(name, "config schema", family)
+    except ConfigError as error:
+        if error.problem.startswith("cannot be imported"):
+            remedy = f"Install its package, or be in the folder of its module (this is {here})"
+            raise ConfigError(error.file, error.key, name, error.problem, remedy) from error
+        raise
+
+
+def named() -> dict[str, list[str]]:
+    """Everything that a config or a command can name, by what it is."""
+    return {
+        "robots": robots(),
+        "controllers": sorted(controllers.registered()),
+        "tasks": sorted(tasks.registered()),
+        "curves": sorted(CURVES.registered()),
+        "constraints": sorted(constraints.registered()),
+        "emulator configs": emulator_configs(),
+        "controller configs": controller_configs(),
+    }
+
+
+def _with_parameters(whole: type[Settings], own: type[Settings]) -> dict[str, Any]:
+    """Schema of what names something, with that something's own parameters in their place."""
+    schema, parameters = whole.model_json_schema(), own.model_json_schema()
+    schema.setdefault("$defs", {}).update(parameters.pop("$defs", {}))
+    schema["properties"]["parameters"] = parameters
+    return schema
+
+
+def _is_emulator(name: str) -> bool:
+    if name in emulator_configs() or name in robots():
+        return True
+    if name in controller_configs():
+        return False
+    path = Path(name)
+    if path.is_dir():
+        return True
+    return path.is_file() and _has_keys_of_an_emulator(load_yaml(path))
+
+
+def _has_keys_of_an_emulator(content: dict[str, Any]) -> bool:
+    """Whose config a file is; a misspelt key speaks for the side that has the key most like it."""
+    if "controller" in content:
+        return False
+    emulator, controller = (
+        sum(likeness(key, tuple(model.model_fields)) for key in islice(content, SOME_KEYS))
+        for model in (EmulatorConfig, ControllerConfig)
+    )
+    return emulator >= controller

@@ -1,0 +1,1 @@
+"""What people see: notes, progress, summary, verdicts, folders of results."""

@@ -1,0 +1,172 @@
+"""How many answers came with a certificate, and what stood in the way of the others."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from hoap3.protocol.errors import WireError
+from hoap3.protocol.messages import Event, Setpoint
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+
+STATUS = {
+    name.removeprefix("STATUS_").lower(): value
+    for name, value in Setpoint.schema.constants.items()
+    if name.startswith("STATUS_")
+}
+PROVED = ("certified", "at_target")
+NAMES = ("certified", "at_target", "uncertified", "infeasible")
+_NAME_OF = {value: name for name, value in STATUS.items()}
+_BEGAN, _ENDED = (Event.schema.constants[f"CONDITION_{end}"] for end in ("BEGAN", "ENDED"))
+_LIMITS = ("slowed", "held by ")  # begins of conditions that name a limit rather than a failure
+_DOUBTS = ("beta below ",)  # begins of those that say how little a certificate is worth
+_CERTIFICATE = ("v_rate_required", "v_rate_predicted", "margin", "kkt_residual", "fallback")
+_RESIDUAL, _ROUNDING = 1e-9, 1e-9  # of a certified answer
+ELSEWHERE = "the reason is in the controller's log"
+_MOST = 3  # reasons in the line for people
+
+
+class CertificateCount:
+    """Counts answers by status, and the conditions that held during those without certificate.
+
+    Fed with the log of a controller it knows both; `answer` alone counts only the former.
+
+    Args:
+        session_id: of the robot; records of others are left out. None takes all.
+    """
+
+    def __init__(self, session_id: int | None = None) -> None:
+        self._session_id = session_id
+        self._names: Sequence[str] = ()
+        self._present: frozenset[str] = frozenset()
+        self._answers: Counter[tuple[int, frozenset[str]]] = Counter()
+
+    def add(self, record: Record) -> None:
+        """Take one record of a controller's log."""
+        try:
+            if record.kind == Kind.SETPOINT:
+                session, status = Setpoint.scalars(record.payload, "session_id", "solver_status")
+                if self._session_id in {None, session}:
+                    self.answer(status)
+            elif record.kind == Kind.EVENT:
+                self._add_event(record.payload)
+            elif record.kind == Kind.SESSION:
+                self._begin(json.loads(record.payload))
+        except (WireError, ValueError, RecursionError):
+            return  # nothing that a controller of ours has recorded
+
+    def answer(self, status: int, reasons: frozenset[str] | None = None) -> None:
+        """Take the status of one answer, and reasons other than the conditions that hold."""
+        self._answers[status, self._present if reasons is None else reasons] += 1
+
+    def figures(self) -> dict[str, Any] | None:
+        """Counts by status, `without` certificate, and `reasons`; None where nothing was proved.
+
+        `reasons` has for each status without certificate the conditions that held meanwhile, with
+        the number of answers, and for each with one only those that say how little it is worth; a
+        status that nobody defined is "unknown".
+        """
+        counts: Counter[str] = Counter(dict.fromkeys(NAMES, 0))
+        reasons: dict[str, Counter[str]] = {}
+        for (status, present), n in self._answers.items():
+            if status == STATUS["none"]:
+                continue
+            name = _NAME_OF.get(status, "unknown")
+            counts[name] += n
+            held = [each for each in sorted(present) if name not in PROVED or doubts(each)]
+            reasons.setdefault(name, Counter()).update(dict.fromkeys(held, n))
+        total = counts.total()
+        if not total:
+            return None
+        without = total - sum(counts[name] for name in PROVED)
+        named = {name: dict(found.most_common()) for name, found in reasons.items() if found}
+        return {"n": total, **counts, "without": without, "reasons": named}
+
+    def _begin(self, session: Any) -> None:
+        if isinstance(session, dict) and self._session_id in {None, session.get("session_id")}:
+            names = session.get("conditions")
+            self._names = [str(name) for name in names] if isinstance(names, list) else []
+            self._present = frozenset()
+
+    def _add_event(self, payload: bytes) -> None:
+        kind, session, number = Event.scalars(payload, "kind", "session_id", "detail")
+        if kind not in {_BEGAN, _ENDED} or self._session_id not in {None, session}:
+            return
+        known = 0 <= number < len(self._names)
+        name = {self._names[number] if known else f"condition {number}"}
+        self._present = self._present | name if kind == _BEGAN else self._present - name
+
+
+def reasons_on_wire(status: int, setpoint: bytes) -> frozenset[str]:
+    """Why an answer has no certificate, as far as its Setpoint tells; empty where it has one.
+
+    The names of the conditions are known to the controller only, and to its log.
+    """
+    if status not in {STATUS["uncertified"], STATUS["infeasible"]}:
+        return frozenset()
+    required, predicted, margin, residual, fallback = Setpoint.scalars(setpoint, *_CERTIFICATE)
+    found = [f"fallback {fallback}"] if fallback else []
+    if status == STATUS["uncertified"]:
+        found += ["margin below zero"] if margin < 0.0 else []
+        found += ["residual above 1e-9"] if not residual <= _RESIDUAL else []
+        late = not predicted - required <= _ROUNDING * abs(required)
+        found += ["V falls too slowly"] if late else []
+    return frozenset(found or [ELSEWHERE])
+
+
+def doubts(condition: str) -> bool:
+    """Whether a condition deserves a word even where all is certified."""
+    return condition.startswith(_DOUBTS)
+
+
+class CountingRecorder:
+    """A recorder that keeps nothing but the count, and the controller's own summary.
+
+    Attributes:
+        count: of what was recorded.
+        outcome: the last summary; None before the first.
+    """
+
+    def __init__(self) -> None:
+        self.count = CertificateCount()
+        self.outcome: dict[str, Any] | None = None
+
+    def record(self, kind: Kind, stamp: int, payload: bytes) -> None:
+        """Count it."""
+        self.count.add(Record(kind, stamp, payload))
+        if kind == Kind.SUMMARY:
+            self.outcome = json.loads(payload)
+
+    record_large = record
+
+
+def in_a_line(figures: Mapping[str, Any] | None) -> str | None:
+    """`0 of 20 answers certified; 20 infeasible: contradictory`; None where nothing is to be said.
+
+    That is where every answer is proved, and none of these proofs is worth little. Of the reasons
+    those are named that most answers share; that a limit slows the robot is one only where the
+    others are too few for all answers.
+
+    Args:
+        figures: as `CertificateCount.figures` gives them.
+    """
+    if not figures:
+        return None
+    little = Counter[str]()
+    for status in PROVED:
+        little.update(figures["reasons"].get(status, {}))
+    if not figures["without"] and not little:
+        return None
+    proved = f"{figures['n'] - figures['without']} of {figures['n']} answers certified"
+    parts = [", ".join([proved, *(f"{n} with {name}" for name, n in little.most_common(_MOST))])]
+    for status in ("uncertified", "infeasible", "unknown"):
+        if not figures.get(status):
+            continue
+        reasons = figures["reasons"].get(status, {})
+        failures = [name for name in reasons if not name.startswith(_LIMITS)]
+        enough = sum(reasons[name] for name in failures) >= figures[status]
+        words = ", ".join((failures if enough else list(reasons))[:_MOST])
+        parts.append(f"{figures[status]} {status}" + (f": {words}" if words else ""))
+    return "; ".join(parts)

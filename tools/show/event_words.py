@@ -1,0 +1,92 @@
+"""Events in words: what happened, and what the number beside it means."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from hoap3.protocol.messages import Event
+from hoap3.robot_emulator.setpoint_validator import REJECTION_KINDS
+
+_CONSTANTS = Event.schema.constants
+_NAMES = {
+    value: name.lower().replace("_", " ")
+    for name, value in _CONSTANTS.items()
+    if not name.startswith(("REASON_", "WIRE_"))
+}
+_REASONS = {
+    value: name.removeprefix("REASON_").lower().replace("_", " ")
+    for name, value in _CONSTANTS.items()
+    if name.startswith("REASON_")
+}
+_SAYING = {
+    "GRANTED": "epoch {}",
+    "REFUSED": "epoch {} holds it",
+    "RELEASED": "epoch {}",
+    "HOLDER_LOST": "epoch {}",
+    "AT_REST": "ticks of braking: {}",
+    "SKIPPED": "periods: {}",
+    "RESET": "at tick {}",
+    "ROBOT_FOUND": "epoch {}",
+    "ROBOT_LOST": "last tick {}",
+    "OVERWRITTEN": "States never seen: {}",
+    "CONTROLLER_FAILED": "at tick {}",
+    "CHANGED": "after tick {}",
+    "CONFLICTING_SETPOINTS": "{} so far: another client sends setpoints in the holder's name",
+    "STALLS_WATCHED": "CPU {}",
+    "STARTED": "",
+    "ENDED": "",
+    "RECOVERED": "",
+}
+_SAYINGS = {_CONSTANTS[name]: text for name, text in _SAYING.items()}
+CONDITIONS = {_CONSTANTS["CONDITION_BEGAN"], _CONSTANTS["CONDITION_ENDED"]}
+_FORCED = {_CONSTANTS["REASON_MISSES"], _CONSTANTS["REASON_HOLDER_LOST"]}
+_OF_JOINTS = {_CONSTANTS["CLIPPED"], _CONSTANTS["TORQUE_LIMITED"]}
+
+
+_ROUTINE = {
+    _CONSTANTS[name]
+    for name in (
+        *("STARTED", "GRANTED", "RELEASED", "AT_REST", "ENDED", "RESET"),
+        *("ROBOT_FOUND", "ROBOT_LOST", "STALLS_WATCHED"),
+    )
+}
+_ORDERLY = {_CONSTANTS["REASON_ENDED"], _CONSTANTS["REASON_SHUTDOWN"]}
+
+
+def is_routine(kind: int, detail: int) -> bool:
+    """Whether an event is part of every run that goes well."""
+    return kind in _ROUTINE or (kind == _CONSTANTS["SAFE_STOP"] and detail in _ORDERLY)
+
+
+def event_name(kind: int, detail: int) -> str:
+    """What happened. A safe stop is one that misses or a lost holder forced; others only brake."""
+    if kind == _CONSTANTS["SAFE_STOP"] and detail not in _FORCED:
+        return "braking"
+    return _NAMES.get(kind, f"unknown event {kind}")
+
+
+def in_words(kind: int, detail: int, joints: Sequence[str], conditions: Sequence[str] = ()) -> str:
+    """What the detail of an event means.
+
+    Args:
+        kind, detail: of the event.
+        joints: of the robot.
+        conditions: of the controller, as its session has them.
+    """
+    if kind in CONDITIONS:
+        known = 0 <= detail < len(conditions)
+        return conditions[detail] if known else f"condition {detail}"
+    if kind == _CONSTANTS["SAFE_STOP"]:
+        return _REASONS.get(detail, f"reason {detail}")
+    if kind == _CONSTANTS["REFUSED"] and not detail:
+        return "the client's liveliness token is not seen"
+    if kind == _CONSTANTS["REJECTED"]:
+        known = 0 <= detail < len(REJECTION_KINDS)
+        return REJECTION_KINDS[detail] if known else f"kind {detail}"
+    if kind == _CONSTANTS["SUPPRESSED"]:
+        return f"{detail >> 8} of {event_name(detail & 0xFF, 0)!r}"
+    if kind in _OF_JOINTS:
+        return joints[detail] if 0 <= detail < len(joints) else f"joint {detail}"
+    if kind == _CONSTANTS["HOST_STALL"]:
+        return f"{detail / 1e6:.3g} ms"
+    return _SAYINGS.get(kind, "{}").format(detail)

@@ -1,0 +1,248 @@
+"""What people see: a live table while it runs, and the summary at its end."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from typing import Any
+
+from rich.live import Live
+from rich.markup import escape
+from rich.table import Table
+
+from hoap3.tools.show.certificate_count import in_a_line
+from hoap3.tools.show.output import Meter, notes, print_note, results, watched
+from hoap3.tools.show.verdicts import NAMES, NOT_JUDGED, in_words
+
+COLOURS = {
+    "fit": "green",
+    "good": "green",
+    "warn": "yellow",
+    "unfit": "red",
+    "bad": "red",
+    NOT_JUDGED: "yellow",
+}
+_COLUMNS = {"n": "n", "min": "min", "p50": "p50", "p90": "p90", "p99": "p99", "p99_9": "p99.9",
+            "max": "max"}  # fmt: skip
+
+
+class LiveTable:
+    """A table on standard error that follows the news of a run; on a terminal only.
+
+    Notes are lines in either case: those that matter, or all of them.
+
+    Args:
+        title: what runs.
+        verbose: show all notes.
+    """
+
+    def __init__(self, title: str, *, verbose: bool = False) -> None:
+        self._title, self._verbose = title, verbose
+        self._told: set[str] = set()
+        self._compiling = Meter("compiling kernels, once for each version", None)
+        self._live = Live(
+            console=notes, refresh_per_second=4, transient=True, redirect_stdout=False
+        )
+        self._watched = watched()
+
+    def __enter__(self) -> LiveTable:
+        if self._watched:
+            self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._watched:
+            self._live.stop()
+
+    def news(self, item: dict[str, Any]) -> None:
+        """Take one piece of news from a service or its observer."""
+        kind = item["news"]
+        if kind == "live" and self._watched:
+            self._live.update(self._table(item))
+        elif kind == "begins":
+            print_note(
+                f"{self._title}; robot {item['robot']!r} at {item['at']}; log: {item['log']}"
+            )
+        elif kind == "compiling" and self._watched:
+            self._live.update(f"compiling kernels, once for each version: {item['text']}")
+        elif kind == "compiling":
+            self._compiling.step(item["text"])
+        elif kind == "not granted" and item["text"] in self._told:
+            return  # the other side has said so
+        elif kind in {"said", "damaged", "not granted"} or self._is_shown(item):
+            self._told.add(item["text"])
+            print_note(item["text"])
+
+    def _is_shown(self, item: dict[str, Any]) -> bool:
+        """Of events and notes that do not always matter."""
+        if item["news"] == "event":
+            return self._verbose or not item["routine"]
+        return self._verbose and item["news"] in {"detail", "routine"}
+
+    def _table(self, item: dict[str, Any]) -> Table:
+        table = Table(title=self._title, show_header=False, box=None)
+        rtt, wakeup = item.get("rtt_us", {}), item.get("wakeup_us", {})
+        rows = {
+            "tick": f"{item['ticks']}",
+            "|e|": f"{item['error']:.3g}",
+            "success, last 100": f"{item.get('success_rate', 1.0):.3f}",
+            "late / lost / skipped": f"{item.get('late', 0)} / {item.get('lost', 0)} / "
+            f"{item.get('skipped', 0)}",
+            "RTT p50 / p99 / max": _three(rtt),
+            "wake-up p50 / p99 / max": _three(wakeup),
+        }
+        for name, value in rows.items():
+            table.add_row(name, value)
+        return table
+
+
+def show_summary(summary: dict[str, Any]) -> None:
+    """Print the summary of a run for people, on standard output."""
+    misses, rate = summary["misses"], summary["success_rate"]
+    table = Table(show_header=False, box=None, pad_edge=False)
+    _add_verdicts(table, summary)
+    table.add_row(
+        "success rate",
+        f"{known(rate['run'], '.5f')} of {summary['ticks']} ticks; worst window of 100: "
+        f"{known(rate['worst_window'], '.2f')}",
+    )
+    table.add_row(
+        "misses",
+        f"late {misses['late']}, lost {misses['lost']}, longest run {misses['longest_run']}; "
+        f"skipped ticks {summary['skipped']}",
+    )
+    if summary["host_stalls"] is not None:
+        stalls = summary["host_stalls"]
+        table.add_row(
+            "outside stalls",
+            f"success rate {known(rate['outside_stalls'], '.5f')}, missed or skipped "
+            f"{summary['misses_outside_stalls']}; the host stalled {stalls['n']} times, "
+            f"{stalls['total_ms']:.0f} ms in all, {stalls['longest_ms']:.1f} ms at most",
+        )
+    table.add_row(
+        "setpoints",
+        f"duplicate {misses['duplicate']}, out of order {misses['out_of_order']}, "
+        f"rejected {misses['rejected']}" + _kinds(summary.get("rejections", {})),
+    )
+    if misses.get("conflicting"):
+        told = f"{misses['conflicting']}: another client sends setpoints in the holder's name"
+        table.add_row("conflicting", f"[{COLOURS['unfit']}]{told}[/]")
+    if summary.get("safe_stops"):
+        table.add_row("safe stops", str(summary["safe_stops"]))
+    if summary.get("interventions"):
+        table.add_row(
+            "interventions", f"a joint was held back in {summary['interventions']} periods"
+        )
+    if summary.get("torque_limited"):
+        periods = summary["torque_limited"]
+        table.add_row("torque limited", f"efforts were too small in {periods} periods")
+    unproved = in_a_line(summary.get("certificates"))
+    if unproved is not None:
+        table.add_row("certificates", f"[{COLOURS['warn']}]{escape(unproved)}[/]")
+    if summary["final_error"] is not None:
+        table.add_row("final error", f"{summary['final_error']:.3g}, in the unit of the task")
+    if "lockstep" in summary:
+        lockstep = summary["lockstep"]
+        table.add_row(
+            "lockstep",
+            f"{lockstep['wall_s']:.2f} s, {lockstep['times_real_time']:.0f} times real time",
+        )
+    if summary.get("interrupted"):
+        table.add_row("ended", f"by the user, before {summary['duration_s']:g} s had passed")
+    for lost in summary.get("log_lost", ()):
+        table.add_row("log lost", f"[{COLOURS['unfit']}]{escape(lost)}[/]")
+    table.add_row("log", str(summary["log"] or "none"))
+    results.print(table)
+    for side, value in summary.get("payload_sha256", {}).items():
+        results.print(f"sha256 {side} {value}", soft_wrap=True)
+    if summary.get("rtt_us", {}).get("n"):
+        rows = {"RTT": summary["rtt_us"], "wake-up": summary["wakeup_us"]}
+        rows |= {f"  {name}": stage for name, stage in summary["stages_us"].items()}
+        results.print(durations_table(rows, summary["jitter_us"]))
+    results.print(machine_line(summary), markup=False)
+
+
+def _add_verdicts(table: Table, summary: dict[str, Any]) -> None:
+    """A row for each verdict."""
+    words = in_words(summary)
+    if not summary["ticks"]:
+        words["deadlines"] = (
+            "nothing was asked, no controller was followed"
+            if summary["complete"]
+            else "the robot's own count is lost"
+        )
+    for key, name in NAMES.items():
+        table.add_row(name, coloured_verdict(summary["verdicts"][key], words.get(key, "")))
+
+
+def show_next(log: str | None) -> None:
+    """Say what can be done with the log of a run."""
+    if log is None:
+        return
+    folder = shlex.quote(log)
+    print_note(f"next:  hoap3 report {folder}     a page with figures and plots")
+    print_note(f"       hoap3 replay {folder}     repeat it, and compare every setpoint")
+    print_note(f"       hoap3 export {folder} --to run.csv")
+
+
+def coloured_verdict(verdict: str | None, words: str = "") -> str:
+    """A verdict in its colour, as rich markup, and behind it what it rests on."""
+    shown = verdict or NOT_JUDGED
+    return f"[{COLOURS[shown]}]{shown}[/]" + (f": {escape(words)}" if words else "")
+
+
+def durations_table(rows: dict[str, dict[str, Any]], jitter: dict[str, Any]) -> Table:
+    """Percentiles of durations [us], one row each, and the jitter below; empty ones left out."""
+    table = Table(box=None, pad_edge=False, title="us", title_justify="left")
+    table.add_column("")
+    for name in _COLUMNS.values():
+        table.add_column(name, justify="right", overflow="fold")
+    for name, figures in rows.items():
+        if figures["n"]:
+            cells = [
+                f"{figures[key]:.0f}" if key == "n" else f"{figures[key]:.1f}" for key in _COLUMNS
+            ]
+            table.add_row(name, *cells)
+    if jitter.get("n", 0) > 1:
+        table.caption = (
+            f"jitter: std {jitter['std']:.1f}, p99.9 - p50 {jitter['p99_9_minus_p50']:.1f}, "
+            f"max {jitter['max']:.1f} us (n {jitter['n']})"
+        )
+        table.caption_justify = "left"
+    return table
+
+
+def show_matrix(title: str, names: Sequence[str], values: Sequence[Sequence[float]]) -> None:
+    """Print a square matrix for people, its rows and columns named."""
+    table = Table(box=None)
+    table.add_column(title)
+    for name in names:
+        table.add_column(escape(name), justify="right")
+    for name, row in zip(names, values, strict=True):
+        table.add_row(escape(name), *(f"{value:.4g}" for value in row))
+    results.print(table)
+
+
+def machine_line(found: dict[str, Any]) -> str:
+    """The machine that figures were measured on, and over what."""
+    machine = found["machine"]
+    return (
+        f"{machine.get('kernel', '?')} {machine.get('preemption', '')}, "
+        f"{machine.get('cores', '?')} cores, "
+        f"{'virtual' if machine.get('virtual') else 'bare metal'}; {found['transport']}"
+    )
+
+
+def _kinds(counts: dict[str, int]) -> str:
+    return f" ({', '.join(f'{name} {n}' for name, n in counts.items())})" if counts else ""
+
+
+def known(value: float | None, form: str) -> str:
+    """A figure, or - where there is none."""
+    return "-" if value is None else format(value, form)
+
+
+def _three(figures: dict[str, Any]) -> str:
+    if not figures.get("n"):
+        return "-"
+    return f"{figures['p50']:.0f} / {figures['p99']:.0f} / {figures['max']:.0f} us"

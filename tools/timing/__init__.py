@@ -1,0 +1,1 @@
+"""What became of each tick, where its time went, and who was to blame."""

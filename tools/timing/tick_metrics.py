@@ -1,0 +1,194 @@
+"""Figures of ticks, as docs/latency.md defines them: of one run, or of several in a row.
+
+Percentiles are nearest-rank: a value that was measured, exact.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hoap3.protocol.runtime.deadlines import PERCENTILES, TAIL_SAMPLES, WINDOW, verdict
+from hoap3.tools.machine.stalls import figures as stall_figures
+from hoap3.tools.timing.tick_logs import NEVER
+from hoap3.tools.timing.ticks import IN_TIME, LATE, LOST, SKIPPED, STAGES, TickTable
+
+Times = npt.NDArray[np.float64]
+Stamps = npt.NDArray[np.int64]
+
+MISSES_TO_STOP = 20
+"""Misses in a row after which a robot with ordinary settings stops safely."""
+
+
+def tick_figures(tables: Sequence[TickTable]) -> dict[str, Any]:
+    """Everything that the ticks of some runs say.
+
+    Args:
+        tables: of runs that followed each other; `block` in `worst` counts them from 0.
+    """
+    in_time = np.concatenate([table.outcome == IN_TIME for table in tables])
+    asked = np.concatenate([table.asked for table in tables])
+    ticks = int(np.count_nonzero(asked))
+    rate = float(np.mean(in_time[asked])) if ticks else None
+    scheduled = float(np.mean(in_time)) if ticks else 0.0  # skipped ticks were not in time either
+    longest = max((longest_run(table) for table in tables), default=0)
+    stopped = longest >= MISSES_TO_STOP or any(table.safe_stops for table in tables)
+    windows = [found for table in tables if (found := worst_window(table)) is not None]
+    guilty = Counter[str]()
+    for table in tables:
+        guilty.update(table.guilty_counts())
+    ours = [name for name, _ in guilty.most_common() if name != "host"]
+    return {
+        "verdicts": {
+            "deadlines": verdict(scheduled, safe_stop=stopped),
+            "task": None,
+            "limits_and_balance": None,
+        },
+        "ticks": ticks,
+        "skipped": sum(table.count(SKIPPED) for table in tables),
+        "misses": {
+            "late": sum(table.count(LATE) for table in tables),
+            "lost": sum(table.count(LOST) for table in tables),
+            **{
+                name: sum(table.messages[name] for table in tables)
+                for name in ("rejected", "duplicate", "out_of_order")
+            },
+            "longest_run": longest,
+        },
+        **_outside_stalls(tables),
+        "success_rate": {
+            "run": rate,
+            "outside_stalls": _rate_outside(tables),
+            "worst_window": min(windows, default=None),
+        },
+        "guilty_stage": ours[0] if ours else None,
+        "guilty": dict(guilty.most_common()),
+        **_durations(tables),
+    }
+
+
+def _durations(tables: Sequence[TickTable]) -> dict[str, Any]:
+    """All that takes time; nothing where all time is virtual."""
+    if any(table.lockstep for table in tables):
+        return {}
+    numbers = np.concatenate([table.tick for table in tables])
+
+    def of(name: str) -> dict[str, Any]:
+        return percentiles(np.concatenate([table.stage(name) for table in tables]), numbers)
+
+    answered = [response(table.intended, table.arrival, _last(table)) for table in tables]
+    worst = [
+        {"block": block, **tick} for block, table in enumerate(tables) for tick in table.worst()
+    ]
+    worst.sort(key=lambda tick: -tick["rtt_us"])
+    return {
+        "rtt_us": of("rtt"),
+        "response_us": percentiles(np.concatenate(answered), numbers),
+        "wakeup_us": of("wakeup"),
+        "jitter_us": jitter(tables),
+        "stages_us": {name: of(name) for name in (*STAGES, "unaccounted")},
+        "worst": worst[:10],
+    }
+
+
+def percentiles(values: Times, ticks: Stamps | None = None) -> dict[str, Any]:
+    """n, min, percentiles, max [us] and worst ten of durations [ns]; nan are left out."""
+    known = ~np.isnan(values)
+    values = values[known]
+    result: dict[str, Any] = {"n": len(values)}
+    if not len(values):
+        return result
+    shares = {**PERCENTILES, **({"p99_99": 99.99} if len(values) >= TAIL_SAMPLES else {})}
+    found = np.percentile(values, list(shares.values()), method="inverted_cdf")
+    result["min"] = float(values.min()) / 1e3
+    result |= {name: float(value) / 1e3 for name, value in zip(shares, found, strict=True)}
+    result["max"] = float(values.max()) / 1e3
+    if ticks is not None:
+        numbers = ticks[known]
+        result["worst"] = [
+            {"us": float(values[place]) / 1e3, "tick": int(numbers[place])}
+            for place in np.argsort(-values, kind="stable")[:10].tolist()
+        ]
+    return result
+
+
+def response(intended: Stamps, arrival: Stamps, until: int) -> Times:
+    """From the intended start of each tick until an answer to it, or to a later one, was there.
+
+    Skipped and lost ticks count too: a sender that stalls must not hide how long everybody waited
+    (coordinated omission). Where none came, they waited until the end at least.
+
+    Args:
+        intended: of ticks in ascending order, skipped ones too [ns].
+        arrival: of their answers [ns], NEVER where none came.
+        until: the last that is known [ns].
+    """
+    came = np.where(arrival == NEVER, np.inf, arrival.astype(float))
+    first = np.minimum.accumulate(came[::-1])[::-1]
+    waited: Times = np.where(np.isinf(first), float(until), first) - intended
+    return waited
+
+
+def _last(table: TickTable) -> int:
+    """Until when anything is known of a run: an answer, or a deadline without one [ns]."""
+    return int(np.concatenate([table.arrival, table.end]).max(initial=0))
+
+
+def jitter(tables: Sequence[TickTable]) -> dict[str, Any]:
+    """Spread of the time between wake-ups of ticks in a row about T [us]."""
+    deviations = np.concatenate([_deviations(table) for table in tables])
+    if len(deviations) < 2:
+        return {"n": len(deviations)}
+    sizes = np.abs(deviations)
+    p50, p99_9 = np.percentile(sizes, [50.0, 99.9], method="inverted_cdf")
+    return {
+        "n": len(deviations),
+        "std": float(np.std(deviations, ddof=1)) / 1e3,
+        "p99_9_minus_p50": float(p99_9 - p50) / 1e3,
+        "max": float(sizes.max()) / 1e3,
+    }
+
+
+def _deviations(table: TickTable) -> Times:
+    in_a_row = table.asked[1:] & table.asked[:-1] & (np.diff(table.tick) == 1)
+    result: Times = (np.diff(table.actual)[in_a_row] - table.period).astype(float)
+    return result
+
+
+def longest_run(table: TickTable) -> int:
+    """Most misses in a row; skipped ticks neither add to a run nor end it."""
+    missed = (table.outcome != IN_TIME)[table.asked]
+    ends = np.flatnonzero(np.concatenate([[True], ~missed, [True]]))
+    return int(np.diff(ends).max()) - 1
+
+
+def worst_window(table: TickTable) -> float | None:
+    """Least success rate of any 100 ticks in a row that asked; None for fewer."""
+    in_time = (table.outcome == IN_TIME)[table.asked]
+    if len(in_time) < WINDOW:
+        return None
+    sums = np.convolve(in_time, np.ones(WINDOW), mode="valid")
+    return float(sums.min()) / WINDOW
+
+
+def _outside_stalls(tables: Sequence[TickTable]) -> dict[str, Any]:
+    outside = [table.misses_outside_stalls for table in tables]
+    stalls = [stall for table in tables for stall in table.stalls_of_motion or ()]
+    known = all(each is not None for each in outside)
+    return {
+        "misses_outside_stalls": sum(each or 0 for each in outside) if known else None,
+        "host_stalls": stall_figures(stalls) if known else None,
+    }
+
+
+def _rate_outside(tables: Sequence[TickTable]) -> float | None:
+    outside = [table.misses_outside_stalls for table in tables]
+    in_time = sum(table.count(IN_TIME) for table in tables)
+    if any(each is None for each in outside):
+        return None
+    asked = in_time + sum(each or 0 for each in outside)
+    return in_time / asked if asked else None
