@@ -284,20 +284,24 @@ class RobotLoop:
                 clipped = gate.extrapolate()
             else:
                 clipped = gate.hold()
-            if clipped >= 0:
-                self._tell_clipped(clipped)
+            if clipped >= 0 and not self._clipped:
+                self._announce("CLIPPED", clipped)
             self._clipped = clipped >= 0
-        elif self.mode == State.STOPPING and gate.brake():
-            self._announce("AT_REST", self.tick - self._stop_began)
-            self._come_to_rest()
+            self._count_held(gate.held)
+        elif self.mode == State.STOPPING:
+            at_rest = gate.brake()
+            self._count_held(gate.held)
+            if at_rest:
+                self._announce("AT_REST", self.tick - self._stop_began)
+                self._come_to_rest()
 
-    def _tell_clipped(self, joint: int) -> None:
-        """Count a joint that is held back, and announce it where that begins."""
+    def _count_held(self, joint: int) -> None:
+        """Count a period by the joint that was held back in it, -1 for none."""
+        if joint < 0:
+            return
         self._held[joint] += 1
         if self._held_first[0] < 0:
             self._held_first = joint, self.tick
-        if not self._clipped:
-            self._announce("CLIPPED", joint)
 
     def _advance(self) -> None:
         """The body moves for one period; at rest its brakes hold it."""

@@ -69,6 +69,7 @@ class AccelerationGate:
         value: command that is given to the plant, (n,) [rad/s² or m/s²].
         reference: where the commanded motion is, (n,) [rad or m]: where the body is.
         interventions: periods in which some joint was held back.
+        held: the first joint held back in the last period, or -1.
         weak: the first joint whose effort is too small to keep the bounds in this period, or -1.
         torque_limited: periods in which there was one.
 
@@ -96,7 +97,7 @@ class AccelerationGate:
         self.reference = plant.q
         self.value = np.zeros(n)
         self.interventions = self.torque_limited = 0
-        self.weak = -1
+        self.held = self.weak = -1
         self._wanted, self._given = np.zeros((2, n))
         self._lower, self._upper = np.zeros(n), np.zeros(n)
         self._missed = 0
@@ -193,6 +194,7 @@ class AccelerationGate:
 
         That is at rest, or `PATIENCE_S` after the planned end of the stop.
         """
+        self.held = -1  # the stop is the robot's own
         dq = self._plant.dq
         slow = float(np.abs(dq).max(initial=0.0)) <= REST
         late = (self._stopped_for - self._stop_ticks) * self._dt >= PATIENCE_S
@@ -205,9 +207,9 @@ class AccelerationGate:
         return slow or late
 
     def _apply(self, command: FloatArray) -> int:
-        held = self._pass(command)
-        self.interventions += held >= 0
-        return held
+        self.held = self._pass(command)
+        self.interventions += self.held >= 0
+        return self.held
 
     def _pass(self, command: FloatArray) -> int:
         """Let through what the bounds allow of a command; the first joint held back, or -1."""

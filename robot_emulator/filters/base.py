@@ -14,6 +14,7 @@ class Gate(Protocol):
         value: command for the plant, (n,): rad, rad/s² or N m; m, m/s² or N for prismatic joints.
         reference: where the commanded motion is, (n,) [rad or m].
         interventions: periods in which some joint was held back.
+        held: the first joint held back in the last period, or -1.
         weak: the first joint whose effort is too small to keep the limits in this period, or -1.
         torque_limited: periods in which there was one.
     """
@@ -21,6 +22,7 @@ class Gate(Protocol):
     value: FloatArray
     reference: FloatArray
     interventions: int
+    held: int
     weak: int
     torque_limited: int
 

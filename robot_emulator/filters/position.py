@@ -24,6 +24,7 @@ class Reference:
         value, reference: applied reference, (n,) [rad or m].
         rate: its velocity over the last period, (n,) [rad/s or m/s].
         interventions: periods in which some joint was held back.
+        held: the first joint held back in the last period, or -1.
         weak, torque_limited: see `Gate`; no torque is commanded here.
     """
 
@@ -43,6 +44,7 @@ class Reference:
         self.value, self.rate = np.zeros(n), np.zeros(n)
         self.reference = self.value
         self.interventions = self.torque_limited = 0
+        self.held = -1
         self.weak = -1
         self._target, self._before = np.zeros(n), np.zeros(n)
         self._newest, self._earlier = np.zeros(n), np.zeros(n)  # setpoints
@@ -119,6 +121,7 @@ class Reference:
             self._target, self._before, self._limits, self._dt, self.value, self.rate
         )
         self._before[:] = self._target
+        self.held = held
         self.interventions += held >= 0
         if self._outside:
             self._begin_at_value()  # what has come in may not go out again

@@ -61,6 +61,21 @@ def test_the_joint_that_is_held_back_most_often_is_another_than_the_first():
     assert (told["first"], told["most"]) == (names[0], names[2])
 
 
+def test_a_joint_is_named_for_every_intervention_of_a_stop_too():
+    bench = following()
+    bench.speed[:] = (1.5, 0.0, 0.0)
+    bench.run(10)
+    before = bench.robot.summary()
+    bench.robot._gate._filter = lambda *_: 0  # at a limit in every period from now on
+    bench.robot.stop("REASON_COMMAND")
+    bench.run(20)
+    after = bench.robot.summary()
+    more = after["interventions"] - before["interventions"]
+    assert more > 0
+    assert after["held_back_joints"]["most_periods"] == 1 + more
+    assert before["held_back_joints"]["most_periods"] == before["interventions"] == 1
+
+
 @pytest.mark.parametrize("policy", ["hold", "extrapolate"])
 @pytest.mark.parametrize("misses", [1, 20])
 def test_in_silence_it_is_at_rest_as_soon_as_it_can_be_told_and_can_brake(policy, misses):
