@@ -18,8 +18,8 @@ import numpy.typing as npt
 from hoap3.protocol.errors import LogError, UsageError
 from hoap3.protocol.messages import Schema, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind
-from hoap3.tools.logs.log import Log
 from hoap3.tools.logs.atomic_write import whole_file
+from hoap3.tools.logs.log import Log
 
 BLOCK = 1024  # rows of a CSV that exist as text at a time
 PER_JOINT = {"q", "dq", "tau", "reference", "values"}

@@ -29,8 +29,8 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
-from hoap3.protocol.errors import LogError
 from hoap3.protocol.config.regular_file import open_regular
+from hoap3.protocol.errors import LogError
 from hoap3.tools.logs.mcap_write import MAGIC, MESSAGE_FIELDS, MESSAGE_HEAD
 
 MAX_CHUNK = 1 << 26  # bytes that a chunk may unpack to; ours have 1 MiB and a record more
