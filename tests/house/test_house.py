@@ -96,6 +96,21 @@ def test_the_architecture_page_names_every_package_in_its_order():
     assert not shown
 
 
+PAGES = [HOUSE / "CONTRIBUTING.md", *sorted((HOUSE / "docs" / "decisions").glob("*.md"))]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_for_those_who_change_the_code_lead_somewhere(page):
+    for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+        path = link.partition("#")[0]
+        assert link.startswith("https://") or (page.parent / path).exists(), link
+
+
+def test_every_decision_is_listed():
+    listed = (HOUSE / "docs" / "decisions" / "README.md").read_text(encoding="utf-8")
+    assert all(f"({page.name})" in listed for page in PAGES[1:] if page.name != "README.md")
+
+
 def test_no_folder_holds_more_than_15_files():
     for folder in {path.parent for path in SOURCES}:
         assert len(list(folder.glob("*.py"))) <= 15, folder
