@@ -39,9 +39,16 @@ def report(
             print_line(f"certificates: {unproved}")
         if figures["replaced"]:
             print_note("written in place of an earlier report")
+    for side, why in figures["unreadable"].items():
+        print_note(f"the log of the {side} cannot be read: {why}")
     for side, lost in figures["damaged"].items():
         print_note(
             f"the log of the {side} is cut off or damaged, and shown as far as it can be read: "
-            f"{lost}. `hoap3 record --repair` makes a whole file of the rest"
+            f"{lost}"
         )
-    raise typer.Exit(1 if figures["damaged"] or failed(figures["verdicts"]) else 0)
+    if figures["repairable"]:
+        print_note(
+            f"`hoap3 record --repair {log}` makes a whole file of the rest, to be named by itself"
+        )
+    incomplete = figures["damaged"] or figures["unreadable"]
+    raise typer.Exit(1 if incomplete or failed(figures["verdicts"]) else 0)

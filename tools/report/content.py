@@ -158,6 +158,8 @@ class Content:
             ],
             "gaps": list(self.gaps),
             "damaged": dict(self.sources.damaged),
+            "unreadable": dict(self.sources.unreadable),
+            "repairable": sorted(self.sources.repairable),
             "machine": self.machine(self.sources.main.side),
             "log": str(self.sources.path),
         }

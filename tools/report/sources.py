@@ -31,6 +31,7 @@ class Sources:
             after its last summary, none.
         gaps: what is missing, in words, each with what follows from it.
         damaged: what is lost of each log that is cut off or damaged, in words, by side.
+        unreadable: why a log that is there cannot be read at all, in words, by side.
     """
 
     path: Path
@@ -41,6 +42,7 @@ class Sources:
     outcomes: dict[int, dict[str, Any]] = field(default_factory=dict)
     gaps: list[str] = field(default_factory=list)
     damaged: dict[str, str] = field(default_factory=dict)
+    unreadable: dict[str, str] = field(default_factory=dict)
 
     @classmethod
     def open(cls, path: Path) -> Sources:
@@ -49,8 +51,8 @@ class Sources:
         Raises:
             LogError: there is no log of ours.
         """
-        found, damaged = _logs(path)
-        gaps = [f"The log of the {side} cannot be read: {why}." for side, why in damaged.items()]
+        found, unreadable = _logs(path)
+        gaps = [f"The log of the {side} cannot be read: {why}." for side, why in unreadable.items()]
         logs = {log.side: log for log in found}
         robot, controller = logs.get("robot"), logs.get("controller")
         gaps += [
@@ -58,7 +60,7 @@ class Sources:
             for log in found
             if log.missing
         ]
-        damaged |= {log.side: log.missing for log in found if log.truncated or log.damages}
+        damaged = {log.side: log.missing for log in found if log.truncated or log.damages}
         if robot is None and not any(path.glob("robot*.mcap")):
             gaps.append(
                 "There is no log of the robot: whether answers were in time, and when it woke, "
@@ -79,7 +81,7 @@ class Sources:
         counted = summaries[-1] if summaries else {}
         theirs = said.get("controller", {}).get("summary", [])
         outcomes = _newest(theirs, controller)
-        return cls(path, robot, controller, lockstep, counted, outcomes, gaps, damaged)
+        return cls(path, robot, controller, lockstep, counted, outcomes, gaps, damaged, unreadable)
 
     @property
     def logs(self) -> list[Log]:
@@ -96,7 +98,15 @@ class Sources:
         """Sides of which evidence may be lost: a recording from outside never had any."""
         robot = self.robot
         outside = robot is not None and "recorded" in robot.metadata.get("run", {})
-        return set(self.damaged) - ({"robot"} if outside else set())
+        return {*self.damaged, *self.unreadable} - ({"robot"} if outside else set())
+
+    @property
+    def repairable(self) -> set[str]:
+        """Sides of damaged logs that nobody has repaired yet."""
+        logs = {"robot": self.robot, "controller": self.controller}
+        return {
+            side for side in self.damaged if (log := logs[side]) and "repair" not in log.metadata
+        }
 
     @property
     def interventions(self) -> int | None:

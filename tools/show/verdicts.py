@@ -20,7 +20,7 @@ MARGIN, OUTSIDE = "margin_below_zero", "com_outside_support"
 REASONS = {
     NOT_TOLD: "not told by the controller",
     NO_TARGET: "no target with a tolerance",
-    DAMAGED: "what it rests on is lost: the log is cut off or damaged",
+    DAMAGED: "what it rests on is lost with the log",
     NOT_REACHED: "error above tolerance at the end",
     NOT_CERTIFIED: f"fewer than {CERTIFIED_SHARE:.0%} of the answers certified",
     HELD_BACK: "the robot held a joint back at a limit",

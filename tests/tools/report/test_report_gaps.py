@@ -19,6 +19,7 @@ from hoap3.protocol.messages import Event, Setpoint
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.cli.report import report
 from hoap3.tools.logs.log import Log
+from hoap3.tools.logs.repair import repair
 from hoap3.tools.report.content import read_content
 from hoap3.tools.report.facts import tiles
 from hoap3.tools.report.page import page
@@ -233,8 +234,24 @@ def test_a_log_that_was_cut_off_is_a_finding(side, lost, command, lockstep, tmp_
 def test_a_log_that_cannot_be_read_at_all_is_a_finding(command, lockstep, tmp_path):
     folder = cut(shutil.copytree(lockstep[0], tmp_path / "cut"), "controller.mcap", 1e-4)
     done = command(folder, "--json")
+    figures = json.loads(done.stdout)
     assert done.exit_code == 1
-    assert json.loads(done.stdout)["task"]["reasons"] == ["damaged"]
+    assert figures["task"]["reasons"] == ["damaged"]
+    assert (list(figures["unreadable"]), figures["damaged"]) == (["controller"], {})
+    assert figures["repairable"] == []
+    assert "--repair" not in done.stderr
+
+
+def test_a_repaired_log_is_still_a_finding_and_is_not_to_be_repaired_again(
+    command, lockstep, tmp_path
+):
+    folder = cut(shutil.copytree(lockstep[0], tmp_path / "cut"), "robot.mcap", 0.8)
+    assert json.loads(command(folder, "--json").stdout)["repairable"] == ["robot"]
+    repaired = repair(folder / "robot.mcap").out
+    done = command(repaired, "--json")
+    assert done.exit_code == 1
+    assert json.loads(done.stdout)["repairable"] == []
+    assert "--repair" not in done.stderr
 
 
 def test_a_controller_that_never_told_what_its_answers_came_to_is_a_finding(command, tmp_path):
