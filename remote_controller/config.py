@@ -105,7 +105,9 @@ def build(config: ControllerConfig, description: RobotDescription, file: str = "
         if not hint or isinstance(error, NoDefaultTaskError):  # which any robot can have
             raise
         remedy = f"{error.remedy}. {hint}"
-        raise ConfigError(error.file, error.key, error.value, error.problem, remedy) from error
+        raise ConfigError(
+            error.file, error.key, error.value, error.problem, remedy, error.others
+        ) from error
     except DescriptionError as error:
         hint = of_another_robot(config, description) or _runs_on(file, description)
         raise (DescriptionError(f"{error}. {hint}") if hint else error) from error
