@@ -3,8 +3,8 @@
 A joint that may brake with A, is D from its limit and moves towards it with v must have
 v ≤ √(2AD), or it will not stop in time; a bound that looks one control step ahead only lets it
 come there. `AccelerationBounds` gives, for every state, exactly those accelerations that can be
-held for one period and leave the joint able to stop (`limits_kernels` has the formulas and their
-source). The controller and the robot use the same.
+held for one period and leave the joint able to stop (`viability_bounds_kernels` has the formulas
+and their source). The controller and the robot use the same.
 """
 
 from __future__ import annotations

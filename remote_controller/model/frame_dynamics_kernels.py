@@ -141,7 +141,7 @@ def frames_dynamics(
         order: (n,) column of each joint of the wire in Pinocchio's order.
         movers, edges: joints of the wire that move frame f, from the root outwards, are
             movers[edges[f]:edges[f + 1]].
-        places: (k, 2) first row of each frame, and how many: `dynamics.FrameRows`.
+        places: (k, 2) first row of each frame, and how many: `frame_dynamics.FrameRows`.
         dq: (n,) in wire order, like all that follows.
         mass_out, bias_out: (n, n) and (n,).
         jacobian_out: (m, n); columns of joints that do not move the frame are left as they are.

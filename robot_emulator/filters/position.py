@@ -17,7 +17,7 @@ class Reference:
     """The reference that is applied to the motors, kept inside the limits of the description.
 
     Every change goes through one gate, the safety filter: usable position limits, joint velocity
-    and `setpoint_acceleration_max`, whatever the setpoint was (`filter_kernels`). A joint that
+    and `setpoint_acceleration_max`, whatever the setpoint was (`position_kernels`). A joint that
     starts outside its usable range may not go further out.
 
     Attributes:

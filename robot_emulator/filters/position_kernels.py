@@ -2,7 +2,7 @@
 
 At each tick a joint has an interval of velocities: within its greatest speed, no farther than A·T
 from the last one, and such that it can still stop before its walls. The interval is never empty
-(`setpoint_kernels`), whatever the setpoint asks for, and a velocity of it is taken.
+(`setpoint_limits_kernels`), whatever the setpoint asks for, and a velocity of it is taken.
 """
 
 from __future__ import annotations

@@ -8,7 +8,8 @@ polygon, and its corners are corners of a box or crossings of two edges), and wh
 some edge of one is partly inside the other.
 
 Rows are written for up to three points of such a segment, of two boxes for up to four points of all
-(`contact_kernels`); each row is the exact derivative of the distance of one point of the segment.
+(`closest_points_kernels`); each row is the exact derivative of the distance of one point of the
+segment.
 """
 
 from __future__ import annotations

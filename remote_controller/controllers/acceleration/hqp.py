@@ -14,7 +14,7 @@ ABOVE = 0.5  # a task of that priority over another, or more, is a level above i
 
 
 class HqpController(RankedController):
-    """The damped null-space cascade of `solvers.hqp`, on the levels of the present priorities.
+    """The damped null-space cascade of `solvers.ghc.hqp`, on the levels of the present priorities.
 
     A task stands below all that have a priority of more than ½ over it; what is more than half
     removed is left out. So where priorities move, levels jump once. Tasks in a cycle share a level.

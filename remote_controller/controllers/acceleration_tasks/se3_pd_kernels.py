@@ -26,7 +26,7 @@ ON_THE_WAY, AT_HALF_A_TURN, NOT_FINITE = 0, 1, 2
 
 @inlined
 def _curvatures(angle: float, cotangent: float) -> tuple[float, float]:
-    """Second-order terms c of Jl⁻¹ and d of its rate (`tasks.pose_kernels`)."""
+    """Second-order terms c of Jl⁻¹ and d of its rate (`tasks.se3_kernels`)."""
     square = angle * angle
     if angle < SMALL:
         c = (1.0 + square / 60.0 * (1.0 + square / 42.0 * (1.0 + square / 40.0))) / 12.0

@@ -52,7 +52,7 @@ def ask(
     """Write for each row of each task its error e and what J·ddq shall be.
 
     A position wants a_d + kp·(x_d − x) + kd·(v_d − v) − J̇·dq, a posture kp·(q_r − q) − kd·dq, a
-    pose what `tsid_kernels.aim` says. V = ½|e|² of a task changes with slope·motion, where the
+    pose what `se3_pd_kernels.aim` says. V = ½|e|² of a task changes with slope·motion, where the
     motion ν is that against its target, and ν's rate is J·ddq + rate.
 
     Args:
@@ -234,7 +234,7 @@ def foresee(
 
     Returns:
         V; V̇ half a period on; the most that V may rise by in this period, per second, to second
-        order in it (`tsid_kernels.finish`) and with what is `UNSURE`, so that nothing is said of
+        order in it (`se3_pd_kernels.finish`) and with what is `UNSURE`, so that nothing is said of
         errors of some µm; and how many joints then move.
     """
     V, expected, square, unsure, active = 0.0, 0.0, 0.0, 0.0, 0

@@ -53,7 +53,7 @@ class AccelerationTasks:
         dynamics: M and h, the latter with friction and without what sensors feel.
         jacobian, wanted: J (m, n), and what J·ddq shall be, (m,).
         with_rest: the same, and below it the rows that brake: (m + n, n) and (m + n,).
-        error, motion, rate, slope: of each row, (m,): `ask_kernels.ask`.
+        error, motion, rate, slope: of each row, (m,): `task_acceleration_kernels.ask`.
         tasks: (k, 4) kind, first row, rows and frame of each.
         presses: where forces are kept, by task.
         load: the greatest |h|/torque_max.

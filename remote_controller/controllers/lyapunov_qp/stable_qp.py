@@ -39,7 +39,8 @@ class StableQpController(VelocityController):
     """min Φ(u) such that V̇ = −ρΨ within the constraints; ρ ≤ 1 is what they leave of Ψ.
 
     With `rho: largest` ρ is (6); `damped`, the default, asks for no more of it than is worth its
-    speed (`solvers.stable_qp`), so that the robot comes to rest where V can fall no further.
+    speed (`solvers.lyapunov_qp.stable_qp`), so that the robot comes to rest where V can fall no
+    further.
 
     On a curve (`joint_curve`, `task_curve`) the motion along it is one more equation, (23).
 

@@ -107,7 +107,7 @@ class DescentController(VelocityController):
         Ψ is that of u_max times `self._ramp.share`.
 
         Returns:
-            Status of the solver, one of `solvers.status`.
+            Status of the solver, one of `solvers.base.status`.
         """
 
     def _verdict(self, answer: int) -> int:

@@ -42,7 +42,7 @@ def _product(A: Array, a: int, B: Array, b: int, last: int) -> float:
     """Inner product of what A[a] and B[b] begin with, in four partial sums of a fixed order.
 
     Here and below rows are named by their numbers: a view of a row costs more than a short row.
-    Why some numbers are unsigned, `product_kernels` says.
+    Why some numbers are unsigned, `tiled_product_kernels` says.
     """
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
     row, other = np.uint64(a), np.uint64(b)

@@ -1,7 +1,7 @@
 """How fast V shall fall: Ψ of the Lyapunov constraint ∇V·u = −ρΨ.
 
 Gonçalves et al., IEEE T-RO 2020, section III-C. What the constraints leave of it, ρ, is found by
-``lyapunov.feasible_rate`` and ``StableQp``.
+``functions.feasible_rate`` and ``StableQp``.
 """
 
 from __future__ import annotations

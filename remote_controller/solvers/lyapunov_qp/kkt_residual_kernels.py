@@ -1,6 +1,6 @@
 """Proof of an answer to the general problem (3), from its multipliers and no solver's word.
 
-Gonçalves et al., IEEE T-RO 2020, (3); scaled as in `stable_kernels`.
+Gonçalves et al., IEEE T-RO 2020, (3); scaled as in `lyapunov_qp_kernels`.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ TOLERANCES = (1e-11, 1e-8)  # of daqp, in units of W u; the second where roundin
 
 
 class Steepest:
-    """A problem's constraints, scaled (see `stable_kernels`), and the LP (7).
+    """A problem's constraints, scaled (see `lyapunov_qp_kernels`), and the LP (7).
 
     Args:
         n: number of joints.

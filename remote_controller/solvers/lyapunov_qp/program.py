@@ -38,7 +38,7 @@ class StableProgram:
 
     Attributes:
         y: the last answer, W u, (n,).
-        residual: its KKT residual, see `proof_kernels`.
+        residual: its KKT residual, see `kkt_residual_kernels`.
 
     Raises:
         UnknownNameError: no such solver, or it is not installed.

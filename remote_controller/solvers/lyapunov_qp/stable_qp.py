@@ -6,7 +6,7 @@ Gonçalves et al., IEEE T-RO 2020, (3) and (18). ``StableQp`` is for loops; ``ly
 ``feasible_rate`` for everything else.
 
 ρ is the largest number up to 1 that the constraints allow, min(1, ρ*) of (6), found again at each
-solve. The way to the answer, cheapest first:
+solve, unless `effort` damps it or `keep_rho` keeps it. The way to the answer, cheapest first:
 
 1. QP12, then QP12 within the bounds by exact clamping, ρ in closed form. Where that keeps all
    rows, it is the answer.
@@ -61,7 +61,7 @@ Array = NDArray[np.float64]
 
 PATHS = ("still", "free", "clamped", "qp")
 STILL, FREE, CLAMPED, QP = range(4)
-RHO, RESIDUAL = 1, 3  # places in the results of `stable_kernels`
+RHO, RESIDUAL = 1, 3  # places in the results of `lyapunov_qp_kernels`
 ROUNDING = 1e-14  # of ρ
 CLOSE = 1e-9  # rates, divided by top, that rounding may take for each other
 ATTEMPTS = ((1e-9, 1e-11), (1e-9, 1e-8), (1e-7, 1e-8), (1e-5, 1e-8), (1e-3, 1e-6))

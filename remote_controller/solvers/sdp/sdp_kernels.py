@@ -2,8 +2,8 @@
 
 Marti-Saumell et al.: min (β − β̃)² + δ|λ|² such that V falls by V⁺ ≤ (1 − β Δt) V, and the joint
 speeds dq = B(Λ e + rates) stay within their limits. From the last two answers Newton's method takes
-two or three steps (`sdp_newton_kernels`); where it does not arrive, an interior-point method comes
-near enough for it (`sdp_interior_kernels`). Either may stop early: whatever λ is returned, β is
+two or three steps (`newton_kernels`); where it does not arrive, an interior-point method comes
+near enough for it (`interior_point_kernels`). Either may stop early: whatever λ is returned, β is
 what it certifies, λ_min(C(λ, 0)), and a gap of duality says how far from optimal it may be.
 """
 
