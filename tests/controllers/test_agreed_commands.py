@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hoap3.protocol.errors import DescriptionError
-from hoap3.remote_controller.config import ControllerConfig, build
+from hoap3.remote_controller.config import CONFIGS, ControllerConfig, build
 from hoap3.remote_controller.controllers.base import agreed
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.robots import load
@@ -13,9 +13,14 @@ from hoap3.robot_emulator.service import describe
 from hoap3.tools.simulate import controller_settings, suited
 
 
+def shipped(config: str) -> str:
+    """The file of a shipped config, as errors name it."""
+    return str(CONFIGS / f"{config}.yaml")
+
+
 def chosen(robot: str, controller: str, command: str | None = None) -> str | None:
     emulator = EmulatorConfig(robot=robot, command=command)
-    return suited(emulator, ControllerConfig(controller=controller), "config").command
+    return suited(emulator, ControllerConfig(controller=controller), shipped(controller)).command
 
 
 @pytest.mark.parametrize(
@@ -50,7 +55,7 @@ def test_a_robot_that_was_started_otherwise_is_told_how_to_start_it():
     lwr = describe(EmulatorConfig(robot="lwr"))
     assert lwr.command_kinds == ("position",)
     with pytest.raises(DescriptionError, match="--set command=torque") as caught:
-        build(controller_settings("ghc"), lwr)
+        build(controller_settings("ghc"), lwr, shipped("ghc"))
     assert "lwr_weightless" in str(caught.value)
 
 
