@@ -16,7 +16,7 @@ from hoap3.remote_controller.user_code import before_import
 
 
 @dataclass(frozen=True)
-class Family:
+class PluginGroup:
     """Classes that share an entry-point group and a base.
 
     Attributes:

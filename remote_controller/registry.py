@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.metadata import EntryPoint
 
 from hoap3.remote_controller.controllers.base import Controller
-from hoap3.remote_controller.plugins import Family, blame, module_of
+from hoap3.remote_controller.plugins import PluginGroup, blame, module_of
 
 __all__ = ["BUILTIN", "GROUP", "blame", "find", "is_registered", "module_of", "registered"]
 
@@ -28,7 +28,7 @@ BUILTIN = {
     "clik": "hoap3.remote_controller.controllers.velocity.clik:ClikController",
     "clik_sdp": "hoap3.remote_controller.controllers.velocity.clik:ClikSdpController",
 }
-CONTROLLERS = Family(
+CONTROLLERS = PluginGroup(
     "controller",
     GROUP,
     BUILTIN,

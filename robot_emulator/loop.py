@@ -28,7 +28,7 @@ from hoap3.robot_emulator.authority import Authority
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.event_limit import EventLimit
 from hoap3.robot_emulator.plant_factory import build_body
-from hoap3.robot_emulator.setpoint_validator import REJECTION_KINDS, Inbox
+from hoap3.robot_emulator.setpoint_validator import REJECTION_KINDS, SetpointValidator
 
 GRACE_TICKS = 20
 """Ticks between a grant and the first answer that is asked for, in real time."""
@@ -56,7 +56,7 @@ class RobotLoop:
         mode: State.IDLE, ACTIVE, STOPPING or STOPPED.
         safe_stops: how often misses or a lost holder forced a safe stop.
         skipped: ticks skipped since the start.
-        inbox: counts of setpoints and deadlines.
+        validator: counts of setpoints and deadlines.
         realtime: what the operating system gave, in words.
     """
 
@@ -79,9 +79,9 @@ class RobotLoop:
         self.period = round(description.period_s * 1e9)
         posture = config.posture or description.initial_posture
         start = np.array(description.postures[posture])
-        self._plant, self._gate = build_body(description, config)
+        self._plant, self._setpoint_filter = build_body(description, config)
         self._plant.reset(start)
-        self._gate.reset(start)
+        self._setpoint_filter.reset(start)
         self._authority = Authority()
         self._lease_ticks = round(config.link.lease_ms * 1e6 / self.period)
         self._look_tick = 0  # when the holder is looked up next
@@ -98,7 +98,9 @@ class RobotLoop:
         self._weak = -1
         self.mode = State.IDLE
         self.safe_stops = self.skipped = 0
-        self.inbox = Inbox(description.n, session_id, COMMANDS[description.command_kinds[0]])
+        self.validator = SetpointValidator(
+            description.n, session_id, COMMANDS[description.command_kinds[0]]
+        )
         self._state = State(description.n, 6 * len(description.wrench_sensors))
         self._state.session_id = session_id
         self._event = Event()
@@ -143,7 +145,7 @@ class RobotLoop:
 
     def summary(self) -> dict[str, object]:
         """What the robot counted; docs/concepts.md defines each figure."""
-        deadlines = self.inbox.deadlines
+        deadlines = self.validator.deadlines
         return {
             "asked": deadlines.asked,
             "in_time": deadlines.in_time,
@@ -151,11 +153,11 @@ class RobotLoop:
             "longest_run": deadlines.longest_run,
             "worst_window": deadlines.worst_window,
             "safe_stops": self.safe_stops,
-            "interventions": self._gate.interventions,
+            "interventions": self._setpoint_filter.interventions,
             "held_back_joints": self._held_back_joints(),
-            "torque_limited": self._gate.torque_limited,
-            "conflicting": self.inbox.conflicting,
-            "rejections": {name: n for name, n in self.inbox.rejections.items() if n},
+            "torque_limited": self._setpoint_filter.torque_limited,
+            "conflicting": self.validator.conflicting,
+            "rejections": {name: n for name, n in self.validator.rejections.items() if n},
             "realtime": self.realtime,
         }
 
@@ -182,7 +184,7 @@ class RobotLoop:
         self.tick = self._published = ticker.tick
         if self.mode == State.ACTIVE:
             self._asked_tick = self.tick
-            self.inbox.ask(self.tick, self._epoch, ticker.intended + self.period)
+            self.validator.ask(self.tick, self._epoch, ticker.intended + self.period)
         self._publish(ticker)
 
     def _may_act_ahead(self, ticker: Ticker) -> bool:
@@ -191,7 +193,7 @@ class RobotLoop:
             return False
         self._clock.sleep_until(ticker.next - self._lead)
         self._receive(self._published)
-        known = self._asked_tick < 0 or self.inbox.in_time(self._asked_tick)
+        known = self._asked_tick < 0 or self.validator.in_time(self._asked_tick)
         return known and self._clock.now() < ticker.next
 
     def _act(self, tick: int) -> None:
@@ -215,7 +217,7 @@ class RobotLoop:
             return
         self._stop_reason = EVENTS[reason]
         if self.mode == State.ACTIVE:
-            self._gate.begin_stop()
+            self._setpoint_filter.begin_stop()
             self.mode = State.STOPPING
             self._stop_began = self.tick
             self.safe_stops += self._stop_reason in _FAILURES
@@ -238,10 +240,10 @@ class RobotLoop:
         """Judge the setpoints that have arrived since the last tick."""
         for stamp, payload in self._link.drain():
             self._recorder.record(Kind.SETPOINT, stamp, payload)
-            reason = self.inbox.accept(stamp, payload, published)
-            if reason is not None and self.inbox.rejections[reason] == 1:
+            reason = self.validator.accept(stamp, payload, published)
+            if reason is not None and self.validator.rejections[reason] == 1:
                 self._announce("REJECTED", REJECTION_KINDS.index(reason))
-        if self.inbox.conflicting != self._conflicts_told:
+        if self.validator.conflicting != self._conflicts_told:
             self._tell_conflicts()
 
     def _tell_conflicts(self) -> None:
@@ -249,18 +251,18 @@ class RobotLoop:
         now = self._clock.now()
         if now >= self._conflict_due:
             self._conflict_due = now + CONFLICT_PAUSE_NS
-            self._conflicts_told = self.inbox.conflicting
+            self._conflicts_told = self.validator.conflicting
             self._announce("CONFLICTING_SETPOINTS", self._conflicts_told)
 
     def _judge(self) -> None:
         """Count the outcome of the last tick that asked, and stop after too many misses."""
         if self._asked_tick < 0:
             return
-        in_time = self.inbox.judge(self._asked_tick)
+        in_time = self.validator.judge(self._asked_tick)
         self._asked_tick = -1
         if self.mode != State.ACTIVE:
             return  # it was told to stop in this very tick
-        if not in_time and self.inbox.deadlines.run >= self._config.misses_to_stop:
+        if not in_time and self.validator.deadlines.run >= self._config.misses_to_stop:
             self.stop("REASON_MISSES")
 
     def _obey_grant(self) -> None:
@@ -268,29 +270,29 @@ class RobotLoop:
         grant = self._authority.grant
         if self.mode == State.IDLE and grant is not None and self.tick >= grant.from_tick:
             self.mode, self._epoch = State.ACTIVE, grant.epoch
-            self._gate.forget()
-            self.inbox.start_anew(self.tick)
+            self._setpoint_filter.forget()
+            self.validator.start_anew(self.tick)
             if self._first_active_tick < 0:
                 self._first_active_tick = self.tick
 
     def _move(self) -> None:
         """Decide what drives the body for one period."""
-        gate, inbox = self._gate, self.inbox
+        setpoint_filter, validator = self._setpoint_filter, self.validator
         if self.mode == State.ACTIVE:
-            if inbox.fresh:
-                inbox.fresh = False
-                clipped = gate.follow(inbox.setpoint.values, inbox.setpoint.tick)
+            if validator.fresh:
+                validator.fresh = False
+                clipped = setpoint_filter.follow(validator.setpoint.values, validator.setpoint.tick)
             elif self._config.loss_policy == "extrapolate":
-                clipped = gate.extrapolate()
+                clipped = setpoint_filter.extrapolate()
             else:
-                clipped = gate.hold()
+                clipped = setpoint_filter.hold()
             if clipped >= 0 and not self._clipped:
                 self._announce("CLIPPED", clipped)
             self._clipped = clipped >= 0
-            self._count_held(gate.held)
+            self._count_held(setpoint_filter.held)
         elif self.mode == State.STOPPING:
-            at_rest = gate.brake()
-            self._count_held(gate.held)
+            at_rest = setpoint_filter.brake()
+            self._count_held(setpoint_filter.held)
             if at_rest:
                 self._announce("AT_REST", self.tick - self._stop_began)
                 self._come_to_rest()
@@ -306,26 +308,26 @@ class RobotLoop:
     def _advance(self) -> None:
         """The body moves for one period; at rest its brakes hold it."""
         moving = self.mode in (State.ACTIVE, State.STOPPING)
-        weak = self._gate.weak if moving else -1
+        weak = self._setpoint_filter.weak if moving else -1
         if weak >= 0 > self._weak:
             self._announce("TORQUE_LIMITED", weak)
         self._weak = weak
         if moving:
-            self._plant.step(self._gate.value, self._description.period_s)
+            self._plant.step(self._setpoint_filter.value, self._description.period_s)
         else:
             self._plant.hold(self._description.period_s)
 
     def _publish(self, ticker: Ticker) -> None:
-        state, inbox, grant = self._state, self.inbox, self._authority.grant
+        state, validator, grant = self._state, self.validator, self._authority.grant
         state.tick, state.mode, state.epoch = ticker.tick, self.mode, self._epoch
         state.epoch_from_tick = grant.from_tick if grant else 0
         state.stamp_intended, state.stamp_actual = ticker.intended, ticker.actual
-        deadlines = inbox.deadlines
+        deadlines = validator.deadlines
         state.skipped, state.late, state.lost = self.skipped, deadlines.late, deadlines.lost
-        state.duplicate, state.out_of_order = inbox.duplicate, inbox.out_of_order
-        state.rejected, state.success_rate = inbox.rejected, deadlines.success_rate
+        state.duplicate, state.out_of_order = validator.duplicate, validator.out_of_order
+        state.rejected, state.success_rate = validator.rejected, deadlines.success_rate
         state.q[:], state.dq[:], state.tau[:] = self._plant.q, self._plant.dq, self._plant.tau
-        state.reference[:], state.wrench[:] = self._gate.reference, self._plant.wrench
+        state.reference[:], state.wrench[:] = self._setpoint_filter.reference, self._plant.wrench
         state.stamp_published = self._clock.now()
         payload = state.dump()
         self._link.publish(payload)

@@ -1,18 +1,20 @@
-"""The body of a robot and the gate before it, for what its setpoints are."""
+"""The plant of a robot and the filter before it, for what its setpoints are."""
 
 from __future__ import annotations
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.robot_emulator.config import EmulatorConfig
-from hoap3.robot_emulator.filters.acceleration import AccelerationGate, TorqueGate
-from hoap3.robot_emulator.filters.base import Gate
-from hoap3.robot_emulator.filters.position import Reference
+from hoap3.robot_emulator.filters.acceleration import AccelerationFilter, TorqueFilter
+from hoap3.robot_emulator.filters.base import SetpointFilter
+from hoap3.robot_emulator.filters.position import PositionFilter
 from hoap3.robot_emulator.plants.acceleration_servo import AccelerationServo
 from hoap3.robot_emulator.plants.position_servo import Plant, PositionServo
 from hoap3.robot_emulator.plants.rigid_body import RigidBody
 
 
-def build_body(description: RobotDescription, config: EmulatorConfig) -> tuple[Plant, Gate]:
+def build_body(
+    description: RobotDescription, config: EmulatorConfig
+) -> tuple[Plant, SetpointFilter]:
     """What the first of the description's `command_kinds` needs.
 
     Raises:
@@ -21,9 +23,9 @@ def build_body(description: RobotDescription, config: EmulatorConfig) -> tuple[P
     kind = description.command_kinds[0]
     if kind == "position":
         servo = PositionServo(description, config.plant)
-        return servo, Reference(description, description.period_s)
+        return servo, PositionFilter(description, description.period_s)
     if kind == "acceleration":
         joints = AccelerationServo(description)
-        return joints, AccelerationGate(description, joints, config.hold_ticks)
+        return joints, AccelerationFilter(description, joints, config.hold_ticks)
     body = RigidBody(description, config.plant)
-    return body, TorqueGate(description, body, config.hold_ticks)
+    return body, TorqueFilter(description, body, config.hold_ticks)

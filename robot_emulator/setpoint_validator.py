@@ -28,7 +28,7 @@ REJECTION_KINDS = (
 """Why a setpoint is refused; the order is part of the wire (Event.detail of REJECTED)."""
 
 
-class Inbox:
+class SetpointValidator:
     """Judges setpoints.
 
     Args:

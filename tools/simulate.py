@@ -11,7 +11,7 @@ import numpy as np
 
 from hoap3.protocol.config.settings import parse
 from hoap3.protocol.errors import ConfigError, DescriptionError, Hoap3Error
-from hoap3.protocol.link.base import Fate, LockstepLink
+from hoap3.protocol.link.base import DelayModel, LockstepLink
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.clock import VirtualClock
 from hoap3.protocol.runtime.deadlines import Deadlines
@@ -53,7 +53,7 @@ class Lockstep:
         controller: ControllerConfig,
         robot_recorder: Recorder,
         controller_recorder: Recorder,
-        fate: Fate | None = None,
+        fate: DelayModel | None = None,
         files: tuple[str, str] = ("config", "config"),
     ) -> None:
         emulator = suited(emulator, controller, files[1])
@@ -150,7 +150,7 @@ def simulate(
     controller: str | Mapping[str, Any] | ControllerConfig = "qp12",
     duration: float = 5.0,
     seed: int = 0,
-    fate: Fate | None = None,
+    fate: DelayModel | None = None,
     report: Callable[[int, int], None] | None = None,
 ) -> Simulation:
     """Run a robot and a controller against each other, faster than real time.
@@ -177,7 +177,7 @@ def simulate(
         states=_table(robot_log.records, Kind.STATE, State),
         setpoints=_table(log.records, Kind.SETPOINT, Setpoint),
         records=log.records,
-        deadlines=lockstep.robot.inbox.deadlines,
+        deadlines=lockstep.robot.validator.deadlines,
         controller=lockstep.controller,
     )
 

@@ -70,7 +70,7 @@ class ControllerLink(Protocol):
         """Send a Setpoint."""
 
 
-Fate = Callable[[bytes], Iterable[tuple[int, bytes]]]
+DelayModel = Callable[[bytes], Iterable[tuple[int, bytes]]]
 """What becomes of an answer: pairs of (delay after the State was published [ns], bytes)."""
 
 
@@ -94,7 +94,7 @@ class LockstepLink:
         exchange: Callable[[bytes], bytes | None],
         clock: Clock,
         compute_time: int = 200_000,
-        fate: Fate | None = None,
+        fate: DelayModel | None = None,
     ) -> None:
         self._exchange, self._clock = exchange, clock
         self._fate = fate or (lambda answer: ((compute_time, answer),))

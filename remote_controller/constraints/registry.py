@@ -16,7 +16,7 @@ from hoap3.remote_controller.constraints.constraint import Constraint
 from hoap3.remote_controller.constraints.constraint_validation import check_first_update
 from hoap3.remote_controller.constraints.stack import ConstraintStack
 from hoap3.remote_controller.model.kinematics import Kinematics
-from hoap3.remote_controller.plugins import Family, blame
+from hoap3.remote_controller.plugins import PluginGroup, blame
 
 GROUP = "hoap3.constraints"
 _OURS = "hoap3.remote_controller.constraints"
@@ -31,7 +31,7 @@ BUILTIN = {
     "minimum_speed": f"{_OURS}.minimum_speed:MinimumSpeed",
     "pfaffian": f"{_OURS}.pfaffian:Pfaffian",
 }
-CONSTRAINTS = Family(
+CONSTRAINTS = PluginGroup(
     "constraint",
     GROUP,
     BUILTIN,

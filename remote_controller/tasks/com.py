@@ -10,7 +10,7 @@ from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.references.settings import TargetSettings
 from hoap3.remote_controller.tasks.accuracy import TOLERANCE_M, TaskError, length_error
-from hoap3.remote_controller.tasks.lyapunov import Site
+from hoap3.remote_controller.tasks.lyapunov import BuildContext
 from hoap3.remote_controller.tasks.task import Task
 from hoap3.remote_controller.tasks.task_function import TaskFunction
 
@@ -45,11 +45,11 @@ class ComTask(Task):
         self.tolerance_m = TOLERANCE_M
 
     @classmethod
-    def configured(cls, site: Site, parameters: Parameters) -> TaskFunction:
+    def configured(cls, context: BuildContext, parameters: Parameters) -> TaskFunction:
         """V of this task."""
-        task = cls(site.kinematics, parameters.frame, np.zeros(3))
+        task = cls(context.kinematics, parameters.frame, np.zeros(3))
         task.tolerance_m = parameters.tolerance_m
-        return TaskFunction(task, parameters.target.build(site.folder), parameters.weights)
+        return TaskFunction(task, parameters.target.build(context.folder), parameters.weights)
 
     def update(self, kinematics: Kinematics) -> None:
         """Recompute e [m] and J [m/rad]."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction, Site
+from hoap3.remote_controller.tasks.lyapunov import BuildContext, LyapunovFunction
 
 STEP = 1e-6  # rad, m or s: rounding and curvature both stay far below the tolerance
 TOLERANCE = 1e-4  # of the largest derivative
@@ -18,21 +18,21 @@ TIMES_S = (0.3, 1.7)
 CLOSE = 0.1  # share of each joint's range
 
 
-def check_derivatives(function: LyapunovFunction, site: Site, name: str) -> None:
+def check_derivatives(function: LyapunovFunction, context: BuildContext, name: str) -> None:
     """Compare ∇V and ∂V/∂t with central differences of V, near the initial posture.
 
     The function is reset before, at time 0.
 
     Args:
         function: to be checked.
-        site: robot, and where the function is configured.
+        context: robot, and where the function is configured.
         name: what the config calls the function, for the error.
 
     Raises:
         ConfigError: V is negative, something is not finite or has the wrong shape, or a
             derivative is another one; names the component and both figures.
     """
-    description, kinematics = site.description, site.kinematics
+    description, kinematics = context.description, context.kinematics
     lower, upper = np.array(description.lower), np.array(description.upper)
     initial = np.array(description.initial_position)
     rng = np.random.default_rng(0)
@@ -41,22 +41,22 @@ def check_derivatives(function: LyapunovFunction, site: Site, name: str) -> None
     for posture in range(POSTURES):
         q = initial + CLOSE * bool(posture) * (rng.uniform(lower, upper) - initial)
         for time_s in TIMES_S:
-            _check_at(function, site, name, q, time_s)
+            _check_at(function, context, name, q, time_s)
     kinematics.update(initial)
     function.reset(kinematics, 0.0)
 
 
 def _check_at(
-    function: LyapunovFunction, site: Site, name: str, q: FloatArray, time_s: float
+    function: LyapunovFunction, context: BuildContext, name: str, q: FloatArray, time_s: float
 ) -> None:
-    joints = site.description.joint_names
+    joints = context.description.joint_names
 
     def refuse(problem: str, remedy: str) -> ConfigError:
-        return ConfigError(site.file, site.key, name, f"{problem} at t = {time_s} s", remedy)
+        return ConfigError(context.file, context.key, name, f"{problem} at t = {time_s} s", remedy)
 
     def value(at: FloatArray, time: float) -> float:
-        site.kinematics.update(at)
-        function.update(site.kinematics, time)
+        context.kinematics.update(at)
+        function.update(context.kinematics, time)
         return float(function.value)
 
     here = value(q, time_s)

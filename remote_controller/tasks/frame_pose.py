@@ -17,7 +17,7 @@ from hoap3.remote_controller.tasks.accuracy import (
     angle_error,
     length_error,
 )
-from hoap3.remote_controller.tasks.lyapunov import Site
+from hoap3.remote_controller.tasks.lyapunov import BuildContext
 from hoap3.remote_controller.tasks.task import Task
 from hoap3.remote_controller.tasks.task_function import TaskFunction
 
@@ -83,12 +83,12 @@ class FramePoseTask(Task):
         self.tolerances = TOLERANCE_M, TOLERANCE_DEG
 
     @classmethod
-    def configured(cls, site: Site, parameters: Parameters) -> TaskFunction:
+    def configured(cls, context: BuildContext, parameters: Parameters) -> TaskFunction:
         """V of this task."""
-        task = cls(site.kinematics, parameters.frame, parameters.reference, np.zeros(6))
+        task = cls(context.kinematics, parameters.frame, parameters.reference, np.zeros(6))
         task.tolerances = parameters.tolerance_m, parameters.tolerance_deg
         turn = Approach(Point(np.array(parameters.rotation_rad)), parameters.turn_s)
-        target = Joined(parameters.target.build(site.folder), turn)
+        target = Joined(parameters.target.build(context.folder), turn)
         return TaskFunction(task, target, parameters.weights)
 
     def update(self, kinematics: Kinematics) -> None:

@@ -13,7 +13,7 @@ from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.references.settings import TargetSettings
 from hoap3.remote_controller.tasks.accuracy import TOLERANCE_M, TaskError, length_error
-from hoap3.remote_controller.tasks.lyapunov import Site
+from hoap3.remote_controller.tasks.lyapunov import BuildContext
 from hoap3.remote_controller.tasks.task import Task
 from hoap3.remote_controller.tasks.task_function import TaskFunction
 
@@ -80,12 +80,12 @@ class FramePositionTask(Task):
         self.tolerance_m = TOLERANCE_M
 
     @classmethod
-    def configured(cls, site: Site, parameters: Parameters) -> TaskFunction:
+    def configured(cls, context: BuildContext, parameters: Parameters) -> TaskFunction:
         """V of this task."""
         frame, reference, axes = parameters.frame, parameters.reference, parameters.axes
-        task = cls(site.kinematics, frame, reference, np.zeros(3), axes)
+        task = cls(context.kinematics, frame, reference, np.zeros(3), axes)
         task.tolerance_m = parameters.tolerance_m
-        return TaskFunction(task, parameters.target.build(site.folder), parameters.weights)
+        return TaskFunction(task, parameters.target.build(context.folder), parameters.weights)
 
     def update(self, kinematics: Kinematics) -> None:
         """Recompute e [m] and J [m/rad]."""

@@ -17,7 +17,7 @@ from hoap3.remote_controller.tasks.accuracy import TaskError
 
 
 @dataclass(frozen=True)
-class Site:
+class BuildContext:
     """What a configured task is built for, and where its settings stand.
 
     Attributes:
@@ -67,10 +67,10 @@ class LyapunovFunction(ABC):
         self.status = status.OK
 
     @classmethod
-    def configured(cls, site: Site, parameters: Any) -> Self:
-        """One for the robot at `site`; whoever is built otherwise says so here."""
+    def configured(cls, context: BuildContext, parameters: Any) -> Self:
+        """One for the robot at `context`; whoever is built otherwise says so here."""
         build: Any = cls
-        built: Self = build(site.description, site.kinematics, parameters)
+        built: Self = build(context.description, context.kinematics, parameters)
         return built
 
     def reset(self, kinematics: Kinematics, time_s: float) -> None:  # noqa: B027 - may be empty

@@ -21,7 +21,7 @@ from hoap3.remote_controller.tasks.accuracy import (
     joint_errors,
     prismatic_joints,
 )
-from hoap3.remote_controller.tasks.lyapunov import Site
+from hoap3.remote_controller.tasks.lyapunov import BuildContext
 from hoap3.remote_controller.tasks.task import Task
 from hoap3.remote_controller.tasks.task_function import TaskFunction
 
@@ -63,12 +63,12 @@ class PostureTask(Task):
         self.tolerances = TOLERANCE_M, TOLERANCE_DEG
 
     @classmethod
-    def configured(cls, site: Site, parameters: Parameters) -> TaskFunction:
+    def configured(cls, context: BuildContext, parameters: Parameters) -> TaskFunction:
         """V of this task."""
-        joints = _places(site, parameters.joints)
-        target = _positions(site, parameters, joints)
-        task = cls(site.kinematics, joints, target)
-        task.prismatic = prismatic_joints(site.description)[joints]
+        joints = _places(context, parameters.joints)
+        target = _positions(context, parameters, joints)
+        task = cls(context.kinematics, joints, target)
+        task.prismatic = prismatic_joints(context.description)[joints]
         task.tolerances = parameters.tolerance_m, parameters.tolerance_deg
         return TaskFunction(
             task, Approach(Point(target), parameters.approach_s), parameters.weights
@@ -89,26 +89,30 @@ class PostureTask(Task):
         np.take(self._all, self._joints, out=out)
 
 
-def _places(site: Site, names: tuple[str, ...]) -> list[int]:
-    known = list(site.description.joint_names)
+def _places(context: BuildContext, names: tuple[str, ...]) -> list[int]:
+    known = list(context.description.joint_names)
     for name in names:
         if name not in known or names.count(name) > 1:
             problem = "is named twice" if name in known else "is no joint of this robot"
             remedy = f"Its joints: {', '.join(known)}"
-            raise ConfigError(site.file, f"{site.key}.joints", name, problem, remedy)
+            raise ConfigError(context.file, f"{context.key}.joints", name, problem, remedy)
     return [known.index(name) for name in names or known]
 
 
-def _positions(site: Site, parameters: PostureTask.Parameters, joints: list[int]) -> FloatArray:
-    postures = site.description.postures
+def _positions(
+    context: BuildContext, parameters: PostureTask.Parameters, joints: list[int]
+) -> FloatArray:
+    postures = context.description.postures
     if parameters.posture is not None:
         if parameters.posture not in postures:
             remedy = f"Its postures: {', '.join(sorted(postures))}"
             problem = "the robot has no such posture"
-            raise ConfigError(site.file, f"{site.key}.posture", parameters.posture, problem, remedy)
+            raise ConfigError(
+                context.file, f"{context.key}.posture", parameters.posture, problem, remedy
+            )
         return np.array(postures[parameters.posture])[joints]
     target = np.array(parameters.target_rad)
     if len(target) != len(joints):
         problem, remedy = f"has {len(target)} values", f"Give {len(joints)}, one for each joint"
-        raise ConfigError(site.file, f"{site.key}.target_rad", None, problem, remedy)
+        raise ConfigError(context.file, f"{context.key}.target_rad", None, problem, remedy)
     return target

@@ -11,9 +11,9 @@ from hoap3.protocol.config.settings import Settings, parse
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import BadProblemError, ConfigError, FrameNotFoundError, Hoap3Error
 from hoap3.remote_controller.model.kinematics import Kinematics
-from hoap3.remote_controller.plugins import Family, blame
+from hoap3.remote_controller.plugins import PluginGroup, blame
 from hoap3.remote_controller.tasks.derivative_check import check_derivatives
-from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction, Site
+from hoap3.remote_controller.tasks.lyapunov import BuildContext, LyapunovFunction
 
 GROUP = "hoap3.tasks"
 BUILTIN = {
@@ -25,7 +25,7 @@ BUILTIN = {
     "joint_curve": "hoap3.remote_controller.tasks.curve_following.curve_following:JointCurve",
     "task_curve": "hoap3.remote_controller.tasks.curve_following.curve_following:TaskCurve",
 }
-TASKS = Family(
+TASKS = PluginGroup(
     "task",
     GROUP,
     BUILTIN,
@@ -95,12 +95,12 @@ def build(
     """
     parameters = check_parameters(settings, file, key)
     found = find(settings.task, file, f"{key}.task")
-    site = Site(description, kinematics, file, f"{key}.parameters")
+    context = BuildContext(description, kinematics, file, f"{key}.parameters")
     checked = settings.task not in BUILTIN
     try:
-        function: LyapunovFunction = found.configured(site, parameters)
+        function: LyapunovFunction = found.configured(context, parameters)
         if checked:
-            at_name = Site(description, kinematics, file, f"{key}.task")
+            at_name = BuildContext(description, kinematics, file, f"{key}.task")
             check_derivatives(function, at_name, settings.task)
     except FrameNotFoundError as error:
         name = next(

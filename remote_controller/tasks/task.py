@@ -14,7 +14,7 @@ from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks import status
 from hoap3.remote_controller.tasks.accuracy import TaskError
-from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction, Site
+from hoap3.remote_controller.tasks.lyapunov import BuildContext, LyapunovFunction
 
 
 class Task(ABC):
@@ -46,8 +46,8 @@ class Task(ABC):
 
     @classmethod
     @abstractmethod
-    def configured(cls, site: Site, parameters: Any) -> LyapunovFunction:
-        """V of this task as its `Parameters` have it, for the robot at `site`."""
+    def configured(cls, context: BuildContext, parameters: Any) -> LyapunovFunction:
+        """V of this task as its `Parameters` have it, for the robot at `context`."""
 
     @abstractmethod
     def update(self, kinematics: Kinematics) -> None:

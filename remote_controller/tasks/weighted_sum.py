@@ -14,7 +14,7 @@ from hoap3.protocol.config.settings import Settings
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks import status
 from hoap3.remote_controller.tasks.accuracy import TaskError
-from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction, Site
+from hoap3.remote_controller.tasks.lyapunov import BuildContext, LyapunovFunction
 
 
 class TermSettings(Settings):
@@ -60,17 +60,17 @@ class WeightedSum(LyapunovFunction):
         self._scaled = np.zeros(n)
 
     @classmethod
-    def configured(cls, site: Site, parameters: Any) -> Self:
-        """The sum of its terms, each built for the robot at `site`."""
+    def configured(cls, context: BuildContext, parameters: Any) -> Self:
+        """The sum of its terms, each built for the robot at `context`."""
         from hoap3.remote_controller.tasks.registry import TaskSettings, build
 
         terms = [
             build(
                 TaskSettings(task=term.task, parameters=term.parameters),
-                site.description,
-                site.kinematics,
-                site.file,
-                f"{site.key}.terms.{number}",
+                context.description,
+                context.kinematics,
+                context.file,
+                f"{context.key}.terms.{number}",
             )
             for number, term in enumerate(parameters.terms)
         ]

@@ -47,7 +47,7 @@ class TorquePlant(Plant, Protocol):
         """The largest share of accelerations, 0 to 1, that efforts suffice for; -1: for none."""
 
 
-class AccelerationGate:
+class AccelerationFilter:
     """Accelerations within the bounds that keep each joint able to stop (`viability_bounds`).
 
     The bounds are those for twice the period, with the description's `brake_acceleration`, on its
@@ -222,7 +222,7 @@ class AccelerationGate:
         return held
 
 
-class TorqueGate(AccelerationGate):
+class TorqueFilter(AccelerationFilter):
     """Torques whose accelerations are within those bounds.
 
     The plant says what a torque gives; where that is outside the bounds, it is cut to them, and

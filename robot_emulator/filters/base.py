@@ -1,4 +1,4 @@
-"""What every gate between setpoints and a body does."""
+"""What every filter between setpoints and a plant does."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Protocol
 from hoap3.protocol.messages import FloatArray
 
 
-class Gate(Protocol):
+class SetpointFilter(Protocol):
     """Turns any stream of setpoints, with gaps in it, into commands within the robot's limits.
 
     Attributes:

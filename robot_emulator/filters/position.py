@@ -13,10 +13,10 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
 
 
-class Reference:
+class PositionFilter:
     """The reference that is applied to the motors, kept inside the limits of the description.
 
-    Every change goes through one gate, the safety filter: usable position limits, joint velocity
+    Every change goes through one kernel: usable position limits, joint velocity
     and `setpoint_acceleration_max`, whatever the setpoint was (`position_kernels`). A joint that
     starts outside its usable range may not go further out.
 
@@ -25,7 +25,7 @@ class Reference:
         rate: its velocity over the last period, (n,) [rad/s or m/s].
         interventions: periods in which some joint was held back.
         held: the first joint held back in the last period, or -1.
-        weak, torque_limited: see `Gate`; no torque is commanded here.
+        weak, torque_limited: see `SetpointFilter`; no torque is commanded here.
     """
 
     def __init__(self, description: RobotDescription, period_s: float) -> None:

@@ -68,27 +68,27 @@ def make(case: str, description: RobotDescription | None = None) -> Controller:
 
 
 class Body:
-    """A robot without loops, links and clocks: its gate, its body, and its State."""
+    """A robot without loops, links and clocks: its setpoint_filter, its body, and its State."""
 
     def __init__(self, description: RobotDescription, **plant: object) -> None:
         self._dt = description.period_s
-        self._plant, self._gate = build_body(description, EmulatorConfig(plant=plant))
+        self._plant, self._setpoint_filter = build_body(description, EmulatorConfig(plant=plant))
         self._plant.reset(description.initial_position)
-        self._gate.reset(description.initial_position)
+        self._setpoint_filter.reset(description.initial_position)
         self.state = State(description.n, 6 * len(description.wrench_sensors))
         self.state.mode = State.ACTIVE
         self._measure()
 
     def follow(self, setpoint: FloatArray) -> None:
         """Advance by one period."""
-        self._gate.follow(setpoint, self.state.tick)
-        self._plant.step(self._gate.value, self._dt)
+        self._setpoint_filter.follow(setpoint, self.state.tick)
+        self._plant.step(self._setpoint_filter.value, self._dt)
         self.state.tick += 1
         self._measure()
 
     def _measure(self) -> None:
         self.state.q[:], self.state.dq[:] = self._plant.q, self._plant.dq
-        self.state.reference[:] = self._gate.reference
+        self.state.reference[:] = self._setpoint_filter.reference
 
 
 def moved(controller: Controller, body: Body, ticks: int) -> Iterator[tuple[bytes, FloatArray]]:

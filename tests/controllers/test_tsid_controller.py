@@ -87,8 +87,8 @@ def test_the_robot_has_nothing_to_hold_back():
     sides = emulator_settings("baxter", 0), controller_settings("tsid_baxter")
     lockstep = Lockstep(*sides, MemoryRecorder(), MemoryRecorder())
     lockstep.run(2.0)
-    gate = lockstep.robot._gate
-    assert (gate.interventions, gate.torque_limited) == (0, 0)
+    setpoint_filter = lockstep.robot._setpoint_filter
+    assert (setpoint_filter.interventions, setpoint_filter.torque_limited) == (0, 0)
 
 
 def fig5(kind: str) -> dict[str, object]:

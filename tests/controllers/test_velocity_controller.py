@@ -13,7 +13,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import BadProblemError, ConfigError
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.controllers.base import STATUS, VelocityController
-from hoap3.robot_emulator.filters.position import Reference
+from hoap3.robot_emulator.filters.position import PositionFilter
 
 LAWS = [("qp12", {}), ("qp12", {"gamma": 1.0}), ("pinv", {}), ("pinv", {"law": "plain"})]
 each_law = pytest.mark.parametrize(("name", "law"), LAWS, ids=str)
@@ -151,7 +151,7 @@ def test_who_heads_for_a_wall_faster_than_it_can_brake_is_not_certified():
 def test_what_is_certified_the_robot_takes_over_bit_by_bit():
     """Random velocities about all limits: the robot's own filter is the judge."""
     rng = np.random.default_rng(11)
-    robot = Reference(arm(), arm().period_s)
+    robot = PositionFilter(arm(), arm().period_s)
     controller, seen = given(0.0, 0.0, 0.0), {"certified": 0, "uncertified": 0}
     for tick in range(4000):
         if tick % 100 == 0:

@@ -24,7 +24,7 @@ EVENT_NAMES = {
     if not name.startswith(("REASON", "WIRE"))
 }
 
-Fate = Callable[[int, bytes], Iterable[tuple[int, bytes]]]
+DelayModel = Callable[[int, bytes], Iterable[tuple[int, bytes]]]
 
 
 class Oversleeper(VirtualClock):
@@ -47,14 +47,14 @@ class Bench:
 
     def __init__(
         self,
-        fate: Fate | None = None,
+        fate: DelayModel | None = None,
         grace: int = 0,
         lead: int = 0,
         description: RobotDescription | None = None,
         **config: object,
     ) -> None:
         self.clock = Oversleeper()
-        self.fate: Fate = fate or (lambda tick, answer: [(1000, answer)])
+        self.fate: DelayModel = fate or (lambda tick, answer: [(1000, answer)])
         self.link = LockstepLink(self._answer, self.clock, fate=self._fates)
         self.recorder = MemoryRecorder()
         self.description = description or arm()

@@ -153,7 +153,7 @@ def test_the_run_ends_at_rest_after_its_duration():
     states = bench.states()
     assert sum(state.mode == State.ACTIVE for state in states) == 100
     np.testing.assert_array_equal(states[-1].reference, states[-2].reference)
-    assert bench.robot.inbox.deadlines.asked == 100
+    assert bench.robot.validator.deadlines.asked == 100
     assert bench.robot.safe_stops == 0
     assert bench.events()[-1][0] == "ENDED"
 
@@ -190,7 +190,7 @@ def test_an_answer_to_an_earlier_holder_is_not_followed_under_the_next_one():
     bench.run(7)
     assert bench.robot.mode == State.ACTIVE
     before = bench.states()[-1].reference.copy()
-    bench.robot.inbox.accept(bench.clock.now(), late[0], bench.robot.tick)
+    bench.robot.validator.accept(bench.clock.now(), late[0], bench.robot.tick)
     bench.run(3)
     np.testing.assert_array_equal(bench.states()[-1].reference, before)
 

@@ -68,7 +68,7 @@ def test_what_came_within_the_second_is_told_after_it():
     bench.run(10)
     bench.fate = lambda tick, answer: [(1000, answer)]
     bench.run(1500)
-    assert [detail for _, detail in told(bench)] == [1, bench.robot.inbox.conflicting]
+    assert [detail for _, detail in told(bench)] == [1, bench.robot.validator.conflicting]
 
 
 @pytest.mark.parametrize(
@@ -87,7 +87,7 @@ def test_what_names_no_other_motion_or_is_refused_is_no_conflict(fields):
     bench = attacked(fields)
     bench.run(50)
     assert told(bench) == []
-    assert bench.robot.inbox.conflicting == 0
+    assert bench.robot.validator.conflicting == 0
 
 
 def test_a_conflict_is_noticed_where_both_come_too_late_to_be_followed():
@@ -139,5 +139,5 @@ def test_each_followed_answer_is_in_the_figures_once():
     bench = attacked({"values": 0.1}, {})
     bench.run(200)
     found = statistics(bench).summary()
-    assert found["rtt_us"]["n"] == bench.robot.inbox.deadlines.asked
+    assert found["rtt_us"]["n"] == bench.robot.validator.deadlines.asked
     assert found["rtt_us"]["max"] == pytest.approx(1.0, rel=1e-2)

@@ -1,4 +1,4 @@
-"""Contact and the rest of the robot: its gate, its States, its config."""
+"""Contact and the rest of the robot: its setpoint_filter, its States, its config."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.robot.pinocchio_model import build_model
 from hoap3.robot_emulator.config import ContactSettings, EmulatorConfig
-from hoap3.robot_emulator.filters.acceleration import TORQUE_MARGIN, TorqueGate
+from hoap3.robot_emulator.filters.acceleration import TORQUE_MARGIN, TorqueFilter
 from hoap3.robot_emulator.service import describe
 from hoap3.tools.simulate import simulate
 
@@ -48,16 +48,16 @@ def test_a_plane_that_pushes_a_joint_to_its_limit_is_held_by_its_motor(side):
     )
     description = description.model_copy(update={"joints": (shoulder, *description.joints[1:])})
     pushed = touching(description, {**wall(0.05, side), "stiffness_n_m": 500.0})
-    gate = TorqueGate(description, pushed, 5)
-    gate.reset(pushed.q)
+    setpoint_filter = TorqueFilter(description, pushed, 5)
+    setpoint_filter.reset(pushed.q)
     worst = 0.0
     for tick in range(1000):
-        gate.follow(np.zeros(3), tick)
-        pushed.step(gate.value, T)
+        setpoint_filter.follow(np.zeros(3), tick)
+        pushed.step(setpoint_filter.value, T)
         worst = max(worst, float(np.abs(pushed.q[0])))
         assert abs(pushed.dq[0]) <= shoulder.velocity
-    assert gate.interventions > 0
-    assert gate.torque_limited == 0
+    assert setpoint_filter.interventions > 0
+    assert setpoint_filter.torque_limited == 0
     assert 0.04 < worst <= 0.05 - 0.9 * TORQUE_MARGIN[0]
     assert np.abs(pushed.tau[0]) > 1.0  # against the plane
 
@@ -65,13 +65,13 @@ def test_a_plane_that_pushes_a_joint_to_its_limit_is_held_by_its_motor(side):
 def test_what_keeps_the_limits_passes_bit_by_bit_in_contact():
     above = START.translation + np.array([0.0, 0.0, 1e-3])
     body = touching(ARM, {**PLANE, "point_m": tuple(above)})
-    gate = TorqueGate(ARM, body, 5)
-    gate.reset(body.q)
+    setpoint_filter = TorqueFilter(ARM, body, 5)
+    setpoint_filter.reset(body.q)
     press = body.tau.copy()  # what balances the plane
     for tick in range(100):
-        assert gate.follow(press, tick) == -1
-        assert gate.value.tobytes() == press.tobytes()
-        body.step(gate.value, T)
+        assert setpoint_filter.follow(press, tick) == -1
+        assert setpoint_filter.value.tobytes() == press.tobytes()
+        body.step(setpoint_filter.value, T)
     np.testing.assert_allclose(body.q, ARM.initial_position, atol=1e-9)
 
 

@@ -41,7 +41,7 @@ def test_setpoints_accelerate_it(kind: CommandKind):
     state = made.run(200)
     assert state.mode == State.ACTIVE
     assert state.dq[0] == pytest.approx(0.4, rel=0.05)
-    assert made.robot.inbox.rejected == 0
+    assert made.robot.validator.rejected == 0
     np.testing.assert_array_equal(state.reference, state.q)
 
 
@@ -50,7 +50,7 @@ def test_setpoints_of_another_kind_are_refused(kind: CommandKind):
     made = bench(kind)
     made.changes["command"] = COMMANDS["position"]
     state = made.run(10)
-    assert made.robot.inbox.rejections["command"] == 9
+    assert made.robot.validator.rejections["command"] == 9
     np.testing.assert_allclose(state.q, made.description.initial_position, atol=1e-9)
 
 

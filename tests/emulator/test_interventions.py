@@ -10,7 +10,7 @@ from robot_bench import Bench
 from small_arm import arm
 
 from hoap3.protocol.messages import State
-from hoap3.robot_emulator.filters.position import Reference
+from hoap3.robot_emulator.filters.position import PositionFilter
 
 T = 1e-3
 
@@ -66,7 +66,7 @@ def test_a_joint_is_named_for_every_intervention_of_a_stop_too():
     bench.speed[:] = (1.5, 0.0, 0.0)
     bench.run(10)
     before = bench.robot.summary()
-    bench.robot._gate._filter = lambda *_: 0  # at a limit in every period from now on
+    bench.robot._setpoint_filter._filter = lambda *_: 0  # at a limit in every period from now on
     bench.robot.stop("REASON_COMMAND")
     bench.run(20)
     after = bench.robot.summary()
@@ -101,7 +101,7 @@ def test_in_silence_it_is_at_rest_as_soon_as_it_can_be_told_and_can_brake(policy
 def test_a_brake_stronger_than_what_setpoints_may_is_used_as_far_as_they_may():
     change = {"brake_acceleration": 400.0, "setpoint_acceleration_max": 100.0}
     robot = arm(joints=tuple(joint.model_copy(update=change) for joint in arm().joints))
-    reference = Reference(robot, T)
+    reference = PositionFilter(robot, T)
     reference.reset(robot.initial_position)
     for tick in range(10):
         reference.follow(reference.value + (tick + 1) * np.array([0.1, -0.05, 0.0]) * T, tick)

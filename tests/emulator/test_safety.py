@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from small_arm import arm
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.robot_emulator.filters.position import Reference
+from hoap3.robot_emulator.filters.position import PositionFilter
 
 DT = 1e-3
 ULP = np.finfo(float).eps
@@ -49,13 +49,13 @@ def offset(*joints: float) -> np.ndarray:
     return np.array(joints)
 
 
-def at_start(description: RobotDescription = ROBOT) -> Reference:
-    reference = Reference(description, DT)
+def at_start(description: RobotDescription = ROBOT) -> PositionFilter:
+    reference = PositionFilter(description, DT)
     reference.reset(description.initial_position)
     return reference
 
 
-def obey(reference: Reference, command: np.ndarray | str, tick: int) -> int:
+def obey(reference: PositionFilter, command: np.ndarray | str, tick: int) -> int:
     if isinstance(command, str):
         return getattr(reference, command)()
     return reference.follow(command, tick)
@@ -151,7 +151,7 @@ def test_a_robot_that_starts_outside_its_usable_range_is_not_pulled_in():
 
 
 class TestLossOfSetpoints:
-    def followed(self, *asked: tuple[int, list[float]]) -> Reference:
+    def followed(self, *asked: tuple[int, list[float]]) -> PositionFilter:
         reference = at_start()
         for tick, away in asked:
             reference.follow(START + offset(*away), tick)
@@ -201,7 +201,7 @@ class TestLossOfSetpoints:
         np.testing.assert_array_equal(reference.value, START)
 
 
-def moving(speed: np.ndarray) -> Reference:
+def moving(speed: np.ndarray) -> PositionFilter:
     """A reference of the plain arm in full motion [rad/s], far from its limits."""
     reference = at_start(arm())
     value = reference.value.copy()

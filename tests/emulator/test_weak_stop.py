@@ -18,19 +18,19 @@ DQ = [-0.0246, 0.0277, 0.0218, -0.0396, -0.0257, 0.0146, 0.0031]
 @pytest.mark.parametrize("faster", [1.0, -1.0, 5.0])
 def test_it_brakes_as_fast_as_all_joints_together_can(faster):
     robot = load("baxter_right_arm").model_copy(update={"command_kinds": ("torque",)})
-    body, gate = build_body(robot, EmulatorConfig(robot=robot.name))
+    body, setpoint_filter = build_body(robot, EmulatorConfig(robot=robot.name))
     body.reset(np.array(Q))
-    gate.reset(np.array(Q))
+    setpoint_filter.reset(np.array(Q))
     body.dq[:] = faster * np.array(DQ)
     weight = np.zeros(robot.n)
     Dynamics(robot).gravity(body.q, weight)
     assert (np.abs(weight) < robot.effort).all()
-    gate.begin_stop()
+    setpoint_filter.begin_stop()
     for _ in range(150):
-        if gate.brake():
+        if setpoint_filter.brake():
             break
-        body.step(gate.value, robot.period_s)
+        body.step(setpoint_filter.value, robot.period_s)
     assert np.abs(body.dq).max() <= REST
     assert np.abs(body.q - Q).max() < 0.01
-    assert gate.torque_limited == 0
+    assert setpoint_filter.torque_limited == 0
     assert (np.abs(body.tau) <= robot.effort).all()

@@ -29,7 +29,7 @@ def test_the_deadline_is_the_intended_start_of_the_next_tick(delay, late):
     bench.clock.late = 5 * US  # so that a late answer is there before the actual wake-up
     state = bench.run(1)
     assert (state.late, state.lost) == (late, 0)
-    assert bench.robot.inbox.deadlines.in_time == 6 - late
+    assert bench.robot.validator.deadlines.in_time == 6 - late
 
 
 def test_an_answer_between_deadline_and_wake_up_is_used_and_counted_late():
@@ -43,7 +43,7 @@ def test_an_answer_between_deadline_and_wake_up_is_used_and_counted_late():
     state = bench.run(1)
     np.testing.assert_allclose(state.reference, before + 1e-4)
     assert (state.late, state.lost) == (1, 0)
-    assert bench.robot.inbox.deadlines.run == 1
+    assert bench.robot.validator.deadlines.run == 1
 
 
 def test_an_answer_after_the_wake_up_is_lost_until_it_comes_and_then_late():
@@ -103,7 +103,7 @@ def test_what_does_not_belong_here_is_rejected_by_kind(changes, reason):
     bench = active()
     bench.changes = changes
     state = bench.run(5)
-    assert bench.robot.inbox.rejections[reason] == 4
+    assert bench.robot.validator.rejections[reason] == 4
     assert state.rejected == 4
     assert state.lost == 4
     assert [name for name, _, _ in bench.events()].count("REJECTED") == 1
@@ -114,8 +114,8 @@ def test_a_future_tick_by_one_is_rejected():
     bench.run(3)
     state = bench.states()[-1]
     answer = bench.setpoint(state, tick=state.tick + 1)
-    assert bench.robot.inbox.accept(0, answer, state.tick) == "future"
-    assert bench.robot.inbox.accept(0, bench.setpoint(state), state.tick) is None
+    assert bench.robot.validator.accept(0, answer, state.tick) == "future"
+    assert bench.robot.validator.accept(0, bench.setpoint(state), state.tick) is None
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
@@ -123,7 +123,7 @@ def test_what_is_not_finite_is_rejected(value):
     bench = active()
     bench.speed[1] = value
     state = bench.run(3)
-    assert bench.robot.inbox.rejections["not_finite"] == 2
+    assert bench.robot.validator.rejections["not_finite"] == 2
     np.testing.assert_array_equal(state.reference, [0.1, -0.2, 0.3])
 
 
@@ -144,7 +144,7 @@ def test_twenty_misses_in_a_row_are_a_safe_stop(misses, stops):
     assert (bench.robot.mode == State.STOPPED) == stops
     assert bench.robot.safe_stops == stops
     if not stops:
-        assert bench.robot.inbox.deadlines.longest_run == misses
+        assert bench.robot.validator.deadlines.longest_run == misses
         assert bench.robot.mode == State.ACTIVE
     else:
         ((_, tick, reason),) = [event for event in bench.events() if event[0] == "SAFE_STOP"]
@@ -167,7 +167,7 @@ def test_a_safe_stop_brakes_within_the_limits_and_latches():
     np.testing.assert_array_equal(reference[-1], reference[-2])
     assert states[-1].mode == State.STOPPED
     assert {state.mode for state in states} == {State.ACTIVE, State.STOPPING, State.STOPPED}
-    assert bench.robot.inbox.deadlines.longest_run == 20  # ticks after a stop are outside
+    assert bench.robot.validator.deadlines.longest_run == 20  # ticks after a stop are outside
 
 
 def test_extrapolation_goes_on_as_before_and_hold_stays():
@@ -203,10 +203,10 @@ def test_a_wake_up_that_is_periods_late_skips_ticks_and_keeps_the_phase():
 def test_skipped_ticks_neither_add_to_a_run_of_misses_nor_end_it():
     bench = active(fate=lambda tick, answer: [] if tick >= 10 else [(1, answer)])
     bench.run(20)
-    assert bench.robot.inbox.deadlines.run == 9
+    assert bench.robot.validator.deadlines.run == 9
     bench.clock.late = 5 * PERIOD_NS
     bench.run(1)
-    assert bench.robot.inbox.deadlines.run == 10
+    assert bench.robot.validator.deadlines.run == 10
 
 
 def test_a_wake_up_late_by_less_than_a_period_skips_nothing():
@@ -223,7 +223,7 @@ def test_an_answer_to_a_skipped_tick_is_rejected():
     bench.run(10)
     bench.clock.late = 2 * PERIOD_NS
     state = bench.run(1)
-    assert bench.robot.inbox.accept(0, bench.setpoint(state, tick=10), state.tick) == "unasked"
+    assert bench.robot.validator.accept(0, bench.setpoint(state, tick=10), state.tick) == "unasked"
 
 
 def test_the_window_is_a_hundred_ticks():
@@ -232,4 +232,4 @@ def test_the_window_is_a_hundred_ticks():
     assert rates[1] == 0.0
     assert rates[100] == pytest.approx(0.99)
     assert rates[101] == 1.0
-    assert bench.robot.inbox.deadlines.worst_window == pytest.approx(0.99)
+    assert bench.robot.validator.deadlines.worst_window == pytest.approx(0.99)

@@ -92,7 +92,7 @@ def test_whoever_wins_the_holder_is_told(scene, seed):
     for _ in range(attacks):
         answer = scene.tick()
         scene.race(answer, forge(answer, 0.01), intruder_first=choice.random() < 0.5)
-    assert scene.robot.inbox.conflicting == attacks - 1
+    assert scene.robot.validator.conflicting == attacks - 1
     scene.step()
     assert scene.robot.summary()["conflicting"] == attacks
     heard: list[bytes] = []

@@ -14,7 +14,7 @@ from hoap3.protocol.robot.pinocchio_model import build_model
 from hoap3.protocol.robot.torque_bounds import torque_acceleration_bounds
 from hoap3.protocol.robot.viability_bounds import AccelerationBounds
 from hoap3.remote_controller.controllers.acceleration.tsid import TsidController
-from hoap3.robot_emulator.filters.position import Reference
+from hoap3.robot_emulator.filters.position import PositionFilter
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.bench.problems.steps import motion
 from hoap3.tools.bench.reference import reference
@@ -90,12 +90,14 @@ def _bounds(rng: np.random.Generator, n: int) -> list[Contender]:
 def _filter(rng: np.random.Generator, n: int) -> Contender:
     """A walk at random on HOAP-3: some steps are within all limits, some are not."""
     robot = load("hoap3")
-    gate = Reference(robot, robot.period_s)
-    gate.reset(robot.initial_position)
+    setpoint_filter = PositionFilter(robot, robot.period_s)
+    setpoint_filter.reset(robot.initial_position)
     steps = 2.0 * rng.uniform(-1.0, 1.0, (STATES, n)) * robot.period_s
     walk = robot.initial_position + np.cumsum(steps, axis=0)
     return Contender(
-        f"setpoint filter of {n}", gate.follow, [(each, tick) for tick, each in enumerate(walk)]
+        f"setpoint filter of {n}",
+        setpoint_filter.follow,
+        [(each, tick) for tick, each in enumerate(walk)],
     )
 
 

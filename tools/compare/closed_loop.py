@@ -60,7 +60,7 @@ class ClosedLoop:
             setpoints=setpoints[answers],
             asked=[self._states.payloads[place] for place in asked[:MOST_TIMED]],
             closed_loop=True,
-            success_rate=lockstep.robot.inbox.deadlines.run_rate,
+            success_rate=lockstep.robot.validator.deadlines.run_rate,
             safe_stops=lockstep.robot.safe_stops,
             judged=_judged(lockstep),
         )
@@ -69,7 +69,7 @@ class ClosedLoop:
 def _judged(lockstep: Lockstep) -> dict[str, Any]:
     robot = lockstep.robot
     counted: dict[str, Any] = robot.summary()
-    deadlines = verdict(robot.inbox.deadlines.run_rate, safe_stop=robot.safe_stops > 0)
+    deadlines = verdict(robot.validator.deadlines.run_rate, safe_stop=robot.safe_stops > 0)
     held_back, limited = counted["interventions"], counted["torque_limited"]
     outcome, joints = lockstep.controller_loop.summary, counted["held_back_joints"]
     return judge(deadlines, held_back, limited, outcome, joints=joints)

@@ -28,7 +28,7 @@ BROKEN = 1e-9  # by so much a point may be beyond its limits and count as within
 TOLERANCES = (1e-11, 1e-8)  # of daqp, in units of W u; the second where rounding misleads the first
 
 
-class Steepest:
+class MaxDescentLp:
     """A problem's constraints, scaled (see `lyapunov_qp_kernels`), and the LP (7).
 
     Args:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.errors import BadProblemError
-from hoap3.remote_controller.solvers.lyapunov_qp.max_descent_lp import Steepest
+from hoap3.remote_controller.solvers.lyapunov_qp.max_descent_lp import MaxDescentLp
 from hoap3.remote_controller.solvers.qp.qp_backends import ENDS, EQUATION, Program, backend
 
 Array = NDArray[np.float64]
@@ -28,7 +28,7 @@ BEYOND = 10.0  # of a solver's own end: as far beyond a limit an answer may be
 
 
 class StableProgram:
-    """The QP over the rows that a `Steepest` writes.
+    """The QP over the rows that a `MaxDescentLp` writes.
 
     Args:
         kind: `NORM`, `MAXIMUM` or `SQUARES`.
@@ -44,7 +44,7 @@ class StableProgram:
         UnknownNameError: no such solver, or it is not installed.
     """
 
-    def __init__(self, kind: int, scaled: Steepest, *, equality: bool, solver: str) -> None:
+    def __init__(self, kind: int, scaled: MaxDescentLp, *, equality: bool, solver: str) -> None:
         from hoap3.remote_controller.solvers.lyapunov_qp import (
             kkt_residual_kernels,
             row_projection_kernels,
@@ -278,7 +278,7 @@ def kind_of(objective: str | float, gamma: float) -> tuple[int, float]:
     return kinds[objective]
 
 
-def _program(kind: int, scaled: Steepest) -> Program:
+def _program(kind: int, scaled: MaxDescentLp) -> Program:
     """The QP of a kind of objective, over the rows that `scaled` writes."""
     size = scaled.qp_rows.shape[1]
     H, f = np.eye(size), np.zeros(size)

@@ -46,7 +46,7 @@ from numpy.typing import ArrayLike, NDArray
 from hoap3.protocol.errors import BadProblemError
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.base.validation import KERNEL_ARRAYS
-from hoap3.remote_controller.solvers.lyapunov_qp.max_descent_lp import Steepest
+from hoap3.remote_controller.solvers.lyapunov_qp.max_descent_lp import MaxDescentLp
 from hoap3.remote_controller.solvers.lyapunov_qp.program import (
     KEPT,
     MOST_GAMMA,
@@ -136,7 +136,7 @@ class StableQp:
                 "V̇ ≤ 0 with a norm as Φ has the optimum u = 0: the robot never moves. Choose "
                 "lyapunov='equality', or objective='least_squares'."
             )
-        self._steepest = Steepest(n, m, k, weights, self._kind)
+        self._steepest = MaxDescentLp(n, m, k, weights, self._kind)
         if self._kind == SQUARES and np.any(self._steepest.weights != 1.0):
             raise BadProblemError("least squares take no weights: put them into M and y.")
         self._work = np.ones((4, n))

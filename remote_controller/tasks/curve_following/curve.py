@@ -13,13 +13,13 @@ from hoap3.protocol.config.settings import Settings, parse
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, UnknownNameError
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.plugins import Family
+from hoap3.remote_controller.plugins import PluginGroup
 from hoap3.remote_controller.references.curves import AXES, Plane
-from hoap3.remote_controller.tasks.lyapunov import Site
+from hoap3.remote_controller.tasks.lyapunov import BuildContext
 
 Positive = Annotated[float, Field(gt=0)]
 
-CURVES = Family(
+CURVES = PluginGroup(
     "curve",
     "hoap3.curves",
     {
@@ -148,7 +148,7 @@ class SpaceEllipse(Ellipse):
 
 
 def build_curve(
-    name: str, parameters: dict[str, Any], dimension: int, site: Site, key: str
+    name: str, parameters: dict[str, Any], dimension: int, context: BuildContext, key: str
 ) -> Curve:
     """The configured curve.
 
@@ -156,20 +156,20 @@ def build_curve(
         name: registered, or `package.module:Class`.
         parameters: its settings.
         dimension: m of the space that it shall lie in.
-        site: robot, and where the curve is configured.
+        context: robot, and where the curve is configured.
         key: of the name, for errors; its parameters stand beside it, at `<key>_parameters`.
 
     Raises:
         UnknownNameError, ConfigError: it cannot be found, its parameters are wrong, or it lies in
             another space.
     """
-    found = CURVES.find(name, site.file, key)
-    checked: Any = parse(found.Parameters, parameters, site.file, f"{key}_parameters")
+    found = CURVES.find(name, context.file, key)
+    checked: Any = parse(found.Parameters, parameters, context.file, f"{key}_parameters")
     try:
-        curve: Curve = found(site.description, checked)
+        curve: Curve = found(context.description, checked)
     except UnknownNameError as error:
         raise ConfigError(
-            site.file,
+            context.file,
             f"{key}_parameters",
             error.name,
             f"the robot has no such {error.kind}",
@@ -179,5 +179,5 @@ def build_curve(
     if shapes != ((dimension - 1,), (dimension - 1, dimension)):
         problem = f"has α of shape {shapes[0]} and gradients of shape {shapes[1]}"
         remedy = f"Here a curve needs ({dimension - 1},) and ({dimension - 1}, {dimension})"
-        raise ConfigError(site.file, key, name, problem, remedy)
+        raise ConfigError(context.file, key, name, problem, remedy)
     return curve

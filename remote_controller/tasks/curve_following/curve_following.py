@@ -27,7 +27,7 @@ from hoap3.remote_controller.tasks.com import ComTask
 from hoap3.remote_controller.tasks.curve_following.curve import CURVES, Curve, build_curve
 from hoap3.remote_controller.tasks.derivative_check import check_derivatives
 from hoap3.remote_controller.tasks.frame_position import FramePositionTask
-from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction, Site
+from hoap3.remote_controller.tasks.lyapunov import BuildContext, LyapunovFunction
 
 HELD = 1e-3  # independence of the gradients up to which nothing moves along the curve,
 FREE = 0.1  # and from which on motion is not slowed down
@@ -191,14 +191,16 @@ class PersistentMotion(LyapunovFunction):
         self.speed = self._fastest * share * self.curve.pace(self.x)
 
 
-def check_curve(motion: PersistentMotion, name: str, site: Site) -> None:
+def check_curve(motion: PersistentMotion, name: str, context: BuildContext) -> None:
     """Refuse somebody else's curve whose gradients are not those of its α.
 
     Raises:
         ConfigError: see `check_derivatives`.
     """
     if name not in CURVES.builtin:
-        at_name = Site(site.description, site.kinematics, site.file, f"{site.key}.curve")
+        at_name = BuildContext(
+            context.description, context.kinematics, context.file, f"{context.key}.curve"
+        )
         check_derivatives(motion, at_name, name)
 
 
@@ -231,17 +233,17 @@ class JointCurve(PersistentMotion):
         )
 
     @classmethod
-    def configured(cls, site: Site, parameters: Parameters) -> JointCurve:
+    def configured(cls, context: BuildContext, parameters: Parameters) -> JointCurve:
         """The motion that the parameters describe."""
-        n = site.description.n
+        n = context.description.n
         curve = build_curve(
-            parameters.curve, parameters.curve_parameters, n, site, f"{site.key}.curve"
+            parameters.curve, parameters.curve_parameters, n, context, f"{context.key}.curve"
         )
         forward = parameters.direction == "forward"
         motion = cls(n, curve, parameters.speed_rad_s, forward, parameters.objective_weights)
         np.fill_diagonal(motion.x_jacobian, 1.0)
         motion.tolerance_deg = parameters.tolerance_deg
-        check_curve(motion, parameters.curve, site)
+        check_curve(motion, parameters.curve, context)
         return motion
 
     def locate(self, kinematics: Kinematics) -> None:
@@ -293,23 +295,23 @@ class TaskCurve(PersistentMotion):
         self.x, self.x_jacobian = task.error, task.jacobian
 
     @classmethod
-    def configured(cls, site: Site, parameters: Parameters) -> TaskCurve:
+    def configured(cls, context: BuildContext, parameters: Parameters) -> TaskCurve:
         """The motion that the parameters describe."""
         origin = np.zeros(3)
         task: ComTask | FramePositionTask
         if parameters.point == "com":
-            task = ComTask(site.kinematics, parameters.reference, origin)
+            task = ComTask(context.kinematics, parameters.reference, origin)
         else:
             task = FramePositionTask(
-                site.kinematics, parameters.point, parameters.reference, origin
+                context.kinematics, parameters.point, parameters.reference, origin
             )
         curve = build_curve(
-            parameters.curve, parameters.curve_parameters, 3, site, f"{site.key}.curve"
+            parameters.curve, parameters.curve_parameters, 3, context, f"{context.key}.curve"
         )
         forward = parameters.direction == "forward"
         motion = cls(task, curve, parameters.speed_m_s, forward, parameters.objective_weights)
         motion.tolerance_m = parameters.tolerance_m
-        check_curve(motion, parameters.curve, site)
+        check_curve(motion, parameters.curve, context)
         return motion
 
     def locate(self, kinematics: Kinematics) -> None:
