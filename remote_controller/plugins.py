@@ -53,8 +53,7 @@ class PluginGroup:
                 the family.
         """
         known = self.registered()
-        if name.startswith("remote_controller."):  # a path of ours, as version 0.1 wrote it
-            name = f"hoap3.{name}"
+        name = self._today(name)
         if name in known:
             point = known[name]
         elif ":" in name:
@@ -74,6 +73,14 @@ class PluginGroup:
                 "Install its package, or keep its module beside the config file",
             ) from error
         return self._checked(loaded, name, file, key)
+
+    def _today(self, name: str) -> str:
+        """Where a class of ours is that version 0.1 named by its dotted path; else the name."""
+        if not name.startswith("remote_controller."):
+            return name
+        wanted = name.rpartition(":")[2]
+        ours = (path for path in self.builtin.values() if path.rpartition(":")[2] == wanted)
+        return next(ours, name)
 
     def _checked(self, loaded: Any, name: str, file: str, key: str) -> type[Any]:
         bases = tuple(EntryPoint("", base, self.group).load() for base in self.bases)

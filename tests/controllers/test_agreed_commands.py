@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import sys
+
 import pytest
 
 from hoap3.protocol.errors import DescriptionError
 from hoap3.remote_controller.config import CONFIGS, ControllerConfig, build
 from hoap3.remote_controller.controllers.base import agreed
+from hoap3.remote_controller.registry import find
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.robots import load
 from hoap3.robot_emulator.service import describe
@@ -62,3 +65,21 @@ def test_a_robot_that_was_started_otherwise_is_told_how_to_start_it():
 def test_where_nothing_fits_both_are_named():
     with pytest.raises(DescriptionError, match="takes position, and the controller gives torque"):
         agreed(("torque",), load("hoap3"))
+
+
+def test_a_dotted_path_of_version_0_1_leads_to_the_class_as_it_is_today(tmp_path, monkeypatch):
+    old = "remote_controller.controllers.qp12:Qp12Controller"
+    assert find(old, "old.yaml") is find("qp12", "old.yaml")
+    package = tmp_path / "remote_controller"
+    package.mkdir()
+    (package / "__init__.py").touch()
+    (package / "mine.py").write_text(
+        "from hoap3.remote_controller.controllers.qp12.qp12 import Qp12Controller\n\n\n"
+        "class Mine(Qp12Controller):\n    pass\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)  # a package of the user's that is called as our room
+    try:
+        assert find("remote_controller.mine:Mine", "mine.yaml").__name__ == "Mine"
+    finally:
+        for name in ("remote_controller", "remote_controller.mine"):
+            sys.modules.pop(name, None)
