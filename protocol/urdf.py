@@ -12,6 +12,7 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 from xml.etree import ElementTree as ET
 
 from hoap3.protocol.errors import DescriptionError, nearest
@@ -87,6 +88,7 @@ class UrdfStructure:
         return {joint.name: joint for joint in self.joints if joint.kind in MOVABLE}
 
 
+@lru_cache(maxsize=4)  # a description checks itself anew at each change
 def read_urdf(text: str) -> UrdfStructure:
     """Check a URDF and return its structure.
 

@@ -74,6 +74,7 @@ class ControllerLoop:
         controller.now = clock.now
         n = controller.description.n
         self._state = State(n, 6 * len(controller.description.wrench_sensors))
+        self._lockstep = isinstance(clock, VirtualClock)
         self._session_id = session_id
         self._event = Event()
         self._event.session_id = session_id
@@ -123,55 +124,59 @@ class ControllerLoop:
         Raises:
             Hoap3Error: the controller failed; names the tick, and the place in its code.
         """
-        state, controller = self._state, self._controller
+        state, controller, now = self._state, self._controller, self._clock.now
         try:
             state.load(payload)
         except WireError:
             self.rejected += 1
             return None
-        if state.session_id != self._session_id:
+        tick, session_id, epoch = state.tick, state.session_id, state.epoch
+        if session_id != self._session_id:
             self.stale = True
             return None
-        if state.tick <= self._last_tick:
+        if tick <= self._last_tick:
             self.repeated += 1
-            self._doubt(state.tick < self._last_tick)
-            return self._last_answer if state.tick == self._last_tick else None
-        if isinstance(self._clock, VirtualClock):  # lockstep: the robot's time is the time
+            self._doubt(tick < self._last_tick)
+            return self._last_answer if tick == self._last_tick else None
+        if self._lockstep:  # the robot's time is the time
             self._clock.sleep_until(state.stamp_published)
-            received = self._clock.now()
-        decoded = self._clock.now()
-        self._doubt(self._forgotten(state))
-        self._note_gap(state.tick)
+            received = now()
+        decoded = now()
+        if epoch != self.epoch or self._strange:
+            self._doubt(self._forgotten(state))
+        if tick != self._last_tick + 1:
+            self._note_gap(tick)
+        self._last_tick = tick
         self._unrecorded.append((Kind.STATE, received, payload))
-        asked = state.mode == State.ACTIVE and state.epoch == self.epoch != 0
+        asked = state.mode == State.ACTIVE and epoch == self.epoch != 0
         try:
             if not self._started or asked != self._engaged:
                 self.sum_up()
                 self._reset(state)
                 self._engaged = asked
-                self._note("RESET", state.tick)
-            elif self._runs_up(state):
+                self._note("RESET", tick)
+            elif not asked and self._runs_up(state):
                 self._reset(state)
             command = controller.step(state)
-            command.stamp_solved = self._clock.now()
+            command.stamp_solved = now()
             self.steps += 1
         except (Exception, SystemExit) as error:  # nobody else may end us
-            self.announce("CONTROLLER_FAILED", state.tick)  # and the log has what it failed on
-            raise failure(controller, f"failed at tick {state.tick}", error) from error
+            self.announce("CONTROLLER_FAILED", tick)  # and the log has what it failed on
+            raise failure(controller, f"failed at tick {tick}", error) from error
         if controller.present != self._present:
             self._note_conditions(controller.present)
         if not asked:
             self._last_answer = None
             return None
-        command.session_id, command.tick = state.session_id, state.tick
-        command.epoch, command.stamp_state = state.epoch, state.stamp_published
+        command.session_id, command.tick, command.epoch = session_id, tick, epoch
+        command.stamp_state = state.stamp_published
         command.stamp_received, command.stamp_decoded = received, decoded
         command.stamp_sent_previous = self._sent_previous
-        command.stamp_encoded = self._clock.now()
-        self._last_answer = command.dump()
-        self._unrecorded.append((Kind.SETPOINT, command.stamp_encoded, self._last_answer))
+        command.stamp_encoded = encoded = now()
+        self._last_answer = answer = command.dump()
+        self._unrecorded.append((Kind.SETPOINT, encoded, answer))
         self.answered += 1
-        return self._last_answer
+        return answer
 
     def _forgotten(self, state: State) -> bool:
         """Whether the robot follows nobody, or somebody else, though it granted us authority."""
@@ -292,8 +297,9 @@ class ControllerLoop:
         self._record()
 
     def _record(self) -> None:
-        for record in self._unrecorded:
-            self._recorder.record(*record)
+        record = self._recorder.record
+        for kind, stamp, payload in self._unrecorded:
+            record(kind, stamp, payload)
         self._unrecorded.clear()
 
     def _note(self, kind: str, detail: int) -> None:
@@ -310,11 +316,11 @@ class ControllerLoop:
         self._present = present
 
     def _note_gap(self, tick: int) -> None:
-        missed = tick - self._last_tick - 1
-        if self._last_tick >= 0 and missed:
+        """Count the States between the last one seen and this one; before the first are none."""
+        if self._last_tick >= 0:
+            missed = tick - self._last_tick - 1
             self.overwritten += missed
             self._note("OVERWRITTEN", missed)
-        self._last_tick = tick
 
     def _reset(self, state: State) -> None:
         command = self._controller.command

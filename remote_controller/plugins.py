@@ -52,9 +52,10 @@ class PluginGroup:
             ConfigError: it cannot be imported, may not be (see `user_code`), or does not belong to
                 the family.
         """
-        known = self.registered()
         name = self._today(name)
-        if name in known:
+        if name in self.builtin:
+            point = EntryPoint(name, self.builtin[name], self.group)
+        elif name in (known := self.registered()):
             point = known[name]
         elif ":" in name:
             before_import(name, file, key)

@@ -24,6 +24,9 @@ class EventLimit:
 
     Args:
         kinds: that are limited; all others pass.
+
+    Attributes:
+        any_left_out: whether some were that nobody has been told of.
     """
 
     def __init__(self, kinds: Iterable[str] = LIMITED) -> None:
@@ -31,7 +34,7 @@ class EventLimit:
         self._since = dict.fromkeys(kinds, 0)  # when the room last grew, or was full [ns]
         self._left_out = dict.fromkeys(kinds, 0)
         self._told = dict.fromkeys(kinds, 0)  # when left_out began, or was told [ns]
-        self._any_left_out = False
+        self.any_left_out = False
 
     def passes(self, kind: str, now: int) -> bool:
         """Whether an event of this kind may be announced now [ns]; if not, it is counted."""
@@ -48,7 +51,7 @@ class EventLimit:
         if not self._left_out[kind]:
             self._told[kind] = now
         self._left_out[kind] += 1
-        self._any_left_out = True
+        self.any_left_out = True
         return False
 
     def left_out(self, now: int, *, at_end: bool = False) -> list[tuple[str, int]]:
@@ -56,8 +59,6 @@ class EventLimit:
 
         At the end nothing waits for its second to be over.
         """
-        if not self._any_left_out:
-            return []
         told = [
             (kind, count)
             for kind, count in self._left_out.items()
@@ -65,5 +66,5 @@ class EventLimit:
         ]
         for kind, _ in told:
             self._left_out[kind] = 0
-        self._any_left_out = any(self._left_out.values())
+        self.any_left_out = any(self._left_out.values())
         return told

@@ -107,6 +107,7 @@ class RobotLoop:
         self._event.session_id = session_id
         self._event_limit = EventLimit()
         self.tick = self._published = -1
+        self._unrecorded = b""  # State
         self.realtime: list[str] = []
 
     def run(self, start: int, should_stop: Callable[[], bool], ticks: int | None = None) -> None:
@@ -138,6 +139,7 @@ class RobotLoop:
             self.step(ticker)
             if self._stop_reason in _LAST_WORDS and self.mode == State.STOPPED:
                 break
+        self._record_state()
         self._tell_left_out(at_end=True)
         self._announce("ENDED", 0)
         summary = json.dumps(self.summary()).encode()
@@ -192,6 +194,7 @@ class RobotLoop:
         if not self._lead:
             return False
         self._clock.sleep_until(ticker.next - self._lead)
+        self._record_state()
         self._receive(self._published)
         known = self._asked_tick < 0 or self.validator.in_time(self._asked_tick)
         return known and self._clock.now() < ticker.next
@@ -202,7 +205,8 @@ class RobotLoop:
         for request in islice(self._link.requests(), self._requests_per_tick):
             self._serve(request)
         self._look_after_holder()
-        self._tell_left_out()
+        if self._event_limit.any_left_out:
+            self._tell_left_out()
         self._receive(self._published)
         self._judge()
         self._obey_grant()
@@ -289,18 +293,18 @@ class RobotLoop:
             if clipped >= 0 and not self._clipped:
                 self._announce("CLIPPED", clipped)
             self._clipped = clipped >= 0
-            self._count_held(setpoint_filter.held)
         elif self.mode == State.STOPPING:
             at_rest = setpoint_filter.brake()
-            self._count_held(setpoint_filter.held)
             if at_rest:
                 self._announce("AT_REST", self.tick - self._stop_began)
                 self._come_to_rest()
+        else:
+            return
+        if setpoint_filter.held >= 0:
+            self._count_held(setpoint_filter.held)
 
     def _count_held(self, joint: int) -> None:
-        """Count a period by the joint that was held back in it, -1 for none."""
-        if joint < 0:
-            return
+        """Count a period by the joint that was held back in it."""
         self._held[joint] += 1
         if self._held_first[0] < 0:
             self._held_first = joint, self.tick
@@ -332,7 +336,15 @@ class RobotLoop:
         payload = state.dump()
         self._link.publish(payload)
         state.stamp_sent_previous = self._clock.now()
-        self._recorder.record(Kind.STATE, state.stamp_published, payload)
+        self._unrecorded = payload
+        if not self._lead:
+            self._record_state()
+
+    def _record_state(self) -> None:
+        """Record the newest State: in real time after a sleep, in which the answer is made."""
+        if self._unrecorded:
+            self._recorder.record(Kind.STATE, self._state.stamp_published, self._unrecorded)
+            self._unrecorded = b""
 
     def _serve(self, request: Request) -> None:
         """Answer a request; docs/wire.md has the answers."""

@@ -41,7 +41,8 @@ class SetpointValidator:
         fresh: whether `setpoint` has not been taken by a tick yet.
         duplicate: setpoints for a tick that was answered before.
         conflicting: those of them whose values are not those of the first answer.
-        rejections: counts by reason.
+        rejected: setpoints refused, of all kinds.
+        rejections: the same by reason.
         deadlines: outcomes of ticks.
     """
 
@@ -60,14 +61,9 @@ class SetpointValidator:
         self._counted_lost = [False] * HISTORY
         self.fresh = False
         self.newest_tick = -1
-        self.duplicate = self.conflicting = self.out_of_order = 0
+        self.duplicate = self.conflicting = self.out_of_order = self.rejected = 0
         self.rejections = dict.fromkeys(REJECTION_KINDS, 0)
         self.deadlines = Deadlines()
-
-    @property
-    def rejected(self) -> int:
-        """Setpoints refused, of all kinds."""
-        return sum(self.rejections.values())
 
     def ask(self, tick: int, epoch: int, deadline: int) -> None:
         """The State of `tick` asks for an answer under `epoch` that is there by `deadline` [ns]."""
@@ -86,9 +82,12 @@ class SetpointValidator:
         """
         reason = self._refusal(payload, last_tick)
         if reason is not None:
+            self.rejected += 1
             self.rejections[reason] += 1
             return reason
-        setpoint, place = self._incoming, self._incoming.tick % HISTORY
+        setpoint = self._incoming
+        tick = setpoint.tick
+        place = tick % HISTORY
         if self._arrival[place] >= 0:
             self.duplicate += 1
             self.conflicting += setpoint.values.tobytes() != self._values[place].tobytes()
@@ -97,10 +96,10 @@ class SetpointValidator:
         self._values[place] = setpoint.values
         if self._counted_lost[place]:
             self.deadlines.lost_arrived()
-        if setpoint.tick <= self.newest_tick:
+        if tick <= self.newest_tick:
             self.out_of_order += 1
             return None
-        self.newest_tick = setpoint.tick
+        self.newest_tick = tick
         self._incoming, self.setpoint = self.setpoint, setpoint
         self.fresh = True
         return None
@@ -136,12 +135,13 @@ class SetpointValidator:
             setpoint.load(payload)
         except WireError as error:
             return error.kind
-        place = setpoint.tick % HISTORY
+        tick = setpoint.tick
+        place = tick % HISTORY
         if setpoint.session_id != self._session_id:
             return "session"
-        if setpoint.tick > last_tick:
+        if tick > last_tick:
             return "future"
-        if self._asked[place] != setpoint.tick:
+        if self._asked[place] != tick:
             return "unasked"
         if self._epochs[place] != setpoint.epoch:
             return "epoch"

@@ -23,6 +23,7 @@ class Deadlines:
     """Outcomes of ticks that asked for an answer.
 
     Attributes:
+        asked: ticks whose deadline has passed.
         in_time: answered by the deadline.
         late: answered after it.
         lost: not answered, so far.
@@ -32,15 +33,10 @@ class Deadlines:
     """
 
     def __init__(self, window: int = WINDOW) -> None:
-        self.in_time = self.late = self.lost = self.run = self.longest_run = 0
+        self.asked = self.in_time = self.late = self.lost = self.run = self.longest_run = 0
         self.worst_window: float | None = None
         self._window = [False] * window
         self._hits = 0
-
-    @property
-    def asked(self) -> int:
-        """Ticks that asked for an answer and whose deadline has passed."""
-        return self.in_time + self.late + self.lost
 
     @property
     def missed(self) -> int:
@@ -60,21 +56,19 @@ class Deadlines:
 
     def hit(self) -> None:
         """The answer was in time."""
-        self._turn(hit=True)
+        self._count(hit=True)
         self.in_time += 1
         self.run = 0
-        self._note_window()
 
     def miss(self, *, arrived: bool) -> None:
         """The deadline passed without an answer; `arrived` where it came after it."""
-        self._turn(hit=False)
+        self._count(hit=False)
         if arrived:
             self.late += 1
         else:
             self.lost += 1
         self.run += 1
         self.longest_run = max(self.longest_run, self.run)
-        self._note_window()
 
     def lost_arrived(self) -> None:
         """An answer counted as lost has arrived after all: it was late."""
@@ -85,14 +79,14 @@ class Deadlines:
         """Misses before this do not count towards a stop: the robot was told to start anew."""
         self.run = 0
 
-    def _turn(self, *, hit: bool) -> None:
-        place = self.asked % len(self._window)
-        self._hits += hit - self._window[place]
-        self._window[place] = hit
-
-    def _note_window(self) -> None:
-        if self.asked >= len(self._window):
-            rate = self._hits / len(self._window)
+    def _count(self, *, hit: bool) -> None:
+        window = self._window
+        place = self.asked % len(window)
+        self._hits += hit - window[place]
+        window[place] = hit
+        self.asked += 1
+        if self.asked >= len(window):
+            rate = self._hits / len(window)
             if self.worst_window is None or rate < self.worst_window:
                 self.worst_window = rate
 

@@ -30,14 +30,24 @@ class NoRecorder:
 
 
 class MemoryRecorder:
-    """Keeps everything in a list: for simulations in process, and tests."""
+    """Keeps everything in lists: for simulations in process, and tests."""
 
     def __init__(self) -> None:
-        self.records: list[Record] = []
+        # not a list of tuples: the garbage collector would visit each of them, again and again
+        self._kinds: list[Kind] = []
+        self._stamps: list[int] = []
+        self._payloads: list[bytes] = []
+
+    @property
+    def records(self) -> list[Record]:
+        """All of it, oldest first."""
+        return list(map(Record, self._kinds, self._stamps, self._payloads))
 
     def record(self, kind: Kind, stamp: int, payload: bytes) -> None:
         """Append it."""
-        self.records.append(Record(kind, stamp, payload))
+        self._kinds.append(kind)
+        self._stamps.append(stamp)
+        self._payloads.append(payload)
 
     record_large = record
 
