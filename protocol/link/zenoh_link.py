@@ -12,7 +12,7 @@ import os
 import threading
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from queue import SimpleQueue
 from typing import Any, Literal
@@ -138,6 +138,7 @@ class ZenohRobotLink:
 
     def __init__(self, robot: str, settings: LinkSettings, *, blocking: bool = False) -> None:
         self.arrival, self._blocking = threading.Event(), blocking
+        self._give_way = _way_to_sender()
         self._local: LocalControl | None = None
         self._session = session = open_session(settings)
         try:
@@ -167,6 +168,7 @@ class ZenohRobotLink:
     def publish(self, state: bytes) -> None:
         """Send a State."""
         self._state.put(state)
+        self._give_way()
 
     def announce(self, event: bytes) -> None:
         """Send an Event."""
@@ -363,6 +365,7 @@ class ZenohControllerLink:
         self._asked: deque[tuple[float, Request]] = deque(maxlen=PENDING)
         self.linked = False
         self._waking, self._closed = threading.Lock(), False
+        self._give_way = _way_to_sender()
         self._session = session = open_session(settings)
         self._answers = _Answers()
         try:
@@ -396,6 +399,7 @@ class ZenohControllerLink:
     def publish(self, setpoint: bytes) -> None:
         """Send a Setpoint."""
         self._setpoint.put(setpoint)
+        self._give_way()
 
     def wake(self) -> None:
         """Make `wait` return None; from any thread."""
@@ -545,8 +549,17 @@ def _link_changed(event: zenoh.LinkEvent) -> None:
         forbid_lingering()
 
 
+def _way_to_sender() -> Callable[[], None]:
+    """What lets Zenoh's thread send at once.
+
+    It has our CPU and, under SCHED_FIFO, our priority: it would wait until we sleep. Under any
+    other policy giving way may cost a slice of time, and the thread need not wait.
+    """
+    return os.sched_yield if os.sched_getscheduler(0) == os.SCHED_FIFO else _nothing
+
+
 def _nothing() -> None:
-    """Nobody waits for an arrival in real time."""
+    """Nobody waits for an arrival in real time, nor for us to give way."""
 
 
 def _remember(clients: dict[str, int], who: str, taken: int) -> None:
