@@ -99,11 +99,12 @@ class NotInstalledError(UnknownNameError):
         package: what to install.
     """
 
-    def __init__(self, kind: str, name: str, package: str, installed: Iterable[str]) -> None:
+    def __init__(self, kind: str, name: str, package: str, installed: Iterable[str] = ()) -> None:
+        others = ", ".join(installed)
         UsageError.__init__(
             self,
-            f"the {kind} {name!r} is known, but not installed: pip install {package} "
-            f"(installed: {', '.join(installed) or 'none'})",
+            f"the {kind} {name!r} is known, but not installed: pip install {package}"
+            + (f" (installed: {others})" if others else ""),
         )
         self.kind, self.name, self.known, self.nearest = kind, name, [name], None
         self.package = package

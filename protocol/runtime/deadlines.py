@@ -7,15 +7,16 @@ memory, so a service can run for months.
 from __future__ import annotations
 
 import heapq
+from bisect import bisect_left
+from itertools import accumulate
 from typing import Any
-
-from hdrh.histogram import HdrHistogram
 
 WINDOW = 100
 FIT, WARN = 0.95, 0.90
 """Success rates from which a run is fit, and below which it is unfit."""
 
 PERCENTILES = {"p50": 50.0, "p90": 90.0, "p99": 99.0, "p99_9": 99.9}
+_BITS = 11  # that tell one duration from another
 TAIL_SAMPLES = 100_000  # from so many on, p99.99 rests on ten samples or more
 
 
@@ -101,7 +102,8 @@ def verdict(run_rate: float, *, safe_stop: bool) -> str:
 class Durations:
     """A histogram of durations, 1 ns to `highest`, with the worst ones and their ticks.
 
-    Percentiles are those of the nearest rank, to three significant digits.
+    Percentiles are those of the nearest rank, to a thousandth: up to 2047 ns each duration has a
+    bin of its own, and from there on each doubling has 1024 of them.
 
     Args:
         highest: longest duration that is resolved [ns]; longer ones are counted as overflows.
@@ -109,7 +111,7 @@ class Durations:
     """
 
     def __init__(self, highest: int = 10_000_000_000, worst: int = 10) -> None:
-        self._histogram = HdrHistogram(1, highest, 3)
+        self._bins = [0] * (_bin(highest) + 1)
         self._highest, self._keep = highest, worst
         self._worst: list[tuple[int, int]] = []
         self.n = self.overflows = self.negative = 0
@@ -125,7 +127,7 @@ class Durations:
         self.n += 1
         if nanoseconds > self._highest:
             self.overflows += 1
-        self._histogram.record_value(min(max(nanoseconds, 1), self._highest))
+        self._bins[_bin(min(nanoseconds, self._highest))] += 1
         if len(self._worst) < self._keep:
             heapq.heappush(self._worst, (nanoseconds, tick))
         elif nanoseconds > self._worst[0][0]:
@@ -142,9 +144,10 @@ class Durations:
         if self.n >= TAIL_SAMPLES:
             percentiles["p99_99"] = 99.99
         result["min"] = self._min / 1e3
+        up_to = list(accumulate(self._bins))
         for name, share in percentiles.items():
             rank = -(-self.n * round(share * 100) // 10_000)  # the nearest rank, never rounded down
-            value = self._histogram.get_value_at_percentile(100.0 * rank / self.n)
+            value = _longest_in(bisect_left(up_to, rank))
             result[name] = min(max(value, self._min), self._max) / 1e3
         result["max"] = self._max / 1e3
         result["worst"] = [
@@ -153,6 +156,18 @@ class Durations:
         if self.overflows:
             result["overflows"] = self.overflows
         return result
+
+
+def _bin(nanoseconds: int) -> int:
+    """Number of a duration's bin, by its leading eleven bits."""
+    coarse = max(0, nanoseconds.bit_length() - _BITS)
+    return (coarse << _BITS - 1) + (nanoseconds >> coarse)
+
+
+def _longest_in(number: int) -> int:
+    """The longest duration of a bin [ns]."""
+    coarse = max(0, (number >> _BITS - 1) - 1)
+    return ((number - (coarse << _BITS - 1) + 1) << coarse) - 1
 
 
 class Jitter:

@@ -7,6 +7,7 @@ from typing import Any
 
 from hoap3.protocol.errors import ConfigError
 from hoap3.tools.bench.scaling import FIT_FROM
+from hoap3.tools.machine.extras import check_drawing
 
 FORMATS = (".png", ".svg", ".pdf")
 
@@ -16,7 +17,9 @@ def check_picture(path: Path) -> None:
 
     Raises:
         ConfigError: the name does not end in a format, or its folder does not exist.
+        NotInstalledError: nothing can be drawn here.
     """
+    check_drawing()
     if path.suffix.lower() not in FORMATS:
         allowed = f"End its name in {', '.join(FORMATS)}"
         raise ConfigError("--plot", "", str(path), "is no name of a picture", allowed)

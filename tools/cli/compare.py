@@ -44,8 +44,10 @@ def compare(
     ] = False,
 ) -> None:
     """Set controllers beside each other: on a robot each in lockstep, or on the States of a log."""
+    from hoap3.tools.machine.extras import check_drawing
     from hoap3.tools.show.kernel_news import watch_compilation
 
+    check_drawing()
     watch_compilation()
     from hoap3.tools.compare.comparison import compare as make
     from hoap3.tools.compare.show import show

@@ -19,6 +19,9 @@ def report(
     ] = False,
 ) -> None:
     """Draw what a log shows, as one HTML file that needs nothing but itself."""
+    from hoap3.tools.machine.extras import check_drawing
+
+    check_drawing()
     from hoap3.tools.report.write import write_report
     from hoap3.tools.show.certificate_count import in_a_line
     from hoap3.tools.show.output import print_json, print_line, print_note, progress

@@ -21,8 +21,10 @@ def reproduce(
     ] = False,
 ) -> None:
     """Re-make a paper's figures and tables, and compare them with what its equations give."""
+    from hoap3.tools.machine.extras import check_drawing
     from hoap3.tools.show.kernel_news import watch_compilation
 
+    check_drawing()
     watch_compilation()
     from hoap3.tools.reproduce.remake import reproduce as remake
     from hoap3.tools.reproduce.show import show_rows
