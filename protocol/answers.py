@@ -68,7 +68,7 @@ class Release(Answer):
     released: bool
 
 
-class Grant(Status):
+class GrantAnswer(Status):
     """Answer to "acquire".
 
     Attributes:
@@ -135,7 +135,7 @@ ROBOT_ANSWERS: dict[str, type[Answer]] = {
     "stop": Status,
     "recover": Recovery,
     "release": Release,
-    "acquire": Grant,
+    "acquire": GrantAnswer,
 }
 """What a robot answers, by the verb of the request; "description" has a function of its own."""
 

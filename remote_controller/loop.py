@@ -28,7 +28,7 @@ does only at a beginning is slow where it has not just been done."""
 HEARD_PAUSE_NS = 1_000_000_000
 """Between two records of the like that the robot said: anybody may publish in its name."""
 
-DOUBTS = 100
+MOST_STRANGE_STATES = 100
 """States in a row that do not fit what was agreed, after which it is agreed anew."""
 
 
@@ -192,7 +192,7 @@ class ControllerLoop:
     def _doubt(self, strange: bool) -> None:
         """One such State may be old, or forged; many in a row are not."""
         self._strange = self._strange + 1 if strange else 0
-        self.stale = self.stale or self._strange >= DOUBTS
+        self.stale = self.stale or self._strange >= MOST_STRANGE_STATES
 
     def sent(self) -> None:
         """The answer is on its way: now there is time to record what was done."""

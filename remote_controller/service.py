@@ -10,7 +10,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 
-from hoap3.protocol.answers import Grant, Status, parse_answer, parse_description
+from hoap3.protocol.answers import GrantAnswer, Status, parse_answer, parse_description
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import AuthorityError, LinkError, PortInUseError, UsageError, WireError
 from hoap3.protocol.link.base import Request
@@ -290,7 +290,7 @@ class Service:
             self._report(Routine(f"following robot {link.robot!r} from tick {grant.from_tick}"))
         return True
 
-    def _acquire(self, link: ZenohControllerLink) -> Grant | None:
+    def _acquire(self, link: ZenohControllerLink) -> GrantAnswer | None:
         """Ask for authority, again where the answer is unusable or the refusal will pass.
 
         It passes once the robot sees our token, or no longer that of our last session.
@@ -307,7 +307,7 @@ class Service:
             if raw is None:
                 return None
             try:
-                grant = parse_answer(Grant, raw, f"robot {link.robot!r} answers 'acquire'")
+                grant = parse_answer(GrantAnswer, raw, f"robot {link.robot!r} answers 'acquire'")
             except WireError as error:
                 self._count(error)
                 self._pause()

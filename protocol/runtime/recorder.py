@@ -67,7 +67,7 @@ class RingRecorder:
         self._ring.write_large(kind, stamp, payload)
 
 
-class PatientRecorder:
+class BlockingRecorder:
     """Hands everything to the observer and waits while the ring is full: for lockstep.
 
     Args:

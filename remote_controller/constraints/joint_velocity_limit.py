@@ -32,10 +32,10 @@ class JointSpeed(Constraint):
         kinematics: Kinematics,
         period_s: float,
     ) -> None:
-        from hoap3.remote_controller.constraints.limit_kernels import narrow
+        from hoap3.remote_controller.constraints.limit_kernels import intersect_box
 
         super().__init__(parameters, description, kinematics, period_s)
-        self._narrow = narrow
+        self._intersect_box = intersect_box
         own = parameters.joints_rad_s
         wanted = np.full(self.n, parameters.limit_rad_s or np.inf)
         for name, joint in zip(own, self.joint_indices("joints_rad_s", own), strict=True):
@@ -49,4 +49,4 @@ class JointSpeed(Constraint):
 
     def bounds(self, state: State, lower_out: FloatArray, upper_out: FloatArray) -> None:
         """Narrow to [−ω, ω]."""
-        self._narrow(self._lower, self._upper, lower_out, upper_out)
+        self._intersect_box(self._lower, self._upper, lower_out, upper_out)

@@ -20,7 +20,7 @@ def _clipped(value: float, lower: float, upper: float) -> float:
 
 
 @kernel("void(f8[::1], f8[::1], f8[::1], f8[::1])")
-def narrow(
+def intersect_box(
     lower: FloatArray, upper: FloatArray, lower_out: FloatArray, upper_out: FloatArray
 ) -> None:
     """Cut intervals down to others; of two that do not meet, the nearest value of the first stays.
@@ -46,7 +46,7 @@ def narrow_to_range(
     lower_out: FloatArray,
     upper_out: FloatArray,
 ) -> float:
-    """Narrow intervals of u by −η(q − q_min) ≤ u ≤ η(q_max − q), as `narrow` does.
+    """Narrow intervals of u by −η(q − q_min) ≤ u ≤ η(q_max − q), as `intersect_box` does.
 
     Args:
         q, least, greatest: (n,) q, q_min, q_max [rad or m].

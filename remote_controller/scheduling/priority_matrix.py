@@ -120,7 +120,7 @@ def without(alpha: FloatArray, out: NDArray[np.bool_], result: FloatArray) -> No
     result[out] = 1.0
 
 
-def unsurpassed(alpha: FloatArray) -> NDArray[np.bool_]:
+def top_level(alpha: FloatArray) -> NDArray[np.bool_]:
     """Which tasks take part and heed no other, (k,); in a cycle without one, all that take part."""
     present = np.diag(alpha) < 1.0
     others = alpha.copy()

@@ -93,7 +93,7 @@ def advance(
 
 
 @kernel("void(f8[::1], f8[::1], f8[::1], f8, f8[::1], f8[::1])")
-def resist(
+def joint_friction(
     dq: FloatArray,
     viscous: FloatArray,
     coulomb: FloatArray,

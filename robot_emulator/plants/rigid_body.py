@@ -46,7 +46,7 @@ class RigidBody:
         from hoap3.robot_emulator.plants import motion_kernels as kernels
 
         n = description.n
-        self._advance, self._resist = kernels.advance, kernels.resist
+        self._advance, self._joint_friction = kernels.advance, kernels.joint_friction
         self._keep_between = kernels.keep_between
         self._dynamics = Dynamics(description)
         self._dynamics.check_forward(description.initial_position)
@@ -156,7 +156,7 @@ class RigidBody:
     def _need(self, ddq: FloatArray, dt: float, out: FloatArray) -> None:
         """Write the torques of the motors that accelerations need over `dt` [s]."""
         self._dynamics.inverse(self.q, self.dq, ddq, out)
-        self._resist(self.dq, self._viscous, self._coulomb, SLIDING, self._added, self._net)
+        self._joint_friction(self.dq, self._viscous, self._coulomb, SLIDING, self._added, self._net)
         out -= self._net
         np.copyto(self._slope, self._added)
         self._added *= dt
@@ -174,7 +174,7 @@ class RigidBody:
             self._dynamics.gravity(self.q, self._weight)
             self._asked += self._weight
         self._keep_between(self._asked, self._least, self._effort, self.tau)
-        self._resist(self.dq, self._viscous, self._coulomb, SLIDING, self._added, self._net)
+        self._joint_friction(self.dq, self._viscous, self._coulomb, SLIDING, self._added, self._net)
         self._net += self.tau
         self._added *= h
         self._dynamics.forward_damped(self.q, self.dq, self._net, self._added, self._ddq)

@@ -12,7 +12,7 @@ from small_arm import arm
 from hoap3.protocol.errors import Hoap3Error, UsageError
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind
-from hoap3.remote_controller.loop import DOUBTS, LONGEST_CHANGE, ControllerLoop
+from hoap3.remote_controller.loop import LONGEST_CHANGE, MOST_STRANGE_STATES, ControllerLoop
 
 
 def test_an_answer_belongs_to_its_state():
@@ -57,10 +57,10 @@ def test_ticks_that_stay_behind_a_forged_one_make_the_loop_stale():
     bench = Bench()
     bench.answer(bench.state(5))
     bench.answer(bench.state(1 << 40))
-    for tick in range(6, 6 + DOUBTS - 1):
+    for tick in range(6, 6 + MOST_STRANGE_STATES - 1):
         assert bench.answer(bench.state(tick)) is None
         assert not bench.loop.stale
-    bench.answer(bench.state(6 + DOUBTS))
+    bench.answer(bench.state(6 + MOST_STRANGE_STATES))
     assert bench.loop.stale
 
 
@@ -68,16 +68,16 @@ def test_ticks_that_stay_behind_a_forged_one_make_the_loop_stale():
 def test_a_robot_that_follows_us_no_longer_makes_the_loop_stale(changes):
     bench = Bench()
     bench.answer(bench.state(5))
-    for tick in range(6, 6 + DOUBTS - 1):
+    for tick in range(6, 6 + MOST_STRANGE_STATES - 1):
         bench.answer(bench.state(tick, **changes))
         assert not bench.loop.stale
-    bench.answer(bench.state(6 + DOUBTS, **changes))
+    bench.answer(bench.state(6 + MOST_STRANGE_STATES, **changes))
     assert bench.loop.stale
 
 
 def test_a_robot_that_stands_still_for_us_is_waited_for():
     bench = Bench()
-    for tick in range(5, 5 + 3 * DOUBTS):
+    for tick in range(5, 5 + 3 * MOST_STRANGE_STATES):
         bench.answer(bench.state(tick, epoch=0, epoch_from_tick=5, mode=State.STOPPED))
     assert not bench.loop.stale
 

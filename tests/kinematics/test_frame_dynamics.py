@@ -8,7 +8,10 @@ import pytest
 
 from hoap3.protocol.errors import FrameNotFoundError
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
-from hoap3.remote_controller.controllers.acceleration_tasks.se3_pd_kernels import aim, rotation_of
+from hoap3.remote_controller.controllers.acceleration_tasks.se3_pd_kernels import (
+    rotation_of,
+    se3_pd,
+)
 from hoap3.remote_controller.model.frame_dynamics import (
     POSE,
     POSITION,
@@ -108,7 +111,7 @@ def aimed(origin, rotation, goal, turn, twist, drift=None, kp=0.0, kd=0.0):
     error, wanted, slope = np.zeros((3, 6))
     drift = np.zeros(6) if drift is None else drift
     arrays = (np.array(origin), np.array(rotation), np.array(goal), np.ascontiguousarray(turn))
-    V, where = aim(*arrays, twist, drift, kp, kd, np.zeros((3, 3)), error, wanted, slope)
+    V, where = se3_pd(*arrays, twist, drift, kp, kd, np.zeros((3, 3)), error, wanted, slope)
     return V, where, error, wanted, slope
 
 

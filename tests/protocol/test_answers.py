@@ -16,7 +16,7 @@ from hoap3.protocol.answers import (
     MAX_ANSWER_BYTES,
     MAX_CONTROL_BYTES,
     ControlAnswer,
-    Grant,
+    GrantAnswer,
     Priorities,
     Recovery,
     Status,
@@ -29,7 +29,7 @@ from hoap3.protocol.errors import WireError
 MODELS = {
     "status": Status,
     "recover": Recovery,
-    "acquire": Grant,
+    "acquire": GrantAnswer,
     "show": ControlAnswer,
     "change": ControlAnswer,
 }
@@ -93,8 +93,8 @@ def test_a_missing_key_is_named(key):
 @pytest.mark.parametrize(
     ("model", "content"),
     [
-        (Grant, {**STATUS, "granted": True, "from_tick": 3}),
-        (Grant, {**STATUS, "granted": True, "epoch": 0, "from_tick": 3}),
+        (GrantAnswer, {**STATUS, "granted": True, "from_tick": 3}),
+        (GrantAnswer, {**STATUS, "granted": True, "epoch": 0, "from_tick": 3}),
         (ControlAnswer, {"error": None, "now": None}),
         (ControlAnswer, {"error": "why", "now": {}}),
         (Priorities, {"names": ["a", "b"], "alpha": [[1.0, 0.0]], "moving": False, "out": []}),

@@ -9,9 +9,9 @@ import pytest
 
 from hoap3.protocol.errors import Hoap3Error
 from hoap3.protocol.runtime.recorder import (
+    BlockingRecorder,
     MemoryRecorder,
     NoRecorder,
-    PatientRecorder,
     RingRecorder,
 )
 from hoap3.protocol.runtime.shm_ring import Kind, Record, Ring
@@ -67,7 +67,7 @@ def test_a_ring_recorder_writes_and_never_waits(ring):
 
 def test_a_patient_recorder_waits_for_a_slow_reader_and_drops_nothing(ring):
     reader = Reader(ring)
-    recorder = PatientRecorder(ring, reader.alive)
+    recorder = BlockingRecorder(ring, reader.alive)
     for stamp in range(100):
         recorder.record(Kind.STATE, stamp, b"x")
     reader.records += reader.ring.read()
@@ -78,7 +78,7 @@ def test_a_patient_recorder_waits_for_a_slow_reader_and_drops_nothing(ring):
 
 def test_a_patient_recorder_asks_nobody_while_there_is_room(ring):
     reader = Reader(ring)
-    recorder = PatientRecorder(ring, reader.alive)
+    recorder = BlockingRecorder(ring, reader.alive)
     for stamp in range(4):
         recorder.record(Kind.STATE, stamp, b"x")
     assert reader.asked == 0
@@ -86,7 +86,7 @@ def test_a_patient_recorder_asks_nobody_while_there_is_room(ring):
 
 def test_a_patient_recorder_waits_for_room_for_the_whole_of_a_large_record(ring):
     reader = Reader(ring)
-    recorder = PatientRecorder(ring, reader.alive)
+    recorder = BlockingRecorder(ring, reader.alive)
     recorder.record(Kind.STATE, 0, b"x")
     recorder.record(Kind.STATE, 1, b"x")
     recorder.record_large(Kind.DESCRIPTION, 2, bytes(12_000))
@@ -99,7 +99,7 @@ def test_a_patient_recorder_waits_for_room_for_the_whole_of_a_large_record(ring)
 @pytest.mark.parametrize(("method", "payload"), [("record", b"x"), ("record_large", bytes(5000))])
 def test_a_patient_recorder_says_so_when_its_reader_has_died(ring, dies_after, method, payload):
     reader = Reader(ring, dies_after=dies_after)
-    recorder = PatientRecorder(ring, reader.alive)
+    recorder = BlockingRecorder(ring, reader.alive)
     for stamp in range(4):
         recorder.record(Kind.STATE, stamp, b"x")
     with pytest.raises(Hoap3Error, match="not whole"):

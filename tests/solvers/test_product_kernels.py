@@ -24,7 +24,7 @@ def test_a_part_of_a_product_is_added_and_nothing_else_is_touched(n):
     expected = target.copy()
     top, left = n // 3, n // 2
     expected[top:, left : n + 2] -= 0.5 * X[2:7, top:].T @ Y[2:7, left : n + 2]
-    tiled_product_kernels.add_product(target, -0.5, X, Y, top, n, left, n + 2, 2, 7)
+    tiled_product_kernels.gemm(target, -0.5, X, Y, top, n, left, n + 2, 2, 7)
     close(target, expected)
 
 
@@ -33,7 +33,7 @@ def test_a_part_of_a_product_is_added_and_nothing_else_is_touched(n):
 def test_gram(n, count):
     rows, target = random(6, n), random(n, n)
     expected = np.triu(target - 2.0 * rows[:count].T @ rows[:count])
-    tiled_product_kernels.gram(target, -2.0, rows, count)
+    tiled_product_kernels.syrk(target, -2.0, rows, count)
     close(np.triu(target), expected)
 
 
@@ -73,5 +73,5 @@ def test_dependent_columns_are_zero_rows_of_the_factor(n):
 def test_rows_divided_by_a_triangle(n):
     U, rows = np.triu(random(n, n)) + 3 * np.eye(n), random(n, 2 * n)
     expected = np.linalg.solve(U.T, rows)
-    tiled_product_kernels.divide_rows(U, rows)
+    tiled_product_kernels.triangular_solve(U, rows)
     close(rows, expected)

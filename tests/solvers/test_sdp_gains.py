@@ -32,7 +32,7 @@ def check(it: Problem, solver: SdpGains) -> None:
     np.testing.assert_allclose(S @ solver.gains, solver.dq, atol=2e-8 * (1 + abs(solver.dq).max()))
     reach = np.concatenate([it.upper - solver.dq, solver.dq - it.lower])
     assert solver.margin == pytest.approx(reach.min(), abs=1e-9)
-    assert solver.status in (status.OK, status.STATIONARY, status.UNSOLVED, status.SPENT)
+    assert solver.status in (status.OK, status.STATIONARY, status.UNSOLVED, status.ITERATION_LIMIT)
     assert (solver.path == NONE) == (solver.status == status.STATIONARY)
     if solver.status == status.OK:
         assert solver.gap <= 1e-9 * it.desired**2
@@ -255,7 +255,7 @@ class TestSpecial:
         assert solver.solve(it.J, it.e, it.dt, it.desired) == status.OK
         before = solver.gains.copy()
         solver.budget, solver.upper[:], solver.lower[:] = 1, 0.5 * it.upper, 0.5 * it.lower
-        assert solver.solve(it.J, it.e, it.dt, it.desired) == status.SPENT
+        assert solver.solve(it.J, it.e, it.dt, it.desired) == status.ITERATION_LIMIT
         assert solver.path == BUDGET
         assert solver.newton + solver.inner <= 1
         assert np.abs(solver.dq).max() <= 0.5 * it.upper[0]
@@ -268,7 +268,11 @@ class TestSpecial:
     def test_without_last_gains_the_best_point_that_was_found_is_taken(self):
         it = ur5(4)
         found = [it.solved(budget=budget) for budget in (1, 3, 60)]
-        assert [solver.status for solver in found] == [status.SPENT, status.SPENT, status.OK]
+        assert [solver.status for solver in found] == [
+            status.ITERATION_LIMIT,
+            status.ITERATION_LIMIT,
+            status.OK,
+        ]
         assert 0 < found[0].beta < found[1].beta < found[2].beta
         for solver in found:
             check(it, solver)

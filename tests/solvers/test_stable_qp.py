@@ -94,7 +94,7 @@ class TestPaths:
         assert (s.status, s.path) == (status.OK, FREE)
         forced = solved((gradient, A, b, lower + 1.1, upper), 0.5, objective=2)
         assert forced.path == QP  # u = 0 is not within the bounds
-        assert forced.status == status.BEHIND
+        assert forced.status == status.CANNOT_DESCEND
 
     def test_equations(self) -> None:
         gradient, A, b, lower, upper = problem([1.0, 1.0, 0.0], [], [])
@@ -180,7 +180,7 @@ class TestObjectives:
         assert s.status == status.OK
         assert s.kkt_residual < 1e-9
         s.solve(given[0], 0.0, 5.0, *given[1:], M=np.eye(2), y=np.array([0.5, 0.1]))
-        assert s.status == status.BEHIND
+        assert s.status == status.CANNOT_DESCEND
         np.testing.assert_allclose(s.u, [-1.0, 0.1], atol=1e-6)
 
     def test_refusals(self) -> None:
@@ -232,10 +232,10 @@ class TestWhatCannotBeDone:
     def test_flat(self) -> None:
         given = problem([0.0, 0.0], [[1.0, 0.0]], [0.1])
         s = solved(given, 0.0, drift=0.3)
-        assert (s.status, s.path, s.rate) == (status.FLAT, STILL, 0.3)
+        assert (s.status, s.path, s.rate) == (status.ZERO_GRADIENT, STILL, 0.3)
         np.testing.assert_array_equal(s.u, 0.0)
         moved = solved(problem([0.0, 0.0], [[1.0, 0.0]], [-0.1]), 0.0, drift=0.3)
-        assert moved.status == status.FLAT
+        assert moved.status == status.ZERO_GRADIENT
         np.testing.assert_allclose(moved.u, [-0.1, 0.0], atol=1e-9)
         at_rest = solved(given, 0.0)
         assert (at_rest.status, at_rest.rho) == (status.OK, 1.0)
@@ -243,23 +243,23 @@ class TestWhatCannotBeDone:
     @pytest.mark.parametrize("gradient", [[1.0, 1.0], [0.0, 0.0]])
     def test_contradictory(self, gradient: list[float]) -> None:
         s = solved(problem(gradient, [[1.0, 0.0], [-1.0, 0.0]], [-0.5, 0.2]), 0.5)
-        assert (s.status, s.path) == (status.CONTRADICTORY, STILL)
+        assert (s.status, s.path) == (status.INFEASIBLE_CONSTRAINTS, STILL)
         np.testing.assert_array_equal(s.u, 0.0)
         assert s.margin == pytest.approx(-0.5)
         assert s.kkt_residual == math.inf
         empty = solved(problem(gradient, [[0.0, 0.0]], [-1.0]), 0.5)
-        assert empty.status == status.CONTRADICTORY
+        assert empty.status == status.INFEASIBLE_CONSTRAINTS
 
     def test_behind_a_target_that_is_too_fast(self) -> None:
         s = solved(problem([1.0, -1.0], [[0.0, 1.0]], [0.5]), 1.0, drift=4.0)
-        assert s.status == status.BEHIND
+        assert s.status == status.CANNOT_DESCEND
         assert s.rho == pytest.approx(-2.5, rel=1e-6)
         assert s.rate == pytest.approx(2.5, rel=1e-6)
         np.testing.assert_allclose(s.u, [-1.0, 0.5], atol=1e-6)
 
     def test_ahead_of_what_is_asked(self) -> None:
         s = solved(problem([1.0, -1.0], [[1.0, 0.0]], [0.5]), 1.0, drift=-4.0)
-        assert s.status == status.AHEAD
+        assert s.status == status.DESCENDS_FASTER
         assert s.rho == pytest.approx(2.5, rel=1e-6)
         np.testing.assert_allclose(s.u, [0.5, -1.0], atol=1e-6)
 
@@ -272,7 +272,7 @@ class TestWhatCannotBeDone:
 
     def test_a_row_that_forces_v_to_rise(self) -> None:
         s = solved(problem([1.0, 0.0], [[-1.0, 0.0]], [-0.3]), 1.0)
-        assert s.status == status.BEHIND
+        assert s.status == status.CANNOT_DESCEND
         assert s.rho == pytest.approx(-0.3, rel=1e-6)
         np.testing.assert_allclose(s.u, [0.3, 0.0], atol=1e-8)
 

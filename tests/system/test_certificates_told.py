@@ -13,7 +13,7 @@ CONTRADICTORY = (
     *("--controller", "stable_qp", "--set"),
     f"controller.parameters.constraints=[{{constraint: joint_speed}}, {{constraint: {FAST}}}]",
 )
-LINE = "0 of 200 answers certified; 200 infeasible: contradictory"
+LINE = "0 of 200 answers certified; 200 infeasible: infeasible_constraints"
 
 
 def lockstep(*arguments: object) -> Done:
@@ -22,7 +22,7 @@ def lockstep(*arguments: object) -> Done:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("contradictory") / "run"
+    return tmp_path_factory.mktemp("infeasible_constraints") / "run"
 
 
 @pytest.fixture(scope="module")
@@ -41,11 +41,11 @@ def test_the_report_says_the_same_in_its_terminal_and_in_json(run: Done, folder:
     told = inside("report", folder)
     assert told.code == 1
     assert f"certificates: {LINE}" in told.stdout.splitlines()
-    assert "contradictory 200" in (folder / "report.html").read_text(encoding="utf-8")
+    assert "infeasible_constraints 200" in (folder / "report.html").read_text(encoding="utf-8")
     figures = inside("report", folder, "--json").json()["certificates"]
     again = lockstep(*CONTRADICTORY, "--json", "--set", "emulator.log.record=false")
     counted = again.json()["certificates"]  # without any log, too
-    assert counted["reasons"]["infeasible"]["contradictory"] == 200
+    assert counted["reasons"]["infeasible"]["infeasible_constraints"] == 200
     assert {name: figures[name] for name in counted} == counted
 
 
@@ -88,6 +88,6 @@ def test_in_real_time_it_is_told_as_well(tmp_path: Path) -> None:
     assert command.end() in {0, 1}, command.stderr  # how fit this machine is, is another matter
     counted = command.json()["certificates"]
     assert counted["infeasible"] == counted["n"] > 0
-    assert set(counted["reasons"]["infeasible"]) >= {"contradictory"}
+    assert set(counted["reasons"]["infeasible"]) >= {"infeasible_constraints"}
     figures = inside("report", folder, "--json").json()["certificates"]
     assert {name: figures[name] for name in counted} == counted

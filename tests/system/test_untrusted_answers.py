@@ -19,7 +19,7 @@ from fake_robot import GOOD, STATUS, FakeRobot, good, nonsense
 from hoap3.protocol.answers import (
     MAX_CONTROL_BYTES,
     ControlAnswer,
-    Grant,
+    GrantAnswer,
     Recovery,
     Status,
     parse_answer,
@@ -40,7 +40,7 @@ MODELS = {
     "status": Status,
     "stop": Status,
     "recover": Recovery,
-    "acquire": Grant,
+    "acquire": GrantAnswer,
     "show": ControlAnswer,
     "change": ControlAnswer,
 }

@@ -20,7 +20,12 @@ from hoap3.tools.show.certificate_count import (
 
 CERTIFIED, AT_TARGET, UNCERTIFIED, INFEASIBLE, NONE = range(5)
 STATUSES = ["certified", "at_target", "uncertified", "infeasible"]
-NAMES = ("slowed", "contradictory", "behind", "beta below a tenth of what was asked")
+NAMES = (
+    "slowed",
+    "infeasible_constraints",
+    "cannot_descend",
+    "beta below a tenth of what was asked",
+)
 EVENTS = Event.schema.constants
 MS = 1_000_000
 
@@ -100,10 +105,13 @@ def test_what_no_controller_has_recorded_is_left_out():
 @pytest.mark.parametrize(
     ("present", "words"),
     [
-        ({0, 1}, ": contradictory"),  # that a limit slows it is no reason beside a real one
+        (
+            {0, 1},
+            ": infeasible_constraints",
+        ),  # that a limit slows it is no reason beside a real one
         ({0}, ": slowed"),
         (set(), ""),
-        ({1, 2}, ": behind, contradictory"),
+        ({1, 2}, ": cannot_descend, infeasible_constraints"),
     ],
 )
 def test_people_read_one_line(present, words):
@@ -115,7 +123,10 @@ def test_people_read_one_line(present, words):
 def test_a_limit_is_a_reason_where_others_are_too_few():
     records = [session(), condition(0, True), answer(UNCERTIFIED), answer(UNCERTIFIED)]
     records += [condition(2, True), answer(UNCERTIFIED)]
-    assert in_a_line(figures(*records)) == "0 of 3 answers certified; 3 uncertified: slowed, behind"
+    assert (
+        in_a_line(figures(*records))
+        == "0 of 3 answers certified; 3 uncertified: slowed, cannot_descend"
+    )
 
 
 def test_of_proofs_that_are_worth_little_there_is_a_word_even_where_all_is_proved():
@@ -126,7 +137,7 @@ def test_of_proofs_that_are_worth_little_there_is_a_word_even_where_all_is_prove
     assert found["without"] == 0
     assert in_a_line(found) == f"4 of 4 answers certified, 3 with {NAMES[3]}"
     found = figures(*records, condition(2, True), answer(UNCERTIFIED))
-    line = f"4 of 5 answers certified, 3 with {NAMES[3]}; 1 uncertified: slowed, behind"
+    line = f"4 of 5 answers certified, 3 with {NAMES[3]}; 1 uncertified: slowed, cannot_descend"
     assert in_a_line(found) == line.replace("slowed, ", "")
 
 

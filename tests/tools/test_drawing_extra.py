@@ -26,4 +26,3 @@ def test_a_command_that_draws_names_the_extra_and_begins_nothing(command, tmp_pa
     assert isinstance(found.exception, NotInstalledError)
     assert "hoap3[report]" in str(found.exception)
     assert not list(tmp_path.iterdir())
-

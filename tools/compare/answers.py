@@ -19,7 +19,7 @@ MOST_TIMED = 20_000  # answers of which the States are kept as bytes, to be time
 
 
 @dataclass
-class Tape:
+class RecordedInputs:
     """A recorder that keeps the messages of one kind."""
 
     kind: Kind

@@ -11,7 +11,7 @@ from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.deadlines import verdict
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.robot_emulator.config import EmulatorConfig
-from hoap3.tools.compare.answers import MOST_TIMED, Answers, Tape, table
+from hoap3.tools.compare.answers import MOST_TIMED, Answers, RecordedInputs, table
 from hoap3.tools.compare.candidates import Candidate
 from hoap3.tools.show.verdicts import judge
 from hoap3.tools.simulate import Lockstep
@@ -31,7 +31,7 @@ class ClosedLoop:
     """
 
     def __init__(self, candidate: Candidate, emulator: EmulatorConfig, file: str) -> None:
-        self._states, self._setpoints = Tape(Kind.STATE), Tape(Kind.SETPOINT)
+        self._states, self._setpoints = RecordedInputs(Kind.STATE), RecordedInputs(Kind.SETPOINT)
         tapes = self._states, self._setpoints
         self._lockstep = Lockstep(emulator, candidate.config, *tapes, files=(file, candidate.words))
 

@@ -21,7 +21,7 @@ from hoap3.tools.report.sources import Sources, of_ours
 
 
 @dataclass(frozen=True)
-class Asked:
+class RecordedStates:
     """The States of a log that asked for an answer.
 
     Attributes:
@@ -33,7 +33,7 @@ class Asked:
     payloads: list[bytes]
 
 
-def read_asked(path: Path) -> Asked:
+def read_asked(path: Path) -> RecordedStates:
     """Read the States of a log: of the session with most of them that asked.
 
     Args:
@@ -46,7 +46,7 @@ def read_asked(path: Path) -> Asked:
         for log in Sources.open(path).logs:
             found = _asked(log)
             if found:
-                return Asked(log.description, found)
+                return RecordedStates(log.description, found)
     raise LogError(
         f"{path}: no State in it asks for an answer: the robot was never active. Name the log of "
         "a run with motion"
@@ -64,7 +64,7 @@ class OpenLoop:
         UsageError: the controller cannot be built for the robot of the log.
     """
 
-    def __init__(self, candidate: Candidate, asked: Asked) -> None:
+    def __init__(self, candidate: Candidate, asked: RecordedStates) -> None:
         self._asked = asked
         self._controller: Controller = build(candidate.config, asked.description, candidate.words)
 

@@ -223,7 +223,7 @@ def main() -> int:
     signal.signal(signal.SIGTERM, lambda *_: None)
     parent, order = Lifeline(), read_order()
     ring = Ring(order["fd"])
-    watch = _Watch(order)
+    watch = _LogKeeper(order)
     due = time.monotonic() + LIVE_S
     while True:
         ended = ring.closed or parent.cut()  # asked before the last reading
@@ -241,7 +241,7 @@ def main() -> int:
     return 0
 
 
-class _Watch:
+class _LogKeeper:
     """What an observer does with what it sees: it writes, counts and tells."""
 
     def __init__(self, order: dict[str, Any]) -> None:

@@ -16,7 +16,7 @@ from typing import Any
 from hoap3.protocol.config.settings import RealtimeSettings
 from hoap3.protocol.errors import Hoap3Error, UsageError
 from hoap3.protocol.runtime.notes import Note
-from hoap3.protocol.runtime.recorder import PatientRecorder, Recorder
+from hoap3.protocol.runtime.recorder import BlockingRecorder, Recorder
 from hoap3.remote_controller.config import ControllerConfig, of_another_robot
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.service import describe
@@ -178,7 +178,7 @@ def run_lockstep(
             report=to_people,
         )
         observers[side] = observer
-        return PatientRecorder(observer.ring, observer.alive)
+        return BlockingRecorder(observer.ring, observer.alive)
 
     try:
         with Path(os.devnull).open("w") as silence:  # events in virtual time go to the log only

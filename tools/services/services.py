@@ -24,7 +24,7 @@ from hoap3.protocol.config.settings import (
 from hoap3.protocol.errors import ConfigError, Hoap3Error, UsageError
 from hoap3.protocol.runtime.notes import Note, Routine
 from hoap3.protocol.runtime.realtime import CpuClaim
-from hoap3.protocol.runtime.recorder import PatientRecorder, Recorder, RingRecorder
+from hoap3.protocol.runtime.recorder import BlockingRecorder, Recorder, RingRecorder
 from hoap3.remote_controller.config import ControllerConfig, check_parameters
 from hoap3.remote_controller.config import read_config as read_controller_config
 from hoap3.robot_emulator.config import EmulatorConfig
@@ -229,7 +229,7 @@ def run_emulator(
     period_ns = round(description.period_s * 1e9)
     made, refused = is_new(out), False
     folder = _folder(config.log, out, "robot")
-    voice = Voice(status_fd, verbose=verbose)
+    voice = StatusReporter(status_fd, verbose=verbose)
     watch_compilation(voice.compiling)
     config, claim = (config, None) if lockstep else settled(config, voice.say)
     ticks = None if duration is None else round(duration * 1e9 / period_ns)
@@ -278,7 +278,7 @@ def run_controller(
     check_open_files()
     from hoap3.tools.show.kernel_news import watch_compilation
 
-    voice = Voice(status_fd, verbose=verbose)
+    voice = StatusReporter(status_fd, verbose=verbose)
     watch_compilation(voice.compiling)
     from hoap3.remote_controller.service import Service
 
@@ -331,11 +331,11 @@ def _folder(log: LogSettings, out: Path | None, side: str) -> Path | None:
 
 def _recorder(observer: Observer, *, lockstep: bool) -> Recorder:
     if lockstep:
-        return PatientRecorder(observer.ring, observer.alive)
+        return BlockingRecorder(observer.ring, observer.alive)
     return RingRecorder(observer.ring)
 
 
-class Voice:
+class StatusReporter:
     """Tells people, or the process that started us, what a service has to say.
 
     Args:

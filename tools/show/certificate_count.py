@@ -143,7 +143,7 @@ class CountingRecorder:
 
 
 def in_a_line(figures: Mapping[str, Any] | None) -> str | None:
-    """`0 of 20 answers certified; 20 infeasible: contradictory`; None where nothing is to be said.
+    """`0 of 20 answers certified; 20 infeasible: slowed`; None where nothing is to be said.
 
     That is where every answer is proved, and none of these proofs is worth little. Of the reasons
     those are named that most answers share; that a limit slows the robot is one only where the

@@ -129,7 +129,7 @@ def _reduce(found: FloatArray, count: int) -> int:
 
 
 @inlined
-def witnesses(
+def contact_points(
     placed: tuple[FloatArray, FloatArray],
     halves: FloatArray,
     pair: NDArray[np.int64],

@@ -32,7 +32,7 @@ from hoap3.remote_controller.constraints.collision.box_edges_kernels import (
 )
 from hoap3.remote_controller.constraints.collision.closest_points_kernels import (
     WITNESSES,
-    witnesses,
+    contact_points,
 )
 from hoap3.remote_controller.constraints.collision.frame_transforms_kernels import (
     apart,
@@ -290,7 +290,7 @@ def distance_rows(
             reach += spread if margins_out[p] < contact else ALONE
             count = 0
             if row < b_out.size:
-                count = witnesses(
+                count = contact_points(
                     placed, halves, pairs[p], nearest_s[p], reach, spread, scratch, found
                 )
             short += row + count > b_out.size or row == b_out.size

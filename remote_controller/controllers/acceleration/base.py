@@ -135,7 +135,9 @@ class HierarchyController(Controller):
         from hoap3.remote_controller.controllers.acceleration_tasks import (
             task_acceleration_kernels as kernels,
         )
-        from hoap3.remote_controller.controllers.acceleration_tasks.se3_pd_kernels import judge
+        from hoap3.remote_controller.controllers.acceleration_tasks.se3_pd_kernels import (
+            check_finite,
+        )
 
         n = description.n
         self.importance = self.importance_of(parameters, file)
@@ -159,8 +161,8 @@ class HierarchyController(Controller):
             *self.columns(names),
         )
         super().__init__(description, parameters)
-        self._judge = judge  # 0 where both arrays are finite
-        self._foresee, self._distances = kernels.foresee, kernels.distances
+        self._check_finite = check_finite  # 0 where both arrays are finite
+        self._predict_lyapunov, self._distances = kernels.predict_lyapunov, kernels.distances
         self.w_r, self._viable = parameters.w_r, parameters.bounds.kind == "viability"
         self.ddq, self.tau, self._wish, self._scratch = np.zeros((4, n))
         self.tops, self.absent = np.zeros(len(names), np.bool_), np.zeros(len(names))
@@ -279,8 +281,8 @@ class HierarchyController(Controller):
     def step(self, state: State) -> Setpoint:
         """Torques, or accelerations, for one period."""
         command, tasks, q, dq = self.command, self.tasks, state.q, state.dq
-        judge = self._judge
-        if judge(q, dq) or (tasks.presses and judge(state.wrench, state.wrench)):
+        check_finite = self._check_finite
+        if check_finite(q, dq) or (tasks.presses and check_finite(state.wrench, state.wrench)):
             command.stamp_kinematics = self.now()
             return self._refuse(NOT_FINITE)
         time = state.tick * self._dt
@@ -293,7 +295,7 @@ class HierarchyController(Controller):
         command.stamp_kinematics = self.now()
         fallback = SOLVED if self.solve(self.torque_max) else self._fall_back(dq)
         np.subtract(self._given, self._less, out=command.values)
-        if judge(command.values, self.ddq):
+        if check_finite(command.values, self.ddq):
             return self._refuse(OVERFLOWN)
         for place, press in enumerate(tasks.presses.values()):
             self._forces[place] = press.force
@@ -341,7 +343,7 @@ class HierarchyController(Controller):
     def _certify(self, fallback: int, dq: FloatArray) -> bool:
         """Write what is known of the answer; whether it is proved for the present importance."""
         command, tasks, bounds = self.command, self.tasks, self.bounds
-        V, rate, growth, command.active_joints = self._foresee(
+        V, rate, growth, command.active_joints = self._predict_lyapunov(
             tasks.tasks,
             self.tops,
             tasks.jacobian,

@@ -11,7 +11,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.controllers.acceleration.base import HierarchyController
 from hoap3.remote_controller.scheduling.priorities import Priorities
-from hoap3.remote_controller.scheduling.priority_matrix import unsurpassed
+from hoap3.remote_controller.scheduling.priority_matrix import top_level
 from hoap3.remote_controller.scheduling.settings import PrioritySettings
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.ghc.ghc import Ghc
@@ -67,7 +67,7 @@ class RankedController(HierarchyController):
         self.alpha[:tasks, :tasks] = alpha
         if self._brakes:
             np.subtract(1.0, alpha.diagonal(), out=self.alpha[tasks, :tasks])
-        self.tops[:] = unsurpassed(alpha)
+        self.tops[:] = top_level(alpha)
         self.absent[:] = alpha.diagonal()
 
 

@@ -71,7 +71,7 @@ class TsidController(Controller):
 
         super().__init__(description, parameters)
         n = description.n
-        self._judge, self._aim = kernels.judge, kernels.aim
+        self._check_finite, self._se3_pd = kernels.check_finite, kernels.se3_pd
         self._prepare, self._finish = kernels.prepare, kernels.finish
         self._not_finite, self._half_a_turn = kernels.NOT_FINITE, kernels.AT_HALF_A_TURN
         self.dynamics, self.goal = _target(description, parameters, file)
@@ -126,12 +126,12 @@ class TsidController(Controller):
         """Torques, or accelerations, for one period."""
         command, dynamics, bounds, solver = self.command, self.dynamics, self.bounds, self.solver
         q, dq = state.q, state.dq
-        if self._judge(q, dq) == self._not_finite:
+        if self._check_finite(q, dq) == self._not_finite:
             command.stamp_kinematics = self.now()
             return self._refuse()
         dynamics.update(q, dq)
         bounds.update(q, dq)
-        V, where = self._aim(
+        V, where = self._se3_pd(
             dynamics.origin,
             dynamics.rotation,
             *self.goal,

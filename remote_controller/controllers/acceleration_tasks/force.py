@@ -14,7 +14,7 @@ TOLERANCE, LEAST_TOLERANCE_N = 0.05, 0.5  # of the wanted force, and at least
 MOST = 1.0  # of the wanted force: what the integral adds to it or takes from it
 
 
-class Press:
+class ForceTask:
     """Asks for the acceleration with which a point keeps a force.
 
     Liu, Tan and Padois (2015), (3), with the measured force f, of the surface on the robot, in the
@@ -44,7 +44,7 @@ class Press:
             task_acceleration_kernels as kernels,
         )
 
-        self._mobility, self._push = kernels.mobility, kernels.push
+        self._inverse_task_inertia, self._push = kernels.inverse_task_inertia, kernels.push
         self._settings, self._normal, self._period = settings, normal, period_s
         self._factor, self._row, self._scratch = (
             np.zeros((joints, joints)),
@@ -96,7 +96,7 @@ class Press:
             grown = self._integral + wanted.force_ki_per_s * self._period * missing
             self._integral = min(max(grown, -most), most)
         pressing = wanted.force_n + wanted.force_kp * missing + self._integral
-        mobile = self._mobility(
+        mobile = self._inverse_task_inertia(
             mass, jacobian, self._normal, self._factor, self._row, self._scratch
         )
         speed = float(self._normal @ rows[1])

@@ -8,7 +8,7 @@ from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.references.target import Target
 
 
-class Place:
+class PositionReference:
     """A target x_d in the root's axes, with its velocity and its acceleration.
 
     What the velocity gains in the coming period is the acceleration: held for so long it leads to

@@ -36,7 +36,7 @@ def _curvatures(angle: float, cotangent: float) -> tuple[float, float]:
 
 
 @kernel("i8(f8[::1], f8[::1])")
-def judge(q: FloatArray, dq: FloatArray) -> int:
+def check_finite(q: FloatArray, dq: FloatArray) -> int:
     """`NOT_FINITE` unless all of q and dq are."""
     for i in range(q.size):
         if not (math.isfinite(q[i]) and math.isfinite(dq[i])):
@@ -54,7 +54,7 @@ def rotation_of(vector: FloatArray, out: FloatArray) -> None:
     "Tuple((f8, i8))(f8[::1], f8[:,:], f8[::1], f8[:,::1], f8[::1], f8[::1], f8, f8, f8[:,::1],"
     " f8[::1], f8[::1], f8[::1])"
 )
-def aim(
+def se3_pd(
     origin: FloatArray,
     rotation: FloatArray,
     goal_origin: FloatArray,

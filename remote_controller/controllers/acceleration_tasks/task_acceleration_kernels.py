@@ -11,7 +11,7 @@ from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.runtime.numba_jit import kernel
 from hoap3.remote_controller.controllers.acceleration_tasks.se3_pd_kernels import (
     AT_HALF_A_TURN,
-    aim,
+    se3_pd,
 )
 from hoap3.remote_controller.solvers.linalg.dense_kernels import dot, solve_lower
 from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import factorise
@@ -29,7 +29,7 @@ UNSURE = 1e-2  # of an acceleration, and of 1 m/s²: by how much it changes with
     " i8[::1], f8[:,::1], f8[::1], f8[::1], f8[:,::1], f8[::1], f8[::1], f8[::1], f8[::1],"
     " f8[::1])"
 )
-def ask(
+def desired_accelerations(
     tasks: Indices,
     origins: FloatArray,
     rotations: FloatArray,
@@ -52,7 +52,7 @@ def ask(
     """Write for each row of each task its error e and what J·ddq shall be.
 
     A position wants a_d + kp·(x_d − x) + kd·(v_d − v) − J̇·dq, a posture kp·(q_r − q) − kd·dq, a
-    pose what `se3_pd_kernels.aim` says. V = ½|e|² of a task changes with slope·motion, where the
+    pose what `se3_pd_kernels.se3_pd` says. V = ½|e|² of a task changes with slope·motion, where the
     motion ν is that against its target, and ν's rate is J·ddq + rate.
 
     Args:
@@ -77,7 +77,7 @@ def ask(
         kp, kd = gains[i]
         if kind == POSE:
             rows = slice(start, start + size)
-            _, where = aim(
+            _, where = se3_pd(
                 origins[frame],
                 rotations[frame],
                 targets[i, 0],
@@ -111,7 +111,7 @@ def ask(
 
 
 @kernel("f8(f8[:,::1], f8[:,::1], f8[::1], f8[:,::1], f8[::1], f8[::1])")
-def mobility(
+def inverse_task_inertia(
     mass: FloatArray,
     jacobian: FloatArray,
     normal: FloatArray,
@@ -208,7 +208,7 @@ def load(
     "Tuple((f8, f8, f8, i8))(i8[:,::1], b1[::1], f8[:,::1], f8[::1], f8[::1], f8[::1], f8[::1],"
     " f8[::1], f8[::1], f8, f8[::1])"
 )
-def foresee(
+def predict_lyapunov(
     tasks: Indices,
     tops: Flags,
     jacobian: FloatArray,
@@ -224,10 +224,10 @@ def foresee(
     """Say what becomes of V = ½ Σ |e|² of the tasks that are `tops`.
 
     Args:
-        tasks: as for `ask`.
+        tasks: as for `desired_accelerations`.
         tops: (k,).
         jacobian: (m, n), at least.
-        error, motion, rate, slope: (m,), of `ask`.
+        error, motion, rate, slope: (m,), of `desired_accelerations`.
         dq, ddq: (n,).
         T: period [s].
         norms_out: |e| of every task, (k,).

@@ -12,9 +12,9 @@ import numpy as np
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, nearest
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.controllers.acceleration_tasks.force import Press
+from hoap3.remote_controller.controllers.acceleration_tasks.force import ForceTask
 from hoap3.remote_controller.controllers.acceleration_tasks.frame_goals import pose_of, reference_of
-from hoap3.remote_controller.controllers.acceleration_tasks.positions import Place
+from hoap3.remote_controller.controllers.acceleration_tasks.positions import PositionReference
 from hoap3.remote_controller.controllers.acceleration_tasks.settings import (
     AnyTask,
     ForceSettings,
@@ -53,7 +53,7 @@ class AccelerationTasks:
         dynamics: M and h, the latter with friction and without what sensors feel.
         jacobian, wanted: J (m, n), and what J·ddq shall be, (m,).
         with_rest: the same, and below it the rows that brake: (m + n, n) and (m + n,).
-        error, motion, rate, slope: of each row, (m,): `task_acceleration_kernels.ask`.
+        error, motion, rate, slope: of each row, (m,), see `desired_accelerations`.
         tasks: (k, 4) kind, first row, rows and frame of each.
         presses: where forces are kept, by task.
         load: the greatest |h|/torque_max.
@@ -78,7 +78,7 @@ class AccelerationTasks:
             task_acceleration_kernels as kernels,
         )
 
-        self._ask, self._load = kernels.ask, kernels.load
+        self._desired_accelerations, self._load = kernels.desired_accelerations, kernels.load
         self._robot, self._file, self._key = robot, file, key
         self.names = tuple(each.name for each in settings)
         self._settings = tuple(settings)
@@ -102,10 +102,10 @@ class AccelerationTasks:
         self._targets, self._turns = np.zeros((k, 3, 3)), np.zeros((k, 3, 3))
         self._posture, self._of_joint = np.zeros(m), np.zeros(m, np.int64)
         self._turn, self._gains = np.zeros((3, 3)), np.array([each.both for each in settings])
-        self._places: list[tuple[int, Place]] = []
-        self._moving: list[Place] = []
+        self._places: list[tuple[int, PositionReference]] = []
+        self._moving: list[PositionReference] = []
         self._held: list[tuple[int, int]] = []  # poses that stay where they are at the start
-        self.presses: dict[int, Press] = {}
+        self.presses: dict[int, ForceTask] = {}
         self.tasks = np.zeros((k, 4), np.int64)
         kinds = {PoseSettings: kernels.POSE, PostureTaskSettings: kernels.POSTURE}
         frames = iter(range(k))
@@ -154,7 +154,7 @@ class AccelerationTasks:
         np.multiply(dq, self._braking, out=self._brakes)
         for place in self._moving:
             place.update(time_s)
-        self.opposite = self._ask(
+        self.opposite = self._desired_accelerations(
             self.tasks,
             dynamics.origins,
             dynamics.rotations,
@@ -287,11 +287,11 @@ class AccelerationTasks:
         still = each.target is None or (
             isinstance(each.target, PointSettings) and not each.target.approach_s
         )
-        place = Place(target, origin, axes, dt, self._targets[i])
+        place = PositionReference(target, origin, axes, dt, self._targets[i])
         self._places.append((i, place))
         if not still:
             self._moving.append(place)
         if isinstance(each, ForceSettings):
             normal = axes @ np.array(each.normal)
             normal /= np.linalg.norm(normal)
-            self.presses[i] = Press(each, normal, robot.n, dt)
+            self.presses[i] = ForceTask(each, normal, robot.n, dt)

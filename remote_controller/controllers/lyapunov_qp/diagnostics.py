@@ -14,7 +14,7 @@ ACTIVE = 1e-6  # of a row: its slack, relative to its length [rad/s]
 BOUNDS = "held by bounds of joints"
 
 
-class Watch:
+class Diagnostics:
     """Finds out which conditions hold.
 
     `slowed` (ρ < 1), statuses of the solver and of the task by name, `LABEL: EVENT` for the

@@ -52,7 +52,7 @@ class FreeLp:
             self._solver.solve(gradient, psi + drift, self._p, self.u)
             found = status.OK
         except InfeasibleError:
-            found = status.FLAT
+            found = status.ZERO_GRADIENT
         except BadProblemError:
             found = status.BAD_INPUT
         if found != status.OK:

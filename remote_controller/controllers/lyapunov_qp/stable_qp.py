@@ -14,7 +14,7 @@ from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints import registry as constraints
 from hoap3.remote_controller.controllers.base import STATUS, VelocityController
 from hoap3.remote_controller.controllers.lyapunov_qp import settings
-from hoap3.remote_controller.controllers.lyapunov_qp.diagnostics import Watch
+from hoap3.remote_controller.controllers.lyapunov_qp.diagnostics import Diagnostics
 from hoap3.remote_controller.controllers.lyapunov_qp.objective import check_objective, solver_of
 from hoap3.remote_controller.controllers.qp12.lyapunov_descent_kernels import GAMMA_SLOPE
 from hoap3.remote_controller.controllers.ramp import Ramp
@@ -29,8 +29,8 @@ from hoap3.remote_controller.tasks.curve_following.curve_following import Persis
 
 PROVEN = (status.OK, status.STATIONARY)
 CERTIFIED_RESIDUAL = 1e-9
-ANSWERED = (*PROVEN, status.BEHIND, status.AHEAD)
-HELD = (*ANSWERED, status.FLAT)  # what the solver gives is followed; else the robot brakes
+ANSWERED = (*PROVEN, status.CANNOT_DESCEND, status.DESCENDS_FASTER)
+HELD = (*ANSWERED, status.ZERO_GRADIENT)  # what the solver gives is followed; else the robot brakes
 ROUNDING = 1e-9  # of V̇ relative to what is required, and of a speed [rad/s or m/s]
 CURVATURE = 1e-6  # of a margin: what one Euler step of a curved constraint may overstep
 
@@ -104,7 +104,7 @@ class StableQpController(VelocityController):
         self._form = FORMS.index(psi.form)
         self._ramp = Ramp(psi.ramp_s, description.period_s)
         self._from_reference = parameters.kinematics_from == "reference"
-        self._watch = Watch(self.stack)
+        self._watch = Diagnostics(self.stack)
         self.conditions = self._watch.names
         self.margin_tolerance = CURVATURE if parameters.constraints else None
         self._task_name = task.task

@@ -119,8 +119,8 @@ class _Clik(LabelledTasksController):
         self.present = (
             noted
             | (0 if beta > 0.0 else NO_CERTIFICATE)
-            | (SPENT if found == status.SPENT else 0)
-            | (UNSOLVED if found not in FALLBACKS and found != status.SPENT else 0)
+            | (SPENT if found == status.ITERATION_LIMIT else 0)
+            | (UNSOLVED if found not in FALLBACKS and found != status.ITERATION_LIMIT else 0)
             | (HELD if command.margin <= ACTIVE else 0)
             | (0 if stands else MOVING)
         )

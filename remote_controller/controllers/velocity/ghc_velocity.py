@@ -14,7 +14,7 @@ from hoap3.remote_controller.controllers.velocity import ghc_velocity_settings a
 from hoap3.remote_controller.controllers.velocity.velocity_task_stack import LabelledTasksController
 from hoap3.remote_controller.controllers.velocity.velocity_task_stack_settings import labels_of
 from hoap3.remote_controller.scheduling.priorities import Priorities
-from hoap3.remote_controller.scheduling.priority_matrix import unsurpassed
+from hoap3.remote_controller.scheduling.priority_matrix import top_level
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.ghc.ghc import Ghc
 from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
@@ -128,7 +128,7 @@ class GhcVelocityController(LabelledTasksController):
         settled = not (priorities.update(self._time) or priorities.moving)
         self._stale = self._stale or not settled
         if (settled and self._stale) or not self._top:
-            top = unsurpassed(priorities.alpha).tolist()
+            top = top_level(priorities.alpha).tolist()
             self._top = [task for task, is_top in zip(self.functions, top, strict=True) if is_top]
             self._stale = False
         if len(command.extra) > len(self.functions):

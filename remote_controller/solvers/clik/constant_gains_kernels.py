@@ -12,7 +12,7 @@ from hoap3.remote_controller.solvers.base.status import BAD_INPUT, BAD_SHAPE, OK
 from hoap3.remote_controller.solvers.clik.clik_kernels import feed_forward, prioritised, unfit
 from hoap3.remote_controller.solvers.clik.lmi_kernels import least_eigenvalue, stability_matrix
 from hoap3.remote_controller.solvers.linalg.dense_kernels import MAX, add, not_finite
-from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import gram
+from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import syrk
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -104,7 +104,7 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
         gains[i] = share * wanted[i]
         for j in range(n):
             G[i, j] = 0.0
-    gram(G, 1.0, L, n)
+    syrk(G, 1.0, L, n)
     for i in range(n):
         for j in range(i):
             G[i, j] = G[j, i]

@@ -23,7 +23,7 @@ from hoap3.remote_controller.solvers.ghc.projector_kernels import (
     sort_tasks,
 )
 from hoap3.remote_controller.solvers.linalg.dense_kernels import add, add_rows, dot
-from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import factorise, gram
+from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import factorise, syrk
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -240,5 +240,5 @@ def condense(
     for i in range(n):
         for j in range(i, n):
             S[i, j] = whole if i == j else 0.0
-    gram(S, -1.0, X, used)
+    syrk(S, -1.0, X, used)
     return whole

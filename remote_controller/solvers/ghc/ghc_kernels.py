@@ -37,15 +37,15 @@ from hoap3.remote_controller.solvers.linalg.dense_kernels import (
     add_rows,
     dot,
     not_finite,
-    root_rows,
+    pivoted_cholesky,
     solve_lower,
     solve_upper,
 )
 from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import (
-    divide_rows,
     factorise,
-    gram,
     multiply,
+    syrk,
+    triangular_solve,
 )
 from hoap3.remote_controller.solvers.qp.active_set_kernels import active_set, most_violated
 
@@ -176,7 +176,7 @@ def _factor(
         for i in range(n):
             for j in range(n):
                 T[i, j] = S[i, j] if j >= i else S[j, i]
-        root_rows(T, SINGULAR * whole, U)
+        pivoted_cholesky(T, SINGULAR * whole, U)
     for i in range(n):
         for j in range(n):
             L[j, i] = U[i, j]
@@ -198,7 +198,7 @@ def _free_optimum(
             A[i, j] = 1.0 if i == j else 0.0
     _clear(y)
     add_rows(y, scratch, T, 0, n, 0)
-    gram(A, w, T, n)
+    syrk(A, w, T, n)
     factorise(A, n, 0.0, scratch)
     solve_lower(A, y)
     solve_upper(A, y)
@@ -306,7 +306,7 @@ def ghc_kernel(
             _factor(S, whole, mass, U, R, T, scratch)
         _normals(U, T, Z)
         if mode != NONE:
-            divide_rows(A, Z[:n])
+            triangular_solve(A, Z[:n])
         status, count, rounds = active_set(
             Z[:n], values, lower, upper, R, vectors, scratch[: 2 * n], active, state, multipliers
         )

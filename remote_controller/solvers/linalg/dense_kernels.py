@@ -69,7 +69,7 @@ def add_rows(target: Array, factors: Array, rows: Array, first: int, last: int, 
 
 
 @kernel("void(f8[:,::1], f8, f8[:,::1])")
-def root_rows(W: Array, least: float, U: Array) -> None:
+def pivoted_cholesky(W: Array, least: float, U: Array) -> None:
     """U with UᵀU = W, for a singular W: the largest pivot first, down to `least`.
 
     So what is left out of W is of the size of that pivot, where a Cholesky factorisation in the

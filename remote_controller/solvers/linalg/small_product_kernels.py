@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.runtime.numba_jit import inlined, kernel
 from hoap3.remote_controller.solvers.linalg.dense_kernels import add_rows
-from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import divide_rows, factorise
+from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import factorise, triangular_solve
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ def root_inverse(A: Array, U: Array, P: Array, scratch: Array) -> bool:
             P[i, j] = 1.0 if i == j else 0.0
     if factorise(U, n, 0.0, scratch) < n:
         return False
-    divide_rows(U, P)
+    triangular_solve(U, P)
     return True
 
 

@@ -61,7 +61,7 @@ def _tile(
 
 
 @kernel("void(f8[:,::1], f8, f8[:,::1], f8[:,::1], i8, i8, i8, i8, i8, i8)", superwords=True)
-def add_product(
+def gemm(
     target: Array,
     sign: float,
     X: Array,
@@ -89,14 +89,14 @@ def add_product(
 
 
 @kernel("void(f8[:,::1], f8, f8[:,::1], i8)")
-def gram(target: Array, sign: float, rows: Array, count: int) -> None:
+def syrk(target: Array, sign: float, rows: Array, count: int) -> None:
     """Upper triangle of target += sign·rowsᵀ·rows, of the first `count` rows.
 
     Below the diagonal a few entries change, too.
     """
     n = target.shape[0]
     for i in range(0, n, 4):
-        add_product(target, sign, rows, rows, i, min(i + 4, n), i, n, 0, count)
+        gemm(target, sign, rows, rows, i, min(i + 4, n), i, n, 0, count)
 
 
 @kernel("void(f8[:,::1], f8[:,::1], f8[:,::1], b1)")
@@ -105,7 +105,7 @@ def multiply(target: Array, X: Array, L: Array, lower: bool) -> None:
     n = target.shape[0]
     target[:] = 0.0
     for j in range(0, n, 4):
-        add_product(target, 1.0, X, L, 0, n, j, min(j + 4, n), j if lower else 0, n)
+        gemm(target, 1.0, X, L, 0, n, j, min(j + 4, n), j if lower else 0, n)
 
 
 @kernel("i8(f8[:,::1], i8, f8, f8[::1])")
@@ -126,7 +126,7 @@ def factorise(A: Array, n: int, tolerance: float, scratch: Array) -> int:
         bottom = min(top + 4, n)
         for i in range(top, bottom):
             scratch[i] = A[i, i]
-        add_product(A, -1.0, A, A, top, bottom, top, n, 0, top)
+        gemm(A, -1.0, A, A, top, bottom, top, n, 0, top)
         for i in range(top, bottom):
             row = A[i, i:n]
             for k in range(top, i):
@@ -144,12 +144,12 @@ def factorise(A: Array, n: int, tolerance: float, scratch: Array) -> int:
 
 
 @kernel("void(f8[:,::1], f8[:,::1])")
-def divide_rows(U: Array, rows: Array) -> None:
+def triangular_solve(U: Array, rows: Array) -> None:
     """Replace the first n of the rows by U⁻ᵀ·rows; U regular, (n, n)."""
     n, wide = U.shape[0], rows.shape[1]
     for top in range(0, n, 4):
         bottom = min(top + 4, n)
-        add_product(rows, -1.0, U, rows, top, bottom, 0, wide, 0, top)
+        gemm(rows, -1.0, U, rows, top, bottom, 0, wide, 0, top)
         for i in range(top, bottom):
             row, inverse = rows[i], 1.0 / U[i, i]
             for k in range(top, i):

@@ -52,8 +52,9 @@ def lyapunov_qp(
     solver = StableQp(slope.size, rest[0].shape[0], rest[4].shape[0], gamma=gamma, weights=weights)
     found = solver.solve(slope, 0.0, wanted, *rest)
     missed = abs(solver.rate) > 1e-8 * abs(wanted)
-    if found in (status.FLAT, status.CONTRADICTORY) or (
-        missed and found in (status.OK, status.STATIONARY, status.BEHIND, status.AHEAD)
+    if found in (status.ZERO_GRADIENT, status.INFEASIBLE_CONSTRAINTS) or (
+        missed
+        and found in (status.OK, status.STATIONARY, status.CANNOT_DESCEND, status.DESCENDS_FASTER)
     ):
         raise InfeasibleError(
             f"no input keeps the constraints with a decrease of {wanted}: "
@@ -101,9 +102,9 @@ def feasible_rate(
     solver = StableQp(slope.size, rest[0].shape[0], rest[4].shape[0])
     rate, moved = number("psi", psi), number("drift", drift)
     found, rho = solver.rho_star(slope, rate, moved, *rest)
-    if found == status.CONTRADICTORY:
+    if found == status.INFEASIBLE_CONSTRAINTS:
         raise InfeasibleError("ρ: the constraints contradict each other: no input keeps them all.")
-    if found == status.FLAT:
+    if found == status.ZERO_GRADIENT:
         raise InfeasibleError("ρ: ∇V = 0, so no input makes up for the drift of V.")
     _check(found)
     return rho

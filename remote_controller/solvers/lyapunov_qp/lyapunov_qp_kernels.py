@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.runtime.numba_jit import inlined, kernel
 from hoap3.remote_controller.solvers.base.status import (
-    AHEAD,
     BAD_INPUT,
     BAD_SHAPE,
-    BEHIND,
-    FLAT,
+    CANNOT_DESCEND,
+    DESCENDS_FASTER,
     OK,
     STATIONARY,
+    ZERO_GRADIENT,
 )
 from hoap3.remote_controller.solvers.linalg.scaling_kernels import MAX, TINY, largest
 from hoap3.remote_controller.solvers.qp12.bounded_qp12_kernels import (
@@ -58,11 +58,11 @@ def rate_status(decrease: float, asked: float, drift: float, top: float, can_res
     if decrease == asked:
         return OK
     if decrease > asked:
-        return AHEAD
+        return DESCENDS_FASTER
     rest = AT_REST * top
     if can_rest and abs(drift) <= rest and decrease <= rest:
         return STATIONARY
-    return OK if decrease - drift >= -rest else BEHIND
+    return OK if decrease - drift >= -rest else CANNOT_DESCEND
 
 
 @kernel("f8(f8, f8, f8)")
@@ -157,7 +157,7 @@ def rate_of(gradient: NDArray[np.float64], u: NDArray[np.float64]) -> float:
     "UniTuple(i8, 2)(i8[::1], f8[::1], f8, f8, f8, f8, f8[:,::1], f8[::1], f8[:,::1], f8[::1],"
     " f8[::1], f8[::1], f8[:,::1], f8[::1], f8[::1])"
 )
-def cheap_kernel(
+def try_closed_form(
     size: NDArray[np.int64],
     gradient: NDArray[np.float64],
     psi: float,
@@ -215,7 +215,7 @@ def cheap_kernel(
         result[RHO] = find_rho(0.0, psi, drift)
         if can_rest:
             result[RESIDUAL] = 0.0
-        return FLAT, STILL if can_rest else QP
+        return ZERO_GRADIENT, STILL if can_rest else QP
     if gamma < 0.0 or c.size > 0 or not bounds_fit(lower, upper):
         return OK, QP
     decrease = min(asked, most_decrease(gradient, lower, upper, True))
@@ -284,7 +284,7 @@ def fill_kernel(
     y = p − m with p, m ≥ 0; with `MAXIMUM` n + 1, the last of them max|y|; else y itself.
 
     Args:
-        gradient: ∇V, (n,); the problem must have passed `cheap_kernel`.
+        gradient: ∇V, (n,); the problem must have passed `try_closed_form`.
         A: (m, n).
         b: (m,).
         C: (k, n).

@@ -15,7 +15,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hoap3.protocol.errors import BadProblemError
-from hoap3.remote_controller.solvers.base.status import CONTRADICTORY, OK, UNBOUNDED, UNSOLVED
+from hoap3.remote_controller.solvers.base.status import (
+    INFEASIBLE_CONSTRAINTS,
+    OK,
+    UNBOUNDED,
+    UNSOLVED,
+)
 from hoap3.remote_controller.solvers.base.validation import array
 
 Array = NDArray[np.float64]
@@ -92,7 +97,7 @@ class MaxDescentLp:
     def fill(
         self, gradient: Array, A: Array, b: Array, C: Array, c: Array, lower: Array, upper: Array
     ) -> None:
-        """Write the scaled rows of a problem that `cheap_kernel` found no fault with."""
+        """Write the scaled rows of a problem that `try_closed_form` found no fault with."""
         self.top, used = self._fill(
             gradient, A, b, C, c, lower, upper, self.weights, self._kind, self._rows, self._least,
             self._most, self._qp_rows, self._qp_least, self._qp_most,
@@ -125,7 +130,8 @@ class MaxDescentLp:
         it is what the last point within all limits has, and `sure` is False.
 
         Returns:
-            `OK` and that; `CONTRADICTORY`: no y keeps the constraints; `UNBOUNDED`; `UNSOLVED`.
+            `OK` and that; `INFEASIBLE_CONSTRAINTS`: no y keeps the constraints; `UNBOUNDED`;
+            `UNSOLVED`.
         """
         row = self.n + self.used
         self.least[row] = -enough if direction > 0.0 else -NO_BOUND
@@ -143,7 +149,7 @@ class MaxDescentLp:
                 return OK, -float(slope @ x)
             if flag == BOUNDLESS:
                 return UNBOUNDED, math.inf
-        return (CONTRADICTORY if flag == INFEASIBLE else UNSOLVED), 0.0
+        return (INFEASIBLE_CONSTRAINTS if flag == INFEASIBLE else UNSOLVED), 0.0
 
     def keeps(self, y: Array, slack: float) -> bool:
         """Whether a point is within all limits, (n,) [of W u], or beyond by `slack` at most."""

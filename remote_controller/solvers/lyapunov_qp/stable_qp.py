@@ -24,15 +24,15 @@ proves u for the ρ that V̇ has; for a damped ρ also that no other is worth it
 What cannot be done is named in ``status``, and u is then as still as the bounds allow, never NaN:
 
 * ``STATIONARY``: V can fall no further (ρ* = 0), and u = 0 keeps all constraints.
-* ``FLAT``: ∇V = 0, but V should change. u = 0; where that breaks a constraint, the least u that
-  keeps them.
-* ``CONTRADICTORY``: no u keeps the constraints. u is the point within the bounds nearest to 0: a
-  robot whose constraints make no sense stands still rather than choose which one to break.
-* ``UNSOLVED``: the QP solver gave up; as for ``CONTRADICTORY``.
+* ``ZERO_GRADIENT``: ∇V = 0, but V should change. u = 0; where that breaks a constraint, the least
+  u that keeps them.
+* ``INFEASIBLE_CONSTRAINTS``: no u keeps the constraints. u is the point within the bounds nearest
+  to 0: a robot whose constraints make no sense stands still rather than choose which one to break.
+* ``UNSOLVED``: the QP solver gave up; as for ``INFEASIBLE_CONSTRAINTS``.
 
-``BEHIND`` and ``AHEAD`` come with an answer: V cannot be kept from rising (ρ < 0), or from falling
-faster than asked (ρ > 1), because of its drift or of the constraints; V̇ is as close to −Ψ as it
-gets.
+``CANNOT_DESCEND`` and ``DESCENDS_FASTER`` come with an answer: V cannot be kept from rising
+(ρ < 0), or from falling faster than asked (ρ > 1), because of its drift or of the constraints; V̇ is
+as close to −Ψ as it gets.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ class StableQp:
         from hoap3.remote_controller.solvers.lyapunov_qp import lyapunov_qp_kernels as kernels
         from hoap3.remote_controller.solvers.qp12.bounded_qp12_kernels import box_rho_kernel
 
-        self._cheap = kernels.cheap_kernel
+        self._cheap = kernels.try_closed_form
         self._finish, self._verdict = kernels.finish_kernel, kernels.rate_status_kernel
         self.n, self.m, self.k = n, m, k
         self._kind, gamma = kind_of(objective, gamma)
@@ -267,7 +267,7 @@ class StableQp:
     ) -> tuple[int, float]:
         """Status and min(1, ρ*) of (6), without looking for u; arguments as for `solve`.
 
-        ρ is 0 unless the status is `OK`, `STATIONARY` or `BEHIND`.
+        ρ is 0 unless the status is `OK`, `STATIONARY` or `CANNOT_DESCEND`.
         """
         equal = self._none_C if C is None else C
         values = self._none_c if c is None else c

@@ -26,7 +26,7 @@ from hoap3.remote_controller.solvers.linalg.dense_kernels import (
     solve_lower,
     solve_upper,
 )
-from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import divide_rows, factorise
+from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import factorise, triangular_solve
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -258,7 +258,7 @@ def bounded_values_kernel(
             Z[k, n + j] = rows[j, k]
     for j in range(c):
         values[n + j] += dot(rows[j], f)
-    divide_rows(H, Z)
+    triangular_solve(H, Z)
     status, count, _ = active_set(
         Z,
         values,

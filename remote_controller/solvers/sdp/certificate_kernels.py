@@ -101,7 +101,7 @@ def certified(
     "Tuple((f8, f8, f8, f8, b1))(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, f8[:,::1],"
     " f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1])"
 )
-def conclude(
+def certify(
     L: Array,
     G: Array,
     S: Array,

@@ -18,7 +18,7 @@ from hoap3.remote_controller.solvers.sdp.interior_point_kernels import (
     locked,
     renew,
 )
-from hoap3.remote_controller.solvers.sdp.newton_kernels import settle
+from hoap3.remote_controller.solvers.sdp.newton_kernels import active_set_newton
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -153,7 +153,7 @@ def polish(
     )
     for i in range(n + 1):
         trial[i] = x[i]
-    good, holding, taken = settle(
+    good, holding, taken = active_set_newton(
         L,
         G,
         S,
@@ -239,7 +239,7 @@ def optimise(
     """Find λ and β in the units of β̃ = 1, from the last ones if these are of any use.
 
     Args:
-        L, G, S, limits, dt, delta: as for `settle`.
+        L, G, S, limits, dt, delta: as for `active_set_newton`.
         budget: how many iterations are allowed, of both kinds together.
         points: λ and β, (5, n + 1) or longer: the last one, overwritten by the answer; scratch; two
             that are others'; where the interior-point method is when the budget is spent.
@@ -258,7 +258,7 @@ def optimise(
     block, home, held = integers[0], integers[1], integers[2]
     x, newton = points[0], 0
     if counts[0] > 0:
-        good, counts[1], newton = settle(
+        good, counts[1], newton = active_set_newton(
             L,
             G,
             S,

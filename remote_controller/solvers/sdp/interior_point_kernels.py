@@ -35,7 +35,7 @@ from hoap3.remote_controller.solvers.linalg.small_product_kernels import (
     times,
     transposed_times,
 )
-from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import factorise, gram
+from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import factorise, syrk
 
 Array = NDArray[np.float64]
 
@@ -296,7 +296,7 @@ def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to it
         if not root_inverse(C, U, P, scratch) or not root_inverse(Z, U, PZ, scratch):
             return False, taken
         clear(X)
-        gram(X, 1.0, P, n)
+        syrk(X, 1.0, P, n)
         mirror(X)
         gap, count = 0.0, n
         for i in range(n):

@@ -253,7 +253,7 @@ def _positive(C: Array, Y: Array, rank: int, K: Array, scratch: Array) -> bool:
     "Tuple((b1, i8, i8))(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, f8[::1], f8[:,::1],"
     " i8[::1], i8[::1], i8, i8[::1], i8, f8[::1], i8, f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1])"
 )
-def settle(  # noqa: PLR0912 - one case after the other
+def active_set_newton(  # noqa: PLR0912 - one case after the other
     L: Array,
     G: Array,
     S: Array,

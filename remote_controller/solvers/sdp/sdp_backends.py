@@ -1,7 +1,7 @@
 """The gains by general solvers of conic programs, to compare ours with: Clarabel and SCS.
 
 Neither is accurate in λ, in which the objective is nearly flat, so Newton's method follows
-(`settle`), unless it is told not to.
+(`active_set_newton`), unless it is told not to.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ class ConicGains(SdpGains):
 
         super().__init__(sizes, joints, weights=weights, damping=damping, budget=budget)
         self._solve_conic, self._polished, self.polish = SOLVERS[solver], polished, False
-        self._polish, self._conclude = driver_kernels.polish, certificate_kernels.conclude
+        self._polish, self._certify = driver_kernels.polish, certificate_kernels.certify
         self._enough, self._fastest = sdp_kernels.PROVED, sdp_kernels.FASTEST
         self._form = ConicForm(self.n, self.joints)
 
@@ -172,7 +172,7 @@ class ConicGains(SdpGains):
             known: Any = (points, Y, integers, counts, nu, Z, z)
             scratch: Any = (spare, K, vectors)
             self.polish, self.newton = self._polish(*given, *known, *scratch)
-        self.beta, self.slack, self.margin, self.gap, kept = self._conclude(
+        self.beta, self.slack, self.margin, self.gap, kept = self._certify(
             *(L, G, S, room, scaled, delta, points, Z, z, spare, vectors)
         )
         self.beta, self.slack, self.margin = (

@@ -24,8 +24,8 @@ It is local, as the paper has it: how far the model holds depends on |dq| Δt.
   last digits of an answer depend on the solves before. `forget` begins anew.
 * `budget` counts iterations, not time, and what is done does not depend on the clock. When it is
   spent, the answer is the last gains, shortened until dq keeps its limits, or the best point that
-  was found if that certifies more; the status is ``SPENT``, β is what these gains certify, or 0
-  with gains of 0 where they certify nothing.
+  was found if that certifies more; the status is ``ITERATION_LIMIT``, β is what these gains
+  certify, or 0 with gains of 0 where they certify nothing.
 
 Whatever the status, `beta` is λ_min(−A − Aᵀ − Δt AᵀA), A = −L Λ, of the gains that are returned.
 """
@@ -153,9 +153,10 @@ class SdpGains:
             delta: δ, positive.
 
         Returns:
-            `status.OK`; `STATIONARY`: no gains have a certificate, and all are 0; `SPENT`: the
-            budget is; `UNSOLVED`: the gains are certified but not proved to be optimal, which
-            happens where tasks nearly depend on each other; `OUT_OF_RANGE`: an answer overflows;
+            `status.OK`; `STATIONARY`: no gains have a certificate, and all are 0;
+            `ITERATION_LIMIT`: the budget is spent; `UNSOLVED`: the gains are certified but not
+            proved to be optimal, which happens where tasks nearly depend on each other;
+            `OUT_OF_RANGE`: an answer overflows;
             `BAD_INPUT`: a value is not finite or outside its range; `BAD_SHAPE`.
 
         Raises:

@@ -18,17 +18,17 @@ from hoap3.protocol.runtime.numba_jit import inlined, kernel
 from hoap3.remote_controller.solvers.base.status import (
     BAD_INPUT,
     BAD_SHAPE,
+    ITERATION_LIMIT,
     OK,
     OUT_OF_RANGE,
-    SPENT,
     STATIONARY,
     UNSOLVED,
 )
 from hoap3.remote_controller.solvers.clik.clik_kernels import feed_forward, prioritised, unfit
 from hoap3.remote_controller.solvers.clik.lmi_kernels import find_blocks
 from hoap3.remote_controller.solvers.linalg.dense_kernels import MAX, dot, not_finite
-from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import gram
-from hoap3.remote_controller.solvers.sdp.certificate_kernels import conclude, keep_better
+from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import syrk
+from hoap3.remote_controller.solvers.sdp.certificate_kernels import certify, keep_better
 from hoap3.remote_controller.solvers.sdp.driver_kernels import BUDGET, NONE, WARM, optimise
 
 Array = NDArray[np.float64]
@@ -175,7 +175,7 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
             G[i, j] = 0.0
         for r in range(joints):
             S[i, r] = errors[i] * B[i, r]
-    gram(G, 1.0, L, n)
+    syrk(G, 1.0, L, n)
     for i in range(n):
         for j in range(i):
             G[i, j] = G[j, i]
@@ -211,7 +211,7 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
         counts[2] = 0  # no way leads from the answer before to this one
     if path == BUDGET:
         keep_better(L, G, S, room, dt * desired, desired, gains, points, spare, vectors)
-    beta, slack, margin, gap, kept = conclude(
+    beta, slack, margin, gap, kept = certify(
         L, G, S, room, dt * desired, delta, points, Z, z, spare, vectors
     )
     x, speed = points[0], vectors[0, :joints]
@@ -230,7 +230,7 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
         return OUT_OF_RANGE, NONE, 0, 0, newton, inner, 0.0, 0.0, 0.0, math.inf
     status = OK if gap <= PROVED else UNSOLVED
     if path == BUDGET:
-        status = SPENT
+        status = ITERATION_LIMIT
     elif path == NONE:
         status = STATIONARY
     return (

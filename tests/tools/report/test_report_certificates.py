@@ -76,7 +76,7 @@ def test_the_head_says_it_twice(shown):
 
 
 def test_certificates_that_are_worth_little_are_told_beside_those_that_are_missing(content):
-    reasons = {"certified": {"beta below": 7}, "infeasible": {"contradictory": 40}}
+    reasons = {"certified": {"beta below": 7}, "infeasible": {"infeasible_constraints": 40}}
     gaps = replace(content.motion.certificates, reasons=reasons).gaps
     assert "43 of 400 answers came without a certificate" in gaps[0]
     assert gaps[1:] == ["In 7 of 400 answers a certificate says little: beta below."]

@@ -20,7 +20,7 @@ from hoap3.tools.report.content import read_content
 from hoap3.tools.report.page import page
 
 EVENTS = Event.schema.constants
-NAMES = ("slowed", "contradictory", "held by <zmp>")
+NAMES = ("slowed", "infeasible_constraints", "held by <zmp>")
 
 
 def controllers_log(folder, present, session=7):
@@ -57,7 +57,13 @@ def test_json_has_times_ticks_the_first_and_the_longest(content):
     assert content.as_json()["conditions"] == [
         {"condition": "slowed", "times": 2, "ticks": 5, "first_tick": 11, "longest": 3},
         {"condition": "held by <zmp>", "times": 1, "ticks": 3, "first_tick": 15, "longest": 3},
-        {"condition": "contradictory", "times": 1, "ticks": 1, "first_tick": 12, "longest": 1},
+        {
+            "condition": "infeasible_constraints",
+            "times": 1,
+            "ticks": 1,
+            "first_tick": 12,
+            "longest": 1,
+        },
     ]
 
 
@@ -67,7 +73,7 @@ def test_the_page_has_them_as_a_table_and_no_longer_as_events(content):
         ["condition", "times", "ticks in all", "first tick", "longest"],
         ["slowed", "2", "5", "11", "3"],
         ["held by <zmp>", "1", "3", "15", "3"],
-        ["contradictory", "1", "1", "12", "1"],
+        ["infeasible_constraints", "1", "1", "12", "1"],
     ]
     assert "condition" not in shown.by_id("events").text()
 
@@ -86,7 +92,7 @@ def test_those_of_another_session_do_not_count(tmp_path):
     log = Log.open(controllers_log(tmp_path, [{1}] * 4, session=9))
     assert read_conditions(log, 8) == []
     (found,) = read_conditions(log, 9)
-    assert (found.condition, found.ticks) == ("contradictory", 4)
+    assert (found.condition, found.ticks) == ("infeasible_constraints", 4)
 
 
 @settings(max_examples=15)
