@@ -124,20 +124,25 @@ class Simulation:
 
     Attributes:
         states, setpoints: structured arrays; fields as in the `.msg` files.
-        records: the controller's log, for `hoap3.tools.replay`.
+        log: the controller's.
         deadlines: outcomes of the ticks that asked for an answer.
         controller: in its final state.
     """
 
     states: np.ndarray[Any, Any]
     setpoints: np.ndarray[Any, Any]
-    records: list[Record]
+    log: MemoryRecorder
     deadlines: Deadlines
     controller: Controller
 
     def __repr__(self) -> str:
         counts = f"{len(self.states)} states, {len(self.setpoints)} setpoints"
         return f"Simulation({counts}, {self.deadlines.run_rate:.5f} in time)"
+
+    @property
+    def records(self) -> list[Record]:
+        """The controller's log, for `hoap3.tools.replay`."""
+        return self.log.records
 
     @property
     def time(self) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -174,9 +179,9 @@ def simulate(
     lockstep = Lockstep(emulator, controller_settings(controller), robot_log, log, fate, files)
     lockstep.run(duration, report=report)
     return Simulation(
-        states=_table(robot_log.records, Kind.STATE, State),
-        setpoints=_table(log.records, Kind.SETPOINT, Setpoint),
-        records=log.records,
+        states=_table(robot_log.payloads(Kind.STATE), State),
+        setpoints=_table(log.payloads(Kind.SETPOINT), Setpoint),
+        log=log,
         deadlines=lockstep.robot.validator.deadlines,
         controller=lockstep.controller,
     )
@@ -254,10 +259,7 @@ def controller_file(controller: str | Mapping[str, Any] | ControllerConfig) -> s
     return read_controller_config(controller)[1] if isinstance(controller, str) else "simulate"
 
 
-def _table(
-    records: list[Record], kind: Kind, message: type[State] | type[Setpoint]
-) -> np.ndarray[Any, Any]:
-    payloads = [record.payload for record in records if record.kind == kind]
+def _table(payloads: list[bytes], message: type[State] | type[Setpoint]) -> np.ndarray[Any, Any]:
     schema = message.schema
     if not payloads:
         return np.zeros(0, schema.dtype(dict.fromkeys(schema.arrays, 0)))

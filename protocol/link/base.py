@@ -97,7 +97,7 @@ class LockstepLink:
         fate: DelayModel | None = None,
     ) -> None:
         self._exchange, self._clock = exchange, clock
-        self._fate = fate or (lambda answer: ((compute_time, answer),))
+        self._compute_time, self._fate = compute_time, fate
         self._flying: list[tuple[int, int, bytes]] = []
         self._sent = 0
         self._requests: list[Request] = []
@@ -107,10 +107,12 @@ class LockstepLink:
         """Exchange a State for an answer and let that fly."""
         now = self._clock.now()
         answer = self._exchange(state)
-        if answer is not None:
-            for delay, payload in self._fate(answer):
-                self._sent += 1  # keeps the order of arrivals at the same time
-                heapq.heappush(self._flying, (now + delay, self._sent, payload))
+        if answer is None:
+            return
+        fates = ((self._compute_time, answer),) if self._fate is None else self._fate(answer)
+        for delay, payload in fates:
+            self._sent += 1  # keeps the order of arrivals at the same time
+            heapq.heappush(self._flying, (now + delay, self._sent, payload))
 
     def drain(self) -> Sequence[Arrival]:
         """Answers whose virtual arrival time has come."""
@@ -130,6 +132,8 @@ class LockstepLink:
 
     def requests(self) -> Iterable[Request]:
         """Requests queued by `ask`."""
+        if not self._requests:
+            return ()
         queued, self._requests = self._requests, []
         return queued
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol
 
 from hoap3.protocol.errors import Hoap3Error
 from hoap3.protocol.runtime.shm_ring import Kind, Record, Ring
@@ -30,24 +30,24 @@ class NoRecorder:
 
 
 class MemoryRecorder:
-    """Keeps everything in lists: for simulations in process, and tests."""
+    """Keeps everything in a list: for simulations in process, and tests."""
 
     def __init__(self) -> None:
-        # not a list of tuples: the garbage collector would visit each of them, again and again
-        self._kinds: list[Kind] = []
-        self._stamps: list[int] = []
-        self._payloads: list[bytes] = []
+        # flat, since the garbage collector would visit each of many tuples, again and again
+        self._kept: list[Any] = []  # kind, stamp, payload, kind, …
 
     @property
     def records(self) -> list[Record]:
         """All of it, oldest first."""
-        return list(map(Record, self._kinds, self._stamps, self._payloads))
+        return list(map(Record, self._kept[::3], self._kept[1::3], self._kept[2::3]))
+
+    def payloads(self, kind: Kind) -> list[bytes]:
+        """Those of one kind, oldest first."""
+        return [self._kept[at + 2] for at in range(0, len(self._kept), 3) if self._kept[at] == kind]
 
     def record(self, kind: Kind, stamp: int, payload: bytes) -> None:
         """Append it."""
-        self._kinds.append(kind)
-        self._stamps.append(stamp)
-        self._payloads.append(payload)
+        self._kept += (kind, stamp, payload)
 
     record_large = record
 
