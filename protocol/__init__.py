@@ -5,4 +5,4 @@ Importing this package loads neither Pinocchio nor numba nor Zenoh.
 
 from __future__ import annotations
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

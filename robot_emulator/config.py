@@ -27,7 +27,7 @@ FAR_M = 1000.0
 class ContactSettings(Settings):
     """A compliant plane, and the point of the robot that can touch it."""
 
-    frame: str = Field(description="the point is its origin")
+    frame: str = Field(description="the point that touches is its origin; some joint must move it")
     offset_m: tuple[float, float, float] = Field(
         (0.0, 0.0, 0.0), description="the point in the frame instead"
     )
@@ -67,7 +67,9 @@ class ContactSettings(Settings):
 class PlantSettings(Settings):
     """How the robot's body behaves."""
 
-    servo: Literal["ideal", "lag"] = Field("ideal", description="of positions; lag: first order")
+    servo: Literal["ideal", "lag"] = Field(
+        "ideal", description="joints follow their reference at once, or with a first-order lag"
+    )
     time_constant_ms: float = Field(20.0, gt=0, description="of the lag")
     encoder: Literal["ideal", "counts"] = Field(
         "ideal",
@@ -90,7 +92,11 @@ class PlantSettings(Settings):
 class LockstepSettings(Settings):
     """Virtual time instead of the wall clock."""
 
-    compute_time_us: float = Field(200.0, ge=0, description="virtual delay of every answer")
+    compute_time_us: float = Field(
+        200.0,
+        ge=0,
+        description="from a State to its answer, in virtual time; above the period all are late",
+    )
 
 
 class EmulatorLink(LinkSettings):
@@ -114,7 +120,8 @@ class EmulatorConfig(Settings):
     name: RobotName | None = Field(None, description="name on the network; default: the robot's")
     posture: str | None = Field(None, description="start posture; default: the description's")
     command: CommandKind | None = Field(
-        None, description="what setpoints are; default: the first that the description has"
+        None,
+        description="what setpoints are; null: the description's first, or in run the controller's",
     )
     plant: PlantSettings = PlantSettings()
     loss_policy: Literal["hold", "extrapolate"] = Field(

@@ -54,7 +54,9 @@ class LinkSettings(Settings):
 
     listen: tuple[Endpoint, ...] = Field((), description="endpoints to listen on")
     connect: tuple[Endpoint, ...] = Field((), description="endpoints to connect to")
-    mode: Literal["peer", "client"] = Field("peer", description="client: everything by a router")
+    mode: Literal["peer", "client"] = Field(
+        "peer", description="client: everything goes through the router that connect names"
+    )
     lease_ms: int = Field(
         1000, strict=True, ge=100, le=60_000, description="silence after which a peer is gone"
     )
@@ -71,7 +73,9 @@ class RealtimeSettings(Settings):
     cpu: Literal["auto", "none"] | CpuNumber = Field(
         "auto", description="auto: a CPU that no other run has claimed; none; or its number"
     )
-    lock_memory: bool = Field(True, strict=True, description="keep pages in memory")
+    lock_memory: bool = Field(
+        True, strict=True, description="keep pages in memory; not with policy: none"
+    )
     keep_awake: bool = Field(
         True, strict=True, description="let a watched CPU never fall asleep when it is idle"
     )
@@ -88,7 +92,12 @@ class LogSettings(Settings):
     cap_mb: int = Field(
         1000, strict=True, ge=1, description="the oldest files of a run go beyond this"
     )
-    file_mb: int = Field(250, strict=True, ge=1, description="a new file begins beyond this")
+    file_mb: int = Field(
+        250,
+        strict=True,
+        ge=1,
+        description="of one file, at most half the cap; then a further one begins",
+    )
 
 
 def load_yaml(path: Path) -> dict[str, Any]:

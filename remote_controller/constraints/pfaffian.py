@@ -26,7 +26,9 @@ class Pfaffian(Constraint):
     class Parameters(Constraint.Parameters):
         """Either `matrix` or `function`."""
 
-        matrix: tuple[tuple[float, ...], ...] = Field((), description="C, rows of n numbers")
+        matrix: tuple[tuple[float, ...], ...] = Field(
+            (), description="C, rows of n numbers; either this or function"
+        )
         function: str | None = Field(None, description="C(q), as package.module:function")
         positions_from: PositionSource = Field("reference", description="the q that C is given")
 

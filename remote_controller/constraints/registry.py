@@ -45,7 +45,9 @@ class ConstraintSettings(Settings):
 
     constraint: str = Field(description="registered name, or package.module:Class")
     name: str | None = Field(
-        None, min_length=1, description="in rows and events; none: the constraint's own"
+        None,
+        min_length=1,
+        description="of its rows, conditions and events; null: the constraint's own",
     )
     parameters: dict[str, Any] = Field({}, description="settings of the constraint itself")
 

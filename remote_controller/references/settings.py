@@ -22,7 +22,7 @@ class PointSettings(Settings):
     """A point that stays."""
 
     kind: Literal["point"] = "point"
-    position_m: Position = Field(description="where [m]")
+    position_m: Position = Field(description="where it shall be [m]")
     approach_s: float = Field(0.0, ge=0, description="duration of the way there [s]; 0: at once")
 
     def build(self, folder: Path) -> Target:
@@ -67,7 +67,7 @@ class _MovingSettings(Settings):
 
 
 class _CurveSettings(_MovingSettings):
-    center_m: Position = Field(description="[m]")
+    center_m: Position = Field(description="of the curve, in the frame of the task [m]")
     plane: Plane = Field("xy", description="axes of the curve")
     period_s: float = Field(gt=0, description="of one round [s]")
     direction: Literal["forward", "backward"] = Field(
@@ -83,7 +83,7 @@ class CircleSettings(_CurveSettings):
     """Round and round a circle."""
 
     kind: Literal["circle"]
-    radius_m: float = Field(gt=0, description="[m]")
+    radius_m: float = Field(gt=0, description="of the circle [m]")
     start_rad: float = Field(0.0, description="angle from the plane's first axis at the start")
 
     def build(self, folder: Path) -> Target:
@@ -114,7 +114,9 @@ class SplineSettings(_MovingSettings):
     """A smooth curve through the rows of a CSV file with the columns t [s], x, y, z [m]."""
 
     kind: Literal["spline"]
-    file: str = Field(min_length=1, description="CSV; sought beside the config")
+    file: str = Field(
+        min_length=1, description="CSV with columns t, x, y, z [s, m], sought beside the config"
+    )
     repeat: bool = Field(False, strict=True, description="a closed curve, run again and again")
 
     def build(self, folder: Path) -> Target:

@@ -53,7 +53,9 @@ class PrioritySettings(Settings):
         (), description="instead: row i, column j: priority of task j over task i, 0 to 1"
     )
     inactive: tuple[str, ...] = Field((), description="tasks that take no part at the start")
-    timeline: tuple[ChangeSettings, ...] = Field((), description="changes, by the robot's ticks")
+    timeline: tuple[ChangeSettings, ...] = Field(
+        (), description="changes, in any order; those of one pair may not overlap"
+    )
 
     @model_validator(mode="after")
     def _one_start(self) -> Self:

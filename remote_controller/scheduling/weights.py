@@ -37,7 +37,9 @@ class WeightSettings(Settings):
     """Weights at the start, and how they change."""
 
     weights: dict[str, Weight] = Field({}, description="of tasks by their names; others have 1")
-    timeline: tuple[WeightChange, ...] = Field((), description="changes, by the robot's ticks")
+    timeline: tuple[WeightChange, ...] = Field(
+        (), description="changes, in any order; those of one pair may not overlap"
+    )
 
 
 class Weights:

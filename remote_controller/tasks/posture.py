@@ -38,7 +38,9 @@ class PostureTask(Task):
     class Parameters(Task.Parameters):
         """Which posture."""
 
-        posture: str | None = Field(None, description="one of the robot's description")
+        posture: str | None = Field(
+            None, description="a posture of the robot's description; either this or target_rad"
+        )
         target_rad: tuple[float, ...] = Field((), description="instead: q_d of `joints` [rad or m]")
         joints: tuple[str, ...] = Field((), description="which joints; empty: all, in wire order")
         approach_s: float = Field(

@@ -39,7 +39,9 @@ class WeightedSum(LyapunovFunction):
     class Parameters(Settings):
         """The terms."""
 
-        terms: tuple[TermSettings, ...] = Field(min_length=1, description="tasks, with weights")
+        terms: tuple[TermSettings, ...] = Field(
+            min_length=1, description="tasks, each with its weight"
+        )
 
     def __init__(self, terms: Sequence[LyapunovFunction], weights: Sequence[float]) -> None:
         n = len(terms[0].gradient)

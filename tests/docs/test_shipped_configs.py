@@ -12,6 +12,7 @@ from story import check
 
 from hoap3.protocol.messages import State
 from hoap3.remote_controller.config import CONFIGS, build
+from hoap3.remote_controller.controllers.qp12.qp12 import Qp12Controller
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
 from hoap3.robot_emulator.service import describe
@@ -73,3 +74,13 @@ def test_the_change_that_the_readme_shows_is_taken_by_the_config_that_it_names()
     after = controller.changeable()["priorities"]
     assert after["alpha"] != before["alpha"]
     assert not after["moving"]
+
+
+def test_the_papers_config_says_nothing_but_what_hoap3_does_by_default():
+    content = yaml.safe_load((CONFIGS / "qp12_paper.yaml").read_text(encoding="utf-8"))
+    robot = load("hoap3")
+    written_out, by_default = (
+        Qp12Controller(robot, Qp12Controller.Parameters(**parameters)).parameters
+        for parameters in (content["parameters"], {})
+    )
+    assert written_out == by_default

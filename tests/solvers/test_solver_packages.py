@@ -11,6 +11,7 @@ import pytest
 from hoap3.protocol.config.settings import parse
 from hoap3.protocol.errors import ConfigError
 from hoap3.remote_controller.config import ControllerConfig, build, read_config
+from hoap3.remote_controller.controllers.lyapunov_qp.stable_qp import StableQpController
 from hoap3.remote_controller.solvers.qp import qp_backends
 from hoap3.remote_controller.solvers.sdp import sdp_backends
 from hoap3.robot_emulator.robots import load
@@ -35,11 +36,10 @@ def test_an_extra_brings_every_solver_that_does_not_come_by_itself() -> None:
     }
 
 
-def test_the_docs_say_which_need_installing() -> None:
-    text = (HOUSE / "docs" / "configuration.md").read_text(encoding="utf-8")
-    (row,) = re.findall(r"^\| `solver` \|.*$", text, flags=re.MULTILINE)
-    for name, package in PEERS.items():
-        assert f"`{name}` needs `pip install {package}`" in row
+def test_the_setting_says_which_need_installing() -> None:
+    said = str(StableQpController.Parameters.model_fields["solver"].description)
+    assert all(name in said for name in PEERS)
+    assert "hoap3[peers]" in said
 
 
 @pytest.mark.parametrize(("name", "package"), PEERS.items())

@@ -44,6 +44,7 @@ LOCAL: dict[str, tuple[object, ...]] = {
     "config show": ("config", "show", "qp12"),
     "config check": ("config", "check", "qp12"),
     "config schema": ("config", "schema", "qp12"),
+    "config keys": ("config", "keys", "qp12"),
     "export": ("export", "{log}", "--to", "{out}.csv"),
 }
 """What needs no robot that runs."""

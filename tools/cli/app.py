@@ -416,6 +416,30 @@ def config_schema(
     print_json(json_schema(kind, name))
 
 
+@config_app.command("keys")
+def config_keys(
+    kind: Annotated[
+        str,
+        typer.Argument(
+            help="emulator, controller, a controller's name, or task, constraint or curve."
+        ),
+    ],
+    name: Annotated[
+        str | None, typer.Argument(help="Of a controller, a task, a constraint or a curve.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Print every key of a config, or of what one names: type, unit, default, meaning."""
+    from hoap3.tools.services.config_keys import config_keys as find
+    from hoap3.tools.show.output import print_json, print_line
+
+    found = find(kind, name)
+    if as_json:
+        print_json({"keys": [key._asdict() for key in found]})
+    else:
+        print_line("\n".join(map(str, found)))
+
+
 def _version(value: bool) -> None:
     if value:
         from hoap3.tools.machine.machine import versions
@@ -433,7 +457,7 @@ def _root(
         typer.Option("--version", callback=_version, is_eager=True, help="Versions of the stack."),
     ] = False,
 ) -> None:
-    """A robot and its remote controller, 1 kHz apart."""
+    """Control a robot from a separate process at 1 kHz; see why each deadline was met or missed."""
 
 
 def _mend(path: Path, as_json: bool) -> None:

@@ -59,7 +59,7 @@ class Sphere(Obstacle):
 
     shape: Literal["sphere"]
     center_m: Triple = Field(description="in its frame [m]")
-    radius_m: Positive = Field(description="[m]")
+    radius_m: Positive = Field(description="of the ball [m]")
 
     def body(self, base: str) -> Body:
         """As a rounded box."""
@@ -72,7 +72,7 @@ class Capsule(Obstacle):
 
     shape: Literal["capsule"]
     ends_m: tuple[Triple, Triple] = Field(description="of the segment, in its frame [m]")
-    radius_m: Positive = Field(description="[m]")
+    radius_m: Positive = Field(description="of its rounding [m]")
 
     def body(self, base: str) -> Body:
         """As a rounded box."""
@@ -88,7 +88,9 @@ class Box(Obstacle):
     shape: Literal["box"]
     center_m: Triple = Field(description="in its frame [m]")
     size_m: tuple[Positive, Positive, Positive] = Field(description="whole extents [m]")
-    rpy_rad: Triple = Field((0.0, 0.0, 0.0), description="as in URDF [rad]")
+    rpy_rad: Triple = Field(
+        (0.0, 0.0, 0.0), description="roll, pitch, yaw of its axes, as in URDF [rad]"
+    )
 
     def body(self, base: str) -> Body:
         """As a rounded box, of radius 0."""

@@ -37,7 +37,7 @@ class Zmp(Constraint):
             (), description="frames of the soles on the ground; none: the base frame's"
         )
         margin_m: float = Field(0.005, ge=0, description="kept to every edge [m]")
-        gravity_m_s2: float = Field(9.81, gt=0, description="g [m/s²]")
+        gravity_m_s2: float = Field(9.81, gt=0, description="acceleration of free fall g [m/s²]")
         positions_from: PositionSource = Field(
             "reference", description="joint positions that velocities are computed from"
         )

@@ -101,7 +101,10 @@ class HierarchyController(Controller):
 
         tasks: tuple[AnyTask, ...] = Field(min_length=1, description="what shall be")
         w_r: float = Field(
-            0.01, ge=1e-6, le=1e3, description="ω_r: weight of the regularisation, beside 1"
+            0.01,
+            ge=1e-6,
+            le=1e3,
+            description="ω_r: weight of the regularisation; less is more exact, but livelier",
         )
         null_damping_per_s: float = Field(
             10.0,

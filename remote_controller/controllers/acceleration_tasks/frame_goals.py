@@ -41,7 +41,7 @@ class GoalSettings(Settings):
 class Gains(Settings):
     """Of a wanted acceleration kp·error − kd·velocity."""
 
-    kp: float = Field(10.0, gt=0, description="[1/s²]")
+    kp: float = Field(10.0, gt=0, description="of log(H⁻¹H_d) in (34) [1/s²]")
     kd: float | None = Field(None, ge=0, description="[1/s]; null: 2√kp, critical damping")
 
     @property

@@ -21,10 +21,13 @@ class BoundSettings(Settings):
     """Which bounds; the defaults are for a robot that does exactly what it is told."""
 
     kind: Literal["viability", "naive", "none"] = Field(
-        "viability", description="viability keeps the limits; naive, (2), and none do not"
+        "viability",
+        description="viability keeps the limits; naive, (2), and none only compare: not certified",
     )
     horizon_periods: float = Field(
-        2.0, ge=1, description="T_b/T: periods for which an acceleration could be held without harm"
+        2.0,
+        ge=1,
+        description="T_b/T: periods an acceleration may be held; at a wall 1 chatters, 2 rests",
     )
     acceleration_max: tuple[Positive, ...] = Field(
         (),

@@ -48,7 +48,7 @@ class PoseSettings(_WithLength):
     )
 
     kind: Literal["pose"]
-    frame: str = Field(description="which")
+    frame: str = Field(description="whose pose it is")
     goal: GoalSettings | None = Field(
         None, description="where it shall be; null: where it is at the start"
     )
@@ -96,12 +96,14 @@ class ForceSettings(_WithLength):
     )
     sensor: str | None = Field(None, description="frame of the wrench sensor; null: `frame`")
     force_kp: float = Field(0.0, ge=0, description="of the error of the force")
-    force_ki_per_s: float = Field(5.0, ge=0, description="of its integral")
+    force_ki_per_s: float = Field(
+        5.0, ge=0, description="of its integral, which adds or takes at most force_n"
+    )
     force_kd: float = Field(
         0.0, ge=0, description="of the velocity along the normal while it touches [1/s]"
     )
     touch_n: float = Field(
-        0.5, gt=0, description="force from which on it touches, until it is removed"
+        0.5, gt=0, description="force from which on it touches, until it is removed or begins anew"
     )
 
     @model_validator(mode="after")

@@ -19,7 +19,11 @@ class PostureSettings(Gains):
         None, description="q_r, one of the robot's description; null: where it starts"
     )
     posture_rad: tuple[float, ...] = Field((), description="instead: q_r itself [rad or m]")
-    weight: float = Field(1e-3, gt=0, description="w, beside the task's 1")
+    weight: float = Field(
+        1e-3,
+        gt=0,
+        description="w of (33), beside the task's 1; a smaller w is more exact, the elbow drifts",
+    )
 
 
 class TsidBounds(BoundSettings):

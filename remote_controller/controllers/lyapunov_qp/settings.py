@@ -31,7 +31,9 @@ class Lp(Settings):
 
     kind: Literal["lp"]
     p: Positive | Literal["inf"] = Field(description="with constraints only 1, 2 and inf")
-    weights: Weights = Field({}, description="W, with constraints only")
+    weights: Weights = Field(
+        {}, description="W: weights of joints by name, else 1; with constraints only"
+    )
 
 
 class LeastSquares(Settings):
@@ -57,7 +59,9 @@ class RateSettings(Settings):
     eta_per_s: float = Field(1.0, gt=0, description="η of the last two [1/s]")
     kappa: float = Field(10.0, gt=0, description="κ of tanh, in 1/|∇V|")
     ramp_s: float = Field(
-        0.0, ge=0, description="time in which Ψ rises to that after the start [s]; 0: at once"
+        0.0,
+        ge=0,
+        description="time in which Ψ rises to its size, so that no joint jumps [s]; 0: at once",
     )
 
 
@@ -88,7 +92,7 @@ class Parameters(VelocityController.Parameters):
         False, description="of largest: keep ρ while it is feasible: fewer LPs, but it never rises"
     )
     solver: Literal["daqp", "osqp", "proxqp", "piqp"] = Field(
-        "daqp", description="of the QP, where it takes one; others for comparison"
+        "daqp", description="of the QP; proxqp and piqp come with hoap3[peers]"
     )
     kinematics_from: Literal["measured", "reference"] = Field(
         "measured", description="joint positions that kinematics are computed from"

@@ -57,7 +57,9 @@ class DescentController(VelocityController):
             description="Ψ = u_max·|∇V|₂·R/√n as (16) has it, without 1/√n, or u_max·|∇V|∞·R",
         )
         ramp_s: float = Field(
-            0.0, ge=0, description="time in which Ψ rises to that after the start [s]; 0: at once"
+            0.0,
+            ge=0,
+            description="time in which Ψ rises to its size, so that no joint jumps [s]; 0: at once",
         )
         kinematics_from: Literal["measured", "reference"] = Field(
             "measured", description="joint positions that kinematics are computed from"

@@ -26,7 +26,12 @@ class OsqpController(DescentController):
         adaptive_gamma: bool = Field(
             False, description="γ·(2/π)·atan(100·|∇V|) instead of γ: no chattering at the target"
         )
-        tolerance: float = Field(1e-5, ge=1e-12, le=0.1, description="of OSQP, on scaled data")
+        tolerance: float = Field(
+            1e-5,
+            ge=1e-12,
+            le=0.1,
+            description="of OSQP, absolute and relative, on data scaled to about 1",
+        )
         polish: bool = Field(
             True, description="solve once more for the joints that move: exact if they are right"
         )

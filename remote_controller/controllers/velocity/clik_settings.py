@@ -49,4 +49,9 @@ class SdpParameters(ClikParameters):
         4.0, gt=0, le=1e6, description="β̃: the rate at which V shall fall [1/s]"
     )
     delta: float = Field(DELTA, ge=1e-12, le=1e3, description="δ: what large gains cost [1]")
-    budget: int = Field(60, ge=1, le=1000, description="iterations that one cycle may take")
+    budget: int = Field(
+        60,
+        ge=1,
+        le=1000,
+        description="iterations that one cycle may take; then the last gains stay",
+    )

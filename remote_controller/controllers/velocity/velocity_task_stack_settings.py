@@ -22,7 +22,9 @@ Positive = Annotated[float, Field(gt=0)]
 class LabelledTask(tasks.TaskSettings):
     """A task, under a name of its own."""
 
-    name: RobotName | None = Field(None, description="in priorities and the log; null: the task's")
+    name: RobotName | None = Field(
+        None, description="in priorities, log and commands; null: the task's"
+    )
 
     @property
     def label(self) -> str:

@@ -138,7 +138,9 @@ class SpaceEllipse(Ellipse):
     class Parameters(Settings):
         """Where, and how large."""
 
-        center_m: tuple[float, float, float] = Field(description="[m]")
+        center_m: tuple[float, float, float] = Field(
+            description="of the ellipse, in the frame of reference [m]"
+        )
         plane: Plane = Field("xy", description="axes of the ellipse")
         radii_m: tuple[Positive, Positive] = Field(description="along these axes [m]")
 

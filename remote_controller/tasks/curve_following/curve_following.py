@@ -274,7 +274,7 @@ class TaskCurve(PersistentMotion):
         point: str = Field("com", description="com, or the frame whose origin it is")
         reference: str = Field("r_sole", description="frame that it is seen from")
         curve: str = Field("ellipse", description="registered name, or package.module:Class")
-        speed_m_s: float = Field(gt=0, description="ζ [m/s]")
+        speed_m_s: float = Field(gt=0, description="ζ, along the curve [m/s]")
         tolerance_m: float = Field(
             TOLERANCE_M,
             gt=0,

@@ -98,7 +98,7 @@ def _from_ball(ball: dict[str, Any], link: str, positions: Array) -> tuple[Array
     Returns:
         (ticks,) [m], negative inside; (ticks, 3) [m], seen from the ball's centre.
     """
-    import coal  # type: ignore[import-untyped]
+    import coal
 
     robot = load(ROBOT)
     kinematics = Kinematics(robot)
