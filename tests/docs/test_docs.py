@@ -21,6 +21,7 @@ from hoap3.tools.machine.machine import machine_block
 from hoap3.tools.services.run_statistics import RunStatistics
 
 STORIES = [
+    "tutorial.md",
     "choosing.md",
     "concepts.md",
     "configuration.md",
@@ -107,6 +108,13 @@ def test_the_readmes_run_ends_with_verdicts_and_a_log(tmp_path, monkeypatch, cap
     assert code in {0, 1}  # how fit this machine is now, is another matter
     assert "deadlines" in printed
     assert {path.name for path in tmp_path.glob("logs/*/*")} == {"robot.mcap", "controller.mcap"}
+
+
+def test_the_readmes_python_example_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (example,) = [block for block in blocks("README.md") if block.language == "python"]
+    story = Story(tmp_path)
+    story.play(example)
 
 
 @pytest.mark.parametrize("name", NAMES)

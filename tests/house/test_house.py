@@ -166,6 +166,22 @@ def test_importing_stays_light(module, absent):
     assert done.stdout.split() == []
 
 
+@pytest.mark.parametrize(
+    "command", [("--help",), ("--version",), ("list",), ("config", "keys", "qp12")]
+)
+def test_a_command_that_computes_nothing_loads_nothing_heavy(command):
+    code = """if True:
+        import contextlib, io, sys
+        from hoap3.tools.cli.app import main
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
+            main()
+        print(*{"numba", "pinocchio", "zenoh", "matplotlib"} & set(sys.modules))
+    """
+    words = [sys.executable, "-c", code, *command]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
+
+
 def test_the_front_door_has_every_error_and_opens_on_all_that_it_names():
     import hoap3
     from hoap3.protocol import errors

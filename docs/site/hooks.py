@@ -1,0 +1,138 @@
+"""Hooks of mkdocs: the reference is written from the code, and links out of docs/ become names.
+
+`mkdocs build --strict` fails where a page links to what is not there.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from pathlib import Path
+from typing import Any
+
+import typer
+from mkdocs.structure.files import File, Files
+
+import hoap3
+from hoap3.protocol.messages import Event, Setpoint, State
+from hoap3.tools.cli.app import app
+from hoap3.tools.services.config_keys import FAMILIES, SIDES, config_keys
+
+HOUSE = Path(__file__).resolve().parents[2]
+_LINK = re.compile(r"(!?)\[([^\]]*)\]\((\.\./|)([^)\s]+)\)")
+SETTINGS = """# Settings
+
+Every key of every config, as `hoap3 config keys` prints them. N stands for a place in a list, from
+0; `(kind)` for the mapping whose tag says so. [Configuration](../configuration.md) says how a
+config is found and changed."""
+COPIED = {
+    "README.md": "index.md",
+    "CONTRIBUTING.md": "contributing.md",
+    "CHANGELOG.md": "changelog.md",
+}
+
+
+def on_files(files: Files, config: Any) -> Files:
+    """Add the pages that are not written by hand."""
+    pages = {
+        "reference/commands.md": commands(),
+        "reference/settings.md": settings(),
+        "reference/messages.md": messages(),
+        "reference/python.md": python(),
+        **{page: (HOUSE / name).read_text(encoding="utf-8") for name, page in COPIED.items()},
+    }
+    for path, text in pages.items():
+        files.append(File.generated(config, path, content=text))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
+    """Links to files outside docs/ become the names of these files; the copied pages' lead on."""
+    copied = page.file.src_path in COPIED.values()
+    outside = page.file.src_path.startswith("decisions/")
+
+    def led(found: re.Match[str]) -> str:
+        picture, text, up, path = found.groups()
+        if path.startswith(("https://", "#")):
+            return found[0]
+        if copied and path.startswith("docs/"):
+            return f"{picture}[{text}]({path.removeprefix('docs/')})"
+        name, hash_, anchor = path.partition("#")
+        if (copied or up) and name in COPIED:
+            return f"[{text}]({COPIED[name]}{hash_}{anchor})"
+        if copied or (up and (not outside or path.startswith("../"))):
+            return text if text.strip("`") in path else f"{text} (`{name.removeprefix('../')}`)"
+        return found[0]
+
+    return _LINK.sub(led, markdown)
+
+
+def commands() -> str:
+    """Every command, its arguments and options, from typer."""
+    parts = ["# Commands\n\nWhat `hoap3 … --help` says, in one page."]
+
+    def below(command: Any, name: str) -> None:
+        inner = getattr(command, "commands", None)
+        if inner:
+            for each in sorted(inner):
+                below(inner[each], f"{name} {each}")
+            return
+        context = command.context_class(command, info_name=name)
+        parts.append(f"## {name}\n\n```text\n{command.get_help(context)}\n```")
+
+    below(typer.main.get_command(app), "hoap3")
+    return "\n\n".join(parts)
+
+
+def settings() -> str:
+    """Every key of every config and of whatever one can name, from the models."""
+    parts = [SETTINGS]
+    topics = [(side, None) for side in SIDES]
+    topics += [
+        (kind, name) for kind, each in FAMILIES.items() for name in sorted(each.registered())
+    ]
+    for kind, name in topics:
+        rows = config_keys(kind, name)
+        title = f"{kind} {name}" if name else f"config of the {kind}"
+        lines = [
+            f"## {title}",
+            "",
+            "| key | type | unit | default | meaning |",
+            "|---|---|---|---|---|",
+        ]
+        lines += [
+            f"| {' | '.join(_cell(cell, code=place in (0, 3)) for place, cell in enumerate(row))} |"
+            for row in rows
+        ]
+        parts.append("\n".join(lines) if rows else f"## {title}\n\nNo keys.")
+    return "\n\n".join(parts)
+
+
+def messages() -> str:
+    """The schemas of what travels over the wire."""
+    parts = ["# Messages\n\nROS 2 CDR, little endian. [The wire](../wire.md) says how they travel."]
+    parts += [
+        f"## {message.schema.name}\n\n```text\n{message.schema.text.strip()}\n```"
+        for message in (State, Setpoint, Event)
+    ]
+    return "\n\n".join(parts)
+
+
+def python() -> str:
+    """What `import hoap3` gives, from the docstrings."""
+    parts = ["# Python\n\nWhat `import hoap3` gives. All of it is loaded only when it is used."]
+    for name in hoap3.__all__:
+        each = getattr(hoap3, name)
+        try:
+            signature = str(inspect.signature(each))
+        except (TypeError, ValueError):
+            signature = ""
+        parts.append(
+            f"## {name}\n\n```text\n{name}{signature}\n\n{inspect.getdoc(each) or ''}\n```"
+        )
+    return "\n\n".join(parts)
+
+
+def _cell(text: str, *, code: bool) -> str:
+    escaped = text.replace("|", "\\|")
+    return f"`{escaped}`" if code and escaped else escaped
