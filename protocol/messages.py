@@ -1,4 +1,4 @@
-"""The only module that knows bytes: messages as ROS 2 CDR, little endian.
+"""The only module that knows the bytes of the wire: messages as ROS 2 CDR, little endian.
 
 The `.msg` files in `msg/` are the schema. For given array lengths the layout of a message is
 fixed, so a message owns one aligned buffer: arrays are views into it, scalars are packed and

@@ -37,7 +37,7 @@ CONFLICT_PAUSE_NS = 1_000_000_000  # between two events that tell of conflicting
 REQUESTS_PER_TICK = 4  # in real time; the rest waits for the next tick
 
 EVENTS = Event.schema.constants
-_LAST_WORDS = {EVENTS["REASON_SHUTDOWN"], EVENTS["REASON_ENDED"]}  # then the schedule ends
+_ENDING_REASONS = {EVENTS["REASON_SHUTDOWN"], EVENTS["REASON_ENDED"]}  # then the schedule ends
 _FAILURES = {EVENTS["REASON_MISSES"], EVENTS["REASON_HOLDER_LOST"]}
 
 
@@ -137,7 +137,7 @@ class RobotLoop:
                 ticker.wait()
                 heed(ticker.tick)
             self.step(ticker)
-            if self._stop_reason in _LAST_WORDS and self.mode == State.STOPPED:
+            if self._stop_reason in _ENDING_REASONS and self.mode == State.STOPPED:
                 break
         self._record_state()
         self._tell_left_out(at_end=True)
@@ -216,7 +216,7 @@ class RobotLoop:
     def stop(self, reason: str) -> None:
         """Brake to rest. Whatever the reason, a latch once due stays due."""
         if self._stop_reason and self._latches():
-            if EVENTS[reason] in _LAST_WORDS:
+            if EVENTS[reason] in _ENDING_REASONS:
                 self._stop_reason = EVENTS[reason]
             return
         self._stop_reason = EVENTS[reason]

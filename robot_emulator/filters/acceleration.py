@@ -197,14 +197,14 @@ class AccelerationFilter:
         self.held = -1  # the stop is the robot's own
         dq = self._plant.dq
         slow = float(np.abs(dq).max(initial=0.0)) <= REST
-        late = (self._stopped_for - self._stop_ticks) * self._dt >= PATIENCE_S
+        overdue = (self._stopped_for - self._stop_ticks) * self._dt >= PATIENCE_S
         self._stopped_for += 1
         share = max(0.0, 1.0 - self._stopped_for / self._stop_ticks)
         np.multiply(self._stop_speed, share, out=self._wanted)
         self._wanted -= dq
         self._wanted /= self._dt
         self._drive(self._wanted)
-        return slow or late
+        return slow or overdue
 
     def _apply(self, command: FloatArray) -> int:
         self.held = self._pass(command)

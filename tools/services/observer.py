@@ -41,7 +41,7 @@ UNWATCHED = f"which takes SCHED_FIFO {PRIORITY} there: `ulimit -r {PRIORITY}`, o
 _FREQUENT = {_EVENTS[name] for name in ("SKIPPED", "OVERWRITTEN", "HOST_STALL")}
 
 
-class Observer:
+class ObserverHandle:
     """The handle that a service has of its observer.
 
     Args:
@@ -223,21 +223,21 @@ def main() -> int:
     signal.signal(signal.SIGTERM, lambda *_: None)
     parent, order = Lifeline(), read_order()
     ring = Ring(order["fd"])
-    watch = _LogKeeper(order)
+    keeper = _LogKeeper(order)
     due = time.monotonic() + LIVE_S
     while True:
         ended = ring.closed or parent.cut()  # asked before the last reading
         for record in ring.read():
-            watch.take(record)
-        watch.look_for_stalls()
+            keeper.take(record)
+        keeper.look_for_stalls()
         if ended:
             break
         now = time.monotonic()
         if now >= due:
             due = now + LIVE_S
-            watch.tell()
+            keeper.tell()
         time.sleep(POLL_S)
-    watch.end(ring.dropped)
+    keeper.end(ring.dropped)
     return 0
 
 

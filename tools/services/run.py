@@ -29,7 +29,7 @@ from hoap3.tools.machine.processes import (
     start_service,
     to_people,
 )
-from hoap3.tools.services.observer import Observer
+from hoap3.tools.services.observer import ObserverHandle
 from hoap3.tools.services.placement import placed
 from hoap3.tools.services.services import as_yaml, observer_for, run_folder, watched_cpus
 from hoap3.tools.show.certificate_count import CountingRecorder
@@ -161,7 +161,7 @@ def run_lockstep(
     log = emulator.log if out is None else emulator.log.model_copy(update={"directory": str(out)})
     made, refused = is_new(out), False
     folder = run_folder(log, exact=out is not None)
-    observers: dict[str, Observer] = {}
+    observers: dict[str, ObserverHandle] = {}
     unlogged = CountingRecorder()
 
     def recorder_for(side: str, config: EmulatorConfig | ControllerConfig) -> Recorder:

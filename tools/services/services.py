@@ -33,7 +33,7 @@ from hoap3.tools.logs.log_format import SIDES, file_name
 from hoap3.tools.machine.machine import machine_block
 from hoap3.tools.machine.processes import StopFlag, check_open_files, to_people
 from hoap3.tools.machine.software import software
-from hoap3.tools.services.observer import Observer
+from hoap3.tools.services.observer import ObserverHandle
 from hoap3.tools.services.placement import settled_alone
 from hoap3.tools.show.output import Meter, print_line
 from hoap3.tools.show.refusal import forget, is_new, nothing_happened
@@ -162,10 +162,10 @@ def observer_for(
     lockstep: bool,
     status_fd: int | None,
     report: Callable[[str], None],
-) -> Observer:
+) -> ObserverHandle:
     """The observer of a service; `report` is told, in a thread, when the log is lost."""
     log = config.log
-    return Observer(
+    return ObserverHandle(
         side=side,
         robot=robot,
         directory=folder,
@@ -329,7 +329,7 @@ def _folder(log: LogSettings, out: Path | None, side: str) -> Path | None:
     return run_folder(settings, exact=True, sides=(side,))
 
 
-def _recorder(observer: Observer, *, lockstep: bool) -> Recorder:
+def _recorder(observer: ObserverHandle, *, lockstep: bool) -> Recorder:
     if lockstep:
         return BlockingRecorder(observer.ring, observer.alive)
     return RingRecorder(observer.ring)

@@ -9,7 +9,7 @@ twice in both norms, which is why both norms carry W.
 QP12 is solved for the free joints; those beyond their limit are clamped to it, what they deliver
 is taken off the decrease, and the rest is solved again. A clamped joint delivers less than it
 would have, so the multiplier of the equation can only rise: no clamp is ever taken back, and the
-set is exact after at most n rounds. Where the multiplier is is guessed first, by Newton's method on
+set is exact after at most n rounds. The multiplier is guessed first, by Newton's method on
 what all joints deliver together. Who moves at the guess nearly always moves at the answer, which
 then takes no round at all but one exact sum over them, and a check of every joint. What is clamped
 for a guess is beyond its limit by more than rounding, so guessing costs no digit.

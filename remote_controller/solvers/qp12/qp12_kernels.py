@@ -121,7 +121,7 @@ def solve_qp12(
     lower = math.ldexp(1.0 if decrease < 0.0 else -1.0, -lift)
     for i in range(n):
         a = abs(out[i])
-        x = a * tau - kappa * (A - a)  # (28), in the form above
+        x = a * tau - kappa * (A - a)  # (28) of QP12, in the form above
         out[i] = math.copysign(x, out[i]) * lower if x > 0.0 else 0.0
     return OK
 
