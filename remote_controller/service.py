@@ -98,7 +98,7 @@ class Service:
         recorder: where the log goes.
         report: takes what people should know.
         should_stop: asked at each sample.
-        patient: where the log goes in lockstep, and nothing of it may be lost.
+        lockstep_recorder: where the log goes in lockstep, and nothing of it may be lost.
         on_stop: takes what is to be called when an end is asked for while no sample comes.
 
     Attributes:
@@ -114,12 +114,12 @@ class Service:
         report: Callable[[str], None],
         should_stop: Callable[[], bool],
         file: str = "config",
-        patient: Recorder | None = None,
+        lockstep_recorder: Recorder | None = None,
         on_stop: Callable[[Callable[[], None]], None] | None = None,
     ) -> None:
         self._config, self._file = config, file
         self._recorder, self._report, self._should_stop = recorder, report, should_stop
-        self._patient = patient or recorder
+        self._lockstep_recorder = lockstep_recorder or recorder
         self._on_stop = on_stop
         self._digest = ""
         self._departures = 0
@@ -271,7 +271,7 @@ class Service:
             self._session_id = status.session_id
         self._clock = VirtualClock() if status.lockstep else MonotonicClock()
         rehearse(self._controller, description)
-        recorder = self._patient if status.lockstep else self._recorder
+        recorder = self._lockstep_recorder if status.lockstep else self._recorder
         loop = ControllerLoop(
             self._controller, self._clock, recorder, status.session_id, self._outcome
         )

@@ -95,7 +95,7 @@ class RobotLoop:
         self._held = [0] * description.n  # periods, by the first joint held back in each
         self._held_first = (-1, -1)  # joint, tick
         self._conflicts_told = self._conflict_due = 0
-        self._weak = -1
+        self._overloaded = -1
         self.mode = State.IDLE
         self.safe_stops = self.skipped = 0
         self.validator = SetpointValidator(
@@ -214,7 +214,7 @@ class RobotLoop:
         self._advance()
 
     def stop(self, reason: str) -> None:
-        """Brake to rest. Whatever the reason, a latch once due stays due."""
+        """Brake to rest; a stop that lasts until a recovery is not weakened by a later release."""
         if self._stop_reason and self._latches():
             if EVENTS[reason] in _ENDING_REASONS:
                 self._stop_reason = EVENTS[reason]
@@ -300,8 +300,8 @@ class RobotLoop:
                 self._come_to_rest()
         else:
             return
-        if setpoint_filter.held >= 0:
-            self._count_held(setpoint_filter.held)
+        if setpoint_filter.held_back >= 0:
+            self._count_held(setpoint_filter.held_back)
 
     def _count_held(self, joint: int) -> None:
         """Count a period by the joint that was held back in it."""
@@ -312,10 +312,10 @@ class RobotLoop:
     def _advance(self) -> None:
         """The body moves for one period; at rest its brakes hold it."""
         moving = self.mode in (State.ACTIVE, State.STOPPING)
-        weak = self._setpoint_filter.weak if moving else -1
-        if weak >= 0 > self._weak:
-            self._announce("TORQUE_LIMITED", weak)
-        self._weak = weak
+        overloaded = self._setpoint_filter.overloaded if moving else -1
+        if overloaded >= 0 > self._overloaded:
+            self._announce("TORQUE_LIMITED", overloaded)
+        self._overloaded = overloaded
         if moving:
             self._plant.step(self._setpoint_filter.value, self._description.period_s)
         else:
@@ -380,17 +380,17 @@ class RobotLoop:
         }
 
     def _grant(self, request: Request) -> None:
-        held = self._authority.grant
-        if not request.present and (held is None or held.holder == request.who):
+        in_force = self._authority.grant
+        if not request.present and (in_force is None or in_force.holder == request.who):
             self._link.look_again(request.who)
             self._refuse(request, "no_token", 0)
             return
         grant = self._authority.acquire(request.who, self.tick + self._grace_ticks)
         if grant is None:
             self._look_tick = self.tick
-            self._refuse(request, "held", held.epoch if held else 0)
+            self._refuse(request, "held", in_force.epoch if in_force else 0)
             return
-        if held is None:
+        if in_force is None:
             self._look_tick = self.tick + self._lease_ticks
             self._announce("GRANTED", grant.epoch)
         terms = {"granted": True, "epoch": grant.epoch, "from_tick": grant.from_tick}

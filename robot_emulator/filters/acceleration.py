@@ -69,8 +69,8 @@ class AccelerationFilter:
         value: command that is given to the plant, (n,) [rad/s² or m/s²].
         reference: where the commanded motion is, (n,) [rad or m]: where the body is.
         interventions: periods in which some joint was held back.
-        held: the first joint held back in the last period, or -1.
-        weak: the first joint whose effort is too small to keep the bounds in this period, or -1.
+        held_back: the first joint held back in the last period, or -1.
+        overloaded: the first joint whose effort is too small for the bounds in this period, or -1.
         torque_limited: periods in which there was one.
 
     Raises:
@@ -97,7 +97,7 @@ class AccelerationFilter:
         self.reference = plant.q
         self.value = np.zeros(n)
         self.interventions = self.torque_limited = 0
-        self.held = self.weak = -1
+        self.held_back = self.overloaded = -1
         self._wanted, self._given = np.zeros((2, n))
         self._lower, self._upper = np.zeros(n), np.zeros(n)
         self._missed = 0
@@ -194,7 +194,7 @@ class AccelerationFilter:
 
         That is at rest, or `PATIENCE_S` after the planned end of the stop.
         """
-        self.held = -1  # the stop is the robot's own
+        self.held_back = -1  # the stop is the robot's own
         dq = self._plant.dq
         slow = float(np.abs(dq).max(initial=0.0)) <= REST
         overdue = (self._stopped_for - self._stop_ticks) * self._dt >= PATIENCE_S
@@ -207,9 +207,9 @@ class AccelerationFilter:
         return slow or overdue
 
     def _apply(self, command: FloatArray) -> int:
-        self.held = self._pass(command)
-        self.interventions += self.held >= 0
-        return self.held
+        self.held_back = self._pass(command)
+        self.interventions += self.held_back >= 0
+        return self.held_back
 
     def _pass(self, command: FloatArray) -> int:
         """Let through what the bounds allow of a command; the first joint held back, or -1."""
@@ -245,7 +245,7 @@ class TorqueFilter(AccelerationFilter):
         held: int = self._keep_between(self._ddq, self._lower, self._upper, self._allowed)
         if held < 0:
             np.copyto(self.value, command)
-            self.weak = -1
+            self.overloaded = -1
             return short
         return self._give(held)
 
@@ -260,6 +260,6 @@ class TorqueFilter(AccelerationFilter):
         return self._give(held)
 
     def _give(self, held: int) -> int:
-        self.weak = self._body.torques(self._allowed, self._dt, self.value)
-        self.torque_limited += self.weak >= 0
+        self.overloaded = self._body.torques(self._allowed, self._dt, self.value)
+        self.torque_limited += self.overloaded >= 0
         return held

@@ -14,16 +14,16 @@ class SetpointFilter(Protocol):
         value: command for the plant, (n,): rad, rad/s² or N m; m, m/s² or N for prismatic joints.
         reference: where the commanded motion is, (n,) [rad or m].
         interventions: periods in which some joint was held back.
-        held: the first joint held back in the last period, or -1.
-        weak: the first joint whose effort is too small to keep the limits in this period, or -1.
+        held_back: the first joint held back in the last period, or -1.
+        overloaded: the first joint whose effort is too small for the limits in this period, or -1.
         torque_limited: periods in which there was one.
     """
 
     value: FloatArray
     reference: FloatArray
     interventions: int
-    held: int
-    weak: int
+    held_back: int
+    overloaded: int
     torque_limited: int
 
     def reset(self, q: FloatArray) -> None:

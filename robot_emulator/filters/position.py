@@ -24,8 +24,8 @@ class PositionFilter:
         value, reference: applied reference, (n,) [rad or m].
         rate: its velocity over the last period, (n,) [rad/s or m/s].
         interventions: periods in which some joint was held back.
-        held: the first joint held back in the last period, or -1.
-        weak, torque_limited: see `SetpointFilter`; no torque is commanded here.
+        held_back: the first joint held back in the last period, or -1.
+        overloaded, torque_limited: see `SetpointFilter`; no torque is commanded here.
     """
 
     def __init__(self, description: RobotDescription, period_s: float) -> None:
@@ -44,8 +44,8 @@ class PositionFilter:
         self.value, self.rate = np.zeros(n), np.zeros(n)
         self.reference = self.value
         self.interventions = self.torque_limited = 0
-        self.held = -1
-        self.weak = -1
+        self.held_back = -1
+        self.overloaded = -1
         self._target, self._before = np.zeros(n), np.zeros(n)
         self._newest, self._earlier = np.zeros(n), np.zeros(n)  # setpoints
         self._newest_tick = -1
@@ -121,7 +121,7 @@ class PositionFilter:
             self._target, self._before, self._limits, self._dt, self.value, self.rate
         )
         self._before[:] = self._target
-        self.held = held
+        self.held_back = held
         self.interventions += held >= 0
         if self._outside:
             self._begin_at_value()  # what has come in may not go out again

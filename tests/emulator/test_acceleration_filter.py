@@ -209,7 +209,7 @@ def test_efforts_that_are_too_small_are_counted_and_name_the_joint():
         if setpoint_filter.torque_limited:
             break
     assert setpoint_filter.torque_limited == 1
-    assert setpoint_filter.weak == 1
+    assert setpoint_filter.overloaded == 1
     assert np.abs(setpoint_filter.value[1]) == 0.5
 
 
@@ -249,10 +249,10 @@ def test_a_joint_lacks_efforts_only_while_it_does():
     body, setpoint_filter = filtered(description.model_copy(update={"joints": tuple(joints)}))
     body.dq[1] = 3.0  # too fast
     setpoint_filter.follow(np.zeros(3), 0)
-    assert setpoint_filter.weak == 1
+    assert setpoint_filter.overloaded == 1
     body.reset(description.initial_position)
     assert setpoint_filter.follow(np.zeros(3), 1) == -1
-    assert (setpoint_filter.weak, setpoint_filter.torque_limited) == (-1, 1)
+    assert (setpoint_filter.overloaded, setpoint_filter.torque_limited) == (-1, 1)
 
 
 def test_a_torque_beyond_the_efforts_is_an_intervention_though_what_it_does_is_allowed():

@@ -297,10 +297,12 @@ def run_controller(
             report=voice.lost,
         )
         try:
-            hasty = _recorder(observer, lockstep=False)
-            patient = _recorder(observer, lockstep=True)
+            realtime_recorder = _recorder(observer, lockstep=False)
+            lockstep_recorder = _recorder(observer, lockstep=True)
             on_stop = should_stop.wake if isinstance(should_stop, StopFlag) else None
-            Service(config, hasty, voice.say, should_stop, file, patient, on_stop).run()
+            Service(
+                config, realtime_recorder, voice.say, should_stop, file, lockstep_recorder, on_stop
+            ).run()
         except Hoap3Error as error:
             refused = True
             return voice.fail(error)
