@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from typing import Any
 
 import pytest
@@ -68,7 +69,25 @@ def test_keys_inside_mappings_and_lists_follow_with_their_defaults():
 def test_what_nobody_registered_is_refused_by_name():
     with pytest.raises(UnknownNameError, match="qp12"):
         config_keys("qp13")
+    with pytest.raises(UnknownNameError, match="constraint distance"):
+        config_keys("distance")
     with pytest.raises(UnknownNameError):
         config_keys("robot", "ur5")
     with pytest.raises(ConfigError):
         config_keys("no_such_module:Class")
+
+
+def test_a_controller_of_ones_own_in_the_current_folder_is_found(tmp_path, monkeypatch):
+    (tmp_path / "own_keys.py").write_text(
+        "from pydantic import Field\n"
+        "from hoap3 import VelocityController\n"
+        "class Own(VelocityController):\n"
+        "    class Parameters(VelocityController.Parameters):\n"
+        "        gain_per_s: float = Field(2.0, description='of the error')\n"
+        "    def velocity(self, state):\n"
+        "        return state.dq\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    told = {each.key: each for each in config_keys("own_keys:Own")}
+    assert (told["gain_per_s"].default, told["gain_per_s"].unit) == ("2.0", "1/s")

@@ -12,18 +12,14 @@ from pydantic_core import to_jsonable_python
 
 from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.errors import UnknownNameError
-from hoap3.remote_controller import registry as controllers
 from hoap3.remote_controller.config import ControllerConfig
-from hoap3.remote_controller.constraints import registry as constraints
-from hoap3.remote_controller.tasks import registry as tasks
 from hoap3.remote_controller.tasks.curve_following.curve import CURVES
 from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.tools.services import settings
 
 SIDES: dict[str, type[Settings]] = {"emulator": EmulatorConfig, "controller": ControllerConfig}
 FAMILIES: dict[str, Any] = {
-    "controller": controllers,
-    "task": tasks,
-    "constraint": constraints,
+    **{kind: registry for kind, (registry, _) in settings.FAMILIES.items()},
     "curve": CURVES,
 }
 """What has parameters of its own, and the registry of its names."""
@@ -78,10 +74,10 @@ def config_keys(kind: str, name: str | None = None) -> list[ConfigKey]:
     if name is None and kind in SIDES:
         return keys_of(SIDES[kind])
     if name is None:
-        kind, name = "controller", kind
+        return keys_of(settings.find_controller(kind).Parameters)
     if kind not in FAMILIES:
         raise UnknownNameError("kind of config with names", kind, FAMILIES)
-    return keys_of(FAMILIES[kind].find(name, "config keys", kind).Parameters)
+    return keys_of(settings.find_class(FAMILIES[kind], name, kind).Parameters)
 
 
 def keys_of(model: type[Settings]) -> list[ConfigKey]:

@@ -144,11 +144,21 @@ def json_schema(kind: str, name: str | None = None) -> dict[str, Any]:
         if kind not in FAMILIES:
             raise UnknownNameError("kind of config with names", kind, FAMILIES)
         registry, whole = FAMILIES[kind]
-        return _with_parameters(whole, _found(registry, name, kind).Parameters)
+        return _with_parameters(whole, find_class(registry, name, kind).Parameters)
     if kind == "emulator":
         return EmulatorConfig.model_json_schema()
     if kind in FAMILIES:
         return FAMILIES[kind][1].model_json_schema()
+    return _with_parameters(ControllerConfig, find_controller(kind).Parameters)
+
+
+def find_controller(kind: str) -> Any:
+    """The class of a controller that stands where a kind of config may stand.
+
+    Raises:
+        UnknownNameError: nothing is called so; says so where it is a task's or a constraint's name.
+        ConfigError: it cannot be imported, or is no controller.
+    """
     if not (controllers.is_registered(kind) or ":" in kind):
         known = ["emulator", *FAMILIES, *controllers.registered()]
         hint = "".join(
@@ -157,16 +167,21 @@ def json_schema(kind: str, name: str | None = None) -> dict[str, Any]:
             if kind in registry.registered()
         )
         raise UnknownNameError("kind of config", kind, known, hint)
-    return _with_parameters(ControllerConfig, _found(controllers, kind, "controller").Parameters)
+    return find_class(controllers, kind, "controller")
 
 
-def _found(registry: Any, name: str, family: str) -> Any:
-    """A class of a family; a dotted path may lead into the current folder, as into a config's."""
+def find_class(registry: Any, name: str, family: str) -> Any:
+    """A class of a family; a dotted path may lead into the current folder, as into a config's.
+
+    Raises:
+        UnknownNameError: nothing is called so.
+        ConfigError: it cannot be imported, or is something else.
+    """
     here = str(Path.cwd())
     if ":" in name and here not in sys.path:
         sys.path.append(here)
     try:
-        return registry.find(name, "config schema", family)
+        return registry.find(name, "the command line", family)
     except ConfigError as error:
         if error.problem.startswith("cannot be imported"):
             remedy = f"Install its package, or be in the folder of its module (this is {here})"

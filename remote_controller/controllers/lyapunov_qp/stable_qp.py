@@ -63,6 +63,7 @@ class StableQpController(VelocityController):
         "hoap3.remote_controller.solvers.lyapunov_qp.kkt_residual_kernels",
         "hoap3.remote_controller.solvers.lyapunov_qp.descent_rate_kernels",
         "hoap3.remote_controller.solvers.lyapunov_qp.lp_norm_kernels",
+        "hoap3.remote_controller.solvers.lyapunov_qp.row_projection_kernels",
         "hoap3.remote_controller.constraints.limit_kernels",
         "hoap3.remote_controller.constraints.collision.distance_kernels",
         "hoap3.remote_controller.tasks.lyapunov_kernels",
