@@ -62,6 +62,19 @@ def test_a_state_arrives_with_the_stamp_of_its_arrival(network):
     assert before <= stamp <= time.monotonic_ns()
 
 
+@pytest.mark.parametrize(("policy", "times"), [(os.SCHED_FIFO, 1), (os.SCHED_OTHER, 0)])
+def test_both_sides_let_zenoh_send_at_once_where_it_would_wait_for_them(
+    policy, times, network, monkeypatch
+):
+    gave_way = []
+    monkeypatch.setattr(os, "sched_getscheduler", lambda _: policy)
+    monkeypatch.setattr(os, "sched_yield", lambda: gave_way.append(True))
+    for side in network.pair():
+        gave_way.clear()
+        side.publish(b"message")
+        assert len(gave_way) == times
+
+
 def test_a_setpoint_arrives_with_the_stamp_of_its_arrival_however_late_it_is_drained(network):
     robot, controller = network.pair(blocking=True)
     before = time.monotonic_ns()
