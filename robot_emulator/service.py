@@ -13,7 +13,7 @@ from hoap3.protocol.link.base import RobotLink
 from hoap3.protocol.link.local_control import LocalControl
 from hoap3.protocol.runtime.clock import Clock, MonotonicClock, VirtualClock
 from hoap3.protocol.runtime.notes import Detail, Routine, told
-from hoap3.protocol.runtime.realtime import prepare_process
+from hoap3.protocol.runtime.realtime import prepare_process, schedule_start
 from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.robot_emulator.config import EmulatorConfig, check_contacts, check_posture
@@ -26,7 +26,6 @@ KERNELS = (
     "hoap3.protocol.robot.viability_bounds_kernels",
 )
 CONTACT_KERNELS = ("hoap3.robot_emulator.plants.contact_kernels",)
-START_DELAY_NS = 10_000_000
 LEAD = 4  # the part of a period that a robot in real time may act ahead of a tick
 
 
@@ -127,7 +126,7 @@ def serve(
             link.serve_also(local)
             endpoints = ", ".join(config.link.listen)
             report(Routine(f"robot {description.name!r} is alive at {endpoints}"))
-            loop.run(clock.now() + START_DELAY_NS, should_stop, ticks)
+            loop.run(schedule_start(clock, loop.period), should_stop, ticks)
     finally:
         link.close()
     return loop

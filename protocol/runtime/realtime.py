@@ -26,6 +26,8 @@ _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 _RTTIME_LIMIT_US = 10_000_000  # CPU time without a sleep that ends a runaway loop; builds take less
 _SWITCH_INTERVAL_S = 1e-4
 
+START_DELAY_NS = 10_000_000
+
 SIDES = ("robot", "controller")
 """Each CPU can be claimed for one robot and one controller."""
 
@@ -193,6 +195,15 @@ def _schedule(settings: RealtimeSettings) -> Measure:
         remedy = "raise LimitRTPRIO or `ulimit -r`, or run as root"
         return Measure("scheduling policy", False, f"{why}; {remedy}")
     return Measure("scheduling policy", True, f"SCHED_FIFO {settings.priority}")
+
+
+def schedule_start(clock: Clock, period: int) -> int:
+    """When a schedule that is to begin soon has its tick 0 [ns].
+
+    It is a whole multiple of the period [ns] on the clock, so that processes of one machine know
+    each other's phase.
+    """
+    return -(-(clock.now() + START_DELAY_NS) // period) * period
 
 
 class Ticker:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import socket
 import struct
 import threading
@@ -13,8 +12,8 @@ import pytest
 from hoap3.protocol.config.settings import RealtimeSettings
 from hoap3.protocol.errors import Hoap3Error
 from hoap3.protocol.runtime.clock import MonotonicClock, VirtualClock
-from hoap3.tools.latency import echo
-from hoap3.tools.latency.echo import START_DELAY_NS, TcpPeer, exchange, run_echo
+from hoap3.protocol.runtime.realtime import START_DELAY_NS
+from hoap3.tools.latency.echo import BareEcho, TcpPeer, exchange
 from hoap3.tools.timing.tick_logs import NEVER
 from hoap3.tools.timing.tick_metrics import percentiles, response
 
@@ -62,7 +61,8 @@ def test_every_tick_is_asked_and_answered():
     found, peer = ask(500)
     assert peer.asked == list(range(500))
     assert found.rtt.tolist() == [15 * US] * 500
-    assert found.intended.tolist() == [10**12 + START_DELAY_NS + k * MS for k in range(500)]
+    half = 10**12 + START_DELAY_NS + MS // 2
+    assert found.intended.tolist() == [half + k * MS for k in range(500)]
     assert np.array_equal(found.sent, found.intended)
     assert found.skipped == 0
 
@@ -92,12 +92,12 @@ def test_a_sender_that_stalls_hides_nothing():
     assert open_loop["p99"] > 2000 * closed["p99"]
 
 
-def test_warm_up_is_left_out():
+def test_a_part_has_the_ticks_between_begin_and_end():
     found, _ = ask(300, delays={10: 900 * US}, stalls={20: 5 * MS})
-    warm = found.after(200)
-    assert len(warm.rtt) == 100
-    assert warm.skipped == 0
-    assert warm.rtt.max() == 15 * US
+    part = found.between(found.intended[200], found.intended[250])
+    assert part.intended.tolist() == found.intended[200:250].tolist()
+    assert part.skipped == 0
+    assert part.rtt.tolist() == [15 * US] * 50
 
 
 def test_answers_in_pieces_are_put_together():
@@ -125,10 +125,16 @@ def test_a_peer_that_is_gone_is_told():
             TcpPeer(near, 24).receive(MonotonicClock.now() + 10**10)
 
 
-def test_two_processes_exchange_what_was_ordered():
+def test_two_processes_exchange_what_was_ordered_half_a_period_beside_a_robot():
     order = {"ticks": 200, "period_ns": MS, "sizes": (1000, 300)}
-    found = run_echo(order, ORDINARY, ORDINARY)
+    with BareEcho(order, ORDINARY, ORDINARY) as echo:
+        before = MonotonicClock.now()
+        echo.begin()
+        echo.begin()
+        found = echo.result()
     assert len(found.rtt) == 200
+    assert found.intended[0] > before
+    assert found.intended[0] % MS == MS // 2
     assert np.diff(found.intended).tolist() == [MS] * 199
     asked = found.sent != NEVER
     assert asked.any()
@@ -137,25 +143,15 @@ def test_two_processes_exchange_what_was_ordered():
     assert np.nanmin(found.rtt) > 0
 
 
-def test_asking_begins_when_somebody_answers(monkeypatch):
-    started, begin = [], echo.start_module
-
-    def start_late(module, order, fds):
-        """Stop the process that answers until the one that asks has been started."""
-        child = begin(module, order, fds)
-        if order["side"] == "answer":
-            child.send_signal(signal.SIGSTOP)
-        else:
-            threading.Timer(1.0, started[0].send_signal, (signal.SIGCONT,)).start()
-        started.append(child)
-        return child
-
-    monkeypatch.setattr(echo, "start_module", start_late)
-    found = run_echo({"ticks": 100, "period_ns": MS, "sizes": (1000, 300)}, ORDINARY, ORDINARY)
-    assert (found.arrival != NEVER).sum() >= (found.sent != NEVER).sum() - 50
+def test_an_echo_that_nobody_began_ends_with_an_error():
+    order = {"ticks": 200, "period_ns": MS, "sizes": (1000, 300)}
+    with BareEcho(order, ORDINARY, ORDINARY) as echo, pytest.raises(Hoap3Error, match="echo"):
+        echo.result()
 
 
 def test_a_placement_that_cannot_be_had_does_not_hang():
     order = {"ticks": 5000, "period_ns": MS, "sizes": (4, 4)}  # too few bytes for a tick
-    with pytest.raises(Hoap3Error, match="did not come about"):
-        run_echo(order, ORDINARY, ORDINARY)
+    with BareEcho(order, ORDINARY, ORDINARY) as echo:
+        echo.begin()
+        with pytest.raises(Hoap3Error, match="did not come about"):
+            echo.result()

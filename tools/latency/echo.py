@@ -1,18 +1,22 @@
 """The floor under every link in Python: a bare TCP echo, placed and paced as robot and controller.
 
 One process asks, at each tick of an absolute schedule, with as many bytes as a State has; another
-answers with as many as a Setpoint has. There is no Zenoh, no loop and no log between them.
+answers with as many as a Setpoint has. There is no Zenoh, no loop and no log between them. Both
+run beside the link, half a period later, so that whatever the machine does falls on both.
 """
 
 from __future__ import annotations
 
 import io
+import os
 import socket
 import struct
 import subprocess
 import sys
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Protocol
+from types import TracebackType
+from typing import Any, Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -20,13 +24,12 @@ import numpy.typing as npt
 from hoap3.protocol.config.settings import RealtimeSettings
 from hoap3.protocol.errors import Hoap3Error
 from hoap3.protocol.runtime.clock import Clock, MonotonicClock
-from hoap3.protocol.runtime.realtime import Ticker, prepare_process
-from hoap3.tools.machine.processes import die_with_parent, read_order, start_module, tcp_pair
+from hoap3.protocol.runtime.realtime import Ticker, prepare_process, schedule_start
+from hoap3.tools.machine.processes import Child, die_with_parent, read_order, start_module, tcp_pair
 from hoap3.tools.timing.tick_logs import NEVER
 
 Stamps = npt.NDArray[np.int64]
 
-START_DELAY_NS = 10_000_000
 _TICK = struct.Struct("<q")  # the first bytes of a question, and of its answer
 _PATIENCE_S = 30.0  # for what should take no time at all
 
@@ -55,9 +58,10 @@ class Exchanges:
     sent: Stamps
     arrival: Stamps
 
-    def after(self, warm_up: int) -> Exchanges:
-        """Without the first so many ticks."""
-        return Exchanges(*(stamps[warm_up:] for stamps in (self.intended, self.sent, self.arrival)))
+    def between(self, begin: int, end: int) -> Exchanges:
+        """The ticks that were to start at or after `begin` and before `end` [ns]."""
+        part = (self.intended >= begin) & (self.intended < end)
+        return Exchanges(self.intended[part], self.sent[part], self.arrival[part])
 
     @property
     def skipped(self) -> int:
@@ -74,6 +78,8 @@ class Exchanges:
 def exchange(peer: Peer, clock: Clock, ticks: int, period_ns: int, size: int) -> Exchanges:
     """Ask at each tick, answered or not: the schedule waits for nobody.
 
+    It lies half a period beside that of a robot on this machine.
+
     Args:
         peer: who answers.
         clock: that paces and stamps.
@@ -81,7 +87,7 @@ def exchange(peer: Peer, clock: Clock, ticks: int, period_ns: int, size: int) ->
         period_ns: from one to the next.
         size: bytes of a question.
     """
-    start = clock.now() + START_DELAY_NS
+    start = schedule_start(clock, period_ns) + period_ns // 2
     ticker = Ticker(clock, period_ns, start)
     sent, arrival = np.full(ticks, NEVER), np.full(ticks, NEVER)
     question = bytearray(size)
@@ -140,35 +146,80 @@ class TcpPeer:
         return answer
 
 
-def run_echo(order: dict[str, Any], asks: RealtimeSettings, answers: RealtimeSettings) -> Exchanges:
-    """Run one block with two processes.
+class BareEcho:
+    """Two processes that wait for `begin`; then one asks and the other answers.
 
     Args:
         order: `ticks`, `period_ns`, and `sizes`, bytes of a question and of an answer.
         asks, answers: placement of both.
-
-    Raises:
-        Hoap3Error: one of them did not do its part.
     """
-    near, far = tcp_pair(_PATIENCE_S)
-    children: list[subprocess.Popen[bytes]] = []
-    try:
-        for side, end, realtime in (("answer", far, answers), ("ask", near, asks)):
-            fd = end.fileno()
-            whole = {**order, "side": side, "fd": fd, "realtime": _plain(realtime)}
-            children.append(start_module("hoap3.tools.latency.echo", whole, [fd]))
-            end.close()
-        planned = order["ticks"] * order["period_ns"] * 1e-9
-        out, _ = children[-1].communicate(timeout=2 * planned + _PATIENCE_S)
-        if children[-1].returncode:
+
+    def __init__(
+        self, order: dict[str, Any], asks: RealtimeSettings, answers: RealtimeSettings
+    ) -> None:
+        self._planned_s = order["ticks"] * order["period_ns"] * 1e-9
+        near, far = tcp_pair(_PATIENCE_S)
+        waits, self._go = os.pipe()
+        self._children: list[Child] = []
+        try:
+            for side, end, realtime in (("answer", far, answers), ("ask", near, asks)):
+                fds = [end.fileno(), waits]
+                whole = {**order, "side": side, "fds": fds, "realtime": _plain(realtime)}
+                self._children.append(start_module("hoap3.tools.latency.echo", whole, fds))
+        except BaseException:
+            self.close()
+            raise
+        finally:
+            near.close()
+            far.close()
+            os.close(waits)
+
+    def __enter__(self) -> Self:
+        """Nothing more."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """End both."""
+        self.close()
+
+    def begin(self) -> None:
+        """Let the one ask; a second call has no effect."""
+        if self._go >= 0:
+            with suppress(BrokenPipeError):  # both have ended: `result` tells
+                os.write(self._go, b"!")
+            self._close_go()
+
+    def result(self) -> Exchanges:
+        """What was exchanged; waits until all ticks are over.
+
+        Raises:
+            Hoap3Error: one of them did not do its part, or nobody called `begin`.
+        """
+        self._close_go()
+        try:
+            out, _ = self._children[-1].communicate(timeout=2 * self._planned_s + _PATIENCE_S)
+        except subprocess.TimeoutExpired as error:
+            raise Hoap3Error("the bare echo, which the link is compared with, hangs") from error
+        if self._children[-1].returncode:
             raise Hoap3Error("the bare echo, which the link is compared with, did not come about")
         return Exchanges(*np.load(io.BytesIO(out), allow_pickle=False))
-    except subprocess.TimeoutExpired as error:
-        raise Hoap3Error("the bare echo, which the link is compared with, hangs") from error
-    finally:
-        for child in children:
+
+    def close(self) -> None:
+        """End both, whatever they do."""
+        self._close_go()
+        for child in self._children:
             child.kill()
             child.communicate()
+
+    def _close_go(self) -> None:
+        if self._go >= 0:
+            os.close(self._go)
+            self._go = -1
 
 
 def _plain(settings: RealtimeSettings) -> dict[str, Any]:
@@ -181,7 +232,8 @@ def main() -> None:
     order = read_order()
     prepare_process(RealtimeSettings(**order["realtime"]))
     question, answer = order["sizes"]
-    with socket.socket(fileno=order["fd"]) as stream:
+    connection, go = order["fds"]
+    with socket.socket(fileno=connection) as stream:
         if order["side"] == "answer":
             _answer(stream, question, answer)
             return
@@ -189,6 +241,8 @@ def main() -> None:
         peer.send(bytearray(question))
         if peer.receive(MonotonicClock.now() + round(_PATIENCE_S * 1e9)) is None:
             raise Hoap3Error("the process that answers did not begin")
+        if not os.read(go, 1):
+            sys.exit(1)  # nobody wants it
         found = exchange(peer, MonotonicClock(), order["ticks"], order["period_ns"], question)
     np.save(sys.stdout.buffer, np.stack([found.intended, found.sent, found.arrival]))
 

@@ -1,8 +1,8 @@
 """`hoap3 latency`: what the link costs, whether deadlines hold, and whose fault each miss was.
 
 A robot and a controller that computes nothing run through the same services, loops and links as
-always; a bare TCP echo is placed and paced like them. Both take turns, block by block, so that
-whatever the machine does meanwhile falls on both. The same figures can be had from any log.
+always; a bare TCP echo, placed and paced like them, runs beside them in the other half of each
+period, so that whatever the machine does falls on both. The same figures can be had from any log.
 """
 
 from __future__ import annotations
@@ -25,15 +25,13 @@ from hoap3.protocol.messages import Setpoint, State
 from hoap3.remote_controller.config import ControllerConfig
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.service import describe
-from hoap3.tools.latency.echo import Exchanges, run_echo
+from hoap3.tools.latency.echo import BareEcho, Exchanges
 from hoap3.tools.latency.nodes import NullController
 from hoap3.tools.logs.log import Log
 from hoap3.tools.machine.loopback_links import LinkPair, link
 from hoap3.tools.machine.machine import machine_block
-from hoap3.tools.machine.stalls import StallMonitor
 from hoap3.tools.services.placement import placed
 from hoap3.tools.services.run import run_realtime
-from hoap3.tools.services.services import watched_cpus
 from hoap3.tools.timing.tick_metrics import percentiles, tick_figures
 from hoap3.tools.timing.ticks import TickTable
 
@@ -53,7 +51,7 @@ class Plan:
     Attributes:
         emulator: the robot; its link is replaced.
         link: one of `hoap3.tools.machine.loopback_links.LINKS`.
-        blocks, ticks: blocks of each, Zenoh and echo, and ticks of each block.
+        blocks, ticks: how many blocks, and ticks of each.
         realtime: whether to pin, and to ask for priority.
         out: folder for the logs, one inside for each block; None to keep none.
     """
@@ -71,7 +69,7 @@ def measure_latency(
     progress: Progress = lambda _: None,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> dict[str, Any]:
-    """Measure a link and the echo in turn; docs/latency.md defines each figure.
+    """Measure a link and the echo beside it; docs/latency.md defines each figure.
 
     Args:
         plan: what is measured.
@@ -96,15 +94,14 @@ def measure_latency(
             try:
                 with link(plan.link, robot) as pair:
                     run = _Run(plan, description, robot, controller, pair)
-                    table, said = run.block(folder / f"block{block}", should_stop)
+                    table, echo, said = run.block(folder / f"block{block}", should_stop)
             except Hoap3Error:
                 if not should_stop():
                     raise
             if should_stop():
                 break
-            progress(f"block {block + 1} of {plan.blocks}: bare TCP echo")
-            echoes.append(_echo(plan, description, robot, controller))
             tables.append(table)
+            echoes.append(echo)
     if not tables:
         raise Hoap3Error("interrupted before the first block was complete")
     return {
@@ -198,44 +195,37 @@ class _Run:
     controller: RealtimeSettings
     pair: LinkPair
 
-    def block(self, folder: Path, should_stop: Callable[[], bool]) -> tuple[TickTable, list[str]]:
-        """Run one block; its ticks without the warm-up, and what was granted to both."""
+    def block(
+        self, folder: Path, should_stop: Callable[[], bool]
+    ) -> tuple[TickTable, Exchanges, list[str]]:
+        """Run one block; its ticks without the warm-up, the echo's, and what both were granted."""
         emulator = self.plan.emulator.model_copy(
             update={"realtime": self.robot, "misses_to_stop": _NEVER_STOP}
         )
         law = ControllerConfig(controller=NULL_CONTROLLER, realtime=self.controller)
-        duration = (self.plan.ticks + WARM_UP) * self.description.period_s
-        outcome = run_realtime(
-            emulator,
-            law,
-            duration,
-            folder,
-            lambda _: None,
-            links=self.pair,
-            should_stop=should_stop,
-        )
-        return TickTable.from_run(folder).after(WARM_UP), outcome.summary["realtime"]
+        ticks, period_s = self.plan.ticks + WARM_UP, self.description.period_s
+        period_ns = round(period_s * 1e9)
+        order = {"ticks": ticks, "period_ns": period_ns, "sizes": sizes(self.description)}
+        with BareEcho(order, self.robot, self.controller) as echo:
 
+            def begin_when_granted(news: dict[str, Any]) -> None:
+                if news.get("kind") == "granted":
+                    echo.begin()
 
-def _echo(
-    plan: Plan,
-    description: RobotDescription,
-    robot: RealtimeSettings,
-    controller: RealtimeSettings,
-) -> Exchanges:
-    """One block of the echo, without the warm-up."""
-    order = {
-        "ticks": plan.ticks + WARM_UP,
-        "period_ns": round(description.period_s * 1e9),
-        "sizes": sizes(description),
-    }
-    monitor = StallMonitor(
-        {*watched_cpus(robot), *watched_cpus(controller)}, keep_awake=robot.keep_awake
-    )  # as beside the link
-    try:
-        return run_echo(order, robot, controller).after(WARM_UP)
-    finally:
-        monitor.stop()
+            outcome = run_realtime(
+                emulator,
+                law,
+                ticks * period_s,
+                folder,
+                begin_when_granted,
+                links=self.pair,
+                should_stop=should_stop,
+            )
+            table = TickTable.from_run(folder).after(WARM_UP)
+            if not len(table):
+                raise Hoap3Error("the robot did not move for longer than the warm-up")
+            exchanges = echo.result().between(table.intended[0], table.intended[-1] + period_ns)
+        return table, exchanges, outcome.summary["realtime"]
 
 
 @contextmanager
