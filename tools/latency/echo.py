@@ -188,14 +188,14 @@ class BareEcho:
         self.close()
 
     def begin(self) -> None:
-        """Let the one ask; a second call has no effect."""
-        if self._go >= 0:
-            with suppress(BrokenPipeError):  # both have ended: `result` tells
-                os.write(self._go, b"!")
-            self._close_go()
+        """Let the one ask."""
+        with suppress(BrokenPipeError):  # both have ended: `result` tells
+            os.write(self._go, b"!")
 
     def result(self) -> Exchanges:
         """What was exchanged; waits until all ticks are over.
+
+        Only now the one that asked hands over and ends, which would disturb a link that still runs.
 
         Raises:
             Hoap3Error: one of them did not do its part, or nobody called `begin`.
@@ -244,6 +244,8 @@ def main() -> None:
         if not os.read(go, 1):
             sys.exit(1)  # nobody wants it
         found = exchange(peer, MonotonicClock(), order["ticks"], order["period_ns"], question)
+        while os.read(go, 1):  # until its end is closed
+            pass
     np.save(sys.stdout.buffer, np.stack([found.intended, found.sent, found.arrival]))
 
 
