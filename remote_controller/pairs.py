@@ -1,8 +1,8 @@
 """Which shipped controller configs run on which robots: for errors, `hoap3 list` and the docs.
 
 A config that leaves its task to the robot runs on every robot that takes its commands. One that
-names frames, postures or targets is for the robots that have them. `tests/system/test_pairs.py`
-runs every pair, and refuses a config that is missing here.
+names frames, postures or targets is for the robots that have them. Each pair is run by
+`tests/system/commands/test_pairs.py`, which refuses a config that is missing here.
 """
 
 from __future__ import annotations

@@ -11,8 +11,8 @@ import tempfile
 
 import pytest
 from hypothesis import HealthCheck, settings
-from kernels_first import compile_all, kernel_modules
-from longest_first import place
+from support.kernels_first import compile_all, kernel_modules
+from support.longest_first import place
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # as `hoap3` does; numpy reads it when imported
 os.environ["HOAP3_RUNTIME_DIR"] = tempfile.mkdtemp(prefix="hoap3-")  # short: it holds sockets

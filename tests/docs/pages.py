@@ -14,9 +14,9 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from pathlib import Path
 
-HOUSE = Path(__file__).resolve().parents[2]
+from support import HOUSE
+
 PAGES = [HOUSE / "README.md", *sorted((HOUSE / "docs").glob("*.md"))]
 NAMES = [page.name for page in PAGES]
 

@@ -64,7 +64,7 @@ def test_what_a_page_shows_works_word_for_word(name, tmp_path, monkeypatch):
 )
 def test_what_a_page_has_written_passes_the_property_suite(kind, name, file, tmp_path):
     Story(tmp_path).write_files(f"writing_a_{kind}.md")
-    suite = HOUSE / "tests" / name / f"test_{kind}_properties.py"
+    suite = HOUSE / "tests" / "remote_controller" / name / f"test_{kind}_properties.py"
     ended = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(suite)],
         env={**os.environ, f"HOAP3_TEST_{name.upper()}": str(tmp_path / file)},

@@ -10,9 +10,9 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
-from longest_first import FIRST
+from support import HOUSE
+from support.longest_first import FIRST
 
-HOUSE = Path(__file__).resolve().parents[2]
 MAY_IMPORT = {
     "protocol": {"protocol"},
     "robot_emulator": {"robot_emulator", "protocol"},
@@ -112,7 +112,7 @@ def test_every_decision_is_listed():
 
 
 def test_no_folder_holds_more_than_15_files():
-    for folder in {path.parent for path in SOURCES}:
+    for folder in {path.parent for path in (*SOURCES, *TESTS)}:
         assert len(list(folder.glob("*.py"))) <= 15, folder
 
 
@@ -284,3 +284,12 @@ def test_no_two_helpers_of_the_tests_have_one_name():
 @pytest.mark.parametrize("start", FIRST)
 def test_what_begins_is_there(start):
     assert (HOUSE / start).exists()
+
+
+def test_tests_of_a_room_stand_in_folders_of_its_packages():
+    for path in TESTS:
+        room, *packages = path.parent.relative_to(HOUSE / "tests").parts or ["support"]
+        if room in MAY_IMPORT:
+            assert (HOUSE / room).joinpath(*packages).is_dir(), path
+        else:
+            assert room in {"docs", "house", "support", "system"}, path

@@ -7,10 +7,10 @@ import random
 import time
 
 import pytest
-from fake_robot import GOOD, JUNK, STATUS, good, nonsense
 from hypothesis import given
 from hypothesis import strategies as st
-from small_arm import arm
+from support.fake_robot import GOOD, JUNK, STATUS, good, nonsense
+from support.small_arm import arm
 
 from hoap3.protocol.answers import (
     MAX_ANSWER_BYTES,

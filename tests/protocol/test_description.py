@@ -9,9 +9,9 @@ import sys
 
 import numpy as np
 import pytest
-from arm3 import URDF, describe, joint
 from hypothesis import given
 from hypothesis import strategies as st
+from support.arm3 import URDF, describe, joint
 
 from hoap3.protocol.description import MAX_BYTES, Joint, RobotDescription, Sole
 from hoap3.protocol.errors import DescriptionError

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from arm3 import URDF, YAML, write
+from support.arm3 import URDF, YAML, write
 
 from hoap3.protocol.config.regular_file import open_regular
 from hoap3.protocol.config.settings import LogSettings, parse, parse_yaml

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from support import HOUSE
 
-HOUSE = Path(__file__).parent.parent.parent
 HEAVY = {"numba", "pinocchio", "zenoh"}
 LIGHT_MODULES = (
     "errors",

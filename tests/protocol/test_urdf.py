@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from arm3 import URDF
+from support.arm3 import URDF
 
 from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.urdf import MAX_BYTES, read_urdf

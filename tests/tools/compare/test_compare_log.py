@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 import typer
-from log_samples import describe, inputs, ticks, write
+from support.log_samples import describe, inputs, ticks, write
 from typer.testing import CliRunner
 
 from hoap3.protocol.errors import ConfigError, Hoap3Error, LogError, UsageError

@@ -6,7 +6,7 @@ import dataclasses
 import re
 
 import pytest
-from html_page import Page
+from support.html_page import Page
 
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.tools.compare.comparison import compare

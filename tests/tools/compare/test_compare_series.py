@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from log_samples import describe
+from support.log_samples import describe
 
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.remote_controller.controllers.base import STATUS

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import pytest
-from log_samples import describe
+from support.log_samples import describe
 
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.tools.compare.answers import Answers

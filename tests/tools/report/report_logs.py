@@ -7,9 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from log_samples import MS, START, fill, write
-from log_samples import describe as chain
-from tick_story import Story
+from support.log_samples import MS, START, fill, write
+from support.log_samples import describe as chain
+from support.tick_story import Story
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import Event, Setpoint, State

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from html_page import Page
 from hypothesis import given
 from hypothesis import strategies as st
 from report_logs import active_log
+from support.html_page import Page
 
 from hoap3.protocol.messages import Setpoint
 from hoap3.tools.report.certificates import Certificates

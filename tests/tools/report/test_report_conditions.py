@@ -7,10 +7,10 @@ import shutil
 
 import numpy as np
 import pytest
-from html_page import Page
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from log_samples import MS, START, describe, fill, write
+from support.html_page import Page
+from support.log_samples import MS, START, describe, fill, write
 
 from hoap3.protocol.messages import Event, State
 from hoap3.protocol.runtime.shm_ring import Kind, Record

@@ -7,11 +7,11 @@ import shutil
 
 import pytest
 import typer
-from html_page import Page
-from log_samples import MS, describe, write
 from report_logs import active_log
-from tick_story import SESSION, Story
-from tick_story import START as STORY_START
+from support.html_page import Page
+from support.log_samples import MS, describe, write
+from support.tick_story import SESSION, Story
+from support.tick_story import START as STORY_START
 from typer.testing import CliRunner
 
 from hoap3.protocol.errors import LogError, UsageError

@@ -8,11 +8,11 @@ import sys
 
 import numpy as np
 import pytest
-from html_page import Page
 from hypothesis import given
 from hypothesis import strategies as st
-from log_samples import START, describe, write
 from report_logs import active_log
+from support.html_page import Page
+from support.log_samples import START, describe, write
 
 from hoap3.protocol.errors import LogError
 from hoap3.protocol.messages import Event, Setpoint

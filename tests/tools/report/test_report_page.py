@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from html_page import Page
+from support.html_page import Page
 
 from hoap3.tools.report.content import read_content
 from hoap3.tools.report.page import POLICY, SECTIONS, page

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from html_page import Page
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from tick_story import US
+from support.html_page import Page
+from support.tick_story import US
 
 from hoap3.protocol.messages import State
 from hoap3.protocol.runtime.deadlines import Deadlines

@@ -1,0 +1,276 @@
+"""docs/wire.md says what the code does: its tables, its answers, and its client."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from typing import get_args
+
+import pytest
+from loopback import PATIENCE_S, Network, free_endpoint
+from support import HOUSE
+from support.small_arm import arm
+
+from hoap3.protocol.config.settings import LinkSettings
+from hoap3.protocol.description import CommandKind, DefaultTask, Gravity
+from hoap3.protocol.link.base import LockstepLink
+from hoap3.protocol.link.zenoh_lockstep import ZenohLockstepLink
+from hoap3.protocol.messages import Event, Message, Setpoint, State
+from hoap3.protocol.runtime.clock import Clock, MonotonicClock, VirtualClock
+from hoap3.protocol.runtime.recorder import NoRecorder
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.loop import EVENTS, GRACE_TICKS, RobotLoop
+from hoap3.robot_emulator.setpoint_validator import HISTORY, MAX_EXTRAS, REJECTION_KINDS
+
+PAGE = (HOUSE / "docs" / "wire.md").read_text(encoding="utf-8")
+
+
+def section(title: str) -> str:
+    """Text under a heading, up to the next one."""
+    (found,) = re.findall(rf"^#+ {re.escape(title)}\n(.*?)(?=^#+ |\Z)", PAGE, re.DOTALL | re.M)
+    return found
+
+
+def table(text: str, head: str) -> list[dict[str, str]]:
+    """Rows of the table whose head begins with `head`, by column; code marks removed."""
+    found, _, _ = text[text.index(f"| {head} |") :].partition("\n\n")
+    rows = [
+        [cell.strip().replace("`", "") for cell in line.strip("|").split("|")]
+        for line in found.splitlines()
+    ]
+    return [dict(zip(rows[0], row, strict=True)) for row in rows[2:]]
+
+
+def offset(text: str, n: int, w: int = 0, m: int = 0) -> int:
+    """Value of a formula such as `164 + 8n`, for n joints, w sensors and m extras."""
+    total = 0
+    for term in text.split("+"):
+        number, symbol = re.fullmatch(r"(\d+)([nwm]?)", term.strip()).groups()
+        total += int(number) * {"": 1, "n": n, "w": w, "m": m}[symbol]
+    return total
+
+
+def found_offset(message: Message, row: dict[str, str]) -> int | None:
+    """Where the code puts a field: by changing it, or by looking for the memory of the array."""
+    field = row["field"]
+    zero = message.dump()
+    if field.startswith("length of "):
+        schema = message.schema
+        lengths = schema.lengths_in(zero)
+        return 4 + schema.offsets(lengths)[0][field.removeprefix("length of ")]
+    if row["type"] == "float64[]":
+        array = getattr(message, field)
+        if not len(array):
+            return None
+        array[0] = -1.0
+        changed = message.dump()
+        array[0] = 0.0
+        place = next(
+            at for at, pair in enumerate(zip(zero, changed, strict=True)) if len({*pair}) > 1
+        )
+        return place - 6  # -1.0 is 00 00 00 00 00 00 f0 bf
+    before = getattr(message, field)
+    setattr(message, field, before + (2.0 if row["type"] == "float64" else 2))
+    changed = message.dump()
+    setattr(message, field, before)
+    place = next(at for at, pair in enumerate(zip(zero, changed, strict=True)) if len({*pair}) > 1)
+    return place - (7 if row["type"] == "float64" else 0)  # 2.0 is 00 00 00 00 00 00 00 40
+
+
+MAKERS = {"State": State, "Setpoint": Setpoint, "Event": lambda n, more: Event()}
+
+
+@pytest.mark.parametrize("kind", MAKERS)
+@pytest.mark.parametrize(("n", "more"), [(1, 1), (3, 2), (21, 0), (21, 1), (128, 4)])
+def test_the_offsets_of_the_tables_are_those_of_the_code(kind, n, more):
+    rows = table(section(kind), "field")
+    message = MAKERS[kind](n, 6 * more if kind == "State" else more)
+    for row in rows:
+        expected = found_offset(message, row)
+        if expected is not None:
+            assert offset(row["offset"], n) == expected, row["field"]
+            assert n != 21 or int(row["n = 21"]) == expected, row["field"]
+        else:
+            assert int(row["n = 21"]) == offset(row["offset"], 21)
+
+
+@pytest.mark.parametrize("kind", MAKERS)
+def test_the_tables_name_every_field_with_its_type_in_order(kind):
+    schema = MAKERS[kind](1, 0).schema
+    expected = list(schema.scalars.items())
+    for name in schema.arrays:
+        expected += [(f"length of {name}", "uint32"), (name, "float64[]")]
+    assert [(row["field"], row["type"]) for row in table(section(kind), "field")] == expected
+
+
+@pytest.mark.parametrize("kind", MAKERS)
+def test_units_are_those_of_the_schema(kind):
+    """Each unit word of a table stands in the comment of the field, or stamps are in ns."""
+    text = MAKERS[kind](1, 0).schema.text
+    plain = text.replace("s2", "s²")
+    for row in table(section(kind), "field"):
+        if not row["unit"]:
+            continue
+        line = next(line for line in plain.splitlines() if re.search(rf"\b{row['field']}\b", line))
+        if row["unit"] == "ns":
+            assert row["field"].startswith("stamp")
+            continue
+        for unit in re.split(r", | or | and ", row["unit"]):
+            assert unit in line, (row["field"], unit)
+
+
+def test_the_sizes_of_the_text_are_those_of_the_code():
+    state, setpoint, event = (section(kind) for kind in MAKERS)
+    for text, message, more in (
+        (state, State(7, 12), {"w": 2}),
+        (setpoint, Setpoint(7, 5), {"m": 5}),
+        (state, State(7), {}),
+        (setpoint, Setpoint(7), {}),
+    ):
+        sized = re.search(r"has\s+(\S+ \+ \S+ \+ \w+) bytes, or (\S+ \+ \w+) without", text)
+        formula = sized[1] if more else sized[2]
+        assert offset(formula, 7, **more) == message.size
+    assert f"{State(21).size} for n = 21" in state
+    assert f"{Setpoint(21).size} for n = 21" in setpoint
+    assert event.strip().startswith(f"{Event().size} bytes")
+
+
+def test_modes_events_and_reasons_have_the_numbers_of_the_code():
+    modes = {row["State.mode"]: int(row["value"]) for row in table(PAGE, "`State.mode`")}
+    assert modes == {
+        name: getattr(State, name) for name in ("IDLE", "ACTIVE", "STOPPING", "STOPPED")
+    }
+    kinds = table(section("Event"), "`kind` | value")
+    assert {row["kind"]: int(row["value"]) for row in kinds}.items() <= EVENTS.items()
+    (stop,) = [row["detail"] for row in kinds if row["kind"] == "SAFE_STOP"]
+    told = [(int(number), word) for number, word in re.findall(r"(\d) (\w+)", stop)]
+    reasons = {name: value for name, value in EVENTS.items() if name.startswith("REASON_")}
+    assert [number for number, _ in told] == sorted(reasons.values())
+    words = ("MISSES", "HOLDER_LOST", "COMMAND", "SHUTDOWN", "RELEASED", "ENDED")
+    assert [reasons[f"REASON_{word}"] for word in words] == [number for number, _ in told]
+
+
+def test_the_reasons_of_refusals_are_numbered_as_in_the_code():
+    rows = table(section("What is refused"), "number")
+    assert [(int(row["number"]), row["reason"]) for row in rows] == list(enumerate(REJECTION_KINDS))
+
+
+def test_figures_in_the_text_are_those_of_the_code():
+    text = " ".join(PAGE.split())
+    assert f"more than {MAX_EXTRAS} extras" in text
+    assert f"more than {HISTORY} ticks ago" in text
+    assert f"{GRACE_TICKS} ticks later in real time" in text
+    assert f"after {EmulatorConfig().misses_to_stop} consecutive misses" in text
+    assert f"listens on `{EmulatorConfig().link.listen[0]}` only" in text
+    assert f"`link.lease_ms`, {EmulatorConfig().link.lease_ms // 1000} s" in text
+
+
+class Robot:
+    """A whole robot in lockstep, in process or over Zenoh."""
+
+    def __init__(self, clock: Clock, link: object, **config: object) -> None:
+        settings = EmulatorConfig(robot="arm", **config)
+        description = arm()
+        self.loop = RobotLoop(
+            description,
+            settings,
+            clock,
+            link,
+            NoRecorder(),
+            session_id=2**63 - 1,
+            grace_ticks=0 if isinstance(clock, VirtualClock) else GRACE_TICKS,
+        )
+
+
+def test_requests_are_answered_as_the_table_says():
+    clock = VirtualClock()
+    link = LockstepLink(lambda state: None, clock)
+    robot = Robot(clock, link)
+    asked = [
+        ("description", "a"),
+        ("status", "a"),
+        ("acquire", "a"),
+        ("acquire", "b"),
+        ("release", "b"),
+        ("release", "a"),
+        ("stop", "b"),
+        ("recover", "b"),
+        ("recover", "b"),
+        ("dance", "a"),
+    ]
+    answers = [link.ask(*each) for each in asked]
+    robot.loop.run(0, lambda: clock.now() > 5_000_000)
+    found = [answer for (answer,) in answers]
+    status = set(json.loads(re.search(r"```json\n(.*?)```", PAGE, re.DOTALL)[1]))
+    description = json.loads(found[0])
+    keys = {*description, *description["joints"][0]}
+    words = {*get_args(CommandKind), *get_args(Gravity)}
+    words |= {"default_task", *DefaultTask.model_fields}  # which this robot does not have
+    named = set(re.findall(r"`(\w+)`", section("Asking").split("The description is")[1]))
+    assert keys <= named <= keys | words
+    assert set(found[1]) == status
+    assert set(found[2]) == {"granted", "epoch", "from_tick"} | status
+    assert set(found[3]) == {"granted", "reason"} | status
+    assert found[3]["reason"] == "held"
+    assert (found[2]["granted"], found[3]["granted"], found[3]["holder"]) == (True, False, "a")
+    assert (found[4], found[5]) == ({"released": False}, {"released": True})
+    assert set(found[6]) == status
+    assert set(found[7]) == set(found[8]) == {"recovered"} | status
+    assert (found[7]["recovered"], found[8]["recovered"]) == (True, False)
+    assert list(found[9]) == ["error"]
+
+
+@pytest.fixture
+def network() -> Iterator[Network]:
+    made = Network()
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize("lockstep", [True, False])
+def test_the_client_of_the_page_follows_a_robot(network, tmp_path, lockstep):
+    (program,) = re.findall(r"```python\n(import json.*?)```", PAGE, re.DOTALL)
+    (tmp_path / "client.py").write_text(program, encoding="utf-8")
+    endpoint, ended = free_endpoint(), threading.Event()
+    settings = LinkSettings(listen=(endpoint,), lease_ms=30_000)
+    if lockstep:
+        clock = VirtualClock()
+        link = network.keep(
+            ZenohLockstepLink("arm", settings, clock, 200_000, ended.is_set, endless=True)
+        )
+        robot = Robot(clock, link)
+    else:  # in the process of the tests nothing is real time: misses are all right
+        clock = MonotonicClock()
+        robot = Robot(clock, network.robot(**settings.model_dump()), misses_to_stop=10**9)
+    running = network.start(robot.loop.run, clock.now(), ended.is_set)
+    try:
+        done = subprocess.run(
+            [sys.executable, str(tmp_path / "client.py"), endpoint, "arm"],
+            capture_output=True,
+            timeout=PATIENCE_S,
+            check=False,
+            text=True,
+        )
+    finally:
+        ended.set()
+    running.result(PATIENCE_S)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == {"answered": 200, "released": True}
+    counts = robot.loop.summary()
+    assert counts["rejections"] == {}
+    assert counts["safe_stops"] == 0
+    if lockstep:  # `release` may come in time for the next tick, or while that waits
+        assert counts["in_time"] == 200
+        assert counts["asked"] in {200, 201}
+
+
+def test_the_join_example_is_a_config_that_zenoh_takes():
+    import zenoh
+
+    text = re.search(r'from_json5\("""(.*?)"""\)', PAGE, re.DOTALL)[1]
+    config = zenoh.Config.from_json5(text)
+    assert json.loads(config.get_json("mode")) == "client"

@@ -1,0 +1,264 @@
+"""What every robot that we ship has to be; and the arms against kinematics published elsewhere."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from support import HOUSE
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.robot.pinocchio_model import RobotModel, build_model
+from hoap3.robot_emulator.robots import available, load
+
+X, Y, Z = np.eye(3)
+
+
+@cache
+def robot(name: str) -> RobotDescription:
+    return load(name)
+
+
+@cache
+def model(name: str) -> RobotModel:
+    return build_model(robot(name))
+
+
+every = pytest.mark.parametrize("name", available())
+dynamic = pytest.mark.parametrize("name", [name for name in available() if name != "hoap3"])
+
+
+def in_pinocchios_order(name: str, q: np.ndarray) -> np.ndarray:
+    there = np.empty(robot(name).n)
+    there[model(name).order] = q
+    return there
+
+
+def placed(name: str, frame: str, q: np.ndarray) -> np.ndarray:
+    """Where a frame is in the root link, (4, 4)."""
+    built = model(name)
+    pin.framesForwardKinematics(built.model, built.data, in_pinocchios_order(name, q))
+    return built.data.oMf[built.frame_id(frame)].homogeneous.copy()
+
+
+def gravity(name: str, q: np.ndarray) -> np.ndarray:
+    """What the joints must hold at rest, in wire order [N m]."""
+    built = model(name)
+    there = in_pinocchios_order(name, q)
+    return pin.computeGeneralizedGravity(built.model, built.data, there)[built.order]
+
+
+def moved(axis: np.ndarray, angle: float, *offset: float) -> np.ndarray:
+    """A shift, then a turn about an axis of the moving frame, (4, 4); Rodrigues."""
+    x, y, z = axis
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    T = np.eye(4)
+    T[:3, :3] += np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
+    T[:3, 3] = offset if offset else (0, 0, 0)
+    return T
+
+
+def product(*transforms: np.ndarray) -> np.ndarray:
+    return np.linalg.multi_dot(transforms)
+
+
+def random_postures(name: str, count: int) -> np.ndarray:
+    rng = np.random.default_rng(5)
+    return rng.uniform(robot(name).lower, robot(name).upper, (count, robot(name).n))
+
+
+def test_the_page_of_robots_has_them_all():
+    page = HOUSE / "docs" / "robots.md"
+    row = re.compile(r"\| (`[a-z0-9_`, ]+`) \| ([0-9]+) \| ([0-9.]+) kg \|.*\| ([a-z, ]+) \|")
+    told = {}
+    for names, n, mass, kinds in row.findall(page.read_text(encoding="utf-8")):
+        for name in re.findall("[a-z0-9_]+", names):
+            told[name] = (int(n), float(mass), tuple(kinds.replace("s", "").split(", ")))
+    found = {}
+    for name in available():
+        moving = model(name).total_mass - model(name).root_mass
+        kinds = tuple(kind.replace("s", "") for kind in robot(name).command_kinds)
+        found[name] = (robot(name).n, round(moving, 1), kinds)
+    assert told == found
+
+
+@every
+def test_its_name_is_that_of_its_folder(name):
+    assert robot(name).name == name
+
+
+@dynamic
+def test_it_takes_accelerations_and_torques(name):
+    assert robot(name).command_kinds == ("position", "acceleration", "torque")
+
+
+@every
+def test_mass_is_the_sum_of_the_urdf(name):
+    masses = [float(mass.get("value")) for mass in ET.fromstring(robot(name).urdf).iter("mass")]
+    assert model(name).total_mass == pytest.approx(sum(masses), rel=1e-12)
+
+
+@every
+def test_every_inertia_is_that_of_a_body(name):
+    """Positive definite, and no moment larger than the sum of the other two."""
+    inertias = list(ET.fromstring(robot(name).urdf).iter("inertia"))
+    assert inertias
+    for inertia in inertias:
+        xx, yy, zz, xy, xz, yz = (
+            float(inertia.get(key)) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+        )
+        moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        assert moments[0] > 0.0
+        assert moments[2] <= moments[0] + moments[1]
+
+
+@every
+def test_every_link_that_weighs_has_a_shape_to_draw_and_to_collide(name):
+    for link in ET.fromstring(robot(name).urdf).findall("link"):
+        for use in ("visual", "collision"):
+            assert len(link.findall(use)) == (link.find("inertial") is not None)
+
+
+@every
+def test_the_mass_matrix_is_positive_definite(name):
+    built = model(name)
+    for q in random_postures(name, 100):
+        M = pin.crba(built.model, built.data, in_pinocchios_order(name, q))
+        M = np.triu(M) + np.triu(M, 1).T
+        assert np.linalg.eigvalsh(M)[0] > 1e-5
+
+
+@every
+def test_wire_order_is_that_of_the_model_by_name(name):
+    names = [model(name).model.names[1 + int(index)] for index in model(name).order]
+    assert tuple(names) == robot(name).joint_names
+    order = model(name).order
+    np.testing.assert_array_equal(model(name).model.armature[order], robot(name).armature)
+    np.testing.assert_array_equal(
+        model(name).model.upperEffortLimit[order], [joint.effort for joint in robot(name).joints]
+    )
+    assert np.all(model(name).model.damping >= 0.0)
+    assert np.all(model(name).model.friction >= 0.0)
+
+
+@every
+def test_postures_are_usable(name):
+    for posture in robot(name).postures.values():
+        assert np.all(robot(name).lower <= posture)
+        assert np.all(posture <= robot(name).upper)
+
+
+@dynamic
+def test_it_starts_away_from_limits_and_singularities_and_can_hold_itself(name):
+    q = robot(name).initial_position
+    away = np.minimum(q - robot(name).lower, robot(name).upper - q)
+    assert np.all(away > 0.1)
+    assert np.all(np.abs(gravity(name, q)) < 0.6 * robot(name).effort)
+    built = model(name)
+    for tip in {"ee", "tool0", "left_gripper", "right_gripper"} & set(robot(name).frames):
+        there = in_pinocchios_order(name, q)
+        J = pin.computeFrameJacobian(built.model, built.data, there, built.frame_id(tip))
+        assert np.linalg.svd(J, compute_uv=False)[-1] > 0.05
+
+
+@every
+def test_accelerations_suit_each_other_and_the_speed(name):
+    """A joint may stop with less than it may be told, and (11) holds for a step of the robot."""
+    described = robot(name)
+    assert np.all(described.brake_acceleration <= described.setpoint_acceleration_max)
+    if name != "hoap3":
+        step = described.period_s * described.setpoint_acceleration_max
+        assert np.all(step <= described.velocity)
+
+
+def test_the_ur5_is_that_of_its_published_table():
+    """Denavit-Hartenberg parameters of Universal Robots' manual, UR5 series 3."""
+    a = [0, -0.425, -0.39225, 0, 0, 0]
+    d = [0.089159, 0, 0, 0.10915, 0.09465, 0.0823]
+    alpha = np.array([1, 0, 0, 1, -1, 0]) * np.pi / 2
+    for q in random_postures("ur5", 50):
+        T = np.eye(4)
+        for angle, length, offset, twist in zip(q, a, d, alpha, strict=True):
+            T = product(T, moved(Z, angle, 0, 0, offset), moved(X, twist, length, 0, 0))
+        np.testing.assert_allclose(placed("ur5", "tool0", q), T, rtol=0, atol=1e-12)
+
+
+def test_the_lwr_is_that_of_its_data_sheet():
+    """0.3105, 0.4, 0.39 and 0.078 m between shoulder, elbow, wrist and flange, all in one line."""
+    signs = [1, -1, 1, 1, 1, -1, 1]
+    for q in random_postures("lwr", 50):
+        s = q * signs
+        shoulder = product(moved(Z, s[0], 0, 0, 0.3105), moved(Y, s[1]), moved(Z, s[2]))
+        elbow = product(shoulder, moved(Y, s[3], 0, 0, 0.4))
+        flange = product(
+            elbow, moved(Z, s[4]), moved(Y, s[5], 0, 0, 0.39), moved(Z, s[6], 0, 0, 0.078)
+        )
+        np.testing.assert_allclose(placed("lwr", "elbow", q), elbow, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(placed("lwr", "ee", q), flange, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("side", "sign"), [("left", 1), ("right", -1)])
+def test_baxters_arms_are_those_of_their_data_sheet(side, sign):
+    """69 mm from s0 to s1, 364 and 69 mm to the elbow, 374 and 10 mm to the wrist."""
+    name = f"baxter_{side}_arm"
+    mount = moved(Z, sign * 0.7854, 0.024645, sign * 0.219645, 0.118588)
+    for q in random_postures(name, 50):
+        shoulder = product(mount, moved(Z, q[0], 0.055695, 0, 0.011038), moved(Y, 0, 0, 0, 0.27035))
+        upper_arm = product(shoulder, moved(Y, q[1], 0.069, 0, 0), moved(X, q[2]))
+        elbow = product(upper_arm, moved(Y, q[3], 0.102 + 0.26242, 0, -0.069), moved(X, q[4]))
+        wrist = product(elbow, moved(Y, q[5], 0.10359 + 0.2707, 0, -0.01), moved(X, q[6]))
+        hand = 0.115975 + 0.11355 + 0.025 + 0.1327
+        T = product(wrist, moved(Y, np.pi / 2, hand, 0, 0))
+        there = placed(name, f"{side}_gripper", q)
+        np.testing.assert_allclose(there[:3, 3], T[:3, 3], rtol=0, atol=1e-10)
+        np.testing.assert_allclose(there[:3, :3] @ Z, T[:3, :3] @ Z, rtol=0, atol=1e-10)
+
+
+def test_baxters_arms_are_mirror_images():
+    mirror = np.diag([1.0, -1.0, 1.0, 1.0])
+    signs = np.array([-1, 1, -1, 1, -1, 1, -1])
+    for q in random_postures("baxter_left_arm", 20):
+        left = placed("baxter_left_arm", "left_gripper", q)[:, 3]
+        right = placed("baxter_right_arm", "right_gripper", signs * q)[:, 3]
+        np.testing.assert_allclose(mirror @ left, right, rtol=0, atol=1e-10)
+
+
+def test_baxters_s1_cannot_hold_every_posture():
+    """As its torque limit says: the springs of the robot are not in the model."""
+    postures = random_postures("baxter_left_arm", 5000)
+    worst = max(abs(gravity("baxter_left_arm", q)[1]) for q in postures)
+    assert 50.0 < worst < 58.0
+
+
+def test_the_humanoid_weighs_and_measures_what_the_table_of_men_says():
+    """de Leva 1996: 73 kg, and from the soles to the vertex 1.741 m plus what the ankles add."""
+    name = "humanoid32"
+    assert model(name).total_mass == pytest.approx(73.0, rel=1e-5)
+    upright = np.array(robot(name).postures["zero"])
+    top, hip = placed(name, "head", upright)[2, 3] + 0.2429, placed(name, "r_thigh", upright)[2, 3]
+    knee, ankle, sole = (
+        placed(name, frame, upright)[2, 3] for frame in ("r_shank", "r_foot", "r_sole")
+    )
+    steps = [top - hip, hip - knee, knee - ankle, ankle - sole]
+    np.testing.assert_allclose(steps, [0.6033 + 0.2429, 0.4222, 0.4340, 0.07], atol=1e-12)
+
+
+def test_the_humanoid_is_its_own_mirror_image():
+    name = "humanoid32"
+    mirrored = ("yaw", "roll")
+    names = list(robot(name).joint_names)
+    other = {"r_": "l_", "l_": "r_"}
+    swap = [names.index(other.get(one[:2], one[:2]) + one[2:]) for one in names]
+    signs = np.array([-1.0 if one.endswith(mirrored) else 1.0 for one in names])
+    np.testing.assert_array_equal(robot(name).lower[swap], np.where(
+        signs < 0, -robot(name).upper, robot(name).lower
+    ))  # fmt: skip
+    for q in random_postures(name, 20):
+        twin = np.where(signs < 0, -q[swap], q[swap])
+        np.testing.assert_allclose(gravity(name, twin), signs * gravity(name, q)[swap], atol=1e-9)
+        there, here = placed(name, "l_palm", twin)[:3, 3], placed(name, "r_palm", q)[:3, 3]
+        np.testing.assert_allclose(there, here * [1, -1, 1], atol=1e-12)

@@ -1,0 +1,125 @@
+"""Robots, states and small solvers for tests of constraints."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import daqp
+import numpy as np
+
+from hoap3.protocol.description import RobotDescription, Sole
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.constraints.registry import ConstraintSettings, build
+from hoap3.remote_controller.constraints.stack import ConstraintStack
+from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.robot_emulator.robots import load
+from support.small_arm import URDF, arm
+
+PERIOD = 1e-3
+
+
+def _with_shapes() -> str:
+    """The small arm's URDF with a capsule around the fore arm and a box around the hand."""
+    place = '<collision><origin xyz="0 0 0.1"/><geometry>{}</geometry></collision></link>'
+    shapes = {
+        "base": '<box size="0.3 0.2 0.1"/>',
+        "fore": '<cylinder radius="0.03" length="0.2"/>',
+        "hand": '<box size="0.04 0.05 0.15"/>',
+    }
+    text = URDF
+    for link, shape in shapes.items():
+        start = text.index(f'<link name="{link}">')
+        end = text.index("</link>", start)
+        text = text[:end] + place.format(shape) + text[end + len("</link>") :]
+    return text
+
+
+@cache
+def small() -> RobotDescription:
+    """Three joints on a sole of 0.6 m by 0.4 m."""
+    outline = ((0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2))
+    return arm(urdf=_with_shapes(), soles=(Sole(frame="base", polygon=outline),))
+
+
+@cache
+def hoap3() -> RobotDescription:
+    return load("hoap3")
+
+
+ROBOTS = {"hoap3": hoap3, "small": small}
+
+
+def entry(given: dict[str, Any]) -> ConstraintSettings:
+    """A config's entry from its constraint, its name, and its settings beside them."""
+    rest = {key: value for key, value in given.items() if key not in {"constraint", "name"}}
+    return ConstraintSettings(
+        constraint=given["constraint"], name=given.get("name"), parameters=rest
+    )
+
+
+class Bench:
+    """Constraints of a robot, moved by Euler steps."""
+
+    def __init__(self, robot: RobotDescription, *entries: dict[str, Any]) -> None:
+        self.robot, self.kinematics = robot, Kinematics(robot)
+        self.stack: ConstraintStack = build(
+            [entry(each) for each in entries], robot, self.kinematics, PERIOD
+        )
+        self.state = State(robot.n, 0)
+        self.at(robot.initial_position)
+
+    @property
+    def only(self):
+        return self.stack.constraints[0]
+
+    def at(self, q: FloatArray, tick: int | None = None) -> Bench:
+        """Put the robot at q, one tick later."""
+        self.state.tick = self.state.tick + 1 if tick is None else tick
+        self.state.q[:] = self.state.reference[:] = q
+        self.kinematics.update(self.state.reference)
+        self.stack.update(self.kinematics, self.state)
+        return self
+
+    def margins(self, q: FloatArray) -> FloatArray:
+        return self.at(q).only.margins.copy()
+
+    def nearest(self, wanted: FloatArray) -> FloatArray:
+        """The u nearest to a wanted one that every row and bound allows."""
+        stack, n = self.stack, self.robot.n
+        matrix = np.ascontiguousarray(np.vstack((stack.A, stack.C)))
+        upper = np.concatenate((stack.upper, stack.b, stack.c))
+        lower = np.concatenate((stack.lower, np.full(len(stack.b), -np.inf), stack.c))
+        sense = np.array([0] * (n + len(stack.b)) + [5] * len(stack.c), np.int32)
+        u, _, flag, _ = daqp.solve(
+            np.eye(n), -wanted, matrix, np.minimum(upper, 1e30), np.maximum(lower, -1e30), sense
+        )
+        assert flag > 0, flag
+        return np.array(u)
+
+    def walk(self, wanted: FloatArray, steps: int, noise: float = 0.0) -> float:
+        """Follow a wanted u, with noise, for some steps; returns the smallest margin on the way."""
+        rng = np.random.default_rng(steps)
+        least = self.stack.margin()
+        for _ in range(steps):
+            self.at(
+                self.state.reference
+                + PERIOD * self.nearest(wanted + noise * rng.normal(size=len(wanted)))
+            )
+            least = min(least, self.stack.margin())
+        return least
+
+
+def differences(bench: Bench, q: FloatArray, step: float = 1e-6) -> FloatArray:
+    """dm/dq of every margin by central differences, (margins, n)."""
+    columns = []
+    for joint in range(len(q)):
+        ahead, behind = q.copy(), q.copy()
+        ahead[joint] += step
+        behind[joint] -= step
+        columns.append((bench.margins(ahead) - bench.margins(behind)) / (2 * step))
+    return np.array(columns).T
+
+
+def posture(robot: RobotDescription, seed: int) -> FloatArray:
+    return np.random.default_rng(seed).uniform(robot.lower, robot.upper)

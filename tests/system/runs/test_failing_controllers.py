@@ -1,0 +1,105 @@
+"""A controller that fails in full motion: the robot stops, the error has a name and a place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from support.command_bench import assert_at_rest, assert_no_traceback, events, hoap3, inside
+
+from hoap3.tools.logs.log import Log
+
+CODE = """
+import numpy as np
+from hoap3.remote_controller.controllers.base import VelocityController
+
+
+class Fails(VelocityController):
+    steps = -200  # those of the rehearsal
+
+    def velocity(self, state):
+        self.steps += 1
+        if state.mode == state.ACTIVE and self.steps > 100:
+            {failure}
+        return np.full(self.description.n, 0.1)
+"""
+RAISES = "raise ZeroDivisionError('a mistake\\nof mine')"
+GIVES_NAN = "return np.full(self.description.n, np.nan)"
+
+
+def law(folder: Path, failure: str) -> Path:
+    """Config of a controller that fails after some hundred steps."""
+    (folder / "failing_law.py").write_text(CODE.format(failure=failure))
+    path = folder / "law.yaml"
+    path.write_text("controller: failing_law:Fails\n")
+    return path
+
+
+@pytest.mark.parametrize("mode", ["--lockstep", "--no-realtime"])
+def test_a_controller_that_raises(tmp_path: Path, mode: str) -> None:
+    run = hoap3(
+        *("run", mode, "--duration", "60", "--controller", law(tmp_path, RAISES)),
+        *("--out", tmp_path / "log", "--json", "--set", "emulator.misses_to_stop=10000"),
+    )
+    assert run.end() == 1
+    assert run.stdout == ""
+    assert_no_traceback(run)
+    errors = [line for line in run.stderr.splitlines() if line.startswith("error:")]
+    assert len(errors) == 1
+    where = "controller Fails failed at tick"
+    what = "ZeroDivisionError: a mistake of mine (failing_law.py, line 12)"
+    assert where in errors[0]
+    assert what in errors[0]
+    log = Log.open(tmp_path / "log", side="robot")
+    assert not log.truncated
+    assert_at_rest(log)
+    kinds = [kind for kind, _ in events(log)]
+    assert "SAFE_STOP" in kinds
+    assert kinds[-1] == "ENDED"
+    assert len(log.setpoints()) >= 50
+    controller = Log.open(tmp_path / "log", side="controller")
+    failed_at = int(errors[0].partition(where)[2].split(":")[0])
+    assert controller.states()["tick"][-1] == failed_at  # what it failed on is there
+    run.assert_no_orphan()
+
+
+@pytest.mark.parametrize(
+    ("failure", "error"),
+    [
+        ("raise SystemExit(0)", "SystemExit: 0 (failing_law.py, line 12)"),
+        pytest.param(
+            "return None",
+            "Fails.velocity gave None, not a contiguous array of float64",
+            marks=pytest.mark.long,
+        ),
+    ],
+)
+def test_a_controller_that_ends_everything_or_gives_nothing(
+    tmp_path: Path, failure: str, error: str
+) -> None:
+    controller = law(tmp_path, failure)
+    run = hoap3("run", "--lockstep", "--controller", controller, "--out", tmp_path / "log")
+    assert run.end() == 1
+    assert error in run.stderr
+    assert_at_rest(Log.open(tmp_path / "log", side="robot"))
+
+
+@pytest.mark.parametrize(
+    "mode", ["--lockstep", pytest.param("--no-realtime", marks=pytest.mark.long)]
+)
+def test_a_controller_that_answers_nan(tmp_path: Path, mode: str) -> None:
+    run = hoap3(
+        *("run", mode, "--duration", "0.5", "--controller", law(tmp_path, GIVES_NAN)),
+        *("--out", tmp_path / "log", "--json"),
+    )
+    assert run.end() == 1
+    assert_no_traceback(run)
+    summary = run.json()
+    assert summary["verdicts"]["deadlines"] == "unfit"
+    assert summary["safe_stops"] == 1
+    assert summary["rejections"]["not_finite"] > 0
+    assert summary["misses"]["longest_run"] >= 20
+    log = Log.open(tmp_path / "log", side="robot")
+    assert ("SAFE_STOP", 1) in events(log)  # for misses
+    assert_at_rest(log)
+    assert inside("replay", tmp_path / "log", "--allow-code").code == 2  # not on the import path

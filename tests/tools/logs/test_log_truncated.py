@@ -1,0 +1,203 @@
+"""A log that was cut off anywhere opens, and a repair makes it whole."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap.records import ChunkIndex
+from mcap.stream_reader import StreamReader
+from support.log_samples import MS, START, describe, inputs, ticks, write
+
+from hoap3.protocol.errors import LogError, UsageError
+from hoap3.protocol.runtime.shm_ring import Record
+from hoap3.tools.logs.log import Log
+from hoap3.tools.logs.repair import repair, repair_all
+
+
+@dataclass
+class Sample:
+    """A whole log, and where its chunks stand."""
+
+    content: bytes
+    records: list[Record]
+    chunks: list[ChunkIndex]
+
+    def readable(self, size: int) -> list[Record]:
+        """What the first bytes of the file hold."""
+        whole = [c for c in self.chunks if c.chunk_start_offset + c.chunk_length <= size]
+        newest = max((chunk.message_end_time for chunk in whole), default=0)
+        return [record for record in self.records if record.stamp <= newest]
+
+
+@pytest.fixture(scope="module")
+def sample(tmp_path_factory: pytest.TempPathFactory) -> Sample:
+    records = inputs(describe(2)) + ticks(2, 1500)
+    path = write(tmp_path_factory.mktemp("log"), records).paths[0]
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    return Sample(path.read_bytes(), records, summary.chunk_indexes)
+
+
+def stock_messages(path: Path) -> list[tuple[str, int, int, int, bytes]]:
+    with path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        return [
+            (channel.topic, m.sequence, m.log_time, m.publish_time, m.data)
+            for _, channel, m in reader.iter_messages(log_time_order=False)
+        ]
+
+
+@given(share=st.floats(0, 1))
+def test_cut_anywhere_it_opens_and_can_be_repaired(
+    tmp_path_factory: pytest.TempPathFactory, sample: Sample, share: float
+) -> None:
+    size = round(share * (len(sample.content) - 1))
+    path = tmp_path_factory.mktemp("cut") / "robot.mcap"
+    path.write_bytes(sample.content[:size])
+    expected = sample.readable(size)
+    try:
+        log = Log.open(path)
+    except LogError:  # nothing was recorded yet
+        assert size < sample.chunks[0].chunk_start_offset
+        with pytest.raises(LogError, match=re.escape(str(path))):
+            repair(path)
+        return
+    assert log.truncated
+    assert "robot.mcap" in log.missing
+    assert list(log.records()) == expected
+    report = repair(path)
+    assert path.read_bytes() == sample.content[:size]
+    assert report.out == path.with_name("robot.repaired.mcap")
+    found = stock_messages(report.out)
+    assert (report.whole, report.messages) == (False, len(found))
+    assert report.last_stamp == (expected[-1].stamp if expected else None)
+    assert 0 <= report.dropped_bytes <= size
+    assert list(Log.open(report.out).records()) == expected
+    assert Log.open(report.out).attachments == log.attachments
+
+
+@pytest.mark.parametrize("cut", [1, 8, 9, 40])
+def test_a_cut_in_the_summary_costs_no_record(tmp_path: Path, sample: Sample, cut: int) -> None:
+    path = tmp_path / "robot.mcap"
+    path.write_bytes(sample.content[:-cut])
+    log = Log.open(path)
+    assert log.truncated
+    assert list(log.records()) == sample.records
+
+
+def test_a_repaired_file_has_all_that_a_whole_one_has(tmp_path: Path, sample: Sample) -> None:
+    path, whole = tmp_path / "robot.mcap", tmp_path / "whole.mcap"
+    whole.write_bytes(sample.content)
+    last = sample.chunks[-1].chunk_start_offset
+    path.write_bytes(sample.content[: last + 100])
+    report = repair(path, tmp_path / "out.mcap")
+    assert report.out == tmp_path / "out.mcap"
+    assert report.dropped_bytes == 100
+    end = sample.chunks[-2].message_end_time
+    expected = [m for m in stock_messages(whole) if m[2] <= end]
+    assert stock_messages(report.out) == expected
+    with report.out.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert len(summary.chunk_indexes) == len(sample.chunks) - 1
+    with report.out.open("rb") as stream:
+        assert sum(1 for _ in StreamReader(stream, validate_crcs=True).records) > len(expected)
+    log = Log.open(report.out)
+    assert log.metadata["repair"]["dropped_bytes"] == "100"
+    assert "100 bytes" in log.missing
+    assert log.config == "period_ms: 1\n"
+
+
+def test_in_place_keeps_the_original(tmp_path: Path, sample: Sample) -> None:
+    path = tmp_path / "robot.mcap"
+    cut = sample.content[: len(sample.content) // 2]
+    path.write_bytes(cut)
+    report = repair(path, in_place=True)
+    assert report.out == path
+    assert (tmp_path / "robot.mcap.damaged").read_bytes() == cut
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["robot.mcap", "robot.mcap.damaged"]
+    assert list(Log.open(tmp_path).records()) == sample.readable(len(cut))
+    path.write_bytes(cut)
+    with pytest.raises(UsageError, match="exists already"):
+        repair(path, in_place=True)
+
+
+def test_a_whole_log_is_left_alone(tmp_path: Path, sample: Sample) -> None:
+    path = tmp_path / "robot.mcap"
+    path.write_bytes(sample.content)
+    report = repair(path)
+    assert report.whole
+    assert report.messages == len(stock_messages(path))
+    assert report.as_json()["out"] == report.as_json()["path"] == str(path)
+    assert "is whole" in str(report)
+    assert list(tmp_path.iterdir()) == [path]
+    assert path.read_bytes() == sample.content
+
+
+def test_a_repair_replaces_nothing(tmp_path: Path, sample: Sample) -> None:
+    path = tmp_path / "robot.mcap"
+    path.write_bytes(sample.content[:-50])
+    (tmp_path / "robot.repaired.mcap").write_text("mine")
+    with pytest.raises(UsageError, match="exists already"):
+        repair(path)
+    assert (tmp_path / "robot.repaired.mcap").read_text() == "mine"
+
+
+def test_holes_of_zeros_end_the_log(tmp_path: Path, sample: Sample) -> None:
+    """What a power failure may leave: the size is right, the last pages are empty."""
+    middle = sample.chunks[1].chunk_start_offset + 50
+    path = tmp_path / "robot.mcap"
+    path.write_bytes(sample.content[:middle] + bytes(len(sample.content) - middle))
+    log = Log.open(path)
+    assert log.truncated
+    assert list(log.records()) == sample.readable(middle)
+
+
+def test_an_input_in_the_middle_is_saved_in_its_place(tmp_path: Path) -> None:
+    again = inputs(describe(3), START + 400 * MS)
+    records = inputs(describe(2)) + ticks(2, 390) + again + ticks(3, 300, first=401)
+    path = write(tmp_path, records).paths[0]
+    path.write_bytes(path.read_bytes()[:-1])
+    report = repair(path)
+    assert list(Log.open(report.out).records()) == records
+    assert Log.open(report.out).description == describe(3)
+
+
+def test_a_folder_cannot_be_repaired(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match="is a folder"):
+        repair(tmp_path)
+
+
+def test_a_folder_is_repaired_once(tmp_path: Path, sample: Sample) -> None:
+    path = tmp_path / "robot.mcap"
+    path.write_bytes(sample.content[: len(sample.content) // 2])
+    (tmp_path / "controller.repairing.mcap").write_bytes(sample.content[:-9])  # it was killed
+    (first,), wrong = repair_all(tmp_path)
+    assert wrong == []
+    assert f"hoap3 report {first.out}" in str(first)
+    written = first.out.read_bytes()
+    (again,), wrong = repair_all(tmp_path)
+    assert wrong == []
+    assert again.already
+    assert (again.out, again.messages) == (first.out, first.messages)
+    assert "already repaired" in str(again)
+    assert first.out.read_bytes() == written
+
+
+@pytest.mark.parametrize("content", [b"mine", None])
+def test_what_no_repair_has_finished_is_not_taken_for_its_result(
+    tmp_path: Path, sample: Sample, content: bytes | None
+) -> None:
+    path, out = tmp_path / "robot.mcap", tmp_path / "robot.repaired.mcap"
+    path.write_bytes(sample.content[:-9])
+    out.write_bytes(content or sample.content[:-50])
+    reports, (wrong,) = repair_all(tmp_path)
+    assert reports == []
+    assert "exists already" in wrong
