@@ -15,6 +15,8 @@ from support.kernels_first import compile_all, kernel_modules
 from support.longest_first import place
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # as `hoap3` does; numpy reads it when imported
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # hundreds of commands compile our code once
+sys.dont_write_bytecode = False
 os.environ["HOAP3_RUNTIME_DIR"] = tempfile.mkdtemp(prefix="hoap3-")  # short: it holds sockets
 atexit.register(shutil.rmtree, os.environ["HOAP3_RUNTIME_DIR"], ignore_errors=True)
 

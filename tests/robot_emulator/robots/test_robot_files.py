@@ -237,7 +237,7 @@ def declare(folder: Path, monkeypatch, target: str) -> None:
     (info / "entry_points.txt").write_text(f"[hoap3.robots]\narm3 = {target}\n")
     (folder / "arms_of_a_test.py").write_text(
         "from pathlib import Path\n"
-        "from arm3 import describe as made\n"
+        "from support.arm3 import describe as made\n"
         "FOLDER = Path(__file__).parent\n"
         "FILE = str(FOLDER / 'robot.yaml')\n"
         "NUMBER = 3\n"

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
+from support import HOUSE
 from support.log_samples import MS, START, describe, inputs, ticks, write
 
 import hoap3.tools.logs.log
@@ -125,11 +126,10 @@ def test_a_killed_writer_loses_less_than_a_second(tmp_path: Path, step: int) -> 
     """The test keeps the clock: a record is written, with that stamp, whenever it says so."""
     count = random.Random(step).randrange(2500, 6000) if step < MS else 100
     child = subprocess.Popen(
-        [sys.executable, "-c", CHILD, str(tmp_path), str(Path(__file__).parent)],
+        [sys.executable, "-c", CHILD, str(tmp_path), str(HOUSE / "tests")],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         cwd=Path(hoap3.tools.logs.log.__file__).parents[2],
-        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
         text=True,
     )
     assert child.stdin is not None
