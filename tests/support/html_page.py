@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
 
@@ -59,7 +60,8 @@ class _Reader(HTMLParser):
         self.here = self.here.parent
 
     def handle_data(self, data):
-        self.here.children.append(data)
+        shown = data if self.here.tag == "pre" else re.sub("[ \n]+", " ", data)
+        self.here.children.append(shown)
 
 
 class Page:

@@ -94,6 +94,15 @@ class Canvas:
         self.label("time since the first tick that asked [s]", y)
         self.axes.set_xlim(0.0, max(duration_s, 1e-9))
 
+    def line(self, x: FloatArray, y: FloatArray, role: str, width: float | None = None) -> None:
+        """Draw as much of a curve as can be seen."""
+        self.axes.plot(*thin(x, y), color=LIGHT[role], linewidth=width)
+
+    def threshold(self, value: float, role: str, axis: str = "y") -> None:
+        """A dashed line across the figure, at one value of an axis."""
+        across = self.axes.axhline if axis == "y" else self.axes.axvline
+        across(value, color=LIGHT[role], linewidth=1.0, dashes=(4, 3))
+
     def log_scale(self, axis: str, *, numbers: bool = False) -> None:
         """Make one axis logarithmic, its decades written 10⁻³, or as plain `numbers`."""
         from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator

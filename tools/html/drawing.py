@@ -30,8 +30,6 @@ class Drawing:
         svg: the drawing itself.
         keys: legend.
         figures: n and percentiles of what is drawn, in words.
-        what: definition, reached by a click.
-        trouble: how trouble looks in it.
     """
 
     name: str
@@ -39,5 +37,3 @@ class Drawing:
     svg: str
     keys: tuple[Key, ...]
     figures: str
-    what: str
-    trouble: str

@@ -47,6 +47,11 @@ def count(value: int) -> str:
     return f"{value:,}".replace(",", "\N{NARROW NO-BREAK SPACE}")
 
 
+def seconds(value: float) -> str:
+    """A time [s], to the millisecond."""
+    return f"{value:.3f}".replace("-", "−")
+
+
 def rate(value: float | None) -> str:
     """A success rate as per cent, with as many digits as tell it from 100 %."""
     if value is None:

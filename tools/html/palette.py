@@ -6,41 +6,24 @@ decides by its own scheme.
 
 from __future__ import annotations
 
-LIGHT = {
-    "ink": "#1c2430",
-    "soft": "#5d6875",
-    "rule": "#dfe3e7",
-    "page": "#fafaf8",
-    "card": "#ffffff",
-    "blue": "#2b6cb0",
-    "orange": "#d17a22",
-    "green": "#2f9168",
-    "red": "#c53f3a",
-    "violet": "#7f5bb5",
-    "cyan": "#2798ab",
-    "olive": "#96811d",
-    "pink": "#c0558f",
-    "brown": "#9a6b4f",
-    "faint": "#aab3bd",
-    "wash": "#e9eff6",
+COLOURS = {  # light, dark
+    "ink": ("#1c2430", "#e4e8ec"),
+    "soft": ("#5d6875", "#98a4b0"),
+    "rule": ("#dfe3e7", "#2e363f"),
+    "page": ("#fafaf8", "#12161b"),
+    "card": ("#ffffff", "#191e25"),
+    "blue": ("#2b6cb0", "#6ea8e5"),
+    "orange": ("#d17a22", "#eba15a"),
+    "green": ("#2f9168", "#5fc096"),
+    "red": ("#c53f3a", "#ee7f78"),
+    "violet": ("#7f5bb5", "#b296e0"),
+    "cyan": ("#2798ab", "#62c4d4"),
+    "olive": ("#96811d", "#ccb650"),
+    "pink": ("#c0558f", "#e28fbd"),
+    "brown": ("#9a6b4f", "#c79a7e"),
+    "faint": ("#aab3bd", "#57626e"),
+    "wash": ("#e9eff6", "#1f2a37"),
 }
-DARK = {
-    "ink": "#e4e8ec",
-    "soft": "#98a4b0",
-    "rule": "#2e363f",
-    "page": "#12161b",
-    "card": "#191e25",
-    "blue": "#6ea8e5",
-    "orange": "#eba15a",
-    "green": "#5fc096",
-    "red": "#ee7f78",
-    "violet": "#b296e0",
-    "cyan": "#62c4d4",
-    "olive": "#ccb650",
-    "pink": "#e28fbd",
-    "brown": "#c79a7e",
-    "faint": "#57626e",
-    "wash": "#1f2a37",
-}
+LIGHT = {role: light for role, (light, _) in COLOURS.items()}
 SERIES = ("blue", "orange", "green", "violet", "red", "cyan", "olive")
 """Roles of curves, in the order in which they are given out."""

@@ -11,7 +11,8 @@ def check_drawing() -> None:
     """Refuse what draws before it begins, where it could not.
 
     Raises:
-        NotInstalledError: matplotlib is not installed.
+        NotInstalledError: jinja2 or matplotlib is not installed.
     """
-    if find_spec("matplotlib") is None:
-        raise NotInstalledError("package", "matplotlib", "'hoap3[report]'")
+    for package in ("jinja2", "matplotlib"):
+        if find_spec(package) is None:
+            raise NotInstalledError("package", package, "'hoap3[report]'")

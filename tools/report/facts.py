@@ -6,69 +6,50 @@ import json
 from typing import Any
 
 from hoap3.protocol.errors import LogError
-from hoap3.tools.html.markup import Markup, element, more, table
-from hoap3.tools.html.numbers import count, number, rate
+from hoap3.tools.html.numbers import count, number, rate, seconds
 from hoap3.tools.logs.log import Log
 from hoap3.tools.machine.stalls import figures
-from hoap3.tools.report.certificates import Certificates
 from hoap3.tools.report.content import Content
 from hoap3.tools.timing.ticks import IN_TIME
 
-Tile = tuple[str, str, str, tuple[str, ...]]
+Tile = tuple[str, str, str, list[str]]
 
 
 def tiles(content: Content) -> list[Tile]:
     """Anchor of the definition, name, value, and notes of each figure at the head."""
-    found: list[Tile] = []
-    if content.timing is not None:
-        found += _deadline_tiles(content, content.timing.figures)
-    motion = content.motion
+    found = _deadline_tiles(content, content.timing.figures) if content.timing else []
+    motion, certificates = content.motion, content.certificates
     if motion is not None and motion.has_certificates:
         unit = " mm" if motion.target_m is not None else ""
         errors = (1e3 if unit else 1.0) * (2.0 * motion.v[motion.v >= 0.0]) ** 0.5
-        notes = (
-            f"√(2V); at first {number(errors[0])}{unit}",
-            f"certified {rate(float(motion.certified.mean()))} of n {count(len(motion.v))} answers",
-        )
+        notes = [f"√(2V); at first {number(errors[0])}{unit}"]
+        share = rate(float(motion.certified.mean()))
+        notes.append(f"certified {share} of n {count(len(motion.v))} answers")
         found.append(("word-certificate", "error at the end", f"{number(errors[-1])}{unit}", notes))
-    if content.certificates is not None:
-        found.append(_uncertified(content.certificates))
+    if certificates is not None:
+        notes = [f"of n {count(certificates.n)} answers"]
+        if certificates.longest is not None:
+            first = seconds(certificates.stretches[0].begin_s)
+            longest = count(certificates.longest.answers)
+            notes.append(f"first at {first} s, longest stretch {longest}")
+        without = count(certificates.without)
+        found.append(("certificates", "without certificate", without, notes))
     return found
-
-
-def _uncertified(certificates: Certificates) -> Tile:
-    notes: tuple[str, ...] = (f"of n {count(certificates.n)} answers",)
-    if certificates.longest is not None:
-        first = f"{certificates.stretches[0].begin_s:.3f}".replace("-", "−")
-        longest = count(certificates.longest.answers)
-        notes = (*notes, f"first at {first} s, longest stretch {longest}")
-    return ("certificates", "without certificate", count(certificates.without), notes)
 
 
 def _deadline_tiles(content: Content, given: dict[str, Any]) -> list[Tile]:
     success, misses = given["success_rate"], given["misses"]
     worst = success["worst_window"]
-    of_window = "fewer than 100 ticks" if worst is None else f"worst 100: {number(100.0 * worst)} %"
-    found: list[Tile] = [
-        (
-            "word-success",
-            "success rate, raw",
-            rate(success["run"]),
-            (f"n {count(given['ticks'])} ticks", of_window),
-        ),
-        ("word-stall", "outside stalls", rate(success["outside_stalls"]), _stalls(content)),
-        (
-            "word-outcome",
-            "misses",
-            count(misses["late"] + misses["lost"]),
-            (
-                f"late {count(misses['late'])}, lost {count(misses['lost'])}",
-                f"longest run {misses['longest_run']}; skipped {count(given['skipped'])}",
-            ),
-        ),
-    ]
-    if content.sources.lockstep:
-        del found[1]  # nobody can take virtual time away
+    window = "fewer than 100 ticks" if worst is None else f"worst 100: {number(100.0 * worst)} %"
+    ticks = [f"n {count(given['ticks'])} ticks", window]
+    found: list[Tile] = [("word-success", "success rate, raw", rate(success["run"]), ticks)]
+    if not content.sources.lockstep:  # nobody can take virtual time away
+        outside = rate(success["outside_stalls"])
+        found.append(("word-stall", "outside stalls", outside, _stalls(content)))
+    kinds = [f"late {count(misses['late'])}, lost {count(misses['lost'])}"]
+    kinds.append(f"longest run {misses['longest_run']}; skipped {count(given['skipped'])}")
+    missed = count(misses["late"] + misses["lost"])
+    found.append(("word-outcome", "misses", missed, kinds))
     for key, anchor, name in (
         ("rtt_us", "word-rtt-word", "RTT"),
         ("wakeup_us", "word-wakeup-word", "wake-up"),
@@ -76,33 +57,23 @@ def _deadline_tiles(content: Content, given: dict[str, Any]) -> list[Tile]:
         sizes = given.get(key)
         if sizes and sizes["n"]:
             tail = f"p99 {number(sizes['p99'])}, p99.9 {number(sizes['p99_9'])}, "
-            notes = (f"{tail}max {number(sizes['max'])} µs", f"n {count(sizes['n'])}")
+            notes = [f"{tail}max {number(sizes['max'])} µs", f"n {count(sizes['n'])}"]
             found.append((anchor, f"{name}, median", f"{number(sizes['p50'])} µs", notes))
     return found
 
 
-def _stalls(content: Content) -> tuple[str, ...]:
+def _stalls(content: Content) -> list[str]:
     timing = content.timing
     if timing is None or timing.table.stalls is None:
-        return ("nobody watched for stalls",)
+        return ["nobody watched for stalls"]
     table, stalls = timing.table, figures(timing.stalls)
     misses = table.misses_outside_stalls or 0
     outside = f"n {count(table.count(IN_TIME) + misses)}, missed or skipped {count(misses)}"
-    return (outside, f"{count(int(stalls['n']))} stalls, {number(stalls['total_ms'])} ms")
+    return [outside, f"{count(int(stalls['n']))} stalls, {number(stalls['total_ms'])} ms"]
 
 
-def facts_section(content: Content, title: str) -> Markup:
-    """Machine block, versions, and the settings of both sides."""
-    parts: list[Markup] = []
-    for log in content.sources.logs:
-        rows = _facts(content, log)
-        parts.append(element("h3", f"As the service of the {log.side} found it at its start"))
-        parts.append(table((), rows, class_="facts"))
-        parts.append(more(f"Settings of the {log.side}", element("pre", _settings(log))))
-    return element("section", element("h2", title), *parts, id="machine")
-
-
-def _facts(content: Content, log: Log) -> list[tuple[str, str]]:
+def machine_facts(content: Content, log: Log) -> tuple[str, list[tuple[str, str]], str]:
+    """Side of a log, its machine block and versions, and its settings."""
     machine, versions = content.machine(log.side), log.metadata.get("versions", {})
     measures = content.sources.summary.get("realtime") if log.side == "robot" else None
     rows = [(k.replace("_", " "), _plain(v)) for k, v in machine.items() if k != "versions"]
@@ -111,7 +82,8 @@ def _facts(content: Content, log: Log) -> list[tuple[str, str]]:
     if versions:
         rows.append(("versions", ", ".join(f"{k} {v}" for k, v in versions.items())))
     rows.append(("log", ", ".join(str(path) for path in log.paths)))
-    return rows + [(k, v) for k, v in log.metadata.get("run", {}).items() if v]
+    rows += [(k, v) for k, v in log.metadata.get("run", {}).items() if v]
+    return log.side, rows, _settings(log)
 
 
 def _settings(log: Log) -> str:

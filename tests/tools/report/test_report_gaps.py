@@ -110,7 +110,7 @@ def test_no_stall_monitor_is_said(tmp_path):
     content = read_content(active_log(tmp_path))
     assert "Nobody watched for stalls" in said(content)
     (tile,) = [tile for tile in tiles(content) if tile[1] == "outside stalls"]
-    assert tile[2:] == ("–", ("nobody watched for stalls",))
+    assert tile[2:] == ("–", ["nobody watched for stalls"])
 
 
 def test_a_safe_stop_is_told_before_anything_else(tmp_path):

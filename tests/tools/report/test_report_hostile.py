@@ -18,8 +18,8 @@ from hoap3.protocol.errors import LogError
 from hoap3.protocol.messages import Event, Setpoint
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.cli.app import main
+from hoap3.tools.html.document import PAGES
 from hoap3.tools.html.drawing import Drawing, Key
-from hoap3.tools.html.markup import element, table, text
 from hoap3.tools.logs.log import Log
 from hoap3.tools.report.content import read_content
 from hoap3.tools.report.happenings import read_happenings
@@ -131,16 +131,13 @@ def test_stamps_that_make_no_sense_give_a_report_or_one_error(name, value, tmp_p
 
 @given(st.text())
 def test_any_text_is_escaped_everywhere(content):
-    legend = Drawing("x", content, "<svg></svg>", (Key("blue", content),), "", "", "")
-    for source in (
-        element("p", content, title=content),
-        table([content], [[content]]),
-        text(legend.title),
-    ):
-        read = Page(str(source))
-        assert {e.tag for e in read.root.all()} <= {
-            "p", "div", "table", "thead", "tbody", "tr", "th", "td",
-        }  # fmt: skip
+    parts = PAGES.get_template("html/templates/parts.html").module
+    drawing = Drawing("x", content, "<svg></svg>", (Key("blue", content),), content)
+    shown = parts.link(content, content), parts.table([content], [[content]])
+    known = ["a", "p", "div", "table", "thead", "tbody", "tr", "th", "td", "figure", "h3", "svg"]
+    known += ["ul", "li", "span", "details", "summary"]
+    for source in (*shown, parts.gaps([content]), parts.grid([drawing], {"x": lambda: content})):
+        assert {e.tag for e in Page(str(source)).root.all()} <= set(known)
 
 
 def test_texts_of_a_log_do_not_steer_the_terminal(tmp_path, monkeypatch, capsys):
@@ -163,5 +160,6 @@ def test_texts_of_a_log_do_not_steer_the_terminal(tmp_path, monkeypatch, capsys)
 
 
 def test_control_characters_and_turned_writing_are_replaced():
-    assert text("a\x00b\x1b[31m\u202ec\x85") == "a�b�[31m�c�"
-    assert text("tab\tline\nß µ Ψ") == "tab\tline\nß µ Ψ"
+    text = PAGES.from_string("{{ given }}").render
+    assert text(given="a\x00b\x1b[31m\u202ec\x85") == "a�b�[31m�c�"
+    assert text(given="tab\tline\nß µ Ψ") == "tab\tline\nß µ Ψ"

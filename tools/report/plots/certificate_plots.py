@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.tools.html.canvas import BEYOND, BUCKETS, Canvas, canvas, thin
+from hoap3.tools.html.canvas import BEYOND, BUCKETS, Canvas, canvas
 from hoap3.tools.html.drawing import Drawing, Key
 from hoap3.tools.html.numbers import count, number, spread, summary
 from hoap3.tools.html.palette import LIGHT
@@ -27,63 +27,50 @@ def certificate_drawings(certificates: Certificates) -> list[Drawing]:
 def _rho(certificates: Certificates) -> Drawing:
     rho = _known(certificates.rho)
     below, negative = int((rho < 1.0).sum()), int((rho < 0.0).sum())
-    with canvas("rho") as drawing:
-        _shade(drawing, certificates)
-        drawing.axes.axhline(1.0, color=LIGHT["faint"], linewidth=1.0, dashes=(4, 3))
-        drawing.axes.plot(*thin(certificates.time_s, certificates.rho), color=LIGHT["blue"])
-        _room(drawing, np.append(rho, [0.0, 1.0]))
-        drawing.time(certificates.duration_s, "ρ, share of Ψ [1]")
+    svg = _over_time(certificates, "rho", (1.0, "faint"), np.append(rho, 0.0), "ρ, share of Ψ [1]")
     title = f"The constraints allow less than Ψ in {count(below)} of {count(len(rho))} answers"
     if negative:
         title = f"V may rise in {count(negative)} of {count(len(rho))} answers: ρ is below 0"
-    return Drawing(
-        "rho",
-        title,
-        drawing.svg,
-        (Key("blue", "ρ"), Key("faint", "all of Ψ", "dash"), *_keys(certificates)),
-        f"ρ: {spread(summary(rho), '')} · below 1 {count(below)}, below 0 {count(negative)}",
-        "Share of the decrease Ψ that the constraints leave room for, at most 1: V̇ ≤ −ρΨ. Where "
-        "the target moves faster than the limits allow, it is below 0, and V rises as little as "
-        "can be. Paper: (6).",
-        "ρ = 0 and V above 0: the robot stands at a limit and can do no more. ρ that jumps to and "
-        "fro: constraints that come and go.",
-    )
+    figures = f"ρ: {spread(summary(rho), '')} · below 1 {count(below)}, below 0 {count(negative)}"
+    keys = (Key("blue", "ρ"), Key("faint", "all of Ψ", "dash"), *_keys(certificates))
+    return Drawing("rho", title, svg, keys, figures)
 
 
 def _margin(certificates: Certificates) -> Drawing:
     margin = _known(certificates.margin)
     outside = int((margin < OUTSIDE).sum())
-    with canvas("margin") as drawing:
-        _shade(drawing, certificates)
-        drawing.axes.axhline(0.0, color=LIGHT["red"], linewidth=1.0, dashes=(4, 3))
-        drawing.axes.plot(*thin(certificates.time_s, certificates.margin), color=LIGHT["blue"])
-        _room(drawing, np.append(margin, 0.0))
-        drawing.time(certificates.duration_s, "smallest margin [unit of its constraint]")
+    label = "smallest margin [unit of its constraint]"
+    svg = _over_time(certificates, "margin", (0.0, "red"), margin, label)
     title = f"Every constraint is kept, the nearest by {number(float(margin.min()))}"
     if outside:
         title = f"A constraint is violated in {count(outside)} of {count(len(margin))} answers"
-    return Drawing(
-        "margin",
-        title,
-        drawing.svg,
-        (Key("blue", "margin"), Key("red", "limit", "dash"), *_keys(certificates)),
-        f"margin: {spread(summary(margin), '')} · outside {count(outside)}",
-        "Smallest true margin of all constraints, as each answer states it, in the unit of the "
-        "one that is nearest: of qp12, pinv and osqp rad/s, u_max − max|u|. Negative is outside.",
-        "A margin below the dashed line: a limit is broken; the events of the controller name "
-        "which. A long time at 0: the motion is what the limit leaves of it.",
-    )
+    figures = f"margin: {spread(summary(margin), '')} · outside {count(outside)}"
+    keys = (Key("blue", "margin"), Key("red", "limit", "dash"), *_keys(certificates))
+    return Drawing("margin", title, svg, keys, figures)
+
+
+def _over_time(
+    certificates: Certificates,
+    name: str,
+    threshold: tuple[float, str],
+    shown: FloatArray,
+    label: str,
+) -> str:
+    """A quantity of `certificates` with a threshold, both of which and `shown` fit into it."""
+    shown = np.append(shown, threshold[0])
+    low, high = float(shown.min()), float(shown.max())
+    around = 0.06 * max(high - low, 1e-9)
+    with canvas(name) as drawing:
+        _shade(drawing, certificates)
+        drawing.threshold(*threshold)
+        drawing.line(certificates.time_s, getattr(certificates, name), "blue")
+        drawing.axes.set_ylim(low - around, high + around)
+        drawing.time(certificates.duration_s, label)
+    return drawing.svg
 
 
 def _known(values: FloatArray) -> FloatArray:
     return np.asarray(values[np.abs(values) < BEYOND], float)
-
-
-def _room(drawing: Canvas, values: FloatArray) -> None:
-    """Show all of these, with some room around them."""
-    low, high = float(values.min()), float(values.max())
-    around = 0.06 * max(high - low, 1e-9)
-    drawing.axes.set_ylim(low - around, high + around)
 
 
 def _shade(drawing: Canvas, certificates: Certificates) -> None:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from hoap3.protocol.description import COM
 from hoap3.protocol.messages import FloatArray
-from hoap3.tools.html.canvas import BEYOND, Canvas, canvas, thin
+from hoap3.tools.html.canvas import BEYOND, Canvas, canvas
 from hoap3.tools.html.drawing import Drawing, Key
 from hoap3.tools.html.numbers import count, number, spread, summary
 from hoap3.tools.html.palette import LIGHT, SERIES
@@ -18,28 +16,8 @@ ROUNDING = 1e-12  # of the greatest V: less is no rise
 PROPORTION = 1.7  # width to height of a pair of axes
 NAMED = 6  # joints that get a colour of their own
 WINDOWS = 160  # in which means and measured rates are taken
-_AT_A_LIMIT = "a limit: choose a greater horizon_periods, or smaller gains"
-TOLD = {
-    "rad/s": (
-        "told to move",
-        (
-            "A position setpoint q* gives u = (q* − a)/T, where a is the reference that the robot "
-            "applied (or the measured position, where the controller integrates from that)."
-        ),
-        "the target: choose a lower γ, or adaptive_gamma",
-    ),
-    "rad/s²": ("told to accelerate", "They are accelerations, as they were sent.", _AT_A_LIMIT),
-    "N m": (
-        "given torques",
-        (
-            "They are torques, as they were sent: what holds the robot is in them, unless the "
-            "robot adds it."
-        ),
-        _AT_A_LIMIT,
-    ),
-    "unknown unit": ("told something", "They are what was sent.", "the target"),
-}
-"""By the unit of u: what joints are told, what u is, and where jumps are usual, with a remedy."""
+TOLD = {"rad/s": "told to move", "rad/s²": "told to accelerate", "N m": "given torques"}
+"""What joints are told, by the unit of u."""
 
 
 def motion_drawings(motion: Motion) -> list[Drawing]:
@@ -54,31 +32,19 @@ def motion_drawings(motion: Motion) -> list[Drawing]:
 
 
 def _sole(motion: Motion) -> Drawing:
-    path_mm = 1e3 * motion.path_m[:, :2]
+    corners = np.empty((0, 2)) if motion.sole_m is None else 1e3 * motion.sole_m
     with canvas("sole", 275) as drawing:
-        corners = np.empty((0, 2)) if motion.sole_m is None else 1e3 * motion.sole_m
         if len(corners):
             drawing.axes.fill(*corners.T, facecolor=LIGHT["wash"], edgecolor=LIGHT["faint"])
-        _draw_path(drawing, path_mm, motion)
-        _fit(drawing.axes, np.vstack([_shown(motion), *corners]))
+        _draw_path(drawing, motion, corners)
     keys = [Key("faint", "support polygon", "area")] if motion.sole_m is not None else []
     edge = summary(1e3 * motion.edge_m)
-    title = "The centre of mass, seen from above"
+    title, figures = "The centre of mass, seen from above", _points(motion)
     if edge["n"]:
         inside = "stays over the sole" if edge["min"] >= 0.0 else "leaves the sole"
         title = f"The centre of mass {inside}"
-    return Drawing(
-        "sole",
-        title,
-        drawing.svg,
-        (*keys, *_path_keys(motion)),
-        f"distance to the nearest edge: {spread(edge, 'mm')}" if edge["n"] else _points(motion),
-        f"Centre of mass m(q) of the measured joint positions, by our own kinematics, seen from "
-        f"the frame {motion.frame}; {_every(motion)}. The support polygon is the sole of that "
-        "frame, as the robot's description gives it. Paper: Fig. 4.",
-        "A path that comes near an edge: a robot that stands on this sole would tip beyond it. "
-        "Negative distances are outside.",
-    )
+        figures = f"distance to the nearest edge: {spread(edge, 'mm')}"
+    return Drawing("sole", title, drawing.svg, (*keys, *_path_keys(motion)), figures)
 
 
 def _close_up(motion: Motion) -> Drawing:
@@ -86,71 +52,43 @@ def _close_up(motion: Motion) -> Drawing:
     length = float(np.linalg.norm(np.diff(path_mm, axis=0), axis=1).sum())
     straight = float(np.linalg.norm(path_mm[-1] - path_mm[0]))
     with canvas("path", 275) as drawing:
-        _draw_path(drawing, path_mm, motion)
-        _fit(drawing.axes, _shown(motion))
+        _draw_path(drawing, motion)
     figures = f"{_points(motion)} · length {number(length)} mm · start to end {number(straight)} mm"
     what = "the centre of mass" if motion.point == COM else motion.point
-    title = f"The way of {what} to the target, from above"
+    title = f"The way of {what}, from above"
     if motion.target_m is not None:
-        errors = 1e3 * np.linalg.norm(motion.path_m - motion.target_m, axis=1)
-        figures += f" · to the target, in space, at the end {number(errors[-1])} mm"
-    else:
-        title = f"The way of {what}, from above"
-    return Drawing(
-        "path",
-        title,
-        drawing.svg,
-        _path_keys(motion),
-        figures,
-        f"The path of {what}, seen from the frame {motion.frame}, by our own kinematics; both axes "
-        "have the same scale. Paper: Fig. 4.",
-        "Kinks, loops, or an end that is not at the target; a zigzag of one encoder count.",
-    )
+        title = f"The way of {what} to the target, from above"
+        error = 1e3 * float(np.linalg.norm(motion.path_m[-1] - motion.target_m))
+        figures += f" · to the target, in space, at the end {number(error)} mm"
+    return Drawing("path", title, drawing.svg, _path_keys(motion), figures)
 
 
 def _positions(motion: Motion) -> Drawing:
     used = 100.0 * motion.range_used
     room = np.minimum(used, 100.0 - used).min(axis=0)
-    order = np.argsort(room, kind="stable")
-    named = [int(joint) for joint in order[:NAMED]]
+    order = np.argsort(room, kind="stable").tolist()
+    named = order[:NAMED]
     with canvas("positions") as drawing:
-        for joint in order[NAMED:]:
-            points = thin(motion.path_time_s, used[:, joint])
-            drawing.axes.plot(*points, color=LIGHT["faint"], linewidth=0.8)
-        for role, joint in reversed(list(zip(SERIES, named, strict=False))):
-            points = thin(motion.path_time_s, used[:, joint])
-            drawing.axes.plot(*points, color=LIGHT[role], linewidth=1.4)
+        _draw_joints(drawing, motion.path_time_s, used, named, order[NAMED:])
         for end in (0.0, 100.0):
-            drawing.axes.axhline(end, color=LIGHT["red"], linewidth=1.0, linestyle="--")
+            drawing.threshold(end, "red")
         drawing.time(motion.duration_s, "position [% of the usable range]")
-    keys = [
-        Key(role, f"{motion.joints[joint]} {number(float(room[joint]))} %")
-        for role, joint in zip(SERIES, named, strict=False)
-    ]
+    keys = _joint_keys(motion, named, room)
     if len(order) > NAMED:
         keys.append(Key("faint", f"{len(order) - NAMED} others"))
-    first, least = motion.joints[named[0]], float(room[named[0]])
+    least = number(float(room[named[0]]))
     beyond = int((room < 0.0).sum())
-    title = f"{first} comes nearest to a limit, to {number(least)} % of its range"
+    title = f"{motion.joints[named[0]]} comes nearest to a limit, to {least} % of its range"
     if beyond:
         title = f"{beyond} of {len(order)} joints leave their usable range"
-    return Drawing(
-        "positions",
-        title,
-        drawing.svg,
-        (*keys, Key("red", "limits")),
-        f"{_points(motion)} · least distance to a limit {number(least)} %",
-        "Measured position of each joint within its usable range, as the robot's description gives "
-        "it: 0 % is the lower limit, 100 % the upper. The percentage is the joint's least distance "
-        "to a limit.",
-        "A joint that rests at a limit, or beyond it: the target may ask for more than it can do.",
-    )
+    figures = f"{_points(motion)} · least distance to a limit {least} %"
+    return Drawing("positions", title, drawing.svg, (*keys, Key("red", "limits")), figures)
 
 
 def _lyapunov(motion: Motion) -> Drawing:
     v, unit = motion.v, _unit(motion)
     with canvas("v") as drawing:
-        drawing.axes.plot(*thin(motion.time_s, v), color=LIGHT["blue"])
+        drawing.line(motion.time_s, v, "blue")
         drawing.time(motion.duration_s, f"V [{unit}], logarithmic")
         positive(drawing, v)
     known = v[np.isfinite(v)]
@@ -160,133 +98,101 @@ def _lyapunov(motion: Motion) -> Drawing:
     title = "V falls, and never rises" if (change < 0.0).any() else "V stays as it is"
     if rises:
         title = f"V rises at {count(rises)} of {count(len(known))} answers"
-    return Drawing(
-        "v",
-        title,
-        drawing.svg,
-        (Key("blue", "V"),),
-        f"{fallen} · {spread(summary(v), unit)}",
-        "Lyapunov function V = |e|²/2 of each answer, in the squared unit of the task: m² for the "
-        "centre of mass. √(2V) is the error. Paper: Fig. 5a.",
-        "A plateau above zero: the motion stalls. A step up: something moved the robot, or a "
-        "setpoint was clipped.",
-    )
+    figures = f"{fallen} · {spread(summary(v), unit)}"
+    return Drawing("v", title, drawing.svg, (Key("blue", "V"),), figures)
 
 
 def _rate(motion: Motion) -> Drawing:
     rate = f"{_unit(motion)}/s"
     time, measured, window_s = _measured_fall(motion)
+    falling = measured > 0.0
     with canvas("psi") as drawing:
-        falling = measured > 0.0
-        drawing.axes.plot(
-            time[falling], measured[falling], color=LIGHT["orange"], linewidth=7.0, alpha=0.4
-        )
-        drawing.axes.plot(*thin(motion.time_s, motion.psi), color=LIGHT["blue"])
+        wide = {"color": LIGHT["orange"], "linewidth": 7.0, "alpha": 0.4}
+        drawing.axes.plot(time[falling], measured[falling], **wide)
+        drawing.line(motion.time_s, motion.psi, "blue")
         drawing.time(motion.duration_s, f"rate of decrease [{rate}], logarithmic")
         positive(drawing, motion.psi)
     share = 100.0 * float(motion.certified.mean())
-    return Drawing(
-        "psi",
-        _how_fast(motion, time, measured),
-        drawing.svg,
-        (
-            Key("blue", "Ψ, required of each answer"),
-            Key("orange", f"measured: fall of V over {number(1e3 * window_s)} ms"),
-        ),
-        f"Ψ: {spread(summary(motion.psi), rate)} · certified {number(share)} % of the answers",
-        "Ψ is the least decrease of V per second that the controller had to give, the negative of "
-        "v_rate_required; beside it what V really did, from one window to the next. Paper: Fig. 5.",
-        "The wide curve below the thin one: the robot does not do what the model says, for it "
-        "lags, clips, or missed setpoints. Windows in which V rose are left out.",
-    )
+    fall = f"measured: fall of V over {number(1e3 * window_s)} ms"
+    keys = (Key("blue", "Ψ, required of each answer"), Key("orange", fall))
+    figures = f"Ψ: {spread(summary(motion.psi), rate)} · certified {number(share)} % of the answers"
+    return Drawing("psi", _how_fast(motion, time, measured), drawing.svg, keys, figures)
 
 
 def _inputs(motion: Motion) -> Drawing:
     share = motion.work
-    order = np.argsort(-share, kind="stable")
-    named = [int(joint) for joint in order[:NAMED] if share[joint] > 0.0]
     moved = int((share > 0.0).sum())
-    rest = [int(joint) for joint in order[: moved or None] if int(joint) not in named]
+    order = np.argsort(-share, kind="stable").tolist()[: moved or None]
+    named, rest = (order[:NAMED], order[NAMED:]) if moved else ([], order)
     with canvas("u") as drawing:
-        for joint in rest:
-            points = thin(motion.time_s, motion.inputs[:, joint])
-            drawing.axes.plot(*points, color=LIGHT["faint"], linewidth=0.8)
-        for role, joint in reversed(list(zip(SERIES, named, strict=False))):
-            points = thin(motion.time_s, motion.inputs[:, joint])
-            drawing.axes.plot(*points, color=LIGHT[role], linewidth=1.4)
+        _draw_joints(drawing, motion.time_s, motion.inputs, named, rest)
         drawing.time(motion.duration_s, f"u [{motion.unit}]")
-    keys = [
-        Key(role, f"{motion.joints[joint]} {number(100 * share[joint])} %")
-        for role, joint in zip(SERIES, named, strict=False)
-    ]
-    others = float(sum(share[joint] for joint in rest))
+    keys = _joint_keys(motion, named, 100 * share)
     if rest and moved:
+        others = float(sum(share[joint] for joint in rest))
         keys.append(Key("faint", f"{len(rest)} others {number(100 * others)} %"))
+    told = TOLD.get(motion.unit, "told something")
+    title = f"{moved} of {len(motion.joints)} joints are {told}"
     fastest = np.abs(motion.inputs).max(axis=1)
-    told, meaning, remedy = TOLD[motion.unit]
-    return Drawing(
-        "u",
-        f"{moved} of {len(motion.joints)} joints are {told}",
-        drawing.svg,
-        tuple(keys),
-        f"greatest |u| of an answer: {spread(summary(fastest), motion.unit)}",
-        f"Control inputs u of each answer. {meaning} The percentage is the joint's share of Σ|u|. "
-        "Paper: Fig. 8, left.",
-        f"Jumps from one tick to the next (chattering), most of all near {remedy}.",
-    )
+    figures = f"greatest |u| of an answer: {spread(summary(fastest), motion.unit)}"
+    return Drawing("u", title, drawing.svg, tuple(keys), figures)
 
 
 def _active(motion: Motion) -> Drawing:
     time, mean, window_s = means(motion.time_s, motion.active)
     with canvas("active") as drawing:
-        drawing.axes.plot(*thin(motion.time_s, motion.active), color=LIGHT["faint"], linewidth=0.8)
+        drawing.line(motion.time_s, motion.active, "faint", 0.8)
         drawing.axes.plot(time, mean, color=LIGHT["blue"])
         drawing.axes.set_ylim(0.0, max(4.0, 1.15 * float(motion.active.max())))
         drawing.axes.yaxis.get_major_locator().set_params(integer=True)
         drawing.time(motion.duration_s, "joints at 0.001 rad/s or more")
-    return Drawing(
-        "active",
-        f"On average {number(float(motion.active.mean()))} of {len(motion.joints)} joints work",
-        drawing.svg,
-        (Key("faint", "each answer"), Key("blue", f"mean over {number(1e3 * window_s)} ms")),
-        f"{spread(summary(motion.active), 'joints')} · mean {number(float(motion.active.mean()))}",
-        "Number of joints that move at 0.001 rad/s or more, as the answers themselves say; where "
-        "they say nothing, by u, or as measured where u is no speed. Paper: Figs. 6, 7 and 8, "
-        "right.",
-        "Many joints where γ is high; a band that fills: joints go on and off at every tick.",
-    )
+    average = number(float(motion.active.mean()))
+    title = f"On average {average} of {len(motion.joints)} joints work"
+    keys = (Key("faint", "each answer"), Key("blue", f"mean over {number(1e3 * window_s)} ms"))
+    figures = f"{spread(summary(motion.active), 'joints')} · mean {average}"
+    return Drawing("active", title, drawing.svg, keys, figures)
 
 
-def _draw_path(drawing: Canvas, path_mm: FloatArray, motion: Motion) -> None:
-    axes = drawing.axes
+def _draw_joints(
+    drawing: Canvas, time: FloatArray, values: FloatArray, named: list[int], rest: list[int]
+) -> None:
+    """A curve for each joint, the first of those with a colour of their own on top."""
+    for joint in rest:
+        drawing.line(time, values[:, joint], "faint", 0.8)
+    for role, joint in reversed(list(zip(SERIES, named, strict=False))):
+        drawing.line(time, values[:, joint], role, 1.4)
+
+
+def _joint_keys(motion: Motion, named: list[int], shares: FloatArray) -> list[Key]:
+    return [
+        Key(role, f"{motion.joints[joint]} {number(float(shares[joint]))} %")
+        for role, joint in zip(SERIES, named, strict=False)
+    ]
+
+
+def _draw_path(drawing: Canvas, motion: Motion, around: FloatArray | None = None) -> None:
+    """The way from above, at one scale for both axes; `around` it, (m, 2) [mm], is shown, too."""
+    axes, path_mm = drawing.axes, 1e3 * motion.path_m[:, :2]
+    shown = path_mm if around is None else np.vstack([path_mm, around])
     axes.plot(*path_mm.T, color=LIGHT["blue"], linewidth=2.0)
     axes.plot(*path_mm[0], "o", color=LIGHT["blue"], markerfacecolor="none", markersize=8)
     axes.plot(*path_mm[-1], "o", color=LIGHT["blue"], markersize=6)
     if motion.target_m is not None:
-        x, y = 1e3 * motion.target_m[:2]
-        axes.plot(x, y, "+", color=LIGHT["red"], markersize=14, markeredgewidth=1.6)
+        target = 1e3 * motion.target_m[:2]
+        shown = np.vstack([shown, target])
+        axes.plot(*target, "+", color=LIGHT["red"], markersize=14, markeredgewidth=1.6)
     drawing.label("x [mm]", "y [mm]")
-
-
-def _shown(motion: Motion) -> FloatArray:
-    """Path and target from above, (m, 2) [mm]."""
-    target = [] if motion.target_m is None else [motion.target_m[:2]]
-    return np.asarray(1e3 * np.vstack([motion.path_m[:, :2], *target]), float)
-
-
-def _path_keys(motion: Motion) -> tuple[Key, ...]:
-    keys = (Key("blue", "path"), Key("blue", "start", "ring"), Key("blue", "end", "dot"))
-    return (*keys, Key("red", "target", "cross")) if motion.target_m is not None else keys
-
-
-def _fit(axes: Any, points_mm: FloatArray) -> None:
-    """Show these points at one scale for both axes, in as much of the figure as that allows."""
-    low, high = points_mm.min(axis=0), points_mm.max(axis=0)
+    low, high = shown.min(axis=0), shown.max(axis=0)
     middle, size = (low + high) / 2.0, high - low
     half = 0.58 * max(size[0], size[1] * PROPORTION, 1.0)
     axes.set_xlim(middle[0] - half, middle[0] + half)
     axes.set_ylim(middle[1] - half / PROPORTION, middle[1] + half / PROPORTION)
     axes.set_aspect("equal", adjustable="box")
+
+
+def _path_keys(motion: Motion) -> tuple[Key, ...]:
+    keys = (Key("blue", "path"), Key("blue", "start", "ring"), Key("blue", "end", "dot"))
+    return (*keys, Key("red", "target", "cross")) if motion.target_m is not None else keys
 
 
 def positive(drawing: Canvas, values: FloatArray) -> None:
@@ -344,7 +250,3 @@ def _unit(motion: Motion) -> str:
 
 def _points(motion: Motion) -> str:
     return f"n {count(len(motion.path_m))} States"
-
-
-def _every(motion: Motion) -> str:
-    return "every State" if motion.every == 1 else f"one State of {motion.every}"
