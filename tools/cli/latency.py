@@ -7,13 +7,15 @@ from typing import Annotated, Literal
 
 import typer
 
+from hoap3.tools.cli.options import AsJson
+
 
 def latency(
     log: Annotated[
         Path | None, typer.Option(help="Measure nothing: analyse the log of a run.")
     ] = None,
     link: Annotated[
-        Literal["tcp", "udp", "tls", "unixsock", "router"], typer.Option(help="What to measure.")
+        Literal["tcp", "udp", "unixsock"], typer.Option(help="What to measure.")
     ] = "tcp",
     robot: Annotated[
         str, typer.Option(help="Robot or emulator config: a name or a path.")
@@ -26,9 +28,7 @@ def latency(
     no_realtime: Annotated[
         bool, typer.Option("--no-realtime", help="Neither pin nor ask for priority.")
     ] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON object on standard output.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Measure the link with a controller that computes nothing, beside a bare TCP echo."""
     from hoap3.tools.machine.processes import StopFlag

@@ -92,7 +92,7 @@ def measure_latency(
         for block in range(plan.blocks):
             progress(f"block {block + 1} of {plan.blocks}: zenoh over {plan.link}")
             try:
-                with link(plan.link, robot) as pair:
+                with link(plan.link) as pair:
                     run = _Run(plan, description, robot, controller, pair)
                     table, echo, said = run.block(folder / f"block{block}", should_stop)
             except Hoap3Error:

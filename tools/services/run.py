@@ -6,7 +6,6 @@ import json
 import os
 import selectors
 import signal
-import socket
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -21,6 +20,7 @@ from hoap3.remote_controller.config import ControllerConfig, of_another_robot
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.service import describe
 from hoap3.tools.logs.log import Log, payload_hash
+from hoap3.tools.machine.loopback_links import free_port
 from hoap3.tools.machine.machine import machine_block
 from hoap3.tools.machine.processes import (
     Child,
@@ -93,7 +93,7 @@ def run_realtime(
     def report(text: str) -> None:
         news({"news": text.news if isinstance(text, Note) else "said", "text": text})
 
-    endpoint = f"tcp/127.0.0.1:{_free_port()}"
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
     here, there = links or ({"listen": (endpoint,)}, {"connect": (endpoint,)})
     news(
         {
@@ -367,9 +367,3 @@ def _watched(
         robot.model_copy(update={"watch_stalls": tuple(sorted(watched))}),
         controller.model_copy(update={"watch_stalls": "none"}),
     )
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
