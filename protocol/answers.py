@@ -107,29 +107,6 @@ class ControlAnswer(Answer):
         return self
 
 
-class Priorities(Answer):
-    """What a controller with priorities can have changed.
-
-    Attributes:
-        names: of the n tasks.
-        alpha: n rows of n priorities, each 0 to 1.
-        moving: whether a change is on its way.
-        out: tasks that are taken out.
-    """
-
-    names: Annotated[list[Annotated[str, Field(max_length=256)]], Field(max_length=256)]
-    alpha: list[list[Annotated[float, Field(ge=0.0, le=1.0)]]]
-    moving: bool
-    out: list[str]
-
-    @model_validator(mode="after")
-    def _square(self) -> Self:
-        n = len(self.names)
-        if len(self.alpha) != n or any(len(row) != n for row in self.alpha):
-            raise ValueError(f"alpha is not a matrix of {n} rows and columns")
-        return self
-
-
 ROBOT_ANSWERS: dict[str, type[Answer]] = {
     "status": Status,
     "stop": Status,

@@ -32,7 +32,7 @@ def test_every_kind_of_change_is_shown():
     text = page(PAGE)
     for kind in set(ChangeRequest.model_fields) - {"over_s"}:
         assert f"| `{kind}" in text or f", `{kind}` |" in text
-        assert f"hoap3 priorities {kind} " in text
+        assert f"""hoap3 change '{{"{kind}": """ in text
 
 
 def test_every_condition_is_named():

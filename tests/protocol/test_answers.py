@@ -17,7 +17,6 @@ from hoap3.protocol.answers import (
     MAX_CONTROL_BYTES,
     ControlAnswer,
     GrantAnswer,
-    Priorities,
     Recovery,
     Status,
     check_answer,
@@ -97,8 +96,6 @@ def test_a_missing_key_is_named(key):
         (GrantAnswer, {**STATUS, "granted": True, "epoch": 0, "from_tick": 3}),
         (ControlAnswer, {"error": None, "now": None}),
         (ControlAnswer, {"error": "why", "now": {}}),
-        (Priorities, {"names": ["a", "b"], "alpha": [[1.0, 0.0]], "moving": False, "out": []}),
-        (Priorities, {"names": ["a"], "alpha": [[2.0]], "moving": False, "out": []}),
     ],
 )
 def test_what_does_not_fit_together_is_refused(model, content):

@@ -14,12 +14,12 @@ from typing import Annotated
 
 import typer
 
-from hoap3.tools.cli.change import change, priorities_app
+from hoap3.tools.cli.change import change, priorities
 from hoap3.tools.cli.compare import compare
 from hoap3.tools.cli.latency import latency
 from hoap3.tools.cli.limits import limits
 from hoap3.tools.cli.measure import bench_app, doctor
-from hoap3.tools.cli.options import ENDPOINT, finite
+from hoap3.tools.cli.options import ENDPOINT, AsJson, Connect, finite
 from hoap3.tools.cli.report import report
 from hoap3.tools.cli.reproduce import reproduce
 from hoap3.tools.machine.terminal import one_line
@@ -28,9 +28,10 @@ app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_mar
 config_app = typer.Typer(no_args_is_help=True, help="Look at settings before anything runs.")
 app.add_typer(config_app, name="config")
 app.add_typer(bench_app, name="bench")
-app.add_typer(priorities_app, name="priorities")
 for command in (change, compare, doctor, latency, limits, report, reproduce):
     app.command()(command)
+_ANYTHING = {"ignore_unknown_options": True, "allow_extra_args": True}
+app.command(hidden=True, context_settings=_ANYTHING)(priorities)
 
 
 Sets = Annotated[
@@ -45,7 +46,6 @@ NoRealtime = Annotated[
     bool, typer.Option("--no-realtime", help="Neither pin nor ask for priority or locked memory.")
 ]
 Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="Show every note.")]
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 Out = Annotated[
     Path | None, typer.Option("--out", help="Folder for the log; default: a new one in logs/.")
 ]
@@ -54,13 +54,6 @@ AllowCode = Annotated[
 ]
 StatusFd = Annotated[int | None, typer.Option("--status-fd", hidden=True)]
 Named = Annotated[str | None, typer.Option("--named", hidden=True)]
-Somewhere = Annotated[
-    str | None,
-    typer.Option(
-        "--connect",
-        help=f"Endpoint of the robot or a router. Default: this machine, else {ENDPOINT}.",
-    ),
-]
 Running = Annotated[
     str | None, typer.Argument(help="Name of the robot. Default: the only one that runs.")
 ]
@@ -224,7 +217,7 @@ def list_all(
 @app.command()
 def stop(
     robot: Running = None,
-    connect: Somewhere = None,
+    connect: Connect = None,
     as_json: AsJson = False,
 ) -> None:
     """Bring a running robot to rest; it stays there until `recover`."""
@@ -234,7 +227,7 @@ def stop(
 @app.command()
 def recover(
     robot: Running = None,
-    connect: Somewhere = None,
+    connect: Connect = None,
     as_json: AsJson = False,
 ) -> None:
     """Let a stopped robot follow its controller again."""
@@ -244,7 +237,7 @@ def recover(
 @app.command()
 def status(
     robot: Running = None,
-    connect: Somewhere = None,
+    connect: Connect = None,
     as_json: AsJson = False,
 ) -> None:
     """Say what a running robot does, and whom it follows."""
@@ -279,7 +272,7 @@ def record(
         float | None,
         typer.Option(min=0.001, callback=finite, help="[s]; default: until Ctrl-C."),
     ] = None,
-    connect: Somewhere = None,
+    connect: Connect = None,
     out: Out = None,
     as_json: AsJson = False,
 ) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from hoap3.tools.cli.options import finite
+from hoap3.tools.cli.options import AsJson, finite
 
 
 def compare(
@@ -39,9 +39,7 @@ def compare(
         Path | None,
         typer.Option("--out", help="Folder for the files; default: a new one in compared/."),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON object on standard output.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Set controllers beside each other: on a robot each in lockstep, or on the States of a log."""
     from hoap3.tools.machine.extras import check_drawing

@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 
 import typer
 
+from hoap3.tools.cli.options import AsJson
+
 
 def limits(
     robot: Annotated[str, typer.Argument(help="Robot or emulator config: a name or a path.")],
@@ -18,9 +20,7 @@ def limits(
         int, typer.Option(min=0, help="Search around so many of the worst states of each bound.")
     ] = 0,
     seed: Annotated[int, typer.Option(min=0, help="Of the states.")] = 0,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON object on standard output.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """What the torque limits of a robot leave of its joints' accelerations, in the worst state."""
     from hoap3.tools.show.kernel_news import watch_compilation

@@ -7,10 +7,11 @@ from typing import Annotated
 
 import typer
 
+from hoap3.tools.cli.options import AsJson
+
 bench_app = typer.Typer(
     no_args_is_help=True, rich_markup_mode=None, help="What solvers and cycles cost here."
 )
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 Samples = Annotated[int, typer.Option(min=10, help="Calls that are timed, each on its own.")]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 import typer
 
@@ -15,3 +16,13 @@ def finite(value: float | None) -> float | None:
     if value is not None and not math.isfinite(value):
         raise typer.BadParameter("is not a finite number")
     return value
+
+
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
+Connect = Annotated[
+    str | None,
+    typer.Option(
+        "--connect",
+        help=f"Endpoint of the robot or a router. Default: this machine, else {ENDPOINT}.",
+    ),
+]

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from hoap3.tools.cli.options import AsJson
+
 
 def report(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Folder of a run, or one *.mcap.")],
@@ -14,9 +16,7 @@ def report(
         Path | None,
         typer.Option("--out", help="HTML file to write; default: report.html beside the log."),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON object on standard output.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Draw what a log shows, as one HTML file that needs nothing but itself."""
     from hoap3.tools.machine.extras import check_drawing

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from hoap3.tools.cli.options import AsJson
+
 
 def reproduce(
     paper: Annotated[str, typer.Argument(help="Its name: bounds, ghc, qp12 or sdp.")],
@@ -16,9 +18,7 @@ def reproduce(
             "--out", help="Folder for the files; default: a new one in reproduced/PAPER/."
         ),
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON object on standard output.")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Re-make a paper's figures and tables, and compare them with what its equations give."""
     from hoap3.tools.machine.extras import check_drawing

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
 from typing import Any
 
 from rich.live import Live
@@ -210,17 +209,6 @@ def durations_table(rows: dict[str, dict[str, Any]], jitter: dict[str, Any]) -> 
         )
         table.caption_justify = "left"
     return table
-
-
-def show_matrix(title: str, names: Sequence[str], values: Sequence[Sequence[float]]) -> None:
-    """Print a square matrix for people, its rows and columns named."""
-    table = Table(box=None)
-    table.add_column(title)
-    for name in names:
-        table.add_column(escape(name), justify="right")
-    for name, row in zip(names, values, strict=True):
-        table.add_row(escape(name), *(f"{value:.4g}" for value in row))
-    results.print(table)
 
 
 def machine_line(found: dict[str, Any]) -> str:

@@ -53,15 +53,11 @@ ELSEWHERE = {
     "reproduce": "tests/tools/reproduce: a paper takes minutes",
     "bench hierarchy": "tests/tools/bench/test_bench_hierarchy.py",
     "bench gains": "tests/tools/bench/test_bench_gains.py",
+    "priorities": "tests/system/runs/test_live_changes.py",
 }
 LIVE: dict[str, tuple[object, ...]] = {
     "status": ("status", "lwr"),
     "change": ("change", '{"set": [["hand", "elbow", 1.0]], "over_s": 0}', "--robot", "lwr"),
-    "priorities show": ("priorities", "show", "--robot", "lwr"),
-    "priorities set": ("priorities", "set", "hand", "elbow", 1.0, "--robot", "lwr"),
-    "priorities order": ("priorities", "order", "hand", "elbow", "posture", "--robot", "lwr"),
-    "priorities remove": ("priorities", "remove", "TASK", "--robot", "lwr"),
-    "priorities insert": ("priorities", "insert", "TASK", "--robot", "lwr"),
     "stop": ("stop", "lwr"),
     "recover": ("recover", "lwr"),
     "release": ("release", "lwr"),
@@ -122,15 +118,12 @@ def test_a_live_result_is_on_standard_output():
         law.hear("following robot")
         wait_for_mode("active", at, "lwr")
         for name, words in LIVE.items():
-            first, second = (
-                [str(word).replace("TASK", task) for word in words] for task in ("elbow", "posture")
-            )
             if name == "recover":
                 wait_for_mode("stopped", at, "lwr")
             where = () if name == "release" else ("--connect", at)  # it needs no network
-            assert_result(inside(*first, *where))
+            assert_result(inside(*words, *where))
             if name not in ONE_FORM:
-                assert isinstance(inside(*second, *where, "--json").json(), dict)
+                assert isinstance(inside(*words, *where, "--json").json(), dict)
         assert law.end(STOPS[0]) == 0
         assert arm.end(STOPS[0]) in {0, 1}
     assert "deadlines" in arm.stdout

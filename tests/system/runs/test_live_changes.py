@@ -1,4 +1,4 @@
-"""`hoap3 change` and `hoap3 priorities`: what is changed while it runs, from another shell."""
+"""`hoap3 change`: what is changed while it runs, from another shell."""
 
 from __future__ import annotations
 
@@ -88,9 +88,8 @@ def test_what_cannot_be_changed_is_said(robot, at):
             (("change", '{"gamma": 0.3}'), "takes no changes while it runs"),
             (("change", "[1]"), "is no JSON object"),
             (("change", "{"), "is not JSON"),
-            (("priorities", "show"), "has no priorities"),
-            (("priorities", "set", "hand", "foot", "0.5"), "takes no changes"),
-            (("priorities", "remove", "hand", "--robot", "no robot"), "is not the name of"),
+            (("change", "{}", "--robot", "no robot"), "is not the name of"),
+            (("priorities", "set", "hand", "foot", "0.5", "--over", "2"), "is now `hoap3 change`"),
         ]:
             done = inside(*arguments, "--connect", at)
             assert done.code == 2

@@ -1,4 +1,4 @@
-"""`hoap3 priorities`, from another shell, on an arm that runs under `ghc`."""
+"""Priorities changed by `hoap3 change`, from another shell, on an arm that runs under `ghc`."""
 
 from __future__ import annotations
 
@@ -33,8 +33,10 @@ def at() -> str:
     return endpoint()
 
 
-def priorities(at: str, *words: object) -> Done:
-    return inside("priorities", *words, "--robot", "lwr", "--connect", at)
+def change(at: str, **what: object) -> Done:
+    """Ask for a change; without any, only what there is."""
+    words = [json.dumps(what)] if what else []
+    return inside("change", *words, "--robot", "lwr", "--connect", at)
 
 
 def ticks_seen(at: str) -> int:
@@ -62,14 +64,14 @@ def told(at: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[
         wait_for_mode("active", at, "lwr")
         wait_for(at, REST_S)
         answers = [
-            priorities(at, "show", "--json"),
-            priorities(at, "set", "hand", "elbow", 1.0, "--over", OVER_S, "--json"),
-            priorities(at, "set", "hand", "nobody", 1.0),
-            priorities(at, "set", "hand", "elbow", 2.0),
+            change(at),
+            change(at, set=[["hand", "elbow", 1.0]], over_s=OVER_S),
+            change(at, set=[["hand", "nobody", 1.0]]),
+            change(at, set=[["hand", "elbow", 2.0]]),
         ]
         wait_for(at, LEAST_S)
-        answers.append(priorities(at, "show", "--json"))
-        answers.append(priorities(at, "remove", "elbow"))
+        answers.append(change(at))
+        answers.append(change(at, remove=["elbow"], over_s=0.0))
         assert law.end(2) == 0, law.stderr
         assert arm.end(2) in {0, 1}
     return folder, answers
@@ -77,25 +79,25 @@ def told(at: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[
 
 def test_the_pair_changes_places_and_who_asks_is_told(told):
     before, asked, unknown, outside, after, removed = told[1]
-    assert before.json() == {
+    assert before.json()["priorities"] == {
         "names": TASKS,
         "alpha": [[0, 0, 0], [1, 0, 0], [1, 1, 0]],
         "moving": False,
         "out": [],
     }
     assert asked.code == 0
-    assert asked.json()["moving"]
+    assert asked.json()["priorities"]["moving"]
     assert unknown.code == outside.code == 2
     assert "nobody" in unknown.stderr
     assert "hand, elbow, posture" in unknown.stderr
-    assert after.json() == {
+    assert after.json()["priorities"] == {
         "names": TASKS,
         "alpha": [[0, 1, 0], [0, 0, 0], [1, 1, 0]],
         "moving": False,
         "out": [],
     }
     assert removed.code == 0
-    assert "elbow" in removed.stdout
+    assert removed.json()["priorities"]["out"] == ["elbow"]
 
 
 def test_torques_do_not_jump_where_priorities_move(told):

@@ -13,7 +13,6 @@ from rich.table import Table
 from hoap3.tools.machine.processes import to_people
 from hoap3.tools.machine.terminal import one_line, printable
 from hoap3.tools.show.output import PrintableConsole, print_line, print_note
-from hoap3.tools.show.summary import show_matrix
 
 ESCAPES = "\x1b]0;title\x07 \x1b[2J \x9b31m \r \x08 \x00 \u202e \u2028 \udc80"
 
@@ -61,10 +60,3 @@ def test_whatever_a_console_is_given_is_printable():
     table.add_row(f"cell {ESCAPES}")
     console.print(table)
     assert all(char.isprintable() or char in "\n\t" for char in stream.getvalue())
-
-
-def test_names_of_tasks_are_printable(capsys):
-    show_matrix("α", ["hand\x1b[2J"], [[1.0]])
-    told = capsys.readouterr().out
-    assert "hand" in told
-    assert "\x1b" not in told
