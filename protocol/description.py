@@ -10,8 +10,9 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
+from operator import attrgetter
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -19,20 +20,11 @@ import pydantic_core
 from numpy.typing import NDArray
 from pydantic import StrictFloat, StrictStr
 
-from hoap3.protocol.description_parts import DefaultTask, Joint, Number, Part, Sole, guess, refuse
-from hoap3.protocol.errors import DescriptionError
-from hoap3.protocol.urdf import UrdfStructure, read_urdf
+from hoap3.protocol.description_parts import DefaultTask, Joint, Number, Part, Sole, refuse
+from hoap3.protocol.errors import DescriptionError, did_you_mean
+from hoap3.protocol.urdf import UrdfStructure, first_twice, read_urdf
 
-__all__ = [
-    "COM",
-    "CommandKind",
-    "DefaultTask",
-    "Gravity",
-    "Joint",
-    "RobotDescription",
-    "Sole",
-    "Vector",
-]
+__all__ = ["COM", "CommandKind", "DefaultTask", "Gravity", "Joint", "RobotDescription", "Sole"]
 
 MAX_BYTES = 1 << 20
 MAX_JOINTS = 128
@@ -43,6 +35,21 @@ CommandKind = Literal["position", "acceleration", "torque"]
 Gravity = Literal["full", "compensated", "none"]
 
 _ROBOT_NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
+
+
+def _read_only(values: Iterable[float]) -> Vector:
+    array = np.fromiter(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array
+
+
+class _PerJoint(cached_property[Vector]):
+    """The field of the same name of every joint, in wire order."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            lambda robot: _read_only(map(attrgetter(str(self.attrname)), robot.joints))
+        )
 
 
 class RobotDescription(Part):
@@ -144,50 +151,32 @@ class RobotDescription(Part):
         """Joint positions of the initial posture, (n,) [rad]."""
         return _read_only(self.postures[self.initial_posture])
 
-    @cached_property
-    def lower(self) -> Vector:
-        """Least usable positions, (n,) [rad]."""
-        return _read_only(joint.lower for joint in self.joints)
+    lower: ClassVar = _PerJoint()
+    """Least usable positions, (n,) [rad]."""
 
-    @cached_property
-    def upper(self) -> Vector:
-        """Greatest usable positions, (n,) [rad]."""
-        return _read_only(joint.upper for joint in self.joints)
+    upper: ClassVar = _PerJoint()
+    """Greatest usable positions, (n,) [rad]."""
 
-    @cached_property
-    def lower_hard(self) -> Vector:
-        """Lower mechanical stops, (n,) [rad]."""
-        return _read_only(joint.lower_hard for joint in self.joints)
+    lower_hard: ClassVar = _PerJoint()
+    """Lower mechanical stops, (n,) [rad]."""
 
-    @cached_property
-    def upper_hard(self) -> Vector:
-        """Upper mechanical stops, (n,) [rad]."""
-        return _read_only(joint.upper_hard for joint in self.joints)
+    upper_hard: ClassVar = _PerJoint()
+    """Upper mechanical stops, (n,) [rad]."""
 
-    @cached_property
-    def velocity(self) -> Vector:
-        """Greatest speeds, (n,) [rad/s]."""
-        return _read_only(joint.velocity for joint in self.joints)
+    velocity: ClassVar = _PerJoint()
+    """Greatest speeds, (n,) [rad/s]."""
 
-    @cached_property
-    def setpoint_acceleration_max(self) -> Vector:
-        """Greatest accelerations of the commanded motion, (n,) [rad/s²]."""
-        return _read_only(joint.setpoint_acceleration_max for joint in self.joints)
+    setpoint_acceleration_max: ClassVar = _PerJoint()
+    """Greatest accelerations of the commanded motion, (n,) [rad/s²]."""
 
-    @cached_property
-    def brake_acceleration(self) -> Vector:
-        """Decelerations to count on in a stop, (n,) [rad/s²]."""
-        return _read_only(joint.brake_acceleration for joint in self.joints)
+    brake_acceleration: ClassVar = _PerJoint()
+    """Decelerations to count on in a stop, (n,) [rad/s²]."""
 
-    @cached_property
-    def effort(self) -> Vector:
-        """Peak torques, (n,) [N m]."""
-        return _read_only(joint.effort for joint in self.joints)
+    effort: ClassVar = _PerJoint()
+    """Peak torques, (n,) [N m]."""
 
-    @cached_property
-    def armature(self) -> Vector:
-        """Inertias of the rotors as the joints feel them, (n,) [kg m²; prismatic kg]."""
-        return _read_only(joint.armature for joint in self.joints)
+    armature: ClassVar = _PerJoint()
+    """Inertias of the rotors as the joints feel them, (n,) [kg m²; prismatic kg]."""
 
     @cached_property
     def counts_per_rad(self) -> Vector | None:
@@ -222,7 +211,7 @@ class RobotDescription(Part):
             if name not in movable:
                 raise DescriptionError(
                     f"joint {name!r}: not a movable joint of the URDF. "
-                    + guess(name, movable, "Take it out of joints")
+                    + did_you_mean(name, movable, "Take it out of joints.")
                 )
         for name in movable:
             if name not in self.joint_names:
@@ -233,18 +222,13 @@ class RobotDescription(Part):
 
     def _check_postures(self) -> None:
         if self.initial_posture not in self.postures:
-            refuse(
-                "initial_posture",
-                self.initial_posture,
-                guess(self.initial_posture, self.postures, "Add it to postures"),
-            )
+            name = self.initial_posture
+            remedy = did_you_mean(name, self.postures, "Add it to postures.")
+            refuse("initial_posture", name, remedy)
         for posture, values in self.postures.items():
             if len(values) != self.n:
-                refuse(
-                    f"posture {posture!r:.60}",
-                    f"{len(values)} values",
-                    f"Write {self.n}, one a joint in wire order.",
-                )
+                remedy = f"Write {self.n}, one a joint in wire order."
+                refuse(f"posture {posture!r:.60}", f"{len(values)} values", remedy)
             for joint, value in zip(self.joints, values, strict=True):
                 if not joint.lower_hard <= value <= joint.upper_hard:
                     raise DescriptionError(
@@ -262,18 +246,11 @@ class RobotDescription(Part):
                 used.append(("default_task.point", self.default_task.point))
         for key, frame in used:
             if frame not in self.frames:
-                refuse(key, frame, guess(frame, self.frames, "Add that link to the URDF"))
+                remedy = did_you_mean(frame, self.frames, "Add that link to the URDF.")
+                refuse(key, frame, remedy)
 
 
-def _read_only(values: Iterable[float]) -> Vector:
-    array = np.fromiter(values, dtype=np.float64)
-    array.setflags(write=False)
-    return array
-
-
-def _unique(key: str, names: Iterable[str]) -> None:
-    seen: set[str] = set()
-    for name in names:
-        if name in seen:
-            refuse(key, name, "It appears twice; name each once.")
-        seen.add(name)
+def _unique(key: str, names: Sequence[str]) -> None:
+    twice = first_twice(names)
+    if twice is not None:
+        refuse(key, twice, "It appears twice; name each once.")

@@ -17,7 +17,7 @@ from pydantic import (
     model_validator,
 )
 
-from hoap3.protocol.errors import DescriptionError, nearest
+from hoap3.protocol.errors import DescriptionError, did_you_mean
 
 MAX_CORNERS = 64
 
@@ -57,7 +57,7 @@ class Part(BaseModel):
         if finding["type"] == "missing":
             return f"{key} is missing. Add it."
         if finding["type"] == "extra_forbidden":
-            return f"unknown key {key!r}. {guess(key, cls.model_fields, 'Remove it')}"
+            return f"unknown key {key!r}. {did_you_mean(key, cls.model_fields, 'Remove it.')}"
         remedy = finding["msg"].removeprefix("Input ")
         return f"{key} cannot be {finding['input']!r:.60}. It {remedy}."
 
@@ -167,9 +167,3 @@ class DefaultTask(Part):
 def refuse(key: str, value: object, remedy: str) -> NoReturn:
     """Raise `DescriptionError` over one value."""
     raise DescriptionError(f"{key} cannot be {value!r:.60}. {remedy}")
-
-
-def guess(name: str, known: Mapping[str, object] | tuple[str, ...], otherwise: str) -> str:
-    """A remedy for a name that is not known: the most alike of those that are."""
-    found = nearest(name, known)
-    return f"Did you mean {found!r}?" if found else f"{otherwise}."

@@ -124,11 +124,9 @@ class FrameNotFoundError(UsageError):
 
     def __init__(self, frame: str, robot: str, known: Iterable[str]) -> None:
         self.frame, self.known = frame, sorted(known)
-        guess = nearest(frame, self.known)
-        hint = f" Did you mean {guess!r}?" if guess else ""
-        super().__init__(
-            f"robot {robot!r} has no frame {_short(frame)}.{hint} Frames: {', '.join(self.known)}."
-        )
+        hint = did_you_mean(frame, self.known)
+        listing = f"{hint} Frames: {', '.join(self.known)}".lstrip()
+        super().__init__(f"robot {robot!r} has no frame {_short(frame)}. {listing}.")
 
 
 class NameTakenError(UsageError):
@@ -200,6 +198,12 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
     words = [word for word in islice(known, MOST_GUESSES) if len(word) <= LONGEST_GUESS]
     found = difflib.get_close_matches(name, words, n=1, cutoff=0.5)
     return found[0] if found else None
+
+
+def did_you_mean(name: str, known: Iterable[str], otherwise: str = "") -> str:
+    """A remedy for a name that is not known: the most alike of those that are."""
+    found = nearest(name, known)
+    return f"Did you mean {found!r}?" if found else otherwise
 
 
 def _short(value: object) -> str:

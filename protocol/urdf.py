@@ -10,12 +10,13 @@ from __future__ import annotations
 import io
 import math
 import re
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from xml.etree import ElementTree as ET
 
-from hoap3.protocol.errors import DescriptionError, nearest
+from hoap3.protocol.errors import DescriptionError, did_you_mean
 
 MAX_BYTES = 1 << 20
 MAX_DEPTH = 32
@@ -37,19 +38,18 @@ _XACRO = (
     "`xacro FILE > robot.urdf`."
 )
 _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+_LIMITS = ("lower", "upper", "velocity", "effort")
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _NUMBERS = {  # attributes that must hold that many finite numbers
-    ("origin", "xyz"): 3,
-    ("origin", "rpy"): 3,
-    ("axis", "xyz"): 3,
-    ("box", "size"): 3,
-    ("mass", "value"): 1,
-    ("cylinder", "radius"): 1,
-    ("cylinder", "length"): 1,
-    ("sphere", "radius"): 1,
-    **{("inertia", name): 1 for name in _INERTIA},
-    **{("limit", name): 1 for name in ("lower", "upper", "velocity", "effort")},
-    **{("dynamics", name): 1 for name in ("damping", "friction")},
+    "origin": {"xyz": 3, "rpy": 3},
+    "axis": {"xyz": 3},
+    "box": {"size": 3},
+    "mass": {"value": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "sphere": {"radius": 1},
+    "inertia": dict.fromkeys(_INERTIA, 1),
+    "limit": dict.fromkeys(_LIMITS, 1),
+    "dynamics": {"damping": 1, "friction": 1},
 }
 
 
@@ -166,7 +166,7 @@ def _check_numbers(robot: ET.Element) -> None:
         where = f"URDF {part.tag[:40]} {part.get('name')!r:.{MAX_NAME}}"
         for element in part.iter():
             for attribute, text in element.attrib.items():
-                count = _NUMBERS.get((element.tag, attribute))
+                count = _NUMBERS.get(element.tag, {}).get(attribute)
                 if count is not None:
                     _numbers(f"{where}: <{element.tag} {attribute}>", text, count)
                 if element.tag == "dynamics" and count is not None and float(text) < 0.0:
@@ -232,12 +232,16 @@ def _name(element: ET.Element) -> str:
 
 
 def _unique(kind: str, names: Iterable[str]) -> tuple[str, ...]:
-    seen: dict[str, None] = {}
-    for name in names:
-        if name in seen:
-            raise DescriptionError(f"URDF {kind} {name!r}: appears twice. Rename one of them.")
-        seen[name] = None
-    return tuple(seen)
+    found = tuple(names)
+    twice = first_twice(found)
+    if twice is not None:
+        raise DescriptionError(f"URDF {kind} {twice!r}: appears twice. Rename one of them.")
+    return found
+
+
+def first_twice(names: Sequence[str]) -> str | None:
+    """The first name that appears more than once, or None."""
+    return next((name for name, count in Counter(names).items() if count > 1), None)
 
 
 def _joint(element: ET.Element, links: set[str]) -> UrdfJoint:
@@ -255,8 +259,7 @@ def _joint(element: ET.Element, links: set[str]) -> UrdfJoint:
         found = element.find(end)
         link = "" if found is None else found.get("link", "")
         if link not in links:
-            guess = nearest(link, links)
-            hint = f"Did you mean {guess!r}?" if guess else f'Write <{end} link="..">.'
+            hint = did_you_mean(link, links, f'Write <{end} link="..">.')
             raise DescriptionError(f"{where}: its {end} {link[:60]!r} is not a link. {hint}")
         ends.append(link)
     limit = element.find("limit")
@@ -266,11 +269,8 @@ def _joint(element: ET.Element, links: set[str]) -> UrdfJoint:
             f"{where}: its limits are not complete. "
             'Write <limit lower=".." upper=".." velocity=".." effort="..">.'
         )
-    lower, upper, velocity, effort = (
-        float(given[key]) if key in given else None
-        for key in ("lower", "upper", "velocity", "effort")
-    )
-    return UrdfJoint(name, kind, ends[0], ends[1], lower, upper, velocity, effort)
+    limits = [float(given[key]) if key in given else None for key in _LIMITS]
+    return UrdfJoint(name, kind, ends[0], ends[1], *limits)
 
 
 def _tree(links: tuple[str, ...], joints: tuple[UrdfJoint, ...]) -> tuple[str, frozenset[str]]:
