@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import secrets
-from collections.abc import Callable
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
@@ -58,9 +58,8 @@ def _check_fit(config: EmulatorConfig, kind: str, file: str) -> None:
         ("loss_policy", config.loss_policy, "hold"),
     ):
         if value != usual:
-            raise ConfigError(
-                file, key, value, f"is for position commands, not {kind}", f"Write {usual}"
-            )
+            problem = f"is for position commands, not {kind}"
+            raise ConfigError(file, key, value, problem, f"Write {usual}")
 
 
 def build_loop(
@@ -118,17 +117,12 @@ def serve(
     for note in told(measures):
         report(note)
     clock = MonotonicClock()
-    link = ZenohRobotLink(description.name, config.link)
-    try:
+    with closing(ZenohRobotLink(description.name, config.link)) as link:
         loop = build_loop(config, description, clock, link, recorder, lockstep=False)
         loop.realtime = [str(measure) for measure in measures]
-        with closing(_local_control(config, description, report)) as local:
+        with _local_control(config, description, report, "") as local:
             link.serve_also(local)
-            endpoints = ", ".join(config.link.listen)
-            report(Routine(f"robot {description.name!r} is alive at {endpoints}"))
             loop.run(schedule_start(clock, loop.period), should_stop, ticks)
-    finally:
-        link.close()
     return loop
 
 
@@ -152,23 +146,24 @@ def serve_lockstep(
     link = ZenohLockstepLink(
         description.name, config.link, clock, compute_time, should_stop, endless=ticks is None
     )
-    try:
+    with closing(link):
         loop = build_loop(config, description, clock, link, recorder, lockstep=True)
-        with closing(_local_control(config, description, report)) as local:
+        with _local_control(config, description, report, ", lockstep") as local:
             link.serve_also(local)
-            endpoints = ", ".join(config.link.listen)
-            report(Routine(f"robot {description.name!r} is alive at {endpoints}, lockstep"))
             loop.run(0, should_stop, ticks)
-    finally:
-        link.close()
     return loop
 
 
+@contextmanager
 def _local_control(
-    config: EmulatorConfig, description: RobotDescription, report: Callable[[str], None]
-) -> LocalControl:
+    config: EmulatorConfig, description: RobotDescription, report: Callable[[str], None], how: str
+) -> Iterator[LocalControl]:
     """What `hoap3 stop` reaches on this machine even where the network does not answer."""
-    local = LocalControl(description.name, config.link.listen or config.link.connect)
-    if local.path is None:
-        report("local control: none, for want of a private directory; see HOAP3_RUNTIME_DIR")
-    return local
+    with closing(
+        LocalControl(description.name, config.link.listen or config.link.connect)
+    ) as local:
+        if local.path is None:
+            report("local control: none, for want of a private directory; see HOAP3_RUNTIME_DIR")
+        endpoints = ", ".join(config.link.listen)
+        report(Routine(f"robot {description.name!r} is alive at {endpoints}{how}"))
+        yield local

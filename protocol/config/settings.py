@@ -5,6 +5,7 @@ The models that both services share stand here; each service adds its own.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -154,7 +155,7 @@ def apply_overrides(content: dict[str, Any], overrides: Sequence[str]) -> dict[s
         ConfigError: no `=`, a key below something that has none, an entry that a list does not
             have, or bad YAML.
     """
-    result: dict[str, Any] = _copy(content)
+    result: dict[str, Any] = copy.deepcopy(content)
     for override in overrides:
         key, equals, text = override.partition("=")
         parts = key.strip().split(".")
@@ -219,11 +220,3 @@ def parse(model: type[Model], content: dict[str, Any], file: str, prefix: str = 
     except ValidationError as error:
         errors = error.errors(include_url=False)
         raise config_error(model, content, errors, file, prefix) from error
-
-
-def _copy(content: Any) -> Any:
-    if isinstance(content, dict):
-        return {key: _copy(value) for key, value in content.items()}
-    if isinstance(content, list):
-        return [_copy(value) for value in content]
-    return content

@@ -42,32 +42,33 @@ class Contacts:
         self._touch, self._rows_of = kernels.touch, kernels.contact_rows
         self._push, self._react, self._sense = kernels.push, kernels.react, kernels.sense
         n, count, sensors = description.n, len(settings), description.wrench_sensors
-        self._dynamics, self._order = dynamics, np.array(dynamics.robot.order, np.int64)
+        self._dynamics, order = dynamics, np.array(dynamics.robot.order, np.int64)
         frames = [each.frame for each in settings]
-        joints = [dynamics.carrier(frame)[0] for frame in [*frames, *sensors]]
-        bodies = sorted(set(joints))
+        carriers = [dynamics.carrier(frame) for frame in [*frames, *sensors]]
+        bodies = sorted({joint for joint, _ in carriers})
         self._views = [dynamics.placement(joint) for joint in bodies]
-        carriers = np.array([bodies.index(joint) for joint in joints], np.int64)
-        self._carriers, self._sensor_carriers = carriers[:count], carriers[count:]
-        self._places = np.zeros((len(bodies), 3, 4))
-        on_joints = np.array([dynamics.carrier(frame)[1] for frame in [*frames, *sensors]])
+        on_body = np.array([bodies.index(joint) for joint, _ in carriers], np.int64)
+        on_joints = np.array([placed for _, placed in carriers])
         offsets = np.array([[*each.offset_m, 1.0] for each in settings])
-        self._offsets = np.einsum("cij,cj->ci", on_joints[:count], offsets)
-        self._mounts = np.ascontiguousarray(on_joints[count:])
-        self._movers = np.array([dynamics.movers(frame) for frame in frames])
-        self._axes = np.array([_axes(each.normal) for each in settings])
-        points = np.array([each.point_m for each in settings])
-        self._levels = np.einsum("ci,ci->c", self._axes[:, 0], points)
-        self._laws = np.array([each.law for each in settings])
+        in_body = np.einsum("cij,cj->ci", on_joints[:count], offsets)
+        mounts = np.ascontiguousarray(on_joints[count:])
+        movers = np.array([dynamics.movers(frame) for frame in frames])
+        axes = np.array([_axes(each.normal) for each in settings])
+        levels = np.einsum("ci,ci->c", axes[:, 0], np.array([each.point_m for each in settings]))
+        laws = np.array([each.law for each in settings])
         above = [_carrying(description.structure, frame) for frame in frames]
-        self._carried = np.array(
-            [[sensor in links for links in above] for sensor in sensors], np.bool_
-        ).reshape(len(sensors), count)
-        self._points, self._depths = np.zeros((count, 3)), np.zeros(count)
-        self._forces = np.zeros((count, 3))
-        self._rows, self._half = np.zeros((2, count, 3, n))
-        self._coupling = np.zeros((count, count, 3, 3))
-        self._factor, self._torque, self._none = np.zeros((n, n)), np.zeros(n), np.zeros(n)
+        carried = np.array([[sensor in links for links in above] for sensor in sensors], np.bool_)
+        points, depths = np.zeros((count, 3)), np.zeros(count)
+        self._places = np.zeros((len(bodies), 3, 4))
+        rows, half = np.zeros((2, count, 3, n))
+        self._forces, self._torque, self._none = np.zeros((count, 3)), np.zeros(n), np.zeros(n)
+        # what the kernels take
+        self._planes = self._places, on_body[:count], in_body, axes, levels, points, depths
+        self._jacobians = dynamics.joint_jacobian, order, movers, axes, points, rows
+        self._masses, self._touched = (dynamics.inertia, order), (rows, depths, laws)
+        self._scratch = np.zeros((n, n)), half, np.zeros((count, count, 3, 3))
+        felt = carried.reshape(len(sensors), count)
+        self._sensors = self._places, on_body[count:], mounts, felt, points, axes, self._forces
 
     def push(
         self, q: FloatArray, dq: FloatArray, added: FloatArray, h: float, ddq: FloatArray
@@ -81,20 +82,7 @@ class Contacts:
             ddq: accelerations without contact, changed in place [rad/s² or m/s²].
         """
         if self._find(q, added):
-            self._push(
-                self._dynamics.inertia,
-                self._order,
-                self._rows,
-                self._depths,
-                self._laws,
-                dq,
-                h,
-                self._factor,
-                self._half,
-                self._coupling,
-                self._forces,
-                ddq,
-            )
+            self._push(*self._masses, *self._touched, dq, h, *self._scratch, self._forces, ddq)
 
     def torques(self, q: FloatArray, dq: FloatArray, h: float) -> FloatArray:
         """Torques of the forces that a step to the velocities `dq` has; a view, (n,) [N m or N].
@@ -105,7 +93,7 @@ class Contacts:
             h: its length [s].
         """
         if self._find(q, self._none):
-            self._react(self._rows, self._depths, self._laws, dq, h, self._forces, self._torque)
+            self._react(*self._touched, dq, h, self._forces, self._torque)
         else:
             self._torque[:] = 0.0
         return self._torque
@@ -118,17 +106,7 @@ class Contacts:
             wrench: (6 per sensor) force [N] and torque [N m] that the surroundings exert on the
                 sensor's link and all that it carries, about the sensor's origin, in its axes.
         """
-        self._sense(
-            self._places,
-            self._sensor_carriers,
-            self._mounts,
-            self._carried,
-            self._points,
-            self._axes,
-            self._forces,
-            share,
-            wrench,
-        )
+        self._sense(*self._sensors, share, wrench)
 
     def _find(self, q: FloatArray, added: FloatArray) -> bool:
         """Whether anything touches; where it does, the rows are up to date."""
@@ -136,26 +114,10 @@ class Contacts:
         for place, (rotation, origin) in zip(self._places, self._views, strict=True):
             place[:, :3] = rotation
             place[:, 3] = origin
-        touching = self._touch(
-            self._places,
-            self._carriers,
-            self._offsets,
-            self._axes,
-            self._levels,
-            self._points,
-            self._depths,
-        )
-        if not touching:
+        if not self._touch(*self._planes):
             self._forces[:] = 0.0
             return False
-        self._rows_of(
-            self._dynamics.joint_jacobian,
-            self._order,
-            self._movers,
-            self._axes,
-            self._points,
-            self._rows,
-        )
+        self._rows_of(*self._jacobians)
         return True
 
 

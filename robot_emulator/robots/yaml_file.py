@@ -37,6 +37,7 @@ from hoap3.protocol.urdf import UrdfStructure, read_urdf
 
 SETPOINT_RATE = 250.0  # [1/s] default setpoint_acceleration_max / velocity
 BRAKE_RATE = 10.0  # [1/s] default brake_acceleration / velocity
+_ACCELERATIONS = {"setpoint_acceleration_max", "brake_acceleration"}
 
 
 def _not_text(value: object) -> object:
@@ -144,19 +145,14 @@ def describe(robot: RobotFile, urdf: str) -> RobotDescription:
         entries = tuple(JointEntry(name=name) for name in structure.movable)
     joints = [_joint(robot, entry, structure) for entry in entries]
     zero = tuple(min(max(0.0, joint["lower"]), joint["upper"]) for joint in joints)
+    given = robot.model_dump(exclude=_ACCELERATIONS)
     return RobotDescription.model_validate(
         {
-            "name": robot.name,
+            **given,
             "urdf": urdf,
             "joints": joints,
-            "initial_posture": robot.initial_posture,
             "postures": {"zero": zero, **robot.postures},
             "base_frame": robot.base_frame or structure.root,
-            "period_s": robot.period_s,
-            "command_kinds": robot.command_kinds,
-            "soles": [sole.model_dump() for sole in robot.soles],
-            "wrench_sensors": robot.wrench_sensors,
-            "default_task": robot.default_task and robot.default_task.model_dump(),
         }
     )
 
@@ -169,39 +165,20 @@ def _joint(robot: RobotFile, entry: JointEntry, structure: UrdfStructure) -> dic
             f"robot {robot.name!r}: joint {entry.name!r:.60}: not a movable joint of the URDF. "
             f"Its movable joints: {known:.400}."
         )
-    lower = _given(entry.lower, urdf.lower)
-    upper = _given(entry.upper, urdf.upper)
-    velocity = _given(entry.velocity, urdf.velocity)
+    limits = {key: getattr(urdf, key) for key in ("lower", "upper", "velocity", "effort")}
+    given = {**limits, **entry.model_dump(exclude_none=True)}
+    lower, upper, velocity = given["lower"], given["upper"], given["velocity"]
     if lower is None or upper is None or velocity is None:
         raise DescriptionError(
             f"robot {robot.name!r}: joint {entry.name!r}: its limits are not complete. "
             "Write lower and upper in the <limit> of the URDF, or in the YAML file."
         )
-    return {
-        "name": entry.name,
-        "lower": lower,
-        "upper": upper,
-        "lower_hard": _given(entry.lower_hard, lower),
-        "upper_hard": _given(entry.upper_hard, upper),
-        "velocity": velocity,
-        "setpoint_acceleration_max": _given(
-            entry.setpoint_acceleration_max,
-            robot.setpoint_acceleration_max,
-            SETPOINT_RATE * velocity,
-        ),
-        "brake_acceleration": _given(
-            entry.brake_acceleration, robot.brake_acceleration, BRAKE_RATE * velocity
-        ),
-        "effort": _given(entry.effort, urdf.effort),
-        "effort_average": entry.effort_average,
-        "encoder_counts_per_rad": entry.encoder_counts_per_rad,
-        "armature": entry.armature,
+    accelerations = {
+        "setpoint_acceleration_max": SETPOINT_RATE * velocity,
+        "brake_acceleration": BRAKE_RATE * velocity,
+        **robot.model_dump(include=_ACCELERATIONS, exclude_none=True),
     }
-
-
-def _given(*values: float | None) -> float | None:
-    """Take the first that is given."""
-    return next((value for value in values if value is not None), None)
+    return {"lower_hard": lower, "upper_hard": upper, **accelerations, **given}
 
 
 def _read_text(path: Path, file: str) -> str:
