@@ -28,24 +28,6 @@ WIRE_VERSION = 1
 CDR_HEADER = b"\x00\x01\x00\x00"  # plain CDR, little endian, no options
 MAX_JOINTS = 128
 SCALAR_FORMATS = {"uint32": "I", "uint64": "Q", "int64": "q", "float64": "d"}
-C_TYPES = {
-    "uint32": ctypes.c_uint32,
-    "uint64": ctypes.c_uint64,
-    "int64": ctypes.c_int64,
-    "float64": ctypes.c_double,
-}
-STAMP_FIELDS = frozenset(
-    {
-        "stamp_received",
-        "stamp_decoded",
-        "stamp_kinematics",
-        "stamp_solved",
-        "stamp_encoded",
-        "stamp_sent_previous",
-    }
-)
-"""Fields of a Setpoint that tell when, not what: a replay compares them in lockstep logs only."""
-
 _FIELD = re.compile(r"^(?P<type>\w+)(?P<array>\[\])?\s+(?P<name>[a-z]\w*)\s*(?:#.*)?$")
 _CONSTANT = re.compile(r"^\w+\s+(?P<name>[A-Z]\w*)=(?P<value>-?\d+)\s*(?:#.*)?$")
 
@@ -73,7 +55,8 @@ class Schema:
     @property
     def c_fields(self) -> list[tuple[str, Any]]:
         """The scalars as fields of a C structure, whose layout is the same."""
-        return [(name, C_TYPES[kind]) for name, kind in self.scalars.items()]
+        types = {kind: getattr(ctypes, f"c_{kind}", ctypes.c_double) for kind in SCALAR_FORMATS}
+        return [(name, types[kind]) for name, kind in self.scalars.items()]
 
     def offsets(self, lengths: dict[str, int]) -> tuple[dict[str, int], int]:
         """Byte offsets behind the CDR header: of each array's length, and of the end.
@@ -93,22 +76,15 @@ class Schema:
     def dtype(self, lengths: dict[str, int]) -> np.dtype[Any]:
         """Structured dtype of one whole message, CDR header included, for reading many at once."""
         places, end = self.offsets(lengths)
-        names, formats, offsets = [], [], []
-        at = len(CDR_HEADER)
-        for name, kind in self.scalars.items():
-            item = np.dtype("<" + SCALAR_FORMATS[kind])
-            names.append(name)
-            formats.append(item)
-            offsets.append(at)
-            at += item.itemsize
-        for name in self.arrays:
-            names.append(name)
-            formats.append(np.dtype(("<f8", (lengths[name],))))
-            offsets.append(len(CDR_HEADER) + _first_element(places[name], lengths[name]))
+        packed = [(name, "<" + SCALAR_FORMATS[kind]) for name, kind in self.scalars.items()]
+        fields: dict[str, Any] = dict(np.dtype(packed).fields or {})
+        for name, count in ((name, lengths[name]) for name in self.arrays):
+            fields[name] = ("<f8", (count,)), _first_element(places[name], count)
+        formats, offsets = zip(*fields.values(), strict=True)
         layout: Any = {
-            "names": names,
+            "names": list(fields),
             "formats": formats,
-            "offsets": offsets,
+            "offsets": [len(CDR_HEADER) + offset for offset in offsets],
             "itemsize": len(CDR_HEADER) + end,
         }
         dtype: np.dtype[Any] = np.dtype(layout)
@@ -315,6 +291,11 @@ class Setpoint(Message):
         message.certificate = message._words[first : last + 1]
         return message
 
+
+STAMP_FIELDS = frozenset(
+    name for name in Setpoint.schema.scalars if name.startswith("stamp_") and name != "stamp_state"
+)
+"""Fields of a Setpoint that tell when, not what: a replay compares them in lockstep logs only."""
 
 COMMANDS = {
     "position": Setpoint.POSITION,

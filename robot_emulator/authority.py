@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -45,13 +45,12 @@ class Authority:
     def renew(self, from_tick: int) -> Grant | None:
         """After a recovery: the holder's answers count from a tick on."""
         if self.grant is not None:
-            self.grant = Grant(self.grant.epoch, self.grant.holder, from_tick)
+            self.grant = replace(self.grant, from_tick=from_tick)
         return self.grant
 
     def drop(self, who: str) -> int:
         """Take authority from `who`; the epoch that ended, or 0 where `who` held none."""
         if self.grant is None or self.grant.holder != who:
             return 0
-        epoch = self.grant.epoch
-        self.grant = None
+        epoch, self.grant = self.grant.epoch, None
         return epoch

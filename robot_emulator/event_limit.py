@@ -32,8 +32,8 @@ class EventLimit:
     def __init__(self, kinds: Iterable[str] = LIMITED) -> None:
         self._room = dict.fromkeys(kinds, BURST)
         self._since = dict.fromkeys(kinds, 0)  # when the room last grew, or was full [ns]
-        self._left_out = dict.fromkeys(kinds, 0)
-        self._told = dict.fromkeys(kinds, 0)  # when left_out began, or was told [ns]
+        self._left_out: dict[str, int] = {}
+        self._told: dict[str, int] = {}  # when left_out began [ns]
         self.any_left_out = False
 
     def passes(self, kind: str, now: int) -> bool:
@@ -48,9 +48,8 @@ class EventLimit:
         if self._room[kind]:
             self._room[kind] -= 1
             return True
-        if not self._left_out[kind]:
-            self._told[kind] = now
-        self._left_out[kind] += 1
+        self._told.setdefault(kind, now)
+        self._left_out[kind] = self._left_out.get(kind, 0) + 1
         self.any_left_out = True
         return False
 
@@ -59,12 +58,8 @@ class EventLimit:
 
         At the end nothing waits for its second to be over.
         """
-        told = [
-            (kind, count)
-            for kind, count in self._left_out.items()
-            if count and (at_end or now - self._told[kind] >= PERIOD_NS)
-        ]
-        for kind, _ in told:
-            self._left_out[kind] = 0
-        self.any_left_out = any(self._left_out.values())
-        return told
+        due = [kind for kind, at in self._told.items() if at_end or now - at >= PERIOD_NS]
+        self.any_left_out = len(due) < len(self._told)
+        for kind in due:
+            del self._told[kind]
+        return [(kind, self._left_out.pop(kind)) for kind in due]

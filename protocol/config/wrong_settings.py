@@ -78,12 +78,18 @@ def _tried(content: Any, error: ErrorDetails) -> tuple[tuple[str, ...], str]:
     path: list[str] = []
     parts = error["loc"][:-1] if error["type"] == "missing" else error["loc"]
     for part in parts:
-        listed = isinstance(content, list | tuple) and isinstance(part, int) and part < len(content)
-        if not (listed or (isinstance(content, dict) and part in content)):
+        if not _holds(content, part):
             return tuple(path), str(part)
         content = content[part]
         path.append(str(part))
     return tuple(path), ""
+
+
+def _holds(content: Any, part: int | str) -> bool:
+    """Whether a mapping has that key, or a list that entry."""
+    if isinstance(content, list | tuple):
+        return isinstance(part, int) and part < len(content)
+    return isinstance(content, dict) and part in content
 
 
 def _in_words(
@@ -103,10 +109,9 @@ def _in_words(
         guess = f"Did you mean {close!r}? " if close else ""
         remedy = f"{guess}Known keys: {', '.join(sorted(known)) or 'none'}"
         return ConfigError(file, key, error["input"], "unknown key", remedy)
-    if error["type"] == "missing":
-        return ConfigError(file, key, None, "is missing", "Add it")
-    if error["type"] == "union_tag_not_found":
-        return ConfigError(file, f"{key}.kind", None, "is missing", "Add it")
+    if error["type"] in {"missing", "union_tag_not_found"}:
+        place = key if error["type"] == "missing" else f"{key}.kind"
+        return ConfigError(file, place, None, "is missing", "Add it")
     if error["type"] == "too_short" and isinstance(error["input"], list | tuple):
         least, found = error["ctx"]["min_length"], error["ctx"]["actual_length"]
         outer = _models_at(model, path[:-1])
@@ -148,8 +153,7 @@ def _written(content: Any, error: ErrorDetails) -> list[str]:
     """Path to the error in what users wrote; pydantic also names the tried member of a union."""
     path: list[str] = []
     for part in error["loc"]:
-        listed = isinstance(content, list | tuple) and isinstance(part, int) and part < len(content)
-        if listed or (isinstance(content, dict) and part in content):
+        if _holds(content, part):
             content = content[part]
             path.append(str(part))
     if error["type"] == "missing":

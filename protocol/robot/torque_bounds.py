@@ -21,17 +21,23 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hoap3.protocol.errors import BadProblemError
 from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.robot.link_tables import Tree, build_tree
 from hoap3.protocol.robot.pinocchio_model import RobotModel
+from hoap3.protocol.robot.viability_bounds import refuse_joint
 
 Velocities = Literal["corners", "uniform"]
 
 BATCH = 4096  # samples drawn at once
 SEARCH = 300  # a search costs about so many samples a joint of the robot
+
+_PROBLEMS = (  # of a state, by the status of the kernel less 1
+    "its torque is not finite in some states. Check the limits of the velocities and the masses.",
+    "it moves nothing that weighs. Give what it moves an <inertial>, or the joint an armature.",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,9 +113,7 @@ def torque_acceleration_bounds(
         limits[row, tree.order] = _row(
             name, getattr(described, name) if value is None else value, described.joint_names
         )
-    names = [""] * described.n
-    for name, place in zip(described.joint_names, tree.order, strict=True):
-        names[place] = name
+    names = [described.joint_names[joint] for joint in np.argsort(tree.order)]
     _check(limits, names)
 
     n = described.n
@@ -123,16 +127,8 @@ def torque_acceleration_bounds(
         status, joint = kernels.sample(
             *tree.tables, limits, velocities == "corners", drawn, bounds, states
         )
-        if status == kernels.NO_INERTIA:
-            raise BadProblemError(
-                f"joint {names[joint]}: it moves nothing that weighs. Give what it moves an "
-                "<inertial>, or the joint an armature."
-            )
-        if status == kernels.NOT_FINITE:
-            raise BadProblemError(
-                f"joint {names[joint]}: its torque is not finite in some states. Check the limits "
-                "of the velocities and the masses."
-            )
+        if status != kernels.OK:
+            raise BadProblemError(f"joint {names[joint]}: {_PROBLEMS[status - 1]}")
         best.take(bounds, states)
         starts.take(bounds, states)
         if report is not None:
@@ -187,33 +183,14 @@ def _row(name: str, value: ArrayLike, joints: Sequence[str]) -> FloatArray:
 
 def _check(limits: FloatArray, names: Sequence[str]) -> None:
     lower, upper, velocity, effort = limits
-    _refuse(
-        ~np.isfinite(lower), names, "lower limit {0} is not finite: nothing to draw from", lower
-    )
-    _refuse(
-        ~np.isfinite(upper), names, "upper limit {0} is not finite: nothing to draw from", upper
-    )
-    _refuse(~(lower <= upper), names, "limits {0} to {1} leave no room", lower, upper)
-    _refuse(
-        ~(np.isfinite(velocity) & (velocity >= 0.0)),
-        names,
-        "velocity {0} must be finite, and not negative",
-        velocity,
-    )
-    _refuse(
-        ~(np.isfinite(effort) & (effort > 0.0)),
-        names,
-        "effort {0} must be finite and positive",
-        effort,
-    )
-
-
-def _refuse(
-    wrong: NDArray[np.bool_], names: Sequence[str], problem: str, *figures: FloatArray
-) -> None:
-    for joint in np.flatnonzero(wrong):
-        told = problem.format(*(f"{figure[joint]:.6g}" for figure in figures))
-        raise BadProblemError(f"joint {names[int(joint)]}: {told}.")
+    for side, limit in (("lower", lower), ("upper", upper)):
+        problem = f"{side} limit {{0}} is not finite: nothing to draw from"
+        refuse_joint(~np.isfinite(limit), names, problem, limit)
+    refuse_joint(~(lower <= upper), names, "limits {0} to {1} leave no room", lower, upper)
+    wrong = ~(np.isfinite(velocity) & (velocity >= 0.0))
+    refuse_joint(wrong, names, "velocity {0} must be finite, and not negative", velocity)
+    wrong = ~(np.isfinite(effort) & (effort > 0.0))
+    refuse_joint(wrong, names, "effort {0} must be finite and positive", effort)
 
 
 def _polish(

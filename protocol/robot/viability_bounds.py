@@ -9,7 +9,7 @@ and their source). The controller and the robot use the same.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NoReturn
 
 import numpy as np
@@ -18,7 +18,16 @@ from numpy.typing import ArrayLike, NDArray
 from hoap3.protocol.errors import BadProblemError
 from hoap3.protocol.messages import FloatArray
 
-KERNEL_ARRAYS = "q, dq and the outputs must be contiguous float64 arrays of {n} joints"
+_SHRINK = "lower the acceleration or the period, or have it shrunk"
+
+
+def refuse_joint(
+    wrong: NDArray[np.bool_], names: Sequence[str], problem: str, *figures: FloatArray
+) -> None:
+    """Refuse the first joint that is wrong, by its name; its figures stand in `problem`."""
+    for joint in np.flatnonzero(wrong):
+        told = problem.format(*(f"{figure[joint]:.6g}" for figure in figures))
+        raise BadProblemError(f"joint {names[int(joint)]}: {told}.")
 
 
 class AccelerationBounds:
@@ -122,12 +131,9 @@ class AccelerationBounds:
         """
         if self._only_naive:
             raise BadProblemError("naive bounds have no solve: call solve_naive.")
+        limits = self._limits, self._held, self._share, self._softness
         try:
-            status, joint = self._kernel(
-                *(q, dq, self._limits, self._held, self._share, self._softness),
-                lower_out,
-                upper_out,
-            )
+            status, joint = self._kernel(q, dq, *limits, lower_out, upper_out)
         except TypeError as error:
             raise self._wrong_arrays() from error
         if status:
@@ -148,7 +154,8 @@ class AccelerationBounds:
             self._explain(joint, q, dq)
 
     def _wrong_arrays(self) -> BadProblemError:
-        return BadProblemError(KERNEL_ARRAYS.format(n=self.n) + ".")
+        wanted = f"contiguous float64 arrays of {self.n} joints"
+        return BadProblemError(f"q, dq and the outputs must be {wanted}.")
 
     def _explain(self, joint: int, q: FloatArray, dq: FloatArray) -> NoReturn:
         """Raise what a kernel found wrong."""
@@ -171,23 +178,14 @@ class AccelerationBounds:
         fast, slow = np.maximum(up, down), self._share * np.minimum(up, down)
         free = np.isinf(velocity) & np.isinf(upper - lower)
         needed = np.where(free, 0.0, self._held * fast)
-        self._refuse(
-            velocity < needed * (1.0 - 1e-12),
-            "(11) is violated: speed {0} is less than T·A = {1}; lower the acceleration or the "
-            "period, or have it shrunk",
-            velocity,
-            needed,
-        )
+        violated = "(11) is violated: {} is less than {}; " + _SHRINK
+        problem = violated.format("speed {0}", "T·A = {1}")
+        self._refuse(velocity < needed * (1.0 - 1e-12), problem, velocity, needed)
         with np.errstate(invalid="ignore"):
             way = 0.5 * self._held**2 * fast * (1.0 + fast / slow)
         way = np.where(np.isinf(upper - lower), 0.0, way)
-        self._refuse(
-            ~(upper - lower >= way * (1.0 - 1e-12)),
-            "(11) is violated: the range {0} is less than {1}; lower the acceleration or the "
-            "period, or have it shrunk",
-            upper - lower,
-            way,
-        )
+        problem = violated.format("the range {0}", "{1}")
+        self._refuse(~(upper - lower >= way * (1.0 - 1e-12)), problem, upper - lower, way)
 
     def _shrink(self) -> None:
         lower, upper, velocity, up, down = self._limits[:5]
@@ -202,9 +200,7 @@ class AccelerationBounds:
         self.up[:], self.down[:] = np.where(up_is_slow, (slow, fast), (fast, slow))
 
     def _refuse(self, wrong: NDArray[np.bool_], problem: str, *figures: FloatArray) -> None:
-        for joint in np.flatnonzero(wrong):
-            told = problem.format(*(f"{figure[joint]:.6g}" for figure in figures))
-            raise BadProblemError(f"joint {self._names[joint]}: {told}.")
+        refuse_joint(wrong, self._names, problem, *figures)
 
 
 def acceleration_bounds(
@@ -229,10 +225,8 @@ def acceleration_bounds(
         BadProblemError: as `AccelerationBounds` and its `solve`.
     """
     limits = lower, upper, velocity, acceleration, period_s
-    settings: dict[str, Any] = {
-        "deceleration": deceleration, "horizon_s": horizon_s, "shrink": shrink
-    }  # fmt: skip
-    return _of_state(AccelerationBounds.solve, q, dq, *limits, **settings)
+    settings: dict[str, Any] = {"deceleration": deceleration, "horizon_s": horizon_s}
+    return _of_state(AccelerationBounds.solve, q, dq, *limits, shrink=shrink, **settings)
 
 
 def naive_acceleration_bounds(
@@ -254,8 +248,8 @@ def naive_acceleration_bounds(
         BadProblemError: limits that contradict each other, or q or dq that is not finite.
     """
     limits = lower, upper, velocity, acceleration, period_s
-    settings: dict[str, Any] = {"deceleration": deceleration, "naive": True}
-    return _of_state(AccelerationBounds.solve_naive, q, dq, *limits, **settings)
+    naive = AccelerationBounds.solve_naive
+    return _of_state(naive, q, dq, *limits, deceleration=deceleration, naive=True)
 
 
 def _of_state(
