@@ -44,6 +44,7 @@ KNOWN = {"", "file", "parsed only", "not run", "exits", "needs", "prints"}
 PLACEHOLDERS = {"emulator …": "emulator hoap3", "controller …": "controller qp12", "PATH": "hoap3"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STORIES)
 def test_what_a_page_shows_works_word_for_word(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -54,6 +55,7 @@ def test_what_a_page_shows_works_word_for_word(name, tmp_path, monkeypatch):
         story.play(block)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "name", "file"),
     [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from support.robot_bench import Bench
@@ -63,6 +64,7 @@ def of_the_next_tick(answer: bytes) -> bytes:
     return setpoint.dump()
 
 
+@pytest.mark.slow
 @given(delays, oversleeps, st.sets(st.integers(0, TICKS - 1), max_size=5))
 @example([[PERIOD_NS // 5]] * TICKS, {4: PERIOD_NS}, {3})
 def test_states_and_counts_are_the_same(script, late, forged):
@@ -91,6 +93,7 @@ def asked_for(lead: int, grace: int, requests: dict[int, str]) -> Bench:
     return bench
 
 
+@pytest.mark.slow
 @given(
     st.sampled_from([0, 3]),
     st.dictionaries(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from support.robot_bench import EVENT_NAMES, Bench
 
 from hoap3.protocol.messages import Event
@@ -83,6 +84,7 @@ def test_what_was_left_out_in_the_last_second_is_told_at_the_end():
     assert found[-1][0] == "ENDED"
 
 
+@pytest.mark.slow
 def test_a_controller_that_chatters_is_a_few_events_and_counted_in_full():
     bench = Bench()
     bench.link.ask("acquire", "alice")

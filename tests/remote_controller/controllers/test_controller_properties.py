@@ -165,7 +165,11 @@ def test_another_takes_over_without_a_jump(case, successor, warm, tick):
     assert (np.abs(after - before)[slow] <= at_once[slow]).all()
 
 
-POSTURES = [(case, posture) for case in CASES for posture in robot(case).postures]
+POSTURES = [
+    pytest.param(case, posture, marks=pytest.mark.slow if place else ())
+    for case in CASES
+    for place, posture in enumerate(robot(case).postures)
+]
 
 
 @pytest.mark.parametrize(("case", "posture"), POSTURES)

@@ -217,6 +217,7 @@ class TestKernel:
         assert sum(kernel.stats.cache_hits.values()) == 1
         assert stamps == {p: p.stat().st_mtime_ns for p in (tiny / "cache").rglob("*.nb*")}
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
     @pytest.mark.parametrize("length", [0, 40])
     def test_survives_a_file_cut_off_by_a_power_cut(
@@ -268,6 +269,7 @@ class TestKernel:
         assert seen == [1, 0]
         assert before == numba.config.SLP_VECTORIZE
 
+    @pytest.mark.slow
     def test_asks_who_makes_arrays_to_say_so(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(numba_jit, "CACHE_DIRECTORY", None)
 
@@ -316,6 +318,7 @@ def test_warm_up_names_each_module_before_it_is_imported(tiny: Path) -> None:
     numba_jit.warm_up(["tiny_kernels"])
 
 
+@pytest.mark.slow
 def test_a_process_without_home_or_cache_solves_and_cleans_up(tmp_path: Path) -> None:
     directory, answer = probe(
         HOME="/dev/null", XDG_CACHE_HOME=None, HOAP3_CACHE_DIR=None, TMPDIR=str(tmp_path)

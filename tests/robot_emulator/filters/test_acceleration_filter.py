@@ -108,6 +108,7 @@ def test_no_stream_of_accelerations_leaves_the_limits(attack: Attack):
     assert setpoint_filter.interventions
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("attack", ATTACKS)
 def test_no_stream_of_torques_leaves_the_limits_where_efforts_suffice(attack: Attack):
     """Accelerations change within a period: by no more than a fifth here."""

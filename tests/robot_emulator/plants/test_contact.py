@@ -12,6 +12,8 @@ from touching import T, arm, floor, force, guided, touching
 from hoap3.protocol.robot.pinocchio_model import build_model
 from hoap3.robot_emulator.plants.contact_kernels import CREEP
 
+pytestmark = pytest.mark.slow
+
 G = 9.81
 BOUNCY = {"stiffness_n_m": 2e4, "damping_n_s_m": 20.0}
 numbers = st.floats(-1.0, 1.0)

@@ -108,6 +108,7 @@ def test_efforts_that_do_not_suffice_are_an_event_and_a_count():
     assert counted > 10 * len(told)  # the event tells when it begins
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("word", ["stop", "release"])
 def test_a_stop_for_which_efforts_do_not_suffice_is_left_to_the_brakes(word: str):
     arm = load("baxter_left_arm")

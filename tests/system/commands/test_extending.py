@@ -26,6 +26,8 @@ from hoap3.protocol.messages import State
 from hoap3.remote_controller.registry import BUILTIN
 from hoap3.tools.logs.log import Log
 
+pytestmark = pytest.mark.slow
+
 CONTROLLER = '''
 """A controller as somebody else would write it."""
 

@@ -109,6 +109,7 @@ def test_a_result_is_on_standard_output(name, log, tmp_path):
     assert isinstance(done.json(), dict)
 
 
+@pytest.mark.slow
 def test_a_live_result_is_on_standard_output():
     at = endpoint()
     with (
@@ -130,6 +131,7 @@ def test_a_live_result_is_on_standard_output():
     assert law.stdout.strip() == "log: none"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [("list",), (*LOCKSTEP, "--set", "emulator.log.record=false"), ("config", "schema", "qp12")],

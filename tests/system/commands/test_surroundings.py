@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 from support.command_bench import Command, assert_no_traceback, hoap3, inside, on_path
 
+pytestmark = pytest.mark.slow
+
 NOBODY = 65534
 MAY_READ = "+dac_read_search"  # as if the interpreter stood where everybody can read it
 HOMELESS: dict[str, str | None] = {"HOME": None, "XDG_CACHE_HOME": None, "HOAP3_CACHE_DIR": None}

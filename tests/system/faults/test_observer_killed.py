@@ -7,6 +7,7 @@ import signal
 import time
 from pathlib import Path
 
+import pytest
 from mcap.reader import make_reader
 from support.command_bench import (
     Command,
@@ -21,6 +22,7 @@ from support.command_bench import (
 from hoap3.tools.logs.log import Log
 
 
+@pytest.mark.slow
 def test_a_killed_observer_costs_less_than_a_second_of_log(tmp_path: Path) -> None:
     folder, patient = tmp_path / "log", ("--set", "emulator.misses_to_stop=100000")
     with Command("run", "--duration", "2", *patient, "--json", "--out", folder) as run:

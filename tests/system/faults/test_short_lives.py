@@ -99,6 +99,7 @@ def assert_killed(kind: str, at: str, cpu: FakeCpu, after_s: float, begun: str) 
     cpu.assert_nothing_left()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_refused_service_ends_and_leaves_nothing(at: str, cpu: FakeCpu, kind: str) -> None:
     assert_ends(kind, at, cpu)

@@ -9,6 +9,8 @@ from support.command_bench import assert_at_rest, assert_no_traceback, events, h
 
 from hoap3.tools.logs.log import Log
 
+pytestmark = pytest.mark.slow
+
 CODE = """
 import numpy as np
 from hoap3.remote_controller.controllers.base import VelocityController

@@ -26,6 +26,8 @@ from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.log import Log
 from hoap3.tools.replay import replay
 
+pytestmark = pytest.mark.slow
+
 HERE = Path(__file__).parent
 
 

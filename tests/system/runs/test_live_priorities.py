@@ -21,6 +21,8 @@ from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.log import Log
 from hoap3.tools.replay import replay
 
+pytestmark = pytest.mark.slow
+
 OVER_S = 0.3
 REST_S = 1.5  # of virtual time before the change: the hand is slow by then
 LEAST_S = 0.6  # after it

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from support.command_bench import Done, assert_ran, hoap3, inside
 
+pytestmark = pytest.mark.slow
+
 FAST = "minimum_speed, parameters: {speed: 9, joints: {l_shoulder_pitch: 1.0}, tolerance: 0.9}"
 CONTRADICTORY = (
     *("--controller", "stable_qp", "--set"),

@@ -74,6 +74,7 @@ def gaps(log: Log) -> int:
     return sum(record.kind == Kind.GAP for record in log.records())
 
 
+@pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=15)
 def test_one_wrong_byte_costs_its_chunk_and_no_other(

@@ -54,6 +54,7 @@ def stock_messages(path: Path) -> list[tuple[str, int, int, int, bytes]]:
         ]
 
 
+@pytest.mark.slow
 @given(share=st.floats(0, 1))
 def test_cut_anywhere_it_opens_and_can_be_repaired(
     tmp_path_factory: pytest.TempPathFactory, sample: Sample, share: float

@@ -57,6 +57,7 @@ def test_the_com_stops_at_the_edge_of_its_support():
     assert found.began["held by support_polygon"] == found.began["slowed"] == 1
 
 
+@pytest.mark.slow
 def test_the_largest_share_races_where_a_damped_one_rests():
     content = settings(
         target_m=OUTSIDE,
@@ -154,6 +155,7 @@ def test_a_state_that_is_not_finite_spoils_no_later_one():
         np.testing.assert_array_equal(spoilt.step(at(tick, initial)).values, expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("direction", ["forward", "backward"])
 @pytest.mark.parametrize("kind", ["qp12", "least_squares"])
 def test_it_circulates_in_the_direction_that_was_asked(direction, kind):

@@ -172,6 +172,7 @@ json.dump(bits, sys.stdout)
 """
 
 
+@pytest.mark.slow
 def test_plain_python_gives_the_same_bits() -> None:
     outputs = []
     for disable in ("0", "1"):

@@ -48,6 +48,7 @@ def test_conditions_31_and_32_hold_in_exact_arithmetic() -> None:
         assert exact_kkt_residual(gradient, decrease, gamma, u) < 1e-14
 
 
+@pytest.mark.slow
 def test_every_digit_agrees_with_algorithm_1_in_exact_arithmetic() -> None:
     """The error is a few ulp per joint, whatever γ: A − a and 1 − γ are exact where it counts."""
     for gradient, decrease, gamma in hard_cases(seed=2, count=2000):
@@ -127,6 +128,7 @@ def test_answers_next_to_the_smallest_double(gamma: float) -> None:
         assert qp12_residual_kernel(gradient, decrease, gamma, u) < 1e-14
 
 
+@pytest.mark.slow
 class TestCertificate:
     """The residual that goes with every answer."""
 

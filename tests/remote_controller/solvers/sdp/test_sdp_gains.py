@@ -56,6 +56,7 @@ def compare(problems, tolerance: float = 1e-6) -> tuple[int, int]:
     return agree, known
 
 
+@pytest.mark.slow
 class TestOptimal:
     """β and λ within 1e-6 of the reference, λ relative to 1 + |λ|."""
 
