@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.tools.compare.series import Series
+from hoap3.tools.html.numbers import least
 from hoap3.tools.show.verdicts import NAMES, failed, in_words, judge
 
 SETTLED = 0.01  # of the error at the start
@@ -71,12 +72,7 @@ WORDS = (
     Word("violations.position", "beyond a position", "", "Setpoints outside of the robot's range."),
     Word("violations.speed", "beyond a speed", "", "Answers with a joint that is too fast."),
     Word("violations.margin", "margin below zero", "", "Certificates with a margin < −10⁻⁶."),
-    Word(
-        "margin_min",
-        "smallest margin",
-        "its own unit",
-        "Of any certificate.",
-    ),
+    Word("margin_min", "smallest margin", "its own unit", "Of any certificate."),
     Word("certificates.certified", "certified", "", "Answers with a certificate that holds."),
     Word("certificates.at_target", "at target", "", "Nothing was required, or predicted."),
     Word("certificates.uncertified", "uncertified", "", "Answers whose proof does not hold."),
@@ -127,11 +123,11 @@ def figures(
             "speed": _some(series.speed),
             "margin": int((series.margin[series.proved] < LEAST_MARGIN).sum()),
         },
-        "margin_min": _least(series.margin[series.proved]),
+        "margin_min": least(series.margin[series.proved]),
         "certificates": {
             name: int((series.status == value).sum()) for name, value in STATUS.items()
         },
-        "rho_min": _least(series.rho[series.proved]),
+        "rho_min": least(series.rho[series.proved]),
         "u_difference": None if closed_loop else _u_difference(series, first),
     }
     if not same_task:
@@ -244,11 +240,6 @@ def _u_difference(series: Series, first: Series) -> float | None:
     if series.unit != first.unit or not len(series):
         return None
     return _greatest(np.abs(series.inputs - first.inputs))
-
-
-def _least(values: FloatArray) -> float | None:
-    known = values[np.isfinite(values)]
-    return float(known.min()) if len(known) else None
 
 
 def _greatest(values: FloatArray) -> float | None:

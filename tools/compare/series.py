@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.description import COM, RobotDescription
 from hoap3.protocol.messages import FloatArray, Setpoint
 from hoap3.remote_controller.controllers.base import ACTIVE_SPEED, STATUS
 from hoap3.tools.compare.answers import Answers, Rows
-from hoap3.tools.report.motion import UNITS, com_path, control_inputs
+from hoap3.tools.report.motion import UNITS, control_inputs, point_path
 
 EMPTY = np.empty((0, 0))
 ROUNDING = 1e-9  # of a position [rad or m] or speed, that is no violation of a limit
@@ -123,7 +123,7 @@ def read_series(answers: Answers, parameters: dict[str, Any]) -> Series:
         position=position,
         speed=speed,
         unit=unit,
-        com_m=com_path(reference, description, description.base_frame) if moved else EMPTY,
+        com_m=point_path(reference, description, COM, description.base_frame) if moved else EMPTY,
         reference=reference,
     )
 

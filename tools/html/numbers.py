@@ -30,6 +30,12 @@ def summary(values: Any) -> dict[str, float]:
     return result
 
 
+def least(values: FloatArray) -> float | None:
+    """The smallest finite value; None where there is none."""
+    known = values[np.isfinite(values)]
+    return float(known.min()) if known.size else None
+
+
 def number(value: float) -> str:
     """Three significant digits, thousands apart, small ones as 1.2·10⁻⁵."""
     if not np.isfinite(value):

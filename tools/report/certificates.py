@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.tools.html.numbers import count
+from hoap3.tools.html.numbers import count, least, seconds
 from hoap3.tools.show.certificate_count import NAMES, PROVED, STATUS
 
 
@@ -29,15 +29,6 @@ class Stretch:
     tick: int
     begin_s: float
     end_s: float
-
-    def as_json(self) -> dict[str, Any]:
-        """Under the names that `--json` has."""
-        return {
-            "answers": self.answers,
-            "tick": self.tick,
-            "begin_s": self.begin_s,
-            "end_s": self.end_s,
-        }
 
 
 @dataclass(frozen=True)
@@ -87,13 +78,8 @@ class Certificates:
         missing = ~np.isin(self.status, [STATUS[name] for name in PROVED])
         edges = np.flatnonzero(np.diff(np.concatenate([[0], missing.astype(np.int8), [0]])))
         return tuple(
-            Stretch(
-                int(end - begin),
-                int(self.tick[begin]),
-                float(self.time_s[begin]),
-                float(self.time_s[end - 1]),
-            )
-            for begin, end in edges.reshape(-1, 2)
+            Stretch(end - begin, int(self.tick[begin]), *map(float, self.time_s[[begin, end - 1]]))
+            for begin, end in edges.reshape(-1, 2).tolist()
         )
 
     @property
@@ -112,11 +98,12 @@ class Certificates:
         longest = self.longest
         if longest is None:
             return said
-        first, seconds = self.stretches[0], f"{longest.begin_s:.3f}".replace("-", "−")
+        first = self.stretches[0]
         without = (
             f"{count(self.without)} of {count(self.n)} answers came without a certificate, the "
             f"first at tick {first.tick}; the longest stretch has {count(longest.answers)}, from "
-            f"{seconds} s on. What V and the constraints do there, nobody has proved."
+            f"{seconds(longest.begin_s)} s on. What V and the constraints do there, nobody has "
+            "proved."
         )
         return [without, *said]
 
@@ -129,13 +116,8 @@ class Certificates:
             "without": self.without,
             "reasons": {status: dict(found) for status, found in self.reasons.items()},
             "stretches": len(self.stretches),
-            "first": self.stretches[0].as_json() if longest else None,
-            "longest": longest.as_json() if longest else None,
-            "least_rho": _least(self.rho),
-            "least_margin": _least(self.margin),
+            "first": asdict(self.stretches[0]) if longest else None,
+            "longest": asdict(longest) if longest else None,
+            "least_rho": least(self.rho),
+            "least_margin": least(self.margin),
         }
-
-
-def _least(values: FloatArray) -> float | None:
-    known = values[np.isfinite(values)]
-    return float(known.min()) if len(known) else None

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -32,10 +31,6 @@ class Condition:
     ticks: int
     first_tick: int
     longest: int
-
-    def as_json(self) -> dict[str, Any]:
-        """Under the names that `--json` has."""
-        return asdict(self)
 
 
 def read_conditions(log: Log, session_id: int | None = None) -> list[Condition]:

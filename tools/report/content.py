@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
@@ -126,12 +126,14 @@ class Content:
 
     def machine(self, side: str) -> dict[str, Any]:
         """The machine block of a side's log; empty where there is none."""
-        log = self.sources.robot if side == "robot" else self.sources.controller
+        log = self.sources.of(side)
         block = log.metadata.get("machine", {}) if log is not None else {}
         return {key: _value(text) for key, text in block.items()}
 
     def as_json(self) -> dict[str, Any]:
         """The figures, as `--json` prints them."""
+        drawings = self.motion_drawings + self.certificate_drawings + self.timing_drawings
+        held = self.conditions
         return {
             **(self.timing.figures if self.timing else {}),
             **self.judged,
@@ -144,18 +146,8 @@ class Content:
             "torque_limited": self.sources.torque_limited,
             "final_error": _final_error(self.motion),
             "certificates": self.certificates.as_json() if self.certificates else None,
-            "conditions": None
-            if self.conditions is None
-            else [condition.as_json() for condition in self.conditions],
-            "figures": [
-                drawing.name
-                for drawings in (
-                    self.motion_drawings,
-                    self.certificate_drawings,
-                    self.timing_drawings,
-                )
-                for drawing in drawings
-            ],
+            "conditions": None if held is None else [asdict(each) for each in held],
+            "figures": [drawing.name for drawing in drawings],
             "gaps": list(self.gaps),
             "damaged": dict(self.sources.damaged),
             "unreadable": dict(self.sources.unreadable),

@@ -51,7 +51,7 @@ class Motion:
             upper.
         every: one State of so many is in the path.
         time_s: (k,), of the States that were answered.
-        v, psi, fall: (k,), V, Ψ = −(required V̇), −(predicted V̇); NaN without a certificate.
+        v, psi: (k,), V and Ψ = −(required V̇); NaN without a certificate.
         certified: (k,), whether the certificate held.
         inputs: (k, n), u, in `unit`.
         active: (k,), joints with 0.001 rad/s or more.
@@ -73,7 +73,6 @@ class Motion:
     time_s: FloatArray
     v: FloatArray
     psi: FloatArray
-    fall: FloatArray
     certified: NDArray[np.bool_]
     inputs: FloatArray
     unit: str
@@ -151,8 +150,7 @@ def read_motion(sources: Sources) -> Motion | None:
     session_id = int(active["session_id"][0])
     theirs = sources.controller
     if certificates and theirs is not None and (certificates.without or _may_doubt(theirs)):
-        reasons = _reasons(theirs, session_id)
-        certificates = replace(certificates, reasons=reasons)
+        certificates = replace(certificates, reasons=_reasons(theirs, session_id))
     gaps += certificates.gaps if certificates else []
     sole = _sole(description, frame) if point == COM else None
     if sole is None and description.soles and point == COM:
@@ -175,7 +173,6 @@ def read_motion(sources: Sources) -> Motion | None:
         time_s=_seconds(rows, start),
         v=np.where(proved, answers["v"], np.nan),
         psi=np.where(proved, 0.0 - answers["v_rate_required"], np.nan),
-        fall=np.where(proved, 0.0 - answers["v_rate_predicted"], np.nan),
         certified=np.isin(answers["solver_status"], [STATUS[name] for name in PROVED]),
         inputs=inputs,
         unit=unit,
@@ -194,15 +191,12 @@ def _one_session(states: Any, setpoints: Any) -> tuple[Any, Any, list[str]]:
         chosen = sessions[:1]
         return states, setpoints[np.isin(setpoints["session_id"], chosen)], []
     chosen = sessions[int(np.argmax(counts))]
+    ours = [rows[rows["session_id"] == chosen] for rows in (states, setpoints)]
     gap = (
         f"The log holds {len(sessions)} sessions of the robot; the motion is that of the longest, "
         f"{counts.max()} of {len(states)} States."
     )
-    return (
-        states[states["session_id"] == chosen],
-        setpoints[setpoints["session_id"] == chosen],
-        [gap],
-    )
+    return ours[0], ours[1], [gap]
 
 
 def _answered(states: Any, setpoints: Any) -> tuple[Any, Any]:
@@ -273,9 +267,8 @@ def _target(parameters: dict[str, Any]) -> FloatArray | None:
     target = parameters.get("target_m")
     if not isinstance(target, list) or len(target) != 3:
         return None
-    if not all(isinstance(value, int | float) for value in target):
-        return None
-    return np.array(target, float)
+    known = all(isinstance(value, int | float) for value in target)
+    return np.array(target, float) if known else None
 
 
 def _sole(description: RobotDescription, frame: str) -> FloatArray | None:
@@ -283,11 +276,6 @@ def _sole(description: RobotDescription, frame: str) -> FloatArray | None:
         if sole.frame == frame:
             return np.array(sole.polygon, float)
     return None
-
-
-def com_path(q: FloatArray, description: RobotDescription, frame: str) -> FloatArray:
-    """Centre of mass of each row of q, seen from a frame, (m, 3) [m]."""
-    return point_path(q, description, COM, frame)
 
 
 def point_path(q: FloatArray, description: RobotDescription, point: str, frame: str) -> FloatArray:

@@ -55,22 +55,14 @@ class Sources:
         gaps = [f"The log of the {side} cannot be read: {why}." for side, why in unreadable.items()]
         logs = {log.side: log for log in found}
         robot, controller = logs.get("robot"), logs.get("controller")
-        gaps += [
-            f"The log of the {log.side} is not whole: {log.missing}."
-            for log in found
-            if log.missing
-        ]
+        cut = [log for log in found if log.missing]
+        gaps += [f"The log of the {log.side} is not whole: {log.missing}." for log in cut]
         damaged = {log.side: log.missing for log in found if log.truncated or log.damages}
-        if robot is None and not any(path.glob("robot*.mcap")):
-            gaps.append(
-                "There is no log of the robot: whether answers were in time, and when it woke, "
-                "stands only there."
-            )
-        if controller is None and not any(path.glob("controller*.mcap")):
-            gaps.append(
-                "There is no log of the controller: its settings, and States that it never got, "
-                "stand only there."
-            )
+        gaps += [
+            f"There is no log of the {side}: {what} only there."
+            for side, what in _ONLY_THERE.items()
+            if side not in logs and not any(path.glob(f"{side}*.mcap"))
+        ]
         said = {log.side: _inputs(log) for log in found}
         dropped = sum(gap["dropped"] for each in said.values() for gap in each["gap"])
         if dropped:
@@ -88,6 +80,10 @@ class Sources:
         """Those that there are, the robot's first."""
         return [log for log in (self.robot, self.controller) if log is not None]
 
+    def of(self, side: str) -> Log | None:
+        """The log of one side."""
+        return self.robot if side == "robot" else self.controller
+
     @property
     def main(self) -> Log:
         """The robot's log, or what there is."""
@@ -103,10 +99,8 @@ class Sources:
     @property
     def repairable(self) -> set[str]:
         """Sides of damaged logs that nobody has repaired yet."""
-        logs = {"robot": self.robot, "controller": self.controller}
-        return {
-            side for side in self.damaged if (log := logs[side]) and "repair" not in log.metadata
-        }
+        damaged = [log for log in self.logs if log.side in self.damaged]
+        return {log.side for log in damaged if "repair" not in log.metadata}
 
     @property
     def interventions(self) -> int | None:
@@ -143,7 +137,7 @@ class Sources:
 
     def settings(self, side: str) -> dict[str, Any]:
         """The resolved config of a side; empty where it is not known."""
-        log = self.robot if side == "robot" else self.controller
+        log = self.of(side)
         if log is None:
             return {}
         try:
@@ -155,17 +149,17 @@ class Sources:
 HELD_BACK_JOINTS = {"first": str, "first_tick": int, "most": str, "most_periods": int}
 """What a robot tells of the joints that it held back."""
 
+_ONLY_THERE = {
+    "robot": "whether answers were in time, and when it woke, stands",
+    "controller": "its settings, and States that it never got, stand",
+}
+
 STAMP = " log time"
 """Key of a record's log time [ns] among what it says; none of ours begins with a blank."""
 
 _NEVER_OURS = (
-    WireError,
-    LookupError,
-    TypeError,
-    ValueError,
-    OverflowError,
-    AttributeError,
-    RecursionError,
+    *(WireError, LookupError, TypeError, ValueError),
+    *(OverflowError, AttributeError, RecursionError),
 )
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import Event, Setpoint
 from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.show.event_words import named
 
 STATUS = {
     name.removeprefix("STATUS_").lower(): value
@@ -94,8 +95,7 @@ class CertificateCount:
         kind, session, number = Event.scalars(payload, "kind", "session_id", "detail")
         if kind not in {_BEGAN, _ENDED} or self._session_id not in {None, session}:
             return
-        known = 0 <= number < len(self._names)
-        name = {self._names[number] if known else f"condition {number}"}
+        name = {named(self._names, number, "condition")}
         self._present = self._present | name if kind == _BEGAN else self._present - name
 
 

@@ -65,6 +65,11 @@ def event_name(kind: int, detail: int) -> str:
     return _NAMES.get(kind, f"unknown event {kind}")
 
 
+def named(names: Sequence[str], number: int, kind: str) -> str:
+    """The name of a number, or that it is the `kind` of that number."""
+    return names[number] if 0 <= number < len(names) else f"{kind} {number}"
+
+
 def in_words(kind: int, detail: int, joints: Sequence[str], conditions: Sequence[str] = ()) -> str:
     """What the detail of an event means.
 
@@ -74,19 +79,17 @@ def in_words(kind: int, detail: int, joints: Sequence[str], conditions: Sequence
         conditions: of the controller, as its session has them.
     """
     if kind in CONDITIONS:
-        known = 0 <= detail < len(conditions)
-        return conditions[detail] if known else f"condition {detail}"
+        return named(conditions, detail, "condition")
     if kind == _CONSTANTS["SAFE_STOP"]:
         return _REASONS.get(detail, f"reason {detail}")
     if kind == _CONSTANTS["REFUSED"] and not detail:
         return "the client's liveliness token is not seen"
     if kind == _CONSTANTS["REJECTED"]:
-        known = 0 <= detail < len(REJECTION_KINDS)
-        return REJECTION_KINDS[detail] if known else f"kind {detail}"
+        return named(REJECTION_KINDS, detail, "kind")
     if kind == _CONSTANTS["SUPPRESSED"]:
         return f"{detail >> 8} of {event_name(detail & 0xFF, 0)!r}"
     if kind in _OF_JOINTS:
-        return joints[detail] if 0 <= detail < len(joints) else f"joint {detail}"
+        return named(joints, detail, "joint")
     if kind == _CONSTANTS["HOST_STALL"]:
         return f"{detail / 1e6:.3g} ms"
     return _SAYINGS.get(kind, "{}").format(detail)

@@ -36,16 +36,8 @@ def motion(lockstep):
 def test_the_figures_of_a_run_in_lockstep_are_those_of_its_summary(lockstep):
     folder, ended = lockstep
     figures = read_content(folder).as_json()
-    for key in (
-        "verdicts",
-        "task",
-        "limits_and_balance",
-        "ticks",
-        "skipped",
-        "safe_stops",
-        "host_stalls",
-        "final_error",
-    ):
+    verdicts = "verdicts", "task", "limits_and_balance"
+    for key in (*verdicts, "ticks", "skipped", "safe_stops", "host_stalls", "final_error"):
         assert figures[key] == ended[key], key
     assert figures["interventions"] == ended["interventions"] == 0
     assert figures["success_rate"]["run"] == ended["success_rate"]["run"]
@@ -68,7 +60,8 @@ def test_the_inputs_are_those_that_the_certificates_speak_of(motion, lockstep):
     assert np.abs(motion.inputs).max(axis=1) == pytest.approx(
         0.6 - setpoints["margin"][: len(motion.inputs)], abs=1e-9
     )
-    assert motion.psi == pytest.approx(motion.fall, rel=1e-9)
+    predicted = setpoints["v_rate_predicted"][: len(motion.psi)]
+    assert motion.psi == pytest.approx(-predicted, rel=1e-9)
     assert motion.work.sum() == pytest.approx(1.0)
 
 
