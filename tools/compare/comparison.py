@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from hoap3.protocol.errors import Hoap3Error, UsageError
 from hoap3.tools.compare.answers import Answers
@@ -24,6 +22,7 @@ from hoap3.tools.simulate import emulator_content, emulator_settings
 ROBOT, DURATION_S, SEED = "hoap3", 20.0, 0
 Say = Callable[[str], None]
 Ready = Callable[[], None]
+Loop = TypeVar("Loop", ClosedLoop, OpenLoop)
 
 
 @dataclass(frozen=True)
@@ -164,10 +163,11 @@ def _closed(
     file = emulator_content(robot)[1]
     loops = [ClosedLoop(each, emulator, file) for each in candidates]
     ready()
-    answers = []
-    for each, loop in zip(candidates, loops, strict=True):
-        with _naming(each.label):
-            answers.append(loop.run(duration, partial(_say_of, each.label, say)))
+
+    def run(label: str, loop: ClosedLoop) -> Answers:
+        return loop.run(duration, lambda text: say(f"{label}: {text}"))
+
+    answers = _run(candidates, loops, run)
     facts = {"mode": "closed loop", **_robot(answers[0])}
     return {**facts, "duration_s": duration, "seed": seed, "log": None}, answers
 
@@ -178,36 +178,34 @@ def _open(
     asked = read_asked(log)
     loops = [OpenLoop(each, asked) for each in candidates]
     ready()
-    answers = []
-    for each, loop in zip(candidates, loops, strict=True):
-        say(f"{each.label}: {len(asked.payloads)} States of {log}")
-        with _naming(each.label):
-            answers.append(loop.run())
+
+    def run(label: str, loop: OpenLoop) -> Answers:
+        say(f"{label}: {len(asked.payloads)} States of {log}")
+        return loop.run()
+
+    answers = _run(candidates, loops, run)
     facts = {"mode": "open loop", **_robot(answers[0])}
     stamps, period = answers[0].states["stamp_intended"], asked.description.period_s
     duration = max(0.0, float(stamps[-1] - stamps[0]) / 1e9) + period
     return {**facts, "duration_s": duration, "seed": None, "log": str(log)}, answers
 
 
-def _say_of(label: str, say: Say, text: str) -> None:
-    say(f"{label}: {text}")
-
-
-@contextmanager
-def _naming(label: str) -> Iterator[None]:
-    """Say which controller failed; wrong usage names its own place."""
-    try:
-        yield
-    except UsageError:
-        raise
-    except Hoap3Error as error:
-        raise Hoap3Error(f"{label}: {error}") from error
+def _run(
+    candidates: list[Candidate], loops: list[Loop], run: Callable[[str, Loop], Answers]
+) -> list[Answers]:
+    """Answers of each; says which controller failed, but wrong usage names its own place."""
+    answers = []
+    for each, loop in zip(candidates, loops, strict=True):
+        try:
+            answers.append(run(each.label, loop))
+        except UsageError:
+            raise
+        except Hoap3Error as error:
+            raise Hoap3Error(f"{each.label}: {error}") from error
+    return answers
 
 
 def _robot(answers: Answers) -> dict[str, Any]:
     description = answers.description
-    return {
-        "robot": description.name,
-        "joints": description.n,
-        "period_s": description.period_s,
-    }
+    sizes = {"joints": description.n, "period_s": description.period_s}
+    return {"robot": description.name, **sizes}

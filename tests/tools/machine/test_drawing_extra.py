@@ -1,4 +1,4 @@
-"""Commands that draw, on a machine without matplotlib: they say so before they do anything."""
+"""Commands that draw, on a machine without what draws: they say so before they do anything."""
 
 from __future__ import annotations
 
@@ -18,10 +18,13 @@ COMMANDS = {
 }
 
 
+@pytest.mark.parametrize("package", ["jinja2", "matplotlib"])
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_command_that_draws_names_the_extra_and_begins_nothing(command, tmp_path, monkeypatch):
+def test_a_command_that_draws_names_the_extra_and_begins_nothing(
+    command, package, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setitem(sys.modules, "matplotlib", None)  # as if it were not installed
+    monkeypatch.setitem(sys.modules, package, None)  # as if it were not installed
     found = CliRunner().invoke(app, COMMANDS[command])
     assert isinstance(found.exception, NotInstalledError)
     assert "hoap3[report]" in str(found.exception)
