@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from hoap3.protocol.errors import BadProblemError
 from hoap3.remote_controller.solvers import generalized_projector, projected_sum
-from hoap3.remote_controller.solvers.ghc.projectors_compared import (
+from hoap3.remote_controller.solvers.ghc.reference import (
     activated_null_space,
     damped_null_space,
     summed_null_space,
