@@ -17,9 +17,9 @@ from hoap3.remote_controller.controllers.acceleration.tsid import TsidController
 from hoap3.robot_emulator.filters.position import PositionFilter
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.bench.problems.steps import motion
+from hoap3.tools.bench.qp_peers import PEERS, Array, Program
 from hoap3.tools.bench.reference import reference
 from hoap3.tools.bench.timing import Contender, Report, race, silent
-from hoap3.tools.bench.tsid_peers import PEERS, program
 
 SIZES = (7, 21, 32)
 STATES = 256
@@ -118,6 +118,14 @@ def _tsid() -> list[Contender]:
             if name not in absent
         ),
     ]
+
+
+def program(given: tuple[Any, ...], effort: Array) -> Program:
+    """What `Tsid.solve` is given, as a QP with the torques eliminated."""
+    jacobian, wanted, weight, posture, mass, bias, lower, upper = given
+    H = jacobian.T @ jacobian + weight * np.eye(len(posture))
+    f = -(jacobian.T @ wanted + weight * posture)
+    return Program(H, f, mass, -effort - bias, effort - bias, lower, upper, 0)
 
 
 def _arguments(law: TsidController, state: State) -> tuple[Any, ...]:

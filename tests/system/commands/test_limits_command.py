@@ -14,7 +14,7 @@ from hoap3.protocol.robot.viability_bounds import AccelerationBounds
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.bench import limits as bench
 from hoap3.tools.bench.problems.steps import motion
-from hoap3.tools.bench.tsid_peers import PEERS
+from hoap3.tools.bench.qp_peers import PEERS
 from hoap3.tools.cli.app import app
 
 KEYS = {"solver", "n", "samples", "min_us", "mean_us", "p50_us", "p99_us", "max_us"}

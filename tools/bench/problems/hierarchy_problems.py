@@ -5,9 +5,7 @@ k tasks are the positions of k − 1 frames, strictly one below the other, and t
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +14,7 @@ from hoap3.remote_controller.model.frame_dynamics import FrameDynamics
 from hoap3.remote_controller.solvers.base.task_validation import stacked
 from hoap3.remote_controller.solvers.ghc.lqp import PlainLqp
 from hoap3.robot_emulator.robots import load
+from hoap3.tools.bench.qp_peers import FAR, Program
 
 Array = NDArray[np.float64]
 
@@ -26,8 +25,6 @@ FRAMES = {
 STATES = 32
 W_R = 1e-2
 HELD, STRAINED = 0.3, 0.2  # bounds, of the largest acceleration and effort that the tasks ask for
-FAR = 1e30  # daqp's infinity
-EQUATION = 5  # daqp's word
 
 
 @dataclass(frozen=True)
@@ -54,20 +51,9 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class Program:
-    """(13), q̈ = motion·x: min ½xᵀHx + fᵀx, `equal` rows equations, the others within bounds.
+class Lqp(Program):
+    """(13), q̈ = motion·x; the last n of x are torques, with bounds of their own."""
 
-    The last n of x are torques, with bounds of their own.
-    """
-
-    H: Array
-    f: Array
-    rows: Array
-    least: Array
-    most: Array
-    lower: Array
-    upper: Array
-    equal: int
     motion: Array
 
 
@@ -122,7 +108,7 @@ def bounds(it: Problem, qdd: Array, tau: Array) -> tuple[Array, Array]:
     return np.full(qdd.size, HELD * np.abs(qdd).max()), np.abs(it.bias) + strain
 
 
-def program(it: Problem, most: tuple[Array, Array] | None) -> Program:
+def program(it: Problem, most: tuple[Array, Array] | None) -> Lqp:
     """(13) with |τ − n|² regularised and all its unknowns; `most` of q̈ and τ."""
     n = it.bias.size
     edges = np.cumsum(it.sizes)[:-1]
@@ -136,38 +122,4 @@ def program(it: Problem, most: tuple[Array, Array] | None) -> Program:
         rows = np.vstack([rows, motion[:n]])
         least, above = np.concatenate([least, -most[0]]), np.concatenate([above, most[0]])
         lower[-n:], upper[-n:] = -most[1], most[1]
-    return Program(H, f, np.ascontiguousarray(rows), least, above, lower, upper, n, motion[:n])
-
-
-def daqp() -> Callable[[Program], Array]:
-    """daqp, cold: every entry of the program is another one at the next call."""
-    import daqp as library
-
-    def solve(it: Program) -> Array:
-        most, least = np.concatenate((it.upper, it.most)), np.concatenate((it.lower, it.least))
-        sense = np.zeros(most.size, np.int32)
-        sense[it.f.size : it.f.size + it.equal] = EQUATION
-        x: Array = library.solve(it.H, it.f, it.rows, most, least, sense)[0]
-        return x
-
-    return solve
-
-
-def quadprog() -> Callable[[Program], Array]:
-    """quadprog, Goldfarb and Idnani, cold, with the bounds that there are."""
-    import quadprog as library
-
-    def solve(it: Program) -> Array:
-        held = np.flatnonzero(it.upper < FAR)
-        one = np.zeros((held.size, it.f.size))
-        one[np.arange(held.size), held] = 1.0
-        more, e = it.rows[it.equal :], it.equal
-        rows = np.vstack((it.rows[:e], more, -more, one, -one))
-        sides = (it.least, -it.most[e:], it.lower[held], -it.upper[held])
-        x: Array = library.solve_qp(it.H, -it.f, rows.T, np.concatenate(sides), e)[0]
-        return x
-
-    return solve
-
-
-PEERS: dict[str, Callable[[], Callable[[Any], Array]]] = {"daqp": daqp, "quadprog": quadprog}
+    return Lqp(H, f, np.ascontiguousarray(rows), least, above, lower, upper, n, motion[:n])
