@@ -7,7 +7,9 @@ arrays that are drawn are written as CSV, one file a panel with one row a point.
 from __future__ import annotations
 
 import csv
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import repeat
 from pathlib import Path
 from typing import Any, Literal
 
@@ -87,7 +89,7 @@ class Panel:
     title: str
     x: Axis
     y: Axis
-    curves: tuple[Curve, ...]
+    curves: Sequence[Curve]
     square: bool = False
     categories: tuple[str, ...] = ()
     zoom: tuple[tuple[float, float], tuple[float, float]] | None = None
@@ -106,13 +108,38 @@ class Figure:
 
     name: str
     title: str
-    rows: tuple[tuple[Panel, ...], ...]
+    rows: Sequence[Sequence[Panel]]
     size: tuple[float, float]
 
     @property
     def panels(self) -> list[Panel]:
         """All of them."""
         return [panel for row in self.rows for panel in row]
+
+
+def lines(
+    data: Mapping[str, tuple[Array, Array]], dashes: Iterable[str] = repeat("-"), **style: Any
+) -> list[Curve]:
+    """A curve for the x and y of each name, one colour after the other."""
+    looks = zip(data.items(), COLOURS, dashes, strict=False)
+    return [Curve(name, *xy, colour, dash=dash, **style) for (name, xy), colour, dash in looks]
+
+
+def level(
+    label: str, span: Sequence[float] | Array, value: float, dash: str = "--", **style: Any
+) -> Curve:
+    """A horizontal line at a value, from one x to another."""
+    return Curve(label, np.array(span), np.full(2, value), dash=dash, **style)
+
+
+def mark(label: str, x: float, y: float, marker: str, **style: Any) -> Curve:
+    """One point."""
+    return Curve(label, np.array([x]), np.array([y]), dash="", marker=marker, **style)
+
+
+def column(name: str, title: str, panels: Iterable[Panel], size: tuple[float, float]) -> Figure:
+    """A figure of panels below each other."""
+    return Figure(name, title, [[panel] for panel in panels], size)
 
 
 def save(figure: Figure, folder: Path) -> list[Path]:

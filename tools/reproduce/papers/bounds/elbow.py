@@ -29,12 +29,7 @@ from hoap3.remote_controller.controllers.acceleration.tsid import TsidController
 from hoap3.robot_emulator.plants.acceleration_servo import AccelerationServo
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.reproduce.figures import Array
-from hoap3.tools.reproduce.papers.bounds.reference import (
-    ELBOW,
-    ELBOW_ACCELERATION,
-    ELBOW_PRINTED,
-    LOG_NORM,
-)
+from hoap3.tools.reproduce.papers.bounds import reference as ref
 from hoap3.tools.reproduce.rows import Row, bounded, near
 from hoap3.tools.simulate import simulate
 
@@ -243,11 +238,11 @@ def rows(runs: Runs) -> list[Row]:
             f"Fig. 5: acceleration of {JOINT} by Algorithm 4",
             None,
             float(runs.accelerations[elbow]),
-            ELBOW_ACCELERATION,
+            ref.ELBOW_ACCELERATION,
             "The paper prints none. Random: seeds differ by some per cent, and the worst state is "
             "not among 10⁶",
             unit="rad/s²",
-            absolute=0.1 * ELBOW_ACCELERATION,
+            absolute=0.1 * ref.ELBOW_ACCELERATION,
         ),
         bounded(
             "Fig. 5: joints without an acceleration by Algorithm 4",
@@ -258,8 +253,8 @@ def rows(runs: Runs) -> list[Row]:
             "spring is in no model. It is named, and given 2 rad/s²",
         ),
     ]
-    for periods, (time, speed) in ELBOW.items():
-        found, printed = runs.ideal["naive", periods].crossing, ELBOW_PRINTED[periods]
+    for periods, (time, speed) in ref.ELBOW.items():
+        found, printed = runs.ideal["naive", periods].crossing, ref.ELBOW_PRINTED[periods]
         why = _SOUGHT if periods == 2.0 else _TWENTY
         item = f"Fig. 5: naive ×{periods:g}, elbow at its limit,"
         made += [
@@ -274,7 +269,7 @@ def rows(runs: Runs) -> list[Row]:
             "Fig. 5: proposed ×2, |log(H⁻¹H_d)| after 4 s, beside another computation",
             None,
             runs.ideal["viability", 2.0].error[-1],
-            LOG_NORM,
+            ref.LOG_NORM,
             "What is left for good: the posture task, w = 10⁻³, pulls back to the start",
             absolute=1e-4,
         )

@@ -4,31 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
-
-from hoap3.tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Figure, Panel
-from hoap3.tools.reproduce.papers.bounds.elbow import SECONDS, Run, Runs
+from hoap3.tools.reproduce.figures import COLOURS, Array, Axis, Curve, Figure, Panel, level
+from hoap3.tools.reproduce.papers.bounds.elbow import SECONDS, SHOWN, Run, Runs
 
 SHOWN_S = 1.6
+Values = Callable[[Run], Array]
 
 
 def draw(runs: Runs) -> Figure:
     """Columns as in the paper, and one for what the emulator's filter makes of naive bounds."""
+    ideal, emulated = runs.ideal, {"proposed ×2, torques": runs.torques}
+    emulated["naive ×2, filtered"] = runs.filtered
+    naive, proposed = (
+        {f"×{k:g}": ideal[kind, k] for k in periods} for kind, periods in SHOWN.items()
+    )
     columns = {
-        "naive": (
-            "(a) naive ×2 and ×20",
-            {"×2": runs.ideal["naive", 2.0], "×20": runs.ideal["naive", 20.0]},
-        ),
-        "proposed": (
-            "(b) proposed ×1, ×2 and ×20",
-            {f"×{k:g}": runs.ideal["viability", k] for k in (1.0, 2.0, 20.0)},
-        ),
-        "emulator": (
-            "through the emulator, at 1 kHz",
-            {"proposed ×2, torques": runs.torques, "naive ×2, filtered": runs.filtered},
-        ),
+        "naive": ("(a) naive ×2 and ×20", naive),
+        "proposed": ("(b) proposed ×1, ×2 and ×20", proposed),
+        "emulator": ("through the emulator, at 1 kHz", emulated),
     }
-    cells: tuple[tuple[Axis, Callable[[Run], Array], float], ...] = (
+    cells: tuple[tuple[Axis, Values, float], ...] = (
         (Axis("e1_minus_limit_rad", "e1 − its limit [rad]", (-0.06, 0.55), 0.1),
          lambda run: run.room, SHOWN_S),
         (Axis("dq_rad_per_s", "velocity of e1 [rad/s]", (-2.2, 1.3), 0.5),
@@ -58,23 +53,13 @@ COLOUR = {
 
 
 def _panel(
-    name: str,
-    title: str,
-    shown: dict[str, Run],
-    y: Axis,
-    values: Callable[[Run], Array],
-    end: float,
-    *,
-    zero: bool,
+    name: str, title: str, shown: dict[str, Run], y: Axis, values: Values, end: float, *, zero: bool
 ) -> Panel:
-    curves = []
-    if zero:
-        label = "limit" if y.name.startswith("e1") else "at rest"
-        ends = np.array([0.0, end])
-        curves.append(Curve(label, ends, np.zeros(2), INK, dash=":", legend="limit; at rest"))
+    label = "limit" if y.name.startswith("e1") else "at rest"
+    curves = [level(label, (0.0, end), 0.0, ":", legend="limit; at rest")] if zero else []
+    steps = y.name.startswith("ddq")
     for label, run in shown.items():
         part = slice(0, round(end / run.period_s))
         x, values_shown = run.time_s[part], values(run)[part]
-        steps = y.name.startswith("ddq")
         curves.append(Curve(label, x, values_shown, COLOUR[label], "steps" if steps else "line"))
-    return Panel(name, title, Axis("time_s", "time [s]", (0.0, end)), y, tuple(curves))
+    return Panel(name, title, Axis("time_s", "time [s]", (0.0, end)), y, curves)

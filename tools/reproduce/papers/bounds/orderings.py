@@ -144,7 +144,7 @@ def draw(shares: list[Shares]) -> Figure:
             title,
             Axis("ordering", "", (-0.5, len(names) - 0.5)),
             Axis("share", "share of the viable states with dq > 0", (1e-6, 3.0), log=True),
-            tuple(curves),
+            curves,
             categories=tuple(case.replace(" < ", "<").replace(" ≤ ", "≤") for case in names),
         )
 

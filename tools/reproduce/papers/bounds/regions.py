@@ -105,7 +105,7 @@ def draw(found: Regions) -> Figure:
         f"δt = {joint.period_s:g} s",
         Axis("q_rad", "q [rad]", (-1.02 * joint.end, 1.02 * joint.end), 0.1),
         Axis("dq_rad_per_s", "dq [rad/s]", (-1.02 * joint.speed, 1.02 * joint.speed), 0.5),
-        tuple(curves),
+        curves,
     )
     title = "Fig. 3: which upper bound of the acceleration is the least"
     return Figure("fig3", title, ((panel,),), (9.0, 5.2))

@@ -21,18 +21,14 @@ its pieces; it stands for [5], without being its formula.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.tools.reproduce.figures import COLOURS, INK, PALE, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.papers.bounds import reference as ref
 from hoap3.tools.reproduce.papers.bounds.joint import FIG_1, Joint
-from hoap3.tools.reproduce.papers.bounds.reference import (
-    CURVE_MEETS_SPEED,
-    PSEUDO_ACCELERATION,
-    VIABLE,
-    VIABLE_AND_REACHABLE,
-)
 from hoap3.tools.reproduce.rows import Row, bounded, near
 
 CELLS = 400  # of F, along q and along dq
@@ -95,6 +91,12 @@ def share_below(joint: Joint, fastest: Array) -> float:
     return float(np.minimum(fastest, joint.speed).mean()) / joint.speed
 
 
+_SMOOTH = (
+    "The paper does not print the formula of [5]: √(2AD) − A·δt/2 is continuous and conservative, "
+    "as it is said to be"
+)
+
+
 def rows() -> list[Row]:
     """Shares of F."""
     joint, viable = FIG_1, kept()
@@ -104,18 +106,18 @@ def rows() -> list[Row]:
     places, speeds = centres(joint, CELLS)
     fastest = places[viable[-1]].max()
     made = [
-        near("Fig. 1: |V|/|F|", None, viable.mean(), VIABLE, rolled, absolute=SHARE),
-        near("Fig. 1: |V and reachable|/|F|", None, reachable.mean(), VIABLE_AND_REACHABLE, rolled,
-             absolute=SHARE),
+        near("Fig. 1: |V|/|F|", None, viable.mean(), ref.VIABLE, rolled, absolute=SHARE),
+        near("Fig. 1: |V and reachable|/|F|", None, reachable.mean(), ref.VIABLE_AND_REACHABLE,
+             rolled, absolute=SHARE),
         near("Fig. 1: where the curve of V meets the speed limit", None, fastest,
-             CURVE_MEETS_SPEED, f"{rolled}: A joint at full speed must brake from 1/6 rad on",
+             ref.CURVE_MEETS_SPEED, f"{rolled}: A joint at full speed must brake from 1/6 rad on",
              unit="rad", absolute=2.0 * joint.end / CELLS),
         bounded("Fig. 1: states where braking and (10) disagree", None,
                 float((viable != joint.viable(places, speeds[:, None])).sum()), (0.0, 0.0),
                 "As the paper: V = V^c where (11) holds"),
     ]  # fmt: skip
     room = (np.arange(SHARES_OVER) + 0.5) / SHARES_OVER * 2.0 * joint.end
-    for period, reference in PSEUDO_ACCELERATION.items():
+    for period, reference in ref.PSEUDO_ACCELERATION.items():
         w = velocity_control(room, joint.acceleration, period)
         share = share_below(joint, w)
         why = (
@@ -125,16 +127,9 @@ def rows() -> list[Row]:
         item = f"Fig. 1: curve of [6], share of F, δt = {period:g} s"
         made.append(near(item, None, share, reference, why, absolute=SHARE))
         less = share_below(joint, smooth(room, joint.acceleration, period))
-        made.append(
-            bounded(
-                f"Fig. 1: curve for [5], share of F, δt = {period:g} s",
-                "conservative even for velocity control",
-                less,
-                (None, share),
-                "The paper does not print the formula of [5]: √(2AD) − A·δt/2 is continuous and "
-                "conservative, as it is said to be",
-            )
-        )
+        said = "conservative even for velocity control"
+        item = f"Fig. 1: curve for [5], share of F, δt = {period:g} s"
+        made.append(bounded(item, said, less, (None, share), _SMOOTH))
     return made
 
 
@@ -164,16 +159,12 @@ def draw() -> Figure:
         *both("reachable: full acceleration from the wall", np.sqrt(2.0 * A * (Q + fine)), INK,
               ":"),
     ]  # fmt: skip
-    corner = tuple(
-        Curve(curve.label, curve.x, curve.y, curve.colour, curve.style, curve.dash, "", "",
-              curve.fill)
-        for curve in curves
-    )  # fmt: skip
+    corner = [replace(curve, marker="", legend="") for curve in curves]
     horizontal, vertical = ("q_rad", "q [rad]"), ("dq_rad_per_s", "dq [rad/s]")
     panels = (
         Panel("", f"Q = {Q:g} rad, V = {V:g} rad/s, A = {A:g} rad/s²; curves of others at "
               f"δt = {T:g} s", Axis(*horizontal, (-1.1 * Q, 1.1 * Q), 0.5),
-              Axis(*vertical, (-1.15 * V, 1.15 * V), 1.0), tuple(curves)),
+              Axis(*vertical, (-1.15 * V, 1.15 * V), 1.0), curves),
         Panel("wall", "the same near the upper limit", Axis(*horizontal, (0.6 * Q, 1.02 * Q), 0.1),
               Axis(*vertical, (-0.2, 0.72 * V), 1.0), corner),
     )  # fmt: skip

@@ -7,20 +7,13 @@ leave one joint motion free.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from hoap3.tools.reproduce.figures import COLOURS, INK, Axis, Curve, Figure, Panel
-from hoap3.tools.reproduce.papers.ghc.reference import (
-    COMPROMISES,
-    ELBOW,
-    ELBOW_M,
-    HAND,
-    HAND_M,
-    W_R,
-    WEIGHED,
-)
-from hoap3.tools.reproduce.papers.ghc.runs import END_S, NO_BOUNDS, Run, follow, point, position
+from hoap3.tools.reproduce.figures import COLOURS, Axis, Curve, Figure, Panel, lines
+from hoap3.tools.reproduce.papers.ghc import reference as ref
+from hoap3.tools.reproduce.papers.ghc.runs import END_S, NO_BOUNDS, follow, point, position
 from hoap3.tools.reproduce.rows import Row, bounded, near
 
 SECONDS, WEIGHED_SECONDS = 8.0, 6.0
@@ -32,38 +25,32 @@ Errors = Mapping[float, tuple[float, float]]
 
 def tasks() -> list[dict[str, object]]:
     """Hand and elbow."""
-    return [position(HAND, point(HAND_M)), position(ELBOW, point(ELBOW_M))]
+    return [position(ref.HAND, point(ref.HAND_M)), position(ref.ELBOW, point(ref.ELBOW_M))]
 
 
 def compromise(alpha: float, seconds: float = SECONDS) -> tuple[float, float]:
     """Errors of hand and elbow with α₁₂ and α₂₁ = 1 − α₁₂ [m]."""
-    return _ends(_ghc(alpha, seconds))
+    return _errors("ghc", {"matrix": [[0.0, alpha], [1.0 - alpha, 0.0]]}, seconds)
 
 
 def weigh(ratio: float, seconds: float = WEIGHED_SECONDS) -> tuple[float, float]:
     """Errors of hand and elbow with weights ω₁/ω₂ [m]."""
-    weights = {"weights": {HAND: ratio, ELBOW: 1.0}}
-    parameters = {"tasks": tasks(), "priorities": weights, "w_r": W_R, "regularise": "torque"}
-    return _ends(follow("weighted", {**parameters, "bounds": NO_BOUNDS}, seconds))
+    return _errors("weighted", {"weights": {ref.HAND: ratio, ref.ELBOW: 1.0}}, seconds)
 
 
-def _ghc(alpha: float, seconds: float) -> Run:
-    matrix = {"matrix": [[0.0, alpha], [1.0 - alpha, 0.0]]}
-    parameters = {"tasks": tasks(), "priorities": matrix, "w_r": W_R, "regularise": "torque"}
-    return follow("ghc", {**parameters, "bounds": NO_BOUNDS}, seconds)
-
-
-def _ends(run: Run) -> tuple[float, float]:
+def _errors(controller: str, priorities: dict[str, Any], seconds: float) -> tuple[float, float]:
+    given = {"tasks": tasks(), "priorities": priorities, "w_r": ref.W_R, "regularise": "torque"}
+    run = follow(controller, {**given, "bounds": NO_BOUNDS}, seconds)
     last = slice(-round(END_S / run.period_s), None)
-    hand, elbow = (float(run.errors[name][last].mean()) for name in (HAND, ELBOW))
+    hand, elbow = (float(run.errors[name][last].mean()) for name in (ref.HAND, ref.ELBOW))
     return hand, elbow
 
 
 def run_all(say: Callable[[str], None] = lambda _: None) -> tuple[Errors, Errors]:
     """Errors by α₁₂, and by ω₁/ω₂."""
     say("Fig. 11: two tasks, and their weights")
-    by_alpha = {alpha: compromise(alpha) for alpha in COMPROMISES}
-    return by_alpha, {ratio: weigh(ratio) for ratio in WEIGHED}
+    by_alpha = {alpha: compromise(alpha) for alpha in ref.COMPROMISES}
+    return by_alpha, {ratio: weigh(ratio) for ratio in ref.WEIGHED}
 
 
 def rows(by_alpha: Errors, by_weight: Errors) -> list[Row]:
@@ -71,7 +58,7 @@ def rows(by_alpha: Errors, by_weight: Errors) -> list[Row]:
     made = [
         row
         for alpha, found in by_alpha.items()
-        for row in _each(f"Fig. 11: α₁₂ = {alpha:g}", found, COMPROMISES[alpha], _SCALE)
+        for row in _each(f"Fig. 11: α₁₂ = {alpha:g}", found, ref.COMPROMISES[alpha], _SCALE)
     ]
     steps = np.diff(np.array([by_alpha[alpha] for alpha in sorted(by_alpha)]), axis=0)
     made += [
@@ -87,7 +74,9 @@ def rows(by_alpha: Errors, by_weight: Errors) -> list[Row]:
                     "As the paper: more or less an equal compromise")
         )  # fmt: skip
     for ratio, found in by_weight.items():
-        made += _each(f"Fig. 11 by weights: ω₁/ω₂ = {ratio:g}", found, WEIGHED[ratio], _BASELINE)
+        made += _each(
+            f"Fig. 11 by weights: ω₁/ω₂ = {ratio:g}", found, ref.WEIGHED[ratio], _BASELINE
+        )
     least = min(min(found) for found in by_weight.values())
     made.append(
         bounded("Fig. 11 by weights: least error of any task", None, least, (NEVER_M, None),
@@ -98,7 +87,7 @@ def rows(by_alpha: Errors, by_weight: Errors) -> list[Row]:
 
 def _each(item: str, found: Sequence[float], right: Sequence[float], why: str) -> list[Row]:
     made = []
-    for name, ours, reference in zip((HAND, ELBOW), found, right, strict=True):
+    for name, ours, reference in zip((ref.HAND, ref.ELBOW), found, right, strict=True):
         if reference == 0.0:
             made.append(bounded(f"{item}, {name}", None, ours, (None, STRICT_M), why, unit="m"))
         else:
@@ -113,29 +102,28 @@ def draw(by_alpha: Errors, by_weight: Errors) -> Figure:
     alphas = np.array(sorted(by_alpha))
     ours = np.array([by_alpha[alpha] for alpha in alphas.tolist()])
     weights = np.array([by_weight[ratio] for ratio in by_weight])
+    tasks = {name: (alphas, ours[:, i]) for i, name in enumerate((ref.HAND, ref.ELBOW))}
     over = Panel(
         "alpha",
         "α₂₁ = 1 − α₁₂",
         Axis("alpha_12", "α₁₂ [1]"),
         Axis("error_m", "error [m]"),
-        tuple(
-            Curve(name, alphas, ours[:, i].copy(), colour, marker="o")
-            for i, (name, colour) in enumerate(zip((HAND, ELBOW), COLOURS, strict=False))
-        ),
+        lines(tasks, marker="o"),
     )
     beside = Panel(
         "tradeoff",
         "GHC and the weighting strategy",
         Axis("hand_m", "error of the hand [m]"),
         Axis("elbow_m", "error of the elbow [m]"),
-        (
-            Curve("GHC, α₁₂ = 0 … 1", ours[:, 0].copy(), ours[:, 1].copy(), COLOURS[2], marker="o"),
-            Curve("weights, ω₁/ω₂ = 100 … 0.01", weights[:, 0].copy(), weights[:, 1].copy(), INK,
-                  dash="--", marker="s"),
-        ),
-    )  # fmt: skip
+        [
+            Curve("GHC, α₁₂ = 0 … 1", ours[:, 0], ours[:, 1], COLOURS[2], marker="o"),
+            Curve(
+                "weights, ω₁/ω₂ = 100 … 0.01", weights[:, 0], weights[:, 1], dash="--", marker="s"
+            ),
+        ],
+    )
     title = "Fig. 11: hand and elbow without strict priority"
-    return Figure("fig11", title, ((over, beside),), (12.0, 4.5))
+    return Figure("fig11", title, [[over, beside]], (12.0, 4.5))
 
 
 _SCALE = (

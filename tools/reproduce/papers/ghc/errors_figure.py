@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
-
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.reproduce.figures import COLOURS, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.figures import Array, Axis, Curve, Figure, Panel, column, lines
 from hoap3.tools.reproduce.papers.ghc import alphas
-from hoap3.tools.reproduce.papers.ghc.reference import PHASES, TASKS
-from hoap3.tools.reproduce.papers.ghc.runs import PHASE_S, ROBOT, Run
+from hoap3.tools.reproduce.papers.ghc import reference as ref
+from hoap3.tools.reproduce.papers.ghc.runs import ROBOT, Run
 
 EVERY = 10  # ticks between two points that are drawn, of errors and joints
-TIME = Axis("time_s", "time [s]", step=PHASE_S)
+TIME = Axis("time_s", "time [s]", step=ref.PHASE_S)
 ERROR = Axis("error", "error [m, rad]", (1e-7, 10.0), log=True)
 
 
@@ -22,46 +20,40 @@ def errors(name: str, title: str, run: Run, over_s: float | None = None) -> Figu
     panels = [error_panel("errors", run), joint_panel("joints", run)]
     if over_s is not None:
         panels.insert(0, alphas.panel("alpha", over_s, run))
-    hierarchies = " ⇒ ".join(PHASES[: len(PHASES) - 1])
+    hierarchies = " ⇒ ".join(ref.PHASES[: len(ref.PHASES) - 1])
     whole = f"{title}: {hierarchies} ⇒ 1 ▷ 2 ▷ 3"
-    return Figure(name, whole, tuple((each,) for each in panels), (10.0, 3.0 * len(panels)))
+    return column(name, whole, panels, (10.0, 3.0 * len(panels)))
 
 
 def error_panel(name: str, run: Run) -> Panel:
     """|e| of each task."""
-    curves = tuple(
-        Curve(f"task {number}, {task}", *_thin(run.time_s, run.errors[task]), colour)
-        for number, (task, colour) in enumerate(zip(TASKS, COLOURS, strict=False), 1)
-        if task in run.errors
-    )
+    curves = lines({
+        f"task {number}, {task}": _thin(run.time_s, run.errors[task])
+        for number, task in enumerate(ref.TASKS, 1) if task in run.errors
+    })  # fmt: skip
     return Panel(name, "errors of the tasks", TIME, ERROR, curves)
 
 
 def joint_panel(name: str, run: Run) -> Panel:
     """Positions of the joints."""
-    curves = tuple(
-        Curve(joint, *_thin(run.time_s, run.q[:, i]), colour)
-        for i, (joint, colour) in enumerate(zip(load(ROBOT).joint_names, COLOURS, strict=True))
-    )
+    curves = joint_curves(run, run.q)
     return Panel(name, "positions of the joints", TIME, Axis("q_rad", "q [rad]"), curves)
+
+
+def joint_curves(run: Run, values: Array) -> list[Curve]:
+    """Values of the joints over time, (N, n), by the joints' names."""
+    names = load(ROBOT).joint_names
+    return lines({name: _thin(run.time_s, values[:, i]) for i, name in enumerate(names)})
 
 
 def jerk(runs: Mapping[str, Run]) -> Figure:
     """Fig. 5."""
-    curves = tuple(
-        Curve(name, *_thin(run.time_s, run.jerk), colour)
-        for (name, run), colour in zip(runs.items(), COLOURS, strict=False)
-    )
-    panel = Panel(
-        "",
-        "of all joints, since the start",
-        TIME,
-        Axis("jerk_rad_per_s2", "∑ ∫|d³q/dt³| dt [rad/s²]", (1.0, 1e5), log=True),
-        curves,
-    )
-    return Figure("fig5", "Fig. 5: integrated absolute jerk", ((panel,),), (9.0, 4.5))
+    curves = lines({name: _thin(run.time_s, run.jerk) for name, run in runs.items()})
+    axis = Axis("jerk_rad_per_s2", "∑ ∫|d³q/dt³| dt [rad/s²]", (1.0, 1e5), log=True)
+    panel = Panel("", "of all joints, since the start", TIME, axis, curves)
+    return column("fig5", "Fig. 5: integrated absolute jerk", [panel], (9.0, 4.5))
 
 
 def _thin(x: Array, y: Array) -> tuple[Array, Array]:
     """Every tenth point."""
-    return np.ascontiguousarray(x[::EVERY]), np.ascontiguousarray(y[::EVERY])
+    return x[::EVERY], y[::EVERY]

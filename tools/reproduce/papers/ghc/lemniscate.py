@@ -15,22 +15,11 @@ from numpy.typing import NDArray
 
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.figures import COLOURS, Array, Axis, Curve, Figure, Panel, column, level
 from hoap3.tools.reproduce.papers.ghc import alphas
-from hoap3.tools.reproduce.papers.ghc.errors_figure import EVERY, TIME, error_panel
-from hoap3.tools.reproduce.papers.ghc.reference import (
-    ELBOW,
-    HAND,
-    LEMNISCATE,
-    PHASES,
-    POSTURE,
-    SPEED_MAX,
-    TORQUE_MAX,
-    TRACKING,
-    W_R,
-)
+from hoap3.tools.reproduce.papers.ghc import reference as ref
+from hoap3.tools.reproduce.papers.ghc.errors_figure import EVERY, TIME, error_panel, joint_curves
 from hoap3.tools.reproduce.papers.ghc.runs import (
-    PHASE_S,
     ROBOT,
     Run,
     position,
@@ -52,8 +41,8 @@ BOUNDS: dict[str, Any] = {
     "kind": "viability",
     "horizon_periods": 10.0,
     "acceleration_max": [100.0],
-    "speed_max": [SPEED_MAX],
-    "torque_max": [TORQUE_MAX],
+    "speed_max": [ref.SPEED_MAX],
+    "torque_max": [ref.TORQUE_MAX],
     "speed_share": 1.0,
     "acceleration_share": 1.0,
     "brake_share": 1.0,
@@ -63,7 +52,7 @@ BOUNDS: dict[str, Any] = {
 
 def track(
     w_r: float,
-    seconds: float = PHASE_S * len(PHASES),
+    seconds: float = ref.PHASE_S * len(ref.PHASES),
     approach_s: float = APPROACH_S,
     **parameters: Any,
 ) -> Run:
@@ -76,21 +65,21 @@ def track(
         "period_s": PERIOD_S,
         "approach_s": approach_s,
     }
-    tasks = three_tasks(position(HAND, target, TRACKING))
+    tasks = three_tasks(position(ref.HAND, target, ref.TRACKING))
     given = {"tasks": tasks, "w_r": w_r, "bounds": BOUNDS, **parameters}
     return switching("ghc", OVER_S, seconds, **given)
 
 
 def track_alone(w_r: float, seconds: float = ALONE_S) -> Run:
     """Only 1 ▷ 3, where nothing contradicts the hand."""
-    order = {"order": [HAND, POSTURE, ELBOW], "inactive": [ELBOW]}
+    order = {"order": [ref.HAND, ref.POSTURE, ref.ELBOW], "inactive": [ref.ELBOW]}
     return track(w_r, seconds, ALONE_APPROACH_S, priorities=order)
 
 
 def run_all(say: Callable[[str], None] = lambda _: None) -> tuple[Run, dict[float, Run]]:
     """All hierarchies at the paper's ω_r, and 1 ▷ 3 at that and at less."""
     say("Figs. 6 to 8: the lemniscate")
-    return track(W_R), {w_r: track_alone(w_r) for w_r in LEMNISCATE}
+    return track(ref.W_R), {w_r: track_alone(w_r) for w_r in ref.LEMNISCATE}
 
 
 def rows(run: Run) -> list[Row]:
@@ -100,10 +89,10 @@ def rows(run: Run) -> list[Row]:
         bounded(f"Fig. 8: ticks at a bound, of {len(run.q)}", None, float(at_bounds(run).sum()),
                 (1.0, None), "The bounds do hold something back; the paper's curve shows it, too"),
     ]  # fmt: skip
-    for phase, task in ((1, HAND), (2, ELBOW), (3, HAND), (4, HAND)):
-        end = (phase + 1) * PHASE_S
+    for phase, task in ((1, ref.HAND), (2, ref.ELBOW), (3, ref.HAND), (4, ref.HAND)):
+        end = (phase + 1) * ref.PHASE_S
         if len(run.q) >= run.rows(0.0, end).stop:
-            item = f"Fig. 7: {PHASES[phase]}, greatest error of the {task}"
+            item = f"Fig. 7: {ref.PHASES[phase]}, greatest error of the {task}"
             ours = float(run.errors[task][run.rows(end - SETTLED_S, end)].max())
             made.append(bounded(item, "precisely", ours, (None, TRACKED_M), _TRACKED, unit="m"))
     return made
@@ -114,8 +103,8 @@ def rows_alone(runs: Mapping[float, Run]) -> list[Row]:
     made = []
     for w_r, run in runs.items():
         item = f"Fig. 7: 1 ▷ 3 alone, ω_r = {w_r:g}, "
-        ours = float(run.errors[HAND][-round(SETTLED_S / run.period_s) :].max())
-        most = LEMNISCATE[w_r]
+        ours = float(run.errors[ref.HAND][-round(SETTLED_S / run.period_s) :].max())
+        most = ref.LEMNISCATE[w_r]
         made.append(
             bounded(f"{item}greatest error of the hand", None, ours, (None, most), _LESS, unit="m")
         )
@@ -124,50 +113,38 @@ def rows_alone(runs: Mapping[float, Run]) -> list[Row]:
 
 def _bounds(item: str, run: Run) -> list[Row]:
     return [
-        bounded(f"{item}greatest |dq|", SPEED_MAX, float(np.abs(run.dq).max()),
-                (None, SPEED_MAX + ROUNDING), _EXACT, unit="rad/s"),
-        bounded(f"{item}greatest |τ|", TORQUE_MAX, float(np.abs(run.tau).max()),
-                (None, TORQUE_MAX + ROUNDING), _EXACT, unit="N m"),
+        bounded(f"{item}greatest |dq|", ref.SPEED_MAX, float(np.abs(run.dq).max()),
+                (None, ref.SPEED_MAX + ROUNDING), _EXACT, unit="rad/s"),
+        bounded(f"{item}greatest |τ|", ref.TORQUE_MAX, float(np.abs(run.tau).max()),
+                (None, ref.TORQUE_MAX + ROUNDING), _EXACT, unit="N m"),
         bounded(f"{item}ticks without an answer", None, run.fallbacks, (0.0, 0.0), _ANSWER),
     ]  # fmt: skip
 
 
 def at_bounds(run: Run) -> NDArray[np.bool_]:
     """Ticks at which some speed or torque is at its bound, (N,)."""
-    speeds = np.abs(run.dq) >= SPEED_MAX * (1.0 - AT_BOUND)
-    torques = np.abs(run.tau) >= TORQUE_MAX * (1.0 - AT_BOUND)
+    speeds = np.abs(run.dq) >= ref.SPEED_MAX * (1.0 - AT_BOUND)
+    torques = np.abs(run.tau) >= ref.TORQUE_MAX * (1.0 - AT_BOUND)
     return np.asarray((speeds | torques).any(axis=1))
 
 
 def draw(run: Run) -> list[Figure]:
     """Figs. 6 to 8."""
-    time = TIME
-    errors = Figure(
-        "fig7",
-        "Fig. 7: the hand on a lemniscate",
-        ((alphas.panel("alpha", OVER_S, run),), (error_panel("errors", run),)),
-        (10.0, 6.5),
-    )
-    names = load(ROBOT).joint_names
-    joints = tuple(zip(names, COLOURS, strict=True))
+    above = [alphas.panel("alpha", OVER_S, run), error_panel("errors", run)]
+    errors = column("fig7", "Fig. 7: the hand on a lemniscate", above, (10.0, 6.5))
     cells = (
-        ("speeds", run.dq, Axis("dq_rad_per_s", "joint velocities [rad/s]"), SPEED_MAX),
-        ("torques", run.tau, Axis("tau_n_m", "joint torques [N m]"), TORQUE_MAX),
+        ("speeds", run.dq, Axis("dq_rad_per_s", "joint velocities [rad/s]"), ref.SPEED_MAX),
+        ("torques", run.tau, Axis("tau_n_m", "joint torques [N m]"), ref.TORQUE_MAX),
     )
     panels = []
     for name, values, axis, most in cells:
-        curves = [
-            Curve(joint, run.time_s[::EVERY], values[::EVERY, i].copy(), colour)
-            for i, (joint, colour) in enumerate(joints)
-        ]
-        ends = run.time_s[[0, -1]]
-        curves += [
-            Curve(f"{side} bound", ends, np.full(2, value), INK, dash="--", legend="bounds")
+        bounds = [
+            level(f"{side} bound", run.time_s[[0, -1]], value, legend="bounds")
             for side, value in (("upper", most), ("lower", -most))
         ]
-        panels.append((Panel(name, "", time, axis, tuple(curves)),))
-    bounds = Figure("fig8", "Fig. 8: speeds and torques within bounds", tuple(panels), (10.0, 6.5))
-    return [_path(run), errors, bounds]
+        panels.append(Panel(name, "", TIME, axis, [*joint_curves(run, values), *bounds]))
+    title = "Fig. 8: speeds and torques within bounds"
+    return [_path(run), errors, column("fig8", title, panels, (10.0, 6.5))]
 
 
 def _path(run: Run) -> Figure:
@@ -178,18 +155,13 @@ def _path(run: Run) -> Figure:
     x = HALF_WIDTH_M * np.sin(theta) / (1.0 + np.cos(theta) ** 2)
     desired = CENTER_M[0] + x, CENTER_M[1] + x * np.cos(theta)
     path = hand_path(run.q[shown][::EVERY])
-    panel = Panel(
-        "",
-        "one round of 2π s at 1 ▷ 2 ▷ 3",
-        Axis("x_m", "x [m]"),
-        Axis("y_m", "y [m]"),
-        (
-            Curve("desired", *desired, INK, dash="--"),
-            Curve("of the hand", path[:, 0], path[:, 1], COLOURS[0]),
-        ),
-        square=True,
-    )
-    return Figure("fig6", "Fig. 6: path of the hand", ((panel,),), (8.0, 4.0))
+    curves = [
+        Curve("desired", *desired, dash="--"),
+        Curve("of the hand", path[:, 0], path[:, 1], COLOURS[0]),
+    ]
+    x_m, y_m = Axis("x_m", "x [m]"), Axis("y_m", "y [m]")
+    panel = Panel("", "one round of 2π s at 1 ▷ 2 ▷ 3", x_m, y_m, curves, square=True)
+    return column("fig6", "Fig. 6: path of the hand", [panel], (8.0, 4.0))
 
 
 def hand_path(q: Array) -> Array:

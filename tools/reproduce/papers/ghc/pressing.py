@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 from hoap3.remote_controller.config import read_config
-from hoap3.tools.reproduce.figures import COLOURS, INK, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.figures import COLOURS, Axis, Curve, Figure, Panel, column, level, lines
 from hoap3.tools.reproduce.papers.ghc.reference import ELBOW, FORCE_N, HAND, POSTURE
 from hoap3.tools.reproduce.papers.ghc.runs import Run, run_of
 from hoap3.tools.reproduce.rows import Row, bounded, measured, near
@@ -87,38 +87,21 @@ def draw(run: Run) -> list[Figure]:
     """Fig. 10; Fig. 9, a photograph of the simulator, as height over the plane is in its place."""
     time = Axis("time_s", "time [s]")
     thin = run.time_s[::EVERY]
-    alpha = Panel(
-        "alpha",
-        "",
-        time,
-        Axis("alpha", "α [1]", (-0.05, 1.05)),
-        tuple(
-            Curve(f"α_{i + 1}{j + 1}", thin, run.alpha[::EVERY, i, j].copy(), colour)
-            for (i, j), colour in zip(((0, 1), (1, 0)), COLOURS, strict=False)
-        ),
-    )
-    errors = Panel(
-        "errors",
-        "hand: all three directions until it touches, then only the horizontal ones",
-        time,
-        Axis("error_m", "error [m]", (1e-5, 1.0), log=True),
-        tuple(
-            Curve(name, thin, run.errors[name][::EVERY], colour)
-            for name, colour in zip((HAND, ELBOW), COLOURS, strict=False)
-        ),
-    )
-    force = Panel(
-        "force",
-        "",
-        time,
-        Axis("force_n", "force on the plane [N]", (-0.5, 15.0)),
-        (
-            Curve("desired", run.time_s[[0, -1]], np.full(2, FORCE_N), INK, dash="--"),
-            Curve("measured", run.time_s, run.force, COLOURS[0]),
-        ),
-    )
+    pairs = {f"α_{i + 1}{j + 1}": (thin, run.alpha[::EVERY, i, j]) for i, j in ((0, 1), (1, 0))}
+    off = {name: (thin, run.errors[name][::EVERY]) for name in (HAND, ELBOW)}
+    force = [
+        level("desired", run.time_s[[0, -1]], FORCE_N),
+        Curve("measured", run.time_s, run.force, COLOURS[0]),
+    ]
+    errors = "hand: all three directions until it touches, then only the horizontal ones"
+    panels = [
+        Panel("alpha", "", time, Axis("alpha", "α [1]", (-0.05, 1.05)), lines(pairs)),
+        Panel("errors", errors, time, Axis("error_m", "error [m]", (1e-5, 1.0), log=True),
+              lines(off)),
+        Panel("force", "", time, Axis("force_n", "force on the plane [N]", (-0.5, 15.0)), force),
+    ]  # fmt: skip
     title = "Figs. 9 and 10: 2 ▷ 1 ▷ 3 ⇒ 1 ▷ 2 ▷ 3, the hand comes down and presses"
-    return [Figure("fig10", title, ((alpha,), (errors,), (force,)), (10.0, 8.5))]
+    return [column("fig10", title, panels, (10.0, 8.5))]
 
 
 _FORCE = (

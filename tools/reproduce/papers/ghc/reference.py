@@ -7,6 +7,11 @@ computed without this code, with a robot of the same masses.
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
 HAND, ELBOW, POSTURE = TASKS = ("hand", "elbow", "posture")
 """Tasks 1, 2 and 3."""
 
@@ -70,3 +75,34 @@ WEIGHED = {
 
 FORCE_N = 10.0
 """Desired force of Figs. 9 and 10. Not in the paper, which shows a curve."""
+
+PHASE_S = 8.0
+"""How long each hierarchy lasts."""
+
+ABOVE = (
+    ((0, 1), (0, 2), (1, 2)),
+    ((1, 0), (2, 0), (2, 1)),
+    ((0, 1), (2, 0), (2, 1)),
+    ((2, 0), (1, 0), (1, 1), (1, 2)),
+    ((1, 0), (2, 0), (2, 1)),
+)
+"""Where α is 1, by phase: (i, j) says that task j stands above task i. In the fourth, task 2 takes
+no part: it is kept out of everything, also of itself, and is in nobody's way."""
+
+
+def hierarchy(phase: int) -> Array:
+    """The matrix of a phase, (3, 3)."""
+    found = np.zeros((3, 3))
+    for pair in ABOVE[phase]:
+        found[pair] = 1.0
+    return found
+
+
+def expected(time_s: Array, over_s: float, phase_s: float = PHASE_S) -> Array:
+    """The matrix by (15), without the code that the controller uses, (N, 3, 3)."""
+    found = np.tile(hierarchy(0), (len(time_s), 1, 1))
+    for phase in range(1, len(PHASES)):
+        passed = np.clip((time_s - phase * phase_s) / over_s, 0.0, 1.0)
+        share = 0.5 - 0.5 * np.cos(np.pi * passed)
+        found += share[:, None, None] * (hierarchy(phase) - hierarchy(phase - 1))
+    return found

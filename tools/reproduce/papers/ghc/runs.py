@@ -19,21 +19,10 @@ import yaml
 
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.reproduce.figures import Array
-from hoap3.tools.reproduce.papers.ghc.reference import (
-    ELBOW,
-    ELBOW_M,
-    HAND,
-    HAND_M,
-    PHASES,
-    POSTURE,
-    START,
-    STATIC,
-    W_R,
-)
+from hoap3.tools.reproduce.papers.ghc import reference as ref
 from hoap3.tools.simulate import Simulation, simulate
 
 ROBOT = "lwr"
-PHASE_S = 8.0
 END_S = 0.5  # of a phase, over which its errors are averaged: some rest in small oscillations
 FAR, FAST, QUICK = 100.0, 10.0, 2000.0  # rad, rad/s, rad/s²: of the arm without ends
 NO_BOUNDS = {"kind": "none"}
@@ -79,7 +68,7 @@ class Run:
         """Ticks of a time."""
         return slice(round(start_s / self.period_s), round(end_s / self.period_s))
 
-    def end(self, phase: int, phase_s: float = PHASE_S) -> slice:
+    def end(self, phase: int, phase_s: float = ref.PHASE_S) -> slice:
         """Ticks of the last `END_S` of a phase."""
         return self.rows((phase + 1) * phase_s - END_S, (phase + 1) * phase_s)
 
@@ -128,8 +117,8 @@ def free_arm(folder: Path) -> str:
         "name": f"{ROBOT}_without_ends",
         "urdf": "arm.urdf",
         "joints": [{"name": name, **limits} for name in robot.joint_names],
-        "postures": {START: [float(each) for each in robot.postures[START]]},
-        "initial_posture": START,
+        "postures": {ref.START: [float(each) for each in robot.postures[ref.START]]},
+        "initial_posture": ref.START,
         "period_s": robot.period_s,
         "command_kinds": ["torque"],
         "base_frame": robot.base_frame,
@@ -159,17 +148,17 @@ def follow(
     plant = {"gravity": gravity, "substeps": 1}
     with tempfile.TemporaryDirectory() as folder:
         name = ROBOT if ends else free_arm(Path(folder))
-        robot = {"robot": name, "posture": START, "command": "torque", "plant": plant}
+        robot = {"robot": name, "posture": ref.START, "command": "torque", "plant": plant}
         paper = {"null_damping_per_s": 0.0}  # its (12) and (13) have no task but those named
         config = {"controller": controller, "parameters": {**paper, **parameters}}
         return run_of(simulate(robot, config, seconds))
 
 
 def position(
-    name: str, target: Mapping[str, Any], gains: tuple[float, float] = STATIC
+    name: str, target: Mapping[str, Any], gains: tuple[float, float] = ref.STATIC
 ) -> dict[str, Any]:
     """The task that brings hand or elbow to a target."""
-    frame = {HAND: "ee", ELBOW: "elbow"}[name]
+    frame = {ref.HAND: "ee", ref.ELBOW: "elbow"}[name]
     kp, kd = gains
     named = {"name": name, "kind": "position", "frame": frame}
     return {**named, "kp": kp, "kd": kd, "target": dict(target)}
@@ -182,22 +171,23 @@ def point(place: tuple[float, float, float]) -> dict[str, Any]:
 
 def three_tasks(hand: dict[str, Any] | None = None) -> list[dict[str, Any]]:
     """Hand, elbow and posture, with targets that contradict each other."""
+    kp, kd = ref.STATIC
     return [
-        hand or position(HAND, point(HAND_M)),
-        position(ELBOW, point(ELBOW_M)),
-        {"name": POSTURE, "kind": "posture", "posture": START, "kp": STATIC[0], "kd": STATIC[1]},
+        hand or position(ref.HAND, point(ref.HAND_M)),
+        position(ref.ELBOW, point(ref.ELBOW_M)),
+        {"name": ref.POSTURE, "kind": "posture", "posture": ref.START, "kp": kp, "kd": kd},
     ]
 
 
-def priorities(over_s: float, seconds: float, phase_s: float = PHASE_S) -> dict[str, Any]:
+def priorities(over_s: float, seconds: float, phase_s: float = ref.PHASE_S) -> dict[str, Any]:
     """The hierarchies of `PHASES`, of `phase_s` each, with transitions of `over_s`."""
-    down = [HAND, ELBOW, POSTURE]
+    down = [ref.HAND, ref.ELBOW, ref.POSTURE]
     changes: list[dict[str, Any]] = [
         {"at_s": 1.0 * phase_s, "order": down, "over_s": over_s},
-        {"at_s": 2.0 * phase_s, "order": [ELBOW, HAND, POSTURE], "over_s": over_s},
-        {"at_s": 3.0 * phase_s, "remove": ELBOW, "over_s": over_s},
+        {"at_s": 2.0 * phase_s, "order": [ref.ELBOW, ref.HAND, ref.POSTURE], "over_s": over_s},
+        {"at_s": 3.0 * phase_s, "remove": ref.ELBOW, "over_s": over_s},
         {"at_s": 3.5 * phase_s, "order": down},  # for when the elbow takes part again
-        {"at_s": 4.0 * phase_s, "insert": ELBOW, "over_s": over_s},
+        {"at_s": 4.0 * phase_s, "insert": ref.ELBOW, "over_s": over_s},
     ]
     timeline = [change for change in changes if change["at_s"] < seconds]
     return {"order": down[::-1], "timeline": timeline}
@@ -206,7 +196,7 @@ def priorities(over_s: float, seconds: float, phase_s: float = PHASE_S) -> dict[
 def switching(
     controller: str,
     over_s: float,
-    seconds: float = PHASE_S * len(PHASES),
+    seconds: float = ref.PHASE_S * len(ref.PHASES),
     *,
     gravity: str = "none",
     ends: bool = False,
@@ -216,7 +206,7 @@ def switching(
     given: dict[str, Any] = {
         "tasks": three_tasks(),
         "priorities": priorities(over_s, seconds),
-        "w_r": W_R,
+        "w_r": ref.W_R,
         "bounds": NO_BOUNDS,
         **({"regularise": "torque"} if controller == "ghc" else {}),
         **parameters,

@@ -10,10 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from hoap3.tools.reproduce.papers.ghc.reference import ELBOW, HAND, POSTURE, TABLE_1, W_R
+from hoap3.tools.reproduce.papers.ghc import reference as ref
 from hoap3.tools.reproduce.papers.ghc.runs import (
     NO_BOUNDS,
-    PHASE_S,
     Run,
     follow,
     switching,
@@ -24,8 +23,8 @@ from hoap3.tools.reproduce.rows import Row, bounded, measured
 FAST_S, SLOW_S = 0.005, 2.0
 """Durations of transitions in Figs. 3 and 4."""
 
-TABLED = len(TABLE_1["GHC"])  # phases of the table; the last of the figures is not in it
-TABLE_S = TABLED * PHASE_S
+TABLED = len(ref.TABLE_1["GHC"])  # phases of the table; the last of the figures is not in it
+TABLE_S = TABLED * ref.PHASE_S
 HQP_DAMPING = 1e-3
 SMOOTHING = 0.02
 SMALL_W_R = 1e-4
@@ -73,17 +72,17 @@ def run_all(say: Callable[[str], None] = lambda _: None) -> Switching:
         slow,
         hqp,
         switching("ghc", FAST_S, TABLE_S, smoothing=SMOOTHING),
-        switching("ghc", FAST_S, 3.0 * PHASE_S, ends=True, bounds={}),
+        switching("ghc", FAST_S, 3.0 * ref.PHASE_S, ends=True, bounds={}),
         gravity,
         sagging(SMALL_W_R),
     )
 
 
-def sagging(w_r: float, seconds: float = PHASE_S) -> Run:
+def sagging(w_r: float, seconds: float = ref.PHASE_S) -> Run:
     """Only 1 ▷ 3, with gravity and |τ|²."""
     parameters = {
         "tasks": three_tasks(),
-        "priorities": {"order": [HAND, POSTURE, ELBOW], "inactive": [ELBOW]},
+        "priorities": {"order": [ref.HAND, ref.POSTURE, ref.ELBOW], "inactive": [ref.ELBOW]},
         "w_r": w_r,
         "regularise": "torque",
         "bounds": NO_BOUNDS,
@@ -129,5 +128,5 @@ def jerk_rows(runs: Mapping[str, Run]) -> list[Row]:
 _CURVE = (
     "The paper shows a curve without figures; inertia, start and targets, on which it depends, are "
     f"not printed. Qualitative: only the order is judged. HQP with damping {HQP_DAMPING:g}, GHC "
-    f"with ω_r = {W_R:g}"
+    f"with ω_r = {ref.W_R:g}"
 )

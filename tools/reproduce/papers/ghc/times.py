@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from hoap3.tools.bench.hierarchy import HEADLINE, OURS, PAPER_MS, TASKS, bench_hierarchy
-from hoap3.tools.reproduce.figures import COLOURS, INK, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.figures import COLOURS, Axis, Curve, Figure, Panel, mark
 from hoap3.tools.reproduce.rows import Row, bounded, measured
 
 SAMPLES = 10
@@ -57,14 +57,11 @@ def draw(timed: list[dict[str, Any]]) -> Figure:
             y = np.array([1e-3 * row["p50_us"] for row in picked])
             label = "GHC as here" if solver == OURS else f"(13) by {solver}"
             curves.append(Curve(label, x, y, colour, marker="o"))
-        place, paper = np.array([float(HEADLINE)]), np.array([PAPER_MS[robot]])
-        curves.append(Curve("the paper, mean", place, paper, INK, dash="", marker="X"))
-        panels.append(
-            Panel(robot, name, Axis("tasks", "tasks [1]", step=1.0),
-                  Axis("time_ms", "time of one solution [ms]", log=True), tuple(curves))
-        )  # fmt: skip
+        curves.append(mark("the paper, mean", float(HEADLINE), PAPER_MS[robot], "X"))
+        axis = Axis("time_ms", "time of one solution [ms]", log=True)
+        panels.append(Panel(robot, name, Axis("tasks", "tasks [1]", step=1.0), axis, curves))
     title = "Fig. 12: absolute times are of other hardware, only the trends compare"
-    return Figure("fig12", title, (tuple(panels),), (12.0, 4.5))
+    return Figure("fig12", title, [panels], (12.0, 4.5))
 
 
 def _solvers(timed: list[dict[str, Any]]) -> list[str]:

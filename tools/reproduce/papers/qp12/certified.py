@@ -146,33 +146,21 @@ def panels(runs: dict[str, CertifiedRun]) -> dict[str, Panel]:
             if given is not None:
                 style: dict[str, Any] = {"colour": INK, "dash": ":", "legend": "V̇ as given"}
                 curves.append(time_curve(f"{label}, given", done, given(done), **style))
-        return Panel(name, title, time_axis(runs), y, tuple(curves))
+        return Panel(name, title, time_axis(runs), y, curves)
 
     names = tuple(sorted(STATUS, key=lambda name: STATUS[name]))
     shown = tuple(name.replace("_", " ") for name in names)
-    found = (
+    found = [
         panel("v", "V", Axis("V_m2", "V [m²]", log=True), lambda run: run.v),
-        panel(
-            "v_rate",
-            "−V̇, required and given (dotted)",
-            Axis("minus_V_rate_m2_per_s", "−V̇ [m²/s]", log=True),
-            lambda run: -run.required,
-            lambda run: -run.given,
-        ),
+        panel("v_rate", "−V̇, required and given (dotted)",
+              Axis("minus_V_rate_m2_per_s", "−V̇ [m²/s]", log=True),
+              lambda run: -run.required, lambda run: -run.given),
         panel("rho", "ρ, the share of Ψ", Axis("rho", "ρ", (-0.05, 1.1)), lambda run: run.rho),
-        panel(
-            "margin",
-            "smallest margin of all constraints",
-            Axis("margin_m_or_rad", "margin [m or rad]"),
-            lambda run: run.margin,
-        ),
-        panel(
-            "status",
-            "certificate",
-            Axis("status", "", (-0.5, len(shown) - 0.5), names=shown),
-            lambda run: run.status.astype(np.float64),
-        ),
-    )
+        panel("margin", "smallest margin of all constraints",
+              Axis("margin_m_or_rad", "margin [m or rad]"), lambda run: run.margin),
+        panel("status", "certificate", Axis("status", "", (-0.5, len(shown) - 0.5), names=shown),
+              lambda run: run.status.astype(np.float64)),
+    ]  # fmt: skip
     return {each.name: each for each in found}
 
 

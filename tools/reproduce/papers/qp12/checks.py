@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hoap3.tools.reproduce.papers.qp12 import reference
+from hoap3.tools.reproduce.papers.qp12 import reference as ref
 from hoap3.tools.reproduce.papers.qp12.experiments import (
     BETA,
     START_M,
@@ -14,14 +14,7 @@ from hoap3.tools.reproduce.papers.qp12.experiments import (
     joint_names,
     sole,
 )
-from hoap3.tools.reproduce.papers.qp12.reference import (
-    EVEN,
-    PINV,
-    SPARSE,
-    SPARSE_CONSTANT,
-    TRIALS,
-    Law,
-)
+from hoap3.tools.reproduce.papers.qp12.reference import Law
 from hoap3.tools.reproduce.rows import Row, between, bounded, measured, near
 
 PAPERS_WAY_M = 0.0185
@@ -61,9 +54,9 @@ def fig4(trials: Trials) -> list[Row]:
     why = "As the paper, to its digits: its posture is not published, and ours is made so"
     rows = [
         near(f"Fig. 4: {axis} of m(q0)", *(it, m0, it, why), unit="m", absolute=HALF_A_DIGIT_M)
-        for axis, it, m0 in zip("xyz", START_M, trials["C", EVEN].com[0], strict=True)
+        for axis, it, m0 in zip("xyz", START_M, trials["C", ref.EVEN].com[0], strict=True)
     ]
-    travelled = {case: float(np.ptp(trials[case, EVEN].com[:, 0])) for case in ("A", "C")}
+    travelled = {case: float(np.ptp(trials[case, ref.EVEN].com[:, 0])) for case in ("A", "C")}
     item, why = "Fig. 4: ΔCoM_x at γ = 0, case", "With Ψ as printed it has not arrived after 3 s"
     rows += [
         measured(f"{item} A", PAPERS_WAY_M, travelled["A"], why, unit="m"),
@@ -73,21 +66,21 @@ def fig4(trials: Trials) -> list[Row]:
     margin = min(
         float((corner - np.abs(motion.com[:, :2])).min())
         for (_, law), motion in trials.items()
-        if law in TRIALS
+        if law in ref.TRIALS
     )
     item, why = "Fig. 4: least distance to the sole's edge", "The paths stay inside, as drawn"
-    return [*rows, near(item, "inside", margin, reference.SOLE_MARGIN_M, why, unit="m")]
+    return [*rows, near(item, "inside", margin, ref.SOLE_MARGIN_M, why, unit="m")]
 
 
 def fig5(trials: Trials) -> list[Row]:
     """How fast V falls, and that it never rises."""
     rows = []
     for case, why in (("A", _SLOW), ("C", _FAST)):
-        shares = [trials[case, law].v[400] / trials[case, law].v[0] for law in TRIALS]
+        shares = [trials[case, law].v[400] / trials[case, law].v[0] for law in ref.TRIALS]
         for name, share in (("least", min(shares)), ("greatest", max(shares))):
             item = f"Fig. 5a: V(400 ms)/V(0), {name} of 11 trials, case {case}"
-            rows.append(between(item, "about 0", share, reference.V_AT_400_MS[case], why))
-    for (case, law), ms in reference.MILLIMETRE_MS.items():
+            rows.append(between(item, "about 0", share, ref.V_AT_400_MS[case], why))
+    for (case, law), ms in ref.MILLIMETRE_MS.items():
         item = f"Fig. 5a: time to |e| < 1 mm, {law}, case {case}"
         why = _SLOW if case == "A" else _FAST
         rows.append(near(item, "about 400", trials[case, law].arrival_ms, ms, why, unit="ms"))
@@ -99,7 +92,7 @@ def fig5(trials: Trials) -> list[Row]:
         "C": (float(np.sqrt(len(joint_names()))), "Without 1/√n the bound is √n times that"),
     }
     for case, (limit, why) in limits.items():
-        ratio = max(_share_of_bound(trials[case, law]) for law in TRIALS)
+        ratio = max(_share_of_bound(trials[case, law]) for law in ref.TRIALS)
         item = f"Fig. 5: greatest |u_i| / (u_max·R), (17), case {case}"
         rows.append(bounded(item, "at most 1", ratio, (None, limit), why))
     return rows
@@ -115,14 +108,14 @@ def fig6(trials: Trials) -> list[Row]:
             joints,
             _why_so_many(case, law),
         )
-        for (case, law), joints in reference.ACTIVE.items()
+        for (case, law), joints in ref.ACTIVE.items()
     ]
 
 
 def fig7(trials: Trials, plain: Motion) -> list[Row]:
     """Number of active joints over time, and which they are."""
     rows = []
-    for (case, law), joints in reference.ACTIVE_AT_START.items():
+    for (case, law), joints in ref.ACTIVE_AT_START.items():
         item = f"Fig. 7: active joints at the start, {law}, case {case}"
         rows.append(near(item, 18, trials[case, law].active_count[0], joints, _EIGHTEEN))
     why = "The law, without Ψ, that the paper's 18 fits"
@@ -133,9 +126,9 @@ def fig7(trials: Trials, plain: Motion) -> list[Row]:
     }
     for name, (paper, ours, unit) in found.items():
         item = f"Fig. 7: plain law u = −10 J⁺e, {name}"
-        rows.append(near(item, paper, ours, reference.PLAIN_PINV[name], why, unit=unit))
+        rows.append(near(item, paper, ours, ref.PLAIN_PINV[name], why, unit=unit))
     why = "More than before 400 ms, as the paper: γ falls near the target"
-    for (case, law), joints in reference.ACTIVE_AFTER_400_MS.items():
+    for (case, law), joints in ref.ACTIVE_AFTER_400_MS.items():
         item = f"Fig. 7: active joints from 400 ms to 1 s, {law}, case {case}"
         rows.append(near(item, "more", trials[case, law].mean_active(400, 1000), joints, why))
     return [*rows, *_ankle(trials, "A"), *_ankle(trials, "C")]
@@ -146,36 +139,36 @@ def fig8(trials: Trials) -> list[Row]:
     rows = []
     why = "What the adaptive γ is for; counted over the last 100 ms before |e| < 1 mm"
     for case in ("A", "C"):
-        motion = trials[case, SPARSE_CONSTANT]
-        item = f"Fig. 8: starts and stops of joints, {SPARSE_CONSTANT}, case {case}"
+        motion = trials[case, ref.SPARSE_CONSTANT]
+        item = f"Fig. 8: starts and stops of joints, {ref.SPARSE_CONSTANT}, case {case}"
         rate = _switches_per_s(motion.until_a_millimetre.active[-SLIDING_TICKS:])
-        known = reference.SWITCHES_PER_S[SPARSE_CONSTANT]
+        known = ref.SWITCHES_PER_S[ref.SPARSE_CONSTANT]
         rows.append(near(item, "chattering", rate, known, why, unit="1/s"))
-    item = f"Fig. 8: starts and stops of joints, {SPARSE}, case C"
-    rate = _switches_per_s(trials["C", SPARSE].until_a_millimetre.active)
+    item = f"Fig. 8: starts and stops of joints, {ref.SPARSE}, case C"
+    rate = _switches_per_s(trials["C", ref.SPARSE].until_a_millimetre.active)
     why = f"{_AS_PAPER}: one in all, until |e| < 1 mm"
-    rows.append(near(item, "none", rate, reference.SWITCHES_PER_S[SPARSE], why, unit="1/s"))
+    rows.append(near(item, "none", rate, ref.SWITCHES_PER_S[ref.SPARSE], why, unit="1/s"))
     item = "Fig. 8: greatest |u_i| of all trials"
     fastest = max(float(np.abs(motion.u).max()) for motion in trials.values())
     why = f"Below u_max = {U_MAX} rad/s, as the paper, even without 1/√n"
-    rows.append(near(item, "at most 0.6", fastest, reference.FASTEST_RAD_S, why, unit="rad/s"))
+    rows.append(near(item, "at most 0.6", fastest, ref.FASTEST_RAD_S, why, unit="rad/s"))
     return rows
 
 
 def _ankle(trials: Trials, case: str) -> list[Row]:
     """Who moves at constant γ = 0.99: the joint that is fastest, tick by tick, until 1 mm."""
     names = joint_names()
-    motion = trials[case, SPARSE_CONSTANT].until_a_millimetre
+    motion = trials[case, ref.SPARSE_CONSTANT].until_a_millimetre
     fastest = np.abs(motion.u).argmax(axis=1)
     rows = []
     why = "The paper names both joints, but no shares. The reference has whole percents: ± 1 point"
-    for name, known in reference.ANKLE_SHARES.items():
-        item = f"Fig. 7: share of time of {name}, {SPARSE_CONSTANT}, case {case}"
+    for name, known in ref.ANKLE_SHARES.items():
+        item = f"Fig. 7: share of time of {name}, {ref.SPARSE_CONSTANT}, case {case}"
         share = float(np.mean(fastest == names.index(name)))
         rows.append(near(item, None, share, known, why, absolute=0.01))
-    ankle = [names.index(name) for name in reference.ANKLE_SHARES]
+    ankle = [names.index(name) for name in ref.ANKLE_SHARES]
     others = float(np.delete(motion.active, ankle, axis=1).any(axis=0).sum())
-    item = f"Fig. 7: other joints that ever move, {SPARSE_CONSTANT}, case {case}"
+    item = f"Fig. 7: other joints that ever move, {ref.SPARSE_CONSTANT}, case {case}"
     why = f"{_AS_PAPER}: pitch and roll of the right ankle"
     return [*rows, bounded(item, 0, others, (0.0, 0.0), why)]
 
@@ -194,17 +187,17 @@ def _switches_per_s(active: np.ndarray) -> float:
 
 def _printed(law: Law) -> float | str | None:
     """Active joints in the paper's text."""
-    if law in {PINV, EVEN}:
+    if law in {ref.PINV, ref.EVEN}:
         return 18
     if law == Law(0.1):
         return 6
-    return "1 to 2" if law.gamma == SPARSE.gamma else None
+    return "1 to 2" if law.gamma == ref.SPARSE.gamma else None
 
 
 def _why_so_many(case: str, law: Law) -> str:
-    if law in {PINV, EVEN}:
+    if law in {ref.PINV, ref.EVEN}:
         return _EIGHTEEN
-    if law == SPARSE_CONSTANT:
+    if law == ref.SPARSE_CONSTANT:
         return f"{_AS_PAPER}: one at a time, two where they change"
     if not law.adaptive:
         return "Not in the paper: what a constant γ does"
@@ -212,6 +205,6 @@ def _why_so_many(case: str, law: Law) -> str:
         return _SPARSER
     if law == Law(0.1):
         return f"{_AS_PAPER}, without 1/√n"
-    if law == SPARSE:
+    if law == ref.SPARSE:
         return "The knee helps near the target, where γ falls; constant γ gives the paper's 1 to 2"
     return _HYPERBOLIC

@@ -21,13 +21,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.reproduce.figures import COLOURS, INK, PALE, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.figures import COLOURS, Array, Curve, Figure, Panel, level, lines, mark
 from hoap3.tools.reproduce.papers.qp12.certified import (
     SHOWN_EVERY,
     CertifiedRun,
@@ -36,53 +36,17 @@ from hoap3.tools.reproduce.papers.qp12.certified import (
     panels,
     run,
 )
-from hoap3.tools.reproduce.papers.qp12.experiments import PERIOD_S, ROBOT, com_path, sole
+from hoap3.tools.reproduce.papers.qp12.drawings import over_the_sole, sole_outline
+from hoap3.tools.reproduce.papers.qp12.experiments import PERIOD_S, ROBOT, com_path
+from hoap3.tools.reproduce.papers.qp12.reference import Ellipse
 from hoap3.tools.reproduce.rows import Row, bounded, near
 
 CONFIG = "com_circulation"
 SECONDS = 16.0
 """Half of it to the curve, and once round it."""
 
+FLOOR = "floor ζ²T/(4η)"
 WAYS = {"forward": 1.0, "backward": -1.0}
-
-
-@dataclass(frozen=True)
-class Ellipse:
-    """What is circulated, in the plane z = center[2].
-
-    Attributes:
-        center: (3,) [m].
-        radii: along x and y [m].
-        speed: ζ [m/s].
-    """
-
-    center: tuple[float, float, float]
-    radii: tuple[float, float]
-    speed: float
-
-    @property
-    def length(self) -> float:
-        """Once round [m], by Ramanujan's formula: exact to 1e-7 for such an ellipse."""
-        a, b = self.radii
-        h = ((a - b) / (a + b)) ** 2
-        return math.pi * (a + b) * (1.0 + 3.0 * h / (10.0 + math.sqrt(4.0 - 3.0 * h)))
-
-    def angle(self, path: Array) -> Array:
-        """Where on the ellipse, without jumps, (ticks,) [rad]."""
-        x, y = (path[:, :2] - self.center[:2]).T / np.array(self.radii)[:, None]
-        return np.asarray(np.unwrap(np.arctan2(y, x)), np.float64)
-
-    def alpha(self, path: Array) -> Array:
-        """Both functions that vanish on it, (ticks, 2) [m]."""
-        d = path - np.array(self.center)
-        level = ((d[:, :2] / np.array(self.radii)) ** 2).sum(axis=1) - 1.0
-        return np.stack([0.5 * math.sqrt(math.prod(self.radii)) * level, d[:, 2]], axis=1)
-
-    def tangent(self, path: Array) -> Array:
-        """Unit vector along it, from x to y, (ticks, 3)."""
-        x, y = (path[:, :2] - self.center[:2]).T / np.array(self.radii)[:, None] ** 2
-        along = np.stack([-y, x, np.zeros_like(x)], axis=1)
-        return np.asarray(along / np.linalg.norm(along, axis=1)[:, None], np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,11 +103,8 @@ def circulate(
         task = content["parameters"]["task"]["parameters"]
         task["direction"] = name
         curve = task["curve_parameters"]
-        ellipse = Ellipse(
-            tuple(curve["center_m"]),
-            tuple(curve["radii_m"]),
-            task["speed_m_s"],
-        )
+        center, radii = tuple(curve["center_m"]), tuple(curve["radii_m"])
+        ellipse = Ellipse(center, radii, task["speed_m_s"])
         done = run(content, seconds)
         path = com_path(done.q)
         found[name] = Circulation(ellipse, way, done, path, unseen(ellipse, done.q, path))
@@ -209,49 +170,29 @@ def _rows(item: str, each: Circulation) -> list[Row]:
 def draw(found: dict[str, Circulation]) -> Figure:
     """Paths over the sole, and their certificates."""
     made = panels({name: each.done for name, each in found.items()})
-    seconds = max(len(each.done.v) for each in found.values()) * PERIOD_S
+    v, colours = made["v"], zip(found.items(), COLOURS, strict=False)
     floors = [
-        Curve(
-            f"floor, {name}",
-            np.array([0.0, seconds]),
-            np.full(2, each.floor),
-            colour,
-            dash="--",
-            legend="floor ζ²T/(4η)",
-        )
-        for (name, each), colour in zip(found.items(), COLOURS, strict=False)
+        level(f"floor, {name}", v.x.limits or (), each.floor, colour=colour, legend=FLOOR)
+        for (name, each), colour in colours
     ]
-    v = made["v"]
-    v = Panel(v.name, "V, and its floor in steps of T", v.x, v.y, (*v.curves, *floors))
+    v = replace(v, title="V, and its floor in steps of T", curves=[*v.curves, *floors])
     title = "Section III-D.2: persistent motion of the centre of mass, both ways round"
     rows = ((_paths(found), v, made["v_rate"]), (made["rho"], made["margin"], made["status"]))
     return Figure("circulation", title, rows, (13.0, 6.5))
 
 
 def _paths(found: dict[str, Circulation]) -> Panel:
-    corners = 1e3 * np.vstack([sole(), sole()[:1]])
-    ellipse = next(iter(found.values())).ellipse
+    first = next(iter(found.values()))
     turn = np.linspace(0.0, 2.0 * math.pi, 181)
-    x, y = (
-        1e3 * (center + radius * wave)
-        for center, radius, wave in zip(
-            ellipse.center, ellipse.radii, (np.cos(turn), np.sin(turn)), strict=False
-        )
-    )
+    (cx, cy, _), (a, b) = first.ellipse.center, first.ellipse.radii
+    paths = {name: 1e3 * each.path[::SHOWN_EVERY] for name, each in found.items()}
+    dashes = ["-" if each.way > 0.0 else "--" for each in found.values()]
+    ellipse = 1e3 * (cx + a * np.cos(turn)), 1e3 * (cy + b * np.sin(turn))
     curves = [
-        Curve("right sole", corners[:, 0], corners[:, 1], PALE, "area"),
-        Curve("ellipse", x, y, INK, dash=":"),
+        sole_outline(),
+        Curve("ellipse", *ellipse, dash=":"),
+        *lines({name: (path[:, 0], path[:, 1]) for name, path in paths.items()}, dashes),
+        mark("start", 1e3 * first.path[0, 0], 1e3 * first.path[0, 1], "o"),
     ]
-    for (name, each), colour in zip(found.items(), COLOURS, strict=False):
-        path, dash = 1e3 * each.path[::SHOWN_EVERY], "-" if each.way > 0.0 else "--"
-        curves.append(Curve(name, path[:, 0], path[:, 1], colour, dash=dash))
-    start = 1e3 * next(iter(found.values())).path[:1]
-    curves.append(Curve("start", start[:, 0], start[:, 1], INK, dash="", marker="o"))
-    return Panel(
-        "path",
-        "centre of mass over the right sole",
-        Axis("x_mm", "x, forward [mm]", (-27.0, 27.0)),
-        Axis("y_mm", "y, left [mm]", (4.0, 40.0)),
-        tuple(curves),
-        square=True,
-    )
+    title = "centre of mass over the right sole"
+    return over_the_sole("path", title, (-27.0, 27.0), (4.0, 40.0), curves)

@@ -2,9 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from hoap3.tools.reproduce.figures import COLOURS, INK, PALE, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.figures import (
+    COLOURS,
+    INK,
+    PALE,
+    Array,
+    Axis,
+    Curve,
+    Figure,
+    Panel,
+    column,
+    level,
+    lines,
+    mark,
+)
 from hoap3.tools.reproduce.papers.qp12.experiments import (
     SECONDS,
     START_M,
@@ -16,6 +31,9 @@ from hoap3.tools.reproduce.papers.qp12.experiments import (
 )
 from hoap3.tools.reproduce.papers.qp12.reference import EVEN, PINV, SPARSE, TRIALS, Law
 
+Limits = tuple[float, float]
+Zoom = tuple[Limits, Limits] | None
+
 CASES = {"A": "A: Ψ as printed, (16)", "C": "C: Ψ without 1/√n"}
 SHOWN = (0.0, 0.3, 0.7, 0.99)
 """γ of Figs. 4 and 8."""
@@ -26,66 +44,49 @@ MEAN_AXIS = Axis("active_joints", "active joints, mean over 400 ms", (0.0, 21.0)
 
 def draw_all(trials: Trials) -> list[Figure]:
     """Every figure of section V that shows a motion."""
-    return [
-        fig4(trials),
-        fig5(trials),
-        fig6(trials),
-        fig7(trials),
-        fig8(trials, "A"),
-        fig8(trials, "C"),
-    ]
+    first = [fig4(trials), fig5(trials), fig6(trials), fig7(trials)]
+    return [*first, *(fig8(trials, case) for case in CASES)]
 
 
 def fig4(trials: Trials) -> Figure:
     """Path of the centre of mass over the right sole."""
-    corners = 1e3 * np.vstack([sole(), sole()[:1]])
     marks = [
-        Curve("right sole", corners[:, 0], corners[:, 1], PALE, "area"),
-        _point("m0", "m₀", START_M, "o"),
-        _point("md", "m_d", TARGET_M, "X"),
+        sole_outline(),
+        mark("m0", 1e3 * START_M[0], 1e3 * START_M[1], "o", legend="m₀"),
+        mark("md", 1e3 * TARGET_M[0], 1e3 * TARGET_M[1], "X", legend="m_d"),
     ]
 
     def panel(case: str) -> Panel:
-        paths = [
-            Curve(f"γ = {gamma:g}", 1e3 * com[:, 0], 1e3 * com[:, 1], colour, dash=dash)
-            for gamma, colour, dash in zip(SHOWN, COLOURS, ("-", "--", "-.", ":"), strict=False)
-            for com in [trials[case, Law(gamma)].com]
-        ]
-        return Panel(
+        coms = {f"γ = {gamma:g}": 1e3 * trials[case, Law(gamma)].com for gamma in SHOWN}
+        paths = {name: (com[:, 0], com[:, 1]) for name, com in coms.items()}
+        return over_the_sole(
             case,
             f"{CASES[case]}; {SECONDS[case]:g} s",
-            Axis("x_mm", "x, forward [mm]", (-60.0, 60.0)),
-            Axis("y_mm", "y, left [mm]", (-42.0, 42.0)),
-            (*marks, *paths),
-            square=True,
+            (-60.0, 60.0),
+            (-42.0, 42.0),
+            [*marks, *lines(paths, ("-", "--", "-.", ":"))],
             zoom=((-11.0, 13.0), (23.0, 30.0)),
         )
 
     title = "Fig. 4: centre of mass over the right sole"
-    return Figure("fig4", title, (tuple(panel(case) for case in CASES),), (10.0, 4.0))
+    return Figure("fig4", title, [[panel(case) for case in CASES]], (10.0, 4.0))
 
 
 def fig5(trials: Trials) -> Figure:
     """V and Ψ over time, 11 trials."""
 
-    def panel(case: str, name: str, label: str, column: str) -> Panel:
+    def panel(case: str, name: str, label: str, axis: str) -> Panel:
         curves = [
             Curve(f"γ = {law.gamma:g}", motion.time_ms, 1e6 * getattr(motion, name), colour)
             for law, colour in zip(TRIALS, _shades(len(TRIALS)), strict=True)
             for motion in [trials[case, law]]
         ]
-        return Panel(f"{name}_{case}", CASES[case], _time(case), Axis(column, label), tuple(curves))
+        return Panel(f"{name}_{case}", CASES[case], _time(case), Axis(axis, label), curves)
 
-    rows = (
-        tuple(panel(case, "v", "V [mm²]", "V_mm2") for case in CASES),
-        tuple(panel(case, "psi", "Ψ [mm²/s]", "Psi_mm2_per_s") for case in CASES),
-    )
-    return Figure(
-        "fig5",
-        "Fig. 5: V and Ψ of 11 trials, which all but coincide; adaptive γ",
-        rows,
-        (10.0, 6.0),
-    )
+    quantities = (("v", "V [mm²]", "V_mm2"), ("psi", "Ψ [mm²/s]", "Psi_mm2_per_s"))
+    rows = [[panel(case, *each) for case in CASES] for each in quantities]
+    title = "Fig. 5: V and Ψ of 11 trials, which all but coincide; adaptive γ"
+    return Figure("fig5", title, rows, (10.0, 6.0))
 
 
 def fig6(trials: Trials) -> Figure:
@@ -96,46 +97,35 @@ def fig6(trials: Trials) -> Figure:
         return np.array([trials[case, law].mean_active(0, 400) for law in laws])
 
     curves = []
-    for case, colour, marker in (("A", COLOURS[0], "o"), ("C", COLOURS[1], "s")):
-        pinv = np.full(2, means(case, [PINV])[0])
+    for case, colour, marker, other in (("A", COLOURS[0], "o", "x"), ("C", COLOURS[1], "s", "+")):
         constant = [law for where, law in trials if where == case and not law.adaptive]
         at = np.array([law.gamma for law in constant], np.float64)
-        name = CASES[case]
+        name, pinv = CASES[case], means(case, [PINV])[0]
+        adaptive, fixed = means(case, list(TRIALS)), means(case, constant)
         curves += [
-            Curve(f"{name}, adaptive γ", gammas, means(case, list(TRIALS)), colour, marker=marker),
-            Curve(
-                f"{name}, constant γ",
-                at,
-                means(case, constant),
-                colour,
-                dash="",
-                marker="x" if case == "A" else "+",
-            ),
-            Curve(f"{name}, PINV", np.array([0.0, 1.0]), pinv, colour, dash="--"),
+            Curve(f"{name}, adaptive γ", gammas, adaptive, colour, marker=marker),
+            Curve(f"{name}, constant γ", at, fixed, colour, dash="", marker=other),
+            level(f"{name}, PINV", (0.0, 1.0), pinv, colour=colour),
         ]
     curves += [
-        Curve("the paper's text, QP12", np.array([0.1]), np.array([6.0]), dash="", marker="*"),
-        Curve(
-            "the paper's text, PINV", np.array([0.0, 1.0]), np.array([18.0, 18.0]), INK, dash=":"
-        ),
+        mark("the paper's text, QP12", 0.1, 6.0, "*"),
+        level("the paper's text, PINV", (0.0, 1.0), 18.0, ":"),
     ]
-    panel = Panel("", "", Axis("gamma", "γ", (-0.02, 1.02)), MEAN_AXIS, tuple(curves))
-    return Figure("fig6", "Fig. 6: joints that move, over γ", ((panel,),), (9.0, 4.5))
+    panel = Panel("", "", Axis("gamma", "γ", (-0.02, 1.02)), MEAN_AXIS, curves)
+    return column("fig6", "Fig. 6: joints that move, over γ", [panel], (9.0, 4.5))
 
 
 def fig7(trials: Trials) -> Figure:
     """Number of active joints over time."""
     laws = {"PINV": PINV, "QP12, γ = 0": EVEN, "QP12, γ = 0.99": SPARSE}
-    styles = list(zip(COLOURS, ("--", "-", "-"), strict=False))
 
     def panel(case: str) -> Panel:
-        curves = []
-        for (name, law), (colour, dash) in zip(laws.items(), styles, strict=True):
-            motion = trials[case, law]
-            curves.append(Curve(name, motion.time_ms, motion.active_count, colour, "steps", dash))
-        return Panel(case, CASES[case], _time(case), ACTIVE_AXIS, tuple(curves))
+        motions = {name: trials[case, law] for name, law in laws.items()}
+        counts = {name: (each.time_ms, each.active_count) for name, each in motions.items()}
+        curves = lines(counts, ("--", "-", "-"), style="steps")
+        return Panel(case, CASES[case], _time(case), ACTIVE_AXIS, curves)
 
-    rows = (tuple(panel(case) for case in CASES),)
+    rows = [[panel(case) for case in CASES]]
     return Figure("fig7", "Fig. 7: active joints over time, adaptive γ", rows, (10.0, 3.6))
 
 
@@ -150,26 +140,20 @@ def fig8(trials: Trials, case: str) -> Figure:
 
     def velocities(gamma: float, motion: Motion) -> Panel:
         order = sorted(range(len(names)), key=lambda i: i in named)  # those with names on top
-        curves = [
-            Curve(
-                names[i],
-                motion.time_ms,
-                motion.u[:, i],
-                named.get(i, PALE),
-                "steps",
-                legend=None if i in named else "other joints",
-            )
-            for i in order
-        ]
+        curves = []
+        for i in order:
+            colour, legend = (named[i], None) if i in named else (PALE, "other joints")
+            curve = Curve(names[i], motion.time_ms, motion.u[:, i], colour, "steps", legend=legend)
+            curves.append(curve)
         axis = Axis("u_rad_s", "u [rad/s]", (-top, top))
-        return Panel(f"u_{gamma:g}", f"γ_far = {gamma:g}", _time(case), axis, tuple(curves))
+        return Panel(f"u_{gamma:g}", f"γ_far = {gamma:g}", _time(case), axis, curves)
 
     def count(gamma: float, motion: Motion) -> Panel:
         curve = Curve("active joints", motion.time_ms, motion.active_count, INK, "steps", legend="")
         title = f"γ_far = {gamma:g}"
-        return Panel(f"active_{gamma:g}", title, _time(case), ACTIVE_AXIS, (curve,))
+        return Panel(f"active_{gamma:g}", title, _time(case), ACTIVE_AXIS, [curve])
 
-    rows = tuple((velocities(*each), count(*each)) for each in motions.items())
+    rows = [[velocities(*each), count(*each)] for each in motions.items()]
     title = f"Fig. 8, case {CASES[case]}: velocities and active joints, adaptive γ"
     return Figure(f"fig8_{case}", title, rows, (10.0, 9.0))
 
@@ -178,9 +162,18 @@ def _time(case: str) -> Axis:
     return Axis("time_ms", "time [ms]", (0.0, 1e3 * SECONDS[case]))
 
 
-def _point(name: str, legend: str, place: tuple[float, ...], marker: str) -> Curve:
-    x, y = (np.array([1e3 * value]) for value in place[:2])
-    return Curve(name, x, y, INK, dash="", marker=marker, legend=legend)
+def sole_outline() -> Curve:
+    """The right sole seen from above [mm]."""
+    corners = 1e3 * np.vstack([sole(), sole()[:1]])
+    return Curve("right sole", corners[:, 0], corners[:, 1], PALE, "area")
+
+
+def over_the_sole(
+    name: str, title: str, x: Limits, y: Limits, curves: Sequence[Curve], zoom: Zoom = None
+) -> Panel:
+    """A panel in the plane of the sole [mm]."""
+    x_mm, y_mm = Axis("x_mm", "x, forward [mm]", x), Axis("y_mm", "y, left [mm]", y)
+    return Panel(name, title, x_mm, y_mm, curves, square=True, zoom=zoom)
 
 
 def _shades(count: int) -> list[str]:

@@ -18,12 +18,10 @@ from hoap3.remote_controller.solvers import DescentRate, lp_norm, pinv_plain
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.reproduce.figures import COLOURS, Array, Axis, Curve, Figure, Panel
 from hoap3.tools.reproduce.papers.qp12.experiments import BETA, FRAME, ROBOT, TARGET_M, U_MAX
+from hoap3.tools.reproduce.papers.qp12.reference import EXACT, least, norm
 from hoap3.tools.reproduce.rows import Row, bounded, near
 
 POWERS = (0.5, 1.0, 1.2, 1.5, 2.0, 4.0, math.inf)
-SWEEPS = 400  # over all pairs of joints, at most
-EXACT = 1e-6  # relative: how well a descent finds a norm
-SECTIONS = 60  # by the golden ratio
 NEAR_ONE = 1.001
 
 
@@ -59,57 +57,6 @@ def solve(powers: tuple[float, ...] = POWERS) -> Answers:
     distance = float(np.linalg.norm(error))
     psi = DescentRate("one", u_max=U_MAX, beta=BETA)(0.5 * distance**2, gradient, distance)
     return Answers(gradient, psi, {p: lp_norm(gradient, psi, p) for p in powers})
-
-
-def norm(u: Array, p: float) -> float:
-    """|u|_p, whatever p > 0."""
-    size = float(np.abs(u).max())
-    if math.isinf(p) or size == 0.0:
-        return size
-    return float(size * (np.abs(u / size) ** p).sum() ** (1.0 / p))
-
-
-def least(gradient: Array, decrease: float, p: float) -> float:
-    """The least |u|_p with gradient·u = −decrease, without formula (9)."""
-    if math.isinf(p):
-        return decrease / float(np.abs(gradient).sum())
-    a = gradient[gradient != 0.0]
-    if p <= 1.0:
-        return decrease / float(np.abs(a).max())
-    u = np.zeros_like(a)
-    first = int(np.abs(a).argmax())
-    u[first] = -decrease / a[first]
-    for _ in range(SWEEPS):
-        before = norm(u, p)
-        for i in range(len(a)):
-            for j in range(i):
-                _exchange(u, a, i, j, p)
-        if before - norm(u, p) <= 1e-3 * EXACT * before:
-            break
-    return norm(u, p)
-
-
-def _exchange(u: Array, a: Array, i: int, j: int, p: float) -> None:
-    """Give one joint's share to another as far as |u_i|^p + |u_j|^p falls, by golden section.
-
-    Along (a_j, −a_i), which leaves a·u as it is, the sum is convex, and least somewhere between
-    the places where either joint stands still.
-    """
-    x, y, slope_x, slope_y = float(u[i]), float(u[j]), float(a[j]), -float(a[i])
-    low, high = sorted((-x / slope_x, -y / slope_y))
-
-    def cost(step: float) -> float:
-        return float(abs(x + step * slope_x) ** p + abs(y + step * slope_y) ** p)
-
-    golden = (math.sqrt(5.0) - 1.0) / 2.0
-    for _ in range(SECTIONS):
-        left, right = high - golden * (high - low), low + golden * (high - low)
-        if cost(left) <= cost(right):
-            high = right
-        else:
-            low = left
-    step = 0.5 * (low + high)
-    u[i], u[j] = x + step * slope_x, y + step * slope_y
 
 
 def rows(found: Answers) -> list[Row]:

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
 from hoap3.protocol.errors import InfeasibleError
 from hoap3.remote_controller.solvers import feasible_rate, lyapunov_qp
 from hoap3.tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.papers.qp12.reference import cut_polygon
 from hoap3.tools.reproduce.rows import Row, bounded, near
 
 A = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0], [1.0, 1.0]])
@@ -90,18 +90,7 @@ def by_solvers(case: Case) -> Array:
 
 def by_geometry(case: Case) -> Array:
     """Ends of the feasible set, (2, 2), where the line cuts the polygon's edges, or (0, 2)."""
-    levels = CORNERS @ case.gradient + case.decrease
-    levels[np.abs(levels) < 1e-12] = 0.0
-    found = [corner for corner, level in zip(CORNERS, levels, strict=True) if level == 0.0]
-    closed = [*zip(CORNERS, levels, strict=True), (CORNERS[0], levels[0])]
-    for (start, before), (end, after) in pairwise(closed):
-        if before * after < 0.0:
-            found.append(start + (end - start) * before / (before - after))
-    if not found:
-        return np.zeros((0, 2))
-    points = np.array(found)
-    order = np.argsort(points @ case.along)
-    return points[order[[0, -1]]]
+    return cut_polygon(CORNERS, case.gradient, case.decrease, case.along)
 
 
 def rows() -> list[Row]:

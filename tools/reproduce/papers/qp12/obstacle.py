@@ -17,7 +17,7 @@ import numpy as np
 from hoap3.protocol.robot.pinocchio_model import collision_shapes
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.figures import COLOURS, Array, Axis, Curve, Figure, Panel, level
 from hoap3.tools.reproduce.papers.qp12.certified import (
     SHOWN_EVERY,
     CertifiedRun,
@@ -162,26 +162,18 @@ def rows(found: Obstacle) -> list[Row]:
 def draw(found: Obstacle) -> Figure:
     """The forearm's way, distances, and the certificates of both motions."""
     made = panels({name: each.done for name, each in found.passages.items()})
-    v = made["v"]
-    end = v.x.limits[1] if v.x.limits else 1.0
-    asked = 1e3 * np.full(2, found.clearance)
+    v, done = made["v"], found.passages[ROUND].done
     curves = [
         time_curve(name, each.done, 1e3 * each.distance, colour=colour)
         for (name, each), colour in zip(found.passages.items(), COLOURS, strict=False)
     ]
-    done = found.passages[ROUND].done
-    label = f"smallest margin, {ROUND}"
-    distances = Panel(
-        "distance",
-        "distance from the ball to the arm, smallest margin",
-        v.x,
-        Axis("distance_mm", "distance [mm], margin [mm or mrad]"),
-        (
-            *curves,
-            Curve("clearance", np.array([0.0, end]), asked, INK, dash="--"),
-            time_curve(label, done, 1e3 * done.margin, colour=COLOURS[2]),
-        ),
-    )
+    curves += [
+        level("clearance", v.x.limits or (), 1e3 * found.clearance),
+        time_curve(f"smallest margin, {ROUND}", done, 1e3 * done.margin, colour=COLOURS[2]),
+    ]
+    title = "distance from the ball to the arm, smallest margin"
+    axis = Axis("distance_mm", "distance [mm], margin [mm or mrad]")
+    distances = Panel("distance", title, v.x, axis, curves)
     rows = ((_ways(found), distances, v), (made["v_rate"], made["rho"], made["status"]))
     title = "Section III-E: the right forearm round a ball"
     return Figure("obstacle", title, rows, (13.0, 6.5))
@@ -194,19 +186,13 @@ def _ways(found: Obstacle) -> Panel:
     ball = 1e3 * found.radius * circle
     clear = ball + 1e3 * found.clearance * circle
     curves = [
-        Curve("ball", ball[0], ball[1], INK, "area"),
-        Curve("clearance", clear[0], clear[1], INK, dash="--"),
+        Curve("ball", ball[0], ball[1], style="area"),
+        Curve("clearance", clear[0], clear[1], dash="--"),
     ]
     for (name, each), colour in zip(found.passages.items(), COLOURS, strict=False):
         away = 1e3 * np.linalg.norm(each.nearest[::SHOWN_EVERY], axis=1)
         _, y, z = each.nearest[::SHOWN_EVERY].T
         y, z = away * y / np.hypot(y, z), away * z / np.hypot(y, z)
         curves.append(Curve(name, y, z, colour))
-    return Panel(
-        "path",
-        "nearest point of the forearm",
-        Axis("y_mm", "y, left, from the ball [mm]"),
-        Axis("z_mm", "z, up [mm]"),
-        tuple(curves),
-        square=True,
-    )
+    y_mm, z_mm = Axis("y_mm", "y, left, from the ball [mm]"), Axis("z_mm", "z, up [mm]")
+    return Panel("path", "nearest point of the forearm", y_mm, z_mm, curves, square=True)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hoap3.tools.reproduce.figures import COLOURS, INK, PALE, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.figures import COLOURS, Array, Axis, Curve, Figure, Panel, mark
 from hoap3.tools.reproduce.papers.qp12.certified import (
     SHOWN_EVERY,
     CertifiedRun,
@@ -23,6 +23,7 @@ from hoap3.tools.reproduce.papers.qp12.certified import (
     run,
     time_curve,
 )
+from hoap3.tools.reproduce.papers.qp12.drawings import over_the_sole, sole_outline
 from hoap3.tools.reproduce.papers.qp12.experiments import PERIOD_S, com_path, sole
 from hoap3.tools.reproduce.rows import Row, bounded
 
@@ -100,18 +101,16 @@ def draw(found: Support) -> Figure:
     """Path, distance to the edge, and certificates."""
     name = "to the edge"
     made = panels({name: found.done})
-    curves = (
-        time_curve("CoM to the edge", found.done, 1e3 * found.distance, colour=COLOURS[2]),
-        time_curve("smallest of all margins", found.done, 1e3 * found.done.margin,
-                   colour=COLOURS[1], dash="--"),
-    )  # fmt: skip
-    distance = Panel(
-        "margin",
-        "distance to the edge, smallest margin",
-        made["v"].x,
-        Axis("margin_mm_or_mrad", "margin [mm or mrad]"),
-        curves,
-    )
+    done = found.done
+    curves = [
+        time_curve("CoM to the edge", done, 1e3 * found.distance, colour=COLOURS[2]),
+        time_curve(
+            "smallest of all margins", done, 1e3 * done.margin, colour=COLOURS[1], dash="--"
+        ),
+    ]
+    title = "distance to the edge, smallest margin"
+    axis = Axis("margin_mm_or_mrad", "margin [mm or mrad]")
+    distance = Panel("margin", title, made["v"].x, axis, curves)
     rows = ((_path(found, name), made["v"], made["v_rate"]),
             (made["rho"], distance, made["status"]))  # fmt: skip
     title = "Section III-E: a target beyond the support polygon"
@@ -119,22 +118,15 @@ def draw(found: Support) -> Figure:
 
 
 def _path(found: Support, name: str) -> Panel:
-    outline = 1e3 * np.vstack([sole(), sole()[:1]])
-    inner = outline - 1e3 * found.margin * np.sign(outline)
+    sole = sole_outline()
+    inner_x, inner_y = (side - 1e3 * found.margin * np.sign(side) for side in (sole.x, sole.y))
     path = 1e3 * found.path[::SHOWN_EVERY]
-    goal = 1e3 * np.array(found.target)
-    curves = (
-        Curve("right sole", outline[:, 0], outline[:, 1], PALE, "area"),
-        Curve("less the margin", inner[:, 0], inner[:, 1], INK, dash="--"),
+    curves = [
+        sole,
+        Curve("less the margin", inner_x, inner_y, dash="--"),
         Curve(name, path[:, 0], path[:, 1], COLOURS[0]),
-        Curve("start", path[:1, 0], path[:1, 1], INK, dash="", marker="o"),
-        Curve("target", goal[:1], goal[1:2], INK, dash="", marker="X"),
-    )
-    return Panel(
-        "path",
-        "centre of mass over the right sole",
-        Axis("x_mm", "x, forward [mm]", (-60.0, 90.0)),
-        Axis("y_mm", "y, left [mm]", (-42.0, 42.0)),
-        curves,
-        square=True,
-    )
+        mark("start", path[0, 0], path[0, 1], "o"),
+        mark("target", 1e3 * found.target[0], 1e3 * found.target[1], "X"),
+    ]
+    title = "centre of mass over the right sole"
+    return over_the_sole("path", title, (-60.0, 90.0), (-42.0, 42.0), curves)

@@ -6,15 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from hoap3.tools.reproduce.papers.sdp import reference as ref
 from hoap3.tools.reproduce.papers.sdp.loop import Run
-from hoap3.tools.reproduce.papers.sdp.reference import (
-    DT_S,
-    FAST,
-    LIMIT_RAD_S,
-    LOW_LIMIT_RAD_S,
-    PERIODS_S,
-    WARM_SHARE,
-)
 from hoap3.tools.reproduce.papers.sdp.runs import TICK_S, Runs
 from hoap3.tools.reproduce.rows import Row, bounded, measured, near
 
@@ -81,31 +74,31 @@ def speeds(runs: Runs) -> list[Row]:
 def limits(runs: Runs) -> list[Row]:
     """(c), the lower the limits, the further β from β̃."""
     return [
-        bounded(f"Fig. 5: β̃ − β at the start, {LOW_LIMIT_RAD_S:g} / {LIMIT_RAD_S:g} rad/s",
+        bounded(f"Fig. 5: β̃ − β at the start, {ref.LOW_LIMIT_RAD_S:g} / {ref.LIMIT_RAD_S:g} rad/s",
                 "further", _relaxed(runs, 0.0), (MORE, None), _FURTHER),
-        measured(f"Fig. 5: β̃ − β at 1 s, {LOW_LIMIT_RAD_S:g} / {LIMIT_RAD_S:g} rad/s", None,
+        measured(f"Fig. 5: β̃ − β at 1 s, {ref.LOW_LIMIT_RAD_S:g} / {ref.LIMIT_RAD_S:g} rad/s", None,
                  _relaxed(runs, 1.0), _FURTHER),
     ]  # fmt: skip
 
 
 def periods(by_dt: Mapping[float, Run]) -> list[Row]:
     """(d), what Δt changes."""
-    way = {dt: float(np.trapezoid(np.abs(by_dt[dt].errors[:, 3]), dx=dt)) for dt in PERIODS_S}
-    last = [float(np.abs(by_dt[dt].errors[by_dt[dt].at(SETTLED_S), 3])) for dt in PERIODS_S]
-    shortest = min(PERIODS_S)
-    coarse, fine = (_apart(by_dt[a], by_dt[b], 0) for a, b in ((0.05, DT_S), (DT_S, 0.005)))
+    way = {dt: float(np.trapezoid(np.abs(by_dt[dt].errors[:, 3]), dx=dt)) for dt in ref.PERIODS_S}
+    last = [float(np.abs(by_dt[dt].errors[by_dt[dt].at(SETTLED_S), 3])) for dt in ref.PERIODS_S]
+    shortest = min(ref.PERIODS_S)
+    coarse, fine = (_apart(by_dt[a], by_dt[b], 0) for a, b in ((0.05, ref.DT_S), (ref.DT_S, 0.005)))
     return [
         bounded("Fig. 7: ∫|e₂| dt, Δt = 0.1 s / 0.005 s", "improves", way[0.1] / way[shortest],
                 (MORE, None), _IMPROVES),
         measured("Fig. 7: ∫|e₂| dt, Δt = 0.05 s / 0.005 s", None, way[0.05] / way[shortest],
                  _IMPROVES),
-        near("Fig. 7: ∫|e₂| dt, Δt = 0.01 s / 0.005 s", "converge", way[DT_S] / way[shortest], 1.0,
-             "As the paper: curves converge as Δt falls"),
+        near("Fig. 7: ∫|e₂| dt, Δt = 0.01 s / 0.005 s", "converge", way[ref.DT_S] / way[shortest],
+             1.0, "As the paper: curves converge as Δt falls"),
         measured("Fig. 7: |e₂| at 3 s, Δt = 0.1 s / 0.005 s", None, last[0] / last[-1], _IMPROVES),
         bounded("Fig. 6: mean change of λ₁, Δt = 0.01 to 0.005 s / 0.05 to 0.01 s", "converge",
                 fine / coarse, (None, FIRST_ORDER), "As the paper: curves converge as Δt falls"),
         measured("Fig. 6: mean change of λ₄, Δt = 0.01 to 0.005 s / λ₄", None,
-                 _apart(by_dt[DT_S], by_dt[0.005], 3) / float(by_dt[DT_S].gains[:, 3].mean()),
+                 _apart(by_dt[ref.DT_S], by_dt[0.005], 3) / by_dt[ref.DT_S].gains[:, 3].mean(),
                  "The paper notices none, and shows none"),
     ]  # fmt: skip
 
@@ -117,7 +110,7 @@ def paths(runs: Runs) -> list[Row]:
         warm, steps = run.count("warm"), len(run.beta)
         item = f"share of {steps} steps done by Newton's method from the last answer, {name}"
         if run.dt == TICK_S:
-            made.append(bounded(item, None, warm / steps, (WARM_SHARE, None), _WARM))
+            made.append(bounded(item, None, warm / steps, (ref.WARM_SHARE, None), _WARM))
         else:
             made.append(measured(item, None, warm / steps, _WARM))
         made.append(measured(f"steps by an interior-point method, {name}", None,
@@ -128,7 +121,7 @@ def paths(runs: Runs) -> list[Row]:
 def _relaxed(runs: Runs, time_s: float) -> float:
     """β̃ − β with the lower limit / with the other one."""
     low, high = runs.limited, runs.fast
-    return float((FAST - low.beta[low.at(time_s)]) / (FAST - high.beta[high.at(time_s)]))
+    return float((ref.FAST - low.beta[low.at(time_s)]) / (ref.FAST - high.beta[high.at(time_s)]))
 
 
 def _time(run: Run, steps: np.ndarray, place: int) -> float:
@@ -156,7 +149,7 @@ _BEHIND = (
 )
 _SLOWER = (
     "The paper shows faster convergence for a greater β̃, and does not say that β̃ = 2 is slower "
-    f"than constant gains at first, since β̃ caps the rate; β̃ = {FAST:g} is faster throughout"
+    f"than constant gains at first, since β̃ caps the rate; β̃ = {ref.FAST:g} is faster throughout"
 )
 _FURTHER = (
     "As the paper, while a joint is at its limit. Afterwards it depends on where the arm then is, "

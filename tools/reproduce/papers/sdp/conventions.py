@@ -4,17 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from hoap3.tools.reproduce.papers.sdp import reference as ref
 from hoap3.tools.reproduce.papers.sdp.arm import toolbox
 from hoap3.tools.reproduce.papers.sdp.claims import LESS
 from hoap3.tools.reproduce.papers.sdp.configured import ConfiguredTasks
 from hoap3.tools.reproduce.papers.sdp.loop import Run, scheduled
-from hoap3.tools.reproduce.papers.sdp.reference import (
-    FAST,
-    FRAME_3_ERROR,
-    FRAME_3_V,
-    TURNED_V,
-    TURNED_V_END,
-)
 from hoap3.tools.reproduce.papers.sdp.table import printed
 from hoap3.tools.reproduce.rows import Row, bounded, measured, near
 
@@ -41,32 +35,28 @@ class Conventions:
 def run_all() -> Conventions:
     """Do them."""
     return Conventions(
-        scheduled(FAST, tasks=toolbox(3)),
-        scheduled(FAST, tasks=toolbox(turned=True)),
-        scheduled(FAST, tasks=ConfiguredTasks(CONFIG, ROBOT, POSTURE)),
+        scheduled(ref.FAST, tasks=toolbox(3)),
+        scheduled(ref.FAST, tasks=toolbox(turned=True)),
+        scheduled(ref.FAST, tasks=ConfiguredTasks(CONFIG, ROBOT, POSTURE)),
     )
 
 
 def rows(fast: Run, runs: Conventions) -> list[Row]:
     """Beside the run that fits."""
     made = [
-        printed("frame {3}: V(0)", float(runs.frame_3.v[0]), FRAME_3_V, _FRAME_3, "m²"),
-        printed("frame {3}: e₂(0)", float(runs.frame_3.errors[0, 3]), FRAME_3_ERROR, _FRAME_3, "m"),
+        printed("frame {3}: V(0)", runs.frame_3.v[0], ref.FRAME_3_V, _FRAME_3, "m²"),
+        printed("frame {3}: e₂(0)", runs.frame_3.errors[0, 3], ref.FRAME_3_ERROR, _FRAME_3, "m"),
         bounded("frame {3}: V⁺/V, greatest", "decreases monotonically", runs.frame_3.rise,
                 (None, LESS), _FRAME_3),
-        measured("frame {3}: β in the end", None, float(runs.frame_3.beta[-1]), _FRAME_3,
-                 unit="1/s"),
-        printed("turned base: V(0)", float(runs.turned.v[0]), TURNED_V, _TURNED, "m²"),
-        printed("turned base: V in the end", float(runs.turned.v[-1]), TURNED_V_END, _TURNED, "m²"),
-        bounded("turned base: β in the end", None, float(runs.turned.beta[-1]), (0.0, STUCK_BETA),
+        measured("frame {3}: β in the end", None, runs.frame_3.beta[-1], _FRAME_3, unit="1/s"),
+        printed("turned base: V(0)", runs.turned.v[0], ref.TURNED_V, _TURNED, "m²"),
+        printed("turned base: V in the end", runs.turned.v[-1], ref.TURNED_V_END, _TURNED, "m²"),
+        bounded("turned base: β in the end", None, runs.turned.beta[-1], (0.0, STUCK_BETA),
                 _TURNED, unit="1/s"),
     ]  # fmt: skip
     for time in COMPARED_S:
-        step = fast.at(time)
-        made.append(
-            near(f"the emulator's UR5: V({time:g} s) / the toolbox's", None,
-                 float(runs.ours.v[step] / fast.v[step]), 1.0, _OURS)
-        )  # fmt: skip
+        step, item = fast.at(time), f"the emulator's UR5: V({time:g} s) / the toolbox's"
+        made.append(near(item, None, runs.ours.v[step] / fast.v[step], 1.0, _OURS))
     return made
 
 

@@ -8,18 +8,9 @@ from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.sdp.sdp_backends import clarabel, conic, installed
 from hoap3.remote_controller.solvers.sdp.sdp_gains import DELTA, SdpGains
 from hoap3.tools.reproduce.figures import Array
+from hoap3.tools.reproduce.papers.sdp import reference as ref
 from hoap3.tools.reproduce.papers.sdp.arm import JOINTS, SIZES, START, toolbox
 from hoap3.tools.reproduce.papers.sdp.loop import AT_LIMIT, scheduled
-from hoap3.tools.reproduce.papers.sdp.reference import (
-    DT_S,
-    FAST,
-    LIMIT_RAD_S,
-    REGULARISED_BETA,
-    SLOW,
-    TRANSPOSED_BETA,
-    WEIGHTED_BETA,
-    WRIST_WEIGHT,
-)
 from hoap3.tools.reproduce.papers.sdp.runs import Runs
 from hoap3.tools.reproduce.papers.sdp.table import printed
 from hoap3.tools.reproduce.rows import Row, bounded, measured, near
@@ -43,7 +34,7 @@ def _no_gains() -> list[Row]:
     """Section III: independent tasks are said to have suitable gains."""
     sizes, J = UNSTABLE
     solver = SdpGains(sizes, J.shape[1])
-    found = solver.solve(J, np.ones(len(J)), DT_S, FAST)
+    found = solver.solve(J, np.ones(len(J)), ref.DT_S, ref.FAST)
     named = found == status.STATIONARY and not solver.gains.any() and not solver.dq.any()
     return [
         near("section III: rank of the tasks of a counterexample", None, solver.task_rank, len(J),
@@ -79,15 +70,15 @@ def _transposed() -> list[Row]:
     N = np.eye(JOINTS) - inverse @ J1
     B = np.hstack([inverse, N @ np.linalg.pinv(J2)])
     printed_B = np.hstack([J1.T, N @ J2.T])
-    limit = np.full(JOINTS, LIMIT_RAD_S / FAST)
+    limit = np.full(JOINTS, ref.LIMIT_RAD_S / ref.FAST)
     P, q, A, b, used, size = conic(
-        J @ printed_B, (B * errors).T, np.stack([-limit, limit]), DT_S * FAST, DELTA
+        J @ printed_B, (B * errors).T, np.stack([-limit, limit]), ref.DT_S * ref.FAST, DELTA
     )
-    x = FAST * clarabel(P, q, A, b, used.size, size)[0]
+    x = ref.FAST * clarabel(P, q, A, b, used.size, size)[0]
     loop = -(J @ B) * x[:-1]
-    actual = np.linalg.eigvalsh(-loop - loop.T - DT_S * loop.T @ loop)[0]
+    actual = np.linalg.eigvalsh(-loop - loop.T - ref.DT_S * loop.T @ loop)[0]
     return [
-        printed("(22): β(0), β̃ = 8, with Jᵀ as printed", float(x[-1]), TRANSPOSED_BETA,
+        printed("(22): β(0), β̃ = 8, with Jᵀ as printed", float(x[-1]), ref.TRANSPOSED_BETA,
                 _TRANSPOSED, "1/s"),
         measured("(22): β that these gains have by (14)", None, float(actual), _TRANSPOSED,
                  unit="1/s"),
@@ -96,14 +87,14 @@ def _transposed() -> list[Row]:
 
 def _regularised(runs: Runs) -> list[Row]:
     """δ of (27) lowers β where no limit does."""
-    margin = LIMIT_RAD_S - float(np.abs(runs.slow.dq[0]).max())
+    margin = ref.LIMIT_RAD_S - float(np.abs(runs.slow.dq[0]).max())
     return [
-        printed(f"(27): β(0), β̃ = {SLOW:g}, δ = 5·10⁻⁵", float(runs.slow.beta[0]),
-                REGULARISED_BETA, _DELTA, "1/s"),
+        printed(f"(27): β(0), β̃ = {ref.SLOW:g}, δ = 5·10⁻⁵", float(runs.slow.beta[0]),
+                ref.REGULARISED_BETA, _DELTA, "1/s"),
         bounded("(27): least distance from a limit there", None, margin, (AT_LIMIT, None), _DELTA,
                 unit="rad/s"),
-        near(f"(27): β(0), β̃ = {SLOW:g}, δ a millionth of that", None, _beta(SLOW, TINY * DELTA),
-             SLOW, _DELTA, unit="1/s", absolute=1e-3),
+        near(f"(27): β(0), β̃ = {ref.SLOW:g}, δ a millionth of that", None,
+             _beta(ref.SLOW, TINY * DELTA), ref.SLOW, _DELTA, unit="1/s", absolute=1e-3),
     ]  # fmt: skip
 
 
@@ -111,16 +102,16 @@ def _beta(desired: float, delta: float) -> float:
     """β at the start."""
     J, errors = toolbox()(START)
     solver = SdpGains(SIZES, JOINTS)
-    solver.lower[:], solver.upper[:] = -LIMIT_RAD_S, LIMIT_RAD_S
-    solver.solve(J, errors, DT_S, desired, delta)
+    solver.lower[:], solver.upper[:] = -ref.LIMIT_RAD_S, ref.LIMIT_RAD_S
+    solver.solve(J, errors, ref.DT_S, desired, delta)
     return solver.beta
 
 
 def _weighted() -> Row:
     """(9) adds squares of anything."""
-    run = scheduled(FAST, seconds=1.0, weights=(1.0, 1.0, 1.0, WRIST_WEIGHT))
-    item = f"(9): β(1 s), β̃ = {FAST:g}, w₂ = {WRIST_WEIGHT:g}"
-    return printed(item, float(run.beta[-1]), WEIGHTED_BETA, _WEIGHTS, "1/s")
+    run = scheduled(ref.FAST, seconds=1.0, weights=(1.0, 1.0, 1.0, ref.WRIST_WEIGHT))
+    item = f"(9): β(1 s), β̃ = {ref.FAST:g}, w₂ = {ref.WRIST_WEIGHT:g}"
+    return printed(item, float(run.beta[-1]), ref.WEIGHTED_BETA, _WEIGHTS, "1/s")
 
 
 _COUNTEREXAMPLE = (

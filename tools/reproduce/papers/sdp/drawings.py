@@ -8,14 +8,8 @@ from typing import Literal
 import numpy as np
 
 from hoap3.tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.papers.sdp import reference as ref
 from hoap3.tools.reproduce.papers.sdp.loop import SECONDS, Run
-from hoap3.tools.reproduce.papers.sdp.reference import (
-    DT_S,
-    FAST,
-    LIMIT_RAD_S,
-    LOW_LIMIT_RAD_S,
-    SLOW,
-)
 from hoap3.tools.reproduce.papers.sdp.runs import Runs
 
 TIME = Axis("time_s", "time [s]", (0.0, SECONDS), step=0.5)
@@ -27,10 +21,13 @@ def draw_all(runs: Runs) -> list[Figure]:
     """All of them."""
     three = {
         "constant gains": runs.constant,
-        f"β̃ = {SLOW:g}": runs.slow,
-        f"β̃ = {FAST:g}": runs.fast,
+        f"β̃ = {ref.SLOW:g}": runs.slow,
+        f"β̃ = {ref.FAST:g}": runs.fast,
     }
-    limits = {f"{LOW_LIMIT_RAD_S:g} rad/s": runs.limited, f"{LIMIT_RAD_S:g} rad/s": runs.fast}
+    limits = {
+        f"{ref.LOW_LIMIT_RAD_S:g} rad/s": runs.limited,
+        f"{ref.LIMIT_RAD_S:g} rad/s": runs.fast,
+    }
     by_dt = {f"Δt = {dt:g} s": run for dt, run in runs.periods.items()}
     v = "V = ½|e|² [m²]"
     return [
@@ -44,14 +41,14 @@ def draw_all(runs: Runs) -> list[Figure]:
         _one("fig3", "Fig. 3: gain of the wrist's y", three, "gain_4",
              Axis("gain_per_s", "λ₄ [1/s]", (0.0, 600.0))),
         _speeds(runs.fast),
-        _one("fig5", f"Fig. 5: β for two limits, β̃ = {FAST:g}", limits, "beta",
+        _one("fig5", f"Fig. 5: β for two limits, β̃ = {ref.FAST:g}", limits, "beta",
              Axis("beta_per_s", "β [1/s]", (0.0, 9.0))),
         _one("fig6", "Fig. 6: gain of the hand's x for other periods", by_dt, "gain_1",
              Axis("gain_per_s", "λ₁ [1/s]", (0.0, 8.0))),
         _two("fig7", "Fig. 7: error of the wrist's y for other periods", by_dt, "second",
              Axis("error_m", "|e₂| [m]", (0.0, 0.1)),
              Axis("error_m", "|e₂| [m]", (1e-7, 1.0), log=True)),
-        _rates({dt: runs.periods[dt] for dt in (0.1, DT_S)}),
+        _rates({dt: runs.periods[dt] for dt in (0.1, ref.DT_S)}),
     ]  # fmt: skip
 
 
@@ -99,13 +96,13 @@ def _speeds(run: Run) -> Figure:
     ]
     ends = run.time_s[[0, -1]]
     curves += [
-        Curve(f"{side} limit", ends, np.full(2, sign * LIMIT_RAD_S), INK, dash="--",
+        Curve(f"{side} limit", ends, np.full(2, sign * ref.LIMIT_RAD_S), INK, dash="--",
               legend="limits")
         for side, sign in (("upper", 1.0), ("lower", -1.0))
     ]  # fmt: skip
     axis = Axis("dq_rad_per_s", "joint speeds [rad/s]", (-7.0, 7.0))
     panel = Panel("", "", TIME, axis, tuple(curves))
-    title = f"Fig. 4: joint speeds within ±{LIMIT_RAD_S:g} rad/s, β̃ = {FAST:g}"
+    title = f"Fig. 4: joint speeds within ±{ref.LIMIT_RAD_S:g} rad/s, β̃ = {ref.FAST:g}"
     return Figure("fig4", title, ((panel,),), (9.0, 4.0))
 
 
@@ -119,5 +116,5 @@ def _rates(runs: Mapping[float, Run]) -> Figure:
         )
         axis = Axis("rate_per_s", "rate [1/s]", (0.0, 16.0))
         panels.append((Panel(f"{dt:g}s", f"Δt = {dt:g} s", TIME, axis, curves),))
-    title = f"Certified and real rate of V, β̃ = {FAST:g}"
+    title = f"Certified and real rate of V, β̃ = {ref.FAST:g}"
     return Figure("rates", title, tuple(panels), (9.0, 6.5))

@@ -6,24 +6,9 @@ from itertools import zip_longest
 
 import numpy as np
 
+from hoap3.tools.reproduce.papers.sdp import reference as ref
 from hoap3.tools.reproduce.papers.sdp.loop import Run
-from hoap3.tools.reproduce.papers.sdp.reference import (
-    BETA_S,
-    BY_PERIOD,
-    CONSTANT_BETA,
-    FAST,
-    FIRST_GAIN,
-    FIRST_RATE,
-    LIMIT_RAD_S,
-    LOW_LIMIT_RAD_S,
-    SECOND_GAIN,
-    SLOW,
-    TABLE,
-    V_S,
-    V_START,
-    Printed,
-    digit,
-)
+from hoap3.tools.reproduce.papers.sdp.reference import Printed, digit
 from hoap3.tools.reproduce.papers.sdp.runs import Runs
 from hoap3.tools.reproduce.rows import Row, near
 
@@ -43,26 +28,26 @@ def printed(
 
 def rows(runs: Runs) -> list[Row]:
     """All of them."""
-    slow, fast = f"β̃ = {SLOW:g}", f"β̃ = {FAST:g}"
+    slow, fast = f"β̃ = {ref.SLOW:g}", f"β̃ = {ref.FAST:g}"
     made = [
-        printed("Fig. 1: V(0)", float(runs.fast.v[0]), V_START, _START, "m²"),
-        *_run("Fig. 1", "constant gains", runs.constant, TABLE["constant"]),
+        printed("Fig. 1: V(0)", float(runs.fast.v[0]), ref.V_START, _START, "m²"),
+        *_run("Fig. 1", "constant gains", runs.constant, ref.TABLE["constant"]),
         *_no_proof(runs.constant),
-        *_run("Fig. 1", slow, runs.slow, TABLE["slow"]),
-        *_run("Figs. 1, 4", fast, runs.fast, TABLE["fast"], LIMIT_RAD_S),
-        *_run("Fig. 5", f"{fast}, {LOW_LIMIT_RAD_S:g} rad/s", runs.limited, TABLE["limited"],
-              LOW_LIMIT_RAD_S),
+        *_run("Fig. 1", slow, runs.slow, ref.TABLE["slow"]),
+        *_run("Figs. 1, 4", fast, runs.fast, ref.TABLE["fast"], ref.LIMIT_RAD_S),
+        *_run("Fig. 5", f"{fast}, {ref.LOW_LIMIT_RAD_S:g} rad/s", runs.limited,
+              ref.TABLE["limited"], ref.LOW_LIMIT_RAD_S),
     ]  # fmt: skip
-    for dt, of_run in BY_PERIOD.items():
+    for dt, of_run in ref.BY_PERIOD.items():
         name = f"{fast}, Δt = {dt:g} s"
-        made += _run("Figs. 6, 7", name, runs.periods[dt], of_run, LIMIT_RAD_S)
-    for dt, reference in FIRST_RATE.items():
+        made += _run("Figs. 6, 7", name, runs.periods[dt], of_run, ref.LIMIT_RAD_S)
+    for dt, reference in ref.FIRST_RATE.items():
         first = float(runs.periods[dt].actual[0])
         item = f"(1 − V⁺/V)/Δt of the first step, {fast}, Δt = {dt:g} s"
         made.append(printed(item, first, reference, _EULER, "1/s"))
-    for desired, run in ((SLOW, runs.slow), (FAST, runs.fast)):
-        made += _second_gain(f"β̃ = {desired:g}", run, SECOND_GAIN[desired])
-    for dt, reference in FIRST_GAIN.items():
+    for desired, run in ((ref.SLOW, runs.slow), (ref.FAST, runs.fast)):
+        made += _second_gain(f"β̃ = {desired:g}", run, ref.SECOND_GAIN[desired])
+    for dt, reference in ref.FIRST_GAIN.items():
         run = runs.periods[dt]
         found = float(run.gains[run.at(GAIN_S), 0])
         item = f"Fig. 6: λ₁ at {GAIN_S:g} s, Δt = {dt:g} s"
@@ -77,12 +62,12 @@ def _run(
     made = [
         printed(f"{figure}: V({time:g} s), {name}", float(run.v[run.at(time)]), reference,
                 _CURVE, "m²")
-        for time, reference in zip(V_S, of_run.v, strict=True) if reference
+        for time, reference in zip(ref.V_S, of_run.v, strict=True) if reference
     ]  # fmt: skip
     made += [
         printed(f"{figure}: β({time:g} s), {name}", float(run.beta[run.at(time)]), reference,
                 _CURVE, "1/s")
-        for time, reference in zip_longest(BETA_S, of_run.beta) if reference
+        for time, reference in zip_longest(ref.BETA_S, of_run.beta) if reference
     ]  # fmt: skip
     paper = None if limit is None else f"at most {limit:g}"
     speed = float(np.abs(run.dq).max())
@@ -100,7 +85,7 @@ def _no_proof(run: Run) -> list[Row]:
     return [
         printed(f"Fig. 1: {end} β, constant gains", ours, reference, _NO_PROOF, "1/s",
                 "not guaranteed")
-        for (end, ours), reference in zip(ends, CONSTANT_BETA, strict=True)
+        for (end, ours), reference in zip(ends, ref.CONSTANT_BETA, strict=True)
     ]  # fmt: skip
 
 
