@@ -7,7 +7,17 @@ from typing import Literal
 
 import numpy as np
 
-from hoap3.tools.reproduce.figures import COLOURS, INK, Array, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.figures import (
+    COLOURS,
+    Array,
+    Axis,
+    Curve,
+    Figure,
+    Panel,
+    column,
+    level,
+    lines,
+)
 from hoap3.tools.reproduce.papers.sdp import reference as ref
 from hoap3.tools.reproduce.papers.sdp.loop import SECONDS, Run
 from hoap3.tools.reproduce.papers.sdp.runs import Runs
@@ -59,8 +69,8 @@ def values(run: Run, quantity: Quantity) -> Array:
         "v": run.v,
         "first": np.linalg.norm(e[:, :3], axis=1),
         "second": np.abs(e[:, 3]),
-        "gain_1": run.gains[:, 0].copy(),
-        "gain_4": run.gains[:, 3].copy(),
+        "gain_1": run.gains[:, 0],
+        "gain_4": run.gains[:, 3],
         "beta": run.beta,
     }
     return found[quantity]
@@ -68,15 +78,13 @@ def values(run: Run, quantity: Quantity) -> Array:
 
 def _panel(name: str, title: str, runs: Mapping[str, Run], of: Quantity, axis: Axis) -> Panel:
     """A quantity of some runs."""
-    curves = tuple(
-        Curve(label, run.time_s, values(run, of), colour, dash=dash)
-        for (label, run), colour, dash in zip(runs.items(), COLOURS, DASHES, strict=False)
-    )
+    shown = {label: (run.time_s, values(run, of)) for label, run in runs.items()}
+    curves = lines(shown, DASHES)
     return Panel(name, title, TIME, axis, curves)
 
 
 def _one(name: str, title: str, runs: Mapping[str, Run], of: Quantity, axis: Axis) -> Figure:
-    return Figure(name, title, ((_panel("", "", runs, of, axis),),), (9.0, 4.0))
+    return column(name, title, [_panel("", "", runs, of, axis)], (9.0, 4.0))
 
 
 def _two(
@@ -85,25 +93,20 @@ def _two(
     """As the paper has it, and on a logarithmic scale."""
     above = _panel("", "as in the paper", runs, of, linear)
     below = _panel("log", "on a logarithmic scale", runs, of, log)
-    return Figure(name, title, ((above,), (below,)), (9.0, 6.5))
+    return column(name, title, [above, below], (9.0, 6.5))
 
 
 def _speeds(run: Run) -> Figure:
     """Fig. 4."""
-    curves = [
-        Curve(f"joint {i + 1}", run.time_s, run.dq[:, i].copy(), colour, "steps", dash)
-        for i, (colour, dash) in enumerate(zip(COLOURS, DASHES, strict=False))
-    ]
-    ends = run.time_s[[0, -1]]
-    curves += [
-        Curve(f"{side} limit", ends, np.full(2, sign * ref.LIMIT_RAD_S), INK, dash="--",
-              legend="limits")
+    joints = {f"joint {i + 1}": (run.time_s, dq) for i, dq in enumerate(run.dq.T)}
+    curves = lines(joints, DASHES, style="steps") + [
+        level(f"{side} limit", run.time_s[[0, -1]], sign * ref.LIMIT_RAD_S, legend="limits")
         for side, sign in (("upper", 1.0), ("lower", -1.0))
-    ]  # fmt: skip
+    ]
     axis = Axis("dq_rad_per_s", "joint speeds [rad/s]", (-7.0, 7.0))
-    panel = Panel("", "", TIME, axis, tuple(curves))
+    panel = Panel("", "", TIME, axis, curves)
     title = f"Fig. 4: joint speeds within ±{ref.LIMIT_RAD_S:g} rad/s, β̃ = {ref.FAST:g}"
-    return Figure("fig4", title, ((panel,),), (9.0, 4.0))
+    return column("fig4", title, [panel], (9.0, 4.0))
 
 
 def _rates(runs: Mapping[float, Run]) -> Figure:
@@ -115,6 +118,6 @@ def _rates(runs: Mapping[float, Run]) -> Figure:
             Curve("(1 − V⁺/V)/Δt, in fact", run.time_s[:-1], run.actual, COLOURS[1], "steps"),
         )
         axis = Axis("rate_per_s", "rate [1/s]", (0.0, 16.0))
-        panels.append((Panel(f"{dt:g}s", f"Δt = {dt:g} s", TIME, axis, curves),))
+        panels.append(Panel(f"{dt:g}s", f"Δt = {dt:g} s", TIME, axis, curves))
     title = f"Certified and real rate of V, β̃ = {ref.FAST:g}"
-    return Figure("rates", title, tuple(panels), (9.0, 6.5))
+    return column("rates", title, panels, (9.0, 6.5))

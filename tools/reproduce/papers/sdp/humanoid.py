@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hoap3.remote_controller.solvers.sdp.sdp_gains import SdpGains
-from hoap3.tools.reproduce.figures import COLOURS, Axis, Curve, Figure, Panel
+from hoap3.tools.reproduce.figures import Axis, Figure, Panel, column, lines
 from hoap3.tools.reproduce.papers.sdp.claims import LESS
 from hoap3.tools.reproduce.papers.sdp.configured import ConfiguredTasks
 from hoap3.tools.reproduce.papers.sdp.loop import Run, follow
@@ -97,24 +97,15 @@ def rows(pairs: Mapping[str, Pair]) -> list[Row]:
 
 def draw(pairs: Mapping[str, Pair]) -> Figure:
     """β over time."""
-    panels = tuple(
-        (Panel(
-            frame,
-            f"the hand seen from {FRAMES[frame]}",
-            Axis("time_s", "time [s]"),
-            Axis("beta_per_s", "β [1/s]", (1e-3, 1.0), log=True),
-            tuple(
-                Curve(label, each.time_s, each.beta, colour)
-                for (label, each), colour in zip(
-                    (("with the config's weights", pair.weighted), ("equal weights", pair.equal)),
-                    COLOURS, strict=False,
-                )
-            ),
-        ),)
-        for frame, pair in pairs.items()
-    )  # fmt: skip
+    panels = []
+    for frame, pair in pairs.items():
+        runs = {"with the config's weights": pair.weighted, "equal weights": pair.equal}
+        curves = lines({label: (each.time_s, each.beta) for label, each in runs.items()})
+        beta = Axis("beta_per_s", "β [1/s]", (1e-3, 1.0), log=True)
+        title = f"the hand seen from {FRAMES[frame]}"
+        panels.append(Panel(frame, title, Axis("time_s", "time [s]"), beta, curves))
     title = "A humanoid: foot, centre of mass, hand"
-    return Figure("humanoid", title, panels, (9.0, 6.0))
+    return column("humanoid", title, panels, (9.0, 6.0))
 
 
 _WEIGHTS = (
