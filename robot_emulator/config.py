@@ -169,14 +169,6 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
     return content, str(path)
 
 
-def check_posture(posture: str, known: list[str], file: str) -> None:
-    """Refuse a start posture that the robot does not have."""
-    if posture not in known:
-        raise ConfigError(
-            file, "posture", posture, "no such posture", f"Known: {', '.join(sorted(known))}"
-        )
-
-
 def check_contacts(config: EmulatorConfig, robot: RobotDescription, kind: str, file: str) -> None:
     """Refuse contacts of a robot that takes no torques, or of frames that it does not move."""
     contacts = config.plant.contacts

@@ -38,6 +38,7 @@ REQUESTS_PER_TICK = 4  # in real time; the rest waits for the next tick
 
 EVENTS = Event.schema.constants
 _ENDING_REASONS = {EVENTS["REASON_SHUTDOWN"], EVENTS["REASON_ENDED"]}  # then the schedule ends
+_COUNTED = ("asked", "in_time", "run_rate", "longest_run", "worst_window")
 _FAILURES = {EVENTS["REASON_MISSES"], EVENTS["REASON_HOLDER_LOST"]}
 
 
@@ -149,11 +150,7 @@ class RobotLoop:
         """What the robot counted; docs/concepts.md defines each figure."""
         deadlines = self.validator.deadlines
         return {
-            "asked": deadlines.asked,
-            "in_time": deadlines.in_time,
-            "run_rate": deadlines.run_rate,
-            "longest_run": deadlines.longest_run,
-            "worst_window": deadlines.worst_window,
+            **{name: getattr(deadlines, name) for name in _COUNTED},
             "safe_stops": self.safe_stops,
             "interventions": self._setpoint_filter.interventions,
             "held_back_joints": self._held_back_joints(),
@@ -294,20 +291,16 @@ class RobotLoop:
                 self._announce("CLIPPED", clipped)
             self._clipped = clipped >= 0
         elif self.mode == State.STOPPING:
-            at_rest = setpoint_filter.brake()
-            if at_rest:
+            if setpoint_filter.brake():
                 self._announce("AT_REST", self.tick - self._stop_began)
                 self._come_to_rest()
         else:
             return
-        if setpoint_filter.held_back >= 0:
-            self._count_held(setpoint_filter.held_back)
-
-    def _count_held(self, joint: int) -> None:
-        """Count a period by the joint that was held back in it."""
-        self._held[joint] += 1
-        if self._held_first[0] < 0:
-            self._held_first = joint, self.tick
+        joint = setpoint_filter.held_back
+        if joint >= 0:  # count the period by it
+            self._held[joint] += 1
+            if self._held_first[0] < 0:
+                self._held_first = joint, self.tick
 
     def _advance(self) -> None:
         """The body moves for one period; at rest its brakes hold it."""
@@ -354,7 +347,9 @@ class RobotLoop:
             case "acquire":
                 self._grant(request)
             case "release":
-                request.answer({"released": self._release(self._releaser(request), "RELEASED")})
+                grant = self._authority.grant  # its own machine's user may take it from anybody
+                who = grant.holder if request.local and grant is not None else request.who
+                request.answer({"released": self._release(who, "RELEASED")})
             case "gone":
                 self._release(request.who, "HOLDER_LOST")
             case "stop":
@@ -395,11 +390,6 @@ class RobotLoop:
             self._announce("GRANTED", grant.epoch)
         terms = {"granted": True, "epoch": grant.epoch, "from_tick": grant.from_tick}
         request.answer({**terms, **self._status()})
-
-    def _releaser(self, request: Request) -> str:
-        """Whose authority a request gives back: its own machine's user may take it from anybody."""
-        grant = self._authority.grant
-        return grant.holder if request.local and grant is not None else request.who
 
     def _refuse(self, request: Request, reason: str, epoch: int) -> None:
         self._announce("REFUSED", epoch)

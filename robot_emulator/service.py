@@ -16,7 +16,7 @@ from hoap3.protocol.runtime.notes import Detail, Routine, told
 from hoap3.protocol.runtime.realtime import prepare_process, schedule_start
 from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.runtime.shm_ring import Kind
-from hoap3.robot_emulator.config import EmulatorConfig, check_contacts, check_posture
+from hoap3.robot_emulator.config import EmulatorConfig, check_contacts
 from hoap3.robot_emulator.loop import GRACE_TICKS, RobotLoop
 from hoap3.robot_emulator.robots import load
 
@@ -33,7 +33,9 @@ def describe(config: EmulatorConfig, file: str = "config") -> RobotDescription:
     """Description of the configured robot: its name, start posture and command as configured."""
     description = load(config.robot)
     if config.posture is not None:
-        check_posture(config.posture, list(description.postures), file)
+        if config.posture not in description.postures:
+            known = f"Known: {', '.join(sorted(description.postures))}"
+            raise ConfigError(file, "posture", config.posture, "no such posture", known)
         description = description.model_copy(update={"initial_posture": config.posture})
     if config.name is not None:
         description = description.model_copy(update={"name": config.name})

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from itertools import takewhile
 from typing import Any
 
 import yaml
@@ -113,9 +114,7 @@ class _Document:
     def _mapping(self, depth: int) -> dict[Any, Any]:
         found: dict[Any, Any] = {}
         seen: set[str] = set()
-        for event in self._events:
-            if isinstance(event, yaml.MappingEndEvent):
-                break
+        for event in self._until(yaml.MappingEndEvent):
             if isinstance(event, yaml.MappingStartEvent | yaml.SequenceStartEvent):
                 what = "mapping" if isinstance(event, yaml.MappingStartEvent) else "list"
                 raise _error(f"a {what} cannot be a key", event)
@@ -128,12 +127,10 @@ class _Document:
         return found
 
     def _list(self, depth: int) -> list[Any]:
-        found: list[Any] = []
-        for event in self._events:
-            if isinstance(event, yaml.SequenceEndEvent):
-                break
-            found.append(self._value(event, depth + 1))
-        return found
+        return [self._value(event, depth + 1) for event in self._until(yaml.SequenceEndEvent)]
+
+    def _until(self, end: type[yaml.Event]) -> Iterator[yaml.Event]:
+        return takewhile(lambda event: not isinstance(event, end), self._events)
 
     def _scalar(self, event: Any) -> Any:
         text: str = event.value

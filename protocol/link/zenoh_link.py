@@ -65,6 +65,10 @@ def open_session(settings: LinkSettings) -> zenoh.Session:
         PortInUseError: somebody listens on one of the endpoints.
         LinkError: an endpoint that Zenoh cannot use.
     """
+    congestion = {
+        "drop": {"wait_before_drop": DROP_US},
+        "block": {"wait_before_close": CLOSE_US},
+    }
     config = {
         "mode": settings.mode,
         "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
@@ -73,25 +77,13 @@ def open_session(settings: LinkSettings) -> zenoh.Session:
             "endpoints": list(settings.connect),
             "timeout_ms": -1 if settings.mode == "peer" else 3000,
             "exit_on_failure": settings.mode == "client",
-            "retry": {
-                "period_init_ms": 100,
-                "period_max_ms": 200,
-                "period_increase_factor": 1.5,
-            },
+            "retry": {"period_init_ms": 100, "period_max_ms": 200, "period_increase_factor": 1.5},
         },
         "transport": {
             "shared_memory": {"enabled": False},
             "unicast": accept_limits(),
             "link": {
-                "tx": {
-                    "lease": settings.lease_ms,
-                    "queue": {
-                        "congestion_control": {
-                            "drop": {"wait_before_drop": DROP_US},
-                            "block": {"wait_before_close": CLOSE_US},
-                        }
-                    },
-                },
+                "tx": {"lease": settings.lease_ms, "queue": {"congestion_control": congestion}},
                 "rx": {"max_message_size": MAX_MESSAGE_BYTES},
             },
         },

@@ -163,8 +163,7 @@ def _pin(settings: RealtimeSettings) -> Measure:
     try:
         os.sched_setaffinity(0, {cpu})
     except (OSError, OverflowError) as error:
-        why = getattr(error, "strerror", None) or str(error)
-        return Measure("CPU", False, f"pinning to {cpu}: {why}")
+        return Measure("CPU", False, f"pinning to {cpu}: {_why(error)}")
     return Measure("CPU", True, f"pinned to {cpu}")
 
 
@@ -191,10 +190,13 @@ def _schedule(settings: RealtimeSettings) -> Measure:
         resource.setrlimit(resource.RLIMIT_RTTIME, (_RTTIME_LIMIT_US, _RTTIME_LIMIT_US))
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(settings.priority))
     except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or str(error)
         remedy = "raise LimitRTPRIO or `ulimit -r`, or run as root"
-        return Measure("scheduling policy", False, f"{why}; {remedy}")
+        return Measure("scheduling policy", False, f"{_why(error)}; {remedy}")
     return Measure("scheduling policy", True, f"SCHED_FIFO {settings.priority}")
+
+
+def _why(error: Exception) -> str:
+    return getattr(error, "strerror", None) or str(error)
 
 
 def schedule_start(clock: Clock, period: int) -> int:

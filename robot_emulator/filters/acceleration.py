@@ -98,11 +98,9 @@ class AccelerationFilter:
         self.value = np.zeros(n)
         self.interventions = self.torque_limited = 0
         self.held_back = self.overloaded = -1
-        self._wanted, self._given = np.zeros((2, n))
-        self._lower, self._upper = np.zeros(n), np.zeros(n)
+        self._wanted, self._given, self._lower, self._upper, self._stop_speed = np.zeros((5, n))
         self._missed = 0
         self._have = self._braking = False
-        self._stop_speed = np.zeros(n)
         self._stop_ticks = self._stopped_for = 0
         room = margin[0]
         self._usual = np.array([description.lower + room, description.upper - room])

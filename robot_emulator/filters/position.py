@@ -41,16 +41,13 @@ class PositionFilter:
         self._outside = False  # some joint may be beyond its usable range
         passing = acceleration * (1.0 - 1e-9)  # the filter's limit, whatever rounding does
         self._brake = np.minimum(description.brake_acceleration, passing)
-        self.value, self.rate = np.zeros(n), np.zeros(n)
+        self.value, self.rate, self._target, self._before = np.zeros((4, n))
         self.reference = self.value
         self.interventions = self.torque_limited = 0
-        self.held_back = -1
-        self.overloaded = -1
-        self._target, self._before = np.zeros(n), np.zeros(n)
-        self._newest, self._earlier = np.zeros(n), np.zeros(n)  # setpoints
+        self.held_back = self.overloaded = -1
+        self._newest, self._earlier, self._stop_change = np.zeros((3, n))  # setpoints, and a way
         self._newest_tick = -1
         self._ticks_between = 0
-        self._stop_change = np.zeros(n)
         self._stop_ticks = self._stopped_for = 0
 
     def reset(self, q: FloatArray) -> None:

@@ -23,9 +23,7 @@ class AccelerationServo:
         self._accelerate = accelerate
         self._stops = np.array(description.lower_hard), np.array(description.upper_hard)
         self._dynamics = Dynamics(description)
-        n = description.n
-        self._still = np.zeros(n)
-        self.q, self.dq, self.tau = np.zeros(n), np.zeros(n), np.zeros(n)
+        self._still, self.q, self.dq, self.tau = np.zeros((4, description.n))
         self.wrench = np.zeros(6 * len(description.wrench_sensors))
 
     def reset(self, q: FloatArray) -> None:

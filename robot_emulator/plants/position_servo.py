@@ -51,7 +51,8 @@ class PositionServo:
 
         self._serve = serve
         self._time_constant = settings.time_constant_ms * 1e-3 if settings.servo == "lag" else 0.0
-        self._counts = np.zeros(description.n)
+        rows = np.zeros((6, description.n))
+        self._counts, self._position, self._followed, self.q, self.dq, self.tau = rows
         if settings.encoder == "counts":
             if description.counts_per_rad is None:
                 raise DescriptionError(
@@ -59,11 +60,6 @@ class PositionServo:
                     "`encoder_counts_per_rad`, or set plant.encoder to ideal"
                 )
             self._counts[:] = description.counts_per_rad
-        self._position = np.zeros(description.n)
-        self._followed = np.zeros(description.n)
-        self.q = np.zeros(description.n)
-        self.dq = np.zeros(description.n)
-        self.tau = np.zeros(description.n)
         self.wrench = np.zeros(6 * len(description.wrench_sensors))
 
     def reset(self, q: FloatArray) -> None:
