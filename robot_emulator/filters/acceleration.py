@@ -6,7 +6,6 @@ Not a safety function in the sense of any norm.
 from __future__ import annotations
 
 import math
-from typing import Protocol
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from hoap3.protocol.errors import BadProblemError, DescriptionError
 from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.robot.viability_bounds import AccelerationBounds
 from hoap3.robot_emulator.plants.position_servo import Plant
+from hoap3.robot_emulator.plants.rigid_body import RigidBody
 
 TORQUE_MARGIN = 2e-3, 0.02, 0.9
 """Of the range [rad or m], of the velocity [relative], and the share of the deceleration that
@@ -32,19 +32,6 @@ REST = 1e-3  # rad/s or m/s: a braking robot that is slower than this sets its b
 PATIENCE_S = 0.5
 """A stop that takes so much longer than planned, because efforts do not suffice, is left to the
 brakes: they hold whatever the motors cannot."""
-
-
-class TorquePlant(Plant, Protocol):
-    """A plant that takes torques, and knows its own dynamics."""
-
-    def accelerations(self, command: FloatArray, dt: float, out: FloatArray) -> int:
-        """Write what torques, (n,), would give over `dt` [s]; the first that is cut, or -1."""
-
-    def torques(self, ddq: FloatArray, dt: float, out: FloatArray) -> int:
-        """Write the torques that accelerations need; the first joint that lacks them, or -1."""
-
-    def share(self, ddq: FloatArray, dt: float) -> float:
-        """The largest share of accelerations, 0 to 1, that efforts suffice for; -1: for none."""
 
 
 class AccelerationFilter:
@@ -131,14 +118,10 @@ class AccelerationFilter:
 
     def _within_ends(self) -> AccelerationBounds:
         robot, (room, slower, share) = self._description, self._margin
-        least, most = self._ends
+        limits = *self._ends, robot.velocity * (1.0 - slower), self._brake, self._dt
         try:
             return AccelerationBounds(
-                least,
-                most,
-                robot.velocity * (1.0 - slower),
-                self._brake,
-                self._dt,
+                *limits,
                 horizon_s=PERIODS_AHEAD * self._dt,
                 brake_share=share,
                 softness=SOFTNESS if room > SOFTNESS else 0.0,
@@ -231,7 +214,7 @@ class TorqueFilter(AccelerationFilter):
     one by one, the torques of the others would throw it about, and it could not even stand.
     """
 
-    def __init__(self, description: RobotDescription, plant: TorquePlant, hold_ticks: int) -> None:
+    def __init__(self, description: RobotDescription, plant: RigidBody, hold_ticks: int) -> None:
         super().__init__(description, plant, hold_ticks, TORQUE_MARGIN)
         n = description.n
         self._body = plant
