@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import math
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -283,14 +283,12 @@ def _tree(links: tuple[str, ...], joints: tuple[UrdfJoint, ...]) -> tuple[str, f
         raise DescriptionError(
             f"URDF: {len(roots)} links without a parent ({found:.200}). Join the links to one tree."
         )
-    below: dict[str, list[UrdfJoint]] = {}
+    below: defaultdict[str, list[UrdfJoint]] = defaultdict(list)
     for joint in joints:
-        below.setdefault(joint.parent, []).append(joint)
-    moves = {roots[0]: False}
-    ahead = list(roots)
-    while ahead:
-        link = ahead.pop()
-        for joint in below.get(link, ()):
+        below[joint.parent].append(joint)
+    moves, ahead = {roots[0]: False}, list(roots)
+    for link in ahead:  # which grows meanwhile
+        for joint in below[link]:
             moves[joint.child] = moves[link] or joint.kind in MOVABLE
             ahead.append(joint.child)
     if len(moves) != len(links):

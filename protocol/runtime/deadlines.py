@@ -40,11 +40,6 @@ class Deadlines:
         self._hits = 0
 
     @property
-    def missed(self) -> int:
-        """Ticks whose answer had not arrived by its deadline."""
-        return self.late + self.lost
-
-    @property
     def success_rate(self) -> float:
         """Share of answers in time over the last window; 1 before anything was asked."""
         filled = min(self.asked, len(self._window))

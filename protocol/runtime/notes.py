@@ -24,21 +24,18 @@ class Note(str):
 class Detail(Note):
     """Shown with `--verbose` only, such as each kernel and each request to the system."""
 
-    __slots__ = ()
     news = "detail"
 
 
 class Routine(Note):
     """The normal course of a service: shown where it runs by itself, by `run` with `--verbose`."""
 
-    __slots__ = ()
     news = "routine"
 
 
 class NotGranted(Note):
     """What the operating system did not grant; both services of a `run` may say the same."""
 
-    __slots__ = ()
     news = "not granted"
 
 
