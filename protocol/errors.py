@@ -24,7 +24,8 @@ Each message says what was found, where, and what to do about it.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from itertools import islice
 
 LONGEST_KEY = 200  # characters of a dotted key that an error shows
@@ -64,7 +65,7 @@ class ConfigError(UsageError):
         self.file, self.key, self.value = file, key, value
         self.problem, self.remedy = problem, remedy
         self.others = tuple(others)
-        where = f"{file}: {_cut(key)}" if key else file
+        where = ": ".join(filter(None, (file, _cut(key))))
         found = "" if value is None else f" (found {_short(value)})"
         lines = [f"{where}: {problem}{found}. {remedy}", *map(str, self.others)]
         super().__init__("\n".join(lines))
@@ -204,6 +205,23 @@ def did_you_mean(name: str, known: Iterable[str], otherwise: str = "") -> str:
     """A remedy for a name that is not known: the most alike of those that are."""
     found = nearest(name, known)
     return f"Did you mean {found!r}?" if found else otherwise
+
+
+@contextmanager
+def located(file: str, key: str = "") -> Iterator[None]:
+    """Say where a setting stands that is found wrong inside.
+
+    Whoever checks a setting raises a `ConfigError` with file "" and the key as it knows it; this
+    puts `key` before it, and names the file. An error that names a file already stays as it is.
+    """
+    try:
+        yield
+    except ConfigError as error:
+        if error.file:
+            raise
+        where = ".".join(filter(None, (key, error.key)))
+        text = error.problem, error.remedy, error.others
+        raise type(error)(file, where, error.value, *text) from error
 
 
 def _short(value: object) -> str:

@@ -22,12 +22,11 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import (
     ConfigError,
     DescriptionError,
-    FrameNotFoundError,
-    Hoap3Error,
     NoDefaultTaskError,
     UnknownNameError,
 )
 from hoap3.remote_controller.pairs import configs_for, robots_for
+from hoap3.remote_controller.plugins import building
 from hoap3.remote_controller.user_code import may_import
 
 CONFIGS = Path(__file__).parent / "configs"
@@ -99,7 +98,9 @@ def build(config: ControllerConfig, description: RobotDescription, file: str = "
     controller = find(config.controller, file)
     parameters = parse(controller.Parameters, config.parameters, file, "parameters")
     try:
-        return _configured(controller, parameters, config, description, file)
+        keys = "controller", "parameters"
+        with building(controller, config.controller, description, parameters, file, *keys):
+            return controller.configured(description, parameters, file)
     except ConfigError as error:
         hint = of_another_robot(config, description)
         if not hint or isinstance(error, NoDefaultTaskError):  # which any robot can have
@@ -135,42 +136,6 @@ def _runs_on(file: str, description: RobotDescription) -> str:
     if not robots or description.name in robots:
         return ""
     return f"This config is for --robot {' or '.join(robots)} (docs/robots.md)"
-
-
-def _configured(
-    controller: Any,
-    parameters: Any,
-    config: ControllerConfig,
-    description: RobotDescription,
-    file: str,
-) -> Any:
-    """The controller; what goes wrong is told as an error of the config."""
-    from hoap3.remote_controller.registry import blame
-
-    try:
-        return controller.configured(description, parameters, file)
-    except FrameNotFoundError as error:
-        key = next(
-            (name for name, value in parameters.model_dump().items() if value == error.frame), ""
-        )
-        raise ConfigError(
-            file,
-            f"parameters.{key}".rstrip("."),
-            error.frame,
-            f"robot {description.name!r} has no such frame",
-            f"Its frames: {', '.join(error.known)}",
-        ) from error
-    except Hoap3Error:
-        raise
-    except (Exception, SystemExit) as error:  # nobody else may end us
-        raise ConfigError(
-            file,
-            "controller",
-            config.controller,
-            f"cannot be built for robot {description.name!r} with {description.n} joints: "
-            f"{blame(error, controller)}",
-            "Correct it, or choose a robot that it is made for",
-        ) from error
 
 
 def check_parameters(config: ControllerConfig, file: str) -> None:

@@ -14,7 +14,7 @@ from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.protocol.stop_reasons import LATCHING, STOP_REASONS
 from hoap3.remote_controller.controllers.base import Controller
 from hoap3.remote_controller.outcome import Outcome
-from hoap3.remote_controller.registry import blame
+from hoap3.remote_controller.plugins import blame
 
 EVENTS = Event.schema.constants
 

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-import importlib
 import inspect
 import traceback
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
-from hoap3.protocol.errors import ConfigError, UnknownNameError
+from hoap3.protocol.config.settings import Settings
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import (
+    ConfigError,
+    FrameNotFoundError,
+    Hoap3Error,
+    UnknownNameError,
+    located,
+)
 from hoap3.remote_controller.user_code import before_import
 
 
@@ -40,19 +48,19 @@ class PluginGroup:
             found.setdefault(point.name, point)
         return found
 
-    def find(self, name: str, file: str, key: str) -> type[Any]:
+    def find(self, name: str, file: str = "config", key: str = "") -> Any:
         """A class of this family.
 
         Args:
             name: registered, or a dotted path `package.module:Class`.
-            file, key: where it was named, for errors.
+            file, key: where it was named, for errors; the key is the kind by default.
 
         Raises:
             UnknownNameError: nobody registered it.
             ConfigError: it cannot be imported, may not be (see `user_code`), or does not belong to
                 the family.
         """
-        name = self._today(name)
+        name, key = self._today(name), key or self.kind
         if name in self.builtin:
             point = EntryPoint(name, self.builtin[name], self.group)
         elif name in (known := self.registered()):
@@ -66,13 +74,9 @@ class PluginGroup:
         try:
             loaded = point.load()
         except (Exception, SystemExit) as error:  # nobody else may end us
-            raise ConfigError(
-                file,
-                key,
-                name,
-                f"cannot be imported: {blame(error)}",
-                "Install its package, or keep its module beside the config file",
-            ) from error
+            problem = f"cannot be imported: {blame(error)}"
+            remedy = "Install its package, or keep its module beside the config file"
+            raise ConfigError(file, key, name, problem, remedy) from error
         return self._checked(loaded, name, file, key)
 
     def _today(self, name: str) -> str:
@@ -86,22 +90,13 @@ class PluginGroup:
     def _checked(self, loaded: Any, name: str, file: str, key: str) -> type[Any]:
         bases = tuple(EntryPoint("", base, self.group).load() for base in self.bases)
         if not (inspect.isclass(loaded) and issubclass(loaded, bases)):
-            raise ConfigError(
-                file,
-                key,
-                name,
-                f"is not a {self.kind} class",
-                f"Derive it from {' or '.join(self.bases).replace(':', '.')}",
-            )
+            remedy = f"Derive it from {' or '.join(self.bases).replace(':', '.')}"
+            raise ConfigError(file, key, name, f"is not a {self.kind} class", remedy)
         missing = sorted(getattr(loaded, "__abstractmethods__", ()))
         if missing:
-            raise ConfigError(
-                file,
-                key,
-                name,
-                f"lacks the method {', '.join(missing)}",
-                f"Define it; {self.guide} has an example",
-            )
+            problem = f"lacks the method {', '.join(missing)}"
+            remedy = f"Define it; {self.guide} has an example"
+            raise ConfigError(file, key, name, problem, remedy)
         return loaded
 
 
@@ -120,6 +115,54 @@ def blame(error: BaseException, owner: type | None = None) -> str:
     return " ".join(f"{type(error).__name__}: {error}{place}".split())
 
 
-def module_of(found: type) -> str:
-    """Where a class comes from, for the log."""
-    return f"{importlib.import_module(found.__module__).__name__}:{found.__qualname__}"
+@contextmanager
+def building(
+    owner: type,
+    name: str,
+    robot: RobotDescription,
+    given: Settings,
+    file: str,
+    key: str,
+    below: str,
+) -> Iterator[None]:
+    """Have whatever goes wrong while a class is built for a robot be told as an error of a config.
+
+    Args:
+        owner, name: the class, and what the config calls it.
+        robot, given: what it is built for, and its parameters.
+        file, key, below: where its name stands, and its parameters.
+
+    Raises:
+        ConfigError: naming the file, the key and the value.
+    """
+    try:
+        with located(file, below):
+            yield
+    except FrameNotFoundError as error:
+        where = ".".join([below, *_path_to(error.frame, given.model_dump())])
+        problem = f"robot {robot.name!r} has no such frame"
+        remedy = f"Its frames: {', '.join(error.known)}"
+        raise ConfigError(file, where, error.frame, problem, remedy) from error
+    except Hoap3Error:
+        raise
+    except (Exception, SystemExit) as error:  # nobody else may end us
+        problem = f"cannot be built for robot {robot.name!r} with {robot.n} joints"
+        remedy = "Correct it, or choose a robot that it is made for"
+        raise ConfigError(file, key, name, f"{problem}: {blame(error, owner)}", remedy) from error
+
+
+def _path_to(value: object, content: object) -> list[str]:
+    """Keys under which a value stands in nested settings; none if it does not."""
+    if isinstance(content, Mapping):
+        parts = [(str(key), inner) for key, inner in content.items()]
+    elif isinstance(content, list | tuple):
+        parts = [(str(place), inner) for place, inner in enumerate(content)]
+    else:
+        return []
+    for key, inner in parts:
+        if inner == value:
+            return [key]
+        path = _path_to(value, inner)
+        if path:
+            return [key, *path]
+    return []

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from importlib.metadata import EntryPoint
-
-from hoap3.remote_controller.controllers.base import Controller
-from hoap3.remote_controller.plugins import PluginGroup, blame, module_of
-
-__all__ = ["BUILTIN", "GROUP", "blame", "find", "is_registered", "module_of", "registered"]
+from hoap3.remote_controller.plugins import PluginGroup
 
 GROUP = "hoap3.controllers"
 BUILTIN = {
@@ -35,27 +30,4 @@ CONTROLLERS = PluginGroup(
     ("hoap3.remote_controller.controllers.base:Controller",),
     "docs/writing_a_controller.md",
 )
-
-
-def registered() -> dict[str, EntryPoint]:
-    """Every controller that can be named: ours, then those of installed packages."""
-    return CONTROLLERS.registered()
-
-
-def is_registered(name: str) -> bool:
-    """Whether a name, rather than a dotted path, leads to a controller."""
-    return name in registered()
-
-
-def find(name: str, file: str = "config", key: str = "controller") -> type[Controller]:
-    """The class of a controller.
-
-    Args:
-        name: registered, or a dotted path `package.module:Class`.
-        file, key: where it was named, for errors.
-
-    Raises:
-        UnknownNameError: nobody registered it.
-        ConfigError: it cannot be imported, or is not a controller.
-    """
-    return CONTROLLERS.find(name, file, key)
+registered, find = CONTROLLERS.registered, CONTROLLERS.find

@@ -66,12 +66,7 @@ def before_import(name: str, file: str, key: str) -> None:
     if not known:
         rule.names.append(name)
     if not rule.allowed:
-        raise ConfigError(
-            file,
-            key,
-            name,
-            "names code that would be imported, and so run",
-            "If you trust it, add --allow-code",
-        )
+        problem, remedy = "names code that would be imported, and so run", "If you trust it, add"
+        raise ConfigError(file, key, name, problem, f"{remedy} --allow-code")
     if rule.say is not None and not known:
         rule.say(f"{file or 'config'}: {key}: imports {name}, which runs its module")

@@ -24,7 +24,7 @@ from hoap3.protocol.runtime.recorder import NoRecorder
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.loop import ControllerLoop
-from hoap3.remote_controller.registry import is_registered
+from hoap3.remote_controller.registry import registered
 from hoap3.remote_controller.user_code import user_code
 from hoap3.tools.logs.log import Log
 from hoap3.tools.machine.software import differences, in_words
@@ -127,7 +127,7 @@ def _replay(
     file = f"config in {path}"
     content = apply_overrides(parse_yaml(log.config, file), overrides)
     config = parse(ControllerConfig, content, file)
-    if not is_registered(config.controller) and not allow_code:
+    if config.controller not in registered() and not allow_code:
         raise LogError(
             f"{path}: its controller {config.controller!r} is not registered here, and code is not "
             "run on the word of a log. If you trust it, add --allow-code"

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from pydantic import Field
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.constraints.constraint import Constraint, check_rate
+from hoap3.remote_controller.constraints.constraint import Constraint
 from hoap3.remote_controller.model.kinematics import Kinematics
 
 
@@ -37,20 +38,12 @@ class Barrier(Constraint):
             0.05, gt=0, description="fastest return from outside that is asked for [m/s]"
         )
 
-    def __init__(
-        self,
-        parameters: Parameters,
-        description: RobotDescription,
-        kinematics: Kinematics,
-        period_s: float,
-    ) -> None:
-        from hoap3.remote_controller.constraints.limit_kernels import (
-            limit_rows,
-        )
+    def prepare(self, parameters: Any, kinematics: Kinematics) -> None:
+        """Size the buffers."""
+        from hoap3.remote_controller.constraints.limit_kernels import limit_rows
 
-        super().__init__(parameters, description, kinematics, period_s)
         self._limit_rows = limit_rows
-        check_rate(parameters.eta_per_s, period_s)
+        self.check_rate(parameters.eta_per_s)
         self._eta, self._reserve = parameters.eta_per_s, parameters.reserve_m
         self._return_speed = parameters.return_speed_m_s
         self.events["immovable"] = 0

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError, nearest
+from hoap3.protocol.errors import ConfigError, did_you_mean
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.model.kinematics import Kinematics
 
@@ -70,6 +70,14 @@ class Constraint:
         self.margin_names: tuple[str, ...] = ()
         self.events = {"outside": 0, "started_outside": 0}
         self._started = False
+        self.prepare(parameters, kinematics)
+
+    def prepare(self, parameters: Any, kinematics: Kinematics) -> None:
+        """Size the buffers; where a subclass does it that has no `__init__` of its own.
+
+        Args:
+            parameters, kinematics: as `__init__` got them; everything else is set already.
+        """
 
     def reset(self) -> None:
         """Forget what was kept from earlier states; events stay counted."""
@@ -122,6 +130,18 @@ class Constraint:
             self.events["started_outside"] += not self._started
         self._started = True
 
+    def check_rate(self, eta_per_s: float) -> None:
+        """Refuse a rate η of (25) that oversteps the limit within one period.
+
+        Raises:
+            ConfigError: η·T > 1.
+        """
+        share, period_s = eta_per_s * self.period_s, self.period_s
+        if share > 1.0:
+            problem = f"η·T = {share:.6g} oversteps the limit within one period of {period_s:g} s"
+            remedy = f"At most 1/T = {1.0 / period_s:.17g}"
+            raise ConfigError("", "eta_per_s", eta_per_s, problem, remedy)
+
     def joint_indices(self, key: str, names: Iterable[str]) -> list[int]:
         """Places of joints in the wire order.
 
@@ -131,28 +151,10 @@ class Constraint:
         known = self.description.joint_names
         for name in names:
             if name not in known:
-                guess = nearest(name, known)
-                hint = f"Did you mean {guess!r}? " if guess else ""
+                hint = did_you_mean(name, known)
                 problem = f"robot {self.description.name!r} has no such joint"
                 raise ConfigError("", key, name, problem, f"{hint}Joints: {', '.join(known)}")
         return [known.index(name) for name in names]
-
-
-def check_rate(eta_per_s: float, period_s: float) -> None:
-    """Refuse a rate η of (25) that oversteps the limit within one period.
-
-    Raises:
-        ConfigError: η·T > 1.
-    """
-    if eta_per_s * period_s > 1.0:
-        raise ConfigError(
-            "",
-            "eta_per_s",
-            eta_per_s,
-            f"η·T = {eta_per_s * period_s:.6g} oversteps the limit within one period of "
-            f"{period_s:g} s",
-            f"At most 1/T = {1.0 / period_s:.17g}",
-        )
 
 
 def positions(state: State, source: PositionSource) -> FloatArray:

@@ -7,9 +7,8 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray, State
-from hoap3.remote_controller.constraints.constraint import Constraint, check_rate
+from hoap3.remote_controller.constraints.constraint import Constraint
 from hoap3.remote_controller.model.kinematics import Kinematics
 
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
@@ -38,18 +37,12 @@ class FrameStill(Constraint):
 
     equality = True
 
-    def __init__(
-        self,
-        parameters: Parameters,
-        description: RobotDescription,
-        kinematics: Kinematics,
-        period_s: float,
-    ) -> None:
-        super().__init__(parameters, description, kinematics, period_s)
-        check_rate(parameters.eta_per_s, period_s)
+    def prepare(self, parameters: Parameters, kinematics: Kinematics) -> None:
+        """Size the buffers."""
+        self.check_rate(parameters.eta_per_s)
         self._eta = parameters.eta_per_s
         self._frame = kinematics.frame_id(parameters.frame)
-        self._seen_from = kinematics.frame_id(parameters.reference or description.base_frame)
+        self._seen_from = kinematics.frame_id(parameters.reference or self.description.base_frame)
         self._axes = np.array([AXES.index(axis) for axis in dict.fromkeys(parameters.axes)])
         self.rows = len(self._axes)
         self.names = tuple(f"{parameters.frame} {AXES[axis]}" for axis in self._axes)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.barrier import Barrier
@@ -29,19 +28,14 @@ class HalfSpace(Barrier):
         normal: Triple = Field(description="towards the allowed side, of any length")
         offset_m: float = Field(0.0, description="n·p of the plane, n of length 1 [m]")
 
-    def __init__(
-        self,
-        parameters: Parameters,
-        description: RobotDescription,
-        kinematics: Kinematics,
-        period_s: float,
-    ) -> None:
-        super().__init__(parameters, description, kinematics, period_s)
+    def prepare(self, parameters: Parameters, kinematics: Kinematics) -> None:
+        """Size the buffers."""
+        super().prepare(parameters, kinematics)
         self._normal = unit(parameters.normal, "normal")
         self._offset = parameters.offset_m
         self._point = np.array(parameters.point_m)
         self._frame = kinematics.frame_id(parameters.frame)
-        self._seen_from = kinematics.frame_id(parameters.reference or description.base_frame)
+        self._seen_from = kinematics.frame_id(parameters.reference or self.description.base_frame)
         self._position, self._rotation = np.zeros(3), np.zeros((3, 3))
         self._jacobian = np.zeros((6, self.n))
         self._arm, self._coefficients = np.zeros(3), np.zeros(6)

@@ -5,15 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray, State
-from hoap3.remote_controller.constraints.constraint import (
-    Constraint,
-    PositionSource,
-    check_rate,
-    positions,
-)
+from hoap3.remote_controller.constraints.constraint import Constraint, PositionSource, positions
 from hoap3.remote_controller.model.kinematics import Kinematics
 
 
@@ -40,41 +34,31 @@ class JointPosition(Constraint):
             "reference", description="joint positions that are kept in range"
         )
 
-    def __init__(
-        self,
-        parameters: Parameters,
-        description: RobotDescription,
-        kinematics: Kinematics,
-        period_s: float,
-    ) -> None:
-        from hoap3.remote_controller.constraints.limit_kernels import (
-            narrow_to_range,
-        )
+    def prepare(self, parameters: Parameters, kinematics: Kinematics) -> None:
+        """Size the buffers."""
+        from hoap3.remote_controller.constraints.limit_kernels import narrow_to_range
 
-        super().__init__(parameters, description, kinematics, period_s)
         self._narrow_to_range = narrow_to_range
-        check_rate(parameters.eta_per_s, period_s)
-        named = description.joint_names if parameters.joints is None else parameters.joints
-        kept = self.joint_indices("joints", named)
+        self.check_rate(parameters.eta_per_s)
+        names = self.description.joint_names
+        kept = self.joint_indices(
+            "joints", names if parameters.joints is None else parameters.joints
+        )
         self._least, self._greatest = np.full(self.n, -np.inf), np.full(self.n, np.inf)
-        self._least[kept] = description.lower[kept] + parameters.margin_rad
-        self._greatest[kept] = description.upper[kept] - parameters.margin_rad
+        self._least[kept] = self.description.lower[kept] + parameters.margin_rad
+        self._greatest[kept] = self.description.upper[kept] - parameters.margin_rad
         for joint in kept:
             if self._least[joint] > self._greatest[joint]:
-                width = float(description.upper[joint] - description.lower[joint])
-                raise ConfigError(
-                    "",
-                    "margin_rad",
-                    parameters.margin_rad,
-                    f"leaves nothing of the range of joint {description.joint_names[joint]!r}",
-                    f"At most {width / 2}",
-                )
+                width = float(self.description.upper[joint] - self.description.lower[joint])
+                problem = f"leaves nothing of the range of joint {names[joint]!r}"
+                remedy = f"At most {width / 2}"
+                raise ConfigError("", "margin_rad", parameters.margin_rad, problem, remedy)
         self._eta = parameters.eta_per_s
         self._return_speed = parameters.return_speed_rad_s
         self._source = parameters.positions_from
         self.margins = np.full(2 * self.n, np.inf)
         self.margin_names = tuple(
-            f"{name} {end}" for end in ("lower", "upper") for name in description.joint_names
+            f"{name} {end}" for end in ("lower", "upper") for name in self.description.joint_names
         )
 
     def bounds(self, state: State, lower_out: FloatArray, upper_out: FloatArray) -> None:

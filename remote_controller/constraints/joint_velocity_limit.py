@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.constraint import Constraint
@@ -25,26 +24,19 @@ class JointSpeed(Constraint):
             {}, description="other limits of single joints, 0 and above [rad/s or m/s]"
         )
 
-    def __init__(
-        self,
-        parameters: Parameters,
-        description: RobotDescription,
-        kinematics: Kinematics,
-        period_s: float,
-    ) -> None:
+    def prepare(self, parameters: Parameters, kinematics: Kinematics) -> None:
+        """Size the buffers."""
         from hoap3.remote_controller.constraints.limit_kernels import intersect_box
 
-        super().__init__(parameters, description, kinematics, period_s)
         self._intersect_box = intersect_box
         own = parameters.joints_rad_s
         wanted = np.full(self.n, parameters.limit_rad_s or np.inf)
         for name, joint in zip(own, self.joint_indices("joints_rad_s", own), strict=True):
             if own[name] < 0.0:
-                raise ConfigError(
-                    "", f"joints_rad_s.{name}", own[name], "is negative", "Write 0 or more"
-                )
+                key, remedy = f"joints_rad_s.{name}", "Write 0 or more"
+                raise ConfigError("", key, own[name], "is negative", remedy)
             wanted[joint] = own[name]
-        self._upper = np.minimum(wanted, description.velocity)
+        self._upper = np.minimum(wanted, self.description.velocity)
         self._lower = -self._upper
 
     def bounds(self, state: State, lower_out: FloatArray, upper_out: FloatArray) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.constraint import Constraint
@@ -36,14 +35,8 @@ class MinimumSpeed(Constraint):
             ORTHOGONAL, ge=0, lt=1, description="largest |cos| between a and ∇V, beside rounding"
         )
 
-    def __init__(
-        self,
-        parameters: Parameters,
-        description: RobotDescription,
-        kinematics: Kinematics,
-        period_s: float,
-    ) -> None:
-        super().__init__(parameters, description, kinematics, period_s)
+    def prepare(self, parameters: Parameters, kinematics: Kinematics) -> None:
+        """Size the buffers."""
         self._speed, self._tolerance = parameters.speed, parameters.tolerance
         self._direction: FloatArray | None = None
         self._a = np.zeros(self.n)
@@ -61,7 +54,9 @@ class MinimumSpeed(Constraint):
         else:
             self._direction = unit(parameters.direction, "direction")
             self._frame = kinematics.frame_id(parameters.frame)
-            self._seen_from = kinematics.frame_id(parameters.reference or description.base_frame)
+            self._seen_from = kinematics.frame_id(
+                parameters.reference or self.description.base_frame
+            )
             self._position, self._rotation = np.zeros(3), np.zeros((3, 3))
             self._jacobian = np.zeros((6, self.n))
         self.rows, self.names = 1, (f"{parameters.frame or ' '.join(parameters.joints)}",)

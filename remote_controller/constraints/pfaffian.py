@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 from pydantic import Field
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.constraint import Constraint, PositionSource, positions
@@ -34,14 +33,8 @@ class Pfaffian(Constraint):
 
     equality = True
 
-    def __init__(
-        self,
-        parameters: Parameters,
-        description: RobotDescription,
-        kinematics: Kinematics,
-        period_s: float,
-    ) -> None:
-        super().__init__(parameters, description, kinematics, period_s)
+    def prepare(self, parameters: Parameters, kinematics: Kinematics) -> None:
+        """Size the buffers."""
         self._source = parameters.positions_from
         self._function: Callable[[FloatArray], object] | None = None
         if bool(parameters.matrix) == (parameters.function is not None):
@@ -51,20 +44,17 @@ class Pfaffian(Constraint):
             key, found = "matrix", _as_array(parameters.matrix)
         else:
             self._function = load_function(parameters.function, "function")
-            key, found = "function", _as_array(self._function(description.initial_position.copy()))
+            key, found = (
+                "function",
+                _as_array(self._function(self.description.initial_position.copy())),
+            )
         if found is None or found.ndim != 2 or found.shape[1] != self.n or not len(found):
             shape = "no numbers" if found is None else f"shape {found.shape}"
-            raise ConfigError(
-                "", key, parameters.function, f"gives {shape}", f"Give k rows of {self.n} numbers"
-            )
+            remedy = f"Give k rows of {self.n} numbers"
+            raise ConfigError("", key, parameters.function, f"gives {shape}", remedy)
         if not np.isfinite(found).all():
-            raise ConfigError(
-                "",
-                key,
-                parameters.function,
-                "is not finite in the initial posture",
-                "Give finite numbers",
-            )
+            problem, remedy = "is not finite in the initial posture", "Give finite numbers"
+            raise ConfigError("", key, parameters.function, problem, remedy)
         self._matrix = np.array(found)
         self.rows = len(found)
         self.names = tuple(f"row {row}" for row in range(self.rows))

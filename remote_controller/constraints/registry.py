@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint
 from typing import Any
 
 from pydantic import Field
 
 from hoap3.protocol.config.settings import Settings, parse
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError, FrameNotFoundError, Hoap3Error
+from hoap3.protocol.errors import ConfigError
 from hoap3.remote_controller.constraints.constraint import Constraint
 from hoap3.remote_controller.constraints.constraint_validation import check_first_update
 from hoap3.remote_controller.constraints.stack import ConstraintStack
 from hoap3.remote_controller.model.kinematics import Kinematics
-from hoap3.remote_controller.plugins import PluginGroup, blame
+from hoap3.remote_controller.plugins import PluginGroup, building
 
 GROUP = "hoap3.constraints"
 _OURS = "hoap3.remote_controller.constraints"
@@ -38,6 +37,7 @@ CONSTRAINTS = PluginGroup(
     ("hoap3.remote_controller.constraints.constraint:Constraint",),
     "docs/writing_a_constraint.md",
 )
+registered, find = CONSTRAINTS.registered, CONSTRAINTS.find
 
 
 class ConstraintSettings(Settings):
@@ -69,25 +69,8 @@ class Entry:
     parameters: Settings
 
 
-def registered() -> dict[str, EntryPoint]:
-    """Every constraint that can be named: ours, then those of installed packages."""
-    return CONSTRAINTS.registered()
-
-
-def find(name: str, file: str = "config", key: str = "constraint") -> type[Constraint]:
-    """The class of a constraint.
-
-    Raises:
-        UnknownNameError: nobody registered it.
-        ConfigError: it cannot be imported, or is not a constraint.
-    """
-    return CONSTRAINTS.find(name, file, key)
-
-
 def read(
-    entries: Sequence[ConstraintSettings],
-    file: str = "config",
-    key: str = "parameters.constraints",
+    entries: Sequence[ConstraintSettings], file: str = "config", key: str = "parameters.constraints"
 ) -> list[Entry]:
     """Check a list of constraints, as far as it can be without a robot.
 
@@ -131,44 +114,19 @@ def build(
             period, or gives no numbers of the right shape in the initial posture.
     """
     checked = read(entries, file, key)
+
+    def made(entry: Entry) -> Constraint:
+        found, given = entry.constraint, entry.parameters
+        keys = f"{entry.key}.constraint", f"{entry.key}.parameters"
+        with building(found, entry.label, description, given, file, *keys):
+            return found(given, description, kinematics, period_s)
+
     for given, entry in zip(entries, checked, strict=True):
         if given.constraint not in BUILTIN:
-            spare = _made(entry, description, kinematics, period_s, file)
             place = f"{entry.key}.constraint"
-            check_first_update(spare, description, kinematics, file, place, given.constraint)
-    made = [_made(entry, description, kinematics, period_s, file) for entry in checked]
-    return ConstraintStack(made, [entry.label for entry in checked], description.n)
-
-
-def _made(
-    entry: Entry,
-    description: RobotDescription,
-    kinematics: Kinematics,
-    period_s: float,
-    file: str,
-) -> Constraint:
-    try:
-        return entry.constraint(entry.parameters, description, kinematics, period_s)
-    except FrameNotFoundError as error:
-        path = _path_to(error.frame, entry.parameters.model_dump())
-        problem = f"robot {description.name!r} has no such frame"
-        remedy = f"Its frames: {', '.join(error.known)}"
-        place = ".".join([entry.key, "parameters", *path])
-        raise ConfigError(file, place, error.frame, problem, remedy) from error
-    except ConfigError as error:
-        place = f"{entry.key}.parameters.{error.key}".rstrip(".")
-        raise ConfigError(file, place, error.value, error.problem, error.remedy) from error
-    except Hoap3Error:
-        raise
-    except Exception as error:
-        raise ConfigError(
-            file,
-            f"{entry.key}.constraint",
-            entry.label,
-            f"cannot be built for robot {description.name!r} with {description.n} joints: "
-            f"{blame(error, entry.constraint)}",
-            "Correct it, or choose a robot that it is made for",
-        ) from error
+            check_first_update(made(entry), description, kinematics, file, place, given.constraint)
+    labels = [entry.label for entry in checked]
+    return ConstraintStack([made(entry) for entry in checked], labels, description.n)
 
 
 def _numbered(name: str, taken: set[str]) -> str:
@@ -178,20 +136,3 @@ def _numbered(name: str, taken: set[str]) -> str:
         number += 1
         label = f"{name} {number}"
     return label
-
-
-def _path_to(value: object, content: object) -> list[str]:
-    """Keys under which a value stands in nested settings; none if it does not."""
-    if isinstance(content, Mapping):
-        parts = [(str(key), inner) for key, inner in content.items()]
-    elif isinstance(content, list | tuple):
-        parts = [(str(place), inner) for place, inner in enumerate(content)]
-    else:
-        return []
-    for key, inner in parts:
-        if inner == value:
-            return [key]
-        path = _path_to(value, inner)
-        if path:
-            return [key, *path]
-    return []

@@ -31,9 +31,7 @@ class ConstraintStack:
     """
 
     def __init__(self, constraints: Sequence[Constraint], labels: Sequence[str], n: int) -> None:
-        from hoap3.remote_controller.constraints.limit_kernels import (
-            slow_returns,
-        )
+        from hoap3.remote_controller.constraints.limit_kernels import slow_returns
 
         self._slow_returns = slow_returns
         self.constraints, self.labels = tuple(constraints), tuple(labels)

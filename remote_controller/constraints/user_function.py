@@ -27,13 +27,9 @@ def load_function(name: str, key: str) -> Callable[..., Any]:
     try:
         loaded: Callable[..., Any] = EntryPoint(name, name, "").load()
     except Exception as error:
-        raise ConfigError(
-            "",
-            key,
-            name,
-            f"cannot be imported: {blame(error)}",
-            "Install its package, or keep its module beside the config file",
-        ) from error
+        problem = f"cannot be imported: {blame(error)}"
+        remedy = "Install its package, or keep its module beside the config file"
+        raise ConfigError("", key, name, problem, remedy) from error
     if not callable(loaded):
         raise ConfigError("", key, name, "cannot be called", "Name a function")
     return loaded

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from importlib.metadata import EntryPoint
 from typing import Any
 
 from pydantic import Field
 
 from hoap3.protocol.config.settings import Settings, parse
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import BadProblemError, ConfigError, FrameNotFoundError, Hoap3Error
+from hoap3.protocol.errors import BadProblemError, ConfigError
 from hoap3.remote_controller.model.kinematics import Kinematics
-from hoap3.remote_controller.plugins import PluginGroup, blame
+from hoap3.remote_controller.plugins import PluginGroup, building
 from hoap3.remote_controller.tasks.derivative_check import check_derivatives
 from hoap3.remote_controller.tasks.lyapunov import BuildContext, LyapunovFunction
 
@@ -35,6 +34,7 @@ TASKS = PluginGroup(
     ),
     "docs/writing_a_task.md",
 )
+registered, find = TASKS.registered, TASKS.find
 
 
 class TaskSettings(Settings):
@@ -42,25 +42,6 @@ class TaskSettings(Settings):
 
     task: str = Field(description="registered name, or package.module:Class")
     parameters: dict[str, Any] = Field({}, description="settings of the task itself")
-
-
-def registered() -> dict[str, EntryPoint]:
-    """Every task that can be named: ours, then those of installed packages."""
-    return TASKS.registered()
-
-
-def find(name: str, file: str = "config", key: str = "task") -> Any:
-    """The class of a task: a `Task`, or a `LyapunovFunction`.
-
-    Args:
-        name: registered, or a dotted path `package.module:Class`.
-        file, key: where it was named, for errors.
-
-    Raises:
-        UnknownNameError: nobody registered it.
-        ConfigError: it cannot be imported, or is no task.
-    """
-    return TASKS.find(name, file, key)
 
 
 def check_parameters(settings: TaskSettings, file: str = "config", key: str = "task") -> Any:
@@ -96,35 +77,13 @@ def build(
     parameters = check_parameters(settings, file, key)
     found = find(settings.task, file, f"{key}.task")
     context = BuildContext(description, kinematics, file, f"{key}.parameters")
-    checked = settings.task not in BUILTIN
-    try:
-        function: LyapunovFunction = found.configured(context, parameters)
-        if checked:
-            at_name = BuildContext(description, kinematics, file, f"{key}.task")
-            check_derivatives(function, at_name, settings.task)
-    except FrameNotFoundError as error:
-        name = next(
-            (name for name, value in parameters.model_dump().items() if value == error.frame), ""
-        )
-        raise ConfigError(
-            file,
-            f"{key}.parameters.{name}".rstrip("."),
-            error.frame,
-            f"robot {description.name!r} has no such frame",
-            f"Its frames: {', '.join(error.known)}",
-        ) from error
-    except BadProblemError as error:
-        where = f"{key}.parameters"
-        raise ConfigError(file, where, None, str(error), "Correct them") from error
-    except Hoap3Error:
-        raise
-    except Exception as error:
-        raise ConfigError(
-            file,
-            f"{key}.task",
-            settings.task,
-            f"cannot be built for robot {description.name!r} with {description.n} joints: "
-            f"{blame(error, found)}",
-            "Correct it, or choose a robot that it is made for",
-        ) from error
+    keys = f"{key}.task", context.key
+    with building(found, settings.task, description, parameters, file, *keys):
+        try:
+            function: LyapunovFunction = found.configured(context, parameters)
+            if settings.task not in BUILTIN:
+                at_name = BuildContext(description, kinematics, file, f"{key}.task")
+                check_derivatives(function, at_name, settings.task)
+        except BadProblemError as error:
+            raise ConfigError("", "", None, str(error), "Correct them") from error
     return function

@@ -159,7 +159,7 @@ def find_controller(kind: str) -> Any:
         UnknownNameError: nothing is called so; says so where it is a task's or a constraint's name.
         ConfigError: it cannot be imported, or is no controller.
     """
-    if not (controllers.is_registered(kind) or ":" in kind):
+    if not (kind in controllers.registered() or ":" in kind):
         known = ["emulator", *FAMILIES, *controllers.registered()]
         hint = "".join(
             f" Did you mean: {family} {kind}?"

@@ -10,14 +10,14 @@ import numpy as np
 from pydantic import Field
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError, nearest
+from hoap3.protocol.errors import ConfigError, did_you_mean
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.collision.collision_geometry import (
     AnyObstacle,
     Body,
     links,
 )
-from hoap3.remote_controller.constraints.constraint import Constraint, check_rate
+from hoap3.remote_controller.constraints.constraint import Constraint
 from hoap3.remote_controller.model.kinematics import Kinematics
 
 Pair = tuple[str, str]
@@ -87,19 +87,11 @@ class Distance(Constraint):
             0.05, gt=0, description="fastest return from outside that is asked for [m/s]"
         )
 
-    def __init__(
-        self,
-        parameters: Parameters,
-        description: RobotDescription,
-        kinematics: Kinematics,
-        period_s: float,
-    ) -> None:
-        from hoap3.remote_controller.constraints.collision.distance_kernels import (
-            distance_rows,
-        )
+    def prepare(self, parameters: Parameters, kinematics: Kinematics) -> None:
+        """Size the buffers."""
+        from hoap3.remote_controller.constraints.collision.distance_kernels import distance_rows
 
-        super().__init__(parameters, description, kinematics, period_s)
-        check_rate(parameters.eta_per_s, period_s)
+        self.check_rate(parameters.eta_per_s)
         self._write_rows = distance_rows
         self._settings = np.array(
             (
@@ -108,13 +100,13 @@ class Distance(Constraint):
                 parameters.contact_m,
             )
         )
-        self._links = links(description)
+        self._links = links(self.description)
         self._obstacles: dict[str, tuple[Body, ...]] = {}
         for place, obstacle in enumerate(parameters.obstacles):
             if obstacle.name in self._links or obstacle.name in self._obstacles:
                 key = f"obstacles.{place}.name"
                 raise ConfigError("", key, obstacle.name, "is taken", "Choose another name")
-            self._obstacles[obstacle.name] = (obstacle.body(description.base_frame),)
+            self._obstacles[obstacle.name] = (obstacle.body(self.description.base_frame),)
         self.rows = parameters.rows
         self.names = tuple(f"near {row}" for row in range(self.rows))
         self.events.update(rows_short=0, crossing=0, immovable=0)
@@ -243,9 +235,7 @@ def _shapes(pairs: Iterable[tuple[tuple[Body, ...], tuple[Body, ...]]]) -> list[
 
 def _named(bodies: dict[str, tuple[Body, ...]], name: str, key: str) -> tuple[Body, ...]:
     if name not in bodies:
-        guess = nearest(name, bodies)
-        hint = f"Did you mean {guess!r}? " if guess else ""
-        remedy = f"{hint}Bodies: {', '.join(bodies) or 'none'}"
+        remedy = f"{did_you_mean(name, bodies)}Bodies: {', '.join(bodies) or 'none'}"
         raise ConfigError("", key, name, "no link with a <collision> shape is called so", remedy)
     return bodies[name]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.barrier import Barrier
 from hoap3.remote_controller.constraints.support.support_area import SupportArea
@@ -28,15 +27,12 @@ class SupportPolygon(Barrier):
         )
         margin_m: float = Field(0.0, ge=0, description="kept to every edge [m]")
 
-    def __init__(
-        self,
-        parameters: Parameters,
-        description: RobotDescription,
-        kinematics: Kinematics,
-        period_s: float,
-    ) -> None:
-        super().__init__(parameters, description, kinematics, period_s)
-        self._area = SupportArea(description, kinematics, parameters.soles, parameters.margin_m)
+    def prepare(self, parameters: Parameters, kinematics: Kinematics) -> None:
+        """Size the buffers."""
+        super().prepare(parameters, kinematics)
+        self._area = SupportArea(
+            self.description, kinematics, parameters.soles, parameters.margin_m
+        )
         self.name_rows(tuple(f"edge {edge}" for edge in range(self._area.rows)))
         self._com, self._jacobian = np.zeros(3), np.zeros((3, self.n))
         self.events["sole_moved"] = 0

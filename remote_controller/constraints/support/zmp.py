@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.constraint import Constraint, PositionSource, positions
 from hoap3.remote_controller.constraints.support.support_area import SupportArea
@@ -42,15 +41,11 @@ class Zmp(Constraint):
             "reference", description="joint positions that velocities are computed from"
         )
 
-    def __init__(
-        self,
-        parameters: Parameters,
-        description: RobotDescription,
-        kinematics: Kinematics,
-        period_s: float,
-    ) -> None:
-        super().__init__(parameters, description, kinematics, period_s)
-        self._area = SupportArea(description, kinematics, parameters.soles, parameters.margin_m)
+    def prepare(self, parameters: Parameters, kinematics: Kinematics) -> None:
+        """Size the buffers."""
+        self._area = SupportArea(
+            self.description, kinematics, parameters.soles, parameters.margin_m
+        )
         self._gravity, self._source = parameters.gravity_m_s2, parameters.positions_from
         self.rows = self._area.rows
         self.names = self.margin_names = tuple(f"edge {edge}" for edge in range(self.rows))
