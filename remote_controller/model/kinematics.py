@@ -36,10 +36,7 @@ class Kinematics:
     def __init__(self, description: RobotDescription) -> None:
         import pinocchio
 
-        from hoap3.remote_controller.model.kinematics_kernels import (
-            com_in_frame,
-            frame_in_frame,
-        )
+        from hoap3.remote_controller.model.kinematics_kernels import com_in_frame, frame_in_frame
 
         self._com_in_frame, self._frame_in_frame = com_in_frame, frame_in_frame
         self.robot = build_model(description)

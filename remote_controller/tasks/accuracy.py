@@ -19,11 +19,15 @@ TOLERANCE_DEG = 0.5
 JointToleranceDeg = Annotated[
     float,
     Field(
-        gt=0,
-        description="error of each revolute joint at the end that counts as reached [degrees]",
+        gt=0, description="error of each revolute joint at the end that counts as reached [degrees]"
     ),
 ]
 JointToleranceM = Annotated[float, Field(gt=0, description="the same for prismatic joints [m]")]
+
+ToleranceM = Annotated[
+    float, Field(gt=0, description="error at the end that counts as reached [m]")
+]
+ToleranceDeg = Annotated[float, Field(gt=0, description="the same for its orientation [degrees]")]
 
 LOWER = "lower priority"
 ABSENT = "takes no part"

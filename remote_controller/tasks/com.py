@@ -9,7 +9,7 @@ from pydantic import Field
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.references.settings import TargetSettings
-from hoap3.remote_controller.tasks.accuracy import TOLERANCE_M, TaskError, length_error
+from hoap3.remote_controller.tasks.accuracy import TOLERANCE_M, TaskError, ToleranceM, length_error
 from hoap3.remote_controller.tasks.lyapunov import BuildContext
 from hoap3.remote_controller.tasks.task import Task
 from hoap3.remote_controller.tasks.task_function import TaskFunction
@@ -32,9 +32,7 @@ class ComTask(Task):
 
         frame: str = Field("r_sole", description="frame that it is seen from")
         target: TargetSettings = Field(description="where it shall be, in that frame")
-        tolerance_m: float = Field(
-            TOLERANCE_M, gt=0, description="error at the end that counts as reached [m]"
-        )
+        tolerance_m: ToleranceM = TOLERANCE_M
 
     def __init__(self, kinematics: Kinematics, frame: str, target: FloatArray) -> None:
         super().__init__(3, kinematics.n)

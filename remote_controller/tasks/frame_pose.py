@@ -14,6 +14,8 @@ from hoap3.remote_controller.tasks.accuracy import (
     TOLERANCE_DEG,
     TOLERANCE_M,
     TaskError,
+    ToleranceDeg,
+    ToleranceM,
     angle_error,
     length_error,
 )
@@ -57,20 +59,13 @@ class FramePoseTask(Task):
         turn_s: float = Field(
             0.0, ge=0, description="duration of the turn from where it is [s]; 0: at once"
         )
-        tolerance_m: float = Field(
-            TOLERANCE_M, gt=0, description="error at the end that counts as reached [m]"
-        )
-        tolerance_deg: float = Field(
-            TOLERANCE_DEG, gt=0, description="the same for its orientation [degrees]"
-        )
+        tolerance_m: ToleranceM = TOLERANCE_M
+        tolerance_deg: ToleranceDeg = TOLERANCE_DEG
 
     def __init__(
         self, kinematics: Kinematics, frame: str, reference: str, target: FloatArray
     ) -> None:
-        from hoap3.remote_controller.tasks.se3_kernels import (
-            pose_error,
-            rotation_vector,
-        )
+        from hoap3.remote_controller.tasks.se3_kernels import pose_error, rotation_vector
 
         super().__init__(6, kinematics.n)
         self._pose_error, self._rotation_vector = pose_error, rotation_vector

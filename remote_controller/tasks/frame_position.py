@@ -12,7 +12,7 @@ from pydantic import Field, field_validator
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.references.settings import TargetSettings
-from hoap3.remote_controller.tasks.accuracy import TOLERANCE_M, TaskError, length_error
+from hoap3.remote_controller.tasks.accuracy import TOLERANCE_M, TaskError, ToleranceM, length_error
 from hoap3.remote_controller.tasks.lyapunov import BuildContext
 from hoap3.remote_controller.tasks.task import Task
 from hoap3.remote_controller.tasks.task_function import TaskFunction
@@ -46,9 +46,7 @@ class FramePositionTask(Task):
         axes: tuple[Axis, ...] = Field(
             AXES, min_length=1, description="components of e, in this order; others are left free"
         )
-        tolerance_m: float = Field(
-            TOLERANCE_M, gt=0, description="error at the end that counts as reached [m]"
-        )
+        tolerance_m: ToleranceM = TOLERANCE_M
 
         @field_validator("axes")
         @classmethod

@@ -97,7 +97,7 @@ def _places(context: BuildContext, names: tuple[str, ...]) -> list[int]:
         if name not in known or names.count(name) > 1:
             problem = "is named twice" if name in known else "is no joint of this robot"
             remedy = f"Its joints: {', '.join(known)}"
-            raise ConfigError(context.file, f"{context.key}.joints", name, problem, remedy)
+            raise ConfigError("", "joints", name, problem, remedy)
     return [known.index(name) for name in names or known]
 
 
@@ -109,12 +109,10 @@ def _positions(
         if parameters.posture not in postures:
             remedy = f"Its postures: {', '.join(sorted(postures))}"
             problem = "the robot has no such posture"
-            raise ConfigError(
-                context.file, f"{context.key}.posture", parameters.posture, problem, remedy
-            )
+            raise ConfigError("", "posture", parameters.posture, problem, remedy)
         return np.array(postures[parameters.posture])[joints]
     target = np.array(parameters.target_rad)
     if len(target) != len(joints):
         problem, remedy = f"has {len(target)} values", f"Give {len(joints)}, one for each joint"
-        raise ConfigError(context.file, f"{context.key}.target_rad", None, problem, remedy)
+        raise ConfigError("", "target_rad", None, problem, remedy)
     return target

@@ -15,14 +15,13 @@ from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks import status
 from hoap3.remote_controller.tasks.accuracy import TaskError
 from hoap3.remote_controller.tasks.lyapunov import BuildContext, LyapunovFunction
+from hoap3.remote_controller.tasks.registry import TaskSettings, build
 
 
-class TermSettings(Settings):
+class TermSettings(TaskSettings):
     """A task of the sum."""
 
     weight: float = Field(1.0, gt=0, description="w of w·V")
-    task: str = Field(description="registered name, or package.module:Class")
-    parameters: dict[str, Any] = Field({}, description="settings of the task itself")
 
 
 class WeightedSum(LyapunovFunction):
@@ -64,11 +63,9 @@ class WeightedSum(LyapunovFunction):
     @classmethod
     def configured(cls, context: BuildContext, parameters: Any) -> Self:
         """The sum of its terms, each built for the robot at `context`."""
-        from hoap3.remote_controller.tasks.registry import TaskSettings, build
-
         terms = [
             build(
-                TaskSettings(task=term.task, parameters=term.parameters),
+                term,
                 context.description,
                 context.kinematics,
                 context.file,

@@ -170,13 +170,9 @@ def build_curve(
     try:
         curve: Curve = found(context.description, checked)
     except UnknownNameError as error:
-        raise ConfigError(
-            context.file,
-            f"{key}_parameters",
-            error.name,
-            f"the robot has no such {error.kind}",
-            f"It has: {', '.join(error.known)}",
-        ) from error
+        where, problem = f"{key}_parameters", f"the robot has no such {error.kind}"
+        remedy = f"It has: {', '.join(error.known)}"
+        raise ConfigError(context.file, where, error.name, problem, remedy) from error
     shapes = np.shape(curve.alpha), np.shape(curve.gradients)
     if shapes != ((dimension - 1,), (dimension - 1, dimension)):
         problem = f"has α of shape {shapes[0]} and gradients of shape {shapes[1]}"
