@@ -42,17 +42,13 @@ class Goal:
 
 
 def default_goal(
-    description: RobotDescription,
-    file: str,
-    key: str,
-    point: str | None = None,
-    reference: str | None = None,
+    description: RobotDescription, key: str, point: str | None = None, reference: str | None = None
 ) -> Goal:
     """The robot's default task, its target computed for the initial posture.
 
     Args:
         description: of the robot.
-        file, key: where the task could have been named, for errors.
+        key: where the task could have been named, for errors.
         point, reference: instead of those of the default task.
 
     Raises:
@@ -65,16 +61,12 @@ def default_goal(
         task = HOAP3S
     if task is None:
         _check_frames(description, point, reference)
-        raise NoDefaultTaskError(
-            file,
-            key,
-            None,
-            f"is missing, and robot {description.name!r} has no default task",
-            "Name it, or write `default_task` into the robot's robot.yaml",
-        )
+        problem = f"is missing, and robot {description.name!r} has no default task"
+        remedy = "Name it, or write `default_task` into the robot's robot.yaml"
+        raise NoDefaultTaskError("", key, None, problem, remedy)
     if task.target_m is not None and point not in {None, task.point}:
         remedy = "Write where the point shall be"
-        raise ConfigError(file, key, None, f"no target is named for the point {point!r}", remedy)
+        raise ConfigError("", key, None, f"no target is named for the point {point!r}", remedy)
     changed = {"point": point or task.point, "reference": reference or task.reference}
     task = task.model_copy(update=changed)
     target = task.target_m

@@ -128,6 +128,21 @@ class Controller(ABC):
     def step(self, state: State) -> Setpoint:
         """Answer `state`; returns `self.command` with `values` and the certificate filled in."""
 
+    def refuse(self, present: int) -> Setpoint:
+        """Answer with nothing to follow, as where a State is not finite.
+
+        Args:
+            present: why, of the `conditions`.
+        """
+        command, self.present = self.command, present
+        command.values[:] = np.nan
+        command.v = command.v_rate_required = command.v_rate_predicted = command.rho = 0.0
+        command.margin = command.kkt_residual = 0.0
+        command.extra[:] = 0.0
+        command.active_joints = command.solver_path = command.fallback = 0
+        command.solver_status = STATUS["infeasible"]
+        return command
+
     def task_errors(self) -> list[TaskError]:
         """Errors of the tasks at the last `step`, each with its tolerance; empty without a target.
 

@@ -10,14 +10,14 @@ from hoap3.protocol.messages import FloatArray
 
 
 def posture_of(
-    description: RobotDescription, name: str | None, values: tuple[float, ...], file: str, key: str
+    description: RobotDescription, name: str | None, values: tuple[float, ...], key: str
 ) -> FloatArray:
     """Joint positions, (n,): the values, or else the posture of that name, or where it starts.
 
     Args:
         description: of the robot.
         name, values: what the config says.
-        file, key: where it stands; `key` without the ending `_rad` of the values.
+        key: where it stands, without the ending `_rad` of the values.
 
     Raises:
         ConfigError: no such posture, or too many values or too few.
@@ -26,10 +26,10 @@ def posture_of(
         if len(values) != description.n:
             problem = f"has {len(values)} values"
             remedy = f"Give {description.n}, one for each joint"
-            raise ConfigError(file, f"{key}_rad", None, problem, remedy)
+            raise ConfigError("", f"{key}_rad", None, problem, remedy)
         return np.array(values)
     known = description.postures
     if name is not None and name not in known:
         remedy = f"Its postures: {', '.join(sorted(known))}"
-        raise ConfigError(file, key, name, "the robot has no such posture", remedy)
+        raise ConfigError("", key, name, "the robot has no such posture", remedy)
     return np.array(known[name or description.initial_posture])

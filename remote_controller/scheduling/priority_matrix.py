@@ -6,19 +6,19 @@ i out of j's directions, 0 lets it in.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.errors import ConfigError, nearest
+from hoap3.protocol.errors import ConfigError, did_you_mean
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.scheduling.settings import Entry, Names, Order, PrioritySettings
 
 Entries = tuple[tuple[int, int, float], ...]
 
 
-def place(name: str, names: Sequence[str], file: str, key: str) -> int:
+def place(name: str, names: Sequence[str], key: str) -> int:
     """Where a task stands among `names`.
 
     Raises:
@@ -26,38 +26,37 @@ def place(name: str, names: Sequence[str], file: str, key: str) -> int:
     """
     if name in names:
         return names.index(name)
-    close = nearest(name, names)
-    guess = f"Did you mean {close!r}? " if close else ""
-    remedy = f"{guess}Tasks: {', '.join(names)}"
-    raise ConfigError(file, key, name, "no task is called so", remedy)
+    remedy = f"{did_you_mean(name, names)}Tasks: {', '.join(names)}"
+    raise ConfigError("", key, name, "no task is called so", remedy)
 
 
-def places(given: Names, names: Sequence[str], file: str, key: str) -> tuple[int, ...]:
+def places(given: Names, names: Sequence[str], key: str) -> tuple[int, ...]:
     """Where tasks stand among `names`, each of them once.
 
     Raises:
         ConfigError: an unknown one, or one that is named twice.
     """
     listed = (given,) if isinstance(given, str) else given
-    _once(listed, file, key)
-    return tuple(place(name, names, file, key) for name in listed)
+    for number, name in enumerate(listed):
+        if name in listed[:number]:
+            raise ConfigError("", key, name, "this task is named twice", "Name it once")
+    return tuple(place(name, names, key) for name in listed)
 
 
-def order_entries(order: Order, names: Sequence[str], file: str, key: str) -> Entries:
+def order_entries(order: Order, names: Sequence[str]) -> Entries:
     """Entries of the pairs among the tasks of an order, (i, j, alpha_ij).
 
     Raises:
         ConfigError: an unknown task, or one that is named twice.
     """
     levels = [(level,) if isinstance(level, str) else level for level in order]
-    _once([name for level in levels for name in level], file, key)
-    ranks = {
-        place(name, names, file, key): rank for rank, level in enumerate(levels) for name in level
-    }
+    levels_of = [rank for rank, level in enumerate(levels) for _ in level]
+    named = tuple(name for level in levels for name in level)
+    ranks = dict(zip(places(named, names, "order"), levels_of, strict=True))
     return tuple((i, j, float(ranks[j] < ranks[i])) for i in ranks for j in ranks if i != j)
 
 
-def set_entries(given: Sequence[Entry], names: Sequence[str], file: str, key: str) -> Entries:
+def set_entries(given: Sequence[Entry], names: Sequence[str]) -> Entries:
     """Entries of [A, B, alpha] and, where they are not given themselves, of B and A, 1 − alpha.
 
     Raises:
@@ -65,42 +64,52 @@ def set_entries(given: Sequence[Entry], names: Sequence[str], file: str, key: st
     """
     found: dict[tuple[int, int], float] = {}
     for number, (a, b, value) in enumerate(given):
-        i, j = (place(name, names, file, f"{key}.{number}") for name in (a, b))
+        i, j = (place(name, names, f"set.{number}") for name in (a, b))
         if (i, j) in found:
             problem, remedy = "this pair is set twice", "Leave one of them out"
-            raise ConfigError(file, f"{key}.{number}", [a, b, value], problem, remedy)
+            raise ConfigError("", f"set.{number}", [a, b, value], problem, remedy)
         found[i, j] = value
     partners = {(j, i): 1.0 - value for (i, j), value in found.items() if i != j}
     return tuple((i, j, value) for (i, j), value in {**partners, **found}.items())
 
 
-def start_matrix(
-    names: Sequence[str], settings: PrioritySettings, file: str, key: str
-) -> FloatArray:
+def start_matrix(names: Sequence[str], settings: PrioritySettings) -> FloatArray:
     """Priorities of a config, (k, k); zeros where it names none.
 
     Raises:
         ConfigError: an order that leaves a task out, or a matrix of another size.
     """
-    k = len(names)
+    k, rows = len(names), settings.matrix
     alpha = np.zeros((k, k))
-    if settings.matrix:
-        rows = settings.matrix
+    if rows:
         if len(rows) != k or any(len(row) != k for row in rows):
             size = f"{len(rows)} rows of {'/'.join(sorted({str(len(row)) for row in rows}))}"
             problem = f"has {size} numbers for {k} tasks"
             remedy = f"Give it {k} rows of {k}, in the order of the tasks: {', '.join(names)}"
-            raise ConfigError(file, f"{key}.matrix", None, problem, remedy)
+            raise ConfigError("", "matrix", None, problem, remedy)
         alpha[:] = rows
     elif settings.order:
-        entries = order_entries(settings.order, names, file, f"{key}.order")
-        named = [name for level in settings.order for name in _listed(level)]
-        missing = [name for name in names if name not in named]
+        entries = order_entries(settings.order, names)
+        levels = [(level,) if isinstance(level, str) else level for level in settings.order]
+        missing = [name for name in names if not any(name in level for level in levels)]
         if missing:
             problem, remedy = f"leaves out {', '.join(missing)}", "Name every task"
-            raise ConfigError(file, f"{key}.order", settings.order, problem, remedy)
+            raise ConfigError("", "order", settings.order, problem, remedy)
         write(entries, alpha)
     return alpha
+
+
+def distinct(names: Sequence[str]) -> list[str]:
+    """Names of the tasks of a config.
+
+    Raises:
+        ConfigError: two of them are the same.
+    """
+    for number, name in enumerate(names):
+        if name in names[:number]:
+            problem, remedy = "two tasks have this name", "Give this one another"
+            raise ConfigError("", f"tasks.{number}.name", name, problem, remedy)
+    return [*names]
 
 
 def write(entries: Entries, alpha: FloatArray) -> None:
@@ -127,15 +136,3 @@ def top_level(alpha: FloatArray) -> NDArray[np.bool_]:
     np.fill_diagonal(others, 0.0)
     top = present & ~others.any(axis=1)
     return top if top.any() else present
-
-
-def _listed(level: str | tuple[str, ...]) -> Iterator[str]:
-    yield from (level,) if isinstance(level, str) else level
-
-
-def _once(given: Iterable[str], file: str, key: str) -> None:
-    seen: set[str] = set()
-    for name in given:
-        if name in seen:
-            raise ConfigError(file, key, name, "this task is named twice", "Name it once")
-        seen.add(name)

@@ -257,7 +257,7 @@ def _goal(
     if key is None or parameters.get(key):
         return default.point, default.reference, target
     try:
-        goal = default_goal(description, "log", "parameters")
+        goal = default_goal(description, "parameters")
     except DescriptionError as error:
         raise LogError(f"the robot in the log cannot be built: {error}") from error
     return goal.point, goal.reference, np.array(goal.target_m)

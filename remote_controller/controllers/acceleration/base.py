@@ -6,19 +6,21 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar, Protocol
+from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.errors import located
 from hoap3.protocol.messages import FloatArray, Setpoint, State
 from hoap3.remote_controller.controllers.acceleration_tasks.bounds import HierarchyBounds, bounds_of
 from hoap3.remote_controller.controllers.acceleration_tasks.settings import AnyTask
 from hoap3.remote_controller.controllers.acceleration_tasks.tasks import AccelerationTasks
 from hoap3.remote_controller.controllers.base import STATUS, Controller
+from hoap3.remote_controller.scheduling.schedule import Schedule
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.tsid.tsid import Tsid
 from hoap3.remote_controller.tasks.accuracy import ABSENT, LOWER, TaskError
@@ -45,24 +47,6 @@ CONDITIONS = (
 BITS = [1 << bit for bit in range(len(CONDITIONS))]
 NOT_FINITE, UNFIT, TOO_SMALL, UNSOLVED, HELD, HALF_A_TURN = BITS[:6]
 LOADED, MOVING, TOUCHES, IDLE, UNPROVED, OVERFLOWN = BITS[6:]
-
-
-class Importance(Protocol):
-    """What weighs the tasks up: `Priorities` or `Weights`."""
-
-    moving: bool
-
-    def reset(self) -> None:
-        """Go back to the start."""
-
-    def shown(self) -> dict[str, Any]:
-        """What it is now, for people."""
-
-    def update(self, time_s: float) -> bool:
-        """Recompute it for a time since the reset [s]; whether it is another than before."""
-
-    def change(self, request: Mapping[str, Any], time_s: float) -> None:
-        """Begin a change."""
 
 
 class HierarchyController(Controller):
@@ -118,6 +102,7 @@ class HierarchyController(Controller):
         )
 
     commands = ("torque", "acceleration")
+    importance: Schedule
     word: ClassVar[str] = "priorities"
     """What its `importance` is called."""
     proves: ClassVar[bool] = False
@@ -143,15 +128,12 @@ class HierarchyController(Controller):
         )
 
         n = description.n
-        self.importance = self.importance_of(parameters, file)
-        self.bounds, self.torque_max = bounds_of(
-            description, parameters.bounds, file, "parameters.bounds"
-        )
+        self.importance = self.importance_of(parameters)
+        self.bounds, self.torque_max = bounds_of(description, parameters.bounds)
         self.tasks = AccelerationTasks(
             description,
             parameters.tasks,
-            file,
-            "parameters.tasks",
+            Path(file).parent,
             self.torque_max,
             compensate_friction=parameters.compensate_friction,
             braking_per_s=parameters.null_damping_per_s,
@@ -199,26 +181,13 @@ class HierarchyController(Controller):
         Raises:
             ConfigError: naming the key and the value.
         """
-        cls.importance_of(parameters, file)
-
-    @staticmethod
-    def names_of(parameters: Any, file: str) -> list[str]:
-        """Names of the tasks.
-
-        Raises:
-            ConfigError: two of them are the same.
-        """
-        names = [task.name for task in parameters.tasks]
-        for number, name in enumerate(names):
-            if name in names[:number]:
-                key, problem = f"parameters.tasks.{number}.name", "two tasks have this name"
-                raise ConfigError(file, key, name, problem, "Give this one another")
-        return names
+        with located(file, "parameters"):
+            cls.importance_of(parameters)
 
     @classmethod
     @abstractmethod
-    def importance_of(cls, parameters: Any, file: str) -> Any:
-        """An `Importance` of the tasks.
+    def importance_of(cls, parameters: Any) -> Schedule:
+        """What weighs the tasks up.
 
         Raises:
             ConfigError: it does not fit them.
@@ -287,7 +256,7 @@ class HierarchyController(Controller):
         check_finite = self._check_finite
         if check_finite(q, dq) or (tasks.presses and check_finite(state.wrench, state.wrench)):
             command.stamp_kinematics = self.now()
-            return self._refuse(NOT_FINITE)
+            return self.refuse(NOT_FINITE)
         time = state.tick * self._dt
         if not self._begun:
             tasks.begin(q, dq, time)
@@ -299,7 +268,7 @@ class HierarchyController(Controller):
         fallback = SOLVED if self.solve(self.torque_max) else self._fall_back(dq)
         np.subtract(self._given, self._less, out=command.values)
         if check_finite(command.values, self.ddq):
-            return self._refuse(OVERFLOWN)
+            return self.refuse(OVERFLOWN)
         for place, press in enumerate(tasks.presses.values()):
             self._forces[place] = press.force
         self._counts[:] = self._present_counts
@@ -390,15 +359,3 @@ class HierarchyController(Controller):
         )
         proved = solved and self.proves and self.residual <= CERTIFIED_RESIDUAL
         return proved and self._viable and not (touches or loaded or idle)
-
-    def _refuse(self, condition: int) -> Setpoint:
-        """Nothing to follow where a State, or the answer to it, is not finite."""
-        command = self.command
-        command.values[:] = np.nan
-        command.v = command.v_rate_required = command.v_rate_predicted = command.rho = 0.0
-        command.margin = command.kkt_residual = 0.0
-        command.extra[:] = 0.0
-        command.active_joints = command.solver_path = command.fallback = 0
-        command.solver_status = STATUS["infeasible"]
-        self.present = condition
-        return command

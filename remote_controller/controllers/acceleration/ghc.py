@@ -8,10 +8,11 @@ import numpy as np
 from pydantic import Field
 
 from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import located
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.controllers.acceleration.base import HierarchyController
 from hoap3.remote_controller.scheduling.priorities import Priorities
-from hoap3.remote_controller.scheduling.priority_matrix import top_level
+from hoap3.remote_controller.scheduling.priority_matrix import distinct, top_level
 from hoap3.remote_controller.scheduling.settings import PrioritySettings
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.ghc.ghc import Ghc
@@ -42,14 +43,15 @@ class RankedController(HierarchyController):
         self.alpha[-1] = 0.0 if self._brakes else 1.0  # out of all, also itself: there is no such
 
     @classmethod
-    def importance_of(cls, parameters: Any, file: str) -> Priorities:
+    def importance_of(cls, parameters: Any) -> Priorities:
         """The priorities.
 
         Raises:
             ConfigError: they do not fit the tasks.
         """
-        names = cls.names_of(parameters, file)
-        return Priorities.configured(names, parameters.priorities, file, "parameters.priorities")
+        names = distinct([task.name for task in parameters.tasks])
+        with located("", "priorities"):
+            return Priorities.configured(names, parameters.priorities)
 
     @classmethod
     def columns(cls, names: tuple[str, ...]) -> tuple[str, ...]:
@@ -123,11 +125,7 @@ class GhcController(RankedController):
         np.negative(torque_max, out=solver.tau_lower)
         solver.tau_upper[:] = torque_max
         found = solver.solve(
-            *tasks.with_rest,
-            self.alpha,
-            tasks.dynamics.mass,
-            tasks.dynamics.bias,
-            self.w_r,
+            *tasks.with_rest, self.alpha, tasks.dynamics.mass, tasks.dynamics.bias, self.w_r
         )
         self.ddq[:], self.tau[:], self.residual = solver.qdd, solver.tau, solver.kkt_residual
         return found == status.OK

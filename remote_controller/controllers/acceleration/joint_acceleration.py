@@ -68,22 +68,17 @@ class JointAccelerationController(Controller):
         "hoap3.remote_controller.controllers.acceleration.joint_acceleration_kernels",
     )
 
-    def __init__(
-        self, description: RobotDescription, parameters: Parameters, file: str = "config"
-    ) -> None:
+    def __init__(self, description: RobotDescription, parameters: Parameters) -> None:
         from hoap3.remote_controller.controllers.acceleration import (
             joint_acceleration_kernels as kernels,
         )
 
         super().__init__(description, parameters)
-        self._follow_reference, self._accelerate_to = (
-            kernels.follow_reference,
-            kernels.accelerate_to,
-        )
-        key = "parameters.posture"
-        wanted = (parameters.posture, parameters.posture_rad)
-        self._target = posture_of(description, *wanted, file, key)
-        self._bounds = JointBounds(description, parameters.bounds, file, "parameters.bounds")
+        self._follow_reference = kernels.follow_reference
+        self._accelerate_to = kernels.accelerate_to
+        wanted = parameters.posture, parameters.posture_rad
+        self._target = posture_of(description, *wanted, "posture")
+        self._bounds = JointBounds(description, parameters.bounds)
         self._viable = parameters.bounds.kind == "viability"
         kd = 2.0 * math.sqrt(parameters.kp) if parameters.kd is None else parameters.kd
         self._gains = parameters.kp, kd
@@ -96,13 +91,6 @@ class JointAccelerationController(Controller):
         self._sent = np.full(n, np.nan)
         self._tick = -1
         self.conditions = ("state not finite", "held by bounds of joints")
-
-    @classmethod
-    def configured(
-        cls, description: RobotDescription, parameters: Parameters, file: str
-    ) -> JointAccelerationController:
-        """One for a robot."""
-        return cls(description, parameters, file)
 
     def task_errors(self) -> list[TaskError]:
         """The greatest error of any joint."""
@@ -132,7 +120,8 @@ class JointAccelerationController(Controller):
             finite = math.isfinite(self._q @ self._dq)
         command.stamp_kinematics = self.now()
         if not finite:
-            return self._refuse()
+            self._tick, self._sent[:] = -1, np.nan  # the next State begins anew
+            return self.refuse(1)
         bounds = self._bounds
         bounds.update(self._q, self._dq)
         V, rate, growth, active, margin, resting = self._accelerate_to(
@@ -159,15 +148,4 @@ class JointAccelerationController(Controller):
         self.present = 2 if held else 0
         proven = "at_target" if resting else "certified"
         command.solver_status = STATUS[proven if self._viable else "uncertified"]
-        return command
-
-    def _refuse(self) -> Setpoint:
-        """Nothing to follow for a State that is not finite; the next one begins anew."""
-        command = self.command
-        command.values[:] = np.nan
-        command.v = command.v_rate_required = command.v_rate_predicted = command.rho = 0.0
-        command.margin = command.kkt_residual = 0.0
-        command.active_joints = command.solver_path = 0
-        command.solver_status = STATUS["infeasible"]
-        self.present, self._tick, self._sent[:] = 1, -1, np.nan
         return command

@@ -64,9 +64,7 @@ class TsidController(Controller):
         "hoap3.remote_controller.controllers.acceleration_tasks.se3_pd_kernels",
     )
 
-    def __init__(
-        self, description: RobotDescription, parameters: settings.Parameters, file: str = "config"
-    ) -> None:
+    def __init__(self, description: RobotDescription, parameters: settings.Parameters) -> None:
         from hoap3.remote_controller.controllers.acceleration_tasks import se3_pd_kernels as kernels
 
         super().__init__(description, parameters)
@@ -74,13 +72,12 @@ class TsidController(Controller):
         self._check_finite, self._se3_pd = kernels.check_finite, kernels.se3_pd
         self._prepare, self._finish = kernels.prepare, kernels.finish
         self._not_finite, self._half_a_turn = kernels.NOT_FINITE, kernels.AT_HALF_A_TURN
-        self.dynamics, self.goal = _target(description, parameters, file)
-        self.bounds = JointBounds(description, parameters.bounds, file, "parameters.bounds")
+        self.dynamics, self.goal = _target(description, parameters)
+        self.bounds = JointBounds(description, parameters.bounds)
         self.solver = Tsid(np.array(description.effort), self.bounds.greatest)
         rest = parameters.posture
-        self._posture = posture_of(
-            description, rest.posture, rest.posture_rad, file, "parameters.posture.posture"
-        )
+        wanted = rest.posture, rest.posture_rad
+        self._posture = posture_of(description, *wanted, "posture.posture")
         self._task_gains, self._posture_gains = parameters.task.both, rest.both
         self._weight = rest.weight
         self._viable = parameters.bounds.kind == "viability"
@@ -104,13 +101,6 @@ class TsidController(Controller):
             "cannot hold its load",
         )
 
-    @classmethod
-    def configured(
-        cls, description: RobotDescription, parameters: settings.Parameters, file: str
-    ) -> TsidController:
-        """One for a robot."""
-        return cls(description, parameters, file)
-
     def task_errors(self) -> list[TaskError]:
         """Distance of the frame to its goal, and angle."""
         length_m, angle_deg = self._tolerances
@@ -128,7 +118,7 @@ class TsidController(Controller):
         q, dq = state.q, state.dq
         if self._check_finite(q, dq) == self._not_finite:
             command.stamp_kinematics = self.now()
-            return self._refuse()
+            return self.refuse(NOT_FINITE)
         dynamics.update(q, dq)
         bounds.update(q, dq)
         V, where = self._se3_pd(
@@ -205,26 +195,15 @@ class TsidController(Controller):
         proven = solver.kkt_residual <= CERTIFIED_RESIDUAL and self._viable and not overloaded
         command.solver_status = STATUS["certified" if proven else "uncertified"]
 
-    def _refuse(self) -> Setpoint:
-        """Nothing to follow for a State that is not finite."""
-        command = self.command
-        command.values[:] = np.nan
-        command.v = command.v_rate_required = command.v_rate_predicted = command.rho = 0.0
-        command.margin = command.kkt_residual = command.extra[0] = 0.0
-        command.active_joints = command.solver_path = command.fallback = 0
-        command.solver_status = STATUS["infeasible"]
-        self.present = NOT_FINITE
-        return command
-
 
 def _target(
-    description: RobotDescription, parameters: settings.Parameters, file: str
+    description: RobotDescription, parameters: settings.Parameters
 ) -> tuple[FrameDynamics, tuple[FloatArray, FloatArray]]:
     """Dynamics of the frame of a config, or of the robot's default task, and H_d."""
-    frame, goal, key = parameters.frame, parameters.goal, "parameters.goal"
+    frame, goal, key = parameters.frame, parameters.goal, "goal"
     if goal is None:
-        default = default_goal(description, file, key, frame)
-        pose = default_pose(description, default, file, key)
+        default = default_goal(description, key, frame)
+        pose = default_pose(description, default, key)
         return FrameDynamics(description, default.point), pose
     dynamics = FrameDynamics(description, str(frame))
-    return dynamics, pose_of(description, dynamics, str(frame), goal, file, key)
+    return dynamics, pose_of(description, dynamics, str(frame), goal, key)

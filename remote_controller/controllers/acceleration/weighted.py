@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import SolverError
+from hoap3.protocol.errors import SolverError, located
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.controllers.acceleration.base import HierarchyController
+from hoap3.remote_controller.scheduling.priority_matrix import distinct
 from hoap3.remote_controller.scheduling.weights import Weights, WeightSettings
 from hoap3.remote_controller.solvers.ghc.weighted import weighted
 
@@ -50,14 +51,15 @@ class WeightedController(HierarchyController):
         self._regularise = parameters.regularise
 
     @classmethod
-    def importance_of(cls, parameters: Any, file: str) -> Weights:
+    def importance_of(cls, parameters: Any) -> Weights:
         """The weights.
 
         Raises:
             ConfigError: they do not fit the tasks.
         """
-        names = cls.names_of(parameters, file)
-        return Weights(names, parameters.priorities, file, "parameters.priorities")
+        names = distinct([task.name for task in parameters.tasks])
+        with located("", "priorities"):
+            return Weights(names, parameters.priorities)
 
     @classmethod
     def columns(cls, names: tuple[str, ...]) -> tuple[str, ...]:

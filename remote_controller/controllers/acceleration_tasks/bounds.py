@@ -30,31 +30,24 @@ class HierarchyBounds(TsidBounds):
     )
 
 
-def bounds_of(
-    robot: RobotDescription, settings: HierarchyBounds, file: str, key: str
-) -> tuple[JointBounds, FloatArray]:
+def bounds_of(robot: RobotDescription, settings: HierarchyBounds) -> tuple[JointBounds, FloatArray]:
     """Bounds of the accelerations, and the greatest torques, (n,) [N m or N].
 
     Raises:
         ConfigError: limits and settings that do not go together.
     """
-    speeds = _least(robot.velocity, settings.speed_max, file, f"{key}.speed_max")
+    speeds = _least(robot.velocity, settings.speed_max, "bounds.speed_max")
     slower = tuple(
         joint.model_copy(update={"velocity": float(speed)})
         for joint, speed in zip(robot.joints, speeds, strict=True)
     )
-    bounds = JointBounds(robot.model_copy(update={"joints": slower}), settings, file, key)
-    return bounds, _least(robot.effort, settings.torque_max, file, f"{key}.torque_max")
+    bounds = JointBounds(robot.model_copy(update={"joints": slower}), settings)
+    return bounds, _least(robot.effort, settings.torque_max, "bounds.torque_max")
 
 
-def _least(
-    own: FloatArray,
-    given: tuple[float, ...],
-    file: str,
-    key: str,
-) -> FloatArray:
+def _least(own: FloatArray, given: tuple[float, ...], key: str) -> FloatArray:
     if len(given) not in {0, 1, own.size}:
         problem, remedy = f"has {len(given)} values", f"Give none, one, or {own.size}"
-        raise ConfigError(file, key, None, problem, remedy)
+        raise ConfigError("", key, None, problem, remedy)
     least: FloatArray = np.minimum(own, np.array(given or own))
     return least

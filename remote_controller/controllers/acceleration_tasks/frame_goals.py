@@ -50,9 +50,7 @@ class Gains(Settings):
         return self.kp, 2.0 * math.sqrt(self.kp) if self.kd is None else self.kd
 
 
-def default_pose(
-    robot: RobotDescription, goal: Goal, file: str, key: str
-) -> tuple[FloatArray, FloatArray]:
+def default_pose(robot: RobotDescription, goal: Goal, key: str) -> tuple[FloatArray, FloatArray]:
     """H_d of the robot's default task, with the orientation of the initial posture; as `pose_of`.
 
     Raises:
@@ -61,27 +59,22 @@ def default_pose(
     """
     if goal.point == COM:
         problem = f"is missing, and the default task of {robot.name!r} is for its centre of mass"
-        raise ConfigError(file, key, None, problem, "Name a frame and a goal for it")
+        raise ConfigError("", key, None, problem, "Name a frame and a goal for it")
     dynamics = FrameDynamics(robot, goal.point)
-    origin, axes = reference_of(robot, dynamics, goal.reference, file, key)
+    origin, axes = reference_of(robot, dynamics, goal.reference, key)
     _, rotation = dynamics.placement(robot.initial_position, goal.point)
     return origin + axes @ np.array(goal.target_m), rotation
 
 
 def pose_of(
-    robot: RobotDescription,
-    dynamics: FramesDynamics,
-    frame: str,
-    goal: GoalSettings,
-    file: str,
-    key: str,
+    robot: RobotDescription, dynamics: FramesDynamics, frame: str, goal: GoalSettings, key: str
 ) -> tuple[FloatArray, FloatArray]:
     """H_d of a frame in the root's axes: origin (3,) [m] and rotation (3, 3).
 
     Args:
         robot, dynamics: which; the dynamics of any of its frames.
         frame: that shall get there.
-        goal: as it stands in `file` under `key`.
+        goal: as it stands under `key`.
 
     Raises:
         ConfigError: a posture or a reference that the robot does not have, or one that moves.
@@ -89,16 +82,16 @@ def pose_of(
     from hoap3.remote_controller.controllers.acceleration_tasks.se3_pd_kernels import rotation_of
 
     if goal.position_m is None:
-        q = posture_of(robot, goal.posture, goal.posture_rad, file, f"{key}.posture")
+        q = posture_of(robot, goal.posture, goal.posture_rad, f"{key}.posture")
         return dynamics.placement(q, frame)
-    origin, axes = reference_of(robot, dynamics, goal.reference, file, f"{key}.reference")
+    origin, axes = reference_of(robot, dynamics, goal.reference, f"{key}.reference")
     turn = np.zeros((3, 3))
     rotation_of(np.array(goal.rotation_rad), turn)
     return origin + axes @ np.array(goal.position_m), np.ascontiguousarray(axes @ turn)
 
 
 def reference_of(
-    robot: RobotDescription, dynamics: FramesDynamics, name: str | None, file: str, key: str
+    robot: RobotDescription, dynamics: FramesDynamics, name: str | None, key: str
 ) -> tuple[FloatArray, FloatArray]:
     """Origin (3,) [m] and axes (3, 3) of a frame that stands, in the root; by default the base's.
 
@@ -108,8 +101,8 @@ def reference_of(
     reference = name or robot.base_frame
     if reference not in robot.frames:
         remedy = f"Its frames: {', '.join(robot.frames)}"
-        raise ConfigError(file, key, reference, "the robot has no such frame", remedy)
+        raise ConfigError("", key, reference, "the robot has no such frame", remedy)
     if not dynamics.stands(reference):
         problem, remedy = "joints move it", f"Name one that stands, such as {robot.base_frame}"
-        raise ConfigError(file, key, reference, problem, remedy)
+        raise ConfigError("", key, reference, problem, remedy)
     return dynamics.placement(robot.initial_position, reference)

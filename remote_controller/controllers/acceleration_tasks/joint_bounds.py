@@ -61,7 +61,6 @@ class JointBounds:
     Args:
         description: of the robot.
         settings: which bounds.
-        file, key: where they stand, for errors.
 
     Attributes:
         lower, upper: of the last state, (n,) [rad/s² or m/s²]; ∓`NO_BOUND` with `none`.
@@ -71,16 +70,13 @@ class JointBounds:
         ConfigError: limits and settings that do not go together, such as against condition (11).
     """
 
-    def __init__(
-        self, description: RobotDescription, settings: BoundSettings, file: str, key: str
-    ) -> None:
+    def __init__(self, description: RobotDescription, settings: BoundSettings) -> None:
         n = description.n
         self._description, self._settings = description, settings
-        self._file, self._key = file, key
         given = settings.acceleration_max
         if len(given) not in {0, 1, n}:
             problem, remedy = f"has {len(given)} values", f"Give none, one, or {n}"
-            raise ConfigError(file, f"{key}.acceleration_max", None, problem, remedy)
+            raise ConfigError("", "bounds.acceleration_max", None, problem, remedy)
         most = np.minimum(description.brake_acceleration, description.setpoint_acceleration_max)
         self.greatest = np.array(given or most) * settings.acceleration_share * np.ones(n)
         self.lower, self.upper = np.full(n, -NO_BOUND), np.full(n, NO_BOUND)
@@ -121,6 +117,5 @@ class JointBounds:
                 names=robot.joint_names,
             )
         except BadProblemError as error:
-            raise ConfigError(
-                self._file, self._key, None, str(error).rstrip("."), "Change one of them"
-            ) from error
+            problem = str(error).rstrip(".")
+            raise ConfigError("", "bounds", None, problem, "Change one of them") from error

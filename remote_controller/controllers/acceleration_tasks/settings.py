@@ -14,7 +14,14 @@ from hoap3.remote_controller.controllers.acceleration_tasks.frame_goals import (
     Triple,
 )
 from hoap3.remote_controller.references.settings import TargetSettings
-from hoap3.remote_controller.tasks.accuracy import TOLERANCE_DEG, TOLERANCE_M
+from hoap3.remote_controller.tasks.accuracy import (
+    TOLERANCE_DEG,
+    TOLERANCE_M,
+    JointToleranceDeg,
+    JointToleranceM,
+    ToleranceDeg,
+    ToleranceM,
+)
 
 
 class _Task(Gains):
@@ -22,9 +29,7 @@ class _Task(Gains):
 
 
 class _WithLength(_Task):
-    tolerance_m: float = Field(
-        TOLERANCE_M, gt=0, description="error at the end that counts as reached [m]"
-    )
+    tolerance_m: ToleranceM = TOLERANCE_M
 
 
 class PositionSettings(_WithLength):
@@ -43,9 +48,7 @@ class PositionSettings(_WithLength):
 class PoseSettings(_WithLength):
     """A frame at a pose."""
 
-    tolerance_deg: float = Field(
-        TOLERANCE_DEG, gt=0, description="the same for its orientation [degrees]"
-    )
+    tolerance_deg: ToleranceDeg = TOLERANCE_DEG
 
     kind: Literal["pose"]
     frame: str = Field(description="whose pose it is")
@@ -63,12 +66,8 @@ class PostureTaskSettings(_Task):
     )
     posture_rad: tuple[float, ...] = Field((), description="instead: of all its joints [rad or m]")
     joints: tuple[str, ...] = Field((), description="which joints; empty: all")
-    tolerance_deg: float = Field(
-        TOLERANCE_DEG,
-        gt=0,
-        description="error of each revolute joint at the end that counts as reached [degrees]",
-    )
-    tolerance_m: float = Field(TOLERANCE_M, gt=0, description="the same for prismatic joints [m]")
+    tolerance_deg: JointToleranceDeg = TOLERANCE_DEG
+    tolerance_m: JointToleranceM = TOLERANCE_M
 
 
 class ForceSettings(_WithLength):

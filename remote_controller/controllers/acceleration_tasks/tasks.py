@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError, nearest
+from hoap3.protocol.errors import ConfigError, did_you_mean
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.controllers.acceleration_tasks.force import ForceTask
 from hoap3.remote_controller.controllers.acceleration_tasks.frame_goals import pose_of, reference_of
@@ -43,7 +43,7 @@ class AccelerationTasks:
     Args:
         robot: its description.
         settings: the tasks.
-        file, key: where they stand, for errors. Other files are sought beside `file`.
+        folder: where other files are sought.
         torque_max: greatest torques, (n,), that `load` is relative to.
         compensate_friction: whether viscous friction counts among the torques.
         braking_per_s: d; rows of I stand below the tasks', and ask for −d·dq.
@@ -67,8 +67,7 @@ class AccelerationTasks:
         self,
         robot: RobotDescription,
         settings: Sequence[AnyTask],
-        file: str,
-        key: str,
+        folder: Path,
         torque_max: FloatArray,
         *,
         compensate_friction: bool,
@@ -79,7 +78,7 @@ class AccelerationTasks:
         )
 
         self._desired_accelerations, self._load = kernels.desired_accelerations, kernels.load
-        self._robot, self._file, self._key = robot, file, key
+        self._robot, self._folder = robot, folder
         self.names = tuple(each.name for each in settings)
         self._settings = tuple(settings)
         self._joints = [self._joints_of(each, i) for i, each in enumerate(settings)]
@@ -134,12 +133,7 @@ class AccelerationTasks:
             press.reset()
 
     def update(
-        self,
-        q: FloatArray,
-        dq: FloatArray,
-        wrench: FloatArray,
-        time_s: float,
-        absent: FloatArray,
+        self, q: FloatArray, dq: FloatArray, wrench: FloatArray, time_s: float, absent: FloatArray
     ) -> None:
         """Take a State.
 
@@ -219,7 +213,7 @@ class AccelerationTasks:
             if name not in known or each.joints.count(name) > 1:
                 problem = "is named twice" if name in known else "is no joint of this robot"
                 remedy = f"Its joints: {', '.join(known)}"
-                raise ConfigError(self._file, f"{self._key}.{number}.joints", name, problem, remedy)
+                raise ConfigError("", f"tasks.{number}.joints", name, problem, remedy)
         return [known.index(name) for name in each.joints or known]
 
     def _sensors_of(self, settings: Sequence[AnyTask]) -> list[str]:
@@ -231,9 +225,9 @@ class AccelerationTasks:
                 sensor = each.sensor or each.frame
                 if sensor not in known:
                     remedy = f"Its sensors: {', '.join(known) or 'none'}"
-                    where = f"{self._key}.{i}.{'sensor' if each.sensor else 'frame'}"
+                    where = f"tasks.{i}.{'sensor' if each.sensor else 'frame'}"
                     problem = "the robot has no wrench sensor there"
-                    raise ConfigError(self._file, where, sensor, problem, remedy)
+                    raise ConfigError("", where, sensor, problem, remedy)
                 if sensor not in found:
                     found.append(sensor)
                 self._sensor_of[i] = found.index(sensor)
@@ -247,12 +241,11 @@ class AccelerationTasks:
             if isinstance(each, PostureTaskSettings):
                 continue
             if each.frame not in self._robot.frames:
-                close = nearest(each.frame, self._robot.frames)
-                guess = f"Did you mean {close!r}? " if close else ""
+                guess = did_you_mean(each.frame, self._robot.frames)
                 remedy = f"{guess}Its frames: {', '.join(self._robot.frames)}"
-                where = f"{self._key}.{i}.frame"
+                where = f"tasks.{i}.frame"
                 problem = f"robot {self._robot.name!r} has no such frame"
-                raise ConfigError(self._file, where, each.frame, problem, remedy)
+                raise ConfigError("", where, each.frame, problem, remedy)
             rows.append(FrameRows(each.frame, int(edges[i]), self.sizes[i]))
         end, sensors = m + self._robot.n, self._sensors  # rows of I come first
         rows += [FrameRows(name, end + SENSOR * s, SENSOR) for s, name in enumerate(sensors)]
@@ -264,26 +257,26 @@ class AccelerationTasks:
 
     def _aim_at(self, i: int, each: AnyTask, frame: int) -> None:
         """Where a task shall lead."""
-        robot, file, key = self._robot, self._file, f"{self._key}.{i}"
+        robot, key = self._robot, f"tasks.{i}"
         start = self.tasks[i, 1]
         if isinstance(each, PostureTaskSettings):
             rows = slice(start, start + self.sizes[i])
-            whole = posture_of(robot, each.posture, each.posture_rad, file, f"{key}.posture")
+            whole = posture_of(robot, each.posture, each.posture_rad, f"{key}.posture")
             self._posture[rows], self._of_joint[rows] = whole[self._joints[i]], self._joints[i]
         elif isinstance(each, PoseSettings):
             if each.goal is None:
                 self._held.append((i, frame))
                 return
             self._targets[i, 0], self._turns[i] = pose_of(
-                robot, self.dynamics, each.frame, each.goal, file, f"{key}.goal"
+                robot, self.dynamics, each.frame, each.goal, f"{key}.goal"
             )
         else:
             self._aim_at_point(i, each, key)
 
     def _aim_at_point(self, i: int, each: AnyPoint, key: str) -> None:
-        robot, file, dt = self._robot, self._file, self._robot.period_s
-        origin, axes = reference_of(robot, self.dynamics, each.reference, file, f"{key}.reference")
-        target = None if each.target is None else each.target.build(Path(file).parent)
+        robot, dt = self._robot, self._robot.period_s
+        origin, axes = reference_of(robot, self.dynamics, each.reference, f"{key}.reference")
+        target = None if each.target is None else each.target.build(self._folder)
         still = each.target is None or (
             isinstance(each.target, PointSettings) and not each.target.approach_s
         )

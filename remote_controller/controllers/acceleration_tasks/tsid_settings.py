@@ -9,7 +9,12 @@ from pydantic import Field, model_validator
 from hoap3.remote_controller.controllers.acceleration_tasks.frame_goals import Gains, GoalSettings
 from hoap3.remote_controller.controllers.acceleration_tasks.joint_bounds import BoundSettings
 from hoap3.remote_controller.controllers.base import Controller
-from hoap3.remote_controller.tasks.accuracy import TOLERANCE_DEG, TOLERANCE_M
+from hoap3.remote_controller.tasks.accuracy import (
+    TOLERANCE_DEG,
+    TOLERANCE_M,
+    ToleranceDeg,
+    ToleranceM,
+)
 
 
 class PostureSettings(Gains):
@@ -38,9 +43,7 @@ class TsidBounds(BoundSettings):
         0.85, gt=0, le=1, description="of the acceleration that stopping in time counts on"
     )
     softness_rad: float = Field(
-        1e-6,
-        ge=0,
-        description="how far beyond the margin a joint is drawn back gently [rad or m]",
+        1e-6, ge=0, description="how far beyond the margin a joint is drawn back gently [rad or m]"
     )
 
 
@@ -55,12 +58,8 @@ class Parameters(Controller.Parameters):
         description="where it shall be; null: where the robot's default task has it, with the "
         "orientation that it has at the start",
     )
-    tolerance_m: float = Field(
-        TOLERANCE_M, gt=0, description="error at the end that counts as reached [m]"
-    )
-    tolerance_deg: float = Field(
-        TOLERANCE_DEG, gt=0, description="the same for its orientation [degrees]"
-    )
+    tolerance_m: ToleranceM = TOLERANCE_M
+    tolerance_deg: ToleranceDeg = TOLERANCE_DEG
     task: Gains = Field(Gains(), description="of the frame's acceleration")
     posture: PostureSettings = Field(PostureSettings(), description="of the null space")
     bounds: TsidBounds = Field(TsidBounds(), description="of the accelerations")

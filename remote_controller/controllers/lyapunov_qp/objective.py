@@ -13,7 +13,7 @@ from hoap3.protocol.errors import (
     ConfigError,
     InfeasibleError,
     UnknownNameError,
-    nearest,
+    did_you_mean,
 )
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.controllers.lyapunov_qp.settings import (
@@ -68,7 +68,7 @@ def exponent(objective: Lp) -> float:
     return math.inf if objective.p == "inf" else float(objective.p)
 
 
-def check_objective(parameters: Parameters, file: str) -> None:
+def check_objective(parameters: Parameters) -> None:
     """Refuse an objective that does not go with the rest of the parameters.
 
     Raises:
@@ -78,49 +78,33 @@ def check_objective(parameters: Parameters, file: str) -> None:
     objective = parameters.objective
     if isinstance(objective, Lp):
         if parameters.constraints and exponent(objective) not in WITH_CONSTRAINTS:
-            raise ConfigError(
-                file,
-                "parameters.objective.p",
-                objective.p,
-                "is not supported with constraints",
-                "Write 1, 2 or inf, or take the constraints out",
-            )
+            problem = "is not supported with constraints"
+            remedy = "Write 1, 2 or inf, or take the constraints out"
+            raise ConfigError("", "objective.p", objective.p, problem, remedy)
         if objective.weights and not parameters.constraints:
-            raise ConfigError(
-                file,
-                "parameters.objective.weights",
-                objective.weights,
-                "are not supported for lp without constraints",
-                "Take them out, choose kind: qp12, or add the constraint joint_speed",
-            )
+            problem = "are not supported for lp without constraints"
+            remedy = "Take them out, choose kind: qp12, or add the constraint joint_speed"
+            raise ConfigError("", "objective.weights", objective.weights, problem, remedy)
     if parameters.keep_rho and parameters.rho != "largest":
-        raise ConfigError(
-            file,
-            "parameters.keep_rho",
-            True,
+        problem, remedy = (
             "is not supported with a damped ρ",
             "Write rho: largest, or keep_rho: false",
         )
+        raise ConfigError("", "keep_rho", True, problem, remedy)
     if parameters.lyapunov == "descent" and not isinstance(objective, LeastSquares):
-        raise ConfigError(
-            file,
-            "parameters.lyapunov",
-            "descent",
-            f"with {objective.kind} as Φ has the optimum u = 0: the robot never moves",
-            "Write equality, or choose objective.kind: least_squares",
-        )
+        problem = f"with {objective.kind} as Φ has the optimum u = 0: the robot never moves"
+        remedy = "Write equality, or choose objective.kind: least_squares"
+        raise ConfigError("", "lyapunov", "descent", problem, remedy)
 
 
-def solver_of(
-    parameters: Parameters, description: RobotDescription, m: int, k: int, file: str
-) -> Solver:
+def solver_of(parameters: Parameters, description: RobotDescription, m: int, k: int) -> Solver:
     """What solves (3) with m rows of inequalities and k of equations.
 
     Raises:
         ConfigError: an objective that does not fit the robot or the other parameters, or a QP
             solver that is not installed.
     """
-    check_objective(parameters, file)
+    check_objective(parameters)
     objective, n = parameters.objective, description.n
     if isinstance(objective, Lp) and not parameters.constraints and not k:
         return FreeLp(n, exponent(objective))
@@ -132,24 +116,22 @@ def solver_of(
             k,
             objective=kind,
             gamma=objective.gamma if isinstance(objective, Qp12Objective) else 0.0,
-            weights=_weights(objective, description, file),
+            weights=_weights(objective, description),
             lyapunov=parameters.lyapunov,
             effort=parameters.effort if parameters.rho == "damped" else 0.0,
             keep_rho=parameters.keep_rho,
             solver=parameters.solver,
         )
     except UnknownNameError as error:
-        raise ConfigError(
-            file, "parameters.solver", parameters.solver, str(error), "Write daqp, or install it"
-        ) from error
+        remedy = "Write daqp, or install it"
+        raise ConfigError("", "solver", parameters.solver, str(error), remedy) from error
     except BadProblemError as error:
-        raise ConfigError(
-            file, "parameters.objective", objective.kind, str(error), "Change the objective"
-        ) from error
+        remedy = "Change the objective"
+        raise ConfigError("", "objective", objective.kind, str(error), remedy) from error
 
 
 def _weights(
-    objective: Qp12Objective | Lp | LeastSquares, description: RobotDescription, file: str
+    objective: Qp12Objective | Lp | LeastSquares, description: RobotDescription
 ) -> FloatArray | None:
     given = {} if isinstance(objective, LeastSquares) else objective.weights
     if not given:
@@ -157,14 +139,8 @@ def _weights(
     names, weights = list(description.joint_names), np.ones(description.n)
     for name, weight in given.items():
         if name not in names:
-            guess = nearest(name, names)
-            hint = f"Did you mean {guess!r}? " if guess else ""
-            raise ConfigError(
-                file,
-                f"parameters.objective.weights.{name}",
-                weight,
-                f"robot {description.name!r} has no such joint",
-                f"{hint}Joints: {', '.join(names)}",
-            )
+            problem = f"robot {description.name!r} has no such joint"
+            remedy = f"{did_you_mean(name, names)}Joints: {', '.join(names)}"
+            raise ConfigError("", f"objective.weights.{name}", weight, problem, remedy)
         weights[names.index(name)] = weight
     return weights

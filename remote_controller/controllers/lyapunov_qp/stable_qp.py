@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.errors import ConfigError, located
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints import registry as constraints
 from hoap3.remote_controller.controllers.base import STATUS, VelocityController
@@ -74,13 +74,11 @@ class StableQpController(VelocityController):
     def __init__(
         self, description: RobotDescription, parameters: settings.Parameters, file: str = "config"
     ) -> None:
-        from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate_kernels import (
-            rate_kernel,
-        )
+        from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate_kernels import rate_kernel
 
         task = parameters.task
         if task is None:
-            task = default_goal(description, file, "parameters.task").settings
+            task = default_goal(description, "task").settings
         super().__init__(description, parameters)
         self.kinematics = Kinematics(description)
         self.function = tasks.build(task, description, self.kinematics, file, "parameters.task")
@@ -92,11 +90,11 @@ class StableQpController(VelocityController):
         m, k, n = len(self.stack.b), len(self.stack.c), description.n
         self._C = np.zeros((k + (curve is not None), n))
         self._c = np.zeros(len(self._C))
-        self._solver = solver_of(parameters, description, m, len(self._C), file)
+        self._solver = solver_of(parameters, description, m, len(self._C))
         self.u = self._solver.u
         self._adaptive = getattr(parameters.objective, "adaptive_gamma", False)
         self._gamma = getattr(parameters.objective, "gamma", 0.0)
-        self._M, self._y = self._squares(parameters, file)
+        self._M, self._y = self._squares(parameters)
         self._equality = parameters.lyapunov == "equality"
         self._gain = getattr(parameters.objective, "gain_per_s", 0.0)
         self._rate_kernel, psi = rate_kernel, parameters.psi
@@ -124,7 +122,8 @@ class StableQpController(VelocityController):
         if parameters.task is not None:
             tasks.check_parameters(parameters.task, file, "parameters.task")
         constraints.read(parameters.constraints, file)
-        check_objective(parameters, file)
+        with located(file, "parameters"):
+            check_objective(parameters)
 
     def task_errors(self) -> list[TaskError]:
         """Errors of the task."""
@@ -201,10 +200,8 @@ class StableQpController(VelocityController):
     def _refuse(self) -> FloatArray:
         """Nothing to follow for a State that is not finite."""
         command = self.command
-        command.solver_status, command.solver_path = STATUS["infeasible"], STILL
-        command.v = command.v_rate_required = command.v_rate_predicted = command.rho = 0.0
-        command.margin = command.kkt_residual = 0.0
-        command.extra[:] = 0.0, 0.0, status.BAD_INPUT
+        self.refuse(0)
+        command.solver_path, command.extra[2] = STILL, status.BAD_INPUT
         self.u[:] = np.nan
         self.present = self._watch.look(status.BAD_INPUT, 1.0, 0, self.u, self.u)
         return self.u
@@ -218,7 +215,7 @@ class StableQpController(VelocityController):
             self._C[k], self._c[k] = curve.motion_row, curve.speed
 
     def _squares(
-        self, parameters: settings.Parameters, file: str
+        self, parameters: settings.Parameters
     ) -> tuple[FloatArray | None, FloatArray | None]:
         """M and y of ½|M u − y|², or none."""
         if not isinstance(parameters.objective, settings.LeastSquares):
@@ -226,13 +223,9 @@ class StableQpController(VelocityController):
         if self._curve is not None:
             return self._curve.objective_rows, np.zeros(len(self._curve.objective_rows))
         if not self.function.error.size:
-            raise ConfigError(
-                file,
-                "parameters.objective.kind",
-                "least_squares",
-                "needs a task with an error e, and this one gives V only",
-                "Choose qp12 or lp, or give the task an error and its Jacobian",
-            )
+            problem = "needs a task with an error e, and this one gives V only"
+            remedy = "Choose qp12 or lp, or give the task an error and its Jacobian"
+            raise ConfigError("", "objective.kind", "least_squares", problem, remedy)
         return self.function.jacobian, np.zeros(self.function.error.size)
 
     def _certify(self, V: float, psi: float, drift: float, found: int, rejected: bool) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import replace
-from typing import Any, Literal, Self
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -66,7 +66,7 @@ class DescentController(VelocityController):
         )
 
     def __init__(self, description: RobotDescription, parameters: Parameters) -> None:
-        parameters = _complete(parameters, description, "config")
+        parameters = _complete(parameters, description)
         super().__init__(description, parameters)
         self.kinematics = Kinematics(description)
         self.task = _task(self.kinematics, parameters)
@@ -74,13 +74,10 @@ class DescentController(VelocityController):
         self._point = parameters.point or "task"
         self._ramp = Ramp(parameters.ramp_s, description.period_s)
         self._from_reference = parameters.kinematics_from == "reference"
-        self._least_margin = -ROUNDING * parameters.u_max_rad_s
-        self.u = np.zeros(description.n)
-
-    @classmethod
-    def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Self:
-        """One for a robot, whose default task stands for what the parameters do not name."""
-        return cls(description, _complete(parameters, description, file))
+        self._u_max = parameters.u_max_rad_s
+        self._rate = parameters.beta, PSI_SCALES[parameters.psi_scale]
+        self._least_margin = -ROUNDING * self._u_max
+        self.u, self.gradient = np.zeros((2, description.n))
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Begin again from rest."""
@@ -124,15 +121,24 @@ class DescentController(VelocityController):
         return STATUS["certified"] if optimal and slow_enough else STATUS["uncertified"]
 
 
+class GammaParameters(DescentController.Parameters):
+    """γ of (40), and whether it falls near the target."""
+
+    gamma: float = Field(0.5, ge=0, le=1, description="0: all joints; towards 1: few")
+    adaptive_gamma: bool = Field(
+        False, description="γ·(2/π)·atan(100·|∇V|) instead of γ: no chattering at the target"
+    )
+
+
 def _complete(
-    parameters: DescentController.Parameters, description: RobotDescription, file: str
+    parameters: DescentController.Parameters, description: RobotDescription
 ) -> DescentController.Parameters:
     """The parameters with what they leave to the robot's default task."""
     point = parameters.point or (COM if parameters.frame else None)
     reference, target = parameters.frame, parameters.target_m
     if point is None or reference is None or target is None:
-        key = "parameters.target_m" if target is None else "parameters.frame"
-        goal = default_goal(description, file, key, point, reference)
+        key = "target_m" if target is None else "frame"
+        goal = default_goal(description, key, point, reference)
         point, reference, target = goal.point, goal.reference, target or goal.target_m
     update = {"point": point, "frame": reference, "target_m": target}
     return parameters.model_copy(update=update)

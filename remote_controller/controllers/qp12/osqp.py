@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
 from pydantic import Field
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import SolverError
 from hoap3.protocol.messages import FloatArray, State
-from hoap3.remote_controller.controllers.qp12.lyapunov_descent import PSI_SCALES, DescentController
+from hoap3.remote_controller.controllers.qp12.lyapunov_descent import (
+    DescentController,
+    GammaParameters,
+)
 from hoap3.remote_controller.solvers.base import status
 
 
@@ -19,13 +21,9 @@ class OsqpController(DescentController):
     tolerance allows, it is uncertified. Where it gives up, u = 0 and the cycle is infeasible.
     """
 
-    class Parameters(DescentController.Parameters):
+    class Parameters(GammaParameters):
         """γ as for `qp12`, and how hard OSQP tries."""
 
-        gamma: float = Field(0.5, ge=0, le=1, description="0: all joints; towards 1: few")
-        adaptive_gamma: bool = Field(
-            False, description="γ·(2/π)·atan(100·|∇V|) instead of γ: no chattering at the target"
-        )
         tolerance: float = Field(
             1e-5,
             ge=1e-12,
@@ -50,13 +48,7 @@ class OsqpController(DescentController):
 
         super().__init__(description, parameters)
         self._problem, self._certify = osqp_problem, osqp_certificate
-        self._u_max = parameters.u_max_rad_s
-        self._settings = (
-            parameters.beta,
-            PSI_SCALES[parameters.psi_scale],
-            parameters.gamma,
-            parameters.adaptive_gamma,
-        )
+        self._settings = *self._rate, parameters.gamma, parameters.adaptive_gamma
         self.certifies = False  # only what OSQP could polish is the optimum to 1e-9
         self._solver = OsqpQp12(
             description.n,
@@ -64,7 +56,6 @@ class OsqpController(DescentController):
             polish=parameters.polish,
             max_iterations=parameters.max_iterations,
         )
-        self.gradient = np.zeros(description.n)
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Forget earlier answers, that OSQP would start from."""

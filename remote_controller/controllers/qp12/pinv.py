@@ -9,7 +9,7 @@ from pydantic import Field
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.controllers.qp12.lyapunov_descent import PSI_SCALES, DescentController
+from hoap3.remote_controller.controllers.qp12.lyapunov_descent import DescentController
 
 
 class PinvController(DescentController):
@@ -24,21 +24,13 @@ class PinvController(DescentController):
         gain_per_s: float = Field(10.0, gt=0, description="k of the plain law [1/s]")
 
     def __init__(self, description: RobotDescription, parameters: Parameters) -> None:
-        from hoap3.remote_controller.controllers.qp12.lyapunov_descent_kernels import (
-            pinv_descent,
-        )
+        from hoap3.remote_controller.controllers.qp12.lyapunov_descent_kernels import pinv_descent
         from hoap3.remote_controller.solvers.qp12.pinv_kernels import work_shape
 
         super().__init__(description, parameters)
         self._kernel = pinv_descent
-        self._u_max = parameters.u_max_rad_s
-        self._settings = (
-            parameters.beta,
-            PSI_SCALES[parameters.psi_scale],
-        )
         self._gain = parameters.gain_per_s if parameters.law == "plain" else 0.0
         self._work = np.zeros(work_shape(3, description.n))
-        self.gradient = np.zeros(description.n)
 
     def descend(self, certificate: FloatArray) -> int:
         """Find u, and what it does to V."""
@@ -47,7 +39,7 @@ class PinvController(DescentController):
             task.error,
             task.jacobian,
             u_max,
-            *self._settings,
+            *self._rate,
             self._gain * self._ramp.share,
             self._work,
             self.gradient,

@@ -2,40 +2,27 @@
 
 from __future__ import annotations
 
-import numpy as np
-from pydantic import Field
+from typing import Any, ClassVar
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.controllers.qp12.lyapunov_descent import PSI_SCALES, DescentController
+from hoap3.remote_controller.controllers.qp12.lyapunov_descent import (
+    DescentController,
+    GammaParameters,
+)
 
 
 class Qp12Controller(DescentController):
     """min γ|u|₁ + (1−γ)/2·|u|₂² such that V̇ = −Ψ, each tick anew (40)."""
 
-    class Parameters(DescentController.Parameters):
-        """γ, and whether it falls near the target."""
+    Parameters: ClassVar[Any] = GammaParameters
 
-        gamma: float = Field(0.5, ge=0, le=1, description="0: all joints; towards 1: few")
-        adaptive_gamma: bool = Field(
-            False, description="γ·(2/π)·atan(100·|∇V|) instead of γ: no chattering at the target"
-        )
-
-    def __init__(self, description: RobotDescription, parameters: Parameters) -> None:
-        from hoap3.remote_controller.controllers.qp12.lyapunov_descent_kernels import (
-            qp12_descent,
-        )
+    def __init__(self, description: RobotDescription, parameters: GammaParameters) -> None:
+        from hoap3.remote_controller.controllers.qp12.lyapunov_descent_kernels import qp12_descent
 
         super().__init__(description, parameters)
         self._kernel = qp12_descent
-        self._u_max = parameters.u_max_rad_s
-        self._settings = (
-            parameters.beta,
-            PSI_SCALES[parameters.psi_scale],
-            parameters.gamma,
-            parameters.adaptive_gamma,
-        )
-        self.gradient = np.zeros(description.n)
+        self._settings = *self._rate, parameters.gamma, parameters.adaptive_gamma
 
     def descend(self, certificate: FloatArray) -> int:
         """Solve (40)."""

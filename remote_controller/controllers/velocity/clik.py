@@ -6,16 +6,20 @@ from abc import abstractmethod
 from typing import Any, ClassVar
 
 import numpy as np
+from pydantic import Field
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.controllers.base import STATUS
-from hoap3.remote_controller.controllers.velocity import clik_settings as settings
 from hoap3.remote_controller.controllers.velocity.velocity_task_stack import LabelledTasksController
+from hoap3.remote_controller.controllers.velocity.velocity_task_stack_settings import (
+    LabelledTask,
+    LabelledTaskParameters,
+)
 from hoap3.remote_controller.default_task import default_goal
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.clik.constant_gains import ConstantGains
-from hoap3.remote_controller.solvers.sdp.sdp_gains import SdpGains
+from hoap3.remote_controller.solvers.sdp.sdp_gains import DELTA, SdpGains
 
 AT_TARGET = 1e-5  # of |e|, all tasks [m or rad]
 FIRST_ORDER = 0.01  # of β: by how much V may fall slower than the linear model has it
@@ -38,9 +42,56 @@ LASTING_S = 0.1  # for which β is as little, before anybody is told
 SLOW = "beta below a tenth of what was asked"
 
 
-def _with_default_task(parameters: Any, description: RobotDescription, file: str) -> Any:
+TASKS = "what shall be done, the most important first; null: the default task of the robot"
+
+
+class WeightedTask(LabelledTask):
+    """A task of V = ½ Σ w|e|²."""
+
+    weight: float = Field(
+        1.0, ge=1e-12, le=1e12, description="w of V = ½ Σ w|e|²; more for the upper tasks"
+    )
+
+
+class SteadyTask(WeightedTask):
+    """A task with a gain that stays as it is."""
+
+    gain_per_s: float = Field(1.0, gt=0, le=1e6, description="λ of all its rows [1/s]")
+
+
+class ClikParameters(LabelledTaskParameters):
+    """What both have."""
+
+    tasks: tuple[WeightedTask, ...] | None = Field(None, min_length=1, description=TASKS)
+    damping: float = Field(
+        0.0, ge=0, le=1e6, description="d: Jᵀ(JJᵀ + d²I)⁻¹ stands for the pseudoinverse J⁺"
+    )
+
+
+class SteadyParameters(ClikParameters):
+    """Constant gains."""
+
+    tasks: tuple[SteadyTask, ...] | None = Field(None, min_length=1, description=TASKS)
+
+
+class SdpParameters(ClikParameters):
+    """Gains by semidefinite programming."""
+
+    beta_per_s: float = Field(
+        4.0, gt=0, le=1e6, description="β̃: the rate at which V shall fall [1/s]"
+    )
+    delta: float = Field(DELTA, ge=1e-12, le=1e3, description="δ: what large gains cost [1]")
+    budget: int = Field(
+        60,
+        ge=1,
+        le=1000,
+        description="iterations that one cycle may take; then the last gains stay",
+    )
+
+
+def _with_default_task(parameters: Any, description: RobotDescription) -> Any:
     """The parameters with the robot's default task as their only one."""
-    goal = default_goal(description, file, "parameters.tasks").settings
+    goal = default_goal(description, "tasks").settings
     content = {**parameters.model_dump(), "tasks": (goal.model_dump(),)}
     return type(parameters).model_validate(content)
 
@@ -73,7 +124,7 @@ class _Clik(LabelledTasksController):
         self, description: RobotDescription, parameters: Any, file: str = "config"
     ) -> None:
         if parameters.tasks is None:
-            parameters = _with_default_task(parameters, description, file)
+            parameters = _with_default_task(parameters, description)
         super().__init__(description, parameters, file)
         self._tasks = parameters.tasks
         self._weights = [task.weight for task in self._tasks]
@@ -165,7 +216,7 @@ class ClikController(_Clik):
     certifies nothing, and is a condition, but the robot moves.
     """
 
-    Parameters: ClassVar[Any] = settings.SteadyParameters
+    Parameters: ClassVar[Any] = SteadyParameters
     kernels = (
         "hoap3.remote_controller.solvers.clik.constant_gains_kernels",
         *LabelledTasksController.kernels,
@@ -205,7 +256,7 @@ class ClikSdpController(_Clik):
 
     own_conditions = (*CONDITIONS, SLOW)
 
-    Parameters: ClassVar[Any] = settings.SdpParameters
+    Parameters: ClassVar[Any] = SdpParameters
     kernels = ("hoap3.remote_controller.solvers.sdp.sdp_kernels", *LabelledTasksController.kernels)
     solver: SdpGains
 

@@ -6,15 +6,21 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
+from pydantic import Field
 
 from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import located
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.controllers.base import STATUS
-from hoap3.remote_controller.controllers.velocity import ghc_velocity_settings as settings
 from hoap3.remote_controller.controllers.velocity.velocity_task_stack import LabelledTasksController
-from hoap3.remote_controller.controllers.velocity.velocity_task_stack_settings import labels_of
+from hoap3.remote_controller.controllers.velocity.velocity_task_stack_settings import (
+    LabelledTask,
+    LabelledTaskParameters,
+    labels_of,
+)
 from hoap3.remote_controller.scheduling.priorities import Priorities
 from hoap3.remote_controller.scheduling.priority_matrix import top_level
+from hoap3.remote_controller.scheduling.settings import PrioritySettings
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.ghc.ghc import Ghc
 from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
@@ -35,6 +41,31 @@ CONDITIONS = (
     "priorities in transition",
     "no task takes part",
 )
+
+
+class RankedTask(LabelledTask):
+    """A task that asks for a velocity of its own."""
+
+    gain_per_s: float = Field(5.0, gt=0, description="g of the wanted velocity −g·e − ∂e/∂t [1/s]")
+
+
+class RankedParameters(LabelledTaskParameters):
+    """Problem (13) for velocities, section 8."""
+
+    tasks: tuple[RankedTask, ...] = Field(min_length=1, description="what shall be done")
+    priorities: PrioritySettings = Field(
+        PrioritySettings(), description="which tasks keep which out; without any, none does"
+    )
+    regularisation: float = Field(
+        1e-6, ge=1e-6, description="ω_r: how soon a task gives way near a singularity [m² or rad²]"
+    )
+    smoothing: float = Field(
+        0.0,
+        ge=0,
+        le=1,
+        description="s₀: singular values from which on a direction is kept free in full; 0: all, "
+        "however small, as the paper has it",
+    )
 
 
 class GhcVelocityController(LabelledTasksController):
@@ -63,17 +94,14 @@ class GhcVelocityController(LabelledTasksController):
         ConfigError: a task without an error, two of one name, or priorities that do not fit them.
     """
 
-    Parameters: ClassVar[Any] = settings.Parameters
+    Parameters: ClassVar[Any] = RankedParameters
     own_conditions = CONDITIONS
-    kernels = (
-        "hoap3.remote_controller.solvers.ghc.ghc_kernels",
-        *LabelledTasksController.kernels,
-    )
+    kernels = ("hoap3.remote_controller.solvers.ghc.ghc_kernels", *LabelledTasksController.kernels)
 
     def __init__(
-        self, description: RobotDescription, parameters: settings.Parameters, file: str = "config"
+        self, description: RobotDescription, parameters: RankedParameters, file: str = "config"
     ) -> None:
-        self.priorities = _priorities(parameters, file)
+        self.priorities = _priorities(parameters)
         super().__init__(description, parameters, file)
         n = description.n
         gains = [task.gain_per_s for task in parameters.tasks]
@@ -91,7 +119,8 @@ class GhcVelocityController(LabelledTasksController):
     def check(cls, parameters: Any, file: str) -> None:
         """Refuse tasks and priorities that are wrong for any robot."""
         super().check(parameters, file)
-        _priorities(parameters, file)
+        with located(file, "parameters"):
+            _priorities(parameters)
 
     def columns(self) -> tuple[str, ...]:
         """Of few tasks alpha, row by row."""
@@ -137,12 +166,7 @@ class GhcVelocityController(LabelledTasksController):
         self._wanted += self.rates
         command.stamp_kinematics = self.now()
         found = solver.solve(
-            self.jacobian,
-            self._wanted,
-            priorities.alpha,
-            self._mass,
-            self._bias,
-            self._weight,
+            self.jacobian, self._wanted, priorities.alpha, self._mass, self._bias, self._weight
         )
         # where there is no answer, as near to rest as the bounds allow
         command.margin = self._cut(
@@ -193,7 +217,8 @@ class GhcVelocityController(LabelledTasksController):
         return bool(end <= V and abs(fall - rate) <= FIRST_ORDER * abs(rate))
 
 
-def _priorities(parameters: settings.Parameters, file: str) -> Priorities:
+def _priorities(parameters: RankedParameters) -> Priorities:
     """Those of a config, whose tasks have names of their own."""
-    names = labels_of(parameters.tasks, file)
-    return Priorities.configured(names, parameters.priorities, file, "parameters.priorities")
+    names = labels_of(parameters.tasks)
+    with located("", "priorities"):
+        return Priorities.configured(names, parameters.priorities)

@@ -10,13 +10,12 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.errors import ConfigError, located
 from hoap3.protocol.messages import FloatArray, State
-from hoap3.remote_controller.controllers.base import STATUS, VelocityController
+from hoap3.remote_controller.controllers.base import VelocityController
 from hoap3.remote_controller.controllers.velocity.velocity_task_stack_settings import (
     LabelledTask,
     LabelledTaskParameters,
-    check_tasks,
     labels_of,
 )
 from hoap3.remote_controller.model.kinematics import Kinematics
@@ -64,7 +63,7 @@ class LabelledTasksController(VelocityController):
         )
 
         given = parameters.tasks or ()
-        self.labels = labels_of(given, file)
+        self.labels = labels_of(given)
         self.kinematics = Kinematics(description)
         self.functions = [
             _task(task, description, self.kinematics, file, f"parameters.tasks.{number}")
@@ -82,7 +81,7 @@ class LabelledTasksController(VelocityController):
         ]
         self._stack, self._cut = kernels.stack, kernels.cut
         self._velocity_bounds = kernels.velocity_bounds
-        self._bounds = parameters.bounds.limits(description, file)
+        self._bounds = parameters.bounds.limits(description)
         self.lower, self.upper, self.u, self._dq, self._before, self._next = np.zeros((6, n))
         self._from_reference = parameters.kinematics_from == "reference"
         self.conditions = (*self.own_conditions, *task_status.NAMES[1:])
@@ -98,8 +97,10 @@ class LabelledTasksController(VelocityController):
     def check(cls, parameters: Any, file: str) -> None:
         """Refuse tasks that are wrong for any robot."""
         given = parameters.tasks or ()
-        check_tasks(given, file)
-        labels_of(given, file)
+        for number, task in enumerate(given):
+            tasks.check_parameters(task, file, f"parameters.tasks.{number}")
+        with located(file, "parameters"):
+            labels_of(given)
 
     @abstractmethod
     def judged(self) -> list[bool]:
@@ -188,23 +189,13 @@ class LabelledTasksController(VelocityController):
 
     def _refuse(self) -> FloatArray:
         """Nothing to follow for a State that is not finite."""
-        command = self.command
-        command.solver_status = STATUS["infeasible"]
-        command.v = command.v_rate_required = command.v_rate_predicted = command.rho = 0.0
-        command.margin = command.kkt_residual = 0.0
-        command.solver_path = command.fallback = 0
-        command.extra[:] = 0.0
+        self.refuse(1)
         self.u[:] = np.nan
-        self.present = 1
         return self.u
 
 
 def _task(
-    given: LabelledTask,
-    description: RobotDescription,
-    kinematics: Kinematics,
-    file: str,
-    key: str,
+    given: LabelledTask, description: RobotDescription, kinematics: Kinematics, file: str, key: str
 ) -> LyapunovFunction:
     """A task of a config that has an error.
 

@@ -13,6 +13,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.controllers.base import VelocityController
+from hoap3.remote_controller.scheduling.priority_matrix import distinct
 from hoap3.remote_controller.tasks import registry as tasks
 
 INSIDE = 1.0 - 1e-9  # of the greatest acceleration: the robot judges by rounded positions
@@ -32,24 +33,13 @@ class LabelledTask(tasks.TaskSettings):
         return self.name or self.task
 
 
-def labels_of(given: Sequence[LabelledTask], file: str) -> list[str]:
+def labels_of(given: Sequence[LabelledTask]) -> list[str]:
     """Names of the tasks of a config.
 
     Raises:
         ConfigError: two have the same.
     """
-    names = [task.label for task in given]
-    for number, name in enumerate(names):
-        if name in names[:number]:
-            key = f"parameters.tasks.{number}.name"
-            raise ConfigError(file, key, name, "two tasks have this name", "Give this one another")
-    return names
-
-
-def check_tasks(given: Sequence[LabelledTask], file: str) -> None:
-    """Refuse tasks that are wrong for any robot."""
-    for number, task in enumerate(given):
-        tasks.check_parameters(task, file, f"parameters.tasks.{number}")
+    return distinct([task.label for task in given])
 
 
 class VelocityBounds(Settings):
@@ -59,14 +49,13 @@ class VelocityBounds(Settings):
         None, description="greatest speed of every joint; null: the description's [rad/s or m/s]"
     )
     acceleration_rad_s2: Positive | None = Field(
-        None,
-        description="greatest acceleration; null: what the robot brakes with [rad/s² or m/s²]",
+        None, description="greatest acceleration; null: what the robot brakes with [rad/s² or m/s²]"
     )
     margin_rad: float = Field(
         1e-9, ge=0, description="taken off both ends of the usable range [rad or m]"
     )
 
-    def limits(self, description: RobotDescription, file: str) -> FloatArray:
+    def limits(self, description: RobotDescription) -> FloatArray:
         """Range, greatest speed and acceleration, (4, n), none beyond the description's.
 
         Raises:
@@ -75,13 +64,9 @@ class VelocityBounds(Settings):
         robot, room = description, description.upper - description.lower
         if (room < 2.0 * self.margin_rad).any():
             joint = int(np.argmin(room))
-            raise ConfigError(
-                file,
-                "parameters.bounds.margin_rad",
-                self.margin_rad,
-                f"leaves nothing of the range of joint {robot.joint_names[joint]!r}",
-                f"At most {room[joint] / 2.0}",
-            )
+            problem = f"leaves nothing of the range of joint {robot.joint_names[joint]!r}"
+            remedy = f"At most {room[joint] / 2.0}"
+            raise ConfigError("", "bounds.margin_rad", self.margin_rad, problem, remedy)
         hardest = INSIDE * robot.setpoint_acceleration_max
         acceleration = self.acceleration_rad_s2 or robot.brake_acceleration
         return np.array(

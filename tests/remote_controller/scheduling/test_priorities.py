@@ -20,7 +20,7 @@ unit = st.floats(0.0, 1.0)
 
 def priorities(content=None, names=ABC):
     settings = parse(PrioritySettings, content or {}, "x.yaml", "priorities")
-    return Priorities.configured(names, settings, "x.yaml", "priorities")
+    return Priorities.configured(names, settings)
 
 
 def fifteen(share):

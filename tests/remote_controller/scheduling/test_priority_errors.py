@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hoap3.protocol.config.settings import parse
-from hoap3.protocol.errors import ConfigError, UsageError
+from hoap3.protocol.errors import ConfigError, UsageError, located
 from hoap3.remote_controller.scheduling.priorities import Priorities
 from hoap3.remote_controller.scheduling.settings import PrioritySettings
 
@@ -15,8 +15,8 @@ ROWS = [[0.0, 1.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]
 
 
 def priorities(content, names=ABC):
-    settings = parse(PrioritySettings, content, "x.yaml", "priorities")
-    return Priorities.configured(names, settings, "x.yaml", "priorities")
+    with located("x.yaml", "priorities"):
+        return Priorities.configured(names, parse(PrioritySettings, content, ""))
 
 
 def at(*changes):

@@ -10,7 +10,7 @@ import numpy as np
 from hoap3.protocol.config.settings import parse
 from hoap3.protocol.description import RobotDescription
 from hoap3.remote_controller.config import read_config
-from hoap3.remote_controller.controllers.velocity.clik_settings import SdpParameters
+from hoap3.remote_controller.controllers.velocity.clik import SdpParameters
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks import registry
 from hoap3.robot_emulator.robots import load
