@@ -12,30 +12,9 @@ import resource
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.tools.doctor.system import Finding, System, cpu_list, cpu_text
 
-STEADY_CLOCKS = {
-    "tsc", "kvm-clock", "arch_sys_counter", "hyperv_clocksource_tsc_page", "riscv_clocksource",
-}  # fmt: skip
 IDLE_EXIT_US = 100  # a tenth of a period spent on waking up
-MIN_RT_SHARE = 0.9
-STEAL_SHARE = 0.01
 _CAP_IPC_LOCK, _CAP_SYS_NICE = 14, 23
 _CPU = "sys/devices/system/cpu"
-
-
-def clock_source(system: System) -> Finding:
-    """Does the kernel tell time from a register, or from a slow device?"""
-    folder = "sys/devices/system/clocksource/clocksource0"
-    source = system.text(f"{folder}/current_clocksource")
-    if not source:
-        return Finding("clock source", "ok", "cannot be read; `clock` shows what it gives")
-    if source in STEADY_CLOCKS:
-        return Finding("clock source", "ok", source)
-    if "jiffies" in source:
-        remedy = "Boot without clocksource=; `dmesg | grep -i clocksource` says what was wrong"
-        return Finding("clock source", "problem", f"{source}: steps of a kernel tick", remedy)
-    known = system.text(f"{folder}/available_clocksource") or "unknown"
-    remedy = "Boot with clocksource=tsc if `dmesg | grep -i tsc` calls it stable; update the BIOS"
-    return Finding("clock source", "advice", f"{source}: slow to read; there are: {known}", remedy)
 
 
 def kernel(system: System) -> Finding:
@@ -114,22 +93,6 @@ def realtime_priority(system: System) -> Finding:
     return Finding("real-time priority", "advice", found, remedy)
 
 
-def realtime_throttling(system: System) -> Finding:
-    """How much of each second may real-time processes run at all?"""
-    runtime = system.number("proc/sys/kernel/sched_rt_runtime_us")
-    period = system.number("proc/sys/kernel/sched_rt_period_us") or 1_000_000
-    if runtime is None:
-        return Finding("real-time throttling", "ok", "cannot be read")
-    if runtime < 0:
-        return Finding("real-time throttling", "ok", "off")
-    share = runtime / period
-    found = f"real-time processes get {100 * share:.0f} % of the time"
-    if share >= MIN_RT_SHARE:
-        return Finding("real-time throttling", "ok", found)
-    remedy = "sudo sysctl kernel.sched_rt_runtime_us=950000"
-    return Finding("real-time throttling", "advice" if share else "problem", found, remedy)
-
-
 def memory_lock(system: System) -> Finding:
     """May a loop keep its pages?"""
     soft, _ = system.limit(resource.RLIMIT_MEMLOCK)
@@ -139,26 +102,6 @@ def memory_lock(system: System) -> Finding:
         return Finding("memory lock", "ok", "unlimited")
     remedy = "/etc/security/limits.d: `@realtime - memlock unlimited`; LimitMEMLOCK=infinity"
     return Finding("memory lock", "advice", f"limit {soft / 1024**2:.0f} MiB", remedy)
-
-
-def timer_slack(system: System) -> Finding:
-    """May timers be exact without any right?"""
-    refusal = system.timer_slack()
-    if refusal is None:
-        return Finding("timer slack", "ok", "can be set to 1 ns")
-    remedy = "Allow prctl(PR_SET_TIMERSLACK) in the seccomp profile of the container"
-    return Finding("timer slack", "advice", f"cannot be set: {refusal}", remedy)
-
-
-def cores(system: System) -> Finding:
-    """Is there room for loops and observers?"""
-    allowed = len(system.affinity())
-    online = len(cpu_list(system.text(f"{_CPU}/online"))) or allowed
-    found = f"{allowed} of {online} CPUs may be used"
-    if allowed > 1:
-        return Finding("cores", "ok", found)
-    remedy = "Give it a second CPU: the observers that write logs share this one with the loops"
-    return Finding("cores", "advice", found, remedy)
 
 
 def smt(system: System) -> Finding:
@@ -186,47 +129,6 @@ def virtualisation(system: System) -> Finding:
         return Finding("virtualisation", "ok", "bare metal, as far as it shows")
     remedy = "Bare metal, or ask the host for dedicated, pinned CPUs; no setting in here helps"
     return Finding("virtualisation", "advice", f"virtual machine ({host})", remedy)
-
-
-def steal(system: System) -> Finding:
-    """How much of their time were the CPUs taken away?"""
-    fields = system.text("proc/stat").partition("\n")[0].split()[1:9]
-    if len(fields) < 8 or not all(field.isdecimal() for field in fields):
-        return Finding("steal", "ok", "cannot be read")
-    share = int(fields[7]) / max(sum(map(int, fields)), 1)
-    found = f"{100 * share:.2f} % since boot"
-    if share < STEAL_SHARE:
-        if system.virtual():
-            found += "; not every host tells"
-        return Finding("steal", "ok", found)
-    remedy = "The host is overcommitted: ask for dedicated CPUs, or a quieter host"
-    return Finding("steal", "advice", found, remedy)
-
-
-def isolation(system: System) -> Finding:
-    """Are CPUs set aside, and do loops get them?"""
-    isolated = cpu_list(system.text(f"{_CPU}/isolated"))
-    tickless = cpu_list(system.text(f"{_CPU}/nohz_full"))
-    if not isolated | tickless:
-        return Finding("isolated CPUs", "ok", "none; fine for soft real time")
-    found = f"isolated {cpu_text(isolated)}; nohz_full {cpu_text(tickless)}"
-    unused = isolated - system.affinity()
-    if not unused:
-        return Finding("isolated CPUs", "ok", found)
-    remedy = f"`auto` does not take them: set realtime.cpu={max(unused)}"
-    return Finding("isolated CPUs", "advice", found, remedy)
-
-
-def swap(system: System) -> Finding:
-    """Can pages be written out under a loop?"""
-    areas = [line.split() for line in system.text("proc/swaps").splitlines()[1:]]
-    used = sum(int(area[3]) for area in areas if len(area) > 3 and area[3].isdecimal())
-    if not areas:
-        return Finding("swap", "ok", "none")
-    found = f"{len(areas)} areas, {used / 1024:.0f} MiB used"
-    if memory_lock(system).level == "ok":
-        return Finding("swap", "ok", f"{found}; the loops lock their pages")
-    return Finding("swap", "advice", found, "Grant the memory lock, or sudo swapoff -a")
 
 
 def cpu_quota(system: System) -> Finding:

@@ -21,28 +21,18 @@ Check = Callable[[System], Finding]
 
 LOOKS: tuple[Check, ...] = (
     checks.virtualisation,
-    checks.steal,
     checks.kernel,
-    checks.clock_source,
     checks.realtime_priority,
-    checks.realtime_throttling,
     checks.memory_lock,
-    checks.timer_slack,
     checks.governor,
     checks.idle_states,
-    checks.cores,
     checks.smt,
-    checks.isolation,
     checks.cpu_quota,
-    checks.swap,
-    stack.versions,
-    stack.blas_threads,
     stack.kernel_cache,
-    stack.port,
 )
 """Take no time to speak of."""
 
-MEASURES: tuple[Check, ...] = (probes.clock, probes.load, probes.wake_up, stack.log_disk)
+MEASURES: tuple[Check, ...] = (probes.clock, probes.wake_up, stack.log_disk)
 """Take a second together, and load the machine a little."""
 
 LARGE_RTT_US, LARGE_TAIL_US = 500.0, 1000.0  # half a period, and a whole one

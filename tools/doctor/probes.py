@@ -1,4 +1,4 @@
-"""What a machine does just now: its clock, its load, and how late it wakes up."""
+"""What a machine does just now: its clock, and how late it wakes up."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from hoap3.tools.doctor.system import Finding, System
 READS = 2000
 COARSE_NS, SLOW_NS = 1_000, 2_000  # of a step, of a reading: a cycle has some fifteen stamps
 USELESS_NS = 100_000
-LOAD_WINDOW_NS = 500_000_000
 PERIOD_NS = 1_000_000
 TICKS = 300
 LATE_US = 250.0  # a quarter of a period is gone before anything is done
@@ -23,32 +22,18 @@ def clock(system: System) -> Finding:
     stamps = [now() for _ in range(READS)]
     steps = [after - before for before, after in pairwise(stamps)]
     if min(steps) < 0 or not any(steps):
-        remedy = "Look at the clock source; on a VM update the hypervisor"
+        remedy = "`dmesg | grep -i clocksource` says why; on a VM update the hypervisor"
         return Finding("clock", "problem", "stands still or goes back", remedy)
     finest = min(step for step in steps if step)
     cost = (stamps[-1] - stamps[0]) / (READS - 1)
     found = f"steps of {finest} ns, {cost:.0f} ns a reading"
     if finest >= USELESS_NS:
-        return Finding("clock", "problem", found, "Choose a finer clock source")
+        remedy = "Boot without clocksource=; `dmesg | grep -i clocksource` says what was wrong"
+        return Finding("clock", "problem", found, remedy)
     if finest > COARSE_NS or cost > SLOW_NS:
-        return Finding("clock", "advice", found, "Choose a faster clock source, such as tsc")
+        remedy = "Boot with clocksource=tsc if `dmesg | grep -i tsc` calls it stable"
+        return Finding("clock", "advice", found, remedy)
     return Finding("clock", "ok", found)
-
-
-def load(system: System) -> Finding:
-    """How busy are the CPUs with other things?"""
-    before = _busy_and_total(system)
-    system.clock.sleep_until(system.clock.now() + LOAD_WINDOW_NS)
-    after = _busy_and_total(system)
-    if before is None or after is None or after[1] <= before[1]:
-        return Finding("load", "ok", "cannot be read")
-    cpus = len([line for line in system.text("proc/stat").splitlines() if _is_cpu(line)]) or 1
-    busy = cpus * (after[0] - before[0]) / (after[1] - before[1])
-    average = (system.text("proc/loadavg").split() or ["?"])[0]
-    found = f"{busy:.1f} of {cpus} CPUs busy; average of a minute {average}"
-    if cpus - busy >= 1.0 or (cpus == 1 and busy < 0.5):
-        return Finding("load", "ok", found)
-    return Finding("load", "advice", found, "`top` shows who it is; end it, or grant priority")
 
 
 def wake_up(system: System) -> Finding:
@@ -69,16 +54,3 @@ def wake_up(system: System) -> Finding:
         remedy = "Real-time priority; else load, governor, idle states, virtualisation, CPU quota"
         return Finding("wake-up", "problem" if share > 0.1 else "advice", found, remedy)
     return Finding("wake-up", "ok", found)
-
-
-def _busy_and_total(system: System) -> tuple[int, int] | None:
-    """Time that all CPUs together were busy, and all time, in the kernel's unit."""
-    fields = system.text("proc/stat").partition("\n")[0].split()[1:9]
-    if len(fields) < 8 or not all(field.isdecimal() for field in fields):
-        return None
-    times = [int(field) for field in fields]
-    return sum(times) - times[3] - times[4], sum(times)  # less idle and waiting for a disk
-
-
-def _is_cpu(line: str) -> bool:
-    return line.startswith("cpu") and line[3:4].isdecimal()

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
-import platform
 import re
 import resource
 import shutil
-import socket
 import subprocess
 import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from importlib import metadata
 from pathlib import Path
 from typing import Literal
 
@@ -25,7 +21,6 @@ from hoap3.protocol.runtime.clock import Clock, MonotonicClock
 Level = Literal["ok", "advice", "problem"]
 
 _BLOCK = bytes(64 * 1024)
-_PR_SET_TIMERSLACK, _PR_GET_TIMERSLACK = 29, 30
 
 
 @dataclass(frozen=True)
@@ -45,16 +40,6 @@ class Finding:
     remedy: str = ""
 
 
-def timer_slack() -> str | None:
-    """Try whether timers can be had without slack; None where they can, else why not."""
-    libc = ctypes.CDLL(None, use_errno=True)
-    before = libc.prctl(_PR_GET_TIMERSLACK, 0, 0, 0, 0)
-    if before < 0 or libc.prctl(_PR_SET_TIMERSLACK, ctypes.c_ulong(1), 0, 0, 0):
-        return os.strerror(ctypes.get_errno())
-    libc.prctl(_PR_SET_TIMERSLACK, ctypes.c_ulong(before), 0, 0, 0)
-    return None
-
-
 def fifo(priority: int) -> str | None:
     """Try SCHED_FIFO in a process of its own; None where it is granted, else why not."""
     code = (
@@ -70,18 +55,6 @@ def fifo(priority: int) -> str | None:
     except (OSError, subprocess.TimeoutExpired) as error:
         return str(error)
     return None if done.returncode == 0 else done.stderr.strip() or "refused"
-
-
-def listen(port: int) -> str | None:
-    """Try to listen on a port of 127.0.0.1; None where it is free, else why not."""
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind(("127.0.0.1", port))
-            probe.listen()
-        except OSError as error:
-            return error.strerror or str(error)
-    return None
 
 
 def free(folder: Path) -> int:
@@ -135,25 +108,6 @@ def kernel_cache() -> tuple[Path | None, bool]:
     return CACHE_DIRECTORY, kept
 
 
-def installed(name: str) -> str | None:
-    """Version of Python or of an installed distribution, or None."""
-    if name == "python":
-        return platform.python_version()
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return None
-
-
-def requirements() -> list[str]:
-    """What this project needs, as its own metadata say; the Python that it needs comes first."""
-    try:
-        own = metadata.metadata("hoap3")
-    except metadata.PackageNotFoundError:
-        return []
-    return [f"python {own.json.get('requires_python', '')}", *(metadata.requires("hoap3") or [])]
-
-
 @dataclass(frozen=True)
 class System:
     """A machine, as far as the doctor looks at it.
@@ -163,11 +117,9 @@ class System:
         logs: folder that logs go to; it need not exist.
         affinity: CPUs that this process may use.
         limit: soft and hard limit of a resource.
-        fifo, timer_slack, listen: try something; None where it works, else why not.
+        fifo: tries a priority; None where it is granted, else why not.
         kernel_cache: where compiled kernels are kept, and whether they outlive the process.
         free, write_speed: bytes, and bytes per second, of a folder.
-        environment: environment variables.
-        installed, requirements: versions, and what is asked of them.
         clock: for whatever is timed.
     """
 
@@ -176,14 +128,9 @@ class System:
     affinity: Callable[[], set[int]] = field(default=lambda: os.sched_getaffinity(0))
     limit: Callable[[int], tuple[int, int]] = resource.getrlimit
     fifo: Callable[[int], str | None] = fifo
-    timer_slack: Callable[[], str | None] = timer_slack
-    listen: Callable[[int], str | None] = listen
     kernel_cache: Callable[[], tuple[Path | None, bool]] = kernel_cache
     free: Callable[[Path], int] = free
     write_speed: Callable[[Path], float] = write_speed
-    environment: Mapping[str, str] = field(default_factory=lambda: os.environ)
-    installed: Callable[[str], str | None] = installed
-    requirements: Callable[[], list[str]] = requirements
     clock: Clock = field(default_factory=MonotonicClock)
 
     def text(self, path: str) -> str:

@@ -9,7 +9,6 @@ from hoap3.tools.doctor.system import System
 
 OK, ADVICE, PROBLEM = "ok", "advice", "problem"
 CPU = "sys/devices/system/cpu"
-CLOCK = "sys/devices/system/clocksource/clocksource0"
 
 
 def machine(root: Path, files: dict[str, str], **calls: object) -> System:
@@ -21,13 +20,9 @@ def machine(root: Path, files: dict[str, str], **calls: object) -> System:
         "affinity": lambda: {0, 1},
         "limit": lambda _: (0, 0),
         "fifo": lambda _: "Operation not permitted",
-        "timer_slack": lambda: None,
-        "listen": lambda _: None,
         "kernel_cache": lambda: (Path("/cache/kernels-1"), True),
         "free": lambda _: 10**11,
         "write_speed": lambda _: 1e8,
-        "environment": {},
-        "requirements": lambda: ["python >=3.11"],
         "clock": VirtualClock(),
     }
     return System(root, root / "logs", **{**granted, **calls})
