@@ -31,17 +31,9 @@ FORMAT = "1"  # of what this module lays down
 SIDES = ("robot", "controller")
 REPEATED = frozenset({Kind.DESCRIPTION, Kind.SESSION, Kind.AUTHORITY})
 """Kinds of which each file of a log holds the last one of the files before it."""
-SCHEMAS = {
-    Kind.STATE: State.schema,
-    Kind.SETPOINT: Setpoint.schema,
-    Kind.EVENT: Event.schema,
-}
+SCHEMAS = {Kind.STATE: State.schema, Kind.SETPOINT: Setpoint.schema, Kind.EVENT: Event.schema}
 """Kinds that are logged as they were sent."""
-SENT_STAMP = {
-    Kind.STATE: "stamp_published",
-    Kind.SETPOINT: "stamp_encoded",
-    Kind.EVENT: "stamp",
-}
+SENT_STAMP = {Kind.STATE: "stamp_published", Kind.SETPOINT: "stamp_encoded", Kind.EVENT: "stamp"}
 """The field of a message that holds the sender's stamp."""
 
 LATEST_STAMP = 2**31 * 1_000_000_000  # a ROS time has 32 bits of seconds

@@ -1,12 +1,10 @@
 """Makes a whole log of one that was cut off, or has damaged chunks.
 
-The safe way is the default: the result stands beside the original, as `<name>.repaired.mcap`, and
-the original is not touched. In place, the original is kept as `<name>.mcap.damaged`.
+The result stands beside the original, as `<name>.repaired.mcap`, and the original is not touched.
 """
 
 from __future__ import annotations
 
-import os
 import shlex
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -22,7 +20,6 @@ from hoap3.tools.logs.mcap_scan import Damage, McapScan
 from hoap3.tools.logs.mcap_write import McapFile
 
 REPAIRED = ".repaired.mcap"
-REPAIRING = ".repairing.mcap"
 
 
 @dataclass(frozen=True)
@@ -31,7 +28,7 @@ class RepairReport:
 
     Attributes:
         path: the log.
-        out: the whole log; the same file where there was nothing to do, or in place.
+        out: the whole log; the same file where there was nothing to do.
         whole: it was whole already, and was left alone.
         messages: how many it holds, or how many could be saved.
         last_stamp: log time of the newest of them [ns], or None.
@@ -60,11 +57,10 @@ class RepairReport:
             return f"{self.path}: already repaired, as {self.out}; {self._by_name}"
         until = "" if self.last_stamp is None else f", the last one at {self.last_stamp} ns"
         inside = f"; {self.damaged}" if self.damaged else ""
-        mended = (
+        return (
             f"{self.out}: {self.messages} messages saved{until}{inside}; "
-            f"{self.dropped_bytes} bytes at the end could not be read"
+            f"{self.dropped_bytes} bytes at the end could not be read; {self._by_name}"
         )
-        return mended if self.out == self.path else f"{mended}; {self._by_name}"
 
     @property
     def _by_name(self) -> str:
@@ -75,7 +71,7 @@ class RepairReport:
 def repair_all(path: Path) -> tuple[list[RepairReport], list[str]]:
     """Repair each log in the folder of a run that is not repaired yet.
 
-    Results of earlier repairs, and what is left of one that was killed, are not taken for logs.
+    Results of earlier repairs are not taken for logs.
 
     Returns:
         What became of each, and what is wrong with those that cannot be repaired.
@@ -83,8 +79,7 @@ def repair_all(path: Path) -> tuple[list[RepairReport], list[str]]:
     Raises:
         LogError: there is no log.
     """
-    ours = (REPAIRED, REPAIRING)
-    files = [file for file in sorted(path.glob("*.mcap")) if not file.name.endswith(ours)]
+    files = [file for file in sorted(path.glob("*.mcap")) if not file.name.endswith(REPAIRED)]
     if not files:
         raise LogError(f"{path}: holds no *.mcap. Name a log or the folder of a run")
     reports, wrong = [], []
@@ -96,13 +91,11 @@ def repair_all(path: Path) -> tuple[list[RepairReport], list[str]]:
     return reports, wrong
 
 
-def repair(path: Path, out: Path | None = None, *, in_place: bool = False) -> RepairReport:
-    """Write what can be read of a log as a whole one; a whole one is left alone.
+def repair(path: Path) -> RepairReport:
+    """Write what can be read of a log beside it as a whole one; a whole one is left alone.
 
     Args:
         path: one file.
-        out: where the result goes; default: beside it, as `<name>.repaired.mcap`.
-        in_place: put the result in the log's place, and keep the log as `<name>.mcap.damaged`.
 
     Raises:
         LogError: not a log of ours, or nothing of it can be read.
@@ -119,7 +112,7 @@ def repair(path: Path, out: Path | None = None, *, in_place: bool = False) -> Re
         return RepairReport(
             path, path, whole=True, messages=messages, last_stamp=last, dropped_bytes=0
         )
-    target = _target(path, out, in_place=in_place)
+    target = path.with_suffix(REPAIRED)
     file = McapFile(target, scan.profile, f"hoap3 {__version__}")
     dropped = scan.size - scan.end
     try:
@@ -140,10 +133,6 @@ def repair(path: Path, out: Path | None = None, *, in_place: bool = False) -> Re
         raise UsageError(
             f"{target}: cannot be written ({error.strerror}). Choose a place with more room"
         ) from error
-    if in_place:
-        os.link(path, _damaged(path))  # refuses to replace an older one
-        target.replace(path)
-        target = path
     return RepairReport(path, target, False, messages, last, dropped, log.damages)
 
 
@@ -171,20 +160,6 @@ def _repaired_before(path: Path) -> RepairReport | None:
         damaged=log.damages,
         already=True,
     )
-
-
-def _target(path: Path, out: Path | None, *, in_place: bool) -> Path:
-    if not in_place:
-        return out or path.with_suffix(REPAIRED)
-    if out is not None:
-        raise UsageError(f"{out}: a repair in place has no other file. Leave one of both out")
-    if _damaged(path).exists():
-        raise UsageError(f"{_damaged(path)}: exists already. Move it away first")
-    return path.with_suffix(REPAIRING)
-
-
-def _damaged(path: Path) -> Path:
-    return path.with_name(path.name + ".damaged")
 
 
 def _copy_head(log: Log, scan: McapScan, file: McapFile, dropped: int) -> None:
