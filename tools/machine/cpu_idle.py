@@ -28,13 +28,6 @@ _LONGEST_US = 2**31 - 1  # that the kernel takes
 _NAME = "awake"
 
 
-def may_keep_awake(system: Path | None = None) -> bool:
-    """Whether every CPU that we may run on can be kept awake."""
-    cpus = os.sched_getaffinity(0)
-    writable = all(os.access(_setting(cpu, system), os.W_OK) for cpu in cpus)
-    return writable and runtime_directory() is not None
-
-
 @contextmanager
 def kept_awake(cpu: int, system: Path | None = None, notes: Path | None = None) -> Iterator[str]:
     """Keep a CPU awake as long as this, or anybody else's, is held.

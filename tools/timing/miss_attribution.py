@@ -5,18 +5,19 @@ where most ticks are missed; where none was in time, it is nothing, and the long
 blame.
 """
 
-# ruff: noqa: D102 - what Ticks lists is explained where it is defined
-
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from hoap3.tools.machine.stalls import Stall
-from hoap3.tools.timing.tick_logs import NEVER, Cycles, Flags, Stamps
+from hoap3.tools.timing.tick_logs import NEVER, Cycles, Stamps
+
+if TYPE_CHECKING:
+    from hoap3.tools.timing.ticks import TickTable
 
 Times = npt.NDArray[np.float64]
 
@@ -45,32 +46,6 @@ def between(start: Stamps, end: Stamps) -> Times:
     return np.where(known, (end - start).astype(float), np.nan)
 
 
-class Ticks(Protocol):
-    """What is asked of a table of ticks; `hoap3.tools.timing.ticks.TickTable` says what each is."""
-
-    @property
-    def period(self) -> int: ...
-    @property
-    def tick(self) -> Stamps: ...
-    @property
-    def published(self) -> Stamps: ...
-    @property
-    def refused(self) -> Flags: ...
-    @property
-    def cycles(self) -> Cycles: ...
-    @property
-    def cycle(self) -> Stamps: ...
-    @property
-    def stalls(self) -> list[Stall] | None: ...
-    @property
-    def asked(self) -> Flags: ...
-    @property
-    def missed(self) -> Flags: ...
-    @property
-    def stalled(self) -> Flags | None: ...
-    def stage(self, name: str) -> Times: ...
-
-
 class Blame:
     """Finds who is to blame in a table of ticks.
 
@@ -79,7 +54,7 @@ class Blame:
         stages: those that can be to blame for a late answer.
     """
 
-    def __init__(self, table: Ticks, stages: tuple[str, ...]) -> None:
+    def __init__(self, table: TickTable, stages: tuple[str, ...]) -> None:
         self._table, self._stages = table, stages
         in_time = ~table.missed
         lengths = np.stack([table.stage(name) for name in stages])

@@ -17,10 +17,9 @@ import numpy.typing as npt
 from hoap3.protocol.errors import LogError
 from hoap3.protocol.messages import COMMANDS, WIRE_VERSION, Event, Schema, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind
-from hoap3.tools.logs.log import Log
+from hoap3.tools.logs.log import Log, Rows
 from hoap3.tools.machine.stalls import Stall
 
-Rows = npt.NDArray[Any]
 Stamps = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
@@ -71,11 +70,6 @@ class RobotSide:
                 f"{log.paths[0]}: was recorded from outside, so nobody knows when setpoints "
                 "reached the robot. Name the log that the robot itself has written"
             )
-        return cls.of(log)
-
-    @classmethod
-    def of(cls, log: Log) -> RobotSide:
-        """The same of an open log."""
         description = log.description
         told = _Told(log, description.n)
         states = told.rows(Kind.STATE)
@@ -157,7 +151,8 @@ class Cycles:
             sent_rows = told.rows(Kind.SETPOINT)
             sent_rows = sent_rows[sent_rows["session_id"] == session]
             overwritten = _overwritten(told.rows(Kind.EVENT), int(session))
-        rows = _concatenated(sent_rows, arrived)
+        names = ["tick", *_ANSWER_FIELDS.values()]
+        rows = np.concatenate([sent_rows[names], arrived[names]])
         rows = rows[np.unique(rows["tick"], return_index=True)[1]]
         ticks = np.union1d(seen, rows["tick"]).astype(np.int64)
         fields = {name: np.full(len(ticks), NEVER) for name in _ANSWER_FIELDS}
@@ -302,11 +297,6 @@ def _overwritten(events: Rows, session: int) -> Stamps:
     told = events[(events["kind"] == EVENTS["OVERWRITTEN"]) & (events["session_id"] == session)]
     before = told["tick"].astype(np.int64)
     return np.stack([before + 1, before + told["detail"]], axis=1)
-
-
-def _concatenated(first: Rows, second: Rows) -> Rows:
-    names = ["tick", *_ANSWER_FIELDS.values()]
-    return np.concatenate([first[names], second[names]])
 
 
 def _mend(fields: dict[str, Stamps], answered: Flags) -> None:

@@ -10,15 +10,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from hoap3.protocol.runtime.deadlines import PERCENTILES, TAIL_SAMPLES, WINDOW, verdict
 from hoap3.tools.machine.stalls import figures as stall_figures
-from hoap3.tools.timing.tick_logs import NEVER
+from hoap3.tools.timing.miss_attribution import Times
+from hoap3.tools.timing.tick_logs import NEVER, Stamps
 from hoap3.tools.timing.ticks import IN_TIME, LATE, LOST, SKIPPED, STAGES, TickTable
-
-Times = npt.NDArray[np.float64]
-Stamps = npt.NDArray[np.int64]
 
 MISSES_TO_STOP = 20
 """Misses in a row after which a robot with ordinary settings stops safely."""
@@ -38,6 +35,8 @@ def tick_figures(tables: Sequence[TickTable]) -> dict[str, Any]:
     longest = max((longest_run(table) for table in tables), default=0)
     stopped = longest >= MISSES_TO_STOP or any(table.safe_stops for table in tables)
     windows = [found for table in tables if (found := worst_window(table)) is not None]
+    outside, rate_outside = _outside_stalls(tables)
+    stalls = [stall for table in tables for stall in table.stalls_of_motion or ()]
     guilty = Counter[str]()
     for table in tables:
         guilty.update(table.guilty_counts())
@@ -59,10 +58,11 @@ def tick_figures(tables: Sequence[TickTable]) -> dict[str, Any]:
             },
             "longest_run": longest,
         },
-        **_outside_stalls(tables),
+        "misses_outside_stalls": outside,
+        "host_stalls": None if outside is None else stall_figures(stalls),
         "success_rate": {
             "run": rate,
-            "outside_stalls": _rate_outside(tables),
+            "outside_stalls": rate_outside,
             "worst_window": min(windows, default=None),
         },
         "guilty_stage": ours[0] if ours else None,
@@ -175,20 +175,11 @@ def worst_window(table: TickTable) -> float | None:
     return float(sums.min()) / WINDOW
 
 
-def _outside_stalls(tables: Sequence[TickTable]) -> dict[str, Any]:
-    outside = [table.misses_outside_stalls for table in tables]
-    stalls = [stall for table in tables for stall in table.stalls_of_motion or ()]
-    known = all(each is not None for each in outside)
-    return {
-        "misses_outside_stalls": sum(each or 0 for each in outside) if known else None,
-        "host_stalls": stall_figures(stalls) if known else None,
-    }
-
-
-def _rate_outside(tables: Sequence[TickTable]) -> float | None:
-    outside = [table.misses_outside_stalls for table in tables]
+def _outside_stalls(tables: Sequence[TickTable]) -> tuple[int | None, float | None]:
+    """Misses that no stall excuses, and the success rate without the others; None if unwatched."""
+    counts = [table.misses_outside_stalls for table in tables]
+    if any(count is None for count in counts):
+        return None, None
+    outside = sum(count or 0 for count in counts)
     in_time = sum(table.count(IN_TIME) for table in tables)
-    if any(each is None for each in outside):
-        return None
-    asked = in_time + sum(each or 0 for each in outside)
-    return in_time / asked if asked else None
+    return outside, in_time / (in_time + outside) if in_time + outside else None

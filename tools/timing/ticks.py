@@ -35,7 +35,7 @@ STAGES = (
 )  # fmt: skip
 """In the order of time. RTT is the sum of all from `wait` on, where nothing is unaccounted."""
 
-_ROWS = ("tick", "intended", "actual", "published", "arrival", "refused", "outcome", "begin", "end")
+_ROWS = ("tick", "intended", "actual", "published", "arrival", "refused", "outcome", "end")
 
 
 @dataclass(frozen=True, repr=False)
@@ -53,8 +53,8 @@ class TickTable:
         arrival: of the first valid answer; NEVER where none came.
         refused: a setpoint came that names this tick, and the robot did not take it.
         outcome: IN_TIME, LATE, LOST or SKIPPED.
-        begin, end: the time in which a stall of the host makes a miss the host's: from intended
-            start to deadline; for the last of several that were skipped, until the robot woke.
+        end: until when, from the intended start, a stall of the host makes a miss the host's: the
+            deadline; for the last of several that were skipped, until the robot woke.
         cycles: of the controller.
         cycle: place of the tick in `cycles`, -1 where the controller had none that we know of.
         stalls: of the host, of all CPUs, by their begin; None where nobody watched.
@@ -71,7 +71,6 @@ class TickTable:
     arrival: Stamps
     refused: Flags
     outcome: npt.NDArray[np.int64]
-    begin: Stamps
     end: Stamps
     cycles: Cycles
     cycle: Stamps
@@ -111,7 +110,6 @@ class TickTable:
             "arrival": arrival,
             "refused": refused,
             "outcome": outcome,
-            "begin": intended,
             "end": intended + period,
         }
         skipped, at, back = _skipped(number, states["skipped"], active)
@@ -124,7 +122,6 @@ class TickTable:
             "arrival": none,
             "refused": np.zeros(len(skipped), bool),
             "outcome": np.full(len(skipped), SKIPPED),
-            "begin": states["stamp_intended"][at] - back * period,
             "end": np.where(
                 back > 1,
                 states["stamp_intended"][at] - (back - 1) * period,
@@ -192,7 +189,7 @@ class TickTable:
 
     @cached_property
     def stalled(self) -> Flags | None:
-        """Which ticks overlap a stall of the host between `begin` and `end`.
+        """Which ticks overlap a stall of the host between `intended` and `end`.
 
         A stall counts from one period of the monitor's grid before it was seen.
         """
@@ -201,7 +198,7 @@ class TickTable:
         starts = np.array([stall.start for stall in self.stalls], np.int64) - GRID_NS
         ends = np.array([NEVER, *(stall.end for stall in self.stalls)], np.int64)
         last_end = np.maximum.accumulate(ends)  # CPUs stall independently
-        stalled: Flags = last_end[np.searchsorted(starts, self.end, "left")] > self.begin
+        stalled: Flags = last_end[np.searchsorted(starts, self.end, "left")] > self.intended
         return stalled
 
     @property
@@ -218,14 +215,6 @@ class TickTable:
         if self.stalled is None:
             return None
         return int(np.count_nonzero(self.missed & ~self.stalled))
-
-    @property
-    def success_rate_outside_stalls(self) -> float | None:
-        """In time ÷ (in time + misses outside stalls); None where nobody watched."""
-        outside, in_time = self.misses_outside_stalls, self.count(IN_TIME)
-        if outside is None or not in_time + outside:
-            return None
-        return in_time / (in_time + outside)
 
     def stage(self, name: str) -> Times:
         """Length of a stage of every tick [ns], nan where it is not known.

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from support import HOUSE
 
-from hoap3.tools.machine.cpu_idle import kept_awake, let_sleep, may_keep_awake
+from hoap3.tools.machine.cpu_idle import kept_awake, let_sleep
 
 
 @pytest.fixture
@@ -106,7 +106,6 @@ def test_a_locked_note_is_not_waited_for_long(setting, tmp_path, monkeypatch):
 def test_without_a_directory_of_ours_no_cpu_is_kept_awake(setting, tmp_path, monkeypatch):
     tmp_path.chmod(0o777)
     monkeypatch.setenv("HOAP3_RUNTIME_DIR", str(tmp_path))
-    assert not may_keep_awake(tmp_path)
     with kept_awake(3, tmp_path) as refusal:
         assert "HOAP3_RUNTIME_DIR" in refusal
     assert setting.read_text() == "40\n"
@@ -116,14 +115,3 @@ def test_a_refusal_says_what_it_takes(tmp_path):
     with kept_awake(7, tmp_path, tmp_path) as refusal:
         assert "No such file" in refusal
         assert "takes root" in refusal
-
-
-def test_it_can_be_asked_for_where_every_allowed_cpu_lets_us(monkeypatch, tmp_path):
-    for cpu in (1, 3):
-        path = tmp_path / f"cpu{cpu}" / "power" / "pm_qos_resume_latency_us"
-        path.parent.mkdir(parents=True)
-        path.write_text("0\n")
-    monkeypatch.setattr("os.sched_getaffinity", lambda _: {1, 3})
-    assert may_keep_awake(tmp_path)
-    monkeypatch.setattr("os.sched_getaffinity", lambda _: {1, 2, 3})
-    assert not may_keep_awake(tmp_path)
