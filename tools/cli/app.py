@@ -14,15 +14,19 @@ from typing import Annotated
 
 import typer
 
+from hoap3.protocol.errors import Hoap3Error, LogError, UsageError
 from hoap3.tools.cli.change import change, priorities
 from hoap3.tools.cli.compare import compare
 from hoap3.tools.cli.latency import latency
 from hoap3.tools.cli.limits import limits
 from hoap3.tools.cli.measure import bench_app, doctor
-from hoap3.tools.cli.options import ENDPOINT, AsJson, Connect, finite
+from hoap3.tools.cli.options import AsJson, Connect, finite
 from hoap3.tools.cli.report import report
 from hoap3.tools.cli.reproduce import reproduce
+from hoap3.tools.machine.processes import StopFlag, die_with_parent, to_people
 from hoap3.tools.machine.terminal import one_line
+from hoap3.tools.show.kernel_news import watch_compilation
+from hoap3.tools.show.output import print_json, print_line, print_note, progress
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 config_app = typer.Typer(no_args_is_help=True, help="Look at settings before anything runs.")
@@ -40,7 +44,7 @@ Sets = Annotated[
 ]
 Duration = Annotated[
     float | None,
-    typer.Option(min=0.001, callback=finite, help="Of the motion [s]; default: no end."),
+    typer.Option(min=0.001, callback=finite, help="How long [s]; default: until it is stopped."),
 ]
 NoRealtime = Annotated[
     bool, typer.Option("--no-realtime", help="Neither pin nor ask for priority or locked memory.")
@@ -83,15 +87,10 @@ def run(
     sets: Sets = [],  # noqa: B006 - typer's own way
 ) -> None:
     """Run a robot and its controller; --set takes emulator.KEY=VALUE and controller.KEY=VALUE."""
-    from hoap3.tools.machine.processes import StopFlag
-
     stop = StopFlag()
-    from hoap3.tools.show.kernel_news import watch_compilation
-
     watch_compilation()
     from hoap3.tools.services.run import run_lockstep, run_realtime
     from hoap3.tools.services.services import controller_config, emulator_config, split_overrides
-    from hoap3.tools.show.output import print_json, progress
     from hoap3.tools.show.summary import LiveTable, show_next, show_summary
     from hoap3.tools.show.verdicts import failed
 
@@ -104,20 +103,20 @@ def run(
     title = f"{Path(emulator.robot).name} with {controller}, {duration:g} s"
     if lockstep:
         with progress(f"{title} in lockstep") as meter:
-            outcome = run_lockstep(
+            summary = run_lockstep(
                 emulator, law, duration, out, files, should_stop=stop, report=meter.part
             )
     else:
         with LiveTable(title, verbose=verbose) as table:
-            outcome = run_realtime(
+            summary = run_realtime(
                 emulator, law, duration, out, table.news, files, should_stop=stop
             )
     if as_json:
-        print_json(outcome.summary)
+        print_json(summary)
     else:
-        show_summary(outcome.summary)
-        show_next(outcome.summary["log"])
-    bad = failed(outcome.summary["verdicts"]) or outcome.summary["log_lost"]
+        show_summary(summary)
+        show_next(summary["log"])
+    bad = failed(summary["verdicts"]) or summary["log_lost"]
     raise typer.Exit(1 if bad else 0)
 
 
@@ -135,11 +134,8 @@ def emulator(
     named: Named = None,
 ) -> None:
     """Be a robot, until SIGINT or SIGTERM; it comes to rest first."""
-    from hoap3.tools.machine.processes import StopFlag
-
     stop = StopFlag()
     from hoap3.tools.services.services import emulator_config, run_emulator
-    from hoap3.tools.show.output import print_json
     from hoap3.tools.show.summary import show_summary
 
     settings, file = emulator_config(config, sets, realtime=not no_realtime, named=named)
@@ -171,8 +167,6 @@ def controller(
     named: Named = None,
 ) -> None:
     """Control a robot, until SIGINT or SIGTERM; waits for it, and survives its absence."""
-    from hoap3.tools.machine.processes import StopFlag
-
     stop = StopFlag()
     from hoap3.tools.services.services import controller_config, run_controller
 
@@ -186,19 +180,12 @@ def controller(
 @app.command("list")
 def list_all(
     live: Annotated[bool, typer.Option("--live", help="Also the robots that are alive.")] = False,
-    connect: Annotated[
-        str | None,
-        typer.Option(
-            "--connect",
-            help=f"Endpoint of robots or a router. Default: this machine, and {ENDPOINT}.",
-        ),
-    ] = None,
+    connect: Connect = None,
     as_json: AsJson = False,
 ) -> None:
     """List robots, controllers, tasks, curves, constraints and configs that can be named."""
     from hoap3.tools.cli.find_robot import live_robots
     from hoap3.tools.services.settings import named
-    from hoap3.tools.show.output import print_json, print_line, print_note
 
     found, silent = named(), ""
     if live:
@@ -215,31 +202,19 @@ def list_all(
 
 
 @app.command()
-def stop(
-    robot: Running = None,
-    connect: Connect = None,
-    as_json: AsJson = False,
-) -> None:
+def stop(robot: Running = None, connect: Connect = None, as_json: AsJson = False) -> None:
     """Bring a running robot to rest; it stays there until `recover`."""
     _tell(robot, "stop", connect, as_json)
 
 
 @app.command()
-def recover(
-    robot: Running = None,
-    connect: Connect = None,
-    as_json: AsJson = False,
-) -> None:
+def recover(robot: Running = None, connect: Connect = None, as_json: AsJson = False) -> None:
     """Let a stopped robot follow its controller again."""
     _tell(robot, "recover", connect, as_json)
 
 
 @app.command()
-def status(
-    robot: Running = None,
-    connect: Connect = None,
-    as_json: AsJson = False,
-) -> None:
+def status(robot: Running = None, connect: Connect = None, as_json: AsJson = False) -> None:
     """Say what a running robot does, and whom it follows."""
     _tell(robot, "status", connect, as_json)
 
@@ -252,7 +227,6 @@ def release(robot: Running = None, as_json: AsJson = False) -> None:
     controller first, or use `hoap3 stop`, where the robot is to stay at rest.
     """
     from hoap3.tools.cli.find_robot import release_robot
-    from hoap3.tools.show.output import print_json, print_line
 
     name, answer = release_robot(robot)
     if as_json:
@@ -268,19 +242,14 @@ def record(
         Path | None,
         typer.Option("--repair", metavar="LOG", help="Mend a log, or all of a run, instead."),
     ] = None,
-    duration: Annotated[
-        float | None,
-        typer.Option(min=0.001, callback=finite, help="[s]; default: until Ctrl-C."),
-    ] = None,
+    duration: Duration = None,
     connect: Connect = None,
     out: Out = None,
     as_json: AsJson = False,
 ) -> None:
     """Record a running robot from outside, or mend a log that was cut off."""
     from hoap3.tools.cli.find_robot import reach_robot
-    from hoap3.tools.machine.processes import to_people
     from hoap3.tools.services.record import record_robot
-    from hoap3.tools.show.output import print_json, print_line
 
     if repair is not None:
         _mend(repair, as_json)
@@ -308,11 +277,8 @@ def replay(
     as_json: AsJson = False,
 ) -> None:
     """Run the logged controller on its logged inputs and compare every setpoint."""
-    from hoap3.tools.show.kernel_news import watch_compilation
-
     watch_compilation()
     from hoap3.tools.replay import replay as again
-    from hoap3.tools.show.output import print_json, print_line, print_note, progress
 
     with progress(f"replay {log}") as meter:
         report = again(
@@ -337,7 +303,6 @@ def export(
 ) -> None:
     """Write a log as CSV or as numpy arrays; exit code 1 if a part of the log is lost."""
     from hoap3.tools.logs.export import export as write
-    from hoap3.tools.show.output import print_line, print_note, progress
 
     with progress(f"export {log}") as meter:
         written = write(log, to, side, meter.step)
@@ -358,7 +323,6 @@ def config_show(
     """Print the whole of a config, defaults included, as YAML."""
     from hoap3.remote_controller.user_code import user_code
     from hoap3.tools.services.settings import shown
-    from hoap3.tools.show.output import print_line, print_note
 
     with user_code(allowed=allow_code, say=print_note) as code:
         print_line(shown(name, sets, code).rstrip("\n"))
@@ -374,18 +338,14 @@ def config_check(
     names: Annotated[list[str], typer.Argument(help="Configs: names or paths.")],
     sets: Sets = [],  # noqa: B006
     robot: Annotated[
-        str | None,
-        typer.Option(help="Robot or emulator config that controllers are built for."),
+        str | None, typer.Option(help="Robot or emulator config that controllers are built for.")
     ] = None,
     allow_code: AllowCode = False,
 ) -> None:
     """Check configs, those of controllers also against their robots, as a start does."""
-    from hoap3.tools.show.kernel_news import watch_compilation
-
     watch_compilation()
     from hoap3.remote_controller.user_code import user_code
     from hoap3.tools.services.settings import checked
-    from hoap3.tools.show.output import print_line, print_note
 
     for name in names:
         with user_code(allowed=allow_code, say=print_note):
@@ -395,8 +355,7 @@ def config_check(
 @config_app.command("schema")
 def config_schema(
     kind: Annotated[
-        str,
-        typer.Argument(help="emulator, controller, task, constraint, or a controller's name."),
+        str, typer.Argument(help="emulator, controller, task, constraint, or a controller's name.")
     ],
     name: Annotated[
         str | None, typer.Argument(help="Of a controller, a task or a constraint.")
@@ -404,7 +363,6 @@ def config_schema(
 ) -> None:
     """Print the JSON Schema of a config, or of a task or a constraint in one, for editors."""
     from hoap3.tools.services.settings import json_schema
-    from hoap3.tools.show.output import print_json
 
     print_json(json_schema(kind, name))
 
@@ -424,7 +382,6 @@ def config_keys(
 ) -> None:
     """Print every key of a config, or of what one names: type, unit, default, meaning."""
     from hoap3.tools.services.config_keys import config_keys as find
-    from hoap3.tools.show.output import print_json, print_line
 
     found = find(kind, name)
     if as_json:
@@ -436,7 +393,6 @@ def config_keys(
 def _version(value: bool) -> None:
     if value:
         from hoap3.tools.machine.machine import versions
-        from hoap3.tools.show.output import print_line
 
         for name, version in versions().items():
             print_line(f"{name} {version}")
@@ -454,9 +410,7 @@ def _root(
 
 
 def _mend(path: Path, as_json: bool) -> None:
-    from hoap3.protocol.errors import LogError
     from hoap3.tools.logs.repair import repair, repair_all
-    from hoap3.tools.show.output import print_json, print_line
 
     reports, wrong = repair_all(path) if path.is_dir() else ([repair(path)], [])
     if as_json and path.is_dir():
@@ -473,7 +427,6 @@ def _mend(path: Path, as_json: bool) -> None:
 def _tell(robot: str | None, verb: str, connect: str | None, as_json: bool) -> None:
     from hoap3.protocol.stop_reasons import recovery_words, stop_words, waits_for_recovery
     from hoap3.tools.cli.find_robot import ask_robot
-    from hoap3.tools.show.output import print_json, print_line
 
     name, answer = ask_robot(robot, verb, connect)
     failed = answer.get("recovered") is False
@@ -485,8 +438,6 @@ def _tell(robot: str | None, verb: str, connect: str | None, as_json: bool) -> N
             words += f"; {stop_words(answer.get('stop_reason'))}: {recovery_words(name, connect)}"
         print_line(words)
     if failed:
-        from hoap3.tools.machine.processes import to_people
-
         to_people(f"error: {name} is {answer['mode']}: only a stopped robot can be recovered")
         raise typer.Exit(1)
 
@@ -498,22 +449,11 @@ def main() -> None:
         for stream in (sys.stdout, sys.stderr):  # a terminal that knows ASCII only shows `?`
             if isinstance(stream, io.TextIOWrapper):
                 stream.reconfigure(errors="replace")
-        from hoap3.tools.machine.processes import die_with_parent
-
         die_with_parent()
         app()
     except KeyboardInterrupt:
         sys.exit(1)
-    except Exception as error:
-        from hoap3.protocol.errors import (  # ours for sure only after the check
-            Hoap3Error,
-            UsageError,
-        )
-
-        if not isinstance(error, Hoap3Error):
-            raise
-        from hoap3.tools.machine.processes import to_people
-
+    except Hoap3Error as error:
         to_people(f"error: {error}")
         sys.exit(2 if isinstance(error, UsageError) else 1)
 

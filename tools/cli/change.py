@@ -7,7 +7,9 @@ from typing import Annotated
 
 import typer
 
+from hoap3.protocol.errors import UsageError
 from hoap3.tools.cli.options import Connect
+from hoap3.tools.show.output import print_json
 
 _EXAMPLE = '\'{"order": ["foot", "com", "posture"]}\''
 
@@ -24,10 +26,8 @@ def change(
     connect: Connect = None,
 ) -> None:
     """Change something in a controller that runs; its log has it, and a replay repeats it."""
-    from hoap3.protocol.errors import UsageError
     from hoap3.tools.cli.find_robot import reach_robot
     from hoap3.tools.services.client import change as ask
-    from hoap3.tools.show.output import print_json
 
     try:
         content = None if request is None else json.loads(request)
@@ -44,8 +44,6 @@ def change(
 
 def priorities() -> None:
     """Say what takes the place of the command of 0.1."""
-    from hoap3.protocol.errors import UsageError
-
     raise UsageError(
         "`hoap3 priorities` is now `hoap3 change`: alone it shows them; "
         f'{_EXAMPLE} orders, and "set": [["foot", "posture", 0.5]], "insert": ["foot"], '

@@ -8,6 +8,8 @@ from typing import Annotated
 import typer
 
 from hoap3.tools.cli.options import AsJson, finite
+from hoap3.tools.show.kernel_news import watch_compilation
+from hoap3.tools.show.output import print_json, progress
 
 
 def compare(
@@ -43,14 +45,12 @@ def compare(
 ) -> None:
     """Set controllers beside each other: on a robot each in lockstep, or on the States of a log."""
     from hoap3.tools.machine.extras import check_drawing
-    from hoap3.tools.show.kernel_news import watch_compilation
 
     check_drawing()
     watch_compilation()
     from hoap3.tools.compare.comparison import compare as make
     from hoap3.tools.compare.show import show
     from hoap3.tools.compare.write import RESULT, write
-    from hoap3.tools.show.output import print_json, progress
     from hoap3.tools.show.result_folder import make_folder, new_name
 
     folder = out or new_name(Path("compared"))

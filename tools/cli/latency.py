@@ -8,6 +8,8 @@ from typing import Annotated, Literal
 import typer
 
 from hoap3.tools.cli.options import AsJson
+from hoap3.tools.machine.processes import StopFlag
+from hoap3.tools.show.output import print_json, progress
 
 
 def latency(
@@ -31,13 +33,10 @@ def latency(
     as_json: AsJson = False,
 ) -> None:
     """Measure the link with a controller that computes nothing, beside a bare TCP echo."""
-    from hoap3.tools.machine.processes import StopFlag
-
     stop = StopFlag()
     from hoap3.tools.latency.latency import Plan, analyse_log, measure_latency
     from hoap3.tools.latency.show import show_latency
     from hoap3.tools.services.services import emulator_config
-    from hoap3.tools.show.output import print_json, progress
     from hoap3.tools.show.verdicts import failed
 
     if log is not None:

@@ -7,6 +7,8 @@ from typing import Annotated, Literal
 import typer
 
 from hoap3.tools.cli.options import AsJson
+from hoap3.tools.show.kernel_news import watch_compilation
+from hoap3.tools.show.output import print_json, progress
 
 
 def limits(
@@ -23,11 +25,8 @@ def limits(
     as_json: AsJson = False,
 ) -> None:
     """What the torque limits of a robot leave of its joints' accelerations, in the worst state."""
-    from hoap3.tools.show.kernel_news import watch_compilation
-
     watch_compilation()
     from hoap3.tools.robots.sampled_limits import sample, show
-    from hoap3.tools.show.output import print_json, progress
 
     with progress(f"states of {robot}") as meter:
         found = sample(robot, samples, velocities, polish, seed, meter.part)

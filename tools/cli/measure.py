@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from hoap3.tools.cli.options import AsJson
+from hoap3.tools.show.kernel_news import watch_compilation
+from hoap3.tools.show.output import print_json, progress
 
 bench_app = typer.Typer(
     no_args_is_help=True, rich_markup_mode=None, help="What solvers and cycles cost here."
 )
 Samples = Annotated[int, typer.Option(min=10, help="Calls that are timed, each on its own.")]
+Calls = Annotated[
+    int, typer.Option(min=10, help="Calls of each peer; ours is called 20 times as often.")
+]
 
 
 def doctor(
@@ -35,16 +40,11 @@ def bench_solvers(
     as_json: AsJson = False,
 ) -> None:
     """Time QP12 and constrained problems beside daqp, OSQP, PINV, and what else is installed."""
-    from hoap3.tools.show.kernel_news import watch_compilation
-
-    watch_compilation()
     from hoap3.tools.bench import general, peers
-    from hoap3.tools.bench.show import show_general, show_missing, show_rows
+    from hoap3.tools.bench.show import show_general, show_rows
     from hoap3.tools.bench.solvers import bench_solvers as measure
-    from hoap3.tools.machine.machine import machine_block
-    from hoap3.tools.show.output import print_json, progress
 
-    machine = machine_block()
+    machine = _begin()
     with progress("bench solvers, without constraints") as meter:
         rows = measure(joints, samples, gamma, meter.part)
     fewer = max(samples // 5, 10)  # peers take up to milliseconds for each of these
@@ -52,15 +52,11 @@ def bench_solvers(
         constrained = general.bench_general(
             joints, fewer, gamma, ("feasible", "limited"), meter.part
         )
-    missing = {**peers.missing(), **general.missing()}
-    if as_json:
-        print_json(
-            {"rows": rows, "general": constrained, "missing": list(missing), "machine": machine}
-        )
-    else:
+    if not as_json:
         show_rows(rows, machine)
         show_general(constrained, machine)
-        show_missing(missing)
+    absent = {**peers.missing(), **general.missing()}
+    _end(as_json, {"rows": rows, "general": constrained}, machine, absent)
 
 
 @bench_app.command("scaling")
@@ -75,29 +71,22 @@ def bench_scaling(
     as_json: AsJson = False,
 ) -> None:
     """Time QP12 and its peers from 7 to 1000 joints, and fit how fast each grows."""
-    from hoap3.tools.show.kernel_news import watch_compilation
-
-    watch_compilation()
     from hoap3.tools.bench.peers import missing
     from hoap3.tools.bench.plot import check_picture, plot_scaling
     from hoap3.tools.bench.scaling import SIZES
     from hoap3.tools.bench.scaling import bench_scaling as measure
-    from hoap3.tools.bench.show import show_missing, show_scaling
-    from hoap3.tools.machine.machine import machine_block
-    from hoap3.tools.show.output import print_json, progress
+    from hoap3.tools.bench.show import show_scaling
 
     if plot is not None:
         check_picture(plot)
-    machine = machine_block()
+    machine = _begin()
     with progress("bench scaling") as meter:
         measured = measure(samples, [n for n in SIZES if n <= most], report=meter.step)
     if plot is not None:
         plot_scaling(measured, machine, plot)
-    if as_json:
-        print_json({**measured, "missing": list(missing()), "machine": machine})
-    else:
+    if not as_json:
         show_scaling(measured, machine)
-        show_missing()
+    _end(as_json, measured, machine, missing())
 
 
 @bench_app.command("cycle")
@@ -107,15 +96,10 @@ def bench_cycle(
     as_json: AsJson = False,
 ) -> None:
     """Time one answer: kinematics, solve and integration; and all from bytes to bytes."""
-    from hoap3.tools.show.kernel_news import watch_compilation
-
-    watch_compilation()
     from hoap3.tools.bench.cycle import bench_cycle as measure
     from hoap3.tools.bench.show import show_rows
-    from hoap3.tools.machine.machine import machine_block
-    from hoap3.tools.show.output import print_json, progress
 
-    machine = machine_block()
+    machine = _begin()
     with progress("bench cycle") as meter:
         rows = measure(controller, samples, meter.part)
     if as_json:
@@ -133,35 +117,23 @@ def bench_limits(
     as_json: AsJson = False,
 ) -> None:
     """Time bounds of accelerations, the setpoint filter, inverse dynamics, and Algorithm 4."""
-    from hoap3.tools.show.kernel_news import watch_compilation
-
-    watch_compilation()
     from hoap3.tools.bench import limits
-    from hoap3.tools.bench.show import show_missing, show_rows, show_sampling
-    from hoap3.tools.machine.machine import machine_block
-    from hoap3.tools.show.output import print_json, progress
+    from hoap3.tools.bench.show import show_rows, show_sampling
 
-    machine = machine_block()
+    machine = _begin()
     with progress("bench limits") as meter:
         rows = limits.bench_limits(samples, meter.part)
     with progress("Algorithm 4") as meter:
         sampling = limits.bench_sampling(sampled, meter.part)
-    missing = limits.missing()
-    if as_json:
-        print_json(
-            {"rows": rows, "sampling": sampling, "missing": list(missing), "machine": machine}
-        )
-    else:
+    if not as_json:
         show_rows(rows, machine)
         show_sampling(sampling)
-        show_missing(missing)
+    _end(as_json, {"rows": rows, "sampling": sampling}, machine, limits.missing())
 
 
 @bench_app.command("hierarchy")
 def bench_hierarchy(
-    samples: Annotated[
-        int, typer.Option(min=10, help="Calls of each peer; ours is called 20 times as often.")
-    ] = 200,
+    samples: Calls = 200,
     quick: Annotated[
         bool, typer.Option("--quick", help="10 samples of 2 and 5 tasks: to see that it works.")
     ] = False,
@@ -171,36 +143,27 @@ def bench_hierarchy(
     as_json: AsJson = False,
 ) -> None:
     """Time hierarchies of 1 to 7 tasks for 7 and 32 joints, beside the plain program (13)."""
-    from hoap3.tools.show.kernel_news import watch_compilation
-
-    watch_compilation()
     from hoap3.tools.bench.hierarchy import QUICK_TASKS, TASKS, missing
     from hoap3.tools.bench.hierarchy import bench_hierarchy as measure
     from hoap3.tools.bench.plot import check_picture, plot_hierarchies
-    from hoap3.tools.bench.show import show_hierarchies, show_missing
-    from hoap3.tools.machine.machine import machine_block
-    from hoap3.tools.show.output import print_json, progress
+    from hoap3.tools.bench.show import show_hierarchies
 
     if plot is not None:
         check_picture(plot)
-    machine = machine_block()
+    machine = _begin()
     with progress("bench hierarchy") as meter:
         calls, tasks = (10, QUICK_TASKS) if quick else (samples, TASKS)
         measured = measure(calls, tasks, report=meter.step)
     if plot is not None:
         plot_hierarchies(measured, machine, plot)
-    if as_json:
-        print_json({**measured, "missing": list(missing()), "machine": machine})
-    else:
+    if not as_json:
         show_hierarchies(measured, machine)
-        show_missing(missing())
+    _end(as_json, measured, machine, missing())
 
 
 @bench_app.command("gains")
 def bench_gains(
-    samples: Annotated[
-        int, typer.Option(min=10, help="Calls of each peer; ours is called 20 times as often.")
-    ] = 200,
+    samples: Calls = 200,
     robot: Annotated[
         list[str] | None,
         typer.Option(help="Whose motion: ur5, hoap3 or humanoid32; by default all, one by one."),
@@ -211,23 +174,36 @@ def bench_gains(
     as_json: AsJson = False,
 ) -> None:
     """Time certified gains along motions of 6, 21 and 32 joints, beside conic solvers."""
-    from hoap3.tools.show.kernel_news import watch_compilation
-
-    watch_compilation()
     from hoap3.tools.bench.gains import MOTION_S, QUICK_ROBOTS, QUICK_S, missing
     from hoap3.tools.bench.gains import bench_gains as measure
     from hoap3.tools.bench.problems.gains_problems import MOTIONS
-    from hoap3.tools.bench.show import show_gains, show_missing
-    from hoap3.tools.machine.machine import machine_block
-    from hoap3.tools.show.output import print_json, progress
+    from hoap3.tools.bench.show import show_gains
 
-    machine = machine_block()
+    machine = _begin()
     with progress("bench gains") as meter:
         calls, seconds = (10, QUICK_S) if quick else (samples, MOTION_S)
         robots = robot or (QUICK_ROBOTS if quick else list(MOTIONS))
         measured = measure(calls, robots, seconds, report=meter.step)
-    if as_json:
-        print_json({**measured, "missing": list(missing()), "machine": machine})
-    else:
+    if not as_json:
         show_gains(measured, machine)
-        show_missing(missing())
+    _end(as_json, measured, machine, missing())
+
+
+def _begin() -> dict[str, object]:
+    """The machine that all is measured on; kernels that are compiled first are told."""
+    from hoap3.tools.machine.machine import machine_block
+
+    watch_compilation()
+    return machine_block()
+
+
+def _end(
+    as_json: bool, measured: dict[str, Any], machine: dict[str, object], missing: dict[str, str]
+) -> None:
+    """Print all of it as JSON, or for people what could not be compared."""
+    from hoap3.tools.bench.show import show_missing
+
+    if as_json:
+        print_json({**measured, "missing": list(missing), "machine": machine})
+    else:
+        show_missing(missing)

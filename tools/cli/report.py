@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from hoap3.tools.cli.options import AsJson
+from hoap3.tools.show.output import print_json, print_line, print_note, progress
 
 
 def report(
@@ -24,7 +25,6 @@ def report(
     check_drawing()
     from hoap3.tools.report.write import write_report
     from hoap3.tools.show.certificate_count import in_a_line
-    from hoap3.tools.show.output import print_json, print_line, print_note, progress
     from hoap3.tools.show.verdicts import NAMES, NOT_JUDGED, failed, in_words
 
     with progress(f"report {log}") as meter:

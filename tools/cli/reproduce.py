@@ -8,6 +8,8 @@ from typing import Annotated
 import typer
 
 from hoap3.tools.cli.options import AsJson
+from hoap3.tools.show.kernel_news import watch_compilation
+from hoap3.tools.show.output import print_json, progress
 
 
 def reproduce(
@@ -22,13 +24,11 @@ def reproduce(
 ) -> None:
     """Re-make a paper's figures and tables, and compare them with what its equations give."""
     from hoap3.tools.machine.extras import check_drawing
-    from hoap3.tools.show.kernel_news import watch_compilation
 
     check_drawing()
     watch_compilation()
     from hoap3.tools.reproduce.remake import reproduce as remake
     from hoap3.tools.reproduce.show import show_rows
-    from hoap3.tools.show.output import print_json, progress
 
     with progress(f"reproduce {paper}") as meter:
         made = remake(paper, out, meter.step)

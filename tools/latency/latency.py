@@ -85,7 +85,7 @@ def measure_latency(
     echoes: list[Exchanges] = []
     said: list[str] = []
     with (
-        _placement(plan, progress) as (robot, controller),
+        _placement(plan, progress) as sides,
         tempfile.TemporaryDirectory(prefix="hoap3-latency-") as scratch,
     ):
         folder = plan.out or Path(scratch)
@@ -93,8 +93,8 @@ def measure_latency(
             progress(f"block {block + 1} of {plan.blocks}: zenoh over {plan.link}")
             try:
                 with link(plan.link) as pair:
-                    run = _Run(plan, description, robot, controller, pair)
-                    table, echo, said = run.block(folder / f"block{block}", should_stop)
+                    one = folder / f"block{block}"
+                    table, echo, said = _block(plan, sides, pair, one, should_stop)
             except Hoap3Error:
                 if not should_stop():
                     raise
@@ -185,47 +185,41 @@ def sizes(description: RobotDescription) -> tuple[int, int]:
     return State(n, 6 * len(description.wrench_sensors)).size, Setpoint(n).size
 
 
-@dataclass(frozen=True)
-class _Run:
-    """A robot and its null controller, with their links and places."""
+def _block(
+    plan: Plan,
+    sides: tuple[RealtimeSettings, RealtimeSettings],
+    links: LinkPair,
+    folder: Path,
+    should_stop: Callable[[], bool],
+) -> tuple[TickTable, Exchanges, list[str]]:
+    """Run one block; its ticks without the warm-up, the echo's, and what both were granted."""
+    description = describe(plan.emulator)
+    robot, controller = sides
+    emulator = plan.emulator.model_copy(update={"realtime": robot, "misses_to_stop": _NEVER_STOP})
+    law = ControllerConfig(controller=NULL_CONTROLLER, realtime=controller)
+    ticks, period_s = plan.ticks + WARM_UP, description.period_s
+    period_ns = round(period_s * 1e9)
+    order = {"ticks": ticks, "period_ns": period_ns, "sizes": sizes(description)}
+    with BareEcho(order, robot, controller) as echo:
 
-    plan: Plan
-    description: RobotDescription
-    robot: RealtimeSettings
-    controller: RealtimeSettings
-    pair: LinkPair
+        def begin_when_granted(news: dict[str, Any]) -> None:
+            if news.get("kind") == "granted":
+                echo.begin()
 
-    def block(
-        self, folder: Path, should_stop: Callable[[], bool]
-    ) -> tuple[TickTable, Exchanges, list[str]]:
-        """Run one block; its ticks without the warm-up, the echo's, and what both were granted."""
-        emulator = self.plan.emulator.model_copy(
-            update={"realtime": self.robot, "misses_to_stop": _NEVER_STOP}
+        summary = run_realtime(
+            emulator,
+            law,
+            ticks * period_s,
+            folder,
+            begin_when_granted,
+            links=links,
+            should_stop=should_stop,
         )
-        law = ControllerConfig(controller=NULL_CONTROLLER, realtime=self.controller)
-        ticks, period_s = self.plan.ticks + WARM_UP, self.description.period_s
-        period_ns = round(period_s * 1e9)
-        order = {"ticks": ticks, "period_ns": period_ns, "sizes": sizes(self.description)}
-        with BareEcho(order, self.robot, self.controller) as echo:
-
-            def begin_when_granted(news: dict[str, Any]) -> None:
-                if news.get("kind") == "granted":
-                    echo.begin()
-
-            outcome = run_realtime(
-                emulator,
-                law,
-                ticks * period_s,
-                folder,
-                begin_when_granted,
-                links=self.pair,
-                should_stop=should_stop,
-            )
-            table = TickTable.from_run(folder).after(WARM_UP)
-            if not len(table):
-                raise Hoap3Error("the robot did not move for longer than the warm-up")
-            exchanges = echo.result().between(table.intended[0], table.intended[-1] + period_ns)
-        return table, exchanges, outcome.summary["realtime"]
+        table = TickTable.from_run(folder).after(WARM_UP)
+        if not len(table):
+            raise Hoap3Error("the robot did not move for longer than the warm-up")
+        exchanges = echo.result().between(table.intended[0], table.intended[-1] + period_ns)
+    return table, exchanges, summary["realtime"]
 
 
 @contextmanager

@@ -30,19 +30,14 @@ _LIFELINE = "HOAP3_LIFELINE"
 
 
 class StopFlag:
-    """Set by SIGINT, SIGTERM and a terminal that closes; a loop asks it between two ticks.
+    """Set by SIGINT, SIGTERM and a terminal that closes; a loop asks it between two ticks."""
 
-    Args:
-        handle: whether to take over the signals now.
-    """
-
-    def __init__(self, *, handle: bool = True) -> None:
+    def __init__(self) -> None:
         self.signal: int | None = None
-        if handle:
-            signal.signal(signal.SIGINT, self._note)
-            signal.signal(signal.SIGTERM, self._note)
-            if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as under nohup
-                signal.signal(signal.SIGHUP, self._note)
+        signal.signal(signal.SIGINT, self._note)
+        signal.signal(signal.SIGTERM, self._note)
+        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as under nohup
+            signal.signal(signal.SIGHUP, self._note)
 
     def __call__(self) -> bool:
         """Whether an end was asked for."""
@@ -186,11 +181,6 @@ def start_module(
         stderr: as for `subprocess.Popen`.
     """
     return Child([module], json.dumps(order), pass_fds, stdout=subprocess.PIPE, stderr=stderr)
-
-
-def start_service(arguments: Sequence[str], config: str, pass_fds: Sequence[int]) -> Child:
-    """Start one of our own commands as a child that ends with us; `config` is its input."""
-    return Child(["hoap3.tools.cli.app", *arguments], config, pass_fds)
 
 
 def check_open_files() -> None:

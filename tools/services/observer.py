@@ -13,7 +13,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -37,7 +37,7 @@ DRAIN_S = 30.0  # for what is left to be written at the end
 END_S = 5.0  # for the end of a process that has nothing left to do
 REPAIR = "`hoap3 record --repair` mends what there is"
 _EVENTS = Event.schema.constants
-UNWATCHED = f"which takes SCHED_FIFO {PRIORITY} there: `ulimit -r {PRIORITY}`, or root"
+UNWATCHED = f", which takes SCHED_FIFO {PRIORITY} there: `ulimit -r {PRIORITY}`, or root"
 _FREQUENT = {_EVENTS[name] for name in ("SKIPPED", "OVERWRITTEN", "HOST_STALL")}
 
 
@@ -45,17 +45,13 @@ class ObserverHandle:
     """The handle that a service has of its observer.
 
     Args:
-        side: "robot" or "controller".
-        robot: name of the robot.
-        directory: folder of this run, or None to record nothing.
-        attachments: files for the log, by name.
-        metadata: facts for the log, by group.
-        limits: bytes of the whole log, and of one file.
-        period_ns: of the robot.
-        lockstep: whether stamps are virtual.
-        watch: CPUs whose stalls are noted and count as the host's.
-        keep_awake: whether these CPUs are kept from falling asleep.
-        status_fd: open file that takes a JSON line for every piece of news, or None for people.
+        order: `side`, "robot" or "controller"; `robot`, its name; `directory`, folder of this run,
+            or None to record nothing; `attachments`, files for the log, by name; `metadata`, facts
+            for the log, by group; `limits`, bytes of the whole log, and of one file; `period_ns`
+            of the robot; `lockstep`, whether stamps are virtual; `watch`, CPUs whose stalls are
+            noted and count as the host's; `keep_awake`, whether these are kept from falling
+            asleep; `status_fd`, open file that takes a JSON line for every piece of news, or None
+            for people.
         report: takes what became of the log, once, when it is lost; called in a thread.
 
     Attributes:
@@ -68,46 +64,18 @@ class ObserverHandle:
         OSError: its process cannot be started.
     """
 
-    def __init__(
-        self,
-        *,
-        side: str,
-        robot: str,
-        directory: Path | None,
-        attachments: dict[str, str],
-        metadata: dict[str, dict[str, str]],
-        limits: tuple[int, int],
-        period_ns: int,
-        lockstep: bool,
-        watch: tuple[int, ...] = (),
-        keep_awake: bool = False,
-        status_fd: int | None = None,
-        report: Callable[[str], None] = to_people,
-    ) -> None:
+    def __init__(self, order: Mapping[str, Any], report: Callable[[str], None]) -> None:
         self.ring = Ring()
         self.final: dict[str, Any] = {}
         self.lost = ""
-        self._side, self._report = side, report
+        self._side, self._report = order["side"], report
         self._late = False
         reader, last_words = os.pipe()
-        order = {
-            "fd": self.ring.fd,
-            "side": side,
-            "robot": robot,
-            "directory": str(directory) if directory else None,
-            "attachments": attachments,
-            "metadata": metadata,
-            "limits": limits,
-            "period_ns": period_ns,
-            "lockstep": lockstep,
-            "watch": watch,
-            "keep_awake": keep_awake,
-            "status_fd": status_fd,
-            "last_words_fd": last_words,
-        }
-        fds = [self.ring.fd, last_words] + ([status_fd] if status_fd is not None else [])
+        whole = json.dumps({**order, "fd": self.ring.fd, "last_words_fd": last_words})
+        status = [] if order["status_fd"] is None else [order["status_fd"]]
+        fds = [self.ring.fd, last_words, *status]
         try:
-            self._process = Child(["hoap3.tools.services.observer"], json.dumps(order), fds)
+            self._process = Child(["hoap3.tools.services.observer"], whole, fds)
         except BaseException:
             os.close(reader)
             os.close(self.ring.fd)
@@ -117,11 +85,6 @@ class ObserverHandle:
         self._listener = threading.Thread(target=self._listen, args=(reader,), name="observer")
         self._listener.daemon = True
         self._listener.start()
-
-    @property
-    def pid(self) -> int:
-        """Its process id."""
-        return self._process.pid
 
     def alive(self) -> bool:
         """Whether it still runs."""
@@ -310,13 +273,11 @@ class _LogKeeper:
                 as_asked = log.awake or not self._keep_awake
                 self._reporter.say(self._obtained[-1], "detail" if as_asked else "said")
                 self.take(_event("STALLS_WATCHED", time.monotonic_ns(), cpu))
-        for cpu in {*self._monitor.refused()} - self._unwatched:
+        reasons = dict.fromkeys(self._monitor.refused(), UNWATCHED)
+        reasons |= dict.fromkeys(self._monitor.killed(), " any more, the monitor died")
+        for cpu in reasons.keys() - self._unwatched:
             self._unwatched.add(cpu)
-            self._obtained.append(f"CPU {cpu}: stalls are not watched, {UNWATCHED}")
-            self._reporter.say(self._obtained[-1])
-        for cpu in {*self._monitor.killed()} - self._unwatched:
-            self._unwatched.add(cpu)
-            self._obtained.append(f"CPU {cpu}: stalls are not watched any more, the monitor died")
+            self._obtained.append(f"CPU {cpu}: stalls are not watched{reasons[cpu]}")
             self._reporter.say(self._obtained[-1])
         for _, stall in self._stalls.take():
             self.take(_event("HOST_STALL", stall.start, stall.end - stall.start))

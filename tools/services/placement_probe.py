@@ -14,11 +14,11 @@ import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from hoap3.protocol.config.settings import LinkSettings, RealtimeSettings
 from hoap3.protocol.errors import Hoap3Error
-from hoap3.protocol.link.base import Arrival
+from hoap3.protocol.link.base import RobotLink
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.clock import Clock, MonotonicClock
 from hoap3.protocol.runtime.deadlines import Durations
@@ -37,16 +37,6 @@ LOST = 0.01  # share of answers that may not come; the p99 says nothing of more
 JOINTS = 21
 _TICK = struct.Struct("<q")  # the first bytes of a question, and of its answer
 _TIMEOUT_S = 10.0  # for processes to start, or beyond the time that everything should take
-
-
-class Peer(Protocol):
-    """The asking end of a link, as `hoap3.protocol.link.base.RobotLink` has it."""
-
-    def publish(self, state: bytes) -> None:
-        """Send a question."""
-
-    def drain(self) -> Sequence[Arrival]:
-        """Answers that have arrived, with their stamps."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +63,7 @@ Runner = Callable[[Order], dict[str, Any]]
 
 
 def exchange(
-    peers: Mapping[str, Peer], clock: Clock, ticks: int, period_ns: int, size: int
+    peers: Mapping[str, RobotLink], clock: Clock, ticks: int, period_ns: int, size: int
 ) -> dict[str, Any]:
     """Ask each peer in turn, once a period, and time the answers.
 

@@ -101,8 +101,7 @@ def record_robot(
         if data is None:
             raise LinkError(f"no robot called {robot!r} answers at {endpoint}")
         description = parse_description(data, robot)
-        settings = LogSettings() if out is None else LogSettings(directory=str(out))
-        folder = run_folder(settings, exact=out is not None, sides=("robot",)) or Path()
+        folder = run_folder(LogSettings(), out, ("robot",)) or Path()
         writer = LogWriter(
             folder,
             robot=robot,

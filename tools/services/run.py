@@ -8,7 +8,6 @@ import selectors
 import signal
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,17 +20,10 @@ from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.service import describe
 from hoap3.tools.logs.log import Log, payload_hash
 from hoap3.tools.machine.loopback_links import free_port
-from hoap3.tools.machine.machine import machine_block
-from hoap3.tools.machine.processes import (
-    Child,
-    StopFlag,
-    check_open_files,
-    start_service,
-    to_people,
-)
+from hoap3.tools.machine.processes import Child, StopFlag, check_open_files, to_people
 from hoap3.tools.services.observer import ObserverHandle
 from hoap3.tools.services.placement import placed
-from hoap3.tools.services.services import as_yaml, observer_for, run_folder, watched_cpus
+from hoap3.tools.services.services import as_yaml, observer_for, run_folder, told, watched_cpus
 from hoap3.tools.show.certificate_count import CountingRecorder
 from hoap3.tools.show.refusal import forget, is_new, nothing_happened
 from hoap3.tools.show.verdicts import judge
@@ -41,21 +33,6 @@ START_TIMEOUT_S = 120.0  # the first start on a machine compiles the kernels
 END_TIMEOUT_S = 60.0
 
 News = Callable[[dict[str, Any]], None]
-
-
-@dataclass
-class Outcome:
-    """How a run ended.
-
-    Attributes:
-        summary: figures as `run --json` prints them.
-        interrupted: the user ended it.
-        said: what both services had to say.
-    """
-
-    summary: dict[str, Any]
-    interrupted: bool = False
-    said: list[str] = field(default_factory=list)
 
 
 def run_realtime(
@@ -68,7 +45,7 @@ def run_realtime(
     *,
     links: tuple[dict[str, Any], dict[str, Any]] | None = None,
     should_stop: Callable[[], bool] | None = None,
-) -> Outcome:
+) -> dict[str, Any]:
     """Run both services for `duration` [s] of motion on a free port of this machine.
 
     Args:
@@ -80,15 +57,16 @@ def run_realtime(
         links: changes of both links; by default they meet at a free TCP port.
         should_stop: asked now and then; by default SIGINT and SIGTERM end the run.
 
+    Returns:
+        Its figures, as `run --json` prints them.
+
     Raises:
         Hoap3Error: a service could not do its work; carries what it said.
     """
     check_open_files()
     emulator = suited(emulator, controller, files[1])
     description = describe(emulator, files[0])
-    log = emulator.log if out is None else emulator.log.model_copy(update={"directory": str(out)})
-    made = is_new(out)
-    folder = run_folder(log, exact=out is not None)
+    made, folder = is_new(out), run_folder(emulator.log, out)
 
     def report(text: str) -> None:
         news({"news": text.news if isinstance(text, Note) else "said", "text": text})
@@ -121,8 +99,7 @@ def run_realtime(
     try:
         work.start("emulator", as_yaml(emulator), files[0], folder, duration)
         work.start("controller", as_yaml(controller), files[1], folder, None)
-        outcome = work.watch(duration)
-        outcome.summary |= {"interrupted": outcome.interrupted, "duration_s": duration}
+        summary = work.watch(duration)
     except UsageError as error:
         if hint and work.failed == "controller":
             raise UsageError(f"{error}. {hint}") from error
@@ -133,10 +110,7 @@ def run_realtime(
             forget(work.finals.values(), folder, made=made)
         for claim in claims:
             claim.release()
-    outcome.summary["machine"] = machine_block()
-    outcome.summary["transport"] = f"zenoh {endpoint.partition('/')[0]}, same host"
-    outcome.summary["log"] = str(folder) if folder else None
-    return outcome
+    return summary | told(f"zenoh {endpoint.partition('/')[0]}, same host", folder)
 
 
 def run_lockstep(
@@ -148,7 +122,7 @@ def run_lockstep(
     *,
     should_stop: Callable[[], bool] | None = None,
     report: Callable[[int, int], None] | None = None,
-) -> Outcome:
+) -> dict[str, Any]:
     """Run both in this process on virtual time; arguments as for `run_realtime`.
 
     `report` takes how many ticks are done, of how many.
@@ -158,9 +132,8 @@ def run_lockstep(
     check_open_files()
     emulator = suited(emulator, controller, files[1])
     description = describe(emulator, files[0])
-    log = emulator.log if out is None else emulator.log.model_copy(update={"directory": str(out)})
     made, refused = is_new(out), False
-    folder = run_folder(log, exact=out is not None)
+    folder = run_folder(emulator.log, out)
     observers: dict[str, ObserverHandle] = {}
     unlogged = CountingRecorder()
 
@@ -200,7 +173,7 @@ def run_lockstep(
     lost = [observer.lost for observer in observers.values() if observer.lost]
     if not all(finals):
         raise Hoap3Error("; ".join(lost))
-    summary = observers["robot"].final["summary"]
+    summary: dict[str, Any] = observers["robot"].final["summary"]
     summary["log_lost"] = lost
     if folder is not None:
         final = observers["controller"].final
@@ -215,12 +188,9 @@ def run_lockstep(
         summary["payload_sha256"] = {
             side: payload_hash(Log.open(folder, side=side)) for side in ("robot", "controller")
         }
-    summary["machine"] = machine_block()
-    summary["transport"] = "in process, virtual time"
     interrupted = should_stop is not None and should_stop()
     summary |= {"interrupted": interrupted, "duration_s": duration}
-    summary["log"] = str(folder) if folder else None
-    return Outcome(summary, interrupted)
+    return summary | told("in process, virtual time", folder)
 
 
 class _Services:
@@ -252,12 +222,12 @@ class _Services:
         self._buffers[reader], self._commands[reader] = b"", command
         self._selector.register(reader, selectors.EVENT_READ)
         try:
-            self._children[command] = start_service(arguments, config, [writer])
+            self._children[command] = Child(["hoap3.tools.cli.app", *arguments], config, [writer])
         finally:
             os.close(writer)
 
-    def watch(self, duration: float) -> Outcome:
-        """Until the robot has ended its motion, or somebody ends it."""
+    def watch(self, duration: float) -> dict[str, Any]:
+        """The summary, once the robot has ended its motion, or somebody has ended it."""
         limit = time.monotonic() + START_TIMEOUT_S + 2 * duration
         emulator, controller = self._children["emulator"], self._children["controller"]
         while emulator.poll() is None and controller.poll() is None:
@@ -282,7 +252,7 @@ class _Services:
             raise Hoap3Error("; ".join(self.damage) or without)
         self.summary["log_lost"] = self.damage
         _join(self.summary, self.finals.get("controller", {}))
-        return Outcome(self.summary, self._stop(), self.said)
+        return {**self.summary, "interrupted": self._stop(), "duration_s": duration}
 
     def stop(self) -> None:
         """End both, the robot first: it comes to rest while its controller still answers."""

@@ -23,7 +23,6 @@ from hoap3.protocol.config.settings import (
 )
 from hoap3.protocol.errors import ConfigError, Hoap3Error, UsageError
 from hoap3.protocol.runtime.notes import Note, Routine
-from hoap3.protocol.runtime.realtime import CpuClaim
 from hoap3.protocol.runtime.recorder import BlockingRecorder, Recorder, RingRecorder
 from hoap3.remote_controller.config import ControllerConfig, check_parameters
 from hoap3.remote_controller.config import read_config as read_controller_config
@@ -35,6 +34,7 @@ from hoap3.tools.machine.processes import StopFlag, check_open_files, to_people
 from hoap3.tools.machine.software import software
 from hoap3.tools.services.observer import ObserverHandle
 from hoap3.tools.services.placement import settled_alone
+from hoap3.tools.show.kernel_news import watch_compilation
 from hoap3.tools.show.output import Meter, print_line
 from hoap3.tools.show.refusal import forget, is_new, nothing_happened
 from hoap3.tools.show.result_folder import new_name
@@ -60,26 +60,29 @@ def emulator_config(
         realtime: False for an ordinary process.
         named: what errors call it.
     """
-    content, file = _piped(named) if name == STANDARD_INPUT else emulator_content(name)
-    content = apply_overrides(content, overrides)
-    label = f"{file} with --set" if overrides else file
-    if not realtime:
-        content["realtime"] = {**content.get("realtime", {}), **NO_REALTIME}
-    return parse(EmulatorConfig, content, label), file
+    given = _piped(named) if name == STANDARD_INPUT else emulator_content(name)
+    return _changed(EmulatorConfig, given, overrides, realtime=realtime)[0], given[1]
 
 
 def controller_config(
     name: str, overrides: list[str], *, realtime: bool = True, named: str | None = None
 ) -> tuple[ControllerConfig, str]:
     """Settings of a controller, its parameters checked; arguments as for `emulator_config`."""
-    content, file = _piped(named) if name == STANDARD_INPUT else read_controller_config(name)
-    content = apply_overrides(content, overrides)
+    given = _piped(named) if name == STANDARD_INPUT else read_controller_config(name)
+    config, label = _changed(ControllerConfig, given, overrides, realtime=realtime)
+    check_parameters(config, label)
+    return config, given[1]
+
+
+def _changed(
+    model: type[Config], given: tuple[dict[str, Any], str], overrides: list[str], *, realtime: bool
+) -> tuple[Config, str]:
+    """Settings as `--set` and `--no-realtime` change them, and what errors call them."""
+    content, file = apply_overrides(given[0], overrides), given[1]
     label = f"{file} with --set" if overrides else file
     if not realtime:
         content["realtime"] = {**content.get("realtime", {}), **NO_REALTIME}
-    config = parse(ControllerConfig, content, label)
-    check_parameters(config, label)
-    return config, file
+    return parse(model, content, label), label
 
 
 def split_overrides(overrides: list[str]) -> tuple[list[str], list[str]]:
@@ -113,13 +116,13 @@ def _piped(named: str | None) -> tuple[dict[str, Any], str]:
 
 
 def run_folder(
-    log: LogSettings, *, exact: bool = False, sides: Sequence[str] = SIDES
+    log: LogSettings, out: Path | None = None, sides: Sequence[str] = SIDES
 ) -> Path | None:
     """A new folder for the log of one run, or None where nothing is recorded.
 
     Args:
         log: where, and whether.
-        exact: `log.directory` is the folder itself, as `--out` names it; it may exist.
+        out: the folder itself, as `--out` names it; it may exist.
         sides: those whose logs will be written there.
 
     Raises:
@@ -127,29 +130,23 @@ def run_folder(
     """
     if not log.record:
         return None
-    base = Path(log.directory)
-    folder = base if exact else new_name(base)
+    folder = out or new_name(Path(log.directory))
     try:
-        folder.mkdir(parents=True, exist_ok=exact)
-        _check_folder(folder, sides)
+        folder.mkdir(parents=True, exist_ok=out is not None)
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        for name in (file_name(side, 0) for side in sides):
+            if (folder / name).exists():
+                raise FileExistsError(errno.EEXIST, f"holds {name} already")
     except OSError as error:
         raise ConfigError(
-            "--out" if exact else "settings",
-            "" if exact else "log.directory",
-            log.directory,
+            "settings" if out is None else "--out",
+            "log.directory" if out is None else "",
+            str(out or log.directory),
             error.strerror or "cannot be made",
             "Name a new folder that can be written, or set log.record=false",
         ) from error
     return folder
-
-
-def _check_folder(folder: Path, sides: Sequence[str]) -> None:
-    """Raise an OSError where the observers could not make their logs."""
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-    for name in (file_name(side, 0) for side in sides):
-        if (folder / name).exists():
-            raise FileExistsError(errno.EEXIST, f"holds {name} already")
 
 
 def observer_for(
@@ -165,24 +162,24 @@ def observer_for(
 ) -> ObserverHandle:
     """The observer of a service; `report` is told, in a thread, when the log is lost."""
     log = config.log
-    return ObserverHandle(
-        side=side,
-        robot=robot,
-        directory=folder,
-        attachments={"config.yaml": as_yaml(config)},
-        metadata={
+    order = {
+        "side": side,
+        "robot": robot,
+        "directory": str(folder) if folder else None,
+        "attachments": {"config.yaml": as_yaml(config)},
+        "metadata": {
             "versions": software(),
             "machine": {key: json.dumps(value) for key, value in machine_block().items()},
             "run": {"seed": str(getattr(config, "seed", "")), "lockstep": str(lockstep).lower()},
         },
-        limits=(log.cap_mb * 1_000_000, log.file_mb * 1_000_000),
-        period_ns=period_ns,
-        lockstep=lockstep,
-        watch=() if lockstep else watched_cpus(config.realtime),
-        keep_awake=config.realtime.keep_awake,
-        status_fd=status_fd,
-        report=report,
-    )
+        "limits": (log.cap_mb * 1_000_000, log.file_mb * 1_000_000),
+        "period_ns": period_ns,
+        "lockstep": lockstep,
+        "watch": () if lockstep else watched_cpus(config.realtime),
+        "keep_awake": config.realtime.keep_awake,
+        "status_fd": status_fd,
+    }
+    return ObserverHandle(order, report)
 
 
 def watched_cpus(realtime: RealtimeSettings) -> tuple[int, ...]:
@@ -193,16 +190,15 @@ def watched_cpus(realtime: RealtimeSettings) -> tuple[int, ...]:
     return (realtime.cpu,) if watch and isinstance(realtime.cpu, int) else ()
 
 
-def settled(config: Config, report: Callable[[str], None]) -> tuple[Config, CpuClaim | None]:
-    """The config with the CPU that `auto` gets, where there is one, and the claim that holds it."""
-    side = "robot" if isinstance(config, EmulatorConfig) else "controller"
-    realtime, claim = settled_alone(config.realtime, side, report)
-    return config.model_copy(update={"realtime": realtime}), claim
-
-
 def as_yaml(config: Settings) -> str:
     """The resolved whole, as a config file that can be used again."""
     return yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+
+
+def told(transport: str, folder: Path | None) -> dict[str, Any]:
+    """What every summary says of the circumstances of its run."""
+    log = str(folder) if folder else None
+    return {"machine": machine_block(), "transport": transport, "log": log}
 
 
 def run_emulator(
@@ -223,44 +219,24 @@ def run_emulator(
         summary as `run` has it; None after a failure. A robot that nothing followed is no failure.
     """
     check_open_files()
-    from hoap3.tools.show.kernel_news import watch_compilation
-
     description = describe(config, file)
     period_ns = round(description.period_s * 1e9)
-    made, refused = is_new(out), False
-    folder = _folder(config.log, out, "robot")
     voice = StatusReporter(status_fd, verbose=verbose)
     watch_compilation(voice.compiling)
-    config, claim = (config, None) if lockstep else settled(config, voice.say)
     ticks = None if duration is None else round(duration * 1e9 / period_ns)
     run = serve_lockstep if lockstep else serve
-    with _released(claim):
-        observer = observer_for(
-            "robot",
-            description.name,
-            config,
-            folder,
-            period_ns=period_ns,
-            lockstep=lockstep,
-            status_fd=status_fd,
-            report=voice.lost,
-        )
-        try:
+    name = description.name
+    observed = _observed("robot", name, config, out, voice, period_ns, lockstep=lockstep)
+    try:
+        with observed as (observer, folder, settled):
             recorder = _recorder(observer, lockstep=lockstep)
-            loop = run(config, description, recorder, voice.say, should_stop, ticks)
-        except Hoap3Error as error:
-            refused = True
-            return voice.fail(error), None
-        finally:
-            observer.close()
-            if refused and nothing_happened(observer.final):
-                forget([observer.final], folder, made=made)
+            loop = run(settled, description, recorder, voice.say, should_stop, ticks)
+    except Hoap3Error as error:
+        return voice.fail(error), None
     summary = observer.final.get("summary")
     if summary is not None:
         summary["log_lost"] = [observer.lost] if observer.lost else []
-        summary["machine"] = machine_block()
-        summary["transport"] = "zenoh, virtual time" if lockstep else "zenoh"
-        summary["log"] = str(folder) if folder else None
+        summary |= told("zenoh, virtual time" if lockstep else "zenoh", folder)
     bad = summary is not None and failed(summary["verdicts"])
     return 1 if loop.safe_stops or bad or observer.lost else 0, summary
 
@@ -276,59 +252,67 @@ def run_controller(
 ) -> int:
     """Run a controller until it is told to stop; exit code 1 where its log was lost."""
     check_open_files()
-    from hoap3.tools.show.kernel_news import watch_compilation
-
     voice = StatusReporter(status_fd, verbose=verbose)
     watch_compilation(voice.compiling)
     from hoap3.remote_controller.service import Service
 
-    made, refused = is_new(out), False
-    folder = _folder(config.log, out, "controller")
-    config, claim = settled(config, voice.say)
-    with _released(claim):
-        observer = observer_for(
-            "controller",
-            config.robot,
-            config,
-            folder,
-            period_ns=1_000_000,
-            lockstep=False,
-            status_fd=status_fd,
-            report=voice.lost,
-        )
-        try:
-            realtime_recorder = _recorder(observer, lockstep=False)
-            lockstep_recorder = _recorder(observer, lockstep=True)
-            on_stop = should_stop.wake if isinstance(should_stop, StopFlag) else None
-            Service(
-                config, realtime_recorder, voice.say, should_stop, file, lockstep_recorder, on_stop
-            ).run()
-        except Hoap3Error as error:
-            refused = True
-            return voice.fail(error)
-        finally:
-            observer.close()
-            if refused and nothing_happened(observer.final):
-                forget([observer.final], folder, made=made)
+    on_stop = should_stop.wake if isinstance(should_stop, StopFlag) else None
+    observed = _observed("controller", config.robot, config, out, voice, 1_000_000)
+    try:
+        with observed as (observer, folder, settled):
+            one, other = (_recorder(observer, lockstep=lockstep) for lockstep in (False, True))
+            Service(settled, one, voice.say, should_stop, file, other, on_stop).run()
+    except Hoap3Error as error:
+        return voice.fail(error)
     voice.result(f"log: {folder or 'none'}")
     return 1 if observer.lost else 0
 
 
 @contextmanager
-def _released(claim: CpuClaim | None) -> Iterator[None]:
-    """Let others have the CPU again, however this ends."""
+def _observed(
+    side: str,
+    robot: str,
+    config: Config,
+    out: Path | None,
+    voice: StatusReporter,
+    period_ns: int,
+    *,
+    lockstep: bool = False,
+) -> Iterator[tuple[ObserverHandle, Path | None, Config]]:
+    """Observer and log folder of a service, and its config with the CPU that `auto` gets.
+
+    Afterwards the observer has ended, and the CPU is free again. What is refused before anything
+    has happened leaves no log.
+    """
+    made, folder = is_new(out), run_folder(config.log, out, (side,))
+    claim = None
+    if not lockstep:
+        realtime, claim = settled_alone(config.realtime, side, voice.say)
+        config = config.model_copy(update={"realtime": realtime})
     try:
-        yield
+        observer = observer_for(
+            side,
+            robot,
+            config,
+            folder,
+            period_ns=period_ns,
+            lockstep=lockstep,
+            status_fd=voice.status_fd,
+            report=voice.lost,
+        )
+        refused = False
+        try:
+            yield observer, folder, config
+        except Hoap3Error:
+            refused = True
+            raise
+        finally:
+            observer.close()
+            if refused and nothing_happened(observer.final):
+                forget([observer.final], folder, made=made)
     finally:
         if claim is not None:
             claim.release()
-
-
-def _folder(log: LogSettings, out: Path | None, side: str) -> Path | None:
-    if out is None:
-        return run_folder(log)
-    settings = log.model_copy(update={"directory": str(out)})
-    return run_folder(settings, exact=True, sides=(side,))
 
 
 def _recorder(observer: ObserverHandle, *, lockstep: bool) -> Recorder:
@@ -346,7 +330,7 @@ class StatusReporter:
     """
 
     def __init__(self, status_fd: int | None, *, verbose: bool = False) -> None:
-        self._verbose = verbose
+        self.status_fd, self._verbose = status_fd, verbose
         self._meter = Meter("compiling kernels, once for each version", None)
         self._stream = None if status_fd is None else os.fdopen(os.dup(status_fd), "w")
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from typing import Any
 
 from hoap3.tools.machine.stalls import Stall, StallLog, overlapping
@@ -11,15 +10,6 @@ from hoap3.tools.machine.stalls import Stall, StallLog, overlapping
 PATIENCE_NS = 1_000_000_000  # until a time is judged: the monitor has told of its stalls by then
 FOREVER = 1 << 62
 MEMORY_NS = 60_000_000_000  # for how long a stall is remembered
-
-
-@dataclass(frozen=True)
-class _Failure:
-    """A time [ns] in which ticks were missed or skipped, and how many."""
-
-    start: int
-    end: int
-    ticks: int
 
 
 class OutsideStalls:
@@ -39,7 +29,7 @@ class OutsideStalls:
     def __init__(self, logs: dict[int, StallLog]) -> None:
         self._logs = logs
         self._recent: dict[int, list[Stall]] = {cpu: [] for cpu in logs}
-        self._failures: deque[_Failure] = deque()
+        self._failures: deque[tuple[int, int, int]] = deque()  # begin, end [ns], ticks
         self.outside = self.hosts = 0
         self.begin, self.end = 0, FOREVER
         self.n = self.total_ns = self.longest_ns = 0
@@ -62,7 +52,7 @@ class OutsideStalls:
 
     def failed(self, start: int, end: int, ticks: int) -> None:
         """Between `start` and `end` [ns] ticks were missed or skipped."""
-        self._failures.append(_Failure(start, end, ticks))
+        self._failures.append((start, end, ticks))
 
     def judge(self, now: int) -> None:
         """Judge what ended long enough before `now` [ns]; a CPU that is still away is waited for.
@@ -71,20 +61,16 @@ class OutsideStalls:
         """
         known = min((log.seen for log in self._logs.values() if log.runs), default=now)
         limit = now if now == FOREVER else min(now - PATIENCE_NS, known - PATIENCE_NS)
-        while self._failures and self._failures[0].end <= limit:
-            time = self._failures.popleft()
-            if any(overlapping(found, time.start, time.end) for found in self._recent.values()):
-                self.hosts += time.ticks
+        while self._failures and self._failures[0][1] <= limit:
+            start, end, ticks = self._failures.popleft()
+            if any(overlapping(found, start, end) for found in self._recent.values()):
+                self.hosts += ticks
             else:
-                self.outside += time.ticks
+                self.outside += ticks
         for cpu, found in self._recent.items():
             if found and found[0].end + 2 * MEMORY_NS < now:
                 self._recent[cpu] = [stall for stall in found if stall.end + MEMORY_NS >= now]
 
     def figures(self) -> dict[str, Any]:
         """How many stalls, how long together, and the longest."""
-        return {
-            "n": self.n,
-            "total_ms": self.total_ns / 1e6,
-            "longest_ms": self.longest_ns / 1e6,
-        }
+        return {"n": self.n, "total_ms": self.total_ns / 1e6, "longest_ms": self.longest_ns / 1e6}

@@ -5,20 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from numba.core import event
-
 from hoap3.tools.show.output import Meter
-
-
-class _Listener(event.Listener):
-    def __init__(self, tell: Callable[[str], None]) -> None:
-        self._tell = tell
-
-    def on_start(self, event: Any) -> None:
-        self._tell(event.data["dispatcher"].py_func.__name__)
-
-    def on_end(self, event: Any) -> None:
-        """Nothing is told of an end."""
 
 
 def watch_compilation(tell: Callable[[str], None] | None = None) -> None:
@@ -27,6 +14,15 @@ def watch_compilation(tell: Callable[[str], None] | None = None) -> None:
     Args:
         tell: takes its name; None: lines on standard error, the first after 2 s.
     """
-    if tell is None:
-        tell = Meter("compiling kernels, once for each version", None).step
-    event.register("numba:compile", _Listener(tell))  # type: ignore[no-untyped-call]
+    from numba.core import event  # it takes a second
+
+    say = tell or Meter("compiling kernels, once for each version", None).step
+
+    class Listener(event.Listener):
+        def on_start(self, event: Any) -> None:
+            say(event.data["dispatcher"].py_func.__name__)
+
+        def on_end(self, event: Any) -> None:
+            """Nothing is told of an end."""
+
+    event.register("numba:compile", Listener())  # type: ignore[no-untyped-call]

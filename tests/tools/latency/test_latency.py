@@ -19,7 +19,6 @@ from hoap3.tools.latency.echo import Exchanges
 from hoap3.tools.latency.latency import WARM_UP, Plan, analyse_log, compare, measure_latency
 from hoap3.tools.latency.show import show_latency
 from hoap3.tools.machine.loopback_links import LINKS
-from hoap3.tools.services.run import Outcome
 from hoap3.tools.services.services import emulator_config
 from hoap3.tools.timing.tick_logs import NEVER
 from hoap3.tools.timing.ticks import TickTable
@@ -79,7 +78,7 @@ def made_up(monkeypatch):
         story = Story(round(duration * 1000), len(order))
         story.lengths["outbound"] += 10.0 * len(order)
         story.write(folder)
-        return Outcome({"realtime": []})
+        return {"realtime": []}
 
     class Echo:
         def __init__(self, order_of_block, *_):

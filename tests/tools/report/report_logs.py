@@ -23,8 +23,8 @@ def lockstep_run(folder: Path) -> tuple[Path, dict]:
 
     emulator, _ = emulator_config("hoap3", [])
     controller, _ = controller_config("qp12", [])
-    outcome = run_lockstep(emulator, controller, 0.5, folder / "run")
-    return folder / "run", outcome.summary
+    summary = run_lockstep(emulator, controller, 0.5, folder / "run")
+    return folder / "run", summary
 
 
 def story_run(folder: Path) -> tuple[Path, Story]:

@@ -44,8 +44,8 @@ def weak(tmp_path_factory):
     folder = tmp_path_factory.mktemp("weak") / "run"
     emulator, _ = emulator_config("baxter", ["posture=zero"])
     changes = ["parameters.goal.posture=zero"]
-    ended = run_lockstep(emulator, controller_config("tsid_baxter", changes)[0], 0.3, folder)
-    return folder, ended.summary
+    summary = run_lockstep(emulator, controller_config("tsid_baxter", changes)[0], 0.3, folder)
+    return folder, summary
 
 
 def test_efforts_that_were_too_small_stand_at_the_head_and_in_the_figures(weak):
