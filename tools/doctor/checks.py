@@ -9,9 +9,13 @@ from __future__ import annotations
 import re
 import resource
 
+from hoap3.protocol.config.settings import LogSettings
 from hoap3.robot_emulator.config import EmulatorConfig
-from hoap3.tools.doctor.system import Finding, System, cpu_list, cpu_text
+from hoap3.tools.doctor.system import Finding, System
 
+ROOM = 2 * LogSettings().cap_mb * 1_000_000  # bytes: one run, both sides
+LEAST_ROOM = 100_000_000
+SLOW_DISK = 5_000_000  # bytes/s; HOAP-3 at 1 kHz writes some 0.3 MB/s, both sides together
 IDLE_EXIT_US = 100  # a tenth of a period spent on waking up
 _CAP_IPC_LOCK, _CAP_SYS_NICE = 14, 23
 _CPU = "sys/devices/system/cpu"
@@ -104,24 +108,6 @@ def memory_lock(system: System) -> Finding:
     return Finding("memory lock", "advice", f"limit {soft / 1024**2:.0f} MiB", remedy)
 
 
-def smt(system: System) -> Finding:
-    """Are the CPUs cores, or hyperthreads of fewer cores?"""
-    allowed = system.affinity()
-    groups = set()
-    for cpu in allowed:
-        text = system.text(f"{_CPU}/cpu{cpu}/topology/thread_siblings_list")
-        groups.add(frozenset(cpu_list(text) | {cpu}))
-    shared = sorted(cpu_text(set(group)) for group in groups if len(group) > 1)
-    if not shared:
-        return Finding("hyperthreads", "ok", "no two CPUs share a core")
-    found = f"{len(groups)} cores; CPUs that share one: {'; '.join(shared)}"
-    first = set(sorted(allowed)[-2:])  # those that `auto` takes
-    if len(groups) > 1 and not any(first <= group for group in groups):
-        return Finding("hyperthreads", "ok", found)
-    remedy = "Name CPUs of two cores in realtime.cpu, or boot with nosmt; VM: ask for whole cores"
-    return Finding("hyperthreads", "advice", found, remedy)
-
-
 def virtualisation(system: System) -> Finding:
     """Is there a host below that can take the CPUs away?"""
     host = system.virtual()
@@ -140,6 +126,38 @@ def cpu_quota(system: System) -> Finding:
     found = f"{share:.2f} CPUs; once used up, everything stands still until the next period"
     remedy = "Take the limit away: docker without --cpus, Kubernetes without limits.cpu, CPUQuota="
     return Finding("CPU quota", "problem" if share < 1 else "advice", found, remedy)
+
+
+def kernel_cache(system: System) -> Finding:
+    """Are compiled kernels kept for the next start?"""
+    folder, kept = system.kernel_cache()
+    if kept:
+        return Finding("kernel cache", "ok", str(folder))
+    found = f"only until the process ends: {folder}" if folder else "nowhere"
+    remedy = "Set HOAP3_CACHE_DIR to a folder that is yours alone (chmod 700)"
+    return Finding("kernel cache", "advice", found, remedy)
+
+
+def log_disk(system: System) -> Finding:
+    """Can logs be written, is there room, and does the disk keep up?"""
+    folder = system.logs.absolute()
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    try:
+        free, speed = system.free(folder), system.write_speed(folder)
+    except OSError as error:
+        found = f"{folder}: {error.strerror or error}"
+        remedy = "Set log.directory to a folder that can be written, or log.record=false"
+        return Finding("disk for logs", "problem", found, remedy)
+    rate = f"{speed / 1e6:.0f} MB/s synced" if speed else "no answer within a second"
+    found = f"{folder}: {free / 1e9:.1f} GB free, {rate}"
+    if free < ROOM:
+        remedy = "Make room, or lower log.cap_mb"
+        return Finding("disk for logs", "problem" if free < LEAST_ROOM else "advice", found, remedy)
+    if speed < SLOW_DISK:
+        remedy = "Set log.directory to a faster disk: loops never wait for it, but logs get gaps"
+        return Finding("disk for logs", "advice", found, remedy)
+    return Finding("disk for logs", "ok", found)
 
 
 def _amount(limit: int) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from hoap3.tools.doctor import checks, probes, stack
+from hoap3.tools.doctor import checks, probes
 from hoap3.tools.doctor.system import Finding, Level, System
 from hoap3.tools.machine.machine import machine_block
 from hoap3.tools.services.placement import remember
@@ -26,13 +26,12 @@ LOOKS: tuple[Check, ...] = (
     checks.memory_lock,
     checks.governor,
     checks.idle_states,
-    checks.smt,
     checks.cpu_quota,
-    stack.kernel_cache,
+    checks.kernel_cache,
 )
 """Take no time to speak of."""
 
-MEASURES: tuple[Check, ...] = (probes.clock, probes.wake_up, stack.log_disk)
+MEASURES: tuple[Check, ...] = (probes.clock, probes.wake_up, checks.log_disk)
 """Take a second together, and load the machine a little."""
 
 LARGE_RTT_US, LARGE_TAIL_US = 500.0, 1000.0  # half a period, and a whole one

@@ -115,7 +115,6 @@ class System:
     Attributes:
         root: folder below which `/proc` and `/sys` lie.
         logs: folder that logs go to; it need not exist.
-        affinity: CPUs that this process may use.
         limit: soft and hard limit of a resource.
         fifo: tries a priority; None where it is granted, else why not.
         kernel_cache: where compiled kernels are kept, and whether they outlive the process.
@@ -125,7 +124,6 @@ class System:
 
     root: Path = Path("/")
     logs: Path = Path("logs")
-    affinity: Callable[[], set[int]] = field(default=lambda: os.sched_getaffinity(0))
     limit: Callable[[int], tuple[int, int]] = resource.getrlimit
     fifo: Callable[[int], str | None] = fifo
     kernel_cache: Callable[[], tuple[Path | None, bool]] = kernel_cache
@@ -165,18 +163,3 @@ class System:
         if " hypervisor" not in self.text("proc/cpuinfo") and not kind:
             return ""
         return kind or product or "unnamed"
-
-
-def cpu_list(text: str) -> set[int]:
-    """The CPUs of a kernel's list such as "0-3,8"; what is not such a list names none."""
-    cpus: set[int] = set()
-    for part in text.split(","):
-        first, _, last = part.strip().partition("-")
-        if first.isdecimal() and (last or first).isdecimal():
-            cpus |= set(range(int(first), int(last or first) + 1))
-    return cpus
-
-
-def cpu_text(cpus: set[int]) -> str:
-    """CPUs for people: "0, 1, 2"."""
-    return ", ".join(map(str, sorted(cpus))) or "none"

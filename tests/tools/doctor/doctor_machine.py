@@ -17,7 +17,6 @@ def machine(root: Path, files: dict[str, str], **calls: object) -> System:
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         (root / name).write_text(content + "\n")
     granted = {
-        "affinity": lambda: {0, 1},
         "limit": lambda _: (0, 0),
         "fifo": lambda _: "Operation not permitted",
         "kernel_cache": lambda: (Path("/cache/kernels-1"), True),

@@ -17,7 +17,7 @@ from doctor_machine import ADVICE, OK, PROBLEM, LateClock, machine
 from support import HOUSE
 
 from hoap3.protocol.runtime.clock import VirtualClock
-from hoap3.tools.doctor import doctor, probes, stack, system
+from hoap3.tools.doctor import checks, doctor, probes, system
 from hoap3.tools.doctor.doctor import examine, run_doctor, verdict
 from hoap3.tools.doctor.system import Finding
 
@@ -104,7 +104,7 @@ def test_a_folder_for_logs_that_does_not_exist_yet_is_not_made(tmp_path):
     asked = []
     system = machine(tmp_path, {}, free=lambda folder: asked.append(folder) or 10**11)
     system = replace(system, logs=tmp_path / "a" / "b")
-    assert stack.log_disk(system).level == OK
+    assert checks.log_disk(system).level == OK
     assert asked == [tmp_path]
     assert list(tmp_path.iterdir()) == []
 
@@ -113,7 +113,7 @@ def test_a_folder_that_cannot_be_written_is_a_problem(tmp_path):
     def refuse(_: Path) -> float:
         raise PermissionError(13, "Permission denied")
 
-    finding = stack.log_disk(machine(tmp_path, {}, write_speed=refuse))
+    finding = checks.log_disk(machine(tmp_path, {}, write_speed=refuse))
     assert finding.level == PROBLEM
     assert "Permission denied" in finding.found
 

@@ -10,14 +10,10 @@ import pytest
 from doctor_machine import ADVICE, CPU, OK, PROBLEM, LateClock, machine
 
 from hoap3.tools.doctor import doctor
-from hoap3.tools.doctor.system import System, cpu_list
+from hoap3.tools.doctor.system import System
 
 INFINITY = resource.RLIM_INFINITY
 CHECKS = (*doctor.LOOKS, *doctor.MEASURES)
-
-
-def siblings(*groups: str) -> dict[str, str]:
-    return {f"{CPU}/cpu{n}/topology/thread_siblings_list": group for n, group in enumerate(groups)}
 
 
 def limit(soft: int, hard: int):
@@ -128,24 +124,6 @@ CASES = [
     ("memory_lock", NOBODY, {"limit": limit(INFINITY, INFINITY)}, OK, "unlimited", ""),
     ("memory_lock", ADMIN, {"limit": limit(0, 0)}, OK, "CAP_IPC_LOCK", ""),
     ("memory_lock", NOBODY, {"limit": limit(8 << 20, 8 << 20)}, ADVICE, "8 MiB", "memlock"),
-    ("smt", siblings("0", "1"), {}, OK, "no two", ""),
-    ("smt", siblings("0-1", "0-1"), {}, ADVICE, "1 cores; CPUs that share one: 0, 1", "two cores"),
-    (
-        "smt",
-        siblings("0,2", "1,3", "0,2", "1,3"),
-        {"affinity": lambda: {0, 1, 2, 3}},
-        OK,
-        "2 cores",
-        "",
-    ),
-    (
-        "smt",
-        siblings("0-1", "0-1", "2-3", "2-3"),
-        {"affinity": lambda: {0, 1, 2, 3}},
-        ADVICE,
-        "0, 1; 2, 3",
-        "realtime.cpu",
-    ),
     ("virtualisation", {"proc/cpuinfo": "flags\t: fpu sse"}, {}, OK, "bare metal", ""),
     ("virtualisation", VM, {}, ADVICE, "virtual machine", "Bare metal"),
     ("virtualisation", {"sys/hypervisor/type": "xen"}, {}, ADVICE, "xen", "host"),
@@ -210,7 +188,7 @@ def test_missing_and_strange_files_never_raise(tmp_path, content):
         "proc/self/status", "proc/self/cgroup", "proc/sys/kernel/version",
         "proc/sys/kernel/osrelease",
         "sys/kernel/realtime", "sys/kernel/debug/sched/preempt", "sys/fs/cgroup/cpu.max",
-        f"{CPU}/cpu0/topology/thread_siblings_list", f"{CPU}/cpu0/cpufreq/scaling_governor",
+        f"{CPU}/cpu0/cpufreq/scaling_governor",
         f"{CPU}/cpu0/cpuidle/state0/latency",
     }  # fmt: skip
     files = {} if content is None else dict.fromkeys(paths, content)
@@ -234,11 +212,3 @@ def test_nothing_is_looked_for_outside_the_root(tmp_path):
     assert bare.text("proc/self/status") == ""
     assert not bare.capable(0)
     assert bare.virtual() == ""
-
-
-@pytest.mark.parametrize(
-    ("text", "cpus"),
-    [("0-3,8", {0, 1, 2, 3, 8}), ("5", {5}), ("", set()), ("(null)", set()), ("2-", {2})],
-)
-def test_a_list_of_cpus_is_read(text, cpus):
-    assert cpu_list(text) == cpus
