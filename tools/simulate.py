@@ -246,12 +246,9 @@ def controller_settings(controller: str | Mapping[str, Any] | ControllerConfig) 
     """Settings of a controller, however `simulate` was given them."""
     if isinstance(controller, ControllerConfig):
         return controller
-    content, file = (
-        read_controller_config(controller)
-        if isinstance(controller, str)
-        else (dict(controller), "simulate(controller)")
-    )
-    return parse(ControllerConfig, content, file)
+    if isinstance(controller, str):
+        return parse(ControllerConfig, *read_controller_config(controller))
+    return parse(ControllerConfig, dict(controller), "simulate(controller)")
 
 
 def controller_file(controller: str | Mapping[str, Any] | ControllerConfig) -> str:

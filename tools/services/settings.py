@@ -33,8 +33,8 @@ from hoap3.tools.simulate import suited
 SOME_KEYS = 50  # of a file, by which its side is told
 
 
-def resolved(name: str, overrides: list[str]) -> tuple[str, str]:
-    """The whole of a config as YAML, and which side it belongs to; checked as at a start.
+def _read(name: str, overrides: list[str]) -> tuple[EmulatorConfig | ControllerConfig, str]:
+    """A config and where it was read; checked as at a start.
 
     Raises:
         UnknownNameError: nothing has that name.
@@ -44,16 +44,11 @@ def resolved(name: str, overrides: list[str]) -> tuple[str, str]:
     path = Path(name)
     if not (name in known or ":" in name or path.suffix in {".yaml", ".yml"} or path.exists()):
         raise UnknownNameError("config", name, known, " Or name a file.")
-    if _is_emulator(name):
-        settings, file = emulator_config(name, overrides)
-        describe(settings, file)
-        return as_yaml(settings), "an emulator"
-    config, file = controller_config(name, overrides)
-    parameters = controllers.find(config.controller, file).Parameters.model_validate(
-        config.parameters
-    )
-    whole = config.model_copy(update={"parameters": parameters.model_dump(mode="json")})
-    return as_yaml(whole), "a controller"
+    if not _is_emulator(name):
+        return controller_config(name, overrides)
+    settings, file = emulator_config(name, overrides)
+    describe(settings, file)
+    return settings, file
 
 
 def shown(name: str, overrides: list[str], code: UserCode) -> str:
@@ -67,7 +62,12 @@ def shown(name: str, overrides: list[str], code: UserCode) -> str:
         UsageError: what it says is wrong.
     """
     try:
-        return resolved(name, overrides)[0]
+        config, file = _read(name, overrides)
+        if isinstance(config, EmulatorConfig):
+            return as_yaml(config)
+        own = controllers.find(config.controller, file).Parameters
+        parameters = own.model_validate(config.parameters).model_dump(mode="json")
+        return as_yaml(config.model_copy(update={"parameters": parameters}))
     except ConfigError:
         if code.allowed or not code.names:
             raise
@@ -88,18 +88,16 @@ def checked(name: str, overrides: list[str], robot: str | None = None) -> str:
         UsageError: what `run` would refuse as well, or a robot for what is none's controller.
         ConfigError: nothing here is called as the robot that a controller's config names.
     """
-    side = resolved(name, overrides)[1]
-    if side == "an emulator":
+    config, file = _read(name, overrides)
+    if isinstance(config, EmulatorConfig):
         if robot is not None:
             raise UsageError(f"{name}: is the config of an emulator. Leave --robot out")
-        settings, file = emulator_config(name, overrides)
-        description = describe(settings, file)
-        start = description.postures[settings.posture or description.initial_posture]
-        build_body(description, settings)[1].reset(np.array(start))
-        return f"a correct config of {side}"
-    config, file = controller_config(name, overrides)
+        description = describe(config, file)
+        start = description.postures[config.posture or description.initial_posture]
+        build_body(description, config)[1].reset(np.array(start))
+        return "a correct config of an emulator"
     file = f"{file} with --set" if overrides else file
-    correct = f"a correct config of {side}"
+    correct = "a correct config of a controller"
     if robot is None:
         unchecked = "so what depends on it was not checked: name one with --robot"
         if "robot" not in config.model_fields_set:
