@@ -11,11 +11,6 @@ from hypothesis import strategies as st
 
 from hoap3.protocol.errors import BadProblemError
 from hoap3.remote_controller.solvers import generalized_projector, projected_sum
-from hoap3.remote_controller.solvers.ghc.reference import (
-    activated_null_space,
-    damped_null_space,
-    summed_null_space,
-)
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -160,11 +155,8 @@ class TestSmoothed:
         end = J.copy()
         end[1], end[2] = J[0], 2 * J[0] - J[1]
         for smoothing, bar in ((0.5, 0.05), (0.0, 0.2)):
-            ways = (
-                generalized_projector(alpha, J + s * (end - J), smoothing=smoothing)
-                for s in (1 - 1e-5, 1.0)
-            )
-            near, there = ways
+            near = generalized_projector(alpha, J + (1 - 1e-5) * (end - J), smoothing=smoothing)
+            there = generalized_projector(alpha, J + 1.0 * (end - J), smoothing=smoothing)
             jump = np.linalg.norm(near - there, 2)
             assert (jump < bar) if smoothing else (jump > bar)
 
@@ -200,16 +192,31 @@ class TestSmoothed:
     def test_an_identity_leaves_nothing_in_whatever_order(self, seed):
         rng = np.random.default_rng(seed)
         near = rng.normal(size=(1, 4)) + 1e-3 * rng.normal(size=(3, 4))
-        J, alpha = (
-            np.vstack([near, np.eye(4)]),
-            np.repeat(rng.choice([0.4, 0.7, 1], size=2), [3, 4]),
-        )
+        J = np.vstack([near, np.eye(4)])
+        alpha = np.repeat(rng.choice([0.4, 0.7, 1], size=2), [3, 4])
         P = generalized_projector(alpha, J, smoothing=0.9)
         assert np.linalg.norm(P, 2) <= 1.0 - alpha[-1] + 1e-9
 
 
+def damped_null_space(alpha: float, J: np.ndarray) -> np.ndarray:
+    """N′ = I − α J⁺J (5): two levels only, and one priority for a whole task."""
+    return np.eye(J.shape[1]) - alpha * np.linalg.pinv(J, rcond=1e-9) @ J
+
+
+def activated_null_space(theta: list[float], J: np.ndarray) -> np.ndarray:
+    """N″ = I − V Θ Vᵀ (6): activations of the right singular vectors, not of the rows."""
+    V = np.linalg.svd(J)[2].T
+    return np.eye(J.shape[1]) - V * theta @ V.T
+
+
+def summed_null_space(alpha: list[float], J: np.ndarray) -> np.ndarray:
+    """N‴ = I − Σ_j α_j J_jᵀJ_j / |J_j|² (8): leaks where rows are not orthogonal, as (9) says."""
+    unit = J / np.linalg.norm(J, axis=1)[:, None]
+    return np.eye(J.shape[1]) - unit.T * alpha @ unit
+
+
 class TestOthers:
-    """(5), (6) and (8)."""
+    """(5), (6) and (8), all of other authors."""
 
     def test_5_and_6_are_null_space_projectors_at_their_ends(self):
         J = np.random.default_rng(2).normal(size=(2, 5))
