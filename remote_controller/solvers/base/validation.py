@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hoap3.protocol.errors import BadProblemError
+from hoap3.protocol.errors import BadProblemError, InfeasibleError, SolverError
+from hoap3.remote_controller.solvers.base.status import BAD_SHAPE, INFEASIBLE, OUT_OF_RANGE
 
 KERNEL_ARRAYS = (
     "Arrays must be numpy float64, C-contiguous, aligned and writable, such as "
@@ -123,3 +124,30 @@ def positive(solver: str, name: str, value: ArrayLike, rows: int) -> NDArray[np.
             f"(found {found})."
         )
     return found
+
+
+def no_descent(
+    solver: str, status: int, decrease: float, shapes: str, numbers: str, within: str = ""
+) -> SolverError:
+    """The error of a solver of ∇V·u = −decrease that has no answer.
+
+    Args:
+        solver, status, decrease: who says what of which demand.
+        shapes: what shapes the arrays must have.
+        numbers: what the numbers must be.
+        within: why no input reaches the decrease, and what to do; by default ∇V = 0.
+    """
+    if status == INFEASIBLE:
+        return InfeasibleError(
+            within
+            or f"{solver}: the gradient is zero, so no input can reach a decrease of {decrease}. "
+            "Let the decrease vanish with the gradient."
+        )
+    if status == BAD_SHAPE:
+        return BadProblemError(f"{solver}: {shapes}")
+    if status == OUT_OF_RANGE:
+        return BadProblemError(
+            f"{solver}: a decrease of {decrease} along so small a gradient needs an input beyond "
+            "1e307. Let the decrease vanish with the gradient, and check the units."
+        )
+    return BadProblemError(f"{solver}: {numbers}")

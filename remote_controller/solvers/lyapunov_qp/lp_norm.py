@@ -14,9 +14,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hoap3.protocol.errors import BadProblemError, InfeasibleError
-from hoap3.remote_controller.solvers.base.status import BAD_SHAPE, INFEASIBLE, OUT_OF_RANGE
-from hoap3.remote_controller.solvers.base.validation import KERNEL_ARRAYS, array, number
+from hoap3.protocol.errors import BadProblemError
+from hoap3.remote_controller.solvers.base.validation import KERNEL_ARRAYS, array, no_descent, number
 
 
 class LpNorm:
@@ -36,11 +35,7 @@ class LpNorm:
         self.kkt_residual = math.inf
 
     def solve(
-        self,
-        gradient: NDArray[np.float64],
-        decrease: float,
-        p: float,
-        out: NDArray[np.float64],
+        self, gradient: NDArray[np.float64], decrease: float, p: float, out: NDArray[np.float64]
     ) -> None:
         """Write u into ``out``: zeros on an error, untouched if a shape or a type is wrong.
 
@@ -61,22 +56,14 @@ class LpNorm:
         except TypeError as error:
             self.kkt_residual = math.inf
             raise BadProblemError(f"lp norm: wrong type of argument. {KERNEL_ARRAYS}") from error
-        if status == INFEASIBLE:
-            raise InfeasibleError(
-                f"lp norm: the gradient is zero, so no input can reach a decrease of {decrease}. "
-                "Let the decrease vanish with the gradient."
-            )
-        if status == BAD_SHAPE:
-            raise BadProblemError(f"lp norm: gradient and out must both have shape ({self.n},).")
-        if status == OUT_OF_RANGE:
-            raise BadProblemError(
-                f"lp norm: a decrease of {decrease} along so small a gradient needs an input "
-                "beyond 1e307. Let the decrease vanish with the gradient, and check the units."
-            )
         if status:
-            raise BadProblemError(
-                "lp norm: gradient and decrease must be finite and p above 0 (found decrease "
-                f"{decrease}, p {p})."
+            raise no_descent(
+                "lp norm",
+                status,
+                decrease,
+                f"gradient and out must both have shape ({self.n},).",
+                "gradient and decrease must be finite and p above 0 (found decrease "
+                f"{decrease}, p {p}).",
             )
 
 

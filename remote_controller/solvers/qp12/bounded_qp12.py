@@ -14,9 +14,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hoap3.protocol.errors import BadProblemError, InfeasibleError, SolverError
-from hoap3.remote_controller.solvers.base.status import BAD_SHAPE, INFEASIBLE, OUT_OF_RANGE
-from hoap3.remote_controller.solvers.base.validation import KERNEL_ARRAYS, array, number
+from hoap3.protocol.errors import BadProblemError
+from hoap3.remote_controller.solvers.base.validation import KERNEL_ARRAYS, array, no_descent, number
 
 
 class BoundedQp12:
@@ -82,7 +81,16 @@ class BoundedQp12:
             raise BadProblemError(f"QP12: wrong type of argument. {KERNEL_ARRAYS}") from error
         if found < 0.0:
             self.kkt_residual = math.inf
-            raise _failure(int(-found), self.n, decrease, gamma)
+            raise no_descent(
+                "QP12",
+                int(-found),
+                decrease,
+                f"gradient, weights, bounds and out must all have shape ({self.n},).",
+                "gradient and decrease must be finite, gamma within [0, 1], weights positive, and "
+                f"0 within the bounds (found decrease {decrease}, gamma {gamma}).",
+                f"QP12: no input within the bounds reaches a decrease of {decrease}. Lower it to "
+                "what `feasible_rate` allows, and let it vanish with the gradient.",
+            )
         self.kkt_residual = found
 
 
@@ -120,24 +128,3 @@ def qp12_bounded(
     solver = BoundedQp12(slope.size, weights)
     solver.solve(slope, number("decrease", decrease), number("gamma", gamma), least, most, u)
     return u
-
-
-def _failure(status: int, n: int, decrease: float, gamma: float) -> SolverError:
-    if status == INFEASIBLE:
-        return InfeasibleError(
-            f"QP12: no input within the bounds reaches a decrease of {decrease}. Lower it to what "
-            "`feasible_rate` allows, and let it vanish with the gradient."
-        )
-    if status == BAD_SHAPE:
-        return BadProblemError(
-            f"QP12: gradient, weights, bounds and out must all have shape ({n},)."
-        )
-    if status == OUT_OF_RANGE:
-        return BadProblemError(
-            f"QP12: a decrease of {decrease} along so small a gradient needs an input beyond "
-            "1e307. Let the decrease vanish with the gradient, and check the units."
-        )
-    return BadProblemError(
-        "QP12: gradient and decrease must be finite, gamma within [0, 1], weights positive, and 0 "
-        f"within the bounds (found decrease {decrease}, gamma {gamma})."
-    )

@@ -13,9 +13,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hoap3.protocol.errors import BadProblemError, InfeasibleError, SolverError
-from hoap3.remote_controller.solvers.base.status import BAD_SHAPE, INFEASIBLE, OUT_OF_RANGE
-from hoap3.remote_controller.solvers.base.validation import KERNEL_ARRAYS, array, number
+from hoap3.protocol.errors import BadProblemError
+from hoap3.remote_controller.solvers.base.validation import KERNEL_ARRAYS, array, no_descent, number
 
 
 class Qp12:
@@ -35,11 +34,7 @@ class Qp12:
         self.kkt_residual = math.inf
 
     def solve(
-        self,
-        gradient: NDArray[np.float64],
-        decrease: float,
-        gamma: float,
-        out: NDArray[np.float64],
+        self, gradient: NDArray[np.float64], decrease: float, gamma: float, out: NDArray[np.float64]
     ) -> None:
         """Write u into ``out``: zeros on an error, untouched if a shape or a type is wrong.
 
@@ -60,7 +55,14 @@ class Qp12:
             self.kkt_residual = math.inf
             raise BadProblemError(f"QP12: wrong type of argument. {KERNEL_ARRAYS}") from error
         if status:
-            raise _failure(status, self.n, decrease, gamma)
+            raise no_descent(
+                "QP12",
+                status,
+                decrease,
+                f"gradient and out must both have shape ({self.n},).",
+                "gradient and decrease must be finite and gamma within [0, 1] (found decrease "
+                f"{decrease}, gamma {gamma}).",
+            )
 
 
 def qp12(
@@ -86,22 +88,3 @@ def qp12(
     u = np.empty_like(slope) if out is None else out
     Qp12(slope.size).solve(slope, number("decrease", decrease), number("gamma", gamma), u)
     return u
-
-
-def _failure(status: int, n: int, decrease: float, gamma: float) -> SolverError:
-    if status == INFEASIBLE:
-        return InfeasibleError(
-            f"QP12: the gradient is zero, so no input can reach a decrease of {decrease}. "
-            "Let the decrease vanish with the gradient."
-        )
-    if status == BAD_SHAPE:
-        return BadProblemError(f"QP12: gradient and out must both have shape ({n},).")
-    if status == OUT_OF_RANGE:
-        return BadProblemError(
-            f"QP12: a decrease of {decrease} along so small a gradient needs an input beyond "
-            "1e307. Let the decrease vanish with the gradient, and check the units."
-        )
-    return BadProblemError(
-        f"QP12: gradient and decrease must be finite and gamma within [0, 1] (found decrease "
-        f"{decrease}, gamma {gamma})."
-    )
