@@ -1,8 +1,9 @@
 """How kernels are compiled: ahead of the loop, and where their machine code is kept.
 
 A kernel is a function of numbers and contiguous arrays in a module named ``*_kernels.py``. It is
-compiled for one explicit signature when its module is imported, or loaded from the cache if it
-was compiled before; a wrong type is refused by every call and never compiled on the fly.
+compiled for one signature, that of its annotations, when its module is imported, or loaded from
+the cache if it was compiled before; a wrong type is refused by every call and never compiled on the
+fly.
 
 numba notices a change of a kernel's own file, not of the helpers that it calls. The cache
 directory is therefore named by a hash of everything that flows into machine code: all kernel
@@ -28,10 +29,12 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Annotated, Any, TypeAlias, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import llvmlite.binding  # type: ignore[import-untyped]
 import numba
+import numpy as np
+from numpy.typing import NDArray
 
 from hoap3.protocol.runtime.private_directory import is_private
 
@@ -42,9 +45,41 @@ _config: Any = numba.config
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+Vector: TypeAlias = Annotated[NDArray[np.float64], "f8[::1]"]
+Matrix: TypeAlias = Annotated[NDArray[np.float64], "f8[:,::1]"]
+Cube: TypeAlias = Annotated[NDArray[np.float64], "f8[:,:,::1]"]
+Indices: TypeAlias = Annotated[NDArray[np.int64], "i8[::1]"]
+IndexRows: TypeAlias = Annotated[NDArray[np.int64], "i8[:,::1]"]
+NUMBERS = {int: "i8", float: "f8", bool: "b1", type(None): "void"}
+
+
+def signature_of(function: Callable[..., Any]) -> str:
+    """The signature that a function's annotations say, in numba's notation.
+
+    Raises:
+        TypeError: an annotation is neither a number's type, nor a tuple of these, nor one of the
+            arrays above, nor another ``Annotated`` with numba's word for it.
+    """
+
+    def spelled(annotation: Any) -> str:
+        if get_origin(annotation) is tuple:
+            return f"Tuple(({', '.join(spelled(each) for each in get_args(annotation))}))"
+        word = NUMBERS.get(annotation) or getattr(annotation, "__metadata__", [None])[0]
+        if word is None:
+            raise TypeError(f"{function.__name__}: a kernel's annotation cannot be {annotation}")
+        return str(word)
+
+    hints = get_type_hints(function, include_extras=True)
+    returned = spelled(hints.pop("return"))
+    return f"{returned}({', '.join(spelled(each) for each in hints.values())})"
+
 
 def kernel(
-    signature: str, *, superwords: bool = False, allocates: bool = False, **options: Any
+    signature: str | None = None,
+    *,
+    superwords: bool = False,
+    allocates: bool = False,
+    **options: Any,
 ) -> Callable[[Function], Function]:
     """Compile a function for one signature, now, or load it from the cache.
 
@@ -53,7 +88,8 @@ def kernel(
     and gives the same bits, but there a float divided by zero raises: kernels avoid it.
 
     Args:
-        signature: numba's notation, such as ``"f8(f8[::1], f8)"``.
+        signature: numba's notation, such as ``"f8(f8[::1], f8)"``; that of the annotations by
+            default.
         superwords: whether equal operations that stand beside each other become one vector
             instruction, as loops do in any case. The bits are the same.
         allocates: whether the function, or a helper of it, makes arrays, as copying one slice to
@@ -74,7 +110,8 @@ def kernel(
     def compiled(function: Function) -> Function:
         def build(cache: bool) -> Any:
             settings = {"error_model": "numpy", "_nrt": allocates, **options}
-            compile_now = numba.njit(signature, cache=cache, **settings)
+            words = signature_of(function) if signature is None else signature
+            compile_now = numba.njit(words, cache=cache, **settings)
             with _configured(SLP_VECTORIZE=int(superwords)):
                 try:
                     built = compile_now(function)

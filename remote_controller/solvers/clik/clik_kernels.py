@@ -16,9 +16,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import Indices, Matrix, Vector, inlined, kernel
 from hoap3.remote_controller.solvers.linalg.dense_kernels import (
     MAX,
     add,
@@ -28,9 +27,6 @@ from hoap3.remote_controller.solvers.linalg.dense_kernels import (
     orthogonalise,
 )
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
 RANK = 1e-8  # of a row's length: less than that of it outside the rows before is nothing
 AGAIN = 0.5  # of the squared length: where less is left, rounding counts, and once more removes it
 ONE, TWO, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
@@ -38,7 +34,7 @@ ROUNDING = 1e-13  # of the product of two lengths: a dot product up to that is 0
 
 
 @inlined
-def _product(A: Array, a: int, B: Array, b: int, last: int) -> float:
+def _product(A: Matrix, a: int, B: Matrix, b: int, last: int) -> float:
     """Inner product of what A[a] and B[b] begin with, in four partial sums of a fixed order.
 
     Here and below rows are named by their numbers: a view of a row costs more than a short row.
@@ -57,9 +53,9 @@ def _product(A: Array, a: int, B: Array, b: int, last: int) -> float:
     return (s0 + s1) + (s2 + s3)
 
 
-@kernel("UniTuple(f8, 2)(f8[:,::1], i8, i8, f8[:,::1], i8, f8[:,::1], i8)", superwords=True)
+@kernel(superwords=True)
 def _reduce(
-    rows: Array, row: int, width: int, basis: Array, count: int, factors: Array, at: int
+    rows: Matrix, row: int, width: int, basis: Matrix, count: int, factors: Matrix, at: int
 ) -> tuple[float, float]:
     """Take the first `count` rows of the basis out of a row (Gram and Schmidt, twice if need be).
 
@@ -101,15 +97,15 @@ def _reduce(
 
 @inlined
 def _plain_inverse(
-    R: Array,
+    R: Matrix,
     start: int,
     d: int,
     first: int,
     last: int,
     damping: float,
-    T: Array,
-    own: Array,
-    M: Array,
+    T: Matrix,
+    own: Matrix,
+    M: Matrix,
 ) -> bool:
     """Rows of M_iᵀ from [R_i | damping·I] = T·P, P orthonormal; False where rows are dependent."""
     n = R.shape[0]
@@ -141,8 +137,8 @@ def _plain_inverse(
     return True
 
 
-@kernel("void(f8[:,::1], f8[:,::1], i8, i8, f8[:,::1])")
-def _deficient_inverse(R: Array, own: Array, first: int, last: int, target: Array) -> None:
+@kernel()
+def _deficient_inverse(R: Matrix, own: Matrix, first: int, last: int, target: Matrix) -> None:
     """The same from orthogonal rows A with AᵀA = RᵀR: R⁺ = Aᵀ diag(|A_k|⁻⁴) A Rᵀ.
 
     R: the task's rows; own: A, written.
@@ -166,7 +162,7 @@ def _deficient_inverse(R: Array, own: Array, first: int, last: int, target: Arra
 
 @inlined
 def _close_loop(
-    offsets: Indices, weights: Array, R: Array, M: Array, lengths: Array, L: Array
+    offsets: Indices, weights: Vector, R: Matrix, M: Matrix, lengths: Matrix, L: Matrix
 ) -> None:
     """L = D R Mᵀ D⁻¹, lower block triangular."""
     n = R.shape[0]
@@ -183,22 +179,19 @@ def _close_loop(
                 L[a, i] = entry * weights[a] / weights[i] if kept else 0.0
 
 
-@kernel(
-    "i8(f8[:,::1], i8[::1], f8, f8[::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1],"
-    " f8[:,::1], f8[:,::1])"
-)
+@kernel()
 def prioritised(
-    jacobian: Array,
+    jacobian: Matrix,
     offsets: Indices,
     damping: float,
-    weights: Array,
-    L: Array,
-    B: Array,
-    Q: Array,
-    R: Array,
-    M: Array,
-    T: Array,
-    own: Array,
+    weights: Vector,
+    L: Matrix,
+    B: Matrix,
+    Q: Matrix,
+    R: Matrix,
+    M: Matrix,
+    T: Matrix,
+    own: Matrix,
 ) -> int:
     """Write L and Bᵀ.
 
@@ -246,7 +239,7 @@ def prioritised(
 
 
 @inlined
-def unfit(jacobian: Array, errors: Array, rates: Array, weights: Array, limits: Array) -> bool:
+def unfit(jacobian: Matrix, errors: Vector, rates: Vector, weights: Vector, limits: Matrix) -> bool:
     """Whether a value is not finite, or the limits do not allow to stand still."""
     n, joints = jacobian.shape
     found = not_finite(errors) or not_finite(rates) or not_finite(weights)
@@ -261,7 +254,7 @@ def unfit(jacobian: Array, errors: Array, rates: Array, weights: Array, limits: 
 
 
 @inlined
-def feed_forward(B: Array, rates: Array, speed: Array) -> None:
+def feed_forward(B: Matrix, rates: Vector, speed: Vector) -> None:
     """Write B·rates: whether the limits allow it is to be seen with what is fed back."""
     moves = False
     for r in range(speed.size):

@@ -4,42 +4,33 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hoap3.protocol.runtime.numba_jit import kernel
+from hoap3.protocol.runtime.numba_jit import Cube, Indices, Matrix, Vector, kernel
 from hoap3.remote_controller.solvers.base.status import BAD_INPUT, BAD_SHAPE, OK, OUT_OF_RANGE
 from hoap3.remote_controller.solvers.clik.clik_kernels import feed_forward, prioritised, unfit
 from hoap3.remote_controller.solvers.clik.lmi_kernels import least_eigenvalue, stability_matrix
 from hoap3.remote_controller.solvers.linalg.dense_kernels import MAX, add, not_finite
 from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import syrk
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
 ACCURACY = 1e-9  # of β, relative
 
 
-@kernel(
-    "Tuple((i8, i8, f8))(f8[:,::1], f8[::1], f8[::1], i8[::1], f8[::1], f8[:,::1], f8, f8,"
-    " f8[::1], f8[:,:,::1], f8[:,:,::1], f8[:,::1], f8[:,::1], f8[::1], f8[::1])"
-)
+@kernel()
 def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
-    jacobian: Array,
-    errors: Array,
-    rates: Array,
+    jacobian: Matrix,
+    errors: Vector,
+    rates: Vector,
     offsets: Indices,
-    weights: Array,
-    speeds: Array,
+    weights: Vector,
+    speeds: Matrix,
     dt: float,
     damping: float,
-    wanted: Array,
-    squares: Array,
-    wide: Array,
-    own: Array,
-    vectors: Array,
-    gains: Array,
-    dq: Array,
+    wanted: Vector,
+    squares: Cube,
+    wide: Cube,
+    own: Matrix,
+    vectors: Matrix,
+    gains: Vector,
+    dq: Vector,
 ) -> tuple[int, int, float]:
     """Write dq = B(Λ e + rates) and the gains Λ, shortened alike until dq keeps its limits.
 
@@ -74,17 +65,7 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
         roots[i] = math.sqrt(weights[i])
     B = wide[1]
     rank = prioritised(
-        jacobian,
-        offsets,
-        damping,
-        roots,
-        L,
-        B,
-        wide[0],
-        squares[2],
-        squares[3],
-        squares[4],
-        own,
+        jacobian, offsets, damping, roots, L, B, wide[0], squares[2], squares[3], squares[4], own
     )
     feed_forward(B, rates, dq)
     for r in range(joints):

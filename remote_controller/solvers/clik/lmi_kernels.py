@@ -15,13 +15,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import Indices, Matrix, Vector, inlined, kernel
 from hoap3.remote_controller.solvers.linalg.dense_kernels import add, add_rows, dot
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 EPS = float(np.finfo(np.float64).eps)
 TINY = 1e-300  # no pivot is smaller
@@ -29,9 +25,9 @@ WIDEN = 32.0  # how an interval grows that turns out not to hold the eigenvalue
 HALVINGS = 200  # more than a float has
 
 
-@kernel("void(f8[:,::1], f8[:,::1], f8[::1], f8, f8, f8[:,::1], f8[:,::1])")
+@kernel()
 def stability_matrix(
-    L: Array, G: Array, gains: Array, beta: float, dt: float, C: Array, V: Array
+    L: Matrix, G: Matrix, gains: Vector, beta: float, dt: float, C: Matrix, V: Matrix
 ) -> None:
     """Write C(λ, β), both triangles, and V."""
     n = gains.size
@@ -47,8 +43,8 @@ def stability_matrix(
         C[i, i] -= beta
 
 
-@kernel("void(f8[:,::1], i8[::1])")
-def find_blocks(L: Array, block: Indices) -> None:
+@kernel()
+def find_blocks(L: Matrix, block: Indices) -> None:
     """Write which rows and columns of L belong together: the number of the first one of each.
 
     Where tasks do not touch each other C is block diagonal, and so is what is known of it.
@@ -65,7 +61,7 @@ def find_blocks(L: Array, block: Indices) -> None:
 
 
 @inlined
-def _tridiagonal(W: Array, diagonal: Array, beside: Array, p: Array) -> None:
+def _tridiagonal(W: Matrix, diagonal: Vector, beside: Vector, p: Vector) -> None:
     """Reflect a symmetric matrix to a tridiagonal one (Householder); W is overwritten."""
     n = W.shape[0]
     for k in range(n - 1):
@@ -93,7 +89,7 @@ def _tridiagonal(W: Array, diagonal: Array, beside: Array, p: Array) -> None:
 
 
 @inlined
-def _any_below(diagonal: Array, beside: Array, x: float, least: float) -> bool:
+def _any_below(diagonal: Vector, beside: Vector, x: float, least: float) -> bool:
     """Whether a tridiagonal matrix has an eigenvalue below x (Sturm)."""
     pivot: float = diagonal[0] - x
     for i in range(1, diagonal.size):
@@ -103,8 +99,8 @@ def _any_below(diagonal: Array, beside: Array, x: float, least: float) -> bool:
     return pivot < 0.0
 
 
-@kernel("f8(f8[:,::1], f8, f8, f8[:,::1])")
-def least_eigenvalue(W: Array, guess: float, relative: float, scratch: Array) -> float:
+@kernel()
+def least_eigenvalue(W: Matrix, guess: float, relative: float, scratch: Matrix) -> float:
     """The least eigenvalue of a symmetric matrix, from below.
 
     Args:

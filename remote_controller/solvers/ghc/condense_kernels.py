@@ -13,10 +13,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import IndexRows, Indices, Matrix, Vector, inlined, kernel
 from hoap3.remote_controller.solvers.ghc.projector_kernels import (
     exact_basis,
     smooth_basis,
@@ -25,12 +22,9 @@ from hoap3.remote_controller.solvers.ghc.projector_kernels import (
 from hoap3.remote_controller.solvers.linalg.dense_kernels import add, add_rows, dot
 from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import factorise, syrk
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
 
 @inlined
-def _is_identity(jacobian: Array) -> bool:
+def _is_identity(jacobian: Matrix) -> bool:
     """Whether a task's rows are those of I."""
     m, n = jacobian.shape
     if m != n:
@@ -44,23 +38,19 @@ def _is_identity(jacobian: Array) -> bool:
     return True
 
 
-@kernel(
-    "void(f8[:,::1], f8[::1], f8, i8, f8, f8[:,::1], f8[::1], f8[:,::1], f8[:,::1], f8[::1],"
-    " f8[::1])",
-    superwords=True,
-)
+@kernel(superwords=True)
 def _project_task(
-    jacobian: Array,
-    target: Array,
+    jacobian: Matrix,
+    target: Vector,
     w: float,
     rank: int,
     c: float,
-    B: Array,
-    D: Array,
-    X: Array,
-    C: Array,
-    scratch: Array,
-    q0: Array,
+    B: Matrix,
+    D: Vector,
+    X: Matrix,
+    C: Matrix,
+    scratch: Vector,
+    q0: Vector,
 ) -> None:
     """Add P Jᵀ(JJᵀ + wI)⁻¹ b to q₀ and write rows X with P H⁻¹ P = P²/w − XᵀX.
 
@@ -93,7 +83,7 @@ def _project_task(
 
 
 @inlined
-def _flush(first: int, last: int, B: Array, F: Array, X: Array, used: int) -> int:
+def _flush(first: int, last: int, B: Matrix, F: Vector, X: Matrix, used: int) -> int:
     """Write the rows √F[p]·B[p] behind the used ones of X, and clear F; returns how many are."""
     for p in range(first, last):
         if F[p] > 0.0:
@@ -127,7 +117,7 @@ def _chain(order: Indices, count: int, closes: Indices, chain: Indices) -> int:
 
 
 @inlined
-def _look(jacobian: Array, offsets: Indices, alpha: Array, closes: Indices, rise: Array) -> None:
+def _look(jacobian: Matrix, offsets: Indices, alpha: Matrix, closes: Indices, rise: Vector) -> None:
     """Write which tasks close a basis, and the sum of each task's priorities over all."""
     tasks = offsets.size - 1
     for i in range(tasks):
@@ -137,26 +127,22 @@ def _look(jacobian: Array, offsets: Indices, alpha: Array, closes: Indices, rise
             rise[i] += alpha[j, i]
 
 
-@kernel(
-    "f8(f8[:,::1], i8[::1], f8[::1], f8[:,::1], f8, f8, f8[:,::1], f8[::1], f8[:,::1],"
-    " f8[:,::1], f8[:,::1], f8[:,::1], f8[::1], i8[:,::1])",
-    superwords=True,
-)
+@kernel(superwords=True)
 def condense(
-    jacobian: Array,
+    jacobian: Matrix,
     offsets: Indices,
-    target: Array,
-    alpha: Array,
+    target: Vector,
+    alpha: Matrix,
     w: float,
     smoothing: float,
-    S: Array,
-    q0: Array,
-    X: Array,
-    B: Array,
-    diagonals: Array,
-    K: Array,
-    scratch: Array,
-    integers: Indices,
+    S: Matrix,
+    q0: Vector,
+    X: Matrix,
+    B: Matrix,
+    diagonals: Matrix,
+    K: Matrix,
+    scratch: Vector,
+    integers: IndexRows,
 ) -> float:
     """Write the upper triangle of S, and q₀; returns what S is a difference from, times I.
 
@@ -221,17 +207,7 @@ def condense(
                 add(q0, -D[p] * inverse * dot(B[p], own), B[p])
         else:
             _project_task(
-                jacobian[first:last],
-                target[first:last],
-                w,
-                rank,
-                c,
-                B,
-                D,
-                X[used:],
-                K,
-                scratch,
-                q0,
+                jacobian[first:last], target[first:last], w, rank, c, B, D, X[used:], K, scratch, q0
             )
             used += last - first
         if smoothing > 0.0:

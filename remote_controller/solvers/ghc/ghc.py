@@ -113,13 +113,7 @@ class Ghc:
         self.kkt_residual = math.inf
 
     def solve(
-        self,
-        jacobian: Array,
-        targets: Array,
-        alpha: Array,
-        mass: Array,
-        bias: Array,
-        w_r: float,
+        self, jacobian: Array, targets: Array, alpha: Array, mass: Array, bias: Array, w_r: float
     ) -> int:
         """Find q̈ and τ.
 

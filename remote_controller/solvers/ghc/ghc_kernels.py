@@ -18,10 +18,15 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import (
+    Cube,
+    IndexRows,
+    Indices,
+    Matrix,
+    Vector,
+    inlined,
+    kernel,
+)
 from hoap3.remote_controller.solvers.base.status import (
     BAD_INPUT,
     BAD_SHAPE,
@@ -49,9 +54,6 @@ from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import (
 )
 from hoap3.remote_controller.solvers.qp.active_set_kernels import active_set, most_violated
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
 NONE, TORQUE, GRAVITY_COMPENSATED = 0, 1, 2  # what o is: nothing is regularised, 0, n
 LEAST_WEIGHT = 1e-8  # of w: 1/w stands beside numbers near 1, and the rounding of both
 WELL_APART = 1e-9  # of the diagonal of S: pivots above need no order
@@ -62,41 +64,37 @@ SMALLEST = 1e-6  # rad/s²: accelerations below it count as that much
 
 
 @inlined
-def _clear(values: Array) -> None:
+def _clear(values: Vector) -> None:
     for j in range(values.size):
         values[j] = 0.0
 
 
 @inlined
-def _times(M: Array, x: Array, out: Array) -> None:
+def _times(M: Matrix, x: Vector, out: Vector) -> None:
     for i in range(x.size):
         out[i] = dot(M[i], x)
 
 
 @inlined
-def _torques(M: Array, qdd: Array, bias: Array, tau: Array) -> None:
+def _torques(M: Matrix, qdd: Vector, bias: Vector, tau: Vector) -> None:
     _times(M, qdd, tau)
     for i in range(tau.size):
         tau[i] += bias[i]
 
 
-@kernel(
-    "f8(f8[:,::1], f8[::1], f8[:,::1], f8[::1], f8, f8[::1], f8[::1], f8[::1], f8[::1], f8[::1],"
-    " f8[::1])",
-    superwords=True,
-)
+@kernel(superwords=True)
 def optimality(
-    S: Array,
-    q0: Array,
-    mass: Array,
-    effort: Array,
+    S: Matrix,
+    q0: Vector,
+    mass: Matrix,
+    effort: Vector,
     w: float,
-    values: Array,
-    lower: Array,
-    upper: Array,
-    multipliers: Array,
-    g: Array,
-    away: Array,
+    values: Vector,
+    lower: Vector,
+    upper: Vector,
+    multipliers: Vector,
+    g: Vector,
+    away: Vector,
 ) -> float:
     """How far q̈ is from optimal for its multipliers (μ, ν), for the condensed problem.
 
@@ -132,7 +130,7 @@ def optimality(
 
 @inlined
 def _unfit(
-    jacobian: Array, target: Array, alpha: Array, mass: Array, bias: Array, bounds: Array
+    jacobian: Matrix, target: Vector, alpha: Matrix, mass: Matrix, bias: Vector, bounds: Matrix
 ) -> bool:
     """Whether a value is not finite, a priority outside [0, 1], or a bound on the wrong side."""
     found = not_finite(target) or not_finite(bias)
@@ -149,7 +147,7 @@ def _unfit(
 
 
 @inlined
-def _too_stiff(jacobian: Array, offsets: Indices, w: float) -> bool:
+def _too_stiff(jacobian: Matrix, offsets: Indices, w: float) -> bool:
     """Whether what a task leaves to ω_r is so little of S that rounding hides it."""
     found = False
     for i in range(offsets.size - 1):
@@ -162,7 +160,7 @@ def _too_stiff(jacobian: Array, offsets: Indices, w: float) -> bool:
 
 @inlined
 def _factor(
-    S: Array, whole: float, mass: Array, U: Array, L: Array, T: Array, scratch: Array
+    S: Matrix, whole: float, mass: Matrix, U: Matrix, L: Matrix, T: Matrix, scratch: Vector
 ) -> None:
     """Write U with UᵀU = S, its transpose L, and T = M L."""
     n = S.shape[0]
@@ -185,7 +183,7 @@ def _factor(
 
 @inlined
 def _free_optimum(
-    U: Array, T: Array, w: float, pull: Array, A: Array, y: Array, scratch: Array, qdd: Array
+    U: Matrix, T: Matrix, w: float, pull: Vector, A: Matrix, y: Vector, scratch: Vector, qdd: Vector
 ) -> None:
     """Add Uᵀy to q̈ = q₀, with (I + w TᵀT) y = −w Tᵀ·pull and pull = M q₀ + n − o.
 
@@ -206,7 +204,7 @@ def _free_optimum(
 
 
 @inlined
-def _normals(U: Array, T: Array, Z: Array) -> None:
+def _normals(U: Matrix, T: Matrix, Z: Matrix) -> None:
     """Write the rows [U | Tᵀ] of Z."""
     n = U.shape[0]
     for i in range(n):
@@ -215,32 +213,27 @@ def _normals(U: Array, T: Array, Z: Array) -> None:
             Z[i, n + j] = T[j, i]
 
 
-@kernel(
-    "Tuple((i8, i8, i8, f8))(f8[:,::1], i8[::1], f8[::1], f8[:,::1], f8[:,::1], f8[::1], f8, i8,"
-    " f8, f8[:,::1], f8[:,:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[::1],"
-    " i8[:,::1], f8[:,::1])",
-    superwords=True,
-)
+@kernel(superwords=True)
 def ghc_kernel(
-    jacobian: Array,
+    jacobian: Matrix,
     offsets: Indices,
-    target: Array,
-    alpha: Array,
-    mass: Array,
-    bias: Array,
+    target: Vector,
+    alpha: Matrix,
+    mass: Matrix,
+    bias: Vector,
     w: float,
     mode: int,
     smoothing: float,
-    bounds: Array,
-    squares: Array,
-    Z: Array,
-    X: Array,
-    basis: Array,
-    K: Array,
-    diagonals: Array,
-    scratch: Array,
-    integers: Indices,
-    out: Array,
+    bounds: Matrix,
+    squares: Cube,
+    Z: Matrix,
+    X: Matrix,
+    basis: Matrix,
+    K: Matrix,
+    diagonals: Matrix,
+    scratch: Vector,
+    integers: IndexRows,
+    out: Matrix,
 ) -> tuple[int, int, int, float]:
     """Solve one problem; `Ghc` describes the arguments and has the shapes of the scratch.
 

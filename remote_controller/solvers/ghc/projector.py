@@ -52,11 +52,7 @@ def generalized_projector(
 
 
 def projected_sum(
-    inputs: ArrayLike,
-    jacobians: Sequence[ArrayLike],
-    alpha: ArrayLike,
-    *,
-    smoothing: float = 0.0,
+    inputs: ArrayLike, jacobians: Sequence[ArrayLike], alpha: ArrayLike, *, smoothing: float = 0.0
 ) -> NDArray[np.float64]:
     """Σ P_i u_i: what tasks ask of the joints, velocities, accelerations or torques (section 8).
 

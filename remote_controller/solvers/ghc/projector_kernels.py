@@ -29,9 +29,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import Indices, Matrix, Vector, inlined, kernel
 from hoap3.remote_controller.solvers.base.status import BAD_INPUT, OK
 from hoap3.remote_controller.solvers.linalg.dense_kernels import (
     MAX,
@@ -43,9 +42,6 @@ from hoap3.remote_controller.solvers.linalg.dense_kernels import (
     orthogonalise,
 )
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
 DEPENDENT = 1e-9  # of a row: less than that of it left is rounding
 SURE = 0.5  # of a row: with as much left, one orthogonalisation is enough
 HUGE, SMALL = 1e100, 1e-100  # rows beyond are scaled before they are squared
@@ -54,7 +50,7 @@ LEAST_WIDTH = 1e-5  # of s₀, relative to the rows: below it σ is rounding
 
 
 @inlined
-def _extend(row: Array, B: Array, rank: int, along: Array) -> bool:
+def _extend(row: Vector, B: Matrix, rank: int, along: Vector) -> bool:
     """Write what of a row is orthogonal to the first `rank` rows of B behind them, normalised.
 
     All projections at once, and once more where little is left (classical Gram and Schmidt twice).
@@ -86,7 +82,7 @@ def _extend(row: Array, B: Array, rank: int, along: Array) -> bool:
 
 
 @inlined
-def sort_tasks(alpha: Array, closes: Indices, rise: Array, order: Indices) -> int:
+def sort_tasks(alpha: Vector, closes: Indices, rise: Vector, order: Indices) -> int:
     """Write the tasks of positive priority in descending order; returns how many there are.
 
     Where priorities are equal, a task whose Jacobian is I comes first and then those that rise
@@ -112,21 +108,17 @@ def sort_tasks(alpha: Array, closes: Indices, rise: Array, order: Indices) -> in
     return count
 
 
-@kernel(
-    "Tuple((i8, f8))(f8[:,::1], i8[::1], i8[::1], f8[::1], i8[::1], i8, i8, f8[:,::1], f8[::1],"
-    " i8[::1])",
-    superwords=True,
-)
+@kernel(superwords=True)
 def exact_basis(
-    jacobian: Array,
+    jacobian: Matrix,
     offsets: Indices,
     closes: Indices,
-    alpha: Array,
+    alpha: Vector,
     order: Indices,
     count: int,
     common: int,
-    B: Array,
-    D: Array,
+    B: Matrix,
+    D: Vector,
     ranks: Indices,
 ) -> tuple[int, float]:
     """Write B and D of P = cI − Bᵀ diag(D) B; returns how many rows B has, and c.
@@ -164,7 +156,7 @@ def exact_basis(
 
 @inlined
 def _fade(
-    jacobian: Array, rows: Indices, share: float, width: float, B: Array, K: Array, Q: Array
+    jacobian: Matrix, rows: Indices, share: float, width: float, B: Matrix, K: Matrix, Q: Matrix
 ) -> None:
     """Write the rows √(share·g(σ²))·qᵀJ into B, q the eigenvectors of K = J Jᵀ."""
     m, n, whole = rows.size, jacobian.shape[1], 0.0
@@ -186,7 +178,7 @@ def _fade(
 
 
 @inlined
-def _compress(B: Array, count: int, most: int) -> int:
+def _compress(B: Matrix, count: int, most: int) -> int:
     """Make the first rows of B orthogonal, with the same BᵀB; returns how many are left."""
     orthogonalise(B, count)
     kept = 0
@@ -198,24 +190,20 @@ def _compress(B: Array, count: int, most: int) -> int:
     return kept
 
 
-@kernel(
-    "Tuple((i8, f8))(f8[:,::1], i8[::1], i8[::1], f8[::1], f8, i8[::1], i8, i8[::1], f8[:,::1],"
-    " f8[::1], f8[:,::1], f8[:,::1])",
-    superwords=True,
-)
+@kernel(superwords=True)
 def smooth_basis(
-    jacobian: Array,
+    jacobian: Matrix,
     offsets: Indices,
     closes: Indices,
-    alpha: Array,
+    alpha: Vector,
     width: float,
     order: Indices,
     count: int,
     rows: Indices,
-    B: Array,
-    D: Array,
-    K: Array,
-    Q: Array,
+    B: Matrix,
+    D: Vector,
+    K: Matrix,
+    Q: Matrix,
 ) -> tuple[int, float]:
     """As `exact_basis`, smoothed: s₀ = `width` > 0.
 
@@ -251,8 +239,8 @@ def smooth_basis(
     return rank, 1.0 - base
 
 
-@kernel("i8(f8[::1], f8[:,::1], f8, f8[:,::1])", allocates=True)
-def projector_kernel(alpha: Array, jacobian: Array, width: float, out: Array) -> int:
+@kernel(allocates=True)
+def projector_kernel(alpha: Vector, jacobian: Matrix, width: float, out: Matrix) -> int:
     """Write P for priorities of the single rows; the status is `OK` or `BAD_INPUT`.
 
     Args:

@@ -9,11 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
-
-Array = NDArray[np.float64]
+from hoap3.protocol.runtime.numba_jit import Matrix, Vector, inlined, kernel
 
 MAX = float(np.finfo(np.float64).max)
 SWEEPS = 30  # of Jacobi's rotations; it converges quadratically, about six do
@@ -22,7 +19,7 @@ NOTHING = 1e-300  # products of numbers near 1 that are nothing
 
 
 @inlined
-def not_finite(values: Array) -> bool:
+def not_finite(values: Vector) -> bool:
     """Whether a number of an array of one dimension is NaN or infinite."""
     found = 0
     for i in range(values.size):
@@ -31,7 +28,7 @@ def not_finite(values: Array) -> bool:
 
 
 @inlined
-def dot(a: Array, b: Array) -> float:
+def dot(a: Vector, b: Vector) -> float:
     """Inner product of two vectors, in four partial sums of a fixed order."""
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
     quarter = a.size // 4
@@ -47,14 +44,16 @@ def dot(a: Array, b: Array) -> float:
 
 
 @inlined
-def add(target: Array, factor: float, row: Array) -> None:
+def add(target: Vector, factor: float, row: Vector) -> None:
     """Target += factor·row."""
     for i in range(target.size):
         target[i] += factor * row[i]
 
 
 @inlined
-def add_rows(target: Array, factors: Array, rows: Array, first: int, last: int, start: int) -> None:
+def add_rows(
+    target: Vector, factors: Vector, rows: Matrix, first: int, last: int, start: int
+) -> None:
     """Target += Σ factors[k]·rows[k, start:] for first ≤ k < last, four rows at a time."""
     fours = (last - first) // 4
     for q in range(fours):
@@ -68,8 +67,8 @@ def add_rows(target: Array, factors: Array, rows: Array, first: int, last: int, 
         add(target, factors[k], rows[k, start:])
 
 
-@kernel("void(f8[:,::1], f8, f8[:,::1])")
-def pivoted_cholesky(W: Array, least: float, U: Array) -> None:
+@kernel()
+def pivoted_cholesky(W: Matrix, least: float, U: Matrix) -> None:
     """U with UᵀU = W, for a singular W: the largest pivot first, down to `least`.
 
     So what is left out of W is of the size of that pivot, where a Cholesky factorisation in the
@@ -96,16 +95,16 @@ def pivoted_cholesky(W: Array, least: float, U: Array) -> None:
                 W[best, i] = 0.0
 
 
-@kernel("void(f8[:,::1], f8[::1])")
-def solve_lower(U: Array, b: Array) -> None:
+@kernel()
+def solve_lower(U: Matrix, b: Vector) -> None:
     """Solve Uᵀx = b, x in place of b; U regular."""
     for k in range(b.size):
         b[k] /= U[k, k]
         add(b[k + 1 :], -b[k], U[k, k + 1 : b.size])
 
 
-@kernel("void(f8[:,::1], f8[::1])")
-def solve_upper(U: Array, b: Array) -> None:
+@kernel()
+def solve_upper(U: Matrix, b: Vector) -> None:
     """Solve Ux = b, x in place of b; U regular."""
     n = b.size
     for q in range(n):
@@ -114,7 +113,7 @@ def solve_upper(U: Array, b: Array) -> None:
 
 
 @inlined
-def rotate(first: Array, second: Array, cosine: float, sine: float) -> None:
+def rotate(first: Vector, second: Vector, cosine: float, sine: float) -> None:
     """Rotate two rows: cosine·first + sine·second, cosine·second − sine·first."""
     for i in range(first.size):
         a, b = first[i], second[i]
@@ -122,8 +121,8 @@ def rotate(first: Array, second: Array, cosine: float, sine: float) -> None:
         second[i] = cosine * b - sine * a
 
 
-@kernel("void(f8[:,::1], f8[:,::1], i8)")
-def eigenvectors(K: Array, Q: Array, m: int) -> None:
+@kernel()
+def eigenvectors(K: Matrix, Q: Matrix, m: int) -> None:
     """Jacobi's rotations: K becomes diagonal, the rows of Q its eigenvectors.
 
     Args:
@@ -151,8 +150,8 @@ def eigenvectors(K: Array, Q: Array, m: int) -> None:
             return
 
 
-@kernel("void(f8[:,::1], i8)")
-def orthogonalise(rows: Array, count: int) -> None:
+@kernel()
+def orthogonalise(rows: Matrix, count: int) -> None:
     """Rotate the first `count` rows until they are orthogonal (one-sided Jacobi, Hestenes 1958)."""
     for _ in range(SWEEPS):
         turned = False

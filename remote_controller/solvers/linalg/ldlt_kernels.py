@@ -5,18 +5,13 @@ Vanderbei, SIAM Journal on Optimization 5, 1995.
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hoap3.protocol.runtime.numba_jit import kernel
-
-Array = NDArray[np.float64]
+from hoap3.protocol.runtime.numba_jit import Matrix, Vector, kernel
 
 LOST = 1e-13  # of what was subtracted: a smaller pivot is rounding
 
 
-@kernel("b1(f8[:,::1], i8, f8[::1], f8[::1], f8[::1])")
-def solve_quasidefinite(K: Array, size: int, b: Array, inverses: Array, factors: Array) -> bool:
+@kernel()
+def solve_quasidefinite(K: Matrix, size: int, b: Vector, inverses: Vector, factors: Vector) -> bool:
     """Solve K x = b by K = UᵀD⁻¹U, D the diagonal of U, four rows at a time, x in place of b.
 
     Args:

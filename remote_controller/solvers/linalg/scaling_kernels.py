@@ -9,16 +9,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hoap3.protocol.runtime.numba_jit import inlined
+from hoap3.protocol.runtime.numba_jit import Vector, inlined
 
 MAX = float(np.finfo(np.float64).max)
 TINY = float(np.finfo(np.float64).tiny)  # smallest normal number, 2.2e-308
 
 
 @inlined
-def largest(values: NDArray[np.float64]) -> float:
+def largest(values: Vector) -> float:
     """Largest absolute value of an array of one dimension; inf if one of them is not finite."""
     top = 0.0
     for i in range(values.size):

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import Matrix, Vector, inlined, kernel
 from hoap3.remote_controller.solvers.linalg.dense_kernels import add_rows
 from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import factorise, triangular_solve
 
-Array = NDArray[np.float64]
 
-
-@kernel("void(f8[:,::1], f8[:,::1], f8[:,::1])")
-def times(A: Array, B: Array, out: Array) -> None:
+@kernel()
+def times(A: Matrix, B: Matrix, out: Matrix) -> None:
     """Write A B."""
     n = A.shape[0]
     for i in range(n):
@@ -23,8 +18,8 @@ def times(A: Array, B: Array, out: Array) -> None:
         add_rows(row, A[i], B, 0, n, 0)
 
 
-@kernel("void(f8[:,::1], f8[:,::1], f8[:,::1], f8[::1])")
-def transposed_times(A: Array, B: Array, out: Array, scratch: Array) -> None:
+@kernel()
+def transposed_times(A: Matrix, B: Matrix, out: Matrix, scratch: Vector) -> None:
     """Write Aᵀ B."""
     n = A.shape[0]
     for i in range(n):
@@ -36,15 +31,15 @@ def transposed_times(A: Array, B: Array, out: Array, scratch: Array) -> None:
 
 
 @inlined
-def mirror(A: Array) -> None:
+def mirror(A: Matrix) -> None:
     """Copy the upper triangle to the lower one."""
     for i in range(A.shape[0]):
         for j in range(i):
             A[i, j] = A[j, i]
 
 
-@kernel("b1(f8[:,::1], f8[:,::1], f8[:,::1], f8[::1])")
-def root_inverse(A: Array, U: Array, P: Array, scratch: Array) -> bool:
+@kernel()
+def root_inverse(A: Matrix, U: Matrix, P: Matrix, scratch: Vector) -> bool:
     """P = U⁻ᵀ where A = UᵀU; False where A is not positive definite."""
     n = A.shape[0]
     for i in range(n):
@@ -58,7 +53,7 @@ def root_inverse(A: Array, U: Array, P: Array, scratch: Array) -> bool:
 
 
 @inlined
-def clear(A: Array) -> None:
+def clear(A: Matrix) -> None:
     """Write 0."""
     for i in range(A.shape[0]):
         for j in range(A.shape[1]):
@@ -66,7 +61,7 @@ def clear(A: Array) -> None:
 
 
 @inlined
-def dot_column(S: Array, r: int, x: Array) -> float:
+def dot_column(S: Matrix, r: int, x: Vector) -> float:
     """Row r of S times λ; S is given transposed."""
     found = 0.0
     for i in range(S.shape[0]):

@@ -13,19 +13,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import Matrix, Vector, inlined, kernel
 from hoap3.remote_controller.solvers.linalg.dense_kernels import add
-
-Array = NDArray[np.float64]
 
 ONE, TWO, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
 
 
 @inlined
 def _tile(
-    target: Array, sign: float, X: Array, Y: Array, row: int, column: int, first: int, last: int
+    target: Matrix, sign: float, X: Matrix, Y: Matrix, row: int, column: int, first: int, last: int
 ) -> None:
     """Four rows and columns of target += sign·XᵀY, of the rows from `first` to `last`."""
     i0, j0 = np.uint64(row), np.uint64(column)
@@ -60,12 +57,12 @@ def _tile(
     target[i3, j3] += sign * d3
 
 
-@kernel("void(f8[:,::1], f8, f8[:,::1], f8[:,::1], i8, i8, i8, i8, i8, i8)", superwords=True)
+@kernel(superwords=True)
 def gemm(
-    target: Array,
+    target: Matrix,
     sign: float,
-    X: Array,
-    Y: Array,
+    X: Matrix,
+    Y: Matrix,
     top: int,
     bottom: int,
     left: int,
@@ -88,8 +85,8 @@ def gemm(
                 add(target[i, start:right], sign * X[k, i], Y[k, start:right])
 
 
-@kernel("void(f8[:,::1], f8, f8[:,::1], i8)")
-def syrk(target: Array, sign: float, rows: Array, count: int) -> None:
+@kernel()
+def syrk(target: Matrix, sign: float, rows: Matrix, count: int) -> None:
     """Upper triangle of target += sign·rowsᵀ·rows, of the first `count` rows.
 
     Below the diagonal a few entries change, too.
@@ -99,8 +96,8 @@ def syrk(target: Array, sign: float, rows: Array, count: int) -> None:
         gemm(target, sign, rows, rows, i, min(i + 4, n), i, n, 0, count)
 
 
-@kernel("void(f8[:,::1], f8[:,::1], f8[:,::1], b1)")
-def multiply(target: Array, X: Array, L: Array, lower: bool) -> None:
+@kernel()
+def multiply(target: Matrix, X: Matrix, L: Matrix, lower: bool) -> None:
     """Write XᵀL; all (n, n), L lower triangular where that is said."""
     n = target.shape[0]
     target[:] = 0.0
@@ -108,8 +105,8 @@ def multiply(target: Array, X: Array, L: Array, lower: bool) -> None:
         gemm(target, 1.0, X, L, 0, n, j, min(j + 4, n), j if lower else 0, n)
 
 
-@kernel("i8(f8[:,::1], i8, f8, f8[::1])")
-def factorise(A: Array, n: int, tolerance: float, scratch: Array) -> int:
+@kernel()
+def factorise(A: Matrix, n: int, tolerance: float, scratch: Vector) -> int:
     """U with UᵀU = A in place of A's upper triangle; returns the rank.
 
     A pivot up to `tolerance` times its entry of the diagonal is 0, and so is its row of U. Below
@@ -143,8 +140,8 @@ def factorise(A: Array, n: int, tolerance: float, scratch: Array) -> int:
     return rank
 
 
-@kernel("void(f8[:,::1], f8[:,::1])")
-def triangular_solve(U: Array, rows: Array) -> None:
+@kernel()
+def triangular_solve(U: Matrix, rows: Matrix) -> None:
     """Replace the first n of the rows by U⁻ᵀ·rows; U regular, (n, n)."""
     n, wide = U.shape[0], rows.shape[1]
     for top in range(0, n, 4):

@@ -9,10 +9,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import Vector, inlined, kernel
 from hoap3.remote_controller.solvers.linalg.scaling_kernels import MAX, largest
 
 INVERSE_SQRT_N, ONE, MAX_NORM, TANH, EXPONENTIAL = 0, 1, 2, 3, 4
@@ -20,7 +17,7 @@ FORMS = ("inverse_sqrt_n", "one", "max_norm", "tanh", "exponential")
 
 
 @inlined
-def norm(gradient: NDArray[np.float64]) -> float:
+def norm(gradient: Vector) -> float:
     """|gradient|₂ without under- or overflow of squares; inf if something is not finite."""
     top = largest(gradient)
     if not 0.0 < top <= MAX:
@@ -38,7 +35,7 @@ def reach(error: float, beta: float) -> float:
 
 
 @inlined
-def bounded_rate(gradient: NDArray[np.float64], u_max: float, reached: float, form: int) -> float:
+def bounded_rate(gradient: Vector, u_max: float, reached: float, form: int) -> float:
     """(16): Ψ = u_max·|∇V|₂·R/√n; `ONE` leaves 1/√n out; `MAX_NORM`: Ψ = u_max·|∇V|∞·R.
 
     Without other constraints the largest |u_i| of QP12 is at most u_max·R, but √n times that for
@@ -52,7 +49,7 @@ def bounded_rate(gradient: NDArray[np.float64], u_max: float, reached: float, fo
 
 
 @inlined
-def tanh_rate(V: float, gradient: NDArray[np.float64], eta: float, kappa: float) -> float:
+def tanh_rate(V: float, gradient: Vector, eta: float, kappa: float) -> float:
     """Section III-C1: Ψ = η V tanh(κ|∇V|₂).
 
     For V = |e|²/2 it is of third order in |e| near the target, so V falls like 1/t² there, not
@@ -61,14 +58,9 @@ def tanh_rate(V: float, gradient: NDArray[np.float64], eta: float, kappa: float)
     return eta * V * math.tanh(kappa * norm(gradient))
 
 
-@kernel("f8(i8, f8, f8[::1], f8, f8, f8)")
+@kernel()
 def rate_kernel(
-    form: int,
-    V: float,
-    gradient: NDArray[np.float64],
-    error: float,
-    first: float,
-    second: float,
+    form: int, V: float, gradient: Vector, error: float, first: float, second: float
 ) -> float:
     """Ψ, or NaN where something is not finite or negative that must not be, or Ψ overflows.
 

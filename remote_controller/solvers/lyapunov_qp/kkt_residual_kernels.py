@@ -7,10 +7,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hoap3.protocol.runtime.numba_jit import kernel
+from hoap3.protocol.runtime.numba_jit import Matrix, Vector, kernel
 from hoap3.remote_controller.solvers.linalg.scaling_kernels import MAX, TINY, largest
 from hoap3.remote_controller.solvers.lyapunov_qp.lyapunov_qp_kernels import MAXIMUM, NO_BOUND, NORM
 
@@ -18,23 +15,20 @@ ROUNDING = 1e-9  # of max|y|: what is beyond a limit by so little is not
 TIED = 1e-9  # of max|y|: joints as fast as that by this much are among the fastest
 
 
-@kernel(
-    "UniTuple(f8, 2)(f8[::1], f8[::1], f8[::1], f8[:,::1], f8[::1], f8[::1], i8, f8, i8, f8, b1,"
-    " f8[::1])"
-)
+@kernel()
 def residual_kernel(  # noqa: PLR0912 - one branch for each kind and each side
-    y: NDArray[np.float64],
-    pull: NDArray[np.float64],
-    multipliers: NDArray[np.float64],
-    rows: NDArray[np.float64],
-    least: NDArray[np.float64],
-    most: NDArray[np.float64],
+    y: Vector,
+    pull: Vector,
+    multipliers: Vector,
+    rows: Matrix,
+    least: Vector,
+    most: Vector,
     m: int,
     target: float,
     kind: int,
     kappa: float,
     equality: bool,
-    wanted: NDArray[np.float64],
+    wanted: Vector,
 ) -> tuple[float, float]:
     """How far y is from optimal for its multipliers, computed without any solver; what it breaks.
 

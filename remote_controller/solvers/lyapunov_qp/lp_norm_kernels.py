@@ -14,10 +14,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import Vector, inlined, kernel
 from hoap3.remote_controller.solvers.base.status import (
     BAD_INPUT,
     BAD_SHAPE,
@@ -31,9 +28,7 @@ LARGEST = 2.0**1020  # of |decrease|/A
 
 
 @inlined
-def solve_lp_norm(
-    gradient: NDArray[np.float64], decrease: float, p: float, out: NDArray[np.float64]
-) -> int:
+def solve_lp_norm(gradient: Vector, decrease: float, p: float, out: Vector) -> int:
     """Solve one; for other kernels to call.
 
     Where |gradient| is largest for several joints, p > 1 treats them alike (the answer is unique);
@@ -84,9 +79,7 @@ def solve_lp_norm(
 
 
 @inlined
-def lp_norm_residual(
-    gradient: NDArray[np.float64], decrease: float, p: float, u: NDArray[np.float64]
-) -> float:
+def lp_norm_residual(gradient: Vector, decrease: float, p: float, u: Vector) -> float:
     """How far u is from optimal; for other kernels to call.
 
     The larger of the relative error of the equation and of the gap
@@ -120,9 +113,9 @@ def lp_norm_residual(
     return residual if residual <= MAX else math.inf
 
 
-@kernel("Tuple((i8, f8))(i8, f8[::1], f8, f8, f8[::1])")
+@kernel()
 def lp_norm_kernel(
-    n: int, gradient: NDArray[np.float64], decrease: float, p: float, out: NDArray[np.float64]
+    n: int, gradient: Vector, decrease: float, p: float, out: Vector
 ) -> tuple[int, float]:
     """`solve_lp_norm` for n joints; status and residual, inf where the status is not `OK`."""
     status = solve_lp_norm(gradient, decrease, p, out) if gradient.size == n else BAD_SHAPE

@@ -11,10 +11,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import Indices, Matrix, Vector, inlined, kernel
 from hoap3.remote_controller.solvers.base.status import (
     BAD_INPUT,
     BAD_SHAPE,
@@ -41,7 +38,7 @@ ROUNDING = 1e-14  # of a row, relative to the sum of its terms' sizes
 NORM, MAXIMUM, SQUARES = 0, 1, 2  # kinds of objective: qp12, largest speed, least squares
 
 
-@inlined
+@kernel()
 def find_rho(decrease: float, psi: float, drift: float) -> float:
     """ρ = −V̇/Ψ, where V̇ = drift − decrease; within ±`LARGEST_RHO`, 1 where nothing is asked."""
     fall = decrease - drift
@@ -52,7 +49,7 @@ def find_rho(decrease: float, psi: float, drift: float) -> float:
     return fall / psi
 
 
-@inlined
+@kernel()
 def rate_status(decrease: float, asked: float, drift: float, top: float, can_rest: bool) -> int:
     """What it means that V falls by `decrease` (without drift) instead of `asked`."""
     if decrease == asked:
@@ -65,33 +62,19 @@ def rate_status(decrease: float, asked: float, drift: float, top: float, can_res
     return OK if decrease - drift >= -rest else CANNOT_DESCEND
 
 
-@kernel("f8(f8, f8, f8)")
-def find_rho_kernel(decrease: float, psi: float, drift: float) -> float:
-    """`find_rho` for Python."""
-    return find_rho(decrease, psi, drift)
-
-
-@kernel("i8(f8, f8, f8, f8, b1)")
-def rate_status_kernel(
-    decrease: float, asked: float, drift: float, top: float, can_rest: bool
-) -> int:
-    """`rate_status` for Python."""
-    return rate_status(decrease, asked, drift, top, can_rest)
-
-
 @inlined
 def fits(
-    size: NDArray[np.int64],
-    gradient: NDArray[np.float64],
+    size: Indices,
+    gradient: Vector,
     psi: float,
     drift: float,
-    A: NDArray[np.float64],
-    b: NDArray[np.float64],
-    C: NDArray[np.float64],
-    c: NDArray[np.float64],
-    lower: NDArray[np.float64],
-    upper: NDArray[np.float64],
-    weights: NDArray[np.float64],
+    A: Matrix,
+    b: Vector,
+    C: Matrix,
+    c: Vector,
+    lower: Vector,
+    upper: Vector,
+    weights: Vector,
 ) -> int:
     """`OK`, `BAD_SHAPE`, or `BAD_INPUT`: something is not finite, or no u is within the bounds."""
     n = weights.size
@@ -123,11 +106,7 @@ def fits(
 
 @inlined
 def least_margin(
-    A: NDArray[np.float64],
-    b: NDArray[np.float64],
-    lower: NDArray[np.float64],
-    upper: NDArray[np.float64],
-    u: NDArray[np.float64],
+    A: Matrix, b: Vector, lower: Vector, upper: Vector, u: Vector
 ) -> tuple[float, bool]:
     """Smallest b − A u and distance to a bound, in their own units; whether u keeps all rows."""
     margin, kept = math.inf, True
@@ -145,7 +124,7 @@ def least_margin(
 
 
 @inlined
-def rate_of(gradient: NDArray[np.float64], u: NDArray[np.float64]) -> float:
+def rate_of(gradient: Vector, u: Vector) -> float:
     """∇V·u."""
     rate = 0.0
     for i in range(u.size):
@@ -153,26 +132,23 @@ def rate_of(gradient: NDArray[np.float64], u: NDArray[np.float64]) -> float:
     return rate
 
 
-@kernel(
-    "UniTuple(i8, 2)(i8[::1], f8[::1], f8, f8, f8, f8, f8[:,::1], f8[::1], f8[:,::1], f8[::1],"
-    " f8[::1], f8[::1], f8[:,::1], f8[::1], f8[::1])"
-)
+@kernel()
 def try_closed_form(
-    size: NDArray[np.int64],
-    gradient: NDArray[np.float64],
+    size: Indices,
+    gradient: Vector,
     psi: float,
     drift: float,
     ceiling: float,
     gamma: float,
-    A: NDArray[np.float64],
-    b: NDArray[np.float64],
-    C: NDArray[np.float64],
-    c: NDArray[np.float64],
-    lower: NDArray[np.float64],
-    upper: NDArray[np.float64],
-    work: NDArray[np.float64],
-    out: NDArray[np.float64],
-    result: NDArray[np.float64],
+    A: Matrix,
+    b: Vector,
+    C: Matrix,
+    c: Vector,
+    lower: Vector,
+    upper: Vector,
+    work: Matrix,
+    out: Vector,
+    result: Vector,
 ) -> tuple[int, int]:
     """Check the problem; answer it where the optimum within the bounds keeps all rows.
 
@@ -239,7 +215,7 @@ def try_closed_form(
 
 
 @inlined
-def _normalise(row: NDArray[np.float64], euclidean: bool) -> float:
+def _normalise(row: Vector, euclidean: bool) -> float:
     """Divide a row by its length, or by its largest entry; that, 0 for a row of zeros."""
     size = largest(row)
     if size == 0.0:
@@ -255,26 +231,23 @@ def _normalise(row: NDArray[np.float64], euclidean: bool) -> float:
     return length
 
 
-@kernel(
-    "Tuple((f8, i8))(f8[::1], f8[:,::1], f8[::1], f8[:,::1], f8[::1], f8[::1], f8[::1], f8[::1],"
-    " i8, f8[:,::1], f8[::1], f8[::1], f8[:,::1], f8[::1], f8[::1])"
-)
+@kernel()
 def fill_kernel(
-    gradient: NDArray[np.float64],
-    A: NDArray[np.float64],
-    b: NDArray[np.float64],
-    C: NDArray[np.float64],
-    c: NDArray[np.float64],
-    lower: NDArray[np.float64],
-    upper: NDArray[np.float64],
-    weights: NDArray[np.float64],
+    gradient: Vector,
+    A: Matrix,
+    b: Vector,
+    C: Matrix,
+    c: Vector,
+    lower: Vector,
+    upper: Vector,
+    weights: Vector,
     kind: int,
-    rows: NDArray[np.float64],
-    least: NDArray[np.float64],
-    most: NDArray[np.float64],
-    qp_rows: NDArray[np.float64],
-    qp_least: NDArray[np.float64],
-    qp_most: NDArray[np.float64],
+    rows: Matrix,
+    least: Vector,
+    most: Vector,
+    qp_rows: Matrix,
+    qp_least: Vector,
+    qp_most: Vector,
 ) -> tuple[float, int]:
     """Write the scaled problem for the LP, and once more in the variables of the QP.
 
@@ -344,22 +317,19 @@ def fill_kernel(
     return top, used
 
 
-@kernel(
-    "void(f8[::1], f8[::1], f8, f8, f8[:,::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1],"
-    " f8[::1])"
-)
+@kernel()
 def finish_kernel(
-    y: NDArray[np.float64],
-    gradient: NDArray[np.float64],
+    y: Vector,
+    gradient: Vector,
     psi: float,
     drift: float,
-    A: NDArray[np.float64],
-    b: NDArray[np.float64],
-    lower: NDArray[np.float64],
-    upper: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    out: NDArray[np.float64],
-    result: NDArray[np.float64],
+    A: Matrix,
+    b: Vector,
+    lower: Vector,
+    upper: Vector,
+    weights: Vector,
+    out: Vector,
+    result: Vector,
 ) -> None:
     """Write u = W⁻¹y, within its bounds to the last bit, with V̇, ρ and the smallest margin."""
     for i in range(y.size):

@@ -10,26 +10,23 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hoap3.protocol.runtime.numba_jit import kernel
+from hoap3.protocol.runtime.numba_jit import Matrix, Vector, kernel
 from hoap3.remote_controller.solvers.lyapunov_qp.lyapunov_qp_kernels import NO_BOUND
 
 PARALLEL = 1e-13  # of a row's length: what is left of it is rounding
 
 
-@kernel("void(i8, f8, f8[:,::1], f8[::1], f8[::1], f8[:,::1], f8[:,::1], f8[::1], f8[::1])")
+@kernel()
 def across_kernel(
     place: int,
     r: float,
-    rows: NDArray[np.float64],
-    least: NDArray[np.float64],
-    most: NDArray[np.float64],
-    turns: NDArray[np.float64],
-    turned: NDArray[np.float64],
-    turned_least: NDArray[np.float64],
-    turned_most: NDArray[np.float64],
+    rows: Matrix,
+    least: Vector,
+    most: Vector,
+    turns: Matrix,
+    turned: Matrix,
+    turned_least: Vector,
+    turned_most: Vector,
 ) -> None:
     """Write the first rows anew, and copy all others.
 

@@ -124,7 +124,7 @@ class StableQp:
         from hoap3.remote_controller.solvers.qp12.bounded_qp12_kernels import box_rho_kernel
 
         self._cheap = kernels.try_closed_form
-        self._finish, self._verdict = kernels.finish_kernel, kernels.rate_status_kernel
+        self._finish, self._verdict = kernels.finish_kernel, kernels.rate_status
         self.n, self.m, self.k = n, m, k
         self._kind, gamma = kind_of(objective, gamma)
         self.gamma = gamma
@@ -148,7 +148,7 @@ class StableQp:
         )
         self._none_C, self._none_c = np.zeros((0, n)), np.zeros(0)
         self._keep_rho, self._kept, self._effort = keep_rho, 1.0, effort
-        self._rho, self._box = kernels.find_rho_kernel, box_rho_kernel
+        self._rho, self._box = kernels.find_rho, box_rho_kernel
         self._result, self._reached = np.zeros(4), False
         self._limited = False  # whether the last QP had to go below the ρ it was asked for
         self._size = np.array([n, m, k])

@@ -13,9 +13,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import Indices, Matrix, Vector, inlined, kernel
 from hoap3.remote_controller.solvers.base.status import BAD_INPUT, INFEASIBLE, OK, UNSOLVED
 from hoap3.remote_controller.solvers.linalg.dense_kernels import (
     add,
@@ -28,9 +27,6 @@ from hoap3.remote_controller.solvers.linalg.dense_kernels import (
 )
 from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import factorise, triangular_solve
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
 VIOLATED = 1e-9  # of 1 + |bound|: less is rounding
 DEPENDENT = 1e-10  # of a normal: less than that of it left outside the active ones is rounding
 BLOCKING = 1e-11  # of a normal: a share of an active one in it that is rounding
@@ -38,7 +34,7 @@ ROUNDS = 20  # additions and droppings for each variable and each value: far mor
 
 
 @inlined
-def most_violated(values: Array, lower: Array, upper: Array, state: Indices) -> int:
+def most_violated(values: Vector, lower: Vector, upper: Vector, state: Indices) -> int:
     """The inactive value that violates its bound most, relative to 1 + |bound|; −1 for none."""
     worst, found = VIOLATED, -1
     for j in range(values.size):
@@ -54,7 +50,7 @@ def most_violated(values: Array, lower: Array, upper: Array, state: Indices) -> 
 
 @inlined
 def _drop(
-    p: int, count: int, Z: Array, R: Array, normal: Array, active: Indices, vectors: Array
+    p: int, count: int, Z: Matrix, R: Matrix, normal: Vector, active: Indices, vectors: Matrix
 ) -> None:
     """Take the p-th active bound out: shift the later columns of the triangle, and rotate."""
     share, length, sign = vectors[0], vectors[1], vectors[2]
@@ -78,7 +74,7 @@ def _drop(
 
 
 @inlined
-def _reflect(count: int, tail: float, Z: Array, normal: Array, step: Array) -> float:
+def _reflect(count: int, tail: float, Z: Matrix, normal: Vector, step: Vector) -> float:
     """Reflect the rows of Z from `count` on, so that a normal has one entry there; returns it.
 
     `step` is Σ normal[k]·Z[k] over these rows, `tail` Σ normal[k]²; `step` is overwritten.
@@ -94,7 +90,7 @@ def _reflect(count: int, tail: float, Z: Array, normal: Array, step: Array) -> f
 
 
 @inlined
-def _first_to_go(count: int, size: float, R: Array, vectors: Array) -> tuple[int, float]:
+def _first_to_go(count: int, size: float, R: Matrix, vectors: Matrix) -> tuple[int, float]:
     """The active bound that lets go first on the way to the new one, −1 for none; after how much.
 
     Writes what of the normal lies along each active one, by the triangle R.
@@ -113,22 +109,18 @@ def _first_to_go(count: int, size: float, R: Array, vectors: Array) -> tuple[int
     return blocking, until
 
 
-@kernel(
-    "Tuple((i8, i8, i8))(f8[:,::1], f8[::1], f8[::1], f8[::1], f8[:,::1], f8[:,::1], f8[::1],"
-    " i8[::1], i8[::1], f8[::1])",
-    superwords=True,
-)
+@kernel(superwords=True)
 def active_set(  # noqa: PLR0912 - one loop inside the other, as in the paper
-    Z: Array,
-    values: Array,
-    lower: Array,
-    upper: Array,
-    R: Array,
-    vectors: Array,
-    step: Array,
+    Z: Matrix,
+    values: Vector,
+    lower: Vector,
+    upper: Vector,
+    R: Matrix,
+    vectors: Matrix,
+    step: Vector,
     active: Indices,
     state: Indices,
-    multipliers: Array,
+    multipliers: Vector,
 ) -> tuple[int, int, int]:
     """Move the values until all are within their bounds.
 
@@ -203,22 +195,17 @@ def active_set(  # noqa: PLR0912 - one loop inside the other, as in the paper
     return OK, count, rounds
 
 
-@kernel(
-    "Tuple((i8, i8))(f8[:,::1], f8[::1], f8[:,::1], f8[::1], f8[::1], f8[:,::1], f8[:,::1],"
-    " f8[::1], f8[::1])",
-    superwords=True,
-    allocates=True,
-)
+@kernel(superwords=True, allocates=True)
 def bounded_values_kernel(
-    H: Array,
-    f: Array,
-    rows: Array,
-    lower: Array,
-    upper: Array,
-    Z: Array,
-    R: Array,
-    values: Array,
-    multipliers: Array,
+    H: Matrix,
+    f: Vector,
+    rows: Matrix,
+    lower: Vector,
+    upper: Vector,
+    Z: Matrix,
+    R: Matrix,
+    values: Vector,
+    multipliers: Vector,
 ) -> tuple[int, int]:
     """Minimise ½ xᵀHx − fᵀx such that lower ≤ rows·x + offset ≤ upper; x are the first values.
 
@@ -259,16 +246,9 @@ def bounded_values_kernel(
     for j in range(c):
         values[n + j] += dot(rows[j], f)
     triangular_solve(H, Z)
+    vectors, step = np.empty((5, n)), np.empty(n + c)
+    active, state = np.empty(n, np.int64), np.empty(n + c, np.int64)
     status, count, _ = active_set(
-        Z,
-        values,
-        least,
-        most,
-        R,
-        np.empty((5, n)),
-        np.empty(n + c),
-        np.empty(n, np.int64),
-        np.empty(n + c, np.int64),
-        multipliers,
+        Z, values, least, most, R, vectors, step, active, state, multipliers
     )
     return status, count

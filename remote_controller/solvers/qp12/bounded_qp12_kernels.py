@@ -22,16 +22,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
-from hoap3.remote_controller.solvers.base.status import (
-    BAD_INPUT,
-    BAD_SHAPE,
-    INFEASIBLE,
-    OK,
-)
+from hoap3.protocol.runtime.numba_jit import Matrix, Vector, inlined, kernel
+from hoap3.remote_controller.solvers.base.status import BAD_INPUT, BAD_SHAPE, INFEASIBLE, OK
 from hoap3.remote_controller.solvers.linalg.scaling_kernels import MAX, TINY
 from hoap3.remote_controller.solvers.qp12.qp12_kernels import solve_qp12
 
@@ -52,7 +44,7 @@ def work_shape(n: int) -> tuple[int, int]:
 
 
 @inlined
-def bounds_fit(lower: NDArray[np.float64], upper: NDArray[np.float64]) -> bool:
+def bounds_fit(lower: Vector, upper: Vector) -> bool:
     """Whether 0 is within all bounds; ±inf is no bound, NaN never fits."""
     fit = True
     for i in range(lower.size):
@@ -61,12 +53,7 @@ def bounds_fit(lower: NDArray[np.float64], upper: NDArray[np.float64]) -> bool:
 
 
 @inlined
-def most_decrease(
-    gradient: NDArray[np.float64],
-    lower: NDArray[np.float64],
-    upper: NDArray[np.float64],
-    downhill: bool,
-) -> float:
+def most_decrease(gradient: Vector, lower: Vector, upper: Vector, downhill: bool) -> float:
     """Largest −gradient·u (`downhill`), or largest gradient·u, within the bounds; may be inf."""
     most = 0.0
     for i in range(gradient.size):
@@ -78,9 +65,7 @@ def most_decrease(
 
 
 @inlined
-def _multiplier(
-    a: NDArray[np.float64], limit: NDArray[np.float64], demand: float, kappa: float
-) -> float:
+def _multiplier(a: Vector, limit: Vector, demand: float, kappa: float) -> float:
     """A little less than the λ for which Σ |a_i|·x_i is the demand, 0 ≤ x_i = λ|a_i| − κ ≤ limit_i.
 
     The sum rises with λ, piecewise linearly. Where Newton's method does not find the place, it is
@@ -115,12 +100,7 @@ def _multiplier(
 
 @inlined
 def _clamp(
-    a: NDArray[np.float64],
-    limit: NDArray[np.float64],
-    demand: float,
-    gamma: float,
-    out: NDArray[np.float64],
-    step: NDArray[np.float64],
+    a: Vector, limit: Vector, demand: float, gamma: float, out: Vector, step: Vector
 ) -> tuple[float, int, bool]:
     """Clamp joints that are beyond their limit for certain; what is left to deliver, and how many.
 
@@ -143,14 +123,7 @@ def _clamp(
 
 
 @inlined
-def _share(
-    a: NDArray[np.float64],
-    limit: NDArray[np.float64],
-    rest: float,
-    kappa: float,
-    guess: float,
-    step: NDArray[np.float64],
-) -> bool:
+def _share(a: Vector, limit: Vector, rest: float, kappa: float, guess: float, step: Vector) -> bool:
     """Write QP12's answer for what is left, if those move that do at the guess; whether they do.
 
     The formula and its order of operations are those of `qp12_kernels`, which scales first.
@@ -175,13 +148,13 @@ def _share(
 
 @inlined
 def solve_bounded_qp12(
-    gradient: NDArray[np.float64],
+    gradient: Vector,
     decrease: float,
     gamma: float,
-    lower: NDArray[np.float64],
-    upper: NDArray[np.float64],
-    work: NDArray[np.float64],
-    out: NDArray[np.float64],
+    lower: Vector,
+    upper: Vector,
+    work: Matrix,
+    out: Vector,
 ) -> tuple[int, int]:
     """Solve one QP12 within bounds; for other kernels to call.
 
@@ -245,13 +218,13 @@ def solve_bounded_qp12(
 
 @inlined
 def bounded_kkt_residual(  # noqa: PLR0912 - three cases, in two passes
-    gradient: NDArray[np.float64],
+    gradient: Vector,
     decrease: float,
     gamma: float,
-    lower: NDArray[np.float64],
-    upper: NDArray[np.float64],
-    u: NDArray[np.float64],
-    work: NDArray[np.float64],
+    lower: Vector,
+    upper: Vector,
+    u: Vector,
+    work: Matrix,
 ) -> float:
     """How far u is from optimal, relative and without units; for other kernels to call.
 
@@ -310,15 +283,15 @@ def bounded_kkt_residual(  # noqa: PLR0912 - three cases, in two passes
     return residual if residual <= MAX else math.inf
 
 
-@kernel("f8(f8[::1], f8, f8, f8[::1], f8[::1], f8[:,::1], f8[::1])")
+@kernel()
 def bounded_qp12_kernel(
-    gradient: NDArray[np.float64],
+    gradient: Vector,
     decrease: float,
     gamma: float,
-    lower: NDArray[np.float64],
-    upper: NDArray[np.float64],
-    work: NDArray[np.float64],
-    out: NDArray[np.float64],
+    lower: Vector,
+    upper: Vector,
+    work: Matrix,
+    out: Vector,
 ) -> float:
     """`solve_bounded_qp12`: its KKT residual, or −status where that is not `OK`.
 
@@ -330,27 +303,8 @@ def bounded_qp12_kernel(
     return bounded_kkt_residual(gradient, decrease, gamma, lower, upper, out, work)
 
 
-@kernel("f8(f8[::1], f8, f8, f8[::1], f8[::1], f8[::1], f8[:,::1])")
-def bounded_residual_kernel(
-    gradient: NDArray[np.float64],
-    decrease: float,
-    gamma: float,
-    lower: NDArray[np.float64],
-    upper: NDArray[np.float64],
-    u: NDArray[np.float64],
-    work: NDArray[np.float64],
-) -> float:
-    """`bounded_kkt_residual` of any u; arrays (n,), work with the weights in its first row."""
-    return bounded_kkt_residual(gradient, decrease, gamma, lower, upper, u, work)
-
-
-@kernel("Tuple((i8, f8))(f8[::1], f8, f8[::1], f8[::1])")
-def box_rho_kernel(
-    gradient: NDArray[np.float64],
-    psi: float,
-    lower: NDArray[np.float64],
-    upper: NDArray[np.float64],
-) -> tuple[int, float]:
+@kernel()
+def box_rho_kernel(gradient: Vector, psi: float, lower: Vector, upper: Vector) -> tuple[int, float]:
     """Status and min(1, ρ*), where only bounds limit the decrease ρΨ of V; closed form of (6)."""
     n = gradient.size
     if not (lower.size == n and upper.size == n):

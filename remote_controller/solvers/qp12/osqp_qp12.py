@@ -77,11 +77,7 @@ class OsqpQp12:
         self._model.warm_start(np.zeros(self.n), np.zeros(self.n + 1))
 
     def solve(
-        self,
-        gradient: NDArray[np.float64],
-        decrease: float,
-        gamma: float,
-        out: NDArray[np.float64],
+        self, gradient: NDArray[np.float64], decrease: float, gamma: float, out: NDArray[np.float64]
     ) -> None:
         """Write u, (n,), into `out`; zeros where an error is raised.
 

@@ -80,10 +80,7 @@ class Pinv:
 
 
 def pinv(
-    jacobian: ArrayLike,
-    error: ArrayLike,
-    decrease: float,
-    out: NDArray[np.float64] | None = None,
+    jacobian: ArrayLike, error: ArrayLike, decrease: float, out: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
     """The u along −J⁺ e with eᵀ J u = −decrease.
 
@@ -108,10 +105,7 @@ def pinv(
 
 
 def pinv_plain(
-    jacobian: ArrayLike,
-    error: ArrayLike,
-    gain: float,
-    out: NDArray[np.float64] | None = None,
+    jacobian: ArrayLike, error: ArrayLike, gain: float, out: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
     """The input u = −gain J⁺ e; arguments and errors as those of ``pinv``, but never infeasible."""
     J, e = array("jacobian", jacobian, 2), array("error", error, 1)

@@ -21,10 +21,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import Indices, Matrix, Vector, inlined, kernel
 from hoap3.remote_controller.solvers.base.status import (
     BAD_INPUT,
     BAD_SHAPE,
@@ -54,11 +51,7 @@ def work_shape(m: int, n: int) -> tuple[int, int]:
 
 @inlined
 def solve_pinv(
-    jacobian: NDArray[np.float64],
-    error: NDArray[np.float64],
-    decrease: float,
-    work: NDArray[np.float64],
-    out: NDArray[np.float64],
+    jacobian: Matrix, error: Vector, decrease: float, work: Matrix, out: Vector
 ) -> tuple[int, int]:
     """Write the u ∝ −J⁺ e with eᵀ J u = −decrease; for other kernels to call.
 
@@ -91,11 +84,7 @@ def solve_pinv(
 
 @inlined
 def solve_pinv_plain(
-    jacobian: NDArray[np.float64],
-    error: NDArray[np.float64],
-    gain: float,
-    work: NDArray[np.float64],
-    out: NDArray[np.float64],
+    jacobian: Matrix, error: Vector, gain: float, work: Matrix, out: Vector
 ) -> tuple[int, int]:
     """Write u = −gain J⁺ e; for other kernels to call.
 
@@ -111,7 +100,7 @@ def solve_pinv_plain(
 
 
 @inlined
-def _scaled(scale: float, out: NDArray[np.float64]) -> int:
+def _scaled(scale: float, out: Vector) -> int:
     """Multiply by −scale, in place."""
     status = OK
     for j in range(out.size):
@@ -126,10 +115,7 @@ def _scaled(scale: float, out: NDArray[np.float64]) -> int:
 
 @inlined
 def _direction(
-    jacobian: NDArray[np.float64],
-    error: NDArray[np.float64],
-    work: NDArray[np.float64],
-    out: NDArray[np.float64],
+    jacobian: Matrix, error: Vector, work: Matrix, out: Vector
 ) -> tuple[int, int, int, int, float]:
     """Write w = J'⁺ e' into out, for J' = J 2^-exponent_j and e' = e 2^-exponent_e near 1.
 
@@ -175,7 +161,7 @@ def _direction(
 
 
 @inlined
-def _product(work: NDArray[np.float64], i: int, k: int, n: int) -> float:
+def _product(work: Matrix, i: int, k: int, n: int) -> float:
     """Scalar product of rows i and k of J, in four sums that the processor forms side by side."""
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
     for j in range(0, n - 3, 4):
@@ -189,7 +175,7 @@ def _product(work: NDArray[np.float64], i: int, k: int, n: int) -> float:
 
 
 @inlined
-def _factorise(work: NDArray[np.float64], m: int, n: int) -> bool:
+def _factorise(work: Matrix, m: int, n: int) -> bool:
     """Write the Cholesky factor of J Jᵀ; False where it could not be trusted."""
     start = n + 1
     shortest, longest, apart = math.inf, 0.0, 1.0
@@ -214,7 +200,7 @@ def _factorise(work: NDArray[np.float64], m: int, n: int) -> bool:
 
 
 @inlined
-def _solve_factorised(work: NDArray[np.float64], m: int, n: int, out: NDArray[np.float64]) -> None:
+def _solve_factorised(work: Matrix, m: int, n: int, out: Vector) -> None:
     """Solve L Lᵀ y = e and add Jᵀ y to out."""
     start, y = n + 1, n + 1 + m
     for i in range(m):
@@ -232,7 +218,7 @@ def _solve_factorised(work: NDArray[np.float64], m: int, n: int, out: NDArray[np
 
 
 @inlined
-def _orthogonalise(work: NDArray[np.float64], m: int, n: int) -> None:
+def _orthogonalise(work: Matrix, m: int, n: int) -> None:
     """Rotate the rows of [J | e] in pairs until those of J are orthogonal."""
     for _ in range(SWEEPS):
         rotated = False
@@ -256,9 +242,7 @@ def _orthogonalise(work: NDArray[np.float64], m: int, n: int) -> None:
 
 
 @inlined
-def _sum_orthogonal(
-    work: NDArray[np.float64], m: int, n: int, out: NDArray[np.float64]
-) -> tuple[int, bool]:
+def _sum_orthogonal(work: Matrix, m: int, n: int, out: Vector) -> tuple[int, bool]:
     """Add Σ row_i e_i / |row_i|² to out, over the rows that count; rank, and is |J J⁺ e| > 0?"""
     start = n + 1
     longest = 0.0
@@ -277,28 +261,18 @@ def _sum_orthogonal(
     return rank, within > RANK_TOLERANCE * RANK_TOLERANCE * whole
 
 
-@kernel("i8(f8[:, ::1], f8[::1], f8, f8[:, ::1], f8[::1], i8[::1])")
+@kernel()
 def pinv_kernel(
-    jacobian: NDArray[np.float64],
-    error: NDArray[np.float64],
-    decrease: float,
-    work: NDArray[np.float64],
-    out: NDArray[np.float64],
-    rank: NDArray[np.int64],
+    jacobian: Matrix, error: Vector, decrease: float, work: Matrix, out: Vector, rank: Indices
 ) -> int:
     """``solve_pinv`` with the rank written into ``rank``, shape (1,)."""
     status, rank[0] = solve_pinv(jacobian, error, decrease, work, out)
     return status
 
 
-@kernel("i8(f8[:, ::1], f8[::1], f8, f8[:, ::1], f8[::1], i8[::1])")
+@kernel()
 def pinv_plain_kernel(
-    jacobian: NDArray[np.float64],
-    error: NDArray[np.float64],
-    gain: float,
-    work: NDArray[np.float64],
-    out: NDArray[np.float64],
-    rank: NDArray[np.int64],
+    jacobian: Matrix, error: Vector, gain: float, work: Matrix, out: Vector, rank: Indices
 ) -> int:
     """``solve_pinv_plain`` with the rank written into ``rank``, shape (1,)."""
     status, rank[0] = solve_pinv_plain(jacobian, error, gain, work, out)

@@ -24,10 +24,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import Vector, inlined, kernel
 from hoap3.remote_controller.solvers.base.status import (
     BAD_INPUT,
     BAD_SHAPE,
@@ -50,7 +47,7 @@ NOTHING = 2.0**-1000  # a lifted b/A below this rounds to zero once it is lowere
 
 
 @inlined
-def _largest_speed(gradient: NDArray[np.float64], A: float, b: float, kappa: float) -> float:
+def _largest_speed(gradient: Vector, A: float, b: float, kappa: float) -> float:
     """Solve Σ a max(0, a τ − κ (A − a)) = b for τ = t/A, with κ given in units of A.
 
     Newton's method from above; each round drops the joints that do not move at its τ.
@@ -73,9 +70,7 @@ def _largest_speed(gradient: NDArray[np.float64], A: float, b: float, kappa: flo
 
 
 @inlined
-def solve_qp12(
-    gradient: NDArray[np.float64], decrease: float, gamma: float, out: NDArray[np.float64]
-) -> int:
+def solve_qp12(gradient: Vector, decrease: float, gamma: float, out: Vector) -> int:
     """Solve one QP12; for other kernels to call.
 
     Args:
@@ -127,9 +122,7 @@ def solve_qp12(
 
 
 @inlined
-def qp12_kkt_residual(
-    gradient: NDArray[np.float64], decrease: float, gamma: float, u: NDArray[np.float64]
-) -> float:
+def qp12_kkt_residual(gradient: Vector, decrease: float, gamma: float, u: Vector) -> float:
     """How far u is from optimal, relative and without units; for other kernels to call.
 
     Optimality, (31) and (32) of the paper, means: the constraint holds, no joint moves up its
@@ -187,24 +180,12 @@ def qp12_kkt_residual(
     return residual if residual <= MAX else math.inf
 
 
-@kernel("Tuple((i8, f8))(i8, f8[::1], f8, f8, f8[::1])")
+@kernel()
 def qp12_kernel(
-    n: int,
-    gradient: NDArray[np.float64],
-    decrease: float,
-    gamma: float,
-    out: NDArray[np.float64],
+    n: int, gradient: Vector, decrease: float, gamma: float, out: Vector
 ) -> tuple[int, float]:
     """``solve_qp12`` for n joints; status and KKT residual, inf where the status is not ``OK``."""
     status = solve_qp12(gradient, decrease, gamma, out) if gradient.size == n else BAD_SHAPE
     if status != OK:
         return status, math.inf
     return status, qp12_kkt_residual(gradient, decrease, gamma, out)
-
-
-@kernel("f8(f8[::1], f8, f8, f8[::1])")
-def qp12_residual_kernel(
-    gradient: NDArray[np.float64], decrease: float, gamma: float, u: NDArray[np.float64]
-) -> float:
-    """``qp12_kkt_residual`` of any u."""
-    return qp12_kkt_residual(gradient, decrease, gamma, u)

@@ -7,20 +7,15 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import Cube, Matrix, Vector, inlined, kernel
 from hoap3.remote_controller.solvers.clik.lmi_kernels import least_eigenvalue, stability_matrix
-
-Array = NDArray[np.float64]
 
 NOTHING = 1e-8  # of β̃: a β up to that is no certificate
 OVER = 1e-9  # of 1 + |limit|: what is cut off as rounding
 
 
-@kernel("f8(f8[:,::1], f8[:,::1], f8[::1], f8[::1])")
-def fit(S: Array, limits: Array, gains: Array, speed: Array) -> float:
+@kernel()
+def fit(S: Matrix, limits: Matrix, gains: Vector, speed: Vector) -> float:
     """Write S λ, with λ shortened until it keeps the limits; how near it comes to them."""
     n, share = S.shape[0], 1.0
     for r in range(speed.size):
@@ -44,16 +39,16 @@ def fit(S: Array, limits: Array, gains: Array, speed: Array) -> float:
 
 @inlined
 def _duality_gap(
-    S: Array,
-    limits: Array,
-    speed: Array,
+    S: Matrix,
+    limits: Matrix,
+    speed: Vector,
     delta: float,
-    gains: Array,
+    gains: Vector,
     beta: float,
-    Z: Array,
-    z: Array,
-    C: Array,
-    V: Array,
+    Z: Matrix,
+    z: Matrix,
+    C: Matrix,
+    V: Matrix,
 ) -> float:
     """How much less than that of feasible (λ, β) the objective may be, in the units of β̃ = 1.
 
@@ -90,29 +85,26 @@ def _duality_gap(
 
 @inlined
 def certified(
-    L: Array, G: Array, gains: Array, dt: float, guess: float, squares: Array, vectors: Array
+    L: Matrix, G: Matrix, gains: Vector, dt: float, guess: float, squares: Cube, vectors: Matrix
 ) -> float:
     """β(λ) = λ_min(C(λ, 0))."""
     stability_matrix(L, G, gains, 0.0, dt, squares[0], squares[1])
     return least_eigenvalue(squares[0], guess, 0.0, vectors[3:])
 
 
-@kernel(
-    "Tuple((f8, f8, f8, f8, b1))(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, f8[:,::1],"
-    " f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1])"
-)
+@kernel()
 def certify(
-    L: Array,
-    G: Array,
-    S: Array,
-    limits: Array,
+    L: Matrix,
+    G: Matrix,
+    S: Matrix,
+    limits: Matrix,
     dt: float,
     delta: float,
-    points: Array,
-    Z: Array,
-    z: Array,
-    squares: Array,
-    vectors: Array,
+    points: Matrix,
+    Z: Matrix,
+    z: Matrix,
+    squares: Cube,
+    vectors: Matrix,
 ) -> tuple[float, float, float, float, bool]:
     """What is known of gains, wherever they come from; in the units of β̃ = 1, as for `optimise`.
 
@@ -145,16 +137,16 @@ def certify(
 
 @inlined
 def keep_better(
-    L: Array,
-    G: Array,
-    S: Array,
-    limits: Array,
+    L: Matrix,
+    G: Matrix,
+    S: Matrix,
+    limits: Matrix,
     dt: float,
     desired: float,
-    last: Array,
-    points: Array,
-    squares: Array,
-    vectors: Array,
+    last: Vector,
+    points: Matrix,
+    squares: Cube,
+    vectors: Matrix,
 ) -> None:
     """Replace λ by the gains of the last solve, if these, shortened, certify more."""
     n, joints = S.shape

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import (
+    Cube,
+    IndexRows,
+    Indices,
+    Matrix,
+    Vector,
+    inlined,
+    kernel,
+)
 from hoap3.remote_controller.solvers.clik.lmi_kernels import stability_matrix
 from hoap3.remote_controller.solvers.linalg.dense_kernels import dot, eigenvectors
 from hoap3.remote_controller.solvers.linalg.small_product_kernels import dot_column
@@ -20,9 +25,6 @@ from hoap3.remote_controller.solvers.sdp.interior_point_kernels import (
 )
 from hoap3.remote_controller.solvers.sdp.newton_kernels import active_set_newton
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
 NONE, WARM, IPM, BUDGET = range(4)  # the ways to an answer
 FIRST_TRY = 1e-3  # of λ: how near the interior-point method is to bring Newton's
 TRIES = 6  # more, each ten times as near
@@ -30,24 +32,21 @@ INSIDE = 1  # where the budget ended: on the way from inside
 CLOSE = 2  # or so near the optimum that Newton's method had begun
 
 
-@kernel(
-    "UniTuple(i8, 2)(f8[:,::1], f8[:,::1], f8[::1], f8[:,::1], f8[:,::1], i8[::1], f8[:,::1],"
-    " i8[::1], i8[::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,::1])"
-)
+@kernel()
 def _guess(
-    S: Array,
-    limits: Array,
-    x: Array,
-    Z: Array,
-    z: Array,
+    S: Matrix,
+    limits: Matrix,
+    x: Vector,
+    Z: Matrix,
+    z: Matrix,
     block: Indices,
-    Y: Array,
+    Y: Matrix,
     home: Indices,
     held: Indices,
-    nu: Array,
-    C: Array,
-    W: Array,
-    Q: Array,
+    nu: Vector,
+    C: Matrix,
+    W: Matrix,
+    Q: Matrix,
 ) -> tuple[int, int]:
     """From an interior point: which eigenvectors of Z and which limits matter at the optimum.
 
@@ -87,7 +86,7 @@ def _guess(
 
 @inlined
 def _multipliers(
-    Y: Array, rank: int, held: Indices, holding: int, nu: Array, Z: Array, z: Array
+    Y: Matrix, rank: int, held: Indices, holding: int, nu: Vector, Z: Matrix, z: Matrix
 ) -> None:
     """Write Z = Y Yᵀ and the multipliers of the limits."""
     n = Z.shape[0]
@@ -108,7 +107,7 @@ def _multipliers(
 
 
 @inlined
-def _spring_multipliers(S: Array, limits: Array, x: Array, z: Array) -> None:
+def _spring_multipliers(S: Matrix, limits: Matrix, x: Vector, z: Matrix) -> None:
     """Write what holds the joints that may not move, where the interior-point method held them."""
     for r in range(S.shape[1]):
         if locked(limits, r):
@@ -116,29 +115,25 @@ def _spring_multipliers(S: Array, limits: Array, x: Array, z: Array) -> None:
             z[0, r], z[1, r] = max(-pull, 0.0), max(pull, 0.0)
 
 
-@kernel(
-    "Tuple((b1, i8))(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, i8, f8[:,::1],"
-    " f8[:,::1], i8[:,::1], i8[::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1],"
-    " f8[:,::1])"
-)
+@kernel()
 def polish(
-    L: Array,
-    G: Array,
-    S: Array,
-    limits: Array,
+    L: Matrix,
+    G: Matrix,
+    S: Matrix,
+    limits: Matrix,
     dt: float,
     delta: float,
     budget: int,
-    points: Array,
-    Y: Array,
-    integers: Indices,
+    points: Matrix,
+    Y: Matrix,
+    integers: IndexRows,
     counts: Indices,
-    nu: Array,
-    Z: Array,
-    z: Array,
-    squares: Array,
-    K: Array,
-    vectors: Array,
+    nu: Vector,
+    Z: Matrix,
+    z: Matrix,
+    squares: Cube,
+    K: Matrix,
+    vectors: Matrix,
 ) -> tuple[bool, int]:
     """Newton's method from a point near the optimum with its multipliers; as for `optimise`.
 
@@ -153,26 +148,9 @@ def polish(
     )
     for i in range(n + 1):
         trial[i] = x[i]
+    problem, scratch = (L, G, S, limits, dt, delta), (squares[0], squares[1], K, vectors)
     good, holding, taken = active_set_newton(
-        L,
-        G,
-        S,
-        limits,
-        dt,
-        delta,
-        trial,
-        Y,
-        block,
-        home,
-        rank,
-        held,
-        holding,
-        nu,
-        budget,
-        squares[0],
-        squares[1],
-        K,
-        vectors,
+        *problem, trial, Y, block, home, rank, held, holding, nu, budget, *scratch
     )
     counts[0], counts[1] = 0, 0
     if good:
@@ -185,13 +163,7 @@ def polish(
 
 @inlined
 def _begin_or_go_on(
-    S: Array,
-    limits: Array,
-    points: Array,
-    Z: Array,
-    z: Array,
-    sides: Array,
-    counts: Indices,
+    S: Matrix, limits: Matrix, points: Matrix, Z: Matrix, z: Matrix, sides: Cube, counts: Indices
 ) -> bool:
     """Write where the interior-point method begins: where the last budget ended, if it did.
 
@@ -211,30 +183,26 @@ def _begin_or_go_on(
     return going_on
 
 
-@kernel(
-    "Tuple((i8, i8, i8))(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, i8, f8[:,::1],"
-    " f8[:,::1], i8[:,::1], i8[::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1],"
-    " f8[:,::1], f8[:,:,::1])"
-)
+@kernel()
 def optimise(
-    L: Array,
-    G: Array,
-    S: Array,
-    limits: Array,
+    L: Matrix,
+    G: Matrix,
+    S: Matrix,
+    limits: Matrix,
     dt: float,
     delta: float,
     budget: int,
-    points: Array,
-    Y: Array,
-    integers: Indices,
+    points: Matrix,
+    Y: Matrix,
+    integers: IndexRows,
     counts: Indices,
-    nu: Array,
-    Z: Array,
-    z: Array,
-    squares: Array,
-    K: Array,
-    vectors: Array,
-    sides: Array,
+    nu: Vector,
+    Z: Matrix,
+    z: Matrix,
+    squares: Cube,
+    K: Matrix,
+    vectors: Matrix,
+    sides: Cube,
 ) -> tuple[int, int, int]:
     """Find λ and β in the units of β̃ = 1, from the last ones if these are of any use.
 
@@ -257,27 +225,11 @@ def optimise(
     """
     block, home, held = integers[0], integers[1], integers[2]
     x, newton = points[0], 0
+    problem, scratch = (L, G, S, limits, dt, delta), (squares[0], squares[1], K, vectors)
     if counts[0] > 0:
+        half = max(budget // 2, 1)  # from a guess that misleads, there must be time to begin anew
         good, counts[1], newton = active_set_newton(
-            L,
-            G,
-            S,
-            limits,
-            dt,
-            delta,
-            x,
-            Y,
-            block,
-            home,
-            counts[0],
-            held,
-            counts[1],
-            nu,
-            max(budget // 2, 1),  # from a guess that misleads, there must be time to begin anew
-            squares[0],
-            squares[1],
-            K,
-            vectors,
+            *problem, x, Y, block, home, counts[0], held, counts[1], nu, half, *scratch
         )
         if good:
             _multipliers(Y, counts[0], held, counts[1], nu, Z, z)
@@ -287,42 +239,12 @@ def optimise(
     while True:
         near, taken = True, 0
         if not close:
-            near, taken = interior(
-                L,
-                G,
-                S,
-                limits,
-                dt,
-                delta,
-                x,
-                Z,
-                z,
-                FIRST_TRY * 0.1**tries,
-                budget - newton - inner,
-                squares,
-                K,
-                vectors,
-                sides,
-            )
+            left, tolerance = budget - newton - inner, FIRST_TRY * 0.1**tries
+            near, taken = interior(*problem, x, Z, z, tolerance, left, squares, K, vectors, sides)
         inner += taken
+        left = budget - newton - inner
         good, taken = polish(
-            L,
-            G,
-            S,
-            limits,
-            dt,
-            delta,
-            budget - newton - inner,
-            points,
-            Y,
-            integers,
-            counts,
-            nu,
-            Z,
-            z,
-            squares,
-            K,
-            vectors,
+            *problem, left, points, Y, integers, counts, nu, Z, z, squares, K, vectors
         )
         newton += taken
         if good:

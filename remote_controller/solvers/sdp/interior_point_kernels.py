@@ -15,10 +15,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import Cube, Matrix, Vector, inlined, kernel
 from hoap3.remote_controller.solvers.clik.lmi_kernels import least_eigenvalue, stability_matrix
 from hoap3.remote_controller.solvers.linalg.dense_kernels import (
     add,
@@ -37,8 +34,6 @@ from hoap3.remote_controller.solvers.linalg.small_product_kernels import (
 )
 from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import factorise, syrk
 
-Array = NDArray[np.float64]
-
 ROOM = 1e-10  # limits closer to 0 than that on both sides let nothing move
 SHARE = 0.1  # of the largest entry of S: a limit closer to 0 is kept only in the end
 SPRING = 1e10  # holds a joint that may not move at all, whose two limits leave no interior
@@ -47,8 +42,8 @@ CENTRED, LEAST_CENTRED = 0.4, 1e-5  # of μ: what a step aims at after one of le
 SMALL = 1e-3  # step: nothing is gained any more
 
 
-@kernel("f8(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1])", superwords=True)
-def _reach(P: Array, D: Array, W: Array, X: Array, vectors: Array) -> float:
+@kernel(superwords=True)
+def _reach(P: Matrix, D: Matrix, W: Matrix, X: Matrix, vectors: Matrix) -> float:
     """The longest step a, with A + a D ⪰ 0 where P A Pᵀ = I."""
     n = P.shape[0]
     times(P, D, W)
@@ -61,7 +56,7 @@ def _reach(P: Array, D: Array, W: Array, X: Array, vectors: Array) -> float:
 
 
 @inlined
-def _change(V: Array, dx: Array, D: Array) -> None:
+def _change(V: Matrix, dx: Vector, D: Matrix) -> None:
     """∂C/∂x · dx."""
     n = V.shape[0]
     for i in range(n):
@@ -72,7 +67,7 @@ def _change(V: Array, dx: Array, D: Array) -> None:
 
 
 @inlined
-def _bend(G: Array, dx: Array, dt: float, D: Array, out: Array) -> None:
+def _bend(G: Matrix, dx: Vector, dt: float, D: Matrix, out: Matrix) -> None:
     """D less the curvature of C along dx: as far as a step of 1, C bends by no more than that."""
     n = G.shape[0]
     for i in range(n):
@@ -80,8 +75,10 @@ def _bend(G: Array, dx: Array, dt: float, D: Array, out: Array) -> None:
             out[i, j] = D[i, j] - dt * dx[i] * dx[j] * G[i, j]
 
 
-@kernel("void(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1])")
-def _dual_step(X: Array, Z: Array, D: Array, Q: Array, W: Array, T: Array, out: Array) -> None:
+@kernel()
+def _dual_step(
+    X: Matrix, Z: Matrix, D: Matrix, Q: Matrix, W: Matrix, T: Matrix, out: Matrix
+) -> None:
     """Q − Z − the symmetric part of X D Z."""
     n = X.shape[0]
     times(X, D, W)
@@ -92,14 +89,16 @@ def _dual_step(X: Array, Z: Array, D: Array, Q: Array, W: Array, T: Array, out: 
 
 
 @inlined
-def locked(limits: Array, r: int) -> bool:
+def locked(limits: Matrix, r: int) -> bool:
     """Whether the limits of a row are 0, or so close that nothing lies between them."""
     found: bool = limits[1, r] <= ROOM and limits[0, r] >= -ROOM
     return found
 
 
-@kernel("void(f8[:,::1], f8[:,::1], f8[::1], f8[::1], f8[:,::1], f8[:,::1])")
-def _missing(S: Array, limits: Array, x: Array, speed: Array, slack: Array, miss: Array) -> None:
+@kernel()
+def _missing(
+    S: Matrix, limits: Matrix, x: Vector, speed: Vector, slack: Matrix, miss: Matrix
+) -> None:
     """How much more than the distance to the limits each slack is."""
     for r in range(speed.size):
         speed[r] = 0.0
@@ -111,18 +110,16 @@ def _missing(S: Array, limits: Array, x: Array, speed: Array, slack: Array, miss
             miss[1, r] = slack[1, r] - (limits[1, r] - speed[r])
 
 
-@kernel(
-    "void(f8[:,::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1])"
-)
+@kernel()
 def _limit_step(
-    S: Array,
-    dx: Array,
-    slack: Array,
-    z: Array,
-    miss: Array,
-    aim: Array,
-    fall: Array,
-    dz: Array,
+    S: Matrix,
+    dx: Vector,
+    slack: Matrix,
+    z: Matrix,
+    miss: Matrix,
+    aim: Matrix,
+    fall: Matrix,
+    dz: Matrix,
 ) -> None:
     """How much each slack falls along dx, and how much its multiplier changes: z s = aim·s."""
     upper, n = fall[1], S.shape[0]
@@ -138,9 +135,9 @@ def _limit_step(
                 dz[side, r] = aim[side, r] - z[side, r] + share
 
 
-@kernel("UniTuple(f8, 2)(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, f8)")
+@kernel()
 def _shorten(
-    slack: Array, fall: Array, z: Array, dz: Array, most: float, primal: float, dual: float
+    slack: Matrix, fall: Matrix, z: Matrix, dz: Matrix, most: float, primal: float, dual: float
 ) -> tuple[float, float]:
     """Steps that leave every slack and every multiplier at least 1 − most of what it is."""
     for side in range(2):
@@ -153,29 +150,25 @@ def _shorten(
     return primal, dual
 
 
-@kernel(
-    "void(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1],"
-    " f8[:,::1], f8[:,::1], f8, f8, f8[:,::1], f8[:,::1], f8[::1], f8[::1], f8[:,::1])",
-    superwords=True,
-)
+@kernel(superwords=True)
 def _hessian(
-    G: Array,
-    S: Array,
-    limits: Array,
-    Z: Array,
-    z: Array,
-    X: Array,
-    V: Array,
-    XV: Array,
-    ZV: Array,
-    slack: Array,
+    G: Matrix,
+    S: Matrix,
+    limits: Matrix,
+    Z: Matrix,
+    z: Matrix,
+    X: Matrix,
+    V: Matrix,
+    XV: Matrix,
+    ZV: Matrix,
+    slack: Matrix,
     dt: float,
     delta: float,
-    VXV: Array,
-    VZV: Array,
-    scratch: Array,
-    weighted: Array,
-    K: Array,
+    VXV: Matrix,
+    VZV: Matrix,
+    scratch: Vector,
+    weighted: Vector,
+    K: Matrix,
 ) -> None:
     """The upper triangle of the matrix of a step, with the multipliers eliminated."""
     n, joints = S.shape
@@ -203,15 +196,15 @@ def _hessian(
 
 
 @inlined
-def _begin_limit(limits: Array, side: int, r: int, least: float, slack: Array, z: Array) -> None:
+def _begin_limit(limits: Matrix, side: int, r: int, least: float, slack: Matrix, z: Matrix) -> None:
     """The first slack and multiplier of a limit, as units suggest; inf and 0 for none."""
     size = math.inf if locked(limits, r) else max(abs(limits[side, r]), least)
     slack[side, r] = size
     z[side, r] = min(0.1, 1.0 / size)
 
 
-@kernel("void(f8[:,::1], f8[:,::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,::1])")
-def begin_inside(S: Array, limits: Array, x: Array, Z: Array, z: Array, slack: Array) -> None:
+@kernel()
+def begin_inside(S: Matrix, limits: Matrix, x: Vector, Z: Matrix, z: Matrix, slack: Matrix) -> None:
     """Write the first iterate: λ = 0, β = −1, Z as stationarity in β has it, z as units suggest."""
     (n, joints), largest = S.shape, ROOM
     for i in range(n):
@@ -226,8 +219,8 @@ def begin_inside(S: Array, limits: Array, x: Array, Z: Array, z: Array, slack: A
             _begin_limit(limits, side, r, SHARE * largest, slack, z)
 
 
-@kernel("void(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1])")
-def renew(S: Array, limits: Array, z: Array, slack: Array) -> None:
+@kernel()
+def renew(S: Matrix, limits: Matrix, z: Matrix, slack: Matrix) -> None:
     """Begin anew for each limit that was none, or is none now."""
     largest = ROOM
     for i in range(S.shape[0]):
@@ -240,26 +233,23 @@ def renew(S: Array, limits: Array, z: Array, slack: Array) -> None:
                 _begin_limit(limits, side, r, SHARE * largest, slack, z)
 
 
-@kernel(
-    "Tuple((b1, i8))(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, f8[::1], f8[:,::1],"
-    " f8[:,::1], f8, i8, f8[:,:,::1], f8[:,::1], f8[:,::1], f8[:,:,::1])"
-)
+@kernel()
 def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to its end
-    L: Array,
-    G: Array,
-    S: Array,
-    limits: Array,
+    L: Matrix,
+    G: Matrix,
+    S: Matrix,
+    limits: Matrix,
     dt: float,
     delta: float,
-    x: Array,
-    Z: Array,
-    z: Array,
+    x: Vector,
+    Z: Matrix,
+    z: Matrix,
     tolerance: float,
     budget: int,
-    squares: Array,
-    K: Array,
-    vectors: Array,
-    sides: Array,
+    squares: Cube,
+    K: Matrix,
+    vectors: Matrix,
+    sides: Cube,
 ) -> tuple[bool, int]:
     """Go on from C(x) ≻ 0, Z ≻ 0, z > 0 and slacks > 0 until x is known to the tolerance.
 
@@ -285,8 +275,8 @@ def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to it
     C, V, U, P, X = squares[0], squares[1], squares[2], squares[3], squares[4]
     XV, ZV, D, dZ = squares[5], squares[6], squares[7], squares[8]
     W, T, PZ, Q = squares[9], squares[10], squares[11], squares[12]
-    dx: Array = vectors[0, : n + 1]
-    g: Array = vectors[1, : n + 1]
+    dx: Vector = vectors[0, : n + 1]
+    g: Vector = vectors[1, : n + 1]
     scratch, spectrum = vectors[2], vectors[3:]
     slack, fall, dz, aim, miss = sides[0], sides[1], sides[2], sides[3], sides[4]
     primal, dual = 0.5, 0.5  # steps before the first

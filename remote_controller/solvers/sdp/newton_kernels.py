@@ -19,15 +19,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import Indices, Matrix, Vector, inlined, kernel
 from hoap3.remote_controller.solvers.clik.lmi_kernels import stability_matrix
 from hoap3.remote_controller.solvers.linalg.ldlt_kernels import solve_quasidefinite
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 CONVERGED = 1e-6  # of 1 + |λ|: the step after one of that size is rounding
 STEPS = 8  # of one Newton iteration; from a good guess it takes two or three
@@ -41,31 +35,31 @@ LEAST = -1e-10  # of C's diagonal: an eigenvalue below it is negative
 
 
 @inlined
-def _limit(limits: Array, held: int) -> float:
+def _limit(limits: Matrix, held: int) -> float:
     found: float = limits[1, held - 1] if held > 0 else limits[0, -held - 1]
     return found
 
 
 @inlined
 def _fill(  # noqa: PLR0912 - one case after the other
-    G: Array,
-    S: Array,
-    limits: Array,
+    G: Matrix,
+    S: Matrix,
+    limits: Matrix,
     dt: float,
     delta: float,
-    x: Array,
-    Y: Array,
+    x: Vector,
+    Y: Matrix,
     block: Indices,
     home: Indices,
     rank: int,
     held: Indices,
     holding: int,
-    nu: Array,
-    C: Array,
-    V: Array,
-    K: Array,
-    b: Array,
-    w: Array,
+    nu: Vector,
+    C: Matrix,
+    V: Matrix,
+    K: Matrix,
+    b: Vector,
+    w: Vector,
 ) -> int:
     """Write the Newton matrix K, its upper triangle, and the negative of what is to vanish, b."""
     n, size = block.size, block.size + 1
@@ -135,7 +129,7 @@ def _begin(block: Indices, home: Indices, k: int) -> int:
 
 
 @inlined
-def _fix_rotation(Y: Array, block: Indices, home: Indices, rank: int, K: Array) -> None:
+def _fix_rotation(Y: Matrix, block: Indices, home: Indices, rank: int, K: Matrix) -> None:
     """Add −2 g gᵀ for each rotation g of two columns within a block: y_k += y_l, y_l −= y_k."""
     n = block.size
     for k in range(1, rank):
@@ -161,14 +155,14 @@ def _fix_rotation(Y: Array, block: Indices, home: Indices, rank: int, K: Array) 
 
 @inlined
 def _move(
-    x: Array,
-    Y: Array,
+    x: Vector,
+    Y: Matrix,
     block: Indices,
     home: Indices,
     rank: int,
-    nu: Array,
+    nu: Vector,
     holding: int,
-    step: Array,
+    step: Vector,
 ) -> float:
     """Take a Newton step; how long it was, relative."""
     n, longest, whole, change = block.size, 0.0, 0.0, 0.0
@@ -194,7 +188,7 @@ def _move(
 
 @inlined
 def _first_wrong(
-    S: Array, limits: Array, x: Array, held: Indices, holding: int, nu: Array, speed: Array
+    S: Matrix, limits: Matrix, x: Vector, held: Indices, holding: int, nu: Vector, speed: Vector
 ) -> tuple[int, int]:
     """Which held limit pulls most, or −1; which limit is broken most (signed, from 1), or 0."""
     n, worst, out = S.shape[0], PULLING, -1
@@ -218,7 +212,7 @@ def _first_wrong(
 
 
 @inlined
-def _positive(C: Array, Y: Array, rank: int, K: Array, scratch: Array) -> bool:
+def _positive(C: Matrix, Y: Matrix, rank: int, K: Matrix, scratch: Vector) -> bool:
     """Whether C + Σ ρ y_k y_kᵀ is positive definite, so C semidefinite where C y_k = 0."""
     n = C.shape[0]
     size, whole = 0.0, 1e-300
@@ -249,30 +243,27 @@ def _positive(C: Array, Y: Array, rank: int, K: Array, scratch: Array) -> bool:
     return True
 
 
-@kernel(
-    "Tuple((b1, i8, i8))(f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, f8[::1], f8[:,::1],"
-    " i8[::1], i8[::1], i8, i8[::1], i8, f8[::1], i8, f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1])"
-)
+@kernel()
 def active_set_newton(  # noqa: PLR0912 - one case after the other
-    L: Array,
-    G: Array,
-    S: Array,
-    limits: Array,
+    L: Matrix,
+    G: Matrix,
+    S: Matrix,
+    limits: Matrix,
     dt: float,
     delta: float,
-    x: Array,
-    Y: Array,
+    x: Vector,
+    Y: Matrix,
     block: Indices,
     home: Indices,
     rank: int,
     held: Indices,
     holding: int,
-    nu: Array,
+    nu: Vector,
     budget: int,
-    C: Array,
-    V: Array,
-    K: Array,
-    vectors: Array,
+    C: Matrix,
+    V: Matrix,
+    K: Matrix,
+    vectors: Matrix,
 ) -> tuple[bool, int, int]:
     """Find the optimum by Newton's method, and which limits hold: one more, or less, at a time.
 
@@ -299,6 +290,7 @@ def active_set_newton(  # noqa: PLR0912 - one case after the other
         hold; Newton steps taken.
     """
     n, joints, taken, dual = block.size, S.shape[1], 0, 0
+    b, w = vectors[0], vectors[1]
     for k in range(rank):
         for other in range(k + 1):
             dual += 1 if home[other] == home[k] else 0
@@ -312,29 +304,12 @@ def active_set_newton(  # noqa: PLR0912 - one case after the other
             taken += 1
             stability_matrix(L, G, x[:n], x[n], dt, C, V)
             size = _fill(
-                G,
-                S,
-                limits,
-                dt,
-                delta,
-                x,
-                Y,
-                block,
-                home,
-                rank,
-                held,
-                holding,
-                nu,
-                C,
-                V,
-                K,
-                vectors[0],
-                vectors[1],
+                G, S, limits, dt, delta, x, Y, block, home, rank, held, holding, nu, C, V, K, b, w
             )
             _fix_rotation(Y, block, home, rank, K)
-            if not solve_quasidefinite(K, size, vectors[0], vectors[1], vectors[2]):
+            if not solve_quasidefinite(K, size, b, w, vectors[2]):
                 return False, holding, taken
-            length = _move(x, Y, block, home, rank, nu, holding, vectors[0])
+            length = _move(x, Y, block, home, rank, nu, holding, b)
             close = length < CONVERGED
             lost = not length < math.inf or (step > 2 and length > SLOW * before)
             if lost and not close:
@@ -357,5 +332,5 @@ def active_set_newton(  # noqa: PLR0912 - one case after the other
             break
         else:
             stability_matrix(L, G, x[:n], x[n], dt, C, V)
-            return _positive(C, Y, rank, K, vectors[1]), holding, taken
+            return _positive(C, Y, rank, K, w), holding, taken
     return False, holding, taken

@@ -123,12 +123,7 @@ class SdpGains:
         self.rates, self.weights, self.gains = rows[:3]
         self.lower, self.upper, self.dq = tall[:3]
         self.weights[:], self.lower[:], self.upper[:] = given, -math.inf, math.inf
-        self._work = (
-            plan,
-            rows,
-            tall,
-            np.zeros((11 + unknowns, max(unknowns, joints))),
-        )
+        self._work = (plan, rows, tall, np.zeros((11 + unknowns, max(unknowns, joints))))
         self._still()
 
     def _still(self) -> None:
@@ -176,14 +171,7 @@ class SdpGains:
                 self.margin,
                 self.gap,
             ) = self._kernel(
-                jacobian,
-                errors,
-                dt,
-                desired,
-                delta,
-                self.damping,
-                self.budget,
-                *self._work,
+                jacobian, errors, dt, desired, delta, self.damping, self.budget, *self._work
             )
         except TypeError as error:
             self._still()

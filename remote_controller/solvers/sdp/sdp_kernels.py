@@ -11,10 +11,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import IndexRows, Indices, Matrix, Vector, inlined, kernel
 from hoap3.remote_controller.solvers.base.status import (
     BAD_INPUT,
     BAD_SHAPE,
@@ -31,15 +28,12 @@ from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import syrk
 from hoap3.remote_controller.solvers.sdp.certificate_kernels import certify, keep_better
 from hoap3.remote_controller.solvers.sdp.driver_kernels import BUDGET, NONE, WARM, optimise
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-
 PROVED = 1e-9  # of β̃²: a gap up to that proves that the gains are optimal
 FASTEST = 100.0  # of 1/Δt: a larger β̃, the unit of what is computed, counts as this one
 
 
 @inlined
-def _forget(gains: Array, counts: Indices) -> None:
+def _forget(gains: Vector, counts: Indices) -> None:
     """Stand still, and begin anew the next time."""
     for i in range(gains.size):
         gains[i] = 0.0
@@ -48,7 +42,7 @@ def _forget(gains: Array, counts: Indices) -> None:
 
 @inlined
 def _look_ahead(
-    points: Array, Y: Array, nu: Array, integers: Indices, counts: Indices, past: Array
+    points: Matrix, Y: Matrix, nu: Vector, integers: IndexRows, counts: Indices, past: Matrix
 ) -> None:
     """Go on from the last answers along a parabola, or a line, where the same was active in them.
 
@@ -93,22 +87,19 @@ def _look_ahead(
         nu[i] += ahead * (step + bend * turn) if i < counts[1] else 0.0
 
 
-@kernel(
-    "Tuple((i8, i8, i8, i8, i8, i8, f8, f8, f8, f8))(f8[:,::1], f8[::1], f8, f8, f8, f8, i8,"
-    " i8[::1], f8[:,::1], f8[:,::1], f8[:,::1])"
-)
+@kernel()
 def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
-    jacobian: Array,
-    errors: Array,
+    jacobian: Matrix,
+    errors: Vector,
     dt: float,
     desired: float,
     delta: float,
     damping: float,
     budget: int,
     plan: Indices,
-    rows: Array,
-    tall: Array,
-    unknowns: Array,
+    rows: Matrix,
+    tall: Matrix,
+    unknowns: Matrix,
 ) -> tuple[int, int, int, int, int, int, float, float, float, float]:
     """Solve one problem. Arrays of one width share a block: to hand an array over costs 0.1 µs.
 
@@ -154,17 +145,7 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     for i in range(n):
         vectors[0, i] = math.sqrt(weights[i])
     task_rank = prioritised(
-        jacobian,
-        offsets,
-        damping,
-        vectors[0, :n],
-        L,
-        B,
-        Q,
-        spare[0],
-        spare[1],
-        spare[2],
-        K,
+        jacobian, offsets, damping, vectors[0, :n], L, B, Q, spare[0], spare[1], spare[2], K
     )
     feed_forward(B, rates, dq)
     for r in range(joints):
@@ -187,33 +168,15 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     if not same:
         counts[0] = 0
     _look_ahead(points, Y, nu, integers, counts, past)
+    problem = L, G, S, room, dt * desired, delta
     path, newton, inner = optimise(
-        L,
-        G,
-        S,
-        room,
-        dt * desired,
-        delta,
-        budget,
-        points,
-        Y,
-        integers,
-        counts,
-        nu,
-        Z,
-        z,
-        spare,
-        K,
-        vectors,
-        sides[2:],
+        *problem, budget, points, Y, integers, counts, nu, Z, z, spare, K, vectors, sides[2:]
     )
     if path != WARM:
         counts[2] = 0  # no way leads from the answer before to this one
     if path == BUDGET:
         keep_better(L, G, S, room, dt * desired, desired, gains, points, spare, vectors)
-    beta, slack, margin, gap, kept = certify(
-        L, G, S, room, dt * desired, delta, points, Z, z, spare, vectors
-    )
+    beta, slack, margin, gap, kept = certify(*problem, points, Z, z, spare, vectors)
     x, speed = points[0], vectors[0, :joints]
     if not kept:
         counts[0] = 0

@@ -6,13 +6,14 @@ Del Prete, IEEE RA-L 2018, (33), with the torques eliminated.
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import Matrix, Vector, inlined, kernel
 
-Array = NDArray[np.float64]
+Senses = Annotated[NDArray[np.int32], "i4[::1]"]
 
 EQUATION = 5  # daqp's word for it
 SAME = 1e-13  # of a bound: bounds as near as that are one
@@ -20,24 +21,21 @@ TINY = 1e-9  # rad/s²: accelerations below it count as that much
 ACTIVE = 1e-9  # of the greatest acceleration or effort: a bound as near as that is reached
 
 
-@kernel(
-    "void(f8[:,::1], f8[::1], f8, f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[:,::1], f8[::1],"
-    " f8[::1], f8[::1], i4[::1])"
-)
+@kernel()
 def lay_out(
-    jacobian: Array,
-    wanted: Array,
+    jacobian: Matrix,
+    wanted: Vector,
     weight: float,
-    posture: Array,
-    bias: Array,
-    effort: Array,
-    lower: Array,
-    upper: Array,
-    H_out: Array,
-    f_out: Array,
-    least_out: Array,
-    most_out: Array,
-    sense_out: NDArray[np.int32],
+    posture: Vector,
+    bias: Vector,
+    effort: Vector,
+    lower: Vector,
+    upper: Vector,
+    H_out: Matrix,
+    f_out: Vector,
+    least_out: Vector,
+    most_out: Vector,
+    sense_out: Senses,
 ) -> None:
     """Write H = JᵀJ + w·I, f = −Jᵀy − w·p, and the bounds of ddq and M·ddq.
 
@@ -77,24 +75,21 @@ def _away(value: float, pull: float, least: float, most: float) -> float:
     return abs(value - min(max(value + pull, least), most))
 
 
-@kernel(
-    "Tuple((f8, f8, f8, b1))(f8[::1], f8[::1], f8[:,::1], f8[::1], f8[:,::1], f8[::1], f8[::1],"
-    " f8[::1], f8[::1], f8[::1], b1, f8[::1], f8[::1])"
-)
+@kernel()
 def prove(
-    x: Array,
-    multipliers: Array,
-    H: Array,
-    f: Array,
-    mass: Array,
-    bias: Array,
-    effort: Array,
-    lower: Array,
-    upper: Array,
-    scale: Array,
+    x: Vector,
+    multipliers: Vector,
+    H: Matrix,
+    f: Vector,
+    mass: Matrix,
+    bias: Vector,
+    effort: Vector,
+    lower: Vector,
+    upper: Vector,
+    scale: Vector,
     solved: bool,
-    ddq_out: Array,
-    tau_out: Array,
+    ddq_out: Vector,
+    tau_out: Vector,
 ) -> tuple[float, float, float, bool]:
     """Write ddq within its bounds and its torques; prove them without any solver's word.
 

@@ -26,8 +26,8 @@ from hoap3.protocol.runtime.numba_jit import inlined, kernel
 def twice(x):
     return 2.0 * x
 
-@kernel("f8(f8)")
-def quadruple(x):
+@kernel()
+def quadruple(x: float) -> float:
     return twice(twice(x))
 """
 PROBE = """
@@ -297,6 +297,15 @@ class TestKernel:
             numba_jit.kernel("UniTuple(f8[::1], 2)(f8[::1])")(parts)
         lent = numba_jit.kernel("UniTuple(f8[::1], 2)(f8[::1])", allocates=True)(parts)
         assert [len(part) for part in lent(np.ones(5))] == [3, 1]
+
+    def test_takes_its_signature_from_annotations_and_names_what_is_none(self) -> None:
+        def mixed(x: numba_jit.Matrix, k: int) -> tuple[float, bool]:
+            return x[k, 0], k > 0
+
+        assert numba_jit.signature_of(mixed) == "Tuple((f8, b1))(f8[:,::1], i8)"
+        mixed.__annotations__["k"] = str
+        with pytest.raises(TypeError, match=r"mixed: .* cannot be .*str"):
+            numba_jit.signature_of(mixed)
 
     @pytest.mark.parametrize("option", ["fastmath", "parallel"])
     def test_refuses_options_that_change_bits(self, option: str) -> None:

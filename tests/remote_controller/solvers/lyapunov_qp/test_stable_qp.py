@@ -28,10 +28,7 @@ FAR = 1e3
 
 
 def problem(
-    gradient: list[float],
-    rows: list[list[float]],
-    sides: list[float],
-    limit: float = 1.0,
+    gradient: list[float], rows: list[list[float]], sides: list[float], limit: float = 1.0
 ) -> tuple[Array, Array, Array, Array, Array]:
     """∇V, A, b, lower, upper."""
     n = len(gradient)

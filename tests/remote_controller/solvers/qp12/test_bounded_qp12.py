@@ -17,7 +17,7 @@ from hoap3.protocol.errors import BadProblemError, InfeasibleError
 from hoap3.remote_controller.solvers import qp12
 from hoap3.remote_controller.solvers.qp12.bounded_qp12 import BoundedQp12, qp12_bounded
 from hoap3.remote_controller.solvers.qp12.bounded_qp12_kernels import (
-    bounded_residual_kernel,
+    bounded_kkt_residual,
     box_rho_kernel,
     work_shape,
 )
@@ -155,7 +155,7 @@ class TestCertificate:
     def residual(self, u: list[float], gamma: float = 0.5) -> float:
         gradient, limit = np.array([2.0, -1.0, 1.0]), np.full(3, 0.3)
         work = np.ones(work_shape(3))
-        return bounded_residual_kernel(gradient, 0.8, gamma, -limit, limit, np.array(u), work)
+        return bounded_kkt_residual(gradient, 0.8, gamma, -limit, limit, np.array(u), work)
 
     def test_tells_the_optimum_from_the_rest(self) -> None:
         assert self.residual([-0.3, 0.1, -0.1]) < 1e-15

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hoap3.protocol.errors import BadProblemError, InfeasibleError
 from hoap3.remote_controller.solvers import qp12
 from hoap3.remote_controller.solvers.qp12.osqp_qp12 import OsqpQp12
-from hoap3.remote_controller.solvers.qp12.qp12_kernels import qp12_residual_kernel
+from hoap3.remote_controller.solvers.qp12.qp12_kernels import qp12_kkt_residual
 
 SOLVER = OsqpQp12(9)
 GAMMAS = [0.0, 0.1, 0.5, 0.9, 0.999, 1.0]
@@ -45,7 +45,7 @@ def test_polished_it_is_as_exact_as_the_kernel_and_unpolished_only_to_its_tolera
     for polish in (True, False):
         solver = OsqpQp12(9, polish=polish)
         worst[polish] = max(
-            qp12_residual_kernel(a, b, 0.5, solved(solver, a, b, 0.5)) for a, b in problems
+            qp12_kkt_residual(a, b, 0.5, solved(solver, a, b, 0.5)) for a, b in problems
         )
     assert worst[True] < 1e-12
     assert 1e-9 < worst[False] < 1e-2

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from qp12_exact import exact_kkt_residual, exact_qp12, printed_qp12, relative_error
 
 from hoap3.remote_controller.solvers import Qp12, qp12
-from hoap3.remote_controller.solvers.qp12.qp12_kernels import qp12_residual_kernel
+from hoap3.remote_controller.solvers.qp12.qp12_kernels import qp12_kkt_residual
 
 EPS = 2.0**-52
 GAMMAS = (0, 1e-300, 1e-9, 0.1, 0.5, 0.9, 0.99, 1 - 1e-6, 1 - 1e-12, 1 - 1e-15, 1 - EPS / 2, 1)
@@ -89,7 +89,7 @@ def test_algorithm_1_as_printed_throws_the_robot_near_convergence() -> None:
     decrease, gamma = 1e-17, 0.99
     printed = np.array(printed_qp12(gradient.tolist(), decrease, gamma))
     assert np.max(np.abs(printed)) > 10.0  # rad/s, where 1e-17 is asked for
-    assert qp12_residual_kernel(gradient, decrease, gamma, printed) > 0.5
+    assert qp12_kkt_residual(gradient, decrease, gamma, printed) > 0.5
 
     u = qp12(gradient, decrease, gamma)
     exact = printed_qp12([Fraction(x) for x in gradient], Fraction(decrease), Fraction(gamma))
@@ -125,7 +125,7 @@ def test_answers_next_to_the_smallest_double(gamma: float) -> None:
         exact = exact_qp12(gradient, decrease, gamma)
         gap = max(abs(Fraction(a) - b) for a, b in zip(u, exact, strict=True))
         assert gap <= max(2.0**-1074, 4 * EPS * float(max(map(abs, exact))))
-        assert qp12_residual_kernel(gradient, decrease, gamma, u) < 1e-14
+        assert qp12_kkt_residual(gradient, decrease, gamma, u) < 1e-14
 
 
 @pytest.mark.slow
@@ -138,7 +138,7 @@ class TestCertificate:
             solver.solve(gradient, decrease, gamma, u)
             assert solver.kkt_residual < 1e-14
             exact = np.array([float(x) for x in exact_qp12(gradient, decrease, gamma)])
-            assert qp12_residual_kernel(gradient, decrease, gamma, exact) < 1e-14
+            assert qp12_kkt_residual(gradient, decrease, gamma, exact) < 1e-14
 
     def test_bounds_the_error_of_any_answer(self) -> None:
         """As its docstring promises: error ≤ 4 n residual, checked on spoilt answers."""
@@ -149,7 +149,7 @@ class TestCertificate:
             u = qp12(gradient, decrease, gamma)
             size = 10.0 ** rng.uniform(-12, -1) * np.max(np.abs(u))
             u[rng.integers(len(u))] += rng.choice([-1, 1]) * size
-            residual = qp12_residual_kernel(gradient, decrease, gamma, u)
+            residual = qp12_kkt_residual(gradient, decrease, gamma, u)
             error = relative_error(u, exact_qp12(gradient, decrease, gamma))
             assert error <= 4.4 * len(u) * (residual + 1e-15)
 
@@ -166,23 +166,23 @@ class TestCertificate:
             "the wrong joint": np.array([0.0, 0.0, -0.6, 0.0]),
         }
         for name, answer in wrong.items():
-            assert qp12_residual_kernel(gradient, decrease, gamma, answer) > 0.02, name
+            assert qp12_kkt_residual(gradient, decrease, gamma, answer) > 0.02, name
 
     def test_accepts_every_optimum_at_gamma_1(self) -> None:
         gradient = np.array([2.0, -2.0, 1.0])
         for share in (0.0, 0.3, 1.0):
             u = np.array([-share, 1 - share, 0.0])
-            assert qp12_residual_kernel(gradient, 2.0, 1.0, u) < 1e-15
-        assert qp12_residual_kernel(gradient, 2.0, 1.0, np.array([-2.0, -1.0, 0.0])) > 0.1
-        assert qp12_residual_kernel(gradient, 2.0, 1.0, np.array([-0.5, 0.0, -1.0])) > 0.1
+            assert qp12_kkt_residual(gradient, 2.0, 1.0, u) < 1e-15
+        assert qp12_kkt_residual(gradient, 2.0, 1.0, np.array([-2.0, -1.0, 0.0])) > 0.1
+        assert qp12_kkt_residual(gradient, 2.0, 1.0, np.array([-0.5, 0.0, -1.0])) > 0.1
 
     def test_knows_what_can_only_stand_still(self) -> None:
         still, moving = np.zeros(2), np.array([0.0, 1e-300])
         slope = np.array([1.0, 2.0])
-        assert qp12_residual_kernel(slope, 0.0, 0.5, still) == 0.0
-        assert qp12_residual_kernel(slope, 0.0, 0.5, moving) == 1.0
-        assert qp12_residual_kernel(still, 0.0, 0.5, still) == 0.0
-        assert qp12_residual_kernel(still, 0.1, 0.5, still) == 1.0
+        assert qp12_kkt_residual(slope, 0.0, 0.5, still) == 0.0
+        assert qp12_kkt_residual(slope, 0.0, 0.5, moving) == 1.0
+        assert qp12_kkt_residual(still, 0.0, 0.5, still) == 0.0
+        assert qp12_kkt_residual(still, 0.1, 0.5, still) == 1.0
 
     def test_is_infinite_where_nothing_can_be_judged(self) -> None:
         slope, u = np.array([1.0, 2.0]), np.array([0.0, -1.0])
@@ -196,5 +196,5 @@ class TestCertificate:
             (np.array([np.inf, 0.0]), 1.0, 0.5, u),
             (slope, 1.0, 0.5, np.zeros(3)),
         ):
-            residual = qp12_residual_kernel(gradient, decrease, gamma, answer)
+            residual = qp12_kkt_residual(gradient, decrease, gamma, answer)
             assert residual == np.inf or residual > 0.5
