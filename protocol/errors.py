@@ -125,8 +125,7 @@ class FrameNotFoundError(UsageError):
 
     def __init__(self, frame: str, robot: str, known: Iterable[str]) -> None:
         self.frame, self.known = frame, sorted(known)
-        hint = did_you_mean(frame, self.known)
-        listing = f"{hint} Frames: {', '.join(self.known)}".lstrip()
+        listing = one_of(frame, self.known, "Frames")
         super().__init__(f"robot {robot!r} has no frame {_short(frame)}. {listing}.")
 
 
@@ -205,6 +204,12 @@ def did_you_mean(name: str, known: Iterable[str], otherwise: str = "") -> str:
     """A remedy for a name that is not known: the most alike of those that are."""
     found = nearest(name, known)
     return f"Did you mean {found!r}?" if found else otherwise
+
+
+def one_of(name: str, known: Iterable[str], what: str) -> str:
+    """The same, with all that are known behind it, such as "Joints: shoulder, elbow"."""
+    known = list(known)
+    return f"{did_you_mean(name, known)} {what}: {', '.join(known) or 'none'}".lstrip()
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from hoap3.protocol.config.settings import (
     load_yaml,
 )
 from hoap3.protocol.description import CommandKind, Gravity, RobotDescription
-from hoap3.protocol.errors import ConfigError, UnknownNameError, did_you_mean
+from hoap3.protocol.errors import ConfigError, UnknownNameError, one_of
 
 CONFIGS = Path(__file__).parent / "configs"
 FAR_M = 1000.0
@@ -183,8 +183,7 @@ def check_contacts(config: EmulatorConfig, robot: RobotDescription, kind: str, f
     for number, contact in enumerate(contacts):
         key, frame = f"plant.contacts.{number}.frame", contact.frame
         if frame not in robot.frames:
-            hint = did_you_mean(frame, robot.frames)
-            listing = f"{hint} Its frames: {', '.join(sorted(robot.frames))}".lstrip()
+            listing = one_of(frame, sorted(robot.frames), "Its frames")
             raise ConfigError(file, key, frame, f"robot {robot.name!r} has no such frame", listing)
         if frame not in robot.structure.moving:
             moving = ", ".join(sorted(robot.structure.moving))

@@ -9,7 +9,7 @@ import numpy as np
 
 from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError, did_you_mean
+from hoap3.protocol.errors import ConfigError, one_of
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.model.kinematics import Kinematics
 
@@ -151,9 +151,8 @@ class Constraint:
         known = self.description.joint_names
         for name in names:
             if name not in known:
-                hint = did_you_mean(name, known)
                 problem = f"robot {self.description.name!r} has no such joint"
-                raise ConfigError("", key, name, problem, f"{hint}Joints: {', '.join(known)}")
+                raise ConfigError("", key, name, problem, one_of(name, known, "Joints"))
         return [known.index(name) for name in names]
 
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.errors import ConfigError, did_you_mean
+from hoap3.protocol.errors import ConfigError, one_of
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.scheduling.settings import Entry, Names, Order, PrioritySettings
 
@@ -26,7 +26,7 @@ def place(name: str, names: Sequence[str], key: str) -> int:
     """
     if name in names:
         return names.index(name)
-    remedy = f"{did_you_mean(name, names)}Tasks: {', '.join(names)}"
+    remedy = one_of(name, names, "Tasks")
     raise ConfigError("", key, name, "no task is called so", remedy)
 
 

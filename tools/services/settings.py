@@ -11,7 +11,7 @@ import numpy as np
 
 from hoap3.protocol.config.settings import Settings, apply_overrides, load_yaml, parse
 from hoap3.protocol.config.wrong_settings import likeness
-from hoap3.protocol.errors import ConfigError, UnknownNameError, UsageError, nearest
+from hoap3.protocol.errors import ConfigError, UnknownNameError, UsageError, one_of
 from hoap3.remote_controller import registry as controllers
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.config import available_configs as controller_configs
@@ -113,9 +113,7 @@ def _check_robot(name: str, file: str) -> None:
     """Refuse a controller's `robot` that nothing here is called."""
     known = {*robots(), *emulator_configs()}
     if name not in known:
-        close = nearest(name, known)
-        guess = f"Did you mean {close!r}? " if close else ""
-        remedy = f"{guess}Known: {', '.join(sorted(known))}. Or name its folder with --robot"
+        remedy = f"{one_of(name, sorted(known), 'Known')}. Or name its folder with --robot"
         raise ConfigError(file, "robot", name, "no such robot is known here", remedy)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError, did_you_mean
+from hoap3.protocol.errors import ConfigError, one_of
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.collision.collision_geometry import (
     AnyObstacle,
@@ -235,7 +235,7 @@ def _shapes(pairs: Iterable[tuple[tuple[Body, ...], tuple[Body, ...]]]) -> list[
 
 def _named(bodies: dict[str, tuple[Body, ...]], name: str, key: str) -> tuple[Body, ...]:
     if name not in bodies:
-        remedy = f"{did_you_mean(name, bodies)}Bodies: {', '.join(bodies) or 'none'}"
+        remedy = one_of(name, bodies, "Bodies")
         raise ConfigError("", key, name, "no link with a <collision> shape is called so", remedy)
     return bodies[name]
 

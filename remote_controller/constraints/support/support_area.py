@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError, did_you_mean
+from hoap3.protocol.errors import ConfigError, one_of
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.constraints.support.polygon import half_planes, hull, inset
 from hoap3.remote_controller.model.kinematics import Kinematics
@@ -50,7 +50,7 @@ class SupportArea:
         names = soles or (base if base in outlines else next(iter(outlines)),)
         for name in names:
             if name not in outlines:
-                known = f"{did_you_mean(name, outlines)}Soles: {', '.join(outlines)}"
+                known = one_of(name, outlines, "Soles")
                 raise ConfigError("", "soles", name, "is no sole of the robot", known)
         self._outlines = [outlines[name] for name in names]
         self._frames = [kinematics.frame_id(name) for name in names]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError, did_you_mean
+from hoap3.protocol.errors import ConfigError, one_of
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.controllers.acceleration_tasks.force import ForceTask
 from hoap3.remote_controller.controllers.acceleration_tasks.frame_goals import pose_of, reference_of
@@ -241,8 +241,7 @@ class AccelerationTasks:
             if isinstance(each, PostureTaskSettings):
                 continue
             if each.frame not in self._robot.frames:
-                guess = did_you_mean(each.frame, self._robot.frames)
-                remedy = f"{guess}Its frames: {', '.join(self._robot.frames)}"
+                remedy = one_of(each.frame, self._robot.frames, "Its frames")
                 where = f"tasks.{i}.frame"
                 problem = f"robot {self._robot.name!r} has no such frame"
                 raise ConfigError("", where, each.frame, problem, remedy)

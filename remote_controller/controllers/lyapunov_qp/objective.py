@@ -13,7 +13,7 @@ from hoap3.protocol.errors import (
     ConfigError,
     InfeasibleError,
     UnknownNameError,
-    did_you_mean,
+    one_of,
 )
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.controllers.lyapunov_qp.settings import (
@@ -140,7 +140,7 @@ def _weights(
     for name, weight in given.items():
         if name not in names:
             problem = f"robot {description.name!r} has no such joint"
-            remedy = f"{did_you_mean(name, names)}Joints: {', '.join(names)}"
+            remedy = one_of(name, names, "Joints")
             raise ConfigError("", f"objective.weights.{name}", weight, problem, remedy)
         weights[names.index(name)] = weight
     return weights

@@ -15,6 +15,8 @@ from hoap3.tools.bench.gains import BARE, COLD, OURS, QUICK_S, TICK, bench_gains
 from hoap3.tools.bench.problems.gains_problems import Moment, stretches, walk
 from hoap3.tools.cli.app import app
 
+pytestmark = pytest.mark.slow
+
 KEYS = {"solver", "robot", "n", "joints", "samples", "min_us", "mean_us", "p50_us", "p99_us"} | {
     *("max_us", "times_sdp", "times_sdp_min", "paths", "newton_mean", "worst_gap"),
     *("worst_beta", "failures", "problems"),

@@ -14,6 +14,8 @@ from hoap3.remote_controller.solvers.lyapunov_qp.stable_qp import QP
 from hoap3.tools.bench import general
 from hoap3.tools.cli.app import app
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(autouse=True)
 def few(monkeypatch: pytest.MonkeyPatch) -> None:

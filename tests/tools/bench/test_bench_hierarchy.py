@@ -23,6 +23,8 @@ from hoap3.tools.bench.problems.hierarchy_problems import (
 )
 from hoap3.tools.cli.app import app
 
+pytestmark = pytest.mark.slow
+
 KEYS = {"solver", "robot", "n", "tasks", "case", "samples", "min_us", "mean_us", "p50_us"} | {
     *("p99_us", "max_us", "times_ghc", "times_ghc_min", "worst_error", "worst_residual"),
     *("active_mean", "active_max", "paper"),

@@ -16,6 +16,8 @@ from hoap3.tools.bench.plot import plot_scaling
 from hoap3.tools.bench.scaling import FIT_FROM, SIZES, bench_scaling, slope, slopes
 from hoap3.tools.cli.app import app
 
+pytestmark = pytest.mark.slow
+
 MACHINE = {"processor": "Abacus", "kernel": "0.1"}
 
 

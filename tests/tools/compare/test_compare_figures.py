@@ -15,6 +15,8 @@ from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.tools.compare.figures import WORDS, figures, findings, value
 from hoap3.tools.compare.series import Series
 
+pytestmark = pytest.mark.slow
+
 SPEEDS = st.sampled_from([0.0, 1e-3, -1e-3, 0.999e-3, 0.5, -2.0, 0.25])
 PLACES = st.integers(-1000, 1000).map(lambda place: place / 999)
 VALUES = st.sampled_from([0.0, 2.0, 1.0, 2e-4, 1e-4, 1e-9])

@@ -19,6 +19,8 @@ from hoap3.tools.logs.log import Log
 from hoap3.tools.services.run import run_lockstep
 from hoap3.tools.services.services import controller_config, emulator_config
 
+pytestmark = pytest.mark.slow
+
 app = typer.Typer(pretty_exceptions_enable=False)
 app.command()(command)
 

@@ -15,6 +15,8 @@ from hoap3.tools.compare.comparison import compare
 from hoap3.tools.compare.figures import WORDS, value
 from hoap3.tools.simulate import simulate
 
+pytestmark = pytest.mark.slow
+
 GAMMAS = [f"qp12_paper@gamma={gamma}" for gamma in ("0", "0.5", "0.99")]
 FIVE = [*GAMMAS, "pinv=pinv@ramp_s=0", "osqp=osqp@ramp_s=0,adaptive_gamma=false"]
 ALIKE = 0.003  # of V at the start; 0.0024 was measured over 20 s

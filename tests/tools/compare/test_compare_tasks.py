@@ -12,6 +12,8 @@ from hoap3.tools.cli.compare import compare as command
 from hoap3.tools.compare.comparison import compare
 from hoap3.tools.compare.page import page
 
+pytestmark = pytest.mark.slow
+
 app = typer.Typer(pretty_exceptions_enable=False)
 app.command()(command)
 LINE = (

@@ -16,6 +16,8 @@ from hoap3.tools.report.certificates import Certificates
 from hoap3.tools.report.content import read_content
 from hoap3.tools.report.page import page
 
+pytestmark = pytest.mark.slow
+
 CERTIFIED, AT_TARGET, UNCERTIFIED, INFEASIBLE = range(4)
 NONE = Setpoint.schema.constants["STATUS_NONE"]
 SHADE = "no certificate"

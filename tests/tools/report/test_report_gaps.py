@@ -25,6 +25,8 @@ from hoap3.tools.report.facts import tiles
 from hoap3.tools.report.page import page
 from hoap3.tools.report.write import write_report
 
+pytestmark = pytest.mark.slow
+
 GOOD = {"tasks": [], "certifiable": 10, "certified": 10, "margin": None, "balance": None}
 STATUS_NONE = Setpoint.schema.constants["STATUS_NONE"]
 

@@ -28,6 +28,8 @@ from hoap3.tools.report.write import write_report
 from hoap3.tools.show.certificate_count import STATUS
 from hoap3.tools.show.event_words import in_words
 
+pytestmark = pytest.mark.slow
+
 EVIL = "</pre></style></title><script>alert(1)</script><img src=x onerror='a()'>\"' onload=\"b()"
 
 

@@ -16,6 +16,8 @@ from hoap3.tools.cli.reproduce import reproduce
 from hoap3.tools.reproduce.papers.bounds import elbow, elbow_figure, one_joint, one_joint_figure
 from hoap3.tools.reproduce.papers.bounds.joint import FIG_4
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def runs():

@@ -13,6 +13,8 @@ from made_up import failed
 from hoap3.protocol.errors import BadProblemError
 from hoap3.tools.reproduce.papers.bounds import joint, orderings, regions, viable_set
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def shares():

@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 
 from hoap3.tools.reproduce.papers.qp12 import fig1
 
+pytestmark = pytest.mark.slow
+
 STEEP = st.floats(-3.0, 3.0).filter(lambda x: abs(x) > 0.1)
 
 

@@ -9,6 +9,8 @@ import pytest
 
 from hoap3.tools.reproduce.figures import COLOURS, Axis, Curve, Figure, Panel, draw, save
 
+pytestmark = pytest.mark.slow
+
 TIME = np.linspace(0.0, 1.0, 7) / 3.0  # no round numbers
 PANEL = Panel(
     "speed",

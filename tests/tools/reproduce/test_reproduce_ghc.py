@@ -27,6 +27,8 @@ from hoap3.tools.reproduce.papers.ghc.reference import ELBOW, HAND, POSTURE, SAG
 from hoap3.tools.reproduce.papers.ghc.runs import Run
 from hoap3.tools.reproduce.papers.ghc.runs import switching as switch
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def fast():

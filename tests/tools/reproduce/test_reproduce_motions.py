@@ -18,6 +18,8 @@ from hoap3.tools.reproduce.papers.qp12.circulation import Circulation, Ellipse
 from hoap3.tools.reproduce.papers.qp12.obstacle import ROUND, THROUGH, Obstacle, Passage
 from hoap3.tools.reproduce.papers.qp12.support import CONDITION, Support
 
+pytestmark = pytest.mark.slow
+
 T = 1e-3
 ELLIPSE = Ellipse((0.0, 0.02, 0.285), (0.015, 0.01), 0.1)
 """As the shipped one, and ten times as fast: once round in 0.8 s."""

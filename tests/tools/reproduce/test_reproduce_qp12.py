@@ -17,6 +17,8 @@ from hoap3.tools.reproduce.figures import save
 from hoap3.tools.reproduce.papers.qp12 import checks, drawings, experiments, reference, table
 from hoap3.tools.reproduce.papers.qp12.reference import EVEN, PINV, SPARSE_CONSTANT, TRIALS, Law
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def trials():

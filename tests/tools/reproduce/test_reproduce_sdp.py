@@ -29,6 +29,8 @@ from hoap3.tools.reproduce.papers.sdp import (
 )
 from hoap3.tools.reproduce.papers.sdp.configured import ConfiguredTasks
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def ur5():
