@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from pages import blocks, table
+from pages import table
 
-from hoap3.protocol.errors import AuthorityError
 from hoap3.protocol.messages import Event
 from hoap3.robot_emulator.setpoint_validator import REJECTION_KINDS
 
 PAGE = "troubleshooting.md"
-QUOTED = [
-    line for block in blocks(PAGE) if block.language == "text" for line in block.text.split("\n")
-]
 
 
 def test_every_kind_of_rejection_is_explained_under_its_number():
@@ -25,7 +21,3 @@ def test_every_reason_of_a_stop_is_explained():
     listed = {word.strip(" `") for row in rows for word in next(iter(row.values())).split(",")}
     reasons = {name for name in Event.schema.constants if name.startswith("REASON_")}
     assert listed == {name.removeprefix("REASON_").lower().replace("_", " ") for name in reasons}
-
-
-def test_the_holder_of_authority_is_quoted_as_the_error_says_it():
-    assert f"error: {AuthorityError('hoap3', 'qp12-laptop-4711')}" in QUOTED

@@ -31,6 +31,7 @@ def feed(size: int, cpu_s: int) -> list[tuple[float, str, str]]:
     return sorted(((float(s), f"{who}: {text}", what) for who, text, s, what in rows), reverse=True)
 
 
+@pytest.mark.slow
 def test_every_parser_is_done_with_every_text() -> None:
     """About 3 s of CPU; a parser that is quadratic in the length would need minutes."""
     found = feed(1 << 15, 40)

@@ -174,6 +174,7 @@ def test_a_robot_without_a_default_task(tmp_path: Path) -> None:
     apart.assert_no_orphan()
 
 
+@pytest.mark.slow
 def test_a_config_of_another_robot_says_so(tmp_path: Path) -> None:
     command = ("--robot", "hoap3", "--controller", "clik_sdp_ur5", "--duration", "1")
     words = (

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from support.command_bench import Done, assert_ran, hoap3, inside
 
+pytestmark = pytest.mark.slow
+
 LOGS = {"robot.mcap", "controller.mcap"}
 WRONG = ("--set", "controller.parameters.frame=r_soul")
 SLOW = "[{constraint: joint_position, parameters: {eta_per_s: 5000}}]"

@@ -23,6 +23,8 @@ from support.command_bench import (
 
 from hoap3.tools.logs.log import Log
 
+pytestmark = pytest.mark.slow
+
 LATEST_S = {"run": 3.0, "emulator": 1.2, "controller": 2.5}
 
 

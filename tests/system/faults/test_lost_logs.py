@@ -26,6 +26,8 @@ from support.command_bench import (
 
 from hoap3.tools.logs.log import Log
 
+pytestmark = pytest.mark.slow
+
 LIMITED = on_path(HOUSE / "tests" / "support" / "other_machine")
 LOST = "the {}'s log is not whole: {}; `hoap3 record --repair` mends what there is"
 PATIENT_RUN = ("--set", "emulator.misses_to_stop=100000")

@@ -142,6 +142,7 @@ def test_a_real_time_run_is_repeated_bit_by_bit(run: Command, folder: Path) -> N
     assert again.json()["setpoints"] == again.json()["same"] == answered > 0
 
 
+@pytest.mark.slow
 def test_people_get_a_summary_whatever_lies_in_their_folder(tmp_path: Path) -> None:
     """Neither packages of our names in it matter, nor folders called like what is to be run."""
     for room in ("protocol", "tools"):

@@ -116,6 +116,7 @@ def test_a_second_robot_of_the_name_is_refused(robot: Command, at: str) -> None:
     assert tell("status", at)["mode"] == "idle"
 
 
+@pytest.mark.slow
 def test_a_frozen_controller_is_stopped_after_so_many_misses(tmp_path: Path) -> None:
     """First the misses count; a lease later its authority is gone; then it asks anew."""
     at, out = endpoint(), tmp_path / "robot"
@@ -204,6 +205,7 @@ def assert_nothing_jumps(log: Log) -> None:
     assert not rate[(mode == State.STOPPED) | (mode == State.IDLE)].any()
 
 
+@pytest.mark.slow
 def test_the_controller_waits_for_its_robot_and_for_its_return() -> None:
     at = endpoint()
     with controller("qp12", *QUIET, at=at) as law:

@@ -11,6 +11,8 @@ import pytest
 from socket_census import addresses, assert_loopback_only, census
 from support.command_bench import QUIET, Command, controller, emulator, endpoint
 
+pytestmark = pytest.mark.slow
+
 
 def test_the_census_sees_what_listens_everywhere() -> None:
     with socket.socket() as tcp, socket.socket(type=socket.SOCK_DGRAM) as udp:

@@ -20,6 +20,8 @@ from support.command_bench import (
 
 from hoap3.tools.timing.ticks import STAGES, TickTable
 
+pytestmark = pytest.mark.slow
+
 HERE = Path(__file__).parent
 MS = 1_000_000
 

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from support.command_bench import Done, assert_ran, inside
 
+pytestmark = pytest.mark.slow
+
 FAST = ("u_max_rad_s=4.0", "psi_scale=one", "ramp_s=0")  # HOAP-3 gains 1.2 rad/s in a tick
 HASTY = [word for setting in FAST for word in ("--set", f"controller.parameters.{setting}")]
 
