@@ -44,12 +44,13 @@ def _read_only(values: Iterable[float]) -> Vector:
 
 
 class _PerJoint(cached_property[Vector]):
-    """The field of the same name of every joint, in wire order."""
+    """The field of the same name of every joint, in wire order; `meaning` is what `help` says."""
 
-    def __init__(self) -> None:
+    def __init__(self, meaning: str) -> None:
         super().__init__(
             lambda robot: _read_only(map(attrgetter(str(self.attrname)), robot.joints))
         )
+        self.__doc__ = meaning
 
 
 class RobotDescription(Part):
@@ -151,32 +152,19 @@ class RobotDescription(Part):
         """Joint positions of the initial posture, (n,) [rad]."""
         return _read_only(self.postures[self.initial_posture])
 
-    lower: ClassVar = _PerJoint()
-    """Least usable positions, (n,) [rad]."""
-
-    upper: ClassVar = _PerJoint()
-    """Greatest usable positions, (n,) [rad]."""
-
-    lower_hard: ClassVar = _PerJoint()
-    """Lower mechanical stops, (n,) [rad]."""
-
-    upper_hard: ClassVar = _PerJoint()
-    """Upper mechanical stops, (n,) [rad]."""
-
-    velocity: ClassVar = _PerJoint()
-    """Greatest speeds, (n,) [rad/s]."""
-
-    setpoint_acceleration_max: ClassVar = _PerJoint()
-    """Greatest accelerations of the commanded motion, (n,) [rad/s²]."""
-
-    brake_acceleration: ClassVar = _PerJoint()
-    """Decelerations to count on in a stop, (n,) [rad/s²]."""
-
-    effort: ClassVar = _PerJoint()
-    """Peak torques, (n,) [N m]."""
-
-    armature: ClassVar = _PerJoint()
-    """Inertias of the rotors as the joints feel them, (n,) [kg m²; prismatic kg]."""
+    lower: ClassVar = _PerJoint("Least usable positions, (n,) [rad].")
+    upper: ClassVar = _PerJoint("Greatest usable positions, (n,) [rad].")
+    lower_hard: ClassVar = _PerJoint("Lower mechanical stops, (n,) [rad].")
+    upper_hard: ClassVar = _PerJoint("Upper mechanical stops, (n,) [rad].")
+    velocity: ClassVar = _PerJoint("Greatest speeds, (n,) [rad/s].")
+    setpoint_acceleration_max: ClassVar = _PerJoint(
+        "Greatest accelerations of the commanded motion, (n,) [rad/s²]."
+    )
+    brake_acceleration: ClassVar = _PerJoint("Decelerations to count on in a stop, (n,) [rad/s²].")
+    effort: ClassVar = _PerJoint("Peak torques, (n,) [N m].")
+    armature: ClassVar = _PerJoint(
+        "Inertias of the rotors as the joints feel them, (n,) [kg m²; prismatic kg]."
+    )
 
     @cached_property
     def counts_per_rad(self) -> Vector | None:

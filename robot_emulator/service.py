@@ -6,6 +6,7 @@ import json
 import secrets
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
+from typing import TYPE_CHECKING
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
@@ -19,6 +20,10 @@ from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.robot_emulator.config import EmulatorConfig, check_contacts
 from hoap3.robot_emulator.loop import GRACE_TICKS, RobotLoop
 from hoap3.robot_emulator.robots import load
+
+if TYPE_CHECKING:
+    from hoap3.protocol.link.zenoh_link import ZenohRobotLink
+    from hoap3.protocol.link.zenoh_lockstep import ZenohLockstepLink
 
 KERNELS = (
     "hoap3.robot_emulator.plants.motion_kernels",
@@ -122,8 +127,7 @@ def serve(
     with closing(ZenohRobotLink(description.name, config.link)) as link:
         loop = build_loop(config, description, clock, link, recorder, lockstep=False)
         loop.realtime = [str(measure) for measure in measures]
-        with _local_control(config, description, report, "") as local:
-            link.serve_also(local)
+        with _local_control(link, config, description, report):
             loop.run(schedule_start(clock, loop.period), should_stop, ticks)
     return loop
 
@@ -150,22 +154,26 @@ def serve_lockstep(
     )
     with closing(link):
         loop = build_loop(config, description, clock, link, recorder, lockstep=True)
-        with _local_control(config, description, report, ", lockstep") as local:
-            link.serve_also(local)
+        with _local_control(link, config, description, report, ", lockstep"):
             loop.run(0, should_stop, ticks)
     return loop
 
 
 @contextmanager
 def _local_control(
-    config: EmulatorConfig, description: RobotDescription, report: Callable[[str], None], how: str
-) -> Iterator[LocalControl]:
-    """What `hoap3 stop` reaches on this machine even where the network does not answer."""
+    link: ZenohRobotLink | ZenohLockstepLink,
+    config: EmulatorConfig,
+    description: RobotDescription,
+    report: Callable[[str], None],
+    how: str = "",
+) -> Iterator[None]:
+    """Serve what `hoap3 stop` reaches on this machine even where the network does not answer."""
     with closing(
         LocalControl(description.name, config.link.listen or config.link.connect)
     ) as local:
         if local.path is None:
             report("local control: none, for want of a private directory; see HOAP3_RUNTIME_DIR")
+        link.serve_also(local)
         endpoints = ", ".join(config.link.listen)
         report(Routine(f"robot {description.name!r} is alive at {endpoints}{how}"))
-        yield local
+        yield

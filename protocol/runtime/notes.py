@@ -17,7 +17,6 @@ class Note(str):
         news: the kind, as it is named between processes.
     """
 
-    __slots__ = ()
     news = "said"
 
 

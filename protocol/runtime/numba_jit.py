@@ -2,8 +2,7 @@
 
 A kernel is a function of numbers and contiguous arrays in a module named ``*_kernels.py``. It is
 compiled for one signature, that of its annotations, when its module is imported, or loaded from
-the cache if it was compiled before; a wrong type is refused by every call and never compiled on the
-fly.
+the cache if it was compiled before; every call refuses a wrong type.
 
 numba notices a change of a kernel's own file, not of the helpers that it calls. The cache
 directory is therefore named by a hash of everything that flows into machine code: all kernel

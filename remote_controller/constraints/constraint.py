@@ -73,7 +73,7 @@ class Constraint:
         self.prepare(parameters, kinematics)
 
     def prepare(self, parameters: Any, kinematics: Kinematics) -> None:
-        """Size the buffers; where a subclass does it that has no `__init__` of its own.
+        """Size the buffers: what a subclass may have instead of an `__init__`.
 
         Args:
             parameters, kinematics: as `__init__` got them; everything else is set already.

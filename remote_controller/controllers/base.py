@@ -132,7 +132,7 @@ class Controller(ABC):
         """Answer with nothing to follow, as where a State is not finite.
 
         Args:
-            present: why, of the `conditions`.
+            present: bits of the `conditions` that say why; 0 for none.
         """
         command, self.present = self.command, present
         command.values[:] = np.nan

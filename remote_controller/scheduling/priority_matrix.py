@@ -37,10 +37,11 @@ def places(given: Names, names: Sequence[str], key: str) -> tuple[int, ...]:
         ConfigError: an unknown one, or one that is named twice.
     """
     listed = (given,) if isinstance(given, str) else given
-    for number, name in enumerate(listed):
-        if name in listed[:number]:
-            raise ConfigError("", key, name, "this task is named twice", "Name it once")
-    return tuple(place(name, names, key) for name in listed)
+    found = dict.fromkeys(place(name, names, key) for name in listed)
+    if len(found) < len(listed):
+        twice = next(name for name in names if listed.count(name) > 1)
+        raise ConfigError("", key, twice, "this task is named twice", "Name it once")
+    return tuple(found)
 
 
 def order_entries(order: Order, names: Sequence[str]) -> Entries:

@@ -45,7 +45,8 @@ class PositionFilter:
         self.reference = self.value
         self.interventions = self.torque_limited = 0
         self.held_back = self.overloaded = -1
-        self._newest, self._earlier, self._stop_change = np.zeros((3, n))  # setpoints, and a way
+        self._newest, self._earlier = np.zeros((2, n))  # setpoints
+        self._stop_change = np.zeros(n)
         self._newest_tick = -1
         self._ticks_between = 0
         self._stop_ticks = self._stopped_for = 0
