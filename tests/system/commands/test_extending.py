@@ -84,7 +84,7 @@ def test_an_installed_controller_is_found_by_its_name(tmp_path: Path) -> None:
 def test_a_controller_beside_its_config_is_found_by_its_path(tmp_path: Path) -> None:
     (tmp_path / "beside_its_config.py").write_text(CONTROLLER)
     law = tmp_path / "law.yaml"
-    law.write_text("controller: beside_its_config:Sway\nparameters: {speed_rad_s: 0.2}\n")
+    law.write_text("controller: beside_its_config:Sway\nparameters: {speed_rad_s: 0.12}\n")
     run = hoap3(*LOCKSTEP, "--controller", law, "--out", tmp_path / "log", cwd=Path("/"))
     assert run.end() == 0, run.stderr
     assert moved(tmp_path / "log") > 0.02
