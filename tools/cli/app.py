@@ -20,7 +20,7 @@ from hoap3.tools.cli.compare import compare
 from hoap3.tools.cli.latency import latency
 from hoap3.tools.cli.limits import limits
 from hoap3.tools.cli.measure import bench_app, doctor
-from hoap3.tools.cli.options import AsJson, Connect, finite
+from hoap3.tools.cli.options import ENDPOINT, AsJson, Connect, finite
 from hoap3.tools.cli.report import report
 from hoap3.tools.cli.reproduce import reproduce
 from hoap3.tools.machine.processes import StopFlag, die_with_parent, to_people
@@ -44,7 +44,7 @@ Sets = Annotated[
 ]
 Duration = Annotated[
     float | None,
-    typer.Option(min=0.001, callback=finite, help="How long [s]; default: until it is stopped."),
+    typer.Option(min=0.001, callback=finite, help="Of motion or record [s]; default: no end."),
 ]
 NoRealtime = Annotated[
     bool, typer.Option("--no-realtime", help="Neither pin nor ask for priority or locked memory.")
@@ -180,7 +180,10 @@ def controller(
 @app.command("list")
 def list_all(
     live: Annotated[bool, typer.Option("--live", help="Also the robots that are alive.")] = False,
-    connect: Connect = None,
+    connect: Annotated[
+        str | None,
+        typer.Option(help=f"Endpoint to look at with --live, beside this machine; {ENDPOINT}."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """List robots, controllers, tasks, curves, constraints and configs that can be named."""

@@ -23,6 +23,6 @@ Connect = Annotated[
     str | None,
     typer.Option(
         "--connect",
-        help=f"Endpoint of a robot or a router. Default: this machine, and {ENDPOINT}.",
+        help=f"Endpoint of a robot or a router. Default: this machine, else {ENDPOINT}.",
     ),
 ]
