@@ -62,6 +62,7 @@ def obey(reference: PositionFilter, command: np.ndarray | str, tick: int) -> int
 
 
 @given(commands)
+@example([np.zeros(3), np.array([0.0, -1.0, 0.0]), START - offset(0, 2.0**-7, 0), START])
 def test_no_setpoint_leads_beyond_the_limits(asked):
     reference = at_start()
     for tick, command in enumerate(asked):
@@ -70,11 +71,11 @@ def test_no_setpoint_leads_beyond_the_limits(asked):
         value = reference.value
         assert (value >= LOWER).all()
         assert (value <= UPPER).all()
-        # before ± step is rounded to the nearest double, which adds half a unit in its last place
+        # A setpoint at full speed is taken over bit by bit: both of its ends are rounded.
         for joint in range(3):
             moved = abs(Fraction(value[joint]) - Fraction(before[joint]))
-            rounding = Fraction(np.spacing(max(abs(value[joint]), STEP[joint]))) / 2
-            assert moved <= Fraction(STEP[joint]) + rounding
+            largest = Fraction(max(abs(value[joint]), abs(before[joint])))
+            assert moved <= Fraction(STEP[joint]) + Fraction(ULP) * (largest + 3 * moved)
 
 
 @given(commands)
