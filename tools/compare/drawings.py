@@ -38,7 +38,7 @@ def drawings(made: Comparison) -> list[Drawing]:
     if any(each.active is not None and len(each) for each in made.series):
         found += [_active(made), _switching(made)]
     if any(len(each) for each in made.series):
-        found += [_effort(made), _certificates(made)]
+        found += [_control_effort(made), _certificates(made)]
     return found
 
 
@@ -82,11 +82,17 @@ def _switching(made: Comparison) -> Drawing:
     return Drawing("switching", title, svg, _keys(made), f"per second: {rates}")
 
 
-def _effort(made: Comparison) -> Drawing:
-    sums = [np.cumsum(each.effort) * each.period_s for each in made.series]
-    svg = _rising(made, "effort", sums, f"∫ |u|₁ dt [{unit('u·s', made)}]")
-    ends = _each(made, [found["effort"]["l1"] for found in made.figures])
-    return Drawing("effort", "Effort, from the start on", svg, _keys(made), f"at the end: {ends}")
+def _control_effort(made: Comparison) -> Drawing:
+    sums = [np.cumsum(each.control_effort) * each.period_s for each in made.series]
+    svg = _rising(made, "control_effort", sums, f"∫ |u|₁ dt [{unit('u·s', made)}]")
+    ends = _each(made, [found["control_effort"]["l1"] for found in made.figures])
+    return Drawing(
+        "control_effort",
+        "Control effort, from the start on",
+        svg,
+        _keys(made),
+        f"at the end: {ends}",
+    )
 
 
 def _certificates(made: Comparison) -> Drawing:

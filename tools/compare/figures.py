@@ -61,9 +61,9 @@ WORDS = (
         "",
         "Greatest |V − V₁| of any answer, V₁ of the first controller, divided by V₁ at the start.",
     ),
-    Word("effort.l1", "∫ |u|₁", "u·s", "T·Σₖ Σᵢ |uᵢ|: how far all joints go together."),
-    Word("effort.l2", "∫ |u|²", "u²·s", "T·Σₖ Σᵢ uᵢ²."),
-    Word("effort.max", "max |u|", "u", "Greatest |uᵢ| of any joint at any answer."),
+    Word("control_effort.l1", "∫ |u|₁", "u·s", "T·Σₖ Σᵢ |uᵢ|: how far all joints go together."),
+    Word("control_effort.l2", "∫ |u|²", "u²·s", "T·Σₖ Σᵢ uᵢ²."),
+    Word("control_effort.max", "max |u|", "u", "Greatest |uᵢ| of any joint at any answer."),
     Word("path.com_m", "path of the CoM", "m", "Its length, seen from the robot's base frame."),
     Word("path.joints_rad", "path of the joints", "rad", "Length of the path in joint space."),
     Word("active_joints.mean", "active joints, mean", "", "Joints with |uᵢ| ≥ 0.001 rad/s."),
@@ -113,7 +113,7 @@ def figures(
         "success_rate": success_rate,
         "error": _error(series) if closed_loop else _none("start", "end", "settled_s", "integral"),
         "v_difference": _v_difference(series, first) if closed_loop and same_task else None,
-        "effort": _effort(series),
+        "control_effort": _control_effort(series),
         "unit": series.unit,
         "path": _path(series) if closed_loop else _none("com_m", "joints_rad"),
         "active_joints": _active(series),
@@ -204,12 +204,12 @@ def _v_difference(series: Series, first: Series) -> float | None:
     return _greatest(np.abs(ours - theirs) / theirs[0])
 
 
-def _effort(series: Series) -> Figures:
+def _control_effort(series: Series) -> Figures:
     if not len(series):
         return _none("l1", "l2", "max")
     sizes = np.abs(series.inputs)
     return {
-        "l1": float(series.period_s * series.effort.sum()),
+        "l1": float(series.period_s * series.control_effort.sum()),
         "l2": float(series.period_s * (sizes**2).sum()),
         "max": float(sizes.max()),
     }

@@ -70,7 +70,7 @@ class Series:
         return np.asarray(np.sqrt(2.0 * self.lyapunov))
 
     @cached_property
-    def effort(self) -> FloatArray:
+    def control_effort(self) -> FloatArray:
         """(k,) |u|₁."""
         return np.asarray(np.abs(self.inputs).sum(axis=1))
 

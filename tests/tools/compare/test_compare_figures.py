@@ -56,11 +56,11 @@ def near(found, expected):
 
 @settings(max_examples=60)
 @given(made_up())
-def test_effort_activity_and_switching(series):
+def test_control_effort_activity_and_switching(series):
     found = figures(series, series, closed_loop=True)
     k, n = series.inputs.shape
     if not k:
-        assert found["effort"] == {"l1": None, "l2": None, "max": None}
+        assert found["control_effort"] == {"l1": None, "l2": None, "max": None}
         assert found["active_joints"] == {"mean": None, "max": None}
         assert found["switching_per_s"] is None
         return
@@ -78,9 +78,9 @@ def test_effort_activity_and_switching(series):
                 before = abs(series.inputs[tick - 1, joint]) >= 0.001
                 changes += (size >= 0.001) != before
         counts.append(count)
-    assert near(found["effort"]["l1"], l1)
-    assert near(found["effort"]["l2"], l2)
-    assert found["effort"]["max"] == greatest
+    assert near(found["control_effort"]["l1"], l1)
+    assert near(found["control_effort"]["l2"], l2)
+    assert found["control_effort"]["max"] == greatest
     assert near(found["active_joints"]["mean"], sum(counts) / k)
     assert found["active_joints"]["max"] == max(counts)
     assert near(found["switching_per_s"], changes / (k * series.period_s))
@@ -194,7 +194,7 @@ def test_what_is_no_speed_has_no_active_joints():
     assert findings("it", found) == []
     assert found["active_joints"] == {"mean": None, "max": None}
     assert found["switching_per_s"] is None
-    assert found["effort"]["max"] == 1.0
+    assert found["control_effort"]["max"] == 1.0
 
 
 def test_a_value_that_is_no_v_is_no_error():

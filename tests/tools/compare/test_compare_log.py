@@ -59,7 +59,7 @@ def test_what_only_a_closed_loop_has_is_null(made):
         assert set(each["error"].values()) == set(each["path"].values()) == {None}
         assert each["v_difference"] is None
         assert each["success_rate"] is None
-        assert each["effort"]["l1"] > 0.0
+        assert each["control_effort"]["l1"] > 0.0
     facts = made.as_json()
     assert (facts["mode"], facts["seed"]) == ("open loop", None)
     assert facts["duration_s"] == pytest.approx(0.3)

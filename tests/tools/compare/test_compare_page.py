@@ -14,7 +14,7 @@ from hoap3.tools.compare.drawings import ROLES, drawings
 from hoap3.tools.compare.page import SECTIONS, page
 from hoap3.tools.html.document import POLICY
 
-PLOTS = ["error", "v", "active", "switching", "effort", "certificates"]
+PLOTS = ["error", "v", "active", "switching", "control_effort", "certificates"]
 EVIL = "</pre><script>alert(1)</script><img src=x onerror='a()'>\" onload=\"b()"
 
 
@@ -122,7 +122,7 @@ def test_controllers_without_certificates_have_no_plot_of_v(made):
         dataclasses.replace(each, status=each.status * 0 + STATUS["none"]) for each in made.series
     ]
     names = [each.name for each in drawings(dataclasses.replace(made, series=silent))]
-    assert names == ["active", "switching", "effort", "certificates"]
+    assert names == ["active", "switching", "control_effort", "certificates"]
 
 
 def test_without_answers_there_is_nothing_to_draw(made):
