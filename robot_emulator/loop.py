@@ -259,11 +259,11 @@ class RobotLoop:
         """Count the outcome of the last tick that asked, and stop after too many misses."""
         if self._asked_tick < 0:
             return
-        in_time = self.validator.judge(self._asked_tick)
+        in_time = self.validator.count(self._asked_tick)
         self._asked_tick = -1
         if self.mode != State.ACTIVE:
             return  # it was told to stop in this very tick
-        if not in_time and self.validator.deadlines.run >= self._config.misses_to_stop:
+        if not in_time and self.validator.deadlines.misses_in_a_row >= self._config.misses_to_stop:
             self.stop("REASON_MISSES")
 
     def _obey_grant(self) -> None:

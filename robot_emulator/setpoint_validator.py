@@ -109,7 +109,7 @@ class SetpointValidator:
         place = tick % HISTORY
         return 0 <= self._arrival[place] <= self._deadline[place]
 
-    def judge(self, tick: int) -> bool:
+    def count(self, tick: int) -> bool:
         """Count the outcome of `tick`, whose deadline has passed; True where it was in time."""
         if self.in_time(tick):
             self.deadlines.hit()

@@ -32,10 +32,10 @@ def entry(constraint: str, **parameters: Any) -> dict[str, Any]:
     return {"constraint": constraint, "parameters": parameters}
 
 
-def joint_speed() -> Figure:
+def joint_velocity() -> Figure:
     """No joint faster than its limit."""
     figure, axes = panels(2)
-    slow = entry("joint_speed", limit_rad_s=0.1)
+    slow = entry("joint_velocity", limit_rad_s=0.1)
     kinds = {"without": WITHIN[1:], "limit_rad_s: 0.1": (slow, WITHIN[1])}
     for one, (title, kept) in zip(axes, kinds.items(), strict=True):
         found = run(1.0, constraints=kept, **ALL)
@@ -128,7 +128,7 @@ def distance() -> Figure:
     """Round the ball."""
     figure, (path, gap) = panels(2)
     kept = entry("distance", clearance_m=0.005, obstacles=[BALL])
-    fast = entry("joint_speed", limit_rad_s=1.0)
+    fast = entry("joint_velocity", limit_rad_s=1.0)
     runs = {
         "without": run(3.0, BEHIND, [fast, WITHIN[1]], **ALL),
         "distance": run(3.0, BEHIND, [fast, WITHIN[1], kept], **ALL),
@@ -167,13 +167,13 @@ def nearest(found: Run) -> Array:
     return np.array(gaps)
 
 
-def frame_still() -> Figure:
+def fixed_frame() -> Figure:
     """The other foot stays on the ground."""
     figure, (moved, first) = panels(2)
     kinds = {
         "without": (),
-        "η = 0": (entry("frame_still", frame="l_sole", reference="r_sole", eta_per_s=0.0),),
-        "η = 10/s": (entry("frame_still", frame="l_sole", reference="r_sole"),),
+        "η = 0": (entry("fixed_frame", frame="l_sole", reference="r_sole", eta_per_s=0.0),),
+        "η = 10/s": (entry("fixed_frame", frame="l_sole", reference="r_sole"),),
     }
     runs = {name: run(2.0, constraints=[*WITHIN, *kept], **ALL) for name, kept in kinds.items()}
     shift = {

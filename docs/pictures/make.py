@@ -20,8 +20,8 @@ FOLDER = Path(__file__).parent
 DRAWN = (
     *(objective.gamma, objective.norms, objective.gamma_units, objective.adaptive),
     *(objective.weights, rates.rates, rates.unreachable, rates.rho),
-    *(limits.joint_speed, limits.joint_position, limits.support_polygon, limits.zmp),
-    *(limits.distance, limits.frame_still, limits.half_space, limits.minimum_speed),
+    *(limits.joint_velocity, limits.joint_position, limits.support_polygon, limits.zmp),
+    *(limits.distance, limits.fixed_frame, limits.half_space, limits.minimum_speed),
     *(limits.pfaffian, moving.lemniscate, moving.circulation, moving.descent, moving.behind),
     *(ranks.priorities, proofs.gains),
 )

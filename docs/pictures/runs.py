@@ -18,7 +18,7 @@ from hoap3.tools.simulate import Simulation, simulate
 
 POINTS = 240  # of a curve at the most
 TARGET = (0.01, 0.025, 0.2869)  # m, of the centre of mass in the right sole's frame: the paper's
-SPEEDS = {"constraint": "joint_speed", "parameters": {"limit_rad_s": 0.6}}
+SPEEDS = {"constraint": "joint_velocity", "parameters": {"limit_rad_s": 0.6}}
 WITHIN = ({**SPEEDS}, {"constraint": "joint_position"})
 EDGE = {"constraint": "support_polygon", "parameters": {"margin_m": 0.005}}
 

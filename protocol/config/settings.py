@@ -6,9 +6,10 @@ The models that both services share stand here; each service adds its own.
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+import warnings
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, ValidationError
@@ -35,6 +36,7 @@ class Settings(BaseModel):
     """Base of every settings model: unknown keys are errors, values cannot be changed later."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    renamed: ClassVar[Mapping[str, str]] = {}  # former names of keys, which `parse` still takes
 
     @classmethod
     def __get_pydantic_core_schema__(
@@ -215,8 +217,17 @@ def parse(model: type[Model], content: dict[str, Any], file: str, prefix: str = 
     Raises:
         ConfigError: naming each wrong key, its value, and what is allowed.
     """
+    for old, new in model.renamed.items():
+        if old in content and new not in content:
+            warn_renamed(file, f"{prefix}.{old}".lstrip("."), new)
+            content = {new if key == old else key: value for key, value in content.items()}
     try:
         return model.model_validate(content)
     except ValidationError as error:
         errors = error.errors(include_url=False)
         raise config_error(model, content, errors, file, prefix) from error
+
+
+def warn_renamed(file: str, what: str, new: str) -> None:
+    """Say that something in a config has another name now; the former one still works."""
+    warnings.warn(f"{file}: {what} is called {new} now", FutureWarning, stacklevel=3)

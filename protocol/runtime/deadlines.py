@@ -28,13 +28,14 @@ class Deadlines:
         in_time: answered by the deadline.
         late: answered after it.
         lost: not answered, so far.
-        run: misses in a row, now.
-        longest_run: the most there were.
+        misses_in_a_row: now.
+        longest_run: the most misses in a row.
         worst_window: lowest success rate of any full window, or None before the first.
     """
 
     def __init__(self, window: int = WINDOW) -> None:
-        self.asked = self.in_time = self.late = self.lost = self.run = self.longest_run = 0
+        self.asked = self.in_time = self.late = self.lost = 0
+        self.misses_in_a_row = self.longest_run = 0
         self.worst_window: float | None = None
         self._window = [False] * window
         self._hits = 0
@@ -54,7 +55,7 @@ class Deadlines:
         """The answer was in time."""
         self._count(hit=True)
         self.in_time += 1
-        self.run = 0
+        self.misses_in_a_row = 0
 
     def miss(self, *, arrived: bool) -> None:
         """The deadline passed without an answer; `arrived` where it came after it."""
@@ -63,8 +64,8 @@ class Deadlines:
             self.late += 1
         else:
             self.lost += 1
-        self.run += 1
-        self.longest_run = max(self.longest_run, self.run)
+        self.misses_in_a_row += 1
+        self.longest_run = max(self.longest_run, self.misses_in_a_row)
 
     def lost_arrived(self) -> None:
         """An answer counted as lost has arrived after all: it was late."""
@@ -73,7 +74,7 @@ class Deadlines:
 
     def end_run(self) -> None:
         """Misses before this do not count towards a stop: the robot was told to start anew."""
-        self.run = 0
+        self.misses_in_a_row = 0
 
     def _count(self, *, hit: bool) -> None:
         window = self._window

@@ -15,7 +15,7 @@ Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 AXES: tuple[Axis, ...] = ("x", "y", "z", "rx", "ry", "rz")
 
 
-class FrameStill(Constraint):
+class FixedFrame(Constraint):
     """J·u = −η·e on the chosen axes: a frame keeps the pose that it had at the first update.
 
     J and the error e are as seen from the reference frame, in its axes: e is the displacement [m]

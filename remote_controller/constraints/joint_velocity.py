@@ -11,7 +11,7 @@ from hoap3.remote_controller.constraints.constraint import Constraint
 from hoap3.remote_controller.model.kinematics import Kinematics
 
 
-class JointSpeed(Constraint):
+class JointVelocity(Constraint):
     """|u_i| ≤ ω_i [rad/s or m/s]: bounds without rows, and without a margin of the position."""
 
     class Parameters(Constraint.Parameters):

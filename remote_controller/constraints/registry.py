@@ -20,12 +20,12 @@ from hoap3.remote_controller.plugins import PluginGroup, building
 GROUP = "hoap3.constraints"
 _OURS = "hoap3.remote_controller.constraints"
 BUILTIN = {
-    "joint_speed": f"{_OURS}.joint_velocity_limit:JointSpeed",
+    "joint_velocity": f"{_OURS}.joint_velocity:JointVelocity",
     "joint_position": f"{_OURS}.joint_position:JointPosition",
     "support_polygon": f"{_OURS}.support.support_polygon:SupportPolygon",
     "zmp": f"{_OURS}.support.zmp:Zmp",
     "distance": f"{_OURS}.collision.distance:Distance",
-    "frame_still": f"{_OURS}.fixed_frame:FrameStill",
+    "fixed_frame": f"{_OURS}.fixed_frame:FixedFrame",
     "half_space": f"{_OURS}.half_space:HalfSpace",
     "minimum_speed": f"{_OURS}.minimum_speed:MinimumSpeed",
     "pfaffian": f"{_OURS}.pfaffian:Pfaffian",
@@ -36,6 +36,7 @@ CONSTRAINTS = PluginGroup(
     BUILTIN,
     ("hoap3.remote_controller.constraints.constraint:Constraint",),
     "docs/writing_a_constraint.md",
+    renamed={"joint_speed": "joint_velocity", "frame_still": "fixed_frame"},
 )
 registered, find = CONSTRAINTS.registered, CONSTRAINTS.find
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.constraint import Constraint
-from hoap3.remote_controller.constraints.joint_velocity_limit import JointSpeed
+from hoap3.remote_controller.constraints.joint_velocity import JointVelocity
 from hoap3.remote_controller.model.kinematics import Kinematics
 
 
@@ -57,7 +57,7 @@ class ConstraintStack:
         ]
         self._bounding = sorted(
             (each for each in self.constraints if _overrides(each, "bounds")),
-            key=lambda constraint: not isinstance(constraint, JointSpeed),
+            key=lambda constraint: not isinstance(constraint, JointVelocity),
         )
 
     def reset(self) -> None:

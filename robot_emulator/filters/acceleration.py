@@ -71,10 +71,10 @@ class AccelerationFilter:
         hold_ticks: int,
         margin: tuple[float, float, float] = (1e-10, 1e-10, 1.0),
     ) -> None:
-        from hoap3.robot_emulator.plants.motion_kernels import keep_between
+        from hoap3.robot_emulator.plants.motion_kernels import clamp
 
         n = description.n
-        self._keep_between = keep_between
+        self._clamp = clamp
         self._description, self._plant = description, plant
         self._dt = description.period_s
         self._hold_ticks, self._margin = hold_ticks, margin
@@ -199,7 +199,7 @@ class AccelerationFilter:
     def _drive(self, ddq: FloatArray) -> int:
         """Accelerate as the bounds allow; the first joint held back, or -1."""
         self._bounds.solve(self._plant.q, self._plant.dq, self._lower, self._upper)
-        held: int = self._keep_between(ddq, self._lower, self._upper, self.value)
+        held: int = self._clamp(ddq, self._lower, self._upper, self.value)
         return held
 
 
@@ -223,7 +223,7 @@ class TorqueFilter(AccelerationFilter):
     def _pass(self, command: FloatArray) -> int:
         short = self._body.accelerations(command, self._dt, self._ddq)
         self._bounds.solve(self._plant.q, self._plant.dq, self._lower, self._upper)
-        held: int = self._keep_between(self._ddq, self._lower, self._upper, self._allowed)
+        held: int = self._clamp(self._ddq, self._lower, self._upper, self._allowed)
         if held < 0:
             np.copyto(self.value, command)
             self.overloaded = -1
@@ -232,11 +232,11 @@ class TorqueFilter(AccelerationFilter):
 
     def _drive(self, ddq: FloatArray) -> int:
         self._bounds.solve(self._plant.q, self._plant.dq, self._lower, self._upper)
-        held: int = self._keep_between(ddq, self._lower, self._upper, self._allowed)
+        held: int = self._clamp(ddq, self._lower, self._upper, self._allowed)
         share = self._body.share(self._allowed, self._dt)
         if 0.0 <= share < 1.0:
             np.multiply(self._allowed, share * (1.0 - ROUNDING), out=self._ddq)
-            if self._keep_between(self._ddq, self._lower, self._upper, self._ddq) < 0:
+            if self._clamp(self._ddq, self._lower, self._upper, self._ddq) < 0:
                 np.copyto(self._allowed, self._ddq)
         return self._give(held)
 

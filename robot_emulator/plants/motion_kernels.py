@@ -117,7 +117,7 @@ def joint_friction(
 
 
 @kernel("i8(f8[::1], f8[::1], f8[::1], f8[::1])")
-def keep_between(wanted: FloatArray, lower: FloatArray, upper: FloatArray, out: FloatArray) -> int:
+def clamp(wanted: FloatArray, lower: FloatArray, upper: FloatArray, out: FloatArray) -> int:
     """Cut `wanted` to its bounds; what is within them is copied bit by bit. All arrays (n,).
 
     `out` may be `wanted`.

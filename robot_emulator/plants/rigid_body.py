@@ -47,7 +47,7 @@ class RigidBody:
 
         n = description.n
         self._advance, self._joint_friction = kernels.advance, kernels.joint_friction
-        self._keep_between = kernels.keep_between
+        self._clamp = kernels.clamp
         self._dynamics = Dynamics(description)
         self._dynamics.check_forward(description.initial_position)
         self._substeps = settings.substeps
@@ -97,7 +97,7 @@ class RigidBody:
         """
         self._forward(command, dt)
         out[:] = self._ddq
-        return int(self._keep_between(self._asked, *self._beyond, self._needed))
+        return int(self._clamp(self._asked, *self._beyond, self._needed))
 
     def torques(self, ddq: FloatArray, dt: float, out: FloatArray) -> int:
         """Write the command, (n,), that accelerations need over `dt` [s], as far as efforts allow.
@@ -108,7 +108,7 @@ class RigidBody:
             The number of the first joint whose effort is too small, or -1.
         """
         self._need(ddq, dt, self._needed)
-        short: int = self._keep_between(self._needed, self._least, self._effort, out)
+        short: int = self._clamp(self._needed, self._least, self._effort, out)
         if short >= 0:
             self._make_up(dt, out)
         if self._compensated:
@@ -173,7 +173,7 @@ class RigidBody:
         if self._compensated:
             self._dynamics.gravity(self.q, self._weight)
             self._asked += self._weight
-        self._keep_between(self._asked, self._least, self._effort, self.tau)
+        self._clamp(self._asked, self._least, self._effort, self.tau)
         self._joint_friction(self.dq, self._viscous, self._coulomb, SLIDING, self._added, self._net)
         self._net += self.tau
         self._added *= h

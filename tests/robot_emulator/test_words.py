@@ -43,7 +43,7 @@ def test_an_answer_between_deadline_and_wake_up_is_used_and_counted_late():
     state = bench.run(1)
     np.testing.assert_allclose(state.reference, before + 1e-4)
     assert (state.late, state.lost) == (1, 0)
-    assert bench.robot.validator.deadlines.run == 1
+    assert bench.robot.validator.deadlines.misses_in_a_row == 1
 
 
 def test_an_answer_after_the_wake_up_is_lost_until_it_comes_and_then_late():
@@ -203,10 +203,10 @@ def test_a_wake_up_that_is_periods_late_skips_ticks_and_keeps_the_phase():
 def test_skipped_ticks_neither_add_to_a_run_of_misses_nor_end_it():
     bench = active(fate=lambda tick, answer: [] if tick >= 10 else [(1, answer)])
     bench.run(20)
-    assert bench.robot.validator.deadlines.run == 9
+    assert bench.robot.validator.deadlines.misses_in_a_row == 9
     bench.clock.late = 5 * PERIOD_NS
     bench.run(1)
-    assert bench.robot.validator.deadlines.run == 10
+    assert bench.robot.validator.deadlines.misses_in_a_row == 10
 
 
 def test_a_wake_up_late_by_less_than_a_period_skips_nothing():

@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import os
 import sys
+import warnings
 from pathlib import Path
 from typing import Annotated
 
@@ -448,6 +449,7 @@ def _tell(robot: str | None, verb: str, connect: str | None, as_json: bool) -> N
 def main() -> None:
     """Entry point of `hoap3`."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # read once, when numpy is imported
+    warnings.showwarning = lambda message, *_, **__: to_people(f"warning: {message}")
     try:
         for stream in (sys.stdout, sys.stderr):  # a terminal that knows ASCII only shows `?`
             if isinstance(stream, io.TextIOWrapper):

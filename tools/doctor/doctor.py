@@ -54,7 +54,7 @@ def examine(
     return [check(system) for check in (*LOOKS, *(MEASURES if measure else ()))]
 
 
-def judge_placement(placement: dict[str, Any]) -> Finding:
+def placement_finding(placement: dict[str, Any]) -> Finding:
     """What to do about the placement that was measured."""
     name = "CPU placement"
     if not placement["measured"]:
@@ -95,7 +95,7 @@ def diagnose(*, measure: bool = True, logs: Path = Path("logs")) -> dict[str, An
     if measure:
         placement = measure_placement()
         remember(placement)
-        findings.append(judge_placement(placement))
+        findings.append(placement_finding(placement))
     return {
         "verdict": verdict(findings),
         "findings": [asdict(finding) for finding in findings],

@@ -281,7 +281,7 @@ class _LogKeeper:
             self._reporter.say(self._obtained[-1])
         for _, stall in self._stalls.take():
             self.take(_event("HOST_STALL", stall.start, stall.end - stall.start))
-        self._stalls.judge(time.monotonic_ns())
+        self._stalls.attribute(time.monotonic_ns())
         if self._writer is not None:
             try:
                 self._writer.flush_due(time.monotonic_ns())

@@ -150,7 +150,7 @@ class RunStatistics:
         """
         if not self._timing or not self._stalls.known:
             return None, None
-        self._stalls.judge(FOREVER)
+        self._stalls.attribute(FOREVER)
         outside = self._stalls.outside
         return outside, in_time / (in_time + outside) if in_time + outside else None
 

@@ -54,8 +54,8 @@ class OutsideStalls:
         """Between `start` and `end` [ns] ticks were missed or skipped."""
         self._failures.append((start, end, ticks))
 
-    def judge(self, now: int) -> None:
-        """Judge what ended long enough before `now` [ns]; a CPU that is still away is waited for.
+    def attribute(self, now: int) -> None:
+        """Attribute what ended long enough before `now` [ns]; a CPU still away is waited for.
 
         `FOREVER` ends all waiting.
         """

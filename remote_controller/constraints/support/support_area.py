@@ -17,7 +17,7 @@ class SupportArea:
     """Convex hull of soles, seen from the first one, which lies flat on the ground, z up.
 
     It is laid out where the soles are at that moment, and stays until it is laid out again: a
-    sole that carries must be kept still, as `frame_still` does.
+    sole that carries must be kept still, as `fixed_frame` does.
 
     Args:
         description: of the robot.

@@ -83,7 +83,7 @@ def check_objective(parameters: Parameters) -> None:
             raise ConfigError("", "objective.p", objective.p, problem, remedy)
         if objective.weights and not parameters.constraints:
             problem = "are not supported for lp without constraints"
-            remedy = "Take them out, choose kind: qp12, or add the constraint joint_speed"
+            remedy = "Take them out, choose kind: qp12, or add the constraint joint_velocity"
             raise ConfigError("", "objective.weights", objective.weights, problem, remedy)
     if parameters.keep_rho and parameters.rho != "largest":
         problem, remedy = (
@@ -118,7 +118,7 @@ def solver_of(parameters: Parameters, description: RobotDescription, m: int, k: 
             gamma=objective.gamma if isinstance(objective, Qp12Objective) else 0.0,
             weights=_weights(objective, description),
             lyapunov=parameters.lyapunov,
-            effort=parameters.effort if parameters.rho == "damped" else 0.0,
+            max_speed_ratio=parameters.max_speed_ratio if parameters.rho == "damped" else 0.0,
             keep_rho=parameters.keep_rho,
             solver=parameters.solver,
         )

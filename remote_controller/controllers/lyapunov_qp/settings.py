@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -68,6 +68,8 @@ class RateSettings(Settings):
 class Parameters(VelocityController.Parameters):
     """Problem (3), choice by choice."""
 
+    renamed: ClassVar = {"effort": "max_speed_ratio"}
+
     task: TaskSettings | None = Field(
         None, description="what V is; null: the default task of the robot"
     )
@@ -82,7 +84,7 @@ class Parameters(VelocityController.Parameters):
         "damped",
         description="share of Ψ where constraints are in the way: what is worth its speed, or (6)",
     )
-    effort: float = Field(
+    max_speed_ratio: float = Field(
         10.0,
         gt=0,
         description="of damped: Ψ is asked for in full up to so many times the speed that one "

@@ -97,17 +97,17 @@ def lp_norm_residual(gradient: Vector, decrease: float, p: float, u: Vector) -> 
         return 0.0 if decrease == 0.0 and span == 0.0 else 1.0
     q = math.inf if p <= 1.0 else (p / (p - 1.0) if p <= MAX else 1.0)
     needed = abs(decrease) / top / span
-    given, effort, sum_p, sum_q = 0.0, 0.0, 0.0, 0.0
+    given, total, sum_p, sum_q = 0.0, 0.0, 0.0, 0.0
     for i in range(n):
         ratio, share = gradient[i] / top, u[i] / span
         given += ratio * share
-        effort += abs(ratio * share)
+        total += abs(ratio * share)
         sum_p += abs(share) ** p if p <= MAX and share != 0.0 else 0.0
         sum_q += abs(ratio) ** q if q <= MAX and ratio != 0.0 else 0.0
     norm_p = sum_p ** (1.0 / p) if p <= MAX else 1.0
     norm_q = sum_q ** (1.0 / q) if q <= MAX else 1.0
     sign = 1.0 if decrease > 0.0 else -1.0
-    error = abs(given * sign + needed) / (effort + needed)
+    error = abs(given * sign + needed) / (total + needed)
     gap = abs(1.0 - needed / (norm_p * norm_q))
     residual = max(error, gap)
     return residual if residual <= MAX else math.inf

@@ -6,7 +6,8 @@ Gonçalves et al., IEEE T-RO 2020, (3) and (18). ``StableQp`` is for loops; ``ly
 ``feasible_rate`` for everything else.
 
 ρ is the largest number up to 1 that the constraints allow, min(1, ρ*) of (6), found again at each
-solve, unless `effort` damps it or `keep_rho` keeps it. The way to the answer, cheapest first:
+solve, unless `max_speed_ratio` damps it or `keep_rho` keeps it. The way to the answer, cheapest
+first:
 
 1. QP12, then QP12 within the bounds by exact clamping, ρ in closed form. Where that keeps all
    rows, it is the answer.
@@ -82,9 +83,9 @@ class StableQp:
         gamma: γ of `"qp12"`. 1 − γ counts as 1e-6 at least.
         weights: of the joints, (n,), positive; all 1 by default.
         lyapunov: `"equality"` as above, or `"descent"`: ∇V·u + ∂V/∂t ≤ 0, whatever Ψ (Remark 1).
-        effort: 0: ρ is the largest feasible one, whatever speed it costs. Above, ρ is damped: where
-            bounds alone are not the answer, V falls as asked only while that costs no more than
-            so many times the speed that one joint alone would need, and else by less.
+        max_speed_ratio: 0: ρ is the largest feasible one, whatever speed it costs. Above, ρ is
+            damped: where bounds alone are not the answer, V falls as asked only while that costs no
+            more than so many times the speed that one joint alone would need, and else by less.
         keep_rho: keep the last ρ while the problem is feasible with it, as the end of section
             III-A has it: it saves LPs, but ρ can only decrease until `forget`.
         solver: `"daqp"`, or a peer by name.
@@ -116,7 +117,7 @@ class StableQp:
         gamma: float = 0.5,
         weights: ArrayLike | None = None,
         lyapunov: Literal["equality", "descent"] = "equality",
-        effort: float = 0.0,
+        max_speed_ratio: float = 0.0,
         keep_rho: bool = False,
         solver: str = "daqp",
     ) -> None:
@@ -147,7 +148,7 @@ class StableQp:
             self._kind, self._steepest, equality=self._equality, solver=solver
         )
         self._none_C, self._none_c = np.zeros((0, n)), np.zeros(0)
-        self._keep_rho, self._kept, self._effort = keep_rho, 1.0, effort
+        self._keep_rho, self._kept, self._max_speed_ratio = keep_rho, 1.0, max_speed_ratio
         self._rho, self._box = kernels.find_rho, box_rho_kernel
         self._result, self._reached = np.zeros(4), False
         self._limited = False  # whether the last QP had to go below the ρ it was asked for
@@ -319,7 +320,7 @@ class StableQp:
                 self._give_up(self._steepest.fall()[0])
             return
         wanted = asked / top
-        if self._effort and self._equality and self._damped(gamma, drift / top, wanted):
+        if self._max_speed_ratio and self._equality and self._damped(gamma, drift / top, wanted):
             return
         possible = abs(wanted) < NO_BOUND
         if possible and not self._limited and exactly(gamma, wanted, ATTEMPTS[0][1]):
@@ -365,7 +366,7 @@ class StableQp:
         """Find the answer for a damped ρ; False where there is none."""
         program, forced = self._program, self._forced()
         kappa = gamma / (1.0 - gamma) if self._kind == NORM else 0.0
-        worth = self._effort * (kappa + abs(wanted) + max(forced, 0.0))
+        worth = self._max_speed_ratio * (kappa + abs(wanted) + max(forced, 0.0))
         if not abs(wanted) < NO_BOUND or not any(
             program.run_damped(gamma, wanted, worth, tolerance) for tolerance in DAMPED_TOLERANCES
         ):

@@ -245,7 +245,7 @@ def bounded_kkt_residual(  # noqa: PLR0912 - three cases, in two passes
     down = -1.0 if decrease < 0.0 else 1.0
     kappa = gamma / (1.0 - gamma) if gamma < 1.0 else 0.0
     A, t, fits = 0.0, 0.0, True
-    span, power, effort = 0.0, -abs(decrease), abs(decrease)
+    span, power, total = 0.0, -abs(decrease), abs(decrease)
     for i in range(n):
         a[i] = abs(gradient[i]) / weights[i]
         x[i] = -math.copysign(1.0, gradient[i]) * down * u[i] * weights[i]
@@ -253,7 +253,7 @@ def bounded_kkt_residual(  # noqa: PLR0912 - three cases, in two passes
         fits &= (a[i] <= MAX) & (abs(x[i]) <= MAX)
         span = max(span, abs(x[i]))
         power += a[i] * x[i]
-        effort += a[i] * abs(x[i])
+        total += a[i] * abs(x[i])
         if a[i] > A and 0.0 < x[i] < limit[i]:
             A, t = a[i], x[i]
     if not fits:
@@ -277,9 +277,9 @@ def bounded_kkt_residual(  # noqa: PLR0912 - three cases, in two passes
         else:
             wanted = limit[i] if a[i] > A else 0.0
         deviation = max(deviation, abs(x[i] - wanted))
-    if effort == 0.0 and deviation == 0.0:
+    if total == 0.0 and deviation == 0.0:
         return 0.0
-    residual = max(abs(power) / max(effort, TINY), deviation / max(span, TINY))
+    residual = max(abs(power) / max(total, TINY), deviation / max(span, TINY))
     return residual if residual <= MAX else math.inf
 
 

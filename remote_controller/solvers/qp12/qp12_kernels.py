@@ -47,7 +47,7 @@ NOTHING = 2.0**-1000  # a lifted b/A below this rounds to zero once it is lowere
 
 
 @inlined
-def _largest_speed(gradient: Vector, A: float, b: float, kappa: float) -> float:
+def _solve_for_tau(gradient: Vector, A: float, b: float, kappa: float) -> float:
     """Solve Σ a max(0, a τ − κ (A − a)) = b for τ = t/A, with κ given in units of A.
 
     Newton's method from above; each round drops the joints that do not move at its τ.
@@ -112,7 +112,7 @@ def solve_qp12(gradient: Vector, decrease: float, gamma: float, out: Vector) -> 
     for i in range(n):
         counts = gamma < 1.0 or abs(gradient[i]) == top  # γ = 1: least norm over the tied joints
         out[i] = gradient[i] * first * second if counts else 0.0
-    tau = _largest_speed(out, A, b, kappa)
+    tau = _solve_for_tau(out, A, b, kappa)
     lower = math.ldexp(1.0 if decrease < 0.0 else -1.0, -lift)
     for i in range(n):
         a = abs(out[i])
@@ -165,7 +165,7 @@ def qp12_kkt_residual(gradient: Vector, decrease: float, gamma: float, u: Vector
             t = math.copysign(1.0, gradient[i]) * down * u[i]
             break
 
-    power, effort, deviation = -b, b, 0.0
+    power, total, deviation = -b, b, 0.0
     for i in range(n):
         a = abs(gradient[i]) * first * second
         x = math.copysign(1.0, gradient[i]) * down * u[i]
@@ -174,9 +174,9 @@ def qp12_kkt_residual(gradient: Vector, decrease: float, gamma: float, u: Vector
         else:
             wanted = max(0.0, x) if abs(gradient[i]) == top else 0.0
         power += a * x
-        effort += a * abs(x)
+        total += a * abs(x)
         deviation = max(deviation, abs(x - wanted))
-    residual = max(abs(power) / max(effort, TINY), deviation / max(span, TINY))
+    residual = max(abs(power) / max(total, TINY), deviation / max(span, TINY))
     return residual if residual <= MAX else math.inf
 
 

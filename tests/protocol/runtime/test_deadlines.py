@@ -45,7 +45,7 @@ def test_every_figure_is_what_a_recount_gives(window, steps):
         assert deadlines.in_time == sum(outcomes)
         assert (deadlines.late, deadlines.lost) == (late, lost)
         assert deadlines.late + deadlines.lost == len(outcomes) - sum(outcomes)
-        assert (deadlines.run, deadlines.longest_run) == (run, longest)
+        assert (deadlines.misses_in_a_row, deadlines.longest_run) == (run, longest)
         assert deadlines.success_rate == (sum(recent) / len(recent) if recent else 1.0)
         assert deadlines.run_rate == (sum(outcomes) / len(outcomes) if outcomes else 1.0)
         assert deadlines.worst_window == (min(rates) if rates else None)

@@ -23,12 +23,12 @@ from hoap3.robot_emulator.robots import load
 
 BALL = {"name": "ball", "shape": "sphere", "center_m": [0.25, 0.05, 0.35], "radius_m": 0.04}
 OURS = {
-    "joint_speed": {"limit_rad_s": 0.5},
+    "joint_velocity": {"limit_rad_s": 0.5},
     "joint_position": {"margin_rad": 0.01},
     "support_polygon": {"margin_m": 0.002},
     "zmp": {},
     "distance": {"rows": 800, "activation_m": 2.0},  # so that all pairs have rows
-    "frame_still": {"frame": "l_sole", "axes": ["x", "y", "rz"]},
+    "fixed_frame": {"frame": "l_sole", "axes": ["x", "y", "rz"]},
     "half_space": {"frame": "r_forearm", "normal": [0, 1, 1], "offset_m": -0.5},
     "minimum_speed": {"joints": {"waist_pitch": 1.0}, "speed": 0.1},
     "pfaffian": {"matrix": [[1.0] * 21]},

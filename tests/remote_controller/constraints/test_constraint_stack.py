@@ -27,12 +27,12 @@ from hoap3.remote_controller.model.kinematics import Kinematics
 ALL = [
     {"constraint": "joint_position"},
     {"constraint": "support_polygon"},
-    {"constraint": "frame_still", "frame": "l_sole", "axes": ["x", "y"]},
+    {"constraint": "fixed_frame", "frame": "l_sole", "axes": ["x", "y"]},
     {"constraint": "zmp", "name": "walk"},
     {"constraint": "pfaffian", "matrix": [[1.0] * 21]},
     {"constraint": "half_space", "frame": "head", "normal": [0, 0, 1], "offset_m": 0.1},
     {"constraint": "half_space", "frame": "neck", "normal": [0, 0, 1], "offset_m": 0.1},
-    {"constraint": "joint_speed", "limit_rad_s": 0.5},
+    {"constraint": "joint_velocity", "limit_rad_s": 0.5},
     {"constraint": "minimum_speed", "joints": {"waist_pitch": 1.0}, "speed": 0.1},
     {"constraint": "distance", "rows": 9, "pairs": [["r_forearm", "l_forearm"]]},
 ]
@@ -59,7 +59,7 @@ class Own(Constraint):
 
 def test_every_kind_has_settings_that_refuse_unknown_keys():
     assert set(registered()) >= set(BUILTIN)
-    needed = {"half_space": ALL[5], "frame_still": ALL[2], "minimum_speed": ALL[8]}
+    needed = {"half_space": ALL[5], "fixed_frame": ALL[2], "minimum_speed": ALL[8]}
     for name in BUILTIN:
         with pytest.raises(ConfigError, match=r"constraints\.0\.parameters\.speling: unknown key"):
             read([entry({"constraint": name, **needed.get(name, {}), "speling": 1})])

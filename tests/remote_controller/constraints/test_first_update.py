@@ -118,7 +118,7 @@ def test_ours_are_not_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
         raise AssertionError("was tried")
 
     monkeypatch.setattr(registry, "check_first_update", never)
-    entries = [ConstraintSettings(constraint="joint_speed")]
+    entries = [ConstraintSettings(constraint="joint_velocity")]
     assert len(build(entries, hoap3(), Kinematics(hoap3()), PERIOD).constraints) == 1
 
 
@@ -128,8 +128,8 @@ def test_the_docs_quote_the_refusal(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     code = code.replace("self.limit(A_out, b_out)", "A_out[0, 0] = np.nan")
     (tmp_path / "least_height.py").write_text(code, encoding="utf-8")
     monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
-    settings = [ConstraintSettings(constraint=name) for name in ("joint_speed", "joint_position")]
-    settings.append(ConstraintSettings(constraint="least_height:LeastHeight"))
+    names = "joint_velocity", "joint_position", "least_height:LeastHeight"
+    settings = [ConstraintSettings(constraint=name) for name in names]
     with pytest.raises(ConfigError) as error:
         build(settings, hoap3(), Kinematics(hoap3()), PERIOD, "squat.yaml")
     del sys.modules["least_height"]  # for good: monkeypatch would bring it back

@@ -15,7 +15,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 HEAD = {"constraint": "half_space", "frame": "head", "normal": [1.0, 2.0, -0.5]}
 HAND = {"constraint": "half_space", "frame": "hand", "normal": [0.3, -1.0, 2.0]}
 PLANES = {"hoap3": {**HEAD, "point_m": [0.1, 0.0, 0.05]}, "small": {**HAND, "point_m": [0, 0.1, 0]}}
-PINNED = {"constraint": "frame_still", "frame": "l_sole"}
+PINNED = {"constraint": "fixed_frame", "frame": "l_sole"}
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -39,7 +39,7 @@ def test_a_half_space_margin_is_the_distance_from_the_plane_of_any_normal():
 def test_pushed_through_the_plane_a_point_stops_at_it(seed):
     bench = Bench(
         small(),
-        {"constraint": "joint_speed", "limit_rad_s": 1.0},
+        {"constraint": "joint_velocity", "limit_rad_s": 1.0},
         {**HAND, "normal": [0.0, 0.0, 1.0], "offset_m": 0.45, "eta_per_s": 50.0},
     )
     wanted = np.random.default_rng(seed).normal(0.0, 1.0, 3)
@@ -52,7 +52,7 @@ def test_without_a_reserve_curvature_takes_no_more_than_was_said(seed, eta):
     """m ≥ −cT/η − cT², c measured as what each step lost beyond its first order, over T²."""
     bench = Bench(
         small(),
-        {"constraint": "joint_speed", "limit_rad_s": 2.0},
+        {"constraint": "joint_velocity", "limit_rad_s": 2.0},
         {**HAND, "normal": [0, 0, 1], "offset_m": 0.5, "eta_per_s": eta, "reserve_m": 0.0},
     )
     wanted = np.zeros(3)
@@ -82,7 +82,7 @@ def test_a_start_on_the_plane_allows_every_motion_away_and_none_through():
 def test_still_rows_are_the_motion_of_the_frame(name, seed):
     robot = ROBOTS[name]()
     frame = {"hoap3": "l_forearm", "small": "hand"}[name]
-    bench = Bench(robot, {"constraint": "frame_still", "frame": frame, "eta_per_s": 0.0})
+    bench = Bench(robot, {"constraint": "fixed_frame", "frame": frame, "eta_per_s": 0.0})
     q, u = posture(robot, seed), np.random.default_rng(seed + 1).normal(size=robot.n)
     bench.stack.reset()
     rates = bench.at(q).stack.C @ u
@@ -95,7 +95,7 @@ def test_still_rows_are_the_motion_of_the_frame(name, seed):
 
 
 def test_a_pinned_foot_stays_while_the_rest_moves():
-    bench = Bench(hoap3(), {"constraint": "joint_speed", "limit_rad_s": 0.5}, PINNED)
+    bench = Bench(hoap3(), {"constraint": "joint_velocity", "limit_rad_s": 0.5}, PINNED)
     rng = np.random.default_rng(5)
     start = bench.robot.initial_position
     bench.walk(rng.normal(0.0, 0.3, 21), 300)
@@ -120,7 +120,7 @@ def test_drift_is_taken_back_at_the_rate():
 def test_only_the_chosen_axes_are_kept():
     bench = Bench(hoap3(), {**PINNED, "axes": ["z", "rx", "z"]})
     assert bench.stack.C.shape == (2, 21)
-    assert bench.stack.equality_names == ("frame_still: l_sole z", "frame_still: l_sole rx")
+    assert bench.stack.equality_names == ("fixed_frame: l_sole z", "fixed_frame: l_sole rx")
     assert bench.stack.names == ()
 
 

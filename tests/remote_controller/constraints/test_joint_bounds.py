@@ -47,10 +47,10 @@ def test_a_rate_that_oversteps_is_refused_with_the_largest_that_does_not():
     Bench(hoap3(), {"constraint": "joint_position", "eta_per_s": 1000.0})
 
 
-@pytest.mark.parametrize("kind", ["support_polygon", "distance", "frame_still", "half_space"])
+@pytest.mark.parametrize("kind", ["support_polygon", "distance", "fixed_frame", "half_space"])
 def test_every_rate_is_refused_so(kind):
     more = {
-        "frame_still": {"frame": "l_sole"},
+        "fixed_frame": {"frame": "l_sole"},
         "half_space": {"frame": "head", "normal": [0, 0, 1]},
     }
     with pytest.raises(ConfigError, match=r"eta_per_s.*At most"):
@@ -61,7 +61,7 @@ def test_outside_a_joint_returns_at_the_limited_rate_and_is_counted():
     bench = Bench(
         small(),
         {"constraint": "joint_position", "eta_per_s": 10.0, "return_speed_rad_s": 0.2},
-        {"constraint": "joint_speed"},
+        {"constraint": "joint_velocity"},
     )
     bench.stack.reset()
     bench.at(np.array([2.05, -2.08, 0.0]))
@@ -80,7 +80,7 @@ def test_outside_a_joint_returns_at_the_limited_rate_and_is_counted():
 def test_the_return_is_never_faster_than_the_speed_limit(order):
     entries = [
         {"constraint": "joint_position", "return_speed_rad_s": 0.5, "eta_per_s": 100.0},
-        {"constraint": "joint_speed", "joints_rad_s": {"shoulder": 0.1, "elbow": 0.0}},
+        {"constraint": "joint_velocity", "joints_rad_s": {"shoulder": 0.1, "elbow": 0.0}},
     ][::order]
     bench = Bench(small(), *entries).at(np.array([2.1, -2.1, 2.1]))
     np.testing.assert_allclose(bench.stack.lower, [-0.1, 0.0, -3.0])
@@ -90,7 +90,7 @@ def test_the_return_is_never_faster_than_the_speed_limit(order):
 def test_speeds_are_the_least_of_robot_common_and_own_limit():
     bench = Bench(
         small(),
-        {"constraint": "joint_speed", "limit_rad_s": 1.0, "joints_rad_s": {"wrist": 9.0}},
+        {"constraint": "joint_velocity", "limit_rad_s": 1.0, "joints_rad_s": {"wrist": 9.0}},
     )
     np.testing.assert_array_equal(bench.stack.upper, [1.0, 1.0, 3.0])
     np.testing.assert_array_equal(bench.stack.lower, [-1.0, -1.0, -3.0])
@@ -109,10 +109,10 @@ def test_what_is_not_named_is_not_bound():
         ({"constraint": "joint_position", "joints": ["elbo"]}, r"joints.*Did you mean 'elbow'"),
         ({"constraint": "joint_position", "margin_rad": 2.5}, r"margin_rad.*'shoulder'.*At most 2"),
         (
-            {"constraint": "joint_speed", "joints_rad_s": {"hip": 1.0}},
+            {"constraint": "joint_velocity", "joints_rad_s": {"hip": 1.0}},
             r"joints_rad_s.*no such joint",
         ),
-        ({"constraint": "joint_speed", "joints_rad_s": {"elbow": -1.0}}, r"elbow: is negative"),
+        ({"constraint": "joint_velocity", "joints_rad_s": {"elbow": -1.0}}, r"elbow: is negative"),
     ],
 )
 def test_wrong_settings_are_named(entry, words):

@@ -46,7 +46,7 @@ def test_pushed_outwards_the_centre_of_mass_stops_at_the_edge(edges):
     """Curvature takes at most cT² a step, which the reserve of 10 µm covers here."""
     bench = Bench(
         hoap3(),
-        {"constraint": "joint_speed", "limit_rad_s": 0.6},
+        {"constraint": "joint_velocity", "limit_rad_s": 0.6},
         {"constraint": "joint_position"},
         {**POLYGON, "eta_per_s": 50.0},
     )
@@ -138,7 +138,7 @@ def test_a_larger_margin_fits_into_both_soles():
 
 
 def test_the_zmp_that_was_stays_inside_while_velocities_are_asked_for_that_would_throw_it_out():
-    bench = Bench(hoap3(), {"constraint": "joint_speed"}, ZMP, {**POLYGON, "margin_m": 0.001})
+    bench = Bench(hoap3(), {"constraint": "joint_velocity"}, ZMP, {**POLYGON, "margin_m": 0.001})
     zmp = bench.stack.constraints[1]
     least, tight = np.inf, 0
     q = bench.robot.initial_position.copy()

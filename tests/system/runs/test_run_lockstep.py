@@ -72,6 +72,23 @@ def test_the_robot_is_the_one_that_the_controllers_config_names(tmp_path: Path) 
     assert Log.open(tmp_path / "log", side="robot").robot == "ur5"
 
 
+@pytest.mark.filterwarnings("default")
+def test_former_names_in_a_config_still_work_and_are_told_of(tmp_path: Path) -> None:
+    today = "max_speed_ratio: 2.0, constraints: [{constraint: joint_velocity, name: slow}]"
+    former = today.replace("max_speed_ratio", "effort").replace("joint_velocity", "joint_speed")
+    hashes = []
+    for number, keys in enumerate((today, former)):
+        config, log = tmp_path / "mine.yaml", tmp_path / str(number)
+        config.write_text(f"controller: stable_qp\nrobot: hoap3\nparameters: {{{keys}}}\n")
+        words = ("run", "--lockstep", "--duration", "0.1", "--out", log, "--controller", config)
+        for command in (inside(*words), inside("replay", log)):
+            assert_ran(command)
+            assert ("effort is called max_speed_ratio" in command.stderr) == (number == 1)
+            assert ("'joint_speed' is called 'joint_velocity'" in command.stderr) == (number == 1)
+        hashes.append(payload_hash(Log.open(log, side="controller")))
+    assert hashes[0] == hashes[1]
+
+
 def test_a_config_that_names_an_unknown_robot_is_told(tmp_path: Path) -> None:
     config = tmp_path / "mine.yaml"
     config.write_text("controller: qp12\nrobot: my_arm\n")

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.slow
 FAST = "minimum_speed, parameters: {speed: 9, joints: {l_shoulder_pitch: 1.0}, tolerance: 0.9}"
 CONTRADICTORY = (
     *("--controller", "stable_qp", "--set"),
-    f"controller.parameters.constraints=[{{constraint: joint_speed}}, {{constraint: {FAST}}}]",
+    f"controller.parameters.constraints=[{{constraint: joint_velocity}}, {{constraint: {FAST}}}]",
 )
 LINE = "0 of 200 answers certified; 200 infeasible: infeasible_constraints"
 

@@ -47,7 +47,7 @@ def test_an_unreachable_target_is_no_success(tmp_path: Path) -> None:
 def test_the_robot_alone_says_what_the_wire_tells() -> None:
     speed = {"speed": 9, "joints": {"l_shoulder_pitch": 1.0}, "tolerance": 0.9}
     constraints = [
-        {"constraint": "joint_speed"},
+        {"constraint": "joint_velocity"},
         {"constraint": "minimum_speed", "parameters": speed},
     ]
     content = {"controller": "stable_qp", "parameters": {"constraints": constraints}}

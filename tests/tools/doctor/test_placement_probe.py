@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hoap3.protocol.runtime.clock import VirtualClock
-from hoap3.tools.doctor.doctor import judge_placement
+from hoap3.tools.doctor.doctor import placement_finding
 from hoap3.tools.services.placement_probe import Order, exchange, measure_placement, recommend
 
 
@@ -192,7 +192,7 @@ def test_a_running_robot_is_not_disturbed():
     assert not outcome["measured"]
     assert "claimed" in outcome["why"]
     assert orders == []
-    assert judge_placement(outcome).level == ADVICE
+    assert placement_finding(outcome).level == ADVICE
 
 
 @pytest.mark.parametrize(
@@ -220,7 +220,7 @@ def test_processes_that_fail_are_reported_and_cpus_given_back(error):
 )
 def test_a_placement_is_judged(one, two, level, remedy):
     outcome, _, _ = measured([3, 2], figures(one, two))
-    finding = judge_placement(outcome)
+    finding = placement_finding(outcome)
     assert finding.level == level
     assert remedy in finding.remedy
     assert f"one cpu {one:.0f} / {3 * one:.0f} us" in finding.found

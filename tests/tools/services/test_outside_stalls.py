@@ -31,7 +31,7 @@ def test_a_failure_is_the_hosts_if_it_overlaps_a_stall_and_ours_if_not():
     stalls.failed(11 * T, 12 * T, 2)
     stalls.failed(10 * T - GRID_NS - T, 10 * T - GRID_NS, 4)
     stalls.failed(10 * T - GRID_NS - T, 10 * T - GRID_NS + 1, 8)
-    stalls.judge(20 * T + PATIENCE_NS)
+    stalls.attribute(20 * T + PATIENCE_NS)
     assert (stalls.hosts, stalls.outside) == (9, 6)
     assert stalls.figures() == {"n": 1, "total_ms": 1.0, "longest_ms": 1.0}
 
@@ -39,9 +39,9 @@ def test_a_failure_is_the_hosts_if_it_overlaps_a_stall_and_ours_if_not():
 def test_nothing_is_judged_before_the_monitor_had_time_to_tell():
     stalls = watching()
     stalls.failed(0, T, 1)
-    stalls.judge(T + PATIENCE_NS - 1)
+    stalls.attribute(T + PATIENCE_NS - 1)
     assert (stalls.hosts, stalls.outside) == (0, 0)
-    stalls.judge(T + PATIENCE_NS)
+    stalls.attribute(T + PATIENCE_NS)
     assert (stalls.hosts, stalls.outside) == (0, 1)
 
 
@@ -49,12 +49,12 @@ def test_a_cpu_that_is_away_is_waited_for_however_long():
     stalls = watching(seen=T)
     for tick in range(1, 3001):
         stalls.failed(tick * T, (tick + 1) * T, 1)
-    stalls.judge(10_000 * T)
+    stalls.attribute(10_000 * T)
     assert (stalls.hosts, stalls.outside) == (0, 0)
     stalls._logs[1].note(T, 3001 * T)  # it is back, and tells
     stalls._logs[1].see(10_000 * T)
     stalls.take()
-    stalls.judge(10_000 * T)
+    stalls.attribute(10_000 * T)
     assert (stalls.hosts, stalls.outside) == (3000, 0)
 
 
@@ -62,9 +62,9 @@ def test_stalls_are_forgotten_only_when_they_are_old():
     stalls = watching((T, 2 * T))
     stalls.take()
     for minute in range(1, 4):
-        stalls.judge(minute * 60_000 * T)
+        stalls.attribute(minute * 60_000 * T)
     stalls.failed(T, 2 * T, 1)
-    stalls.judge(FOREVER)
+    stalls.attribute(FOREVER)
     assert (stalls.hosts, stalls.outside) == (0, 1)
 
 

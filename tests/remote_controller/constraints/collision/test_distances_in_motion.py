@@ -76,7 +76,7 @@ def test_an_arm_of_hoap3_pushed_onto_something_stops_and_keeps_every_distance(ot
     )
     bench = Bench(
         hoap3(),
-        {"constraint": "joint_speed", "limit_rad_s": 1.0},
+        {"constraint": "joint_velocity", "limit_rad_s": 1.0},
         {"constraint": "joint_position"},
         distance(obstacles=scene, clearance_m=0.0, eta_per_s=20.0),
     )

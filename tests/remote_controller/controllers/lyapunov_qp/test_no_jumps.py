@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from stable_runs import run, settings
 
-SPEED = {"constraint": "joint_speed", "parameters": {"limit_rad_s": 1.0}}
+SPEED = {"constraint": "joint_velocity", "parameters": {"limit_rad_s": 1.0}}
 RANGE = {"constraint": "joint_position"}
 POLYGON = {"constraint": "support_polygon", "parameters": {"margin_m": 0.005}}
 BEYOND = [0.1, 0.02, 0.285]  # m: in front of the sole
@@ -59,7 +59,7 @@ def test_started_outside_a_polygon_it_comes_in_and_rests():
 
 
 def test_a_return_that_joints_are_too_slow_for_is_as_fast_as_half_of_what_they_can():
-    slow = {"constraint": "joint_speed", "parameters": {"limit_rad_s": 0.1}}
+    slow = {"constraint": "joint_velocity", "parameters": {"limit_rad_s": 0.1}}
     lift = {
         "constraint": "half_space",
         "parameters": {

@@ -21,7 +21,7 @@ from hoap3.robot_emulator.robots import load
 
 STABLE = [name for name in available_configs() if read_config(name)[0]["controller"] == "stable_qp"]
 OUTSIDE = (0.01, 0.07, 0.2869)  # m: beyond the left edge of the right sole
-SPEED = {"constraint": "joint_speed", "parameters": {"limit_rad_s": 0.6}}
+SPEED = {"constraint": "joint_velocity", "parameters": {"limit_rad_s": 0.6}}
 RANGE = {"constraint": "joint_position", "parameters": {}}
 
 
@@ -74,7 +74,7 @@ def test_the_largest_share_races_where_a_damped_one_rests():
 
 def test_v_falls_no_further_is_said_and_the_robot_is_still():
     still = {"limit_rad_s": 0.6, "joints_rad_s": dict.fromkeys(load("hoap3").joint_names, 0.0)}
-    found = run(settings(constraints=[{"constraint": "joint_speed", "parameters": still}]))
+    found = run(settings(constraints=[{"constraint": "joint_velocity", "parameters": still}]))
     assert found.began["stationary"] == found.began["held by bounds of joints"] == 1
     assert set(found.statuses) == {"certified"}
     assert (found.setpoints["rho"] == 0.0).all()
@@ -87,7 +87,7 @@ def test_constraints_that_contradict_each_other_leave_the_robot_still():
     found = run(
         settings(
             constraints=[
-                {"constraint": "joint_speed", "parameters": stuck},
+                {"constraint": "joint_velocity", "parameters": stuck},
                 {"constraint": "minimum_speed", "parameters": moving},
             ]
         )
@@ -101,7 +101,7 @@ def test_constraints_that_contradict_each_other_leave_the_robot_still():
 def test_a_target_that_is_too_fast_leaves_rho_below_zero(rho):
     target = {"kind": "circle", "center_m": [0.0, 0.03, 0.28], "radius_m": 0.03, "period_s": 0.1}
     task = {"task": "com", "parameters": {"frame": "r_sole", "target": target | {"approach_s": 0}}}
-    slow = {"constraint": "joint_speed", "parameters": {"limit_rad_s": 0.05}}
+    slow = {"constraint": "joint_velocity", "parameters": {"limit_rad_s": 0.05}}
     found = run(settings(task=task, constraints=[slow], rho=rho))
     p = found.setpoints
     behind = p["rho"] < 0.0
@@ -263,7 +263,7 @@ def test_what_is_wrong_for_any_robot_is_refused_without_one(changes, key):
             "parameters.constraints.0.parameters.pairs",
         ),
         (
-            {"constraints": [{"constraint": "frame_still", "parameters": {"frame": "l_hand"}}]},
+            {"constraints": [{"constraint": "fixed_frame", "parameters": {"frame": "l_hand"}}]},
             "parameters.constraints.0.parameters.frame",
         ),
         (

@@ -15,17 +15,17 @@ from hoap3.remote_controller.solvers.lyapunov_qp.stable_qp import QP, StableQp
 COUNT = 150
 
 
-def solved(problem, effort: float) -> StableQp:
-    solver = StableQp(N, len(problem.b), gamma=problem.gamma, effort=effort)
+def solved(problem, ratio: float) -> StableQp:
+    solver = StableQp(N, len(problem.b), gamma=problem.gamma, max_speed_ratio=ratio)
     solver.solve(*problem.arguments)
     return solver
 
 
-@pytest.mark.parametrize("effort", [0.5, 10.0])
-def test_it_is_the_optimum_for_the_fall_that_it_has(effort):
+@pytest.mark.parametrize("ratio", [0.5, 10.0])
+def test_it_is_the_optimum_for_the_fall_that_it_has(ratio):
     seen = 0
     for _, problem in degenerate(3, COUNT):
-        damped = solved(problem, effort)
+        damped = solved(problem, ratio)
         if damped.path != QP or damped.status != status.OK:
             continue
         seen += 1
@@ -58,9 +58,9 @@ def test_it_never_asks_for_more_than_the_largest_and_for_as_much_where_it_is_che
         assert solved(problem, 1e6).rho == pytest.approx(1.0, abs=1e-7)
 
 
-def test_more_effort_never_means_less_fall():
+def test_more_speed_never_means_less_fall():
     for _, problem in degenerate(6, 60):
-        shares = [solved(problem, effort).rho for effort in (0.1, 1.0, 10.0, 100.0)]
+        shares = [solved(problem, ratio).rho for ratio in (0.1, 1.0, 10.0, 100.0)]
         assert (np.diff(shares) >= -1e-9).all()
 
 
@@ -68,9 +68,9 @@ def test_it_is_continuous_where_the_largest_jumps():
     """A row that turns from beside −∇V on to it: the last bit of ρ is worth no speed."""
     gradient, bounds = np.array([1.0, 0.0]), np.array([1.0, 1.0])
 
-    def answer(tilt: float, effort: float) -> np.ndarray:
+    def answer(tilt: float, ratio: float) -> np.ndarray:
         A = np.array([[-math.cos(tilt), math.sin(tilt)]])
-        solver = StableQp(2, 1, gamma=0.0, effort=effort)
+        solver = StableQp(2, 1, gamma=0.0, max_speed_ratio=ratio)
         solver.solve(gradient, 0.5, 0.0, A, np.array([0.0]), -bounds, bounds)
         return solver.u.copy()
 
@@ -84,7 +84,7 @@ def test_it_is_continuous_where_the_largest_jumps():
 @pytest.mark.parametrize("objective", [1, 2, math.inf])
 def test_other_norms_are_proved_too(objective):
     for _, problem in degenerate(7, 60):
-        solver = StableQp(N, M, objective=objective, effort=10.0)
+        solver = StableQp(N, M, objective=objective, max_speed_ratio=10.0)
         if solver.solve(*problem.arguments) == status.OK:
             assert solver.kkt_residual <= 1e-8
             assert solver.margin >= -1e-9
