@@ -7,7 +7,6 @@ from typing import Any
 
 from rich.table import Table
 
-from hoap3.tools.bench.peers import missing as missing_peers
 from hoap3.tools.bench.scaling import FIT_FROM
 from hoap3.tools.show.output import results
 
@@ -121,9 +120,9 @@ def show_sampling(found: Row) -> None:
     )
 
 
-def show_missing(missing: dict[str, str] | None = None) -> None:
-    """Say which solvers are not there, and what to install; by default of the peers of QP12."""
-    for name, package in (missing_peers() if missing is None else missing).items():
+def show_missing(missing: dict[str, str]) -> None:
+    """Say which solvers are not there, and what to install: name to package."""
+    for name, package in missing.items():
         results.print(f"Not installed: {name} (pip install {package}).", style="dim")
 
 
