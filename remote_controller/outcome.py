@@ -14,7 +14,7 @@ from hoap3.remote_controller.controllers.base import STATUS, Controller
 EVERY = 10
 """One of so many answered States is looked at for balance."""
 
-PROVED = (STATUS["certified"], STATUS["at_target"])
+NONE, PROVED = STATUS["none"], (STATUS["certified"], STATUS["at_target"])
 
 
 class Outcome:
@@ -41,10 +41,11 @@ class Outcome:
         if self._balance is not None and self.answers % EVERY == 0:
             self._balance.look(state.q)
         self.answers += 1
-        if status == STATUS["none"]:
+        if status == NONE:
             return
-        margin = -math.inf if math.isnan(answer.margin) else answer.margin  # NaN is a violation
-        self._least_margin = min(self._least_margin, margin)
+        margin = answer.margin
+        if not margin >= self._least_margin:
+            self._least_margin = -math.inf if math.isnan(margin) else margin  # NaN is a violation
         if controller.certifies and not controller.present & controller.not_certified_in:
             self._certifiable += 1
             self._certified += status in PROVED

@@ -34,9 +34,16 @@ CONTACT_KERNELS = ("hoap3.robot_emulator.plants.contact_kernels",)
 LEAD = 4  # the part of a period that a robot in real time may act ahead of a tick
 
 
-def describe(config: EmulatorConfig, file: str = "config") -> RobotDescription:
-    """Description of the configured robot: its name, start posture and command as configured."""
-    description = load(config.robot)
+def describe(
+    config: EmulatorConfig, file: str = "config", robot: RobotDescription | None = None
+) -> RobotDescription:
+    """Description of the configured robot: its name, start posture and command as configured.
+
+    Args:
+        config, file: settings, and where they stand, for errors.
+        robot: what `config.robot` names, if it was read already.
+    """
+    description = robot or load(config.robot)
     if config.posture is not None:
         if config.posture not in description.postures:
             known = f"Known: {', '.join(sorted(description.postures))}"

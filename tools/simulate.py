@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.config.settings import parse
+from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, DescriptionError, Hoap3Error
 from hoap3.protocol.link.base import DelayModel, LockstepLink
 from hoap3.protocol.messages import Setpoint, State
@@ -56,8 +57,7 @@ class Lockstep:
         fate: DelayModel | None = None,
         files: tuple[str, str] = ("config", "config"),
     ) -> None:
-        emulator = suited(emulator, controller, files[1])
-        description = describe(emulator, files[0])
+        emulator, description = suited(emulator, controller, files)
         self.clock = clock = VirtualClock()
         compute_time = round(emulator.lockstep.compute_time_us * 1e3)
         self.link = LockstepLink(self._exchange, clock, compute_time, fate)
@@ -209,29 +209,32 @@ def emulator_settings(robot: str | Mapping[str, Any] | EmulatorConfig, seed: int
     return parse(EmulatorConfig, {**content, "seed": seed}, file)
 
 
-def suited(emulator: EmulatorConfig, controller: ControllerConfig, file: str) -> EmulatorConfig:
-    """The robot as a controller needs it.
+def suited(
+    emulator: EmulatorConfig,
+    controller: ControllerConfig,
+    files: tuple[str, str] = ("config", "config"),
+) -> tuple[EmulatorConfig, RobotDescription]:
+    """The robot as a controller needs it: its settings, and its description.
 
     Where its config leaves `command` open, that is the first of what the controller gives, in the
     controller's order, that the robot can take.
 
     Args:
-        emulator, controller: settings of both.
-        file: where the controller stands, for errors.
+        emulator, controller, files: settings of both, and where they stand, for errors.
 
     Raises:
         UsageError: there is no such robot, or no such controller, or the robot can take nothing
-            that the controller gives.
+            that the controller gives, or not what it is told to take.
     """
     if emulator.command is not None:
-        return emulator
-    gives, robot = find(controller.controller, file).commands, load(emulator.robot)
+        return emulator, describe(emulator, files[0])
+    gives, robot = find(controller.controller, files[1]).commands, load(emulator.robot)
     for kind in gives:
         if kind in robot.command_kinds:
-            return emulator.model_copy(update={"command": kind})
-    raise DescriptionError(
-        f"{mismatch(gives, robot)}: these two do not run together. {_other_pairs(file, robot.name)}"
-    )
+            emulator = emulator.model_copy(update={"command": kind})
+            return emulator, describe(emulator, files[0], robot)
+    others = _other_pairs(files[1], robot.name)
+    raise DescriptionError(f"{mismatch(gives, robot)}: these two do not run together. {others}")
 
 
 def _other_pairs(file: str, robot: str) -> str:

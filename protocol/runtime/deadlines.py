@@ -30,21 +30,17 @@ class Deadlines:
         lost: not answered, so far.
         misses_in_a_row: now.
         longest_run: the most misses in a row.
+        success_rate: share of answers in time over the last window; 1 before anything was asked.
         worst_window: lowest success rate of any full window, or None before the first.
     """
 
     def __init__(self, window: int = WINDOW) -> None:
         self.asked = self.in_time = self.late = self.lost = 0
         self.misses_in_a_row = self.longest_run = 0
+        self.success_rate = 1.0
         self.worst_window: float | None = None
         self._window = [False] * window
         self._hits = 0
-
-    @property
-    def success_rate(self) -> float:
-        """Share of answers in time over the last window; 1 before anything was asked."""
-        filled = min(self.asked, len(self._window))
-        return self._hits / filled if filled else 1.0
 
     @property
     def run_rate(self) -> float:
@@ -82,10 +78,10 @@ class Deadlines:
         self._hits += hit - window[place]
         window[place] = hit
         self.asked += 1
-        if self.asked >= len(window):
-            rate = self._hits / len(window)
-            if self.worst_window is None or rate < self.worst_window:
-                self.worst_window = rate
+        full = self.asked >= len(window)
+        self.success_rate = rate = self._hits / (len(window) if full else self.asked)
+        if full and (self.worst_window is None or rate < self.worst_window):
+            self.worst_window = rate
 
 
 def verdict(run_rate: float, *, safe_stop: bool) -> str:

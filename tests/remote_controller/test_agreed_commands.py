@@ -23,7 +23,8 @@ def shipped(config: str) -> str:
 
 def chosen(robot: str, controller: str, command: str | None = None) -> str | None:
     emulator = EmulatorConfig(robot=robot, command=command)
-    return suited(emulator, ControllerConfig(controller=controller), shipped(controller)).command
+    names = "config", shipped(controller)
+    return suited(emulator, ControllerConfig(controller=controller), names)[0].command
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,6 @@ from hoap3.protocol.runtime.notes import Note
 from hoap3.protocol.runtime.recorder import BlockingRecorder, Recorder
 from hoap3.remote_controller.config import ControllerConfig, of_another_robot
 from hoap3.robot_emulator.config import EmulatorConfig
-from hoap3.robot_emulator.service import describe
 from hoap3.tools.logs.log import Log, payload_hash
 from hoap3.tools.machine.loopback_links import free_port
 from hoap3.tools.machine.processes import Child, StopFlag, check_open_files, to_people
@@ -64,8 +63,7 @@ def run_realtime(
         Hoap3Error: a service could not do its work; carries what it said.
     """
     check_open_files()
-    emulator = suited(emulator, controller, files[1])
-    description = describe(emulator, files[0])
+    emulator, description = suited(emulator, controller, files)
     made, folder = is_new(out), run_folder(emulator.log, out)
 
     def report(text: str) -> None:
@@ -130,8 +128,7 @@ def run_lockstep(
     from hoap3.tools.simulate import Lockstep
 
     check_open_files()
-    emulator = suited(emulator, controller, files[1])
-    description = describe(emulator, files[0])
+    emulator, description = suited(emulator, controller, files)
     made, refused = is_new(out), False
     folder = run_folder(emulator.log, out)
     observers: dict[str, ObserverHandle] = {}

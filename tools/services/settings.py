@@ -104,7 +104,7 @@ def checked(name: str, overrides: list[str], robot: str | None = None) -> str:
             return f"{correct}; it names no robot, {unchecked}"
         _check_robot(config.robot, file)
     emulator, source = emulator_config(robot or config.robot, [])
-    description = describe(suited(emulator, config, file), source)
+    _, description = suited(emulator, config, (source, file))
     build(config, description, file)
     return f"{correct} for robot {description.name}"
 

@@ -139,7 +139,7 @@ def test_the_target_is_seen_from_where_the_robot_starts():
     """`move_m` counts from the posture of the emulator's config."""
     for posture in ("elbow_up", "outstretched"):
         emulator = emulator_settings("ur5", 0).model_copy(update={"posture": posture})
-        robot = describe(suited(emulator, controller_settings("qp12"), "test"))
+        _, robot = suited(emulator, controller_settings("qp12"))
         kinematics, start = Kinematics(robot), np.zeros(3)
         tool, base = kinematics.frame_id("tool0"), kinematics.frame_id("base")
         kinematics.update(np.array(robot.postures[posture]))
