@@ -71,6 +71,10 @@ class ConfigError(UsageError):
         super().__init__("\n".join(lines))
 
 
+class RenamedWarning(FutureWarning):
+    """A config has a former name of something, which still works."""
+
+
 class NoDefaultTaskError(ConfigError):
     """A config names no task, and neither does the robot."""
 

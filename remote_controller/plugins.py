@@ -6,12 +6,12 @@ import inspect
 import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
-from hoap3.protocol.config.settings import Settings, warn_renamed
+from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import (
     ConfigError,
@@ -33,7 +33,6 @@ class PluginGroup:
         builtin: ours, name to `module:Class`.
         bases: dotted paths of the classes that one of them must derive from; resolved on use.
         guide: the page that shows how to write one.
-        renamed: former names of ours, old to new.
     """
 
     kind: str
@@ -41,7 +40,6 @@ class PluginGroup:
     builtin: Mapping[str, str]
     bases: tuple[str, ...]
     guide: str
-    renamed: Mapping[str, str] = field(default_factory=dict)
 
     def registered(self) -> dict[str, EntryPoint]:
         """Everything that can be named: ours, then those of installed packages."""
@@ -63,9 +61,6 @@ class PluginGroup:
                 the family.
         """
         name, key = self._today(name), key or self.kind
-        if name in self.renamed:
-            warn_renamed(file, f"{key} {name!r}", repr(self.renamed[name]))
-            name = self.renamed[name]
         if name in self.builtin:
             point = EntryPoint(name, self.builtin[name], self.group)
         elif name in (known := self.registered()):

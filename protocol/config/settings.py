@@ -12,7 +12,14 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, ValidationError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    ValidationError,
+    model_validator,
+)
 from pydantic_core import core_schema
 
 from hoap3.protocol.config.regular_file import read_at_most
@@ -20,7 +27,7 @@ from hoap3.protocol.config.strict_numbers import make_strict
 from hoap3.protocol.config.wrong_settings import config_error
 from hoap3.protocol.config.yaml_text import MAX_BYTES as MAX_CONFIG_BYTES
 from hoap3.protocol.config.yaml_text import read_yaml
-from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.errors import ConfigError, RenamedWarning
 
 MAX_PARTS = 32  # of a dotted key
 SNIFFED = 4096  # bytes of a file in which a URDF is told from YAML
@@ -36,7 +43,7 @@ class Settings(BaseModel):
     """Base of every settings model: unknown keys are errors, values cannot be changed later."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-    renamed: ClassVar[Mapping[str, str]] = {}  # former names of keys, which `parse` still takes
+    renamed: ClassVar[Mapping[str, str]] = {}  # former names of keys, which still work
 
     @classmethod
     def __get_pydantic_core_schema__(
@@ -46,6 +53,14 @@ class Settings(BaseModel):
         schema = handler(source)
         make_strict(schema)
         return schema
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_todays_keys(cls, content: Any) -> Any:
+        """Of a key under both of its names, the later one counts: what `--set` adds."""
+        if not (cls.renamed and isinstance(content, dict)):
+            return content
+        return {todays_name(key, cls.renamed): value for key, value in content.items()}
 
 
 class LinkSettings(Settings):
@@ -217,10 +232,6 @@ def parse(model: type[Model], content: dict[str, Any], file: str, prefix: str = 
     Raises:
         ConfigError: naming each wrong key, its value, and what is allowed.
     """
-    for old, new in model.renamed.items():
-        if old in content and new not in content:
-            warn_renamed(file, f"{prefix}.{old}".lstrip("."), new)
-            content = {new if key == old else key: value for key, value in content.items()}
     try:
         return model.model_validate(content)
     except ValidationError as error:
@@ -228,6 +239,9 @@ def parse(model: type[Model], content: dict[str, Any], file: str, prefix: str = 
         raise config_error(model, content, errors, file, prefix) from error
 
 
-def warn_renamed(file: str, what: str, new: str) -> None:
-    """Say that something in a config has another name now; the former one still works."""
-    warnings.warn(f"{file}: {what} is called {new} now", FutureWarning, stacklevel=3)
+def todays_name(name: str, renamed: Mapping[str, str]) -> str:
+    """What a name in a config is called today; a warning says so where it is a former one."""
+    if name not in renamed:
+        return name
+    warnings.warn(f"config: {name!r} is called {renamed[name]!r} now", RenamedWarning, stacklevel=1)
+    return renamed[name]

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
-from hoap3.protocol.config.settings import Settings, parse
+from hoap3.protocol.config.settings import Settings, parse, todays_name
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.remote_controller.constraints.constraint import Constraint
@@ -36,9 +36,15 @@ CONSTRAINTS = PluginGroup(
     BUILTIN,
     ("hoap3.remote_controller.constraints.constraint:Constraint",),
     "docs/writing_a_constraint.md",
-    renamed={"joint_speed": "joint_velocity", "frame_still": "fixed_frame"},
 )
 registered, find = CONSTRAINTS.registered, CONSTRAINTS.find
+RENAMED = {
+    "joint_speed": "joint_velocity",
+    "frame_still": "fixed_frame",
+    "remote_controller.constraints.joint_speed:JointSpeed": "joint_velocity",
+    "remote_controller.constraints.frame_still:FrameStill": "fixed_frame",
+}
+"""Former names of ours."""
 
 
 class ConstraintSettings(Settings):
@@ -51,6 +57,11 @@ class ConstraintSettings(Settings):
         description="of its rows, conditions and events; null: the constraint's own",
     )
     parameters: dict[str, Any] = Field({}, description="settings of the constraint itself")
+
+    @field_validator("constraint")
+    @classmethod
+    def _todays_name(cls, name: str) -> str:
+        return todays_name(name, RENAMED)
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ def emulator(case: str = "") -> EmulatorConfig:
         known for known in shipped if known.robot == wanted and known.command in {None, *gives}
     ]
     found = fitting[0] if fitting else parse(EmulatorConfig, *emulator_content(wanted))
-    return suited(found, config(case), case) if case else found
+    return suited(found, config(case), ("test", case))[0] if case else found
 
 
 @cache

@@ -11,11 +11,11 @@ import os
 import sys
 import warnings
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TextIO
 
 import typer
 
-from hoap3.protocol.errors import Hoap3Error, LogError, UsageError
+from hoap3.protocol.errors import Hoap3Error, LogError, RenamedWarning, UsageError
 from hoap3.tools.cli.change import change, priorities
 from hoap3.tools.cli.compare import compare
 from hoap3.tools.cli.latency import latency
@@ -29,6 +29,7 @@ from hoap3.tools.machine.terminal import one_line
 from hoap3.tools.show.kernel_news import watch_compilation
 from hoap3.tools.show.output import print_json, print_line, print_note, progress
 
+_show_by_python = warnings.showwarning
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 config_app = typer.Typer(no_args_is_help=True, help="Look at settings before anything runs.")
 app.add_typer(config_app, name="config")
@@ -446,10 +447,25 @@ def _tell(robot: str | None, verb: str, connect: str | None, as_json: bool) -> N
         raise typer.Exit(1)
 
 
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """In one line where a config is to be mended; as Python does, with the place, elsewhere."""
+    if issubclass(category, RenamedWarning):
+        to_people(f"warning: {message}")
+    else:
+        _show_by_python(message, category, filename, lineno, file, line)
+
+
 def main() -> None:
     """Entry point of `hoap3`."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # read once, when numpy is imported
-    warnings.showwarning = lambda message, *_, **__: to_people(f"warning: {message}")
+    warnings.showwarning = _show_warning
     try:
         for stream in (sys.stdout, sys.stderr):  # a terminal that knows ASCII only shows `?`
             if isinstance(stream, io.TextIOWrapper):

@@ -72,21 +72,34 @@ def test_the_robot_is_the_one_that_the_controllers_config_names(tmp_path: Path) 
     assert Log.open(tmp_path / "log", side="robot").robot == "ur5"
 
 
-@pytest.mark.filterwarnings("default")
-def test_former_names_in_a_config_still_work_and_are_told_of(tmp_path: Path) -> None:
-    today = "max_speed_ratio: 2.0, constraints: [{constraint: joint_velocity, name: slow}]"
-    former = today.replace("max_speed_ratio", "effort").replace("joint_velocity", "joint_speed")
-    hashes = []
-    for number, keys in enumerate((today, former)):
-        config, log = tmp_path / "mine.yaml", tmp_path / str(number)
-        config.write_text(f"controller: stable_qp\nrobot: hoap3\nparameters: {{{keys}}}\n")
-        words = ("run", "--lockstep", "--duration", "0.1", "--out", log, "--controller", config)
+@pytest.mark.filterwarnings("always")
+@pytest.mark.parametrize("written", ["effort", "max_speed_ratio"])
+@pytest.mark.parametrize("changed", ["effort", "max_speed_ratio"])
+def test_a_key_under_its_former_name_still_works_and_is_told(tmp_path, written, changed) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"controller: stable_qp\nparameters: {{{written}: 2.0}}\n")
+    shown = inside("config", "show", path, "--set", f"parameters.{changed}=4.0")
+    assert_ran(shown)
+    assert "max_speed_ratio: 4.0" in shown.stdout
+    assert ("'effort' is called 'max_speed_ratio'" in shown.stderr) == (
+        "effort" in (written, changed)
+    )
+
+
+@pytest.mark.filterwarnings("always")
+def test_constraints_under_their_former_names_give_the_same_run(tmp_path: Path) -> None:
+    dotted = "'remote_controller.constraints.joint_speed:JointSpeed'"
+    hashes = set()
+    for name in ("joint_velocity", "joint_speed", dotted):
+        path, log = tmp_path / "mine.yaml", tmp_path / name[:20]
+        only = f"parameters: {{constraints: [constraint: {name}]}}"
+        path.write_text(f"controller: stable_qp\nrobot: hoap3\n{only}\n")
+        words = ("run", "--lockstep", "--duration", "0.1", "--out", log, "--controller", path)
         for command in (inside(*words), inside("replay", log)):
             assert_ran(command)
-            assert ("effort is called max_speed_ratio" in command.stderr) == (number == 1)
-            assert ("'joint_speed' is called 'joint_velocity'" in command.stderr) == (number == 1)
-        hashes.append(payload_hash(Log.open(log, side="controller")))
-    assert hashes[0] == hashes[1]
+            assert ("is called 'joint_velocity'" in command.stderr) == (name != "joint_velocity")
+        hashes.add(payload_hash(Log.open(log, side="controller")))
+    assert len(hashes) == 1
 
 
 def test_a_config_that_names_an_unknown_robot_is_told(tmp_path: Path) -> None:

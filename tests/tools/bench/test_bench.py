@@ -189,7 +189,7 @@ def test_a_solver_that_is_not_installed_is_left_out_and_said():
 def test_people_are_told_what_to_install(capsys):
     from hoap3.tools.bench.show import show_missing
 
-    show_missing()
+    show_missing(missing())
     assert "quadprog (pip install no_such_package)" in capsys.readouterr().out
 
 
