@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
@@ -25,17 +27,18 @@ AT_TARGET = 1e-5  # of |e|, all tasks [m or rad]
 FIRST_ORDER = 0.01  # of β: by how much V may fall slower than the linear model has it
 ACTIVE = 1e-9  # how near to a bound a velocity is held by it [rad/s or m/s]
 MOST_LOGGED = 36  # rows whose gains are logged
-FIGURES = ("beta", "beta_actual", "rank", "task_rank", "slack")
+FIGURES = ("beta", "beta_actual", "rank", "task_rank", "slack", "remainder", "floor")
 FALLBACKS = {status.OK: 0, status.STATIONARY: 1}
 GAVE_UP = 2
-NO_CERTIFICATE, SPENT, UNSOLVED, HELD, MOVING = (1 << bit for bit in range(1, 6))
+NO_CERTIFICATE, SPENT, UNSOLVED, HELD, TOO_FAST, FAR_FLOOR = (1 << bit for bit in range(1, 7))
 CONDITIONS = (
     "state not finite",
     "no certificate",
     "budget spent",
     "gains not optimal",
     "held by limits",
-    "target moves",
+    "target too fast",
+    "floor above tolerance",
 )
 LITTLE = 0.1  # of β̃: with less than that V falls, but the lower tasks hardly arrive
 LASTING_S = 0.1  # for which β is as little, before anybody is told
@@ -65,6 +68,11 @@ class ClikParameters(LabelledTaskParameters):
     tasks: tuple[WeightedTask, ...] | None = Field(None, min_length=1, description=TASKS)
     damping: float = Field(
         0.0, ge=0, le=1e6, description="d: Jᵀ(JJᵀ + d²I)⁻¹ stands for the pseudoinverse J⁺"
+    )
+    floor_tolerance: float = Field(
+        1e-4,
+        gt=0,
+        description="beside a moving target only what brings √(Σ w|e|²) below this is certified",
     )
 
 
@@ -97,24 +105,35 @@ def _with_default_task(parameters: Any, description: RobotDescription) -> Any:
 
 
 class _Clik(LabelledTasksController):
-    """dq = B(Λ e + σ̇*), B = [J_1⁺ | N_1 J_2⁺ | …], for tasks in the order of their priorities.
+    """dq = B(Λ e + L⁻¹ σ̇*), B = [J_1⁺ | N_1 J_2⁺ | …], L = J B: tasks in order of priority.
 
-    By Marti-Saumell et al., (7), with feed-forward of moving targets. The solver is given the
-    bounds of velocities as limits, those of acceleration included. It can only take limits that
-    allow to stand still: where a joint is too fast for that, 0 stands for the bound that forbids
-    it, and if the answer is beyond the bound, u is cut to it. Nothing is certified then.
+    By Marti-Saumell et al., (7), with feed-forward of moving targets: σ̇* is how far each goes in
+    the next period, over T. The solver is given the bounds of velocities as limits, those of
+    acceleration included. It can only take limits that allow to stand still: where a joint is too
+    fast for that, 0 stands for the bound that forbids it, and if the answer is beyond the bound, u
+    is cut to it. Nothing is certified then, nor where what is fed forward is beyond a bound:
+    `target too fast`.
 
-    Certificate: V = ½ Σ w|e|² of all tasks falls by V⁺ ≤ (1 − β Δt) V, for targets that stand and
+    Certificate: V = ½ Σ w|e|² of all tasks falls by V⁺ ≤ (1 − β T) V, for targets that stand and
     by the linear model; `v_rate_required` is −β V. `certified` says that the solver is done, that
-    β > 0, that targets stand, that u is exactly what the solver gave, and that V, evaluated where u
-    leads, falls so fast, to 1 % of β: by `beta_actual`, (1 − V⁺/V)/Δt. `at_target` says the same
-    without β, of tasks all within 10⁻⁵ m or rad. `margin` is the least distance of u from a
-    bound [rad/s or m/s]. `fallback` is 1 where no gains have a certificate, and 2 where the gains
-    are not the optimal ones.
+    β > 0, that u is exactly what the solver gave, and that V, evaluated where u leads, falls so
+    fast, to 1 % of β: by `beta_actual`, (1 − V⁺/V)/T. `at_target` says the same without β, of tasks
+    all within 10⁻⁵ m or rad.
+
+    While a target moves, e⁺ = (I − T L Λ)e + ρ, and what is proved is √V⁺ ≤ √(1 − βT)·√V + r. The
+    `remainder` r = √(½ Σ w|ρ|²) is evaluated where u and the targets lead, before u is sent: it is
+    that of the model, not a bound of it. Of ρ the feed-forward leaves −½T²·J̇u and less. So the
+    error comes down to the `floor`, √(Σ w|e|²) = √2·r/(1 − √(1 − βT)), and `certified` says besides
+    that this is within `floor_tolerance`. `v_rate_required` is ((√(1 − βT)·√V + r)² − V)/T then,
+    and `v_rate_predicted` (V⁺ − V)/T.
+
+    `margin` is the least distance of u from a bound [rad/s or m/s]. `fallback` is 1 where no gains
+    have a certificate, and 2 where the gains are not the optimal ones.
 
     Columns: `error_NAME`, |e| of each task; `beta`, `beta_actual` [1/s]; `rank` of the multiplier;
-    `task_rank` of the stacked Jacobian; `slack` of the matrix inequality [1/s]; and of up to 36
-    rows `gain_NAME`, λ [1/s], with the number of the row if a task has more than one.
+    `task_rank` of the stacked Jacobian; `slack` of the matrix inequality [1/s]; `remainder` and
+    `floor`, 0 while targets stand, and a floor of −1 where there is none without β; and of up to
+    36 rows `gain_NAME`, λ [1/s], with the number of the row if a task has more than one.
     """
 
     own_conditions: tuple[str, ...] = CONDITIONS
@@ -132,7 +151,11 @@ class _Clik(LabelledTasksController):
         self._errors_logged = slice(0, first)
         self._figures = slice(first, first + len(FIGURES))
         self._gains_logged = slice(first + len(FIGURES), len(self.extra_names))
-        self.not_certified_in = MOVING
+        self.not_certified_in = TOO_FAST
+        self._row_weights = np.repeat(self._weights, self.sizes)
+        self._slices = [slice(*ends) for ends in pairwise(self.offsets.tolist())]
+        self._shrunk, self._fed_back = np.zeros(len(self.errors)), np.zeros(description.n)
+        self._floor_tolerance = parameters.floor_tolerance
         self._has_gains = len(self.extra_names) > first + len(FIGURES)
 
     def columns(self) -> tuple[str, ...]:
@@ -160,42 +183,53 @@ class _Clik(LabelledTasksController):
         command, solver = self.command, self.solver
         np.minimum(self.lower, 0.0, out=solver.lower)
         np.maximum(self.upper, 0.0, out=solver.upper)
+        moving = bool(self.rates.any())
+        if moving:
+            self._look_along(now)
         solver.rates[:] = self.rates
         command.stamp_kinematics = self.now()
         command.solver_path, rank, slack, command.kkt_residual = self.solve()
         found, beta = solver.status, solver.beta
         command.margin = self._cut(solver.dq, 1.0, self.lower, self.upper, self.u)
         command.fallback = FALLBACKS.get(found, GAVE_UP)
-        stands = not self.rates.any()
+        fed_within = bool(((solver.lower <= solver.fed) & (solver.fed <= solver.upper)).all())
+        exact = found == status.OK and fed_within and bool((self.u == solver.dq).all())
+        if moving:
+            actual, remainder, floor = self._certify_moving(base, now, exact)
+        else:
+            actual, remainder, floor = self._certify(base, now, exact), 0.0, 0.0
         self.present = (
             noted
             | (0 if beta > 0.0 else NO_CERTIFICATE)
             | (SPENT if found == status.ITERATION_LIMIT else 0)
             | (UNSOLVED if found not in FALLBACKS and found != status.ITERATION_LIMIT else 0)
             | (HELD if command.margin <= ACTIVE else 0)
-            | (0 if stands else MOVING)
+            | (0 if fed_within else TOO_FAST)
+            | (FAR_FLOOR if exact and beta > 0.0 and floor > self._floor_tolerance else 0)
         )
-        exact = found == status.OK and stands and bool((self.u == solver.dq).all())
-        actual = self._certify(base, now, exact)
-        command.extra[self._figures] = beta, actual, rank, solver.task_rank, slack
+        told = floor if floor < math.inf else -1.0
+        figures = beta, actual, rank, solver.task_rank, slack, remainder, told
+        command.extra[self._figures] = figures
         if self._has_gains:
             command.extra[self._gains_logged] = solver.gains
+
+    def _look_along(self, now: float) -> None:
+        """Let `rates` be the mean ones of the next period, for the joints as they are."""
+        for function, (errors, rates, _) in zip(self.functions, self._rows, strict=True):
+            function.update(self.kinematics, now + self._dt)
+            np.add(function.error, errors, out=rates)
+            np.divide(rates, -self._dt, out=rates)
 
     def _certify(self, base: FloatArray, now: float, exact: bool) -> float:
         """Write what is proved of u; returns the rate at which V falls in fact [1/s]."""
         command, beta = self.command, self.solver.beta
-        V = rate = end = 0.0
+        V = rate = 0.0
         for weight, function in zip(self._weights, self.functions, strict=True):
             V += weight * function.value
             rate += weight * (function.rate + float(function.gradient @ self.u))
-        self._go_ahead(base)
-        for weight, function in zip(self._weights, self.functions, strict=True):
-            function.update(self.kinematics, now + self._dt)
-            end += weight * function.value
+        end = self._value_ahead(base, now)
         if not np.isfinite(V + rate + end):  # of a task that is not a number
-            command.solver_status = STATUS["infeasible"]
-            command.v = command.v_rate_predicted = command.v_rate_required = command.rho = 0.0
-            return 0.0
+            return self._give_up()
         actual = (V - end) / (V * self._dt) if V > 0.0 else 0.0
         error = command.extra[self._errors_logged]
         arrived = exact and float(error @ error) <= AT_TARGET**2
@@ -207,6 +241,51 @@ class _Clik(LabelledTasksController):
             "at_target" if arrived else "certified" if proven else "uncertified"
         ]
         return actual
+
+    def _certify_moving(
+        self, base: FloatArray, now: float, exact: bool
+    ) -> tuple[float, float, float]:
+        """Write what is proved of u beside a target that moves.
+
+        Returns:
+            The rate at which V falls in fact [1/s], r, and the floor of √(Σ w|e|²).
+        """
+        command, solver, weights, T = self.command, self.solver, self._row_weights, self._dt
+        V = 0.5 * float(weights @ (self.errors * self.errors))
+        np.subtract(self.u, solver.fed, out=self._fed_back)
+        np.dot(self.jacobian, self._fed_back, out=self._shrunk)
+        self._shrunk *= -T
+        self._shrunk += self.errors  # (I − T L Λ) e
+        end = self._value_ahead(base, now)
+        for function, rows in zip(self.functions, self._slices, strict=True):
+            self._shrunk[rows] += function.error  # −ρ
+        remainder = math.sqrt(0.5 * float(weights @ (self._shrunk * self._shrunk)))
+        if not np.isfinite(V + end + remainder):
+            return self._give_up(), 0.0, 0.0
+        kept = math.sqrt(max(1.0 - max(solver.beta, 0.0) * T, 0.0))
+        floor = math.sqrt(2.0) * remainder / (1.0 - kept) if kept < 1.0 else math.inf
+        proven = exact and floor <= self._floor_tolerance
+        command.v, command.v_rate_predicted = V, (end - V) / T
+        command.v_rate_required = ((kept * math.sqrt(V) + remainder) ** 2 - V) / T
+        command.rho = 1.0 if exact else 0.0
+        command.solver_status = STATUS["certified" if proven else "uncertified"]
+        return (V - end) / (V * T) if V > 0.0 else 0.0, remainder, floor
+
+    def _value_ahead(self, base: FloatArray, now: float) -> float:
+        """V at the end of the period, where u leads; the tasks' errors are those there."""
+        self._go_ahead(base)
+        end = 0.0
+        for weight, function in zip(self._weights, self.functions, strict=True):
+            function.update(self.kinematics, now + self._dt)
+            end += weight * function.value
+        return end
+
+    def _give_up(self) -> float:
+        """A task is not a number: nothing is proved."""
+        command = self.command
+        command.solver_status = STATUS["infeasible"]
+        command.v = command.v_rate_predicted = command.v_rate_required = command.rho = 0.0
+        return 0.0
 
 
 class ClikController(_Clik):

@@ -30,6 +30,7 @@ from hoap3.remote_controller.solvers.linalg.dense_kernels import (
 RANK = 1e-8  # of a row's length: less than that of it outside the rows before is nothing
 AGAIN = 0.5  # of the squared length: where less is left, rounding counts, and once more removes it
 ONE, TWO, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
+SINGULAR = 1e-9  # a pivot of L, which is 1 where a task has what it needs
 ROUNDING = 1e-13  # of the product of two lengths: a dot product up to that is 0
 
 
@@ -254,12 +255,87 @@ def unfit(jacobian: Matrix, errors: Vector, rates: Vector, weights: Vector, limi
 
 
 @inlined
-def feed_forward(B: Matrix, rates: Vector, speed: Vector) -> None:
-    """Write B·rates: whether the limits allow it is to be seen with what is fed back."""
-    moves = False
-    for r in range(speed.size):
-        speed[r] = 0.0
+def moves(rates: Vector) -> bool:
+    """Whether a target moves."""
+    found = False
     for i in range(rates.size):
-        moves = moves or rates[i] != 0.0
-    if moves:
-        add_rows(speed, rates, B, 0, rates.size, 0)
+        found = found or rates[i] != 0.0
+    return found
+
+
+@kernel()
+def solve_loop(
+    L: Matrix, offsets: Indices, weights: Vector, rates: Vector, U: Matrix, out: Vector
+) -> bool:
+    """Write x with (D⁻¹ L D) x = rates, by elimination without pivots; False where L is singular.
+
+    Where gains have a certificate, LΛ + ΛLᵀ is positive definite, and so no pivot is 0. Row k of L
+    ends with the block of its task, and so does what is eliminated by it.
+
+    Args:
+        L, offsets, weights: what `prioritised` gave; weights is D.
+        rates: (n,).
+        U: scratch, (n, n).
+        out: x, written, (n,).
+    """
+    n = rates.size
+    for i in range(n):
+        out[i] = weights[i] * rates[i]
+        for j in range(n):
+            U[i, j] = L[i, j]
+    for task in range(offsets.size - 1):
+        end = offsets[task + 1]
+        for k in range(offsets[task], end):
+            if not abs(U[k, k]) > SINGULAR:
+                return False
+            for i in range(k + 1, n):
+                factor = U[i, k] / U[k, k]
+                if factor != 0.0:
+                    out[i] -= factor * out[k]
+                    for j in range(k + 1, end):
+                        U[i, j] -= factor * U[k, j]
+    for task in range(offsets.size - 1):
+        start, end = offsets[task], offsets[task + 1]
+        for k in range(end - 1, start - 1, -1):
+            for j in range(k + 1, end):
+                out[k] -= U[k, j] * out[j]
+            out[k] /= U[k, k]
+    for i in range(n):
+        out[i] /= weights[i]
+    return True
+
+
+@inlined
+def feed_forward(
+    B: Matrix, rates: Vector, through: Vector, regular: bool, limits: Matrix, fed: Vector
+) -> None:
+    """Write B L⁻¹ σ̇*, which leaves ė = −L Λ e, or where limits are in the way, what leads to B σ̇*.
+
+    The errors move by ė = σ̇* − L(Λ e + x) where dq = B(Λ e + x): L x = σ̇* takes the targets'
+    motion out of them all, x = σ̇* only out of those of the first task. What is between both moves
+    the lower tasks alone. Where limits are in the way of all of it, it is left as fast as they
+    allow, and the first task does not feel it.
+
+    Args:
+        B: Bᵀ, (n, joints).
+        rates, through, regular: σ̇* and L⁻¹ σ̇*, (n,), and whether there is one: of `solve_loop`.
+        limits: of the speeds, (2, joints) or more.
+        fed: written, (joints,).
+    """
+    n, least, most = rates.size, 0.0, 1.0
+    for r in range(fed.size):
+        fed[r] = 0.0
+    add_rows(fed, rates, B, 0, n, 0)
+    if not regular:
+        return
+    for r in range(fed.size):
+        way = 0.0
+        for i in range(n):
+            way += (through[i] - rates[i]) * B[i, r]
+        if way != 0.0:
+            one, other = (limits[0, r] - fed[r]) / way, (limits[1, r] - fed[r]) / way
+            least, most = max(least, min(one, other)), min(most, max(one, other))
+    if least <= most:
+        share = 1.0 if most == 1.0 else least
+        for i in range(n):
+            add(fed, share * (through[i] - rates[i]), B[i])

@@ -42,8 +42,8 @@ class ConstantGains:
     Attributes:
         lower, upper: limits of dq, (joints,), to be written to; ∓inf at first. They hold
             lower ≤ 0 ≤ upper.
-        rates: of the targets, (n,), to be written to; 0 at first. dq = B(Λ e + rates), cut
-            to the limits where no gains keep them.
+        rates: of the targets, (n,), to be written to; 0 at first: as of `SdpGains`.
+        fed: what they take of dq, (joints,) [rad/s].
         gains: λ as they were applied, (n,) [1/s].
         dq: joint speeds, (joints,) [rad/s].
         beta: β [1/s] that the gains certify; not positive, if they certify nothing.
@@ -73,8 +73,8 @@ class ConstantGains:
         self.weights = positive(NAME, "weights", [1] * n if weights is None else weights, n)
         self.offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
         self._kernel = constant_gains_kernels.constant_gains_kernel
-        self._limits = np.array([np.full(joints, -math.inf), np.full(joints, math.inf)])
-        self.lower, self.upper = self._limits
+        self._limits = np.array([[-math.inf], [math.inf], [0.0]]).repeat(joints, axis=1)
+        self.lower, self.upper, self.fed = self._limits
         self.rates, self.gains, self.dq = np.zeros(n), np.zeros(n), np.zeros(joints)
         self._work = (
             np.zeros((7, n, n)),

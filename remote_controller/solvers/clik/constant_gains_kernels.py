@@ -6,7 +6,13 @@ import math
 
 from hoap3.protocol.runtime.numba_jit import Cube, Indices, Matrix, Vector, kernel
 from hoap3.remote_controller.solvers.base.status import BAD_INPUT, BAD_SHAPE, OK, OUT_OF_RANGE
-from hoap3.remote_controller.solvers.clik.clik_kernels import feed_forward, prioritised, unfit
+from hoap3.remote_controller.solvers.clik.clik_kernels import (
+    feed_forward,
+    moves,
+    prioritised,
+    solve_loop,
+    unfit,
+)
 from hoap3.remote_controller.solvers.clik.lmi_kernels import least_eigenvalue, stability_matrix
 from hoap3.remote_controller.solvers.linalg.dense_kernels import MAX, add, not_finite
 from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import syrk
@@ -32,14 +38,16 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
     gains: Vector,
     dq: Vector,
 ) -> tuple[int, int, float]:
-    """Write dq = B(Λ e + rates) and the gains Λ, shortened alike until dq keeps its limits.
+    """Write dq = B(Λ e + L⁻¹ rates) and the gains Λ, shortened alike until dq keeps its limits.
 
-    Where B·rates alone breaks them, the gains are 0 and dq is cut off, each joint by itself.
+    Where what is fed forward alone breaks them, the gains are 0 and dq is cut off, each joint by
+    itself.
 
     Args:
         jacobian, errors, rates, offsets: (n, joints), (n,), (n,), (h + 1,).
         weights: of the squared errors in V, (n,).
-        speeds: lower and upper limits of dq, (2, joints); they hold lower ≤ 0 ≤ upper.
+        speeds: lower and upper limits of dq, which hold lower ≤ 0 ≤ upper, and what moving
+            targets take of dq, written; (3, joints).
         dt, damping: Δt, d.
         wanted: λ, (n,).
         squares, wide, own, vectors: scratch, (7, n, n), (2, n, joints), (n, 2n), and three rows of
@@ -67,9 +75,14 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
     rank = prioritised(
         jacobian, offsets, damping, roots, L, B, wide[0], squares[2], squares[3], squares[4], own
     )
-    feed_forward(B, rates, dq)
+    fed = speeds[2]
     for r in range(joints):
-        move[r] = 0.0
+        fed[r], move[r] = 0.0, 0.0
+    if moves(rates):
+        regular = solve_loop(L, offsets, roots, rates, squares[2], vectors[2, :n])
+        feed_forward(B, rates, vectors[2, :n], regular, speeds, fed)
+    for r in range(joints):
+        dq[r] = fed[r]
     for i in range(n):
         add(move, wanted[i] * errors[i], B[i])
     share = 1.0

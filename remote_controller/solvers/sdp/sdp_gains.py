@@ -74,8 +74,10 @@ class SdpGains:
     Attributes:
         lower, upper: limits of dq [rad/s], (joints,), to be written to; ∓inf at first. They hold
             lower ≤ 0 ≤ upper.
-        rates: of the targets, σ̇*, (n,), to be written to; 0 at first. dq = B(Λ e + σ̇*), cut
-            to the limits where B σ̇* exceeds them. The certificate is for constant targets.
+        rates: of the targets, σ̇*, (n,), to be written to; 0 at first. dq = B(Λ e + L⁻¹ σ̇*), so
+            that ė = −L Λ e as for constant targets; where L is singular, or limits are in the way,
+            dq = B(Λ e + σ̇*), cut to the limits.
+        fed: what the targets' rates take of dq, (joints,) [rad/s].
         gains: λ [1/s], (n,).
         dq: joint speeds [rad/s], (joints,).
         beta: β [1/s] that the gains certify.
@@ -118,10 +120,11 @@ class SdpGains:
         unknowns = n + 1 + n * columns + n
         plan = np.concatenate([np.zeros(7 + 6 * n), np.cumsum(sizes)]).astype(np.int64)
         rows = np.zeros((6 + 19 * n, n))
-        tall = np.zeros((17 + 3 * n, joints))
+        tall = np.zeros((18 + 3 * n, joints))
         self._counts, self.offsets = plan[:6], plan[6 + 6 * n :]
         self.rates, self.weights, self.gains = rows[:3]
         self.lower, self.upper, self.dq = tall[:3]
+        self.fed = tall[-1]
         self.weights[:], self.lower[:], self.upper[:] = given, -math.inf, math.inf
         self._work = (plan, rows, tall, np.zeros((11 + unknowns, max(unknowns, joints))))
         self._still()

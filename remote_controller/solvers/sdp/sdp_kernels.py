@@ -1,10 +1,10 @@
 """The gains of prioritised tasks with a certificate, from Jacobians and errors, in one call.
 
 Marti-Saumell et al.: min (β − β̃)² + δ|λ|² such that V falls by V⁺ ≤ (1 − β Δt) V, and the joint
-speeds dq = B(Λ e + rates) stay within their limits. From the last two answers Newton's method takes
-two or three steps (`newton_kernels`); where it does not arrive, an interior-point method comes
-near enough for it (`interior_point_kernels`). Either may stop early: whatever λ is returned, β is
-what it certifies, λ_min(C(λ, 0)), and a gap of duality says how far from optimal it may be.
+speeds dq = B(Λ e + L⁻¹ rates) stay within their limits. From the last two answers Newton's method
+takes two or three steps (`newton_kernels`); where it does not arrive, an interior-point method
+comes near enough for it (`interior_point_kernels`). Either may stop early: whatever λ is returned,
+β is what it certifies, λ_min(C(λ, 0)), and a gap of duality says how far from optimal it may be.
 """
 
 from __future__ import annotations
@@ -21,7 +21,13 @@ from hoap3.remote_controller.solvers.base.status import (
     STATIONARY,
     UNSOLVED,
 )
-from hoap3.remote_controller.solvers.clik.clik_kernels import feed_forward, prioritised, unfit
+from hoap3.remote_controller.solvers.clik.clik_kernels import (
+    feed_forward,
+    moves,
+    prioritised,
+    solve_loop,
+    unfit,
+)
 from hoap3.remote_controller.solvers.clik.lmi_kernels import find_blocks
 from hoap3.remote_controller.solvers.linalg.dense_kernels import MAX, dot, not_finite
 from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import syrk
@@ -113,7 +119,7 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
             last; its Y, (n, n); what `_look_ahead` remembers of Y and ν, (2n + 2, n); then scratch,
             (16, n, n).
         tall: lower and upper limits of dq; dq, written, zeros where there is no answer; then
-            scratch, (3n + 14, joints).
+            scratch, (3n + 14, joints); what moving targets take of dq, written.
         unknowns: `points` of `_look_ahead` and `optimise` in the first n + 1 columns, 5 rows; then
             scratch: 6 rows and as many as `optimise` has unknowns, each as long, or as the joints,
             whichever is more.
@@ -128,9 +134,9 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     counts, integers, offsets = plan[:6], plan[6 : 6 + 6 * n].reshape(6, n), plan[6 + 6 * n :]
     rates, weights, gains, nu, Y = rows[0], rows[1], rows[2], rows[3], rows[4 : 4 + n]
     past, squares = rows[4 + n : 6 + 3 * n], rows[6 + 3 * n :].reshape(16, n, n)
-    speeds, dq = tall[:2], tall[2]
+    speeds, dq, fed = tall[:2], tall[2], tall[17 + 3 * n]
     Q, B, S = tall[3 : 3 + n], tall[3 + n : 3 + 2 * n], tall[3 + 2 * n : 3 + 3 * n]
-    sides = tall[3 + 3 * n :].reshape(7, 2, joints)
+    sides = tall[3 + 3 * n : 17 + 3 * n].reshape(7, 2, joints)
     points, vectors, K = unknowns[:5], unknowns[5:11], unknowns[11:]
     L, G, Z, spare = squares[0], squares[1], squares[2], squares[3:]
     room, z = sides[0], sides[1]
@@ -147,8 +153,13 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     task_rank = prioritised(
         jacobian, offsets, damping, vectors[0, :n], L, B, Q, spare[0], spare[1], spare[2], K
     )
-    feed_forward(B, rates, dq)
     for r in range(joints):
+        fed[r] = 0.0
+    if moves(rates):
+        regular = solve_loop(L, offsets, vectors[0, :n], rates, spare[0], vectors[1, :n])
+        feed_forward(B, rates, vectors[1, :n], regular, speeds, fed)
+    for r in range(joints):
+        dq[r] = fed[r]
         room[0, r] = min(speeds[0, r] - dq[r], 0.0) / desired
         room[1, r] = max(speeds[1, r] - dq[r], 0.0) / desired
     for i in range(n):

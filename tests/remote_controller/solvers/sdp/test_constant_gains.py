@@ -79,8 +79,14 @@ def test_rates_come_first_and_gains_take_what_they_leave(seed, speed, damping):
     solver = steady(it, np.full(it.e.size, 5.0), damping)
     solver.rates[:] = speed * rng.normal(size=it.e.size)
     assert solver.solve(it.J, it.e, it.dt) == status.OK
-    B, _ = law(it, damping)
-    ahead = B @ solver.rates
+    B, L = law(it, damping)
+    plain = B @ solver.rates
+    way = B @ np.linalg.solve(L, solver.rates) - plain  # no weights: D is 1
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = np.sort([(it.lower - plain) / way, (it.upper - plain) / way], axis=0)
+    least, most = max(0.0, np.nanmax(shares[0])), min(1.0, np.nanmin(shares[1]))
+    ahead = plain + (0.0 if least > most else 1.0 if most == 1.0 else least) * way
+    np.testing.assert_allclose(solver.fed, ahead, rtol=0, atol=1e-6 * (1.0 + np.abs(ahead).max()))
     rest = B @ (5.0 * it.e)
     share = max(shortened(rest, it.lower - ahead, it.upper - ahead), 0.0)
     size = 1.0 + np.abs(ahead).max() + np.abs(rest).max()
@@ -88,6 +94,23 @@ def test_rates_come_first_and_gains_take_what_they_leave(seed, speed, damping):
     np.testing.assert_allclose(solver.dq, expected, rtol=0, atol=1e-6 * size)
     assert (solver.dq <= it.upper).all()
     assert (solver.dq >= it.lower).all()
+
+
+@pytest.mark.parametrize("kind", ["", "dependent"])
+@pytest.mark.parametrize("damping", [0.0, 0.1])
+def test_what_is_fed_forward_moves_the_tasks_as_their_targets_move(kind, damping):
+    for seed in range(50):
+        it, rng = random(seed, kind), np.random.default_rng(seed)
+        it.weights = 10.0 ** rng.uniform(-4, 2, it.e.size)
+        it.lower[:], it.upper[:] = -np.inf, np.inf
+        for solver in (steady(it, np.ones(it.e.size), damping), it.solver(damping=damping)):
+            solver.rates[:] = rng.normal(size=it.e.size)
+            more = () if isinstance(solver, ConstantGains) else (it.desired,)
+            solver.solve(it.J, it.e, it.dt, *more)
+            dependent = np.linalg.matrix_rank(it.J, tol=1e-9) < it.e.size
+            wanted = law(it, damping)[0] @ solver.rates if dependent else solver.rates
+            moved = solver.fed if dependent else it.J @ solver.fed
+            np.testing.assert_allclose(moved, wanted, atol=1e-6 * (1.0 + np.abs(solver.fed).max()))
 
 
 @settings(max_examples=60)
