@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 TOLERANCE = 1e-11  # of the solver: rad/s², and what that is as a torque
 SOFT_TOLERANCE = 1e-9
-SINGULAR = 1e-14  # the fallback weighs its squares so differently that daqp takes more for singular
+SINGULAR = 1e-14  # daqp takes more for singular, and problems of different scales for infeasible
 VIOLATION = 1e4, 1e2, 1.0
 """Weight of a torque's violation, relative to its effort, beside the task's; the next one where
 the solver gives up or errs, as it may where all has different scales."""
@@ -50,6 +50,7 @@ class Tsid:
         self._effort, self._scale = np.ascontiguousarray(effort), np.ascontiguousarray(scale)
         self._program = _program(n, n)
         self._attempt = daqp(self._program)
+        self._insist = daqp(self._program, sing_tol=SINGULAR)
         self._soft = _program(n, 2 * n)
         self._soften = daqp(self._soft, sing_tol=SINGULAR)
         self._none = np.zeros(n)
@@ -99,6 +100,8 @@ class Tsid:
         )
         program.A = mass
         solved, x, multipliers = self._attempt(TOLERANCE)
+        if not solved:
+            solved, x, multipliers = self._insist(TOLERANCE)
         found = status.OK
         if not solved:
             multipliers = self._none
