@@ -29,6 +29,7 @@ PAIRS: dict[str, tuple[str, ...]] = {
     "ghc": ("lwr_weightless",),
     "ghc_force": ("lwr_with_table",),
     "ghc_humanoid": ("humanoid32_torque",),
+    "ghc_torque": ("lwr_weightless",),
     "ghc_velocity": HOAP3,
     "hqp": ("lwr_weightless",),
     "joint_acceleration": HOAP3,

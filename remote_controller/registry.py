@@ -15,6 +15,9 @@ BUILTIN = {
     ),
     "tsid": "hoap3.remote_controller.controllers.acceleration.tsid:TsidController",
     "ghc": "hoap3.remote_controller.controllers.acceleration.ghc:GhcController",
+    "ghc_torque": (
+        "hoap3.remote_controller.controllers.acceleration.ghc_torque:GhcTorqueController"
+    ),
     "hqp": "hoap3.remote_controller.controllers.acceleration.hqp:HqpController",
     "weighted": "hoap3.remote_controller.controllers.acceleration.weighted:WeightedController",
     "ghc_velocity": (
