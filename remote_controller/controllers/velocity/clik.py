@@ -192,8 +192,8 @@ class _Clik(LabelledTasksController):
         found, beta = solver.status, solver.beta
         command.margin = self._cut(solver.dq, 1.0, self.lower, self.upper, self.u)
         command.fallback = FALLBACKS.get(found, GAVE_UP)
-        fed_within = bool(((solver.lower <= solver.fed) & (solver.fed <= solver.upper)).all())
-        exact = found == status.OK and fed_within and bool((self.u == solver.dq).all())
+        within = not moving or self._fed_within()
+        exact = found == status.OK and within and bool((self.u == solver.dq).all())
         if moving:
             actual, remainder, floor = self._certify_moving(base, now, exact)
         else:
@@ -204,7 +204,7 @@ class _Clik(LabelledTasksController):
             | (SPENT if found == status.ITERATION_LIMIT else 0)
             | (UNSOLVED if found not in FALLBACKS and found != status.ITERATION_LIMIT else 0)
             | (HELD if command.margin <= ACTIVE else 0)
-            | (0 if fed_within else TOO_FAST)
+            | (0 if within else TOO_FAST)
             | (FAR_FLOOR if exact and beta > 0.0 and floor > self._floor_tolerance else 0)
         )
         told = floor if floor < math.inf else -1.0
@@ -219,6 +219,11 @@ class _Clik(LabelledTasksController):
             function.update(self.kinematics, now + self._dt)
             np.add(function.error, errors, out=rates)
             np.divide(rates, -self._dt, out=rates)
+
+    def _fed_within(self) -> bool:
+        """Whether the bounds allow what is fed forward."""
+        fed, solver = self.solver.fed, self.solver
+        return bool(((solver.lower <= fed) & (fed <= solver.upper)).all())
 
     def _certify(self, base: FloatArray, now: float, exact: bool) -> float:
         """Write what is proved of u; returns the rate at which V falls in fact [1/s]."""
