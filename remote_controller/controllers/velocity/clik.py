@@ -111,8 +111,8 @@ class _Clik(LabelledTasksController):
     the next period, over T. The solver is given the bounds of velocities as limits, those of
     acceleration included. It can only take limits that allow to stand still: where a joint is too
     fast for that, 0 stands for the bound that forbids it, and if the answer is beyond the bound, u
-    is cut to it. Nothing is certified then, nor where what is fed forward is beyond a bound:
-    `target too fast`.
+    is cut to it. Nothing is certified then, nor where bounds are in the way of what is fed forward:
+    `target too fast`. With damping σ̇* stands for L⁻¹ σ̇*, which would take the damping out.
 
     Certificate: V = ½ Σ w|e|² of all tasks falls by V⁺ ≤ (1 − β T) V, for targets that stand and
     by the linear model; `v_rate_required` is −β V. `certified` says that the solver is done, that
@@ -122,10 +122,10 @@ class _Clik(LabelledTasksController):
 
     While a target moves, e⁺ = (I − T L Λ)e + ρ, and what is proved is √V⁺ ≤ √(1 − βT)·√V + r. The
     `remainder` r = √(½ Σ w|ρ|²) is evaluated where u and the targets lead, before u is sent: it is
-    that of the model, not a bound of it. Of ρ the feed-forward leaves −½T²·J̇u and less. So the
-    error comes down to the `floor`, √(Σ w|e|²) = √2·r/(1 − √(1 − βT)), and `certified` says besides
-    that this is within `floor_tolerance`. `v_rate_required` is ((√(1 − βT)·√V + r)² − V)/T then,
-    and `v_rate_predicted` (V⁺ − V)/T.
+    that of the model, not a bound of it. Of ρ the feed-forward leaves what is of second order in T.
+    As long as r and β stay as they are, such steps bring √(Σ w|e|²) below any number above the
+    `floor`, √2·r/(1 − √(1 − βT)); `certified` says besides that this is within `floor_tolerance`.
+    `v_rate_required` is ((√(1 − βT)·√V + r)² − V)/T then, and `v_rate_predicted` (V⁺ − V)/T.
 
     `margin` is the least distance of u from a bound [rad/s or m/s]. `fallback` is 1 where no gains
     have a certificate, and 2 where the gains are not the optimal ones.
@@ -221,9 +221,10 @@ class _Clik(LabelledTasksController):
             np.divide(rates, -self._dt, out=rates)
 
     def _fed_within(self) -> bool:
-        """Whether the bounds allow what is fed forward."""
+        """Whether the bounds allow all that is to be fed forward."""
         fed, solver = self.solver.fed, self.solver
-        return bool(((solver.lower <= fed) & (fed <= solver.upper)).all())
+        within = bool(((solver.lower <= fed) & (fed <= solver.upper)).all())
+        return within and solver.fed_share == 1.0
 
     def _certify(self, base: FloatArray, now: float, exact: bool) -> float:
         """Write what is proved of u; returns the rate at which V falls in fact [1/s]."""
@@ -266,7 +267,7 @@ class _Clik(LabelledTasksController):
             self._shrunk[rows] += function.error  # −ρ
         remainder = math.sqrt(0.5 * float(weights @ (self._shrunk * self._shrunk)))
         if not np.isfinite(V + end + remainder):
-            return self._give_up(), 0.0, 0.0
+            return self._give_up(), 0.0, math.inf
         kept = math.sqrt(max(1.0 - max(solver.beta, 0.0) * T, 0.0))
         floor = math.sqrt(2.0) * remainder / (1.0 - kept) if kept < 1.0 else math.inf
         proven = exact and floor <= self._floor_tolerance
@@ -294,7 +295,7 @@ class _Clik(LabelledTasksController):
 
 
 class ClikController(_Clik):
-    """Constant gains: dq = B(Λ e + σ̇*), all of it shortened where it would leave its limits.
+    """Constant gains: dq = B(Λ e + L⁻¹ σ̇*), BΛe shortened where dq would leave its limits.
 
     β is λ_min(−A − Aᵀ − Δt AᵀA) of the gains as they are applied; one that is not positive
     certifies nothing, and is a condition, but the robot moves.

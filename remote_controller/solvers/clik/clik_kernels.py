@@ -30,7 +30,7 @@ from hoap3.remote_controller.solvers.linalg.dense_kernels import (
 RANK = 1e-8  # of a row's length: less than that of it outside the rows before is nothing
 AGAIN = 0.5  # of the squared length: where less is left, rounding counts, and once more removes it
 ONE, TWO, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
-SINGULAR = 1e-9  # a pivot of L, which is 1 where a task has what it needs
+SINGULAR = 1e-3  # a pivot of L, which is 1 where a task has all that it needs
 ROUNDING = 1e-13  # of the product of two lengths: a dot product up to that is 0
 
 
@@ -308,26 +308,29 @@ def solve_loop(
 @inlined
 def feed_forward(
     B: Matrix, rates: Vector, through: Vector, regular: bool, limits: Matrix, fed: Vector
-) -> None:
+) -> float:
     """Write B L⁻¹ σ̇*, which leaves ė = −L Λ e, or where limits are in the way, what leads to B σ̇*.
 
     The errors move by ė = σ̇* − L(Λ e + x) where dq = B(Λ e + x): L x = σ̇* takes the targets'
     motion out of them all, x = σ̇* only out of those of the first task. What is between both moves
     the lower tasks alone. Where limits are in the way of all of it, it is left as fast as they
-    allow, and the first task does not feel it.
+    allow, which the first task does not feel, until they allow all of it within one period.
 
     Args:
         B: Bᵀ, (n, joints).
         rates, through, regular: σ̇* and L⁻¹ σ̇*, (n,), and whether there is one: of `solve_loop`.
         limits: of the speeds, (2, joints) or more.
         fed: written, (joints,).
+
+    Returns:
+        How much of what is between both is fed: 1 where all of it is, or L⁻¹ is not asked for.
     """
     n, least, most = rates.size, 0.0, 1.0
     for r in range(fed.size):
         fed[r] = 0.0
     add_rows(fed, rates, B, 0, n, 0)
     if not regular:
-        return
+        return 1.0
     for r in range(fed.size):
         way = 0.0
         for i in range(n):
@@ -335,7 +338,7 @@ def feed_forward(
         if way != 0.0:
             one, other = (limits[0, r] - fed[r]) / way, (limits[1, r] - fed[r]) / way
             least, most = max(least, min(one, other)), min(most, max(one, other))
-    if least <= most:
-        share = 1.0 if most == 1.0 else least
-        for i in range(n):
-            add(fed, share * (through[i] - rates[i]), B[i])
+    share = 0.0 if least > most else 1.0 if most == 1.0 else least
+    for i in range(n):
+        add(fed, share * (through[i] - rates[i]), B[i])
+    return share

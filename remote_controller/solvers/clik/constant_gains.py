@@ -43,7 +43,7 @@ class ConstantGains:
         lower, upper: limits of dq, (joints,), to be written to; ∓inf at first. They hold
             lower ≤ 0 ≤ upper.
         rates: of the targets, (n,), to be written to; 0 at first: as of `SdpGains`.
-        fed: what they take of dq, (joints,) [rad/s].
+        fed, fed_share: what they take of dq, (joints,) [rad/s], and how much of it: likewise.
         gains: λ as they were applied, (n,) [1/s].
         dq: joint speeds, (joints,) [rad/s].
         beta: β [1/s] that the gains certify; not positive, if they certify nothing.
@@ -82,7 +82,7 @@ class ConstantGains:
             np.zeros((n, 2 * n)),
             np.zeros((3, max(n, joints))),
         )
-        self.status, self.task_rank, self.beta = codes.UNSOLVED, 0, 0.0
+        self.status, self.task_rank, self.beta, self.fed_share = codes.UNSOLVED, 0, 0.0, 1.0
 
     def solve(self, jacobian: Array, errors: Array, dt: float) -> int:
         """Find dq and β; see the attributes.
@@ -99,7 +99,7 @@ class ConstantGains:
             BadProblemError: wrong type of array.
         """
         try:
-            self.status, self.task_rank, self.beta = self._kernel(
+            self.status, self.task_rank, self.beta, self.fed_share = self._kernel(
                 jacobian,
                 errors,
                 self.rates,

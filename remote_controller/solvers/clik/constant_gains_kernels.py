@@ -37,7 +37,7 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
     vectors: Matrix,
     gains: Vector,
     dq: Vector,
-) -> tuple[int, int, float]:
+) -> tuple[int, int, float, float]:
     """Write dq = B(Λ e + L⁻¹ rates) and the gains Λ, shortened alike until dq keeps its limits.
 
     Where what is fed forward alone breaks them, the gains are 0 and dq is cut off, each joint by
@@ -55,19 +55,20 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
         gains, dq: written, (n,) and (joints,); zeros where there is no answer.
 
     Returns:
-        Status, rank of the Jacobian, β of the gains that are written.
+        Status, rank of the Jacobian, β of the gains that are written, share of `feed_forward`.
     """
     n, joints = jacobian.shape
     known = gains.size == n and dq.size == joints and wanted.size == n
     if not (known and errors.size == n and rates.size == n and weights.size == n):
-        return BAD_SHAPE, 0, 0.0
+        return BAD_SHAPE, 0, 0.0, 1.0
+    fed, fed_share = speeds[2], 1.0
     for r in range(joints):
-        dq[r] = 0.0
+        dq[r], fed[r] = 0.0, 0.0
     for i in range(n):
         gains[i] = 0.0
     fit = 0.0 < dt <= MAX and 0.0 <= damping <= MAX and not not_finite(wanted)
     if not fit or unfit(jacobian, errors, rates, weights, speeds):
-        return BAD_INPUT, 0, 0.0
+        return BAD_INPUT, 0, 0.0, 1.0
     L, G, roots, move = squares[0], squares[1], vectors[0, :n], vectors[1, :joints]
     for i in range(n):
         roots[i] = math.sqrt(weights[i])
@@ -75,12 +76,12 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
     rank = prioritised(
         jacobian, offsets, damping, roots, L, B, wide[0], squares[2], squares[3], squares[4], own
     )
-    fed = speeds[2]
     for r in range(joints):
-        fed[r], move[r] = 0.0, 0.0
+        move[r] = 0.0
     if moves(rates):
-        regular = solve_loop(L, offsets, roots, rates, squares[2], vectors[2, :n])
-        feed_forward(B, rates, vectors[2, :n], regular, speeds, fed)
+        through = vectors[2, :n]
+        regular = damping == 0.0 and solve_loop(L, offsets, roots, rates, squares[2], through)
+        fed_share = feed_forward(B, rates, through, regular, speeds, fed)
     for r in range(joints):
         dq[r] = fed[r]
     for i in range(n):
@@ -106,6 +107,6 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
     beta = least_eigenvalue(squares[5], 0.0, ACCURACY, vectors)
     if not_finite(dq) or not abs(beta) <= MAX:
         for r in range(joints):
-            dq[r] = 0.0
-        return OUT_OF_RANGE, 0, 0.0
-    return OK, rank, beta
+            dq[r], fed[r] = 0.0, 0.0
+        return OUT_OF_RANGE, 0, 0.0, 1.0
+    return OK, rank, beta, fed_share

@@ -76,8 +76,9 @@ class SdpGains:
             lower ≤ 0 ≤ upper.
         rates: of the targets, σ̇*, (n,), to be written to; 0 at first. dq = B(Λ e + L⁻¹ σ̇*), so
             that ė = −L Λ e as for constant targets; where L is singular, or limits are in the way,
-            dq = B(Λ e + σ̇*), cut to the limits.
+            dq = B(Λ e + σ̇*), cut to the limits. So it is with damping, which L⁻¹ would take out.
         fed: what the targets' rates take of dq, (joints,) [rad/s].
+        fed_share: 1 where nothing of it was left because of limits.
         gains: λ [1/s], (n,).
         dq: joint speeds [rad/s], (joints,).
         beta: β [1/s] that the gains certify.
@@ -132,6 +133,7 @@ class SdpGains:
     def _still(self) -> None:
         self.status, self.path, self.desired = codes.UNSOLVED, NONE, 0.0
         self.beta, self.slack, self.margin, self.gap = 0.0, 0.0, 0.0, math.inf
+        self.fed_share = 1.0
         self.rank = self.task_rank = self.newton = self.inner = 0
 
     def forget(self) -> None:
@@ -173,6 +175,7 @@ class SdpGains:
                 self.slack,
                 self.margin,
                 self.gap,
+                self.fed_share,
             ) = self._kernel(
                 jacobian, errors, dt, desired, delta, self.damping, self.budget, *self._work
             )

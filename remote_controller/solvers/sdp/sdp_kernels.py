@@ -106,7 +106,7 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     rows: Matrix,
     tall: Matrix,
     unknowns: Matrix,
-) -> tuple[int, int, int, int, int, int, float, float, float, float]:
+) -> tuple[int, int, int, int, int, int, float, float, float, float, float]:
     """Solve one problem. Arrays of one width share a block: to hand an array over costs 0.1 µs.
 
     Args:
@@ -126,11 +126,11 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
 
     Returns:
         Status, path, rank of the Jacobian, of Z, Newton steps, iterations of the interior-point
-        method, β, slack of the matrix inequality, margin of dq, gap.
+        method, β, slack of the matrix inequality, margin of dq, gap, share of `feed_forward`.
     """
     n, joints = jacobian.shape
     if not (errors.size == n and rows.shape[1] == n and tall.shape[1] == joints):
-        return BAD_SHAPE, NONE, 0, 0, 0, 0, 0.0, 0.0, 0.0, math.inf
+        return BAD_SHAPE, NONE, 0, 0, 0, 0, 0.0, 0.0, 0.0, math.inf, 1.0
     counts, integers, offsets = plan[:6], plan[6 : 6 + 6 * n].reshape(6, n), plan[6 + 6 * n :]
     rates, weights, gains, nu, Y = rows[0], rows[1], rows[2], rows[3], rows[4 : 4 + n]
     past, squares = rows[4 + n : 6 + 3 * n], rows[6 + 3 * n :].reshape(16, n, n)
@@ -140,24 +140,24 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     points, vectors, K = unknowns[:5], unknowns[5:11], unknowns[11:]
     L, G, Z, spare = squares[0], squares[1], squares[2], squares[3:]
     room, z = sides[0], sides[1]
+    fed_share = 1.0
     for r in range(joints):
-        dq[r] = 0.0
+        dq[r], fed[r] = 0.0, 0.0
     fit = 0.0 < dt <= MAX and 0.0 < desired <= MAX and 0.0 < delta <= MAX
     fit = fit and 0.0 <= damping <= MAX
     if not fit or unfit(jacobian, errors, rates, weights, speeds):
         _forget(gains, counts)
-        return BAD_INPUT, NONE, 0, 0, 0, 0, 0.0, 0.0, 0.0, math.inf
+        return BAD_INPUT, NONE, 0, 0, 0, 0, 0.0, 0.0, 0.0, math.inf, 1.0
     desired = min(desired, FASTEST / dt)
     for i in range(n):
         vectors[0, i] = math.sqrt(weights[i])
     task_rank = prioritised(
         jacobian, offsets, damping, vectors[0, :n], L, B, Q, spare[0], spare[1], spare[2], K
     )
-    for r in range(joints):
-        fed[r] = 0.0
     if moves(rates):
-        regular = solve_loop(L, offsets, vectors[0, :n], rates, spare[0], vectors[1, :n])
-        feed_forward(B, rates, vectors[1, :n], regular, speeds, fed)
+        roots, through = vectors[0, :n], vectors[1, :n]
+        regular = damping == 0.0 and solve_loop(L, offsets, roots, rates, spare[0], through)
+        fed_share = feed_forward(B, rates, through, regular, speeds, fed)
     for r in range(joints):
         dq[r] = fed[r]
         room[0, r] = min(speeds[0, r] - dq[r], 0.0) / desired
@@ -200,8 +200,8 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     if not finite or not_finite(gains) or not_finite(dq):
         _forget(gains, counts)
         for r in range(joints):
-            dq[r] = 0.0
-        return OUT_OF_RANGE, NONE, 0, 0, newton, inner, 0.0, 0.0, 0.0, math.inf
+            dq[r], fed[r] = 0.0, 0.0
+        return OUT_OF_RANGE, NONE, 0, 0, newton, inner, 0.0, 0.0, 0.0, math.inf, 1.0
     status = OK if gap <= PROVED else UNSOLVED
     if path == BUDGET:
         status = ITERATION_LIMIT
@@ -218,4 +218,5 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
         desired * slack,
         desired * margin,
         desired * desired * gap,
+        fed_share,
     )

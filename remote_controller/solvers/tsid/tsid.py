@@ -18,6 +18,7 @@ SINGULAR = 1e-14  # daqp takes more for singular, and problems of different scal
 VIOLATION = 1e4, 1e2, 1.0
 """Weight of a torque's violation, relative to its effort, beside the task's; the next one where
 the solver gives up or errs, as it may where all has different scales."""
+KEPT = 1e-9  # relative: what a second answer of daqp, which errs more, may exceed
 ERRS = 1e-3  # of the greatest violation: by that much the solver's may differ from the torques'
 
 
@@ -102,6 +103,7 @@ class Tsid:
         solved, x, multipliers = self._attempt(TOLERANCE)
         if not solved:
             solved, x, multipliers = self._insist(TOLERANCE)
+            solved = solved and self._keeps(x)
         found = status.OK
         if not solved:
             multipliers = self._none
@@ -122,6 +124,13 @@ class Tsid:
             self.tau,
         )
         return found
+
+    def _keeps(self, ddq: Array) -> bool:
+        """Whether ddq is within the bounds and its torques within the efforts, but for rounding."""
+        hard = self._program
+        both = np.concatenate([ddq, hard.A @ ddq])
+        slack = KEPT * np.concatenate([1.0 + np.abs(ddq), self._effort])
+        return bool(((both >= hard.least - slack) & (both <= hard.most + slack)).all())
 
     def _fall_back(self, posture: Array) -> tuple[int, Array]:
         """Least violation of the torques, then the task; the bounds of ddq are kept.

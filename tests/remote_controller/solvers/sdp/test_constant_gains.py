@@ -35,6 +35,16 @@ def law(it: Problem, damping: float) -> tuple[np.ndarray, np.ndarray]:
     return B, D[:, None] * (it.J @ B) / D
 
 
+def regular(L: np.ndarray) -> bool:
+    """Whether no pivot of L is a thousandth or less."""
+    rest = L.copy()
+    for k in range(len(L)):
+        if abs(rest[k, k]) <= 1e-3:
+            return False
+        rest[k + 1 :] -= np.outer(rest[k + 1 :, k] / rest[k, k], rest[k])
+    return True
+
+
 def shortened(speed: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> float:
     """The largest share of a speed, up to 1, that keeps limits."""
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -85,7 +95,11 @@ def test_rates_come_first_and_gains_take_what_they_leave(seed, speed, damping):
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.sort([(it.lower - plain) / way, (it.upper - plain) / way], axis=0)
     least, most = max(0.0, np.nanmax(shares[0])), min(1.0, np.nanmin(shares[1]))
-    ahead = plain + (0.0 if least > most else 1.0 if most == 1.0 else least) * way
+    whole = damping > 0.0 or not regular(L)  # of what is asked for, which is B σ̇* alone
+    share = 0.0 if least > most or whole else 1.0 if most == 1.0 else least
+    if np.abs(way).max() > 1e-9:
+        assert solver.fed_share == pytest.approx(1.0 if whole else share, abs=1e-6)
+    ahead = plain + share * way
     np.testing.assert_allclose(solver.fed, ahead, rtol=0, atol=1e-6 * (1.0 + np.abs(ahead).max()))
     rest = B @ (5.0 * it.e)
     share = max(shortened(rest, it.lower - ahead, it.upper - ahead), 0.0)
@@ -107,9 +121,10 @@ def test_what_is_fed_forward_moves_the_tasks_as_their_targets_move(kind, damping
             solver.rates[:] = rng.normal(size=it.e.size)
             more = () if isinstance(solver, ConstantGains) else (it.desired,)
             solver.solve(it.J, it.e, it.dt, *more)
-            dependent = np.linalg.matrix_rank(it.J, tol=1e-9) < it.e.size
-            wanted = law(it, damping)[0] @ solver.rates if dependent else solver.rates
-            moved = solver.fed if dependent else it.J @ solver.fed
+            B, L = law(it, damping)
+            plain = damping > 0.0 or not regular(L)
+            wanted = B @ solver.rates if plain else solver.rates
+            moved = solver.fed if plain else it.J @ solver.fed
             np.testing.assert_allclose(moved, wanted, atol=1e-6 * (1.0 + np.abs(solver.fed).max()))
 
 

@@ -136,6 +136,10 @@ def test_where_efforts_are_too_small_the_bounds_are_kept_and_torques_cost_as_lit
     assert found in {status.OK, status.INFEASIBLE}
     assert (solver.ddq >= it.lower).all()
     assert (solver.ddq <= it.upper).all()
+    if found == status.OK:
+        expected = by_quadprog(it)
+        size = max(1.0, np.abs(expected).max())
+        np.testing.assert_allclose(solver.ddq, expected, rtol=0, atol=1e-8 * size)
     if found == status.INFEASIBLE:
         assert by_quadprog(it) is None
         beyond = np.maximum(0.0, np.abs(solver.tau) / it.effort - 1.0)
