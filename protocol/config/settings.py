@@ -56,7 +56,11 @@ class Settings(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _with_todays_keys(cls, content: Any) -> Any:
+    def _take_former_keys(cls, content: Any) -> Any:
+        return cls.with_todays_keys(content)
+
+    @classmethod
+    def with_todays_keys(cls, content: Any) -> Any:
         """Of a key under both of its names, the later one counts: what `--set` adds."""
         if not (cls.renamed and isinstance(content, dict)):
             return content
@@ -232,6 +236,7 @@ def parse(model: type[Model], content: dict[str, Any], file: str, prefix: str = 
     Raises:
         ConfigError: naming each wrong key, its value, and what is allowed.
     """
+    content = model.with_todays_keys(content)  # so that errors find their keys in it
     try:
         return model.model_validate(content)
     except ValidationError as error:

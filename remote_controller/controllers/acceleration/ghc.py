@@ -73,6 +73,18 @@ class RankedController(HierarchyController):
         self.absent[:] = alpha.diagonal()
 
 
+class ProjectedParameters(RankedController.Parameters):
+    """And how the generalized projector behaves."""
+
+    smoothing: float = Field(
+        0.0,
+        ge=0,
+        le=1,
+        description="s₀ of the projector: levels whose singular values are below it fade out; "
+        "0: the paper's",
+    )
+
+
 class GhcController(RankedController):
     """(13): every task has accelerations of its own, kept out of the directions of others.
 
@@ -85,20 +97,13 @@ class GhcController(RankedController):
     while they move, some hundred bytes a cycle.
     """
 
-    class Parameters(RankedController.Parameters):
+    class Parameters(ProjectedParameters):
         """And what ω_r weighs."""
 
         regularise: Literal["gravity_compensated", "torque", "none"] = Field(
             "gravity_compensated",
             description="what ω_r weighs beside the tasks' own accelerations: |τ − h|², |τ|² (the "
             "paper's, which gravity pulls on), or nothing",
-        )
-        smoothing: float = Field(
-            0.0,
-            ge=0,
-            le=1,
-            description="s₀ of the projector: levels whose singular values are below it fade out; "
-            "0: the paper's",
         )
 
     proves = True

@@ -9,7 +9,10 @@ from pydantic import Field
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.controllers.acceleration.ghc import RankedController
+from hoap3.remote_controller.controllers.acceleration.ghc import (
+    ProjectedParameters,
+    RankedController,
+)
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.ghc.ghc import Ghc
 
@@ -26,7 +29,7 @@ class GhcTorqueController(RankedController):
     accelerations: the heavier the robot, the smaller it has to be.
     """
 
-    class Parameters(RankedController.Parameters):
+    class Parameters(ProjectedParameters):
         """And what ω_r weighs."""
 
         w_r: float = Field(
@@ -34,13 +37,6 @@ class GhcTorqueController(RankedController):
             ge=1e-8,
             le=1e3,
             description="ω_r: weight of the tasks' torques; less is more exact, but livelier",
-        )
-        smoothing: float = Field(
-            0.0,
-            ge=0,
-            le=1,
-            description="s₀ of the projector: levels whose singular values are below it fade out; "
-            "0: the paper's",
         )
 
     proves = True

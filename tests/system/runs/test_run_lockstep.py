@@ -87,6 +87,16 @@ def test_a_key_under_its_former_name_still_works_and_is_told(tmp_path, written, 
 
 
 @pytest.mark.filterwarnings("always")
+def test_a_wrong_value_under_a_former_name_is_told_with_its_key(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("controller: stable_qp\nparameters: {effort: -3}\n")
+    refused = inside("config", "show", path)
+    assert refused.code == 2
+    assert "parameters.max_speed_ratio: " in refused.stderr
+    assert "(found -3)" in refused.stderr
+
+
+@pytest.mark.filterwarnings("always")
 def test_constraints_under_their_former_names_give_the_same_run(tmp_path: Path) -> None:
     dotted = "'remote_controller.constraints.joint_speed:JointSpeed'"
     hashes = set()
