@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from hoap3.protocol.config.settings import Settings
 from hoap3.remote_controller.references.curves import Circle, Lemniscate, Plane
 from hoap3.remote_controller.references.spline import Spline, read_csv
-from hoap3.remote_controller.references.target import Approach, Point, Target
+from hoap3.remote_controller.references.target import Approach, Hold, Point, Target
 from hoap3.remote_controller.references.waypoints import Profile, Waypoints
 
 Position = tuple[float, float, float]
@@ -129,3 +129,13 @@ TargetSettings = Annotated[
     PointSettings | WaypointSettings | CircleSettings | LemniscateSettings | SplineSettings,
     Field(discriminator="kind"),
 ]
+
+
+def target_of(settings: TargetSettings | None, folder: Path) -> Target:
+    """The target, (3,) [m], that settings ask for; none: where the robot is at the start.
+
+    Args:
+        settings: what is wanted.
+        folder: where other files are sought.
+    """
+    return Hold(3) if settings is None else settings.build(folder)

@@ -56,6 +56,29 @@ class Point(Target):
         velocity_out[:] = 0.0
 
 
+class Hold(Target):
+    """x_d is where the robot is at the start; 0 where nobody knows.
+
+    Args:
+        dimension: m.
+    """
+
+    def __init__(self, dimension: int) -> None:
+        super().__init__(dimension)
+        self._position = np.zeros(dimension)
+
+    def start(self, present: FloatArray | None, time_s: float) -> None:
+        """Take where the robot is."""
+        super().start(present, time_s)
+        self._position[:] = 0.0 if present is None else present
+
+    def follow(self, elapsed_s: float, position_out: FloatArray, velocity_out: FloatArray) -> None:
+        """Write the place, and no velocity."""
+        del elapsed_s
+        position_out[:] = self._position
+        velocity_out[:] = 0.0
+
+
 class Approach(Target):
     """Another target c(t), reached smoothly from where the robot is.
 

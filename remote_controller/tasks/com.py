@@ -8,7 +8,7 @@ from pydantic import Field
 
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
-from hoap3.remote_controller.references.settings import TargetSettings
+from hoap3.remote_controller.references.settings import TargetSettings, target_of
 from hoap3.remote_controller.tasks.accuracy import TOLERANCE_M, TaskError, ToleranceM, length_error
 from hoap3.remote_controller.tasks.lyapunov import BuildContext
 from hoap3.remote_controller.tasks.task import Task
@@ -31,7 +31,9 @@ class ComTask(Task):
         """Where the centre of mass shall be."""
 
         frame: str = Field("r_sole", description="frame that it is seen from")
-        target: TargetSettings = Field(description="where it shall be, in that frame")
+        target: TargetSettings | None = Field(
+            None, description="where it shall be, in that frame; null: where it is at the start"
+        )
         tolerance_m: ToleranceM = TOLERANCE_M
 
     def __init__(self, kinematics: Kinematics, frame: str, target: FloatArray) -> None:
@@ -47,7 +49,7 @@ class ComTask(Task):
         """V of this task."""
         task = cls(context.kinematics, parameters.frame, np.zeros(3))
         task.tolerance_m = parameters.tolerance_m
-        return TaskFunction(task, parameters.target.build(context.folder), parameters.weights)
+        return TaskFunction(task, target_of(parameters.target, context.folder), parameters.weights)
 
     def update(self, kinematics: Kinematics) -> None:
         """Recompute e [m] and J [m/rad]."""

@@ -5,15 +5,19 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
 from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks import status
 from hoap3.remote_controller.tasks.accuracy import TaskError
+
+Level = Literal["velocity", "acceleration"]
+"""What a controller decides on; those of torques follow accelerations."""
 
 
 @dataclass(frozen=True)
@@ -59,12 +63,23 @@ class LyapunovFunction(ABC):
     class Parameters(Settings):
         """Settings of this function; none here."""
 
+    levels: ClassVar[tuple[Level, ...]] = ("velocity", "acceleration")
+    """Where it has meaning."""
+
     def __init__(self, joints: int, dimension: int = 0) -> None:
         self.value, self.rate = 0.0, 0.0
         self.gradient = np.zeros(joints)
         self.error, self.error_rate = np.zeros((2, dimension))
         self.jacobian = np.zeros((dimension, joints))
         self.status = status.OK
+
+    @property
+    def followed(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What controllers of several tasks bring to 0: e (k,), its Jacobian and ∂e/∂t.
+
+        Arrays that every `update` rewrites; a motion along a curve has a row more than `error`.
+        """
+        return self.error, self.jacobian, self.error_rate
 
     @classmethod
     def configured(cls, context: BuildContext, parameters: Any) -> Self:

@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.references.postures import posture_of
 from hoap3.remote_controller.references.target import Approach, Point
 from hoap3.remote_controller.tasks.accuracy import (
     TOLERANCE_DEG,
@@ -39,9 +41,11 @@ class PostureTask(Task):
         """Which posture."""
 
         posture: str | None = Field(
-            None, description="a posture of the robot's description; either this or target_rad"
+            None, description="one of the robot's description; null: where the robot starts"
         )
-        target_rad: tuple[float, ...] = Field((), description="instead: q_d of `joints` [rad or m]")
+        target_rad: tuple[float, ...] = Field(
+            (), description="instead: q_d of `joints`, or of all joints [rad or m]"
+        )
         joints: tuple[str, ...] = Field((), description="which joints; empty: all, in wire order")
         approach_s: float = Field(
             0.0, ge=0, description="duration of the way there [s]; 0: at once"
@@ -51,7 +55,7 @@ class PostureTask(Task):
 
         @model_validator(mode="after")
         def _one_posture(self) -> Self:
-            if (self.posture is None) == (not self.target_rad):
+            if self.posture is not None and self.target_rad:
                 raise ValueError("should have either posture or target_rad")
             return self
 
@@ -67,8 +71,8 @@ class PostureTask(Task):
     @classmethod
     def configured(cls, context: BuildContext, parameters: Parameters) -> TaskFunction:
         """V of this task."""
-        joints = _places(context, parameters.joints)
-        target = _positions(context, parameters, joints)
+        joints = places_of(context.description, parameters.joints)
+        target = positions_of(context.description, parameters, joints)
         task = cls(context.kinematics, joints, target)
         task.prismatic = prismatic_joints(context.description)[joints]
         task.tolerances = parameters.tolerance_m, parameters.tolerance_deg
@@ -91,8 +95,13 @@ class PostureTask(Task):
         np.take(self._all, self._joints, out=out)
 
 
-def _places(context: BuildContext, names: tuple[str, ...]) -> list[int]:
-    known = list(context.description.joint_names)
+def places_of(robot: RobotDescription, names: tuple[str, ...]) -> list[int]:
+    """Places of joints in wire order; of all where none is named.
+
+    Raises:
+        ConfigError: a joint is named twice, or the robot does not have it.
+    """
+    known = list(robot.joint_names)
     for name in names:
         if name not in known or names.count(name) > 1:
             problem = "is named twice" if name in known else "is no joint of this robot"
@@ -101,18 +110,18 @@ def _places(context: BuildContext, names: tuple[str, ...]) -> list[int]:
     return [known.index(name) for name in names or known]
 
 
-def _positions(
-    context: BuildContext, parameters: PostureTask.Parameters, joints: list[int]
+def positions_of(
+    robot: RobotDescription, parameters: PostureTask.Parameters, joints: list[int]
 ) -> FloatArray:
-    postures = context.description.postures
-    if parameters.posture is not None:
-        if parameters.posture not in postures:
-            remedy = f"Its postures: {', '.join(sorted(postures))}"
-            problem = "the robot has no such posture"
-            raise ConfigError("", "posture", parameters.posture, problem, remedy)
-        return np.array(postures[parameters.posture])[joints]
-    target = np.array(parameters.target_rad)
-    if len(target) != len(joints):
-        problem, remedy = f"has {len(target)} values", f"Give {len(joints)}, one for each joint"
+    """q_d of the joints at these places, (m,) [rad or m].
+
+    Raises:
+        ConfigError: no such posture, or too many values or too few.
+    """
+    given = parameters.target_rad
+    if len(given) == len(joints):
+        return np.array(given)
+    if given and len(given) != robot.n:
+        problem, remedy = f"has {len(given)} values", f"Give {len(joints)}, one for each joint"
         raise ConfigError("", "target_rad", None, problem, remedy)
-    return target
+    return posture_of(robot, parameters.posture, given, "posture")[joints]

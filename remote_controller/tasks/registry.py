@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from pydantic import Field
 
-from hoap3.protocol.config.settings import Settings, parse
+from hoap3.protocol.config.settings import RobotName, Settings, parse
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import BadProblemError, ConfigError
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.plugins import PluginGroup, building
+from hoap3.remote_controller.scheduling.priority_matrix import distinct
 from hoap3.remote_controller.tasks.derivative_check import check_derivatives
-from hoap3.remote_controller.tasks.lyapunov import BuildContext, LyapunovFunction
+from hoap3.remote_controller.tasks.lyapunov import BuildContext, Level, LyapunovFunction
 
 GROUP = "hoap3.tasks"
+_OURS = "hoap3.remote_controller.tasks"
 BUILTIN = {
-    "com": "hoap3.remote_controller.tasks.com:ComTask",
-    "frame_position": "hoap3.remote_controller.tasks.frame_position:FramePositionTask",
-    "frame_pose": "hoap3.remote_controller.tasks.frame_pose:FramePoseTask",
-    "posture": "hoap3.remote_controller.tasks.posture:PostureTask",
-    "weighted_sum": "hoap3.remote_controller.tasks.weighted_sum:WeightedSum",
-    "joint_curve": "hoap3.remote_controller.tasks.curve_following.curve_following:JointCurve",
-    "task_curve": "hoap3.remote_controller.tasks.curve_following.curve_following:TaskCurve",
+    "com": f"{_OURS}.com:ComTask",
+    "frame_position": f"{_OURS}.frames.frame_position:FramePositionTask",
+    "frame_pose": f"{_OURS}.frames.frame_pose:FramePoseTask",
+    "frame_orientation": f"{_OURS}.frames.frame_orientation:FrameOrientationTask",
+    "posture": f"{_OURS}.posture:PostureTask",
+    "weighted_sum": f"{_OURS}.weighted_sum:WeightedSum",
+    "joint_curve": f"{_OURS}.curve_following.curve_following:JointCurve",
+    "task_curve": f"{_OURS}.curve_following.curve_following:TaskCurve",
+    "wrench": f"{_OURS}.accelerations.wrench:WrenchTask",
 }
 TASKS = PluginGroup(
     "task",
@@ -44,13 +49,47 @@ class TaskSettings(Settings):
     parameters: dict[str, Any] = Field({}, description="settings of the task itself")
 
 
-def check_parameters(settings: TaskSettings, file: str = "config", key: str = "task") -> Any:
-    """The parsed parameters of a task; refuses what is wrong for any robot.
+class LabelledTask(TaskSettings):
+    """A task, under a name of its own."""
+
+    name: RobotName | None = Field(
+        None, description="in priorities, log and commands; null: the task's"
+    )
+
+    @property
+    def label(self) -> str:
+        """The name by which people know it."""
+        return self.name or self.task
+
+
+def labels_of(given: Sequence[LabelledTask]) -> list[str]:
+    """Names of the tasks of a config.
 
     Raises:
-        UnknownNameError, ConfigError: see `find`; or a parameter is wrong.
+        ConfigError: two have the same.
+    """
+    return distinct([task.label for task in given])
+
+
+def check_parameters(
+    settings: TaskSettings, file: str = "config", key: str = "task", level: Level = "velocity"
+) -> Any:
+    """The parsed parameters of a task; refuses what is wrong for any robot.
+
+    Args:
+        settings: what is wanted.
+        file, key: where the settings stand, for errors.
+        level: what the controller commands.
+
+    Raises:
+        UnknownNameError, ConfigError: see `find`; the task has no meaning at this level, or a
+            parameter is wrong.
     """
     found = find(settings.task, file, f"{key}.task")
+    if level not in found.levels:
+        problem = f"asks for no {level}"
+        remedy = f"Choose a controller of the {' or '.join(found.levels)} level, or another task"
+        raise ConfigError(file, f"{key}.task", settings.task, problem, remedy)
     return parse(found.Parameters, settings.parameters, file, f"{key}.parameters")
 
 
@@ -60,6 +99,7 @@ def build(
     kinematics: Kinematics,
     file: str = "config",
     key: str = "task",
+    level: Level = "velocity",
 ) -> LyapunovFunction:
     """The configured task for a robot; of somebody else's, the derivatives are checked as well.
 
@@ -68,13 +108,14 @@ def build(
         description, kinematics: of the robot; a checked task leaves `kinematics` at its initial
             posture.
         file, key: where the settings stand, for errors. Other files are sought beside `file`.
+        level: what the controller commands.
 
     Raises:
         UnknownNameError, ConfigError: it cannot be found, its parameters are wrong, the robot
             lacks a frame that they name, it cannot be built for this robot, or its gradient is
             not that of its value.
     """
-    parameters = check_parameters(settings, file, key)
+    parameters = check_parameters(settings, file, key, level)
     found = find(settings.task, file, f"{key}.task")
     context = BuildContext(description, kinematics, file, f"{key}.parameters")
     keys = f"{key}.task", context.key
@@ -86,4 +127,25 @@ def build(
                 check_derivatives(function, at_name, settings.task)
         except BadProblemError as error:
             raise ConfigError("", "", None, str(error), "Correct them") from error
+    return function
+
+
+def build_with_error(
+    settings: TaskSettings,
+    description: RobotDescription,
+    kinematics: Kinematics,
+    file: str,
+    key: str,
+    level: Level = "velocity",
+) -> LyapunovFunction:
+    """A task that has an error, which a controller of several tasks needs; as `build`.
+
+    Raises:
+        ConfigError, UnknownNameError: it cannot be built, or gives V only.
+    """
+    function = build(settings, description, kinematics, file, key, level)
+    if not len(function.followed[0]):
+        problem = f"has no error e, only V: there is no {level} that it wants"
+        remedy = "Give it an error, or leave it"
+        raise ConfigError(file, f"{key}.task", settings.task, problem, remedy)
     return function

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks import status
 from hoap3.remote_controller.tasks.accuracy import TaskError
-from hoap3.remote_controller.tasks.lyapunov import BuildContext, LyapunovFunction
+from hoap3.remote_controller.tasks.lyapunov import BuildContext, Level, LyapunovFunction
 
 
 class Task(ABC):
@@ -23,7 +23,6 @@ class Task(ABC):
     Attributes:
         error: e, (m,).
         jacobian: J, (m, n), in wire order.
-        drift: dJ/dt · dq, (m,).
         target: what is aimed at, (m,), and
         target_rate: its velocity, (m,).
         status: one of `tasks.status`.
@@ -36,10 +35,12 @@ class Task(ABC):
             (), description="W of V = ½ eᵀWe: one number, or one for each component of e; empty: 1"
         )
 
+    levels: ClassVar[tuple[Level, ...]] = LyapunovFunction.levels
+    """Where it has meaning."""
+
     def __init__(self, dimension: int, joints: int) -> None:
         self.error = np.zeros(dimension)
         self.jacobian = np.zeros((dimension, joints))
-        self.drift = np.zeros(dimension)
         self.target = np.zeros(dimension)
         self.target_rate = np.zeros(dimension)
         self.status = status.OK

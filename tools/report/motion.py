@@ -22,12 +22,12 @@ from hoap3.tools.show.certificate_count import PROVED, STATUS, CertificateCount,
 
 MOST_POINTS = 20_000  # of the path; more cannot be seen, and each costs a pass of kinematics
 NAMES_TASK = {
-    **dict.fromkeys(("qp12", "pinv", "osqp"), "target_m"),
-    **dict.fromkeys(("clik", "clik_sdp"), "tasks"),
-    "stable_qp": "task",
-    "tsid": "goal",
+    **dict.fromkeys(("qp12", "pinv", "osqp"), ("target_m",)),
+    **dict.fromkeys(("clik", "clik_sdp"), ("tasks",)),
+    "stable_qp": ("task",),
+    "tsid": ("tasks", "goal"),
 }
-"""Controllers that do the robot's default task unless they have this parameter."""
+"""Controllers that do the robot's default task unless they have one of these parameters."""
 UNITS = {0: "rad/s", 1: "rad/s²", 2: "N m"}
 """Of the control inputs, by `Setpoint.command`; for a prismatic joint read m for rad."""
 
@@ -253,8 +253,8 @@ def _goal(
     default = description.default_task
     if default is None:
         return COM, description.base_frame, target
-    key = NAMES_TASK.get(str(controller))
-    if key is None or parameters.get(key):
+    keys = NAMES_TASK.get(str(controller))
+    if keys is None or any(parameters.get(key) for key in keys):
         return default.point, default.reference, target
     try:
         goal = default_goal(description, "parameters")

@@ -6,7 +6,6 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,13 +15,13 @@ from pydantic import Field
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import located
 from hoap3.protocol.messages import FloatArray, Setpoint, State
-from hoap3.remote_controller.controllers.acceleration_tasks.bounds import HierarchyBounds, bounds_of
-from hoap3.remote_controller.controllers.acceleration_tasks.settings import AnyTask
-from hoap3.remote_controller.controllers.acceleration_tasks.tasks import AccelerationTasks
+from hoap3.remote_controller.controllers.acceleration.bounds import HierarchyBounds, bounds_of
 from hoap3.remote_controller.controllers.base import STATUS, Controller
 from hoap3.remote_controller.scheduling.schedule import Schedule
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.tsid.tsid import Tsid
+from hoap3.remote_controller.tasks.accelerations.acceleration_tasks import AccelerationTasks
+from hoap3.remote_controller.tasks.accelerations.settings import AccelerationTask
 from hoap3.remote_controller.tasks.accuracy import ABSENT, LOWER, TaskError
 
 CERTIFIED_RESIDUAL = 1e-9
@@ -83,7 +82,15 @@ class HierarchyController(Controller):
     class Parameters(Controller.Parameters):
         """Tasks and bounds."""
 
-        tasks: tuple[AnyTask, ...] = Field(min_length=1, description="what shall be")
+        tasks: tuple[AccelerationTask, ...] = Field(min_length=1, description="what shall be")
+        bounds: HierarchyBounds = Field(HierarchyBounds(), description="of the motion")
+        compensate_friction: bool = Field(
+            True, description="count the viscous friction of the URDF among the torques"
+        )
+
+    class RegularisedParameters(Parameters):
+        """And what damps them."""
+
         w_r: float = Field(
             0.01,
             ge=1e-6,
@@ -95,10 +102,6 @@ class HierarchyController(Controller):
             ge=0,
             le=1e4,
             description="d: motion that no task speaks of brakes with −d·dq; 0: it goes on",
-        )
-        bounds: HierarchyBounds = Field(HierarchyBounds(), description="of the motion")
-        compensate_friction: bool = Field(
-            True, description="count the viscous friction of the URDF among the torques"
         )
 
     commands = ("torque", "acceleration")
@@ -112,18 +115,24 @@ class HierarchyController(Controller):
         "hoap3.remote_controller.model.frame_dynamics_kernels",
         "hoap3.remote_controller.solvers.tsid.tsid_kernels",
         "hoap3.remote_controller.solvers.qp.active_set_kernels",
+        "hoap3.remote_controller.tasks.lyapunov_kernels",
+        "hoap3.remote_controller.tasks.curve_following.curve_kernels",
         "hoap3.remote_controller.tasks.se3_kernels",
-        "hoap3.remote_controller.controllers.acceleration_tasks.se3_pd_kernels",
-        "hoap3.remote_controller.controllers.acceleration_tasks.task_acceleration_kernels",
+        "hoap3.remote_controller.tasks.accelerations.se3_pd_kernels",
+        "hoap3.remote_controller.tasks.accelerations.task_acceleration_kernels",
     )
 
     def __init__(
-        self, description: RobotDescription, parameters: Any, file: str = "config"
+        self,
+        description: RobotDescription,
+        parameters: Any,
+        file: str = "config",
+        braking_per_s: float = 0.0,
     ) -> None:
-        from hoap3.remote_controller.controllers.acceleration_tasks import (
+        from hoap3.remote_controller.tasks.accelerations import (
             task_acceleration_kernels as kernels,
         )
-        from hoap3.remote_controller.controllers.acceleration_tasks.se3_pd_kernels import (
+        from hoap3.remote_controller.tasks.accelerations.se3_pd_kernels import (
             check_finite,
         )
 
@@ -133,10 +142,10 @@ class HierarchyController(Controller):
         self.tasks = AccelerationTasks(
             description,
             parameters.tasks,
-            Path(file).parent,
+            file,
             self.torque_max,
             compensate_friction=parameters.compensate_friction,
-            braking_per_s=parameters.null_damping_per_s,
+            braking_per_s=braking_per_s,
         )
         names = self.tasks.names
         self.extra_names = (
@@ -148,7 +157,7 @@ class HierarchyController(Controller):
         super().__init__(description, parameters)
         self._check_finite = check_finite  # 0 where both arrays are finite
         self._predict_lyapunov, self._distances = kernels.predict_lyapunov, kernels.distances
-        self.w_r, self._viable = parameters.w_r, parameters.bounds.kind == "viability"
+        self._viable = parameters.bounds.kind == "viability"
         self.ddq, self.tau, self._wish, self._scratch = np.zeros((4, n))
         self.tops, self.absent = np.zeros(len(names), np.bool_), np.zeros(len(names))
         self.residual = math.inf
@@ -265,7 +274,7 @@ class HierarchyController(Controller):
         tasks.update(q, dq, state.wrench, time, self.absent)
         self.bounds.update(q, dq)
         command.stamp_kinematics = self.now()
-        fallback = SOLVED if self.solve(self.torque_max) else self._fall_back(dq)
+        fallback = SOLVED if self.solve(self.torque_max) else self.fall_back(dq)
         np.subtract(self._given, self._less, out=command.values)
         if check_finite(command.values, self.ddq):
             return self.refuse(OVERFLOWN)
@@ -288,7 +297,7 @@ class HierarchyController(Controller):
             self.count(self._present_counts)
         return moved
 
-    def _fall_back(self, dq: FloatArray) -> int:
+    def fall_back(self, dq: FloatArray) -> int:
         """The nearest that there is to what tasks would do with strong motors."""
         dynamics, bounds, nearest, wish = (
             self.tasks.dynamics,

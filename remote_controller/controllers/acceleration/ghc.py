@@ -12,10 +12,11 @@ from hoap3.protocol.errors import located
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.controllers.acceleration.base import HierarchyController
 from hoap3.remote_controller.scheduling.priorities import Priorities
-from hoap3.remote_controller.scheduling.priority_matrix import distinct, top_level
+from hoap3.remote_controller.scheduling.priority_matrix import top_level
 from hoap3.remote_controller.scheduling.settings import PrioritySettings
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.ghc.ghc import Ghc
+from hoap3.remote_controller.tasks.registry import labels_of
 
 MOST_LOGGED = 6  # tasks whose priorities are logged, k² columns
 
@@ -23,7 +24,7 @@ MOST_LOGGED = 6  # tasks whose priorities are logged, k² columns
 class RankedController(HierarchyController):
     """Tasks with priorities over each other."""
 
-    class Parameters(HierarchyController.Parameters):
+    class Parameters(HierarchyController.RegularisedParameters):
         """Tasks, bounds and priorities."""
 
         priorities: PrioritySettings = Field(
@@ -37,7 +38,8 @@ class RankedController(HierarchyController):
     def __init__(
         self, description: RobotDescription, parameters: Any, file: str = "config"
     ) -> None:
-        super().__init__(description, parameters, file)
+        super().__init__(description, parameters, file, parameters.null_damping_per_s)
+        self.w_r = parameters.w_r
         self.alpha = np.zeros((len(self.tasks.names) + 1,) * 2)
         self._brakes = parameters.null_damping_per_s > 0.0
         self.alpha[-1] = 0.0 if self._brakes else 1.0  # out of all, also itself: there is no such
@@ -49,7 +51,7 @@ class RankedController(HierarchyController):
         Raises:
             ConfigError: they do not fit the tasks.
         """
-        names = distinct([task.name for task in parameters.tasks])
+        names = labels_of(parameters.tasks)
         with located("", "priorities"):
             return Priorities.configured(names, parameters.priorities)
 

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray, Setpoint, State
-from hoap3.remote_controller.controllers.acceleration_tasks.joint_bounds import (
+from hoap3.remote_controller.controllers.acceleration.joint_bounds import (
     BoundSettings,
     JointBounds,
 )

@@ -13,42 +13,16 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import SolverError, located
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.controllers.acceleration.base import HierarchyController
-from hoap3.remote_controller.scheduling.priority_matrix import distinct
 from hoap3.remote_controller.scheduling.weights import Weights, WeightSettings
 from hoap3.remote_controller.solvers.ghc.weighted import weighted
+from hoap3.remote_controller.tasks.registry import labels_of
 
 
-class WeightedController(HierarchyController):
-    """(12) of Liu, Tan and Padois (2015): all tasks share one acceleration.
+class WeighedController(HierarchyController):
+    """Tasks with weights beside each other."""
 
-        min Σ ω_i |J_i ddq − b_i|² + ω_r |ddq + d·dq|² + ω_r |τ − o|²   within the bounds
-
-    The paper has d = 0. A baseline: it allocates, and nothing of it is certified. V is that of all
-    tasks with weight.
-    """
-
-    class Parameters(HierarchyController.Parameters):
-        """Tasks, bounds and weights."""
-
-        regularise: Literal["gravity_compensated", "torque", "none"] = Field(
-            "gravity_compensated", description="what ω_r weighs beside |ddq|², as for `ghc`"
-        )
-        priorities: WeightSettings = Field(
-            WeightSettings(), description="weights of the tasks, in place of priorities"
-        )
-
-    kernels: ClassVar[tuple[str, ...]] = (
-        *HierarchyController.kernels,
-        "hoap3.remote_controller.solvers.ghc.projector_kernels",
-    )
     word = "weights"
     importance: Weights
-
-    def __init__(
-        self, description: RobotDescription, parameters: Any, file: str = "config"
-    ) -> None:
-        super().__init__(description, parameters, file)
-        self._regularise = parameters.regularise
 
     @classmethod
     def importance_of(cls, parameters: Any) -> Weights:
@@ -57,7 +31,7 @@ class WeightedController(HierarchyController):
         Raises:
             ConfigError: they do not fit the tasks.
         """
-        names = distinct([task.name for task in parameters.tasks])
+        names = labels_of(parameters.tasks)
         with located("", "priorities"):
             return Weights(names, parameters.priorities)
 
@@ -76,6 +50,38 @@ class WeightedController(HierarchyController):
         """Those of the greatest weight."""
         weights = self.importance.value
         return np.asarray((weights > 0.0) & (weights >= weights.max()))
+
+
+class WeightedController(WeighedController):
+    """(12) of Liu, Tan and Padois (2015): all tasks share one acceleration.
+
+        min Σ ω_i |J_i ddq − b_i|² + ω_r |ddq + d·dq|² + ω_r |τ − o|²   within the bounds
+
+    The paper has d = 0. A baseline: it allocates, and nothing of it is certified. V is that of all
+    tasks with weight.
+    """
+
+    class Parameters(HierarchyController.RegularisedParameters):
+        """Tasks, bounds and weights."""
+
+        regularise: Literal["gravity_compensated", "torque", "none"] = Field(
+            "gravity_compensated", description="what ω_r weighs beside |ddq|², as for `ghc`"
+        )
+        priorities: WeightSettings = Field(
+            WeightSettings(), description="weights of the tasks, in place of priorities"
+        )
+
+    kernels: ClassVar[tuple[str, ...]] = (
+        *HierarchyController.kernels,
+        "hoap3.remote_controller.solvers.ghc.projector_kernels",
+    )
+
+    def __init__(
+        self, description: RobotDescription, parameters: Any, file: str = "config"
+    ) -> None:
+        super().__init__(description, parameters, file, parameters.null_damping_per_s)
+        self.w_r = parameters.w_r
+        self._regularise = parameters.regularise
 
     def solve(self, torque_max: FloatArray) -> bool:
         """One quadratic program of all."""

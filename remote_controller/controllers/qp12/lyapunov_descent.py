@@ -18,7 +18,7 @@ from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.tasks.accuracy import TOLERANCE_M, TaskError
 from hoap3.remote_controller.tasks.com import ComTask
-from hoap3.remote_controller.tasks.frame_position import FramePositionTask
+from hoap3.remote_controller.tasks.frames.frame_position import FramePositionTask
 
 PSI_SCALES = {"inverse_sqrt_n": 0, "one": 1, "max_norm": 2}
 CERTIFIED_RESIDUAL = 1e-9

@@ -15,13 +15,13 @@ from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.controllers.velocity.velocity_task_stack import LabelledTasksController
 from hoap3.remote_controller.controllers.velocity.velocity_task_stack_settings import (
-    LabelledTask,
     LabelledTaskParameters,
 )
 from hoap3.remote_controller.default_task import default_goal
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.clik.constant_gains import ConstantGains
 from hoap3.remote_controller.solvers.sdp.sdp_gains import DELTA, SdpGains
+from hoap3.remote_controller.tasks.registry import LabelledTask
 
 AT_TARGET = 1e-5  # of |e|, all tasks [m or rad]
 FIRST_ORDER = 0.01  # of β: by how much V may fall slower than the linear model has it

@@ -14,9 +14,7 @@ from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.controllers.velocity.velocity_task_stack import LabelledTasksController
 from hoap3.remote_controller.controllers.velocity.velocity_task_stack_settings import (
-    LabelledTask,
     LabelledTaskParameters,
-    labels_of,
 )
 from hoap3.remote_controller.scheduling.priorities import Priorities
 from hoap3.remote_controller.scheduling.priority_matrix import top_level
@@ -24,6 +22,7 @@ from hoap3.remote_controller.scheduling.settings import PrioritySettings
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.ghc.ghc import Ghc
 from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
+from hoap3.remote_controller.tasks.registry import LabelledTask, labels_of
 
 CERTIFIED_RESIDUAL = 1e-9
 FIRST_ORDER = 0.01  # of V̇: by how much the fall of V over a period may differ from it

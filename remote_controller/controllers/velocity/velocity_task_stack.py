@@ -10,19 +10,17 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError, located
+from hoap3.protocol.errors import located
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.controllers.base import VelocityController
 from hoap3.remote_controller.controllers.velocity.velocity_task_stack_settings import (
-    LabelledTask,
     LabelledTaskParameters,
-    labels_of,
 )
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks import registry as tasks
 from hoap3.remote_controller.tasks import status as task_status
 from hoap3.remote_controller.tasks.accuracy import LOWER, TaskError
-from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
+from hoap3.remote_controller.tasks.registry import labels_of
 
 MARGIN_ROUNDING = 1e-9  # of a velocity beside its bounds [rad/s or m/s]
 
@@ -66,10 +64,12 @@ class LabelledTasksController(VelocityController):
         self.labels = labels_of(given)
         self.kinematics = Kinematics(description)
         self.functions = [
-            _task(task, description, self.kinematics, file, f"parameters.tasks.{number}")
+            tasks.build_with_error(
+                task, description, self.kinematics, file, f"parameters.tasks.{number}"
+            )
             for number, task in enumerate(given)
         ]
-        self.sizes = [len(function.error) for function in self.functions]
+        self.sizes = [len(function.followed[0]) for function in self.functions]
         self.extra_names = (*(f"error_{label}" for label in self.labels), *self.columns())
         super().__init__(description, parameters)
         n, m = description.n, sum(self.sizes)
@@ -174,9 +174,8 @@ class LabelledTasksController(VelocityController):
             zip(self.functions, self._rows, strict=True)
         ):
             function.update(self.kinematics, now)
-            extra[place] = self._stack(
-                function.error, function.error_rate, function.jacobian, errors, rates, jacobian
-            )
+            error, slope, error_rate = function.followed
+            extra[place] = self._stack(error, error_rate, slope, errors, rates, jacobian)
             if function.status:
                 noted |= 1 << (len(self.own_conditions) + function.status - 1)
         return noted
@@ -192,18 +191,3 @@ class LabelledTasksController(VelocityController):
         self.refuse(1)
         self.u[:] = np.nan
         return self.u
-
-
-def _task(
-    given: LabelledTask, description: RobotDescription, kinematics: Kinematics, file: str, key: str
-) -> LyapunovFunction:
-    """A task of a config that has an error.
-
-    Raises:
-        ConfigError, UnknownNameError: it cannot be built, or gives V only.
-    """
-    function = tasks.build(given, description, kinematics, file, key)
-    if not len(function.error):
-        problem = "has no error e, only V: there is no velocity that it wants"
-        raise ConfigError(file, f"{key}.task", given.task, problem, "Give it an error, or leave it")
-    return function

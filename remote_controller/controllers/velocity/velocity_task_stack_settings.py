@@ -2,44 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
-from hoap3.protocol.config.settings import RobotName, Settings
+from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.controllers.base import VelocityController
-from hoap3.remote_controller.scheduling.priority_matrix import distinct
-from hoap3.remote_controller.tasks import registry as tasks
+from hoap3.remote_controller.tasks.registry import LabelledTask
 
 INSIDE = 1.0 - 1e-9  # of the greatest acceleration: the robot judges by rounded positions
 Positive = Annotated[float, Field(gt=0)]
-
-
-class LabelledTask(tasks.TaskSettings):
-    """A task, under a name of its own."""
-
-    name: RobotName | None = Field(
-        None, description="in priorities, log and commands; null: the task's"
-    )
-
-    @property
-    def label(self) -> str:
-        """The name by which people know it."""
-        return self.name or self.task
-
-
-def labels_of(given: Sequence[LabelledTask]) -> list[str]:
-    """Names of the tasks of a config.
-
-    Raises:
-        ConfigError: two have the same.
-    """
-    return distinct([task.label for task in given])
 
 
 class VelocityBounds(Settings):

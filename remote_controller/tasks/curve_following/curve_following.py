@@ -26,7 +26,7 @@ from hoap3.remote_controller.tasks.accuracy import (
 from hoap3.remote_controller.tasks.com import ComTask
 from hoap3.remote_controller.tasks.curve_following.curve import CURVES, Curve, build_curve
 from hoap3.remote_controller.tasks.derivative_check import check_derivatives
-from hoap3.remote_controller.tasks.frame_position import FramePositionTask
+from hoap3.remote_controller.tasks.frames.frame_position import FramePositionTask
 from hoap3.remote_controller.tasks.lyapunov import BuildContext, LyapunovFunction
 
 HELD = 1e-3  # independence of the gradients up to which nothing moves along the curve,
@@ -93,7 +93,10 @@ class PersistentMotion(LyapunovFunction):
         self._column = np.sqrt(self._weights)[:, None]
         self.x, self.x_jacobian = np.zeros(m), np.zeros((m, joints))
         self.tangent, self._last = np.zeros(m), np.zeros(m)
-        self.motion_row, self.speed = np.zeros(joints), 0.0
+        self._error, self._error_rate = np.zeros((2, k + 1))
+        self._jacobian = np.zeros((k + 1, joints))
+        self.error, self.jacobian = self._error[:k], self._jacobian[:k]
+        self.motion_row, self.speed = self._jacobian[k], 0.0
         self.objective_rows = np.zeros((k, joints))
         self._slopes = np.zeros((k, joints))
         self._still, self._ones = np.zeros(k), np.ones(k)
@@ -138,6 +141,12 @@ class PersistentMotion(LyapunovFunction):
         )
         self._decide(independence, cosine)
         np.matmul(self.tangent, self.x_jacobian, out=self.motion_row)
+        self._error_rate[-1] = -self.speed
+
+    @property
+    def followed(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """α and below it 0, with motion_row·u = ζ as the last of the rows."""
+        return self._error, self._jacobian, self._error_rate
 
     def velocity(self, decrease: float, out: FloatArray) -> bool:
         """Write the u that solves (23) without inequality constraints, (n,).

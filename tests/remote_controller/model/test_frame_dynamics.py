@@ -8,16 +8,16 @@ import pytest
 
 from hoap3.protocol.errors import FrameNotFoundError
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
-from hoap3.remote_controller.controllers.acceleration_tasks.se3_pd_kernels import (
-    rotation_of,
-    se3_pd,
-)
 from hoap3.remote_controller.model.frame_dynamics import (
     POSE,
     POSITION,
     FrameDynamics,
     FrameRows,
     FramesDynamics,
+)
+from hoap3.remote_controller.tasks.accelerations.se3_pd_kernels import (
+    rotation_of,
+    se3_pd,
 )
 from hoap3.robot_emulator.robots import load
 

@@ -56,6 +56,7 @@ CASES: dict[str, tuple[RobotDescription, str, dict]] = {
     ),
     "hand pose": (HOAP3, "frame_pose", {**HAND, **POSE, "target": CIRCLE}),
     "tool pose": (ARM, "frame_pose", {**TOOL, **POSE, "target": WAYPOINTS, "weights": [2.0]}),
+    "hand orientation": (HOAP3, "frame_orientation", {**HAND, **POSE, "weights": [1.0, 2.0, 0.5]}),
     "posture": (HOAP3, "posture", {"posture": "walk_ready", "approach_s": 1.0}),
     "some joints": (ARM, "posture", {"joints": ["wrist", "elbow"], "target_rad": [0.2, 1.1]}),
     "sum": (HOAP3, "weighted_sum", SUM),

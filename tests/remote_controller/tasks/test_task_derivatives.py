@@ -7,11 +7,11 @@ import pinocchio as pin
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from registered_tasks import velocity_tasks
 from task_cases import ARM, CASES, HOAP3, SEEDS, built, kinematics_of, posture, quotient
 
 from hoap3.remote_controller.tasks import status
-from hoap3.remote_controller.tasks.frame_pose import FramePoseTask
-from hoap3.remote_controller.tasks.registry import BUILTIN
+from hoap3.remote_controller.tasks.frames.frame_pose import FramePoseTask
 from hoap3.remote_controller.tasks.task_function import TaskFunction
 
 TIMES = st.floats(0.0, 4.0)
@@ -36,7 +36,7 @@ def started(case):
 
 
 def test_every_task_of_ours_is_tried():
-    assert {name for _, name, _ in CASES.values()} == set(BUILTIN)
+    assert {name for _, name, _ in CASES.values()} == set(velocity_tasks())
 
 
 @pytest.mark.parametrize("case", CASES)

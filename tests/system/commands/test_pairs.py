@@ -15,7 +15,7 @@ from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.pairs import HELD_BACK, PAIRS, POSTURES, configs_for, robots_for
 from hoap3.remote_controller.tasks.com import ComTask
-from hoap3.remote_controller.tasks.frame_position import FramePositionTask
+from hoap3.remote_controller.tasks.frames.frame_position import FramePositionTask
 from hoap3.robot_emulator.config import available_configs as emulator_configs
 from hoap3.robot_emulator.robots import available as robots
 from hoap3.robot_emulator.service import describe

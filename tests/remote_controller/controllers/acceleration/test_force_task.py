@@ -6,22 +6,21 @@ import numpy as np
 import pytest
 from hierarchy_runs import content, made, state_of
 
-from hoap3.remote_controller.controllers.acceleration_tasks.force import ForceTask
-from hoap3.remote_controller.controllers.acceleration_tasks.settings import ForceSettings
+from hoap3.remote_controller.tasks.accelerations.wrench import WrenchControl, WrenchTask
 from hoap3.tools.simulate import simulate
 
 UP = np.array([0.0, 0.0, 1.0])
 T = 1e-3
 
 
-def press(**settings: float) -> ForceTask:
+def press(**settings: float) -> WrenchControl:
     """Of 10 N, at once against a unit mass: J = M = I."""
-    given = {"name": "hand", "kind": "force", "frame": "ee", "normal": (0.0, 0.0, 1.0)}
+    given = {"frame": "ee", "normal": (0.0, 0.0, 1.0)}
     given |= {"target": {"kind": "point", "position_m": (0.0, 0.0, 0.0)}, "force_n": 10.0}
-    return ForceTask(ForceSettings.model_validate({**given, **settings}), UP, 3, T)
+    return WrenchControl(WrenchTask.Parameters.model_validate({**given, **settings}), UP, 3, T)
 
 
-def asked(each: ForceTask, force: float, speed: float = 0.0, absent: float = 0.0) -> float:
+def asked(each: WrenchControl, force: float, speed: float = 0.0, absent: float = 0.0) -> float:
     """Acceleration along the normal that is asked for [m/s²]."""
     each.feel(force * UP, absent)
     rows = [np.zeros(3), speed * UP, np.zeros(3), np.zeros(3), np.zeros(3)]

@@ -82,7 +82,7 @@ def test_smoothing_is_the_solvers(smoothing):
 
 def test_friction_that_is_not_compensated_is_left_to_the_robot():
     arm = robot("baxter_left_arm", command_kinds=("torque",))
-    rest = [{"name": "rest", "kind": "posture"}]
+    rest = [{"name": "rest", "task": "posture"}]
     taus = []
     for compensate in (True, False):
         controller = made(
@@ -106,8 +106,9 @@ def test_friction_that_is_not_compensated_is_left_to_the_robot():
 def test_the_nearest_answer_is_nearest_to_what_the_tasks_would_do():
     """Tasks that keep each other out of all but joint 7, on an arm that has to sag at joint 2."""
     arm = robot(gravity="full")
-    both = {"kind": "posture", "posture": "table1", "kp": 5.0}
-    tasks = [{**both, "name": "all"}, {**both, "name": "six", "joints": arm.joint_names[:6]}]
+    both = {"task": "posture", "parameters": {"posture": "table1"}, "kp": 5.0}
+    six = {"posture": "table1", "joints": arm.joint_names[:6]}
+    tasks = [{**both, "name": "all"}, {**both, "name": "six", "parameters": six}]
     given = {"tasks": tasks, "priorities": {"matrix": [[0.0, 1.0], [1.0, 0.0]]}}
     given |= {"regularise": "none", "null_damping_per_s": 0.0}
     q = posture()

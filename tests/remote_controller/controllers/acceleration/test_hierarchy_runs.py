@@ -34,7 +34,8 @@ def test_torques_speeds_and_positions_stay_within_bounds():
     eight = {"kind": "lemniscate", "center_m": [0.25, -0.4, 0.7], "half_width_m": 0.1}
     eight |= {"period_s": 6.283185307179586, "approach_s": 1.0}
     tasks = content("ghc")["parameters"]["tasks"]
-    tasks[0] |= {"target": eight, "kp": 100.0}
+    tasks[0] |= {"kp": 100.0}
+    tasks[0]["parameters"] |= {"target": eight}
     priorities = {
         "order": ["hand", "elbow", "posture"],
         "timeline": [{"at_s": 1.5, "order": ["elbow", "hand"], "over_s": 0.05}],
@@ -54,7 +55,8 @@ def test_a_moving_target_is_followed_with_its_acceleration():
     eight = {"kind": "lemniscate", "center_m": [0.2, -0.4, 0.7], "half_width_m": 0.1}
     eight |= {"period_s": 3.0, "approach_s": 1.0}
     tasks = content("ghc")["parameters"]["tasks"]
-    tasks[0] |= {"target": eight, "kp": 100.0}
+    tasks[0] |= {"kp": 100.0}
+    tasks[0]["parameters"] |= {"target": eight}
     order = {"order": ["hand", "elbow", "posture"]}
     changes = {"tasks": tasks, "priorities": order, "regularise": "none", "w_r": 1e-6}
     done = simulate("lwr_weightless", content("ghc", **changes), 3.0)

@@ -2,43 +2,47 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
-from hierarchy_runs import content, made, robot
+from hierarchy_runs import content, made, robot, state_of
 
 from hoap3.protocol.config.settings import parse
-from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.errors import ConfigError, RenamedWarning, UnknownNameError
 from hoap3.remote_controller.config import ControllerConfig, check_parameters
 
-HAND = {"name": "hand", "kind": "position", "frame": "ee"}
-PRESS = {"kind": "force", "name": "press", "frame": "ee", "normal": [0.0, 0.0, 1.0], "force_n": 5.0}
-PRESS |= {"target": {"kind": "point", "position_m": [0.0, 0.0, 0.0]}}
+POINT = {"kind": "point", "position_m": [0.0, 0.0, 0.0]}
+
+
+def hand(name: str = "hand", **parameters: object) -> dict[str, object]:
+    return {"name": name, "task": "frame_position", "parameters": {"frame": "ee", **parameters}}
+
+
+def press(**parameters: object) -> dict[str, object]:
+    up = {"normal": [0.0, 0.0, 1.0], "force_n": 5.0, "target": POINT}
+    return {**hand("press", **{**up, **parameters}), "task": "wrench"}
+
+
+def rest(**parameters: object) -> dict[str, object]:
+    return {"name": "rest", "task": "posture", "parameters": parameters}
+
+
 WRONG = [
-    ([{**HAND, "frame": "elbwo"}], "parameters.tasks.0.frame", "elbow"),
-    ([HAND, {**HAND}], "parameters.tasks.1.name", "two tasks"),
-    ([{**HAND, "reference": "link_2"}], "parameters.tasks.0.reference", "joints move it"),
-    ([{**HAND, "name": "a b"}], "parameters.tasks.0", "pattern"),
-    ([{**HAND, "kind": "positon"}], "parameters.tasks.0", "positon"),
+    ([hand(frame="elbwo")], "parameters.tasks.0.parameters.frame", "elbow"),
+    ([hand(), hand()], "parameters.tasks.1.name", "two tasks"),
+    ([hand(reference="elbwo")], "parameters.tasks.0.parameters.reference", "elbow"),
+    ([press(reference="link_2")], "parameters.tasks.0.parameters.reference", "joints move it"),
+    ([hand("a b")], "parameters.tasks.0", "pattern"),
+    ([{**hand(), "task": "frame_positon"}], "frame_positon", "Did you mean 'frame_position'"),
+    ([{**hand(), "kp": 0.0}], "parameters.tasks.0.kp", "0.0"),
     ([], "parameters.tasks", "one task or more"),
-    ([{**PRESS, "sensor": "elbow"}], "parameters.tasks.0.sensor", "no wrench sensor"),
-    ([{**PRESS, "normal": [0.0, 0.0, 0.0]}], "parameters.tasks.0", "normal"),
+    ([press(sensor="elbow")], "parameters.tasks.0.parameters.sensor", "no wrench sensor"),
+    ([press(normal=[0.0, 0.0, 0.0])], "parameters.tasks.0", "normal"),
+    ([rest(joints=["joint_9"])], "parameters.tasks.0.parameters.joints", "joint_9"),
+    ([rest(joints=["joint_1", "joint_1"])], "parameters.tasks.0.parameters.joints", "twice"),
+    ([rest(posture="bend")], "parameters.tasks.0.parameters.posture", "bend"),
     (
-        [{"name": "rest", "kind": "posture", "joints": ["joint_9"]}],
-        "parameters.tasks.0.joints",
-        "joint_9",
-    ),
-    (
-        [{"name": "rest", "kind": "posture", "joints": ["joint_1", "joint_1"]}],
-        "parameters.tasks.0.joints",
-        "twice",
-    ),
-    (
-        [{"name": "rest", "kind": "posture", "posture": "bend"}],
-        "parameters.tasks.0.posture",
-        "bend",
-    ),
-    (
-        [{**HAND, "kind": "pose", "goal": {"posture": "nowhere"}}],
-        "parameters.tasks.0.goal.posture",
+        [{**hand(posture="nowhere"), "task": "frame_pose"}],
+        "parameters.tasks.0.parameters.posture",
         "nowhere",
     ),
 ]
@@ -46,11 +50,50 @@ WRONG = [
 
 @pytest.mark.parametrize(("tasks", "key", "said"), WRONG)
 def test_a_task_that_does_not_fit(tasks, key, said):
-    with pytest.raises(ConfigError) as raised:
+    with pytest.raises((ConfigError, UnknownNameError)) as raised:
         made("ghc", tasks=tasks, priorities={})
     text = str(raised.value)
     assert key in text
     assert said in text
+
+
+FORMER = [
+    (
+        {"name": "hand", "kind": "position", "frame": "ee", "kp": 30.0, "target": POINT},
+        {**hand(target=POINT), "kp": 30.0},
+    ),
+    (
+        {"name": "hand", "kind": "pose", "frame": "ee", "goal": {"posture": "bent"}},
+        {**hand(posture="bent"), "task": "frame_pose"},
+    ),
+    (
+        {"name": "hand", "kind": "pose", "frame": "ee", "goal": {"position_m": [0.1, 0.2, 0.3]}},
+        {
+            **hand(target={"kind": "point", "position_m": [0.1, 0.2, 0.3]}),
+            "task": "frame_pose",
+        },
+    ),
+    (
+        {"name": "rest", "kind": "posture", "posture_rad": [0.1] * 7, "joints": ["joint_2"]},
+        rest(target_rad=[0.1] * 7, joints=["joint_2"]),
+    ),
+    (
+        {"name": "press", "kind": "force", "frame": "ee", "normal": [0.0, 0.0, 1.0]}
+        | {"force_n": 5.0, "target": POINT},
+        press(),
+    ),
+]
+
+
+@pytest.mark.parametrize(("former", "today"), FORMER)
+def test_a_task_of_before_names_were_shared_asks_for_the_same(former, today):
+    with pytest.warns(RenamedWarning, match=r"`kind: "):
+        before = made("ghc", tasks=[former], priorities={})
+    after = made("ghc", tasks=[today], priorities={})
+    rng = np.random.default_rng(4)
+    q, dq = robot().initial_position + 0.1 * rng.normal(size=7), rng.normal(size=7)
+    answers = [each.step(state_of(each, q, dq)).values for each in (before, after)]
+    np.testing.assert_array_equal(*answers)
 
 
 @pytest.mark.parametrize("name", ["ghc", "hqp"])

@@ -172,7 +172,7 @@ def test_where_torques_are_too_small_the_accelerations_keep_their_bounds_and_it_
         command = controller.step(state_at(controller, q, np.clip(dq, -1.0, 1.0)))
         assert (controller.solver.ddq >= controller.bounds.lower).all()
         assert (controller.solver.ddq <= controller.bounds.upper).all()
-        assert bool(controller.present & bit) == (command.fallback == 1)
+        assert bool(controller.present & bit) == (command.fallback == 2)
         if command.fallback:
             fallbacks += 1
             assert command.solver_status == STATUS["infeasible"]
@@ -230,9 +230,8 @@ def test_a_goal_is_a_pose_or_where_a_posture_has_the_frame():
         {"position_m": tuple(there[0]), "rotation_rad": tuple(turn), "reference": "base"},
     ]
     for goal in goals:
-        origin, rotation = tsid(robot, goal=goal).goal
-        np.testing.assert_allclose(origin, there[0], atol=1e-12)
-        np.testing.assert_allclose(rotation, there[1], atol=1e-12)
+        controller = tsid(robot, goal=goal)
+        assert controller.step(state_at(controller, values)).v < 1e-20
 
 
 WRONG = {

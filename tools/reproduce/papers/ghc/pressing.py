@@ -37,7 +37,7 @@ def press(
         say("Figs. 9 and 10: pressing on a plane")
     content, _ = read_config("ghc_force")
     config = copy.deepcopy(content)
-    tasks = {task["name"]: task for task in config["parameters"]["tasks"]}
+    tasks = {task["name"]: task["parameters"] for task in config["parameters"]["tasks"]}
     tasks[HAND]["force_n"] = FORCE_N
     tasks[ELBOW]["target"]["position_m"] = list(ELBOW_TARGET_M)
     change = {"at_s": switch_s, "order": [HAND, ELBOW, POSTURE], "over_s": OVER_S}

@@ -160,8 +160,8 @@ def position(
     """The task that brings hand or elbow to a target."""
     frame = {ref.HAND: "ee", ref.ELBOW: "elbow"}[name]
     kp, kd = gains
-    named = {"name": name, "kind": "position", "frame": frame}
-    return {**named, "kp": kp, "kd": kd, "target": dict(target)}
+    parameters = {"frame": frame, "target": dict(target)}
+    return {"name": name, "task": "frame_position", "kp": kp, "kd": kd, "parameters": parameters}
 
 
 def point(place: tuple[float, float, float]) -> dict[str, Any]:
@@ -175,7 +175,8 @@ def three_tasks(hand: dict[str, Any] | None = None) -> list[dict[str, Any]]:
     return [
         hand or position(ref.HAND, point(ref.HAND_M)),
         position(ref.ELBOW, point(ref.ELBOW_M)),
-        {"name": ref.POSTURE, "kind": "posture", "posture": ref.START, "kp": kp, "kd": kd},
+        {"name": ref.POSTURE, "task": "posture", "kp": kp, "kd": kd}
+        | {"parameters": {"posture": ref.START}},
     ]
 
 

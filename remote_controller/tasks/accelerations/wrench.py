@@ -2,19 +2,64 @@
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from typing import Any, Self
 
 import numpy as np
+from pydantic import Field, model_validator
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.controllers.acceleration_tasks.settings import ForceSettings
 from hoap3.remote_controller.tasks.accuracy import TaskError
+from hoap3.remote_controller.tasks.frames.frame_position import FramePositionTask
 
 TOLERANCE, LEAST_TOLERANCE_N = 0.05, 0.5  # of the wanted force, and at least
 MOST = 1.0  # of the wanted force: what the integral adds to it or takes from it
 
 
-class ForceTask:
+class WrenchTask(FramePositionTask):
+    """The origin of a frame at a target, until it touches; then along a normal a force.
+
+    Both in one task of three rows: two tasks without priority over each other would each feed into
+    the rows of the other. What it asks for says `WrenchControl`.
+    """
+
+    levels = ("acceleration",)
+
+    class Parameters(FramePositionTask.Parameters):
+        """Where to touch, in which direction, and how firmly."""
+
+        normal: tuple[float, float, float] = Field(
+            description="of the surface, towards the robot, in the reference; of any length"
+        )
+        force_n: float = Field(gt=0, description="with which it shall press")
+        tolerance_n: float | None = Field(
+            None,
+            gt=0,
+            description="error of the force at the end that counts as reached [N]; null: 5 % of "
+            "`force_n`, at least 0.5",
+        )
+        sensor: str | None = Field(None, description="frame of the wrench sensor; null: `frame`")
+        force_kp: float = Field(0.0, ge=0, description="of the error of the force")
+        force_ki_per_s: float = Field(
+            5.0, ge=0, description="of its integral, which adds or takes at most force_n"
+        )
+        force_kd: float = Field(
+            0.0, ge=0, description="of the velocity along the normal while it touches [1/s]"
+        )
+        touch_n: float = Field(
+            0.5,
+            gt=0,
+            description="force from which on it touches, until it is removed or begins anew",
+        )
+
+        @model_validator(mode="after")
+        def _a_direction(self) -> Self:
+            if not 1e-6 <= math.hypot(*self.normal) <= 1e6:
+                raise ValueError("should have a normal that points somewhere, of a length near 1")
+            return self
+
+
+class WrenchControl:
     """Asks for the acceleration with which a point keeps a force.
 
     Liu, Tan and Padois (2015), (3), with the measured force f, of the surface on the robot, in the
@@ -38,9 +83,9 @@ class ForceTask:
     """
 
     def __init__(
-        self, settings: ForceSettings, normal: FloatArray, joints: int, period_s: float
+        self, settings: WrenchTask.Parameters, normal: FloatArray, joints: int, period_s: float
     ) -> None:
-        from hoap3.remote_controller.controllers.acceleration_tasks import (
+        from hoap3.remote_controller.tasks.accelerations import (
             task_acceleration_kernels as kernels,
         )
 

@@ -20,7 +20,6 @@ from hoap3.remote_controller.tasks.se3_kernels import (
     transposed_times,
 )
 
-ACTIVE_SPEED = 1e-3  # rad/s or m/s: below it a joint counts as inactive
 ON_THE_WAY, AT_HALF_A_TURN, NOT_FINITE = 0, 1, 2
 
 
@@ -119,70 +118,3 @@ def se3_pd(
         linear, angular = log_rate(phi, t, c, d, back, (-omega[0], -omega[1], -omega[2]))
         slope_out[row] = dot(rho, linear) + dot(phi, angular)
     return V, AT_HALF_A_TURN if angle > 1.0 and cotangent < ANTIPODE else ON_THE_WAY
-
-
-@kernel("void(f8[::1], f8[::1], f8[::1], f8, f8, f8[::1], f8, f8[:,::1], f8[::1], f8[::1])")
-def prepare(
-    q: FloatArray,
-    dq: FloatArray,
-    posture: FloatArray,
-    kp: float,
-    kd: float,
-    damping: FloatArray,
-    T: float,
-    mass: FloatArray,
-    bias: FloatArray,
-    wanted_out: FloatArray,
-) -> None:
-    """Write what ddq shall be for a posture, kp·(q_r − q) − kd·dq; add friction to M and h.
-
-    Viscous friction is taken at the end of the period: d·(dq + T·ddq).
-
-    Args:
-        q, dq, posture: (n,).
-        kp, kd: gains [1/s², 1/s].
-        damping: d, (n,) [N m s/rad].
-        T: period [s].
-        mass, bias: M (n, n) and h (n,), changed.
-        wanted_out: (n,).
-    """
-    for i in range(q.size):
-        wanted_out[i] = kp * (posture[i] - q[i]) - kd * dq[i]
-        mass[i, i] += T * damping[i]
-        bias[i] += damping[i] * dq[i]
-
-
-@kernel(
-    "Tuple((f8, f8, i8))(f8[::1], f8[:,::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1],"
-    " f8, f8[::1])"
-)
-def finish(
-    slope: FloatArray,
-    jacobian: FloatArray,
-    twist: FloatArray,
-    drift: FloatArray,
-    dq: FloatArray,
-    ddq: FloatArray,
-    given: FloatArray,
-    weight: FloatArray,
-    T: float,
-    command_out: FloatArray,
-) -> tuple[float, float, int]:
-    """Write the command, `given` − `weight`, and say what becomes of V.
-
-    Returns:
-        V̇ half a period on; the most that V may rise by in this period, per second, to second order
-        in it: |ė| is at most twice |ν| up to nearly half a turn; and how many joints then move.
-    """
-    rate, square, active = 0.0, 0.0, 0
-    for row in range(6):
-        change = drift[row]
-        for i in range(ddq.size):
-            change += jacobian[row, i] * ddq[i]
-        moving = twist[row] + 0.5 * T * change
-        rate += slope[row] * moving
-        square += moving * moving
-    for i in range(ddq.size):
-        command_out[i] = given[i] - weight[i]
-        active += abs(dq[i] + T * ddq[i]) >= ACTIVE_SPEED
-    return rate, rate + 2.0 * T * square, active

@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.runtime.numba_jit import kernel
-from hoap3.remote_controller.controllers.acceleration_tasks.se3_pd_kernels import (
+from hoap3.remote_controller.solvers.linalg.dense_kernels import dot, solve_lower
+from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import factorise
+from hoap3.remote_controller.tasks.accelerations.se3_pd_kernels import (
     AT_HALF_A_TURN,
     se3_pd,
 )
-from hoap3.remote_controller.solvers.linalg.dense_kernels import dot, solve_lower
-from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import factorise
 
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-POSITION, POSE, POSTURE = 0, 1, 2  # kinds of tasks
+POSITION, POSE, POSTURE, GIVEN = 0, 1, 2, 3  # kinds of tasks
 ACTIVE_SPEED = 1e-3  # rad/s or m/s: below it a joint counts as inactive
 UNSURE = 1e-2  # of an acceleration, and of 1 m/s²: by how much it changes within a period
 
@@ -52,7 +52,8 @@ def desired_accelerations(
     """Write for each row of each task its error e and what J·ddq shall be.
 
     A position wants a_d + kp·(x_d − x) + kd·(v_d − v) − J̇·dq, a posture kp·(q_r − q) − kd·dq, a
-    pose what `se3_pd_kernels.se3_pd` says. V = ½|e|² of a task changes with slope·motion, where the
+    pose what `se3_pd_kernels.se3_pd` says; of a task that is `GIVEN`, error, motion, rate and slope
+    are written already. V = ½|e|² of a task changes with slope·motion, where the
     motion ν is that against its target, and ν's rate is J·ddq + rate.
 
     Args:
@@ -97,6 +98,10 @@ def desired_accelerations(
             continue
         for place in range(size):
             row = start + place
+            if kind == GIVEN:
+                error, motion, rate = error_out[row], motion_out[row], rate_out[row]
+                wanted_out[row] = kp * error - kd * motion - rate
+                continue
             if kind == POSTURE:
                 joint = joints[row]
                 error, motion, rate = posture[row] - q[joint], dq[joint], 0.0
@@ -234,8 +239,8 @@ def predict_lyapunov(
 
     Returns:
         V; V̇ half a period on; the most that V may rise by in this period, per second, to second
-        order in it (`se3_pd_kernels.finish`) and with what is `UNSURE`, so that nothing is said of
-        errors of some µm; and how many joints then move.
+        order in it, for |ė| is at most twice |ν| up to nearly half a turn, and with what is
+        `UNSURE`, so that nothing is said of errors of some µm; and how many joints then move.
     """
     V, expected, square, unsure, active = 0.0, 0.0, 0.0, 0.0, 0
     for i in range(tasks.shape[0]):

@@ -15,7 +15,7 @@ class PositionReference:
     where the target is then.
 
     Args:
-        target: where; None: where the frame is at the start.
+        target: where.
         origin, axes: of the frame in which it is given, (3,) [m] and (3, 3).
         period_s: [s].
         out: x_d, v_d and a_d, (3, 3), to be written to.
@@ -23,7 +23,7 @@ class PositionReference:
 
     def __init__(
         self,
-        target: Target | None,
+        target: Target,
         origin: FloatArray,
         axes: FloatArray,
         period_s: float,
@@ -35,17 +35,12 @@ class PositionReference:
 
     def start(self, present: FloatArray, time_s: float) -> None:
         """Begin where the frame is, (3,) [m] in the root's axes."""
-        if self._target is None:
-            self._out[0] = present
-        else:
-            self._target.start(self._axes.T @ (present - self._origin), time_s)
-            self.update(time_s)
+        self._target.start(self._axes.T @ (present - self._origin), time_s)
+        self.update(time_s)
 
     def update(self, time_s: float) -> None:
         """Write where it is at a time [s], and how it moves there."""
         target, there = self._target, self._there
-        if target is None:
-            return
         target.at(time_s + self._period, self._none, self._next)
         target.at(time_s, there[0], there[1])
         np.subtract(self._next, there[1], out=there[2])

@@ -11,7 +11,7 @@ from pydantic import Field, field_validator
 
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
-from hoap3.remote_controller.references.settings import TargetSettings
+from hoap3.remote_controller.references.settings import TargetSettings, target_of
 from hoap3.remote_controller.tasks.accuracy import TOLERANCE_M, TaskError, ToleranceM, length_error
 from hoap3.remote_controller.tasks.lyapunov import BuildContext
 from hoap3.remote_controller.tasks.task import Task
@@ -41,8 +41,13 @@ class FramePositionTask(Task):
         """Which frame, and where it shall be."""
 
         frame: str = Field(description="frame that shall get there")
-        reference: str = Field(description="frame that it is seen from")
-        target: TargetSettings = Field(description="where its origin shall be, in that frame")
+        reference: str | None = Field(
+            None, description="frame that it is seen from; null: the base frame"
+        )
+        target: TargetSettings | None = Field(
+            None,
+            description="where its origin shall be, in that frame; null: where it is at the start",
+        )
         axes: tuple[Axis, ...] = Field(
             AXES, min_length=1, description="components of e, in this order; others are left free"
         )
@@ -80,10 +85,12 @@ class FramePositionTask(Task):
     @classmethod
     def configured(cls, context: BuildContext, parameters: Parameters) -> TaskFunction:
         """V of this task."""
-        frame, reference, axes = parameters.frame, parameters.reference, parameters.axes
+        frame, axes = parameters.frame, parameters.axes
+        reference = parameters.reference or context.description.base_frame
         task = cls(context.kinematics, frame, reference, np.zeros(3), axes)
         task.tolerance_m = parameters.tolerance_m
-        return TaskFunction(task, parameters.target.build(context.folder), parameters.weights)
+        target = target_of(parameters.target, context.folder)
+        return TaskFunction(task, target, parameters.weights)
 
     def update(self, kinematics: Kinematics) -> None:
         """Recompute e [m] and J [m/rad]."""

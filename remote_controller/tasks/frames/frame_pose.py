@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Self
+
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
-from hoap3.remote_controller.references.settings import TargetSettings
-from hoap3.remote_controller.references.target import Approach, Joined, Point
+from hoap3.remote_controller.references.postures import posture_of
+from hoap3.remote_controller.references.settings import TargetSettings, target_of
+from hoap3.remote_controller.references.target import Approach, Hold, Joined, Point, Target
 from hoap3.remote_controller.tasks.accuracy import (
     TOLERANCE_DEG,
     TOLERANCE_M,
@@ -51,16 +54,35 @@ class FramePoseTask(Task):
         """Which frame, and where it shall be; the last three weights are in m²/rad²."""
 
         frame: str = Field(description="frame that shall get there")
-        reference: str = Field(description="frame that it is seen from")
-        target: TargetSettings = Field(description="where its origin shall be, in that frame")
+        reference: str | None = Field(
+            None, description="frame that it is seen from; null: the base frame"
+        )
+        target: TargetSettings | None = Field(
+            None, description="where its origin shall be, in that frame"
+        )
         rotation_rad: tuple[float, float, float] = Field(
             (0.0, 0.0, 0.0), description="axis × angle of its orientation, in that frame [rad]"
         )
+        posture: str | None = Field(
+            None,
+            description="instead of a target: where the frame is in a posture of the robot's "
+            "description; null as well: where it is at the start",
+        )
+        posture_rad: tuple[float, ...] = Field((), description="or in this posture [rad or m]")
         turn_s: float = Field(
             0.0, ge=0, description="duration of the turn from where it is [s]; 0: at once"
         )
         tolerance_m: ToleranceM = TOLERANCE_M
         tolerance_deg: ToleranceDeg = TOLERANCE_DEG
+
+        @model_validator(mode="after")
+        def _one_goal(self) -> Self:
+            given = self.target is not None, self.posture is not None, bool(self.posture_rad)
+            if sum(given) > 1:
+                raise ValueError("should have one of target, posture and posture_rad")
+            if not given[0] and (any(self.rotation_rad) or self.turn_s):
+                raise ValueError("should have a target beside rotation_rad and turn_s")
+            return self
 
     def __init__(
         self, kinematics: Kinematics, frame: str, reference: str, target: FloatArray
@@ -80,11 +102,23 @@ class FramePoseTask(Task):
     @classmethod
     def configured(cls, context: BuildContext, parameters: Parameters) -> TaskFunction:
         """V of this task."""
-        task = cls(context.kinematics, parameters.frame, parameters.reference, np.zeros(6))
+        reference = parameters.reference or context.description.base_frame
+        task = cls(context.kinematics, parameters.frame, reference, np.zeros(6))
         task.tolerances = parameters.tolerance_m, parameters.tolerance_deg
-        turn = Approach(Point(np.array(parameters.rotation_rad)), parameters.turn_s)
-        target = Joined(parameters.target.build(context.folder), turn)
-        return TaskFunction(task, target, parameters.weights)
+        return TaskFunction(task, task._aim(context, parameters), parameters.weights)
+
+    def _aim(self, context: BuildContext, parameters: Parameters) -> Target:
+        """What the settings ask for, (6,)."""
+        if parameters.target is not None:
+            turn = Approach(Point(np.array(parameters.rotation_rad)), parameters.turn_s)
+            return Joined(target_of(parameters.target, context.folder), turn)
+        if parameters.posture is None and not parameters.posture_rad:
+            return Hold(6)
+        wanted = parameters.posture, parameters.posture_rad
+        context.kinematics.update(posture_of(context.description, *wanted, "posture"))
+        pose = np.zeros(6)
+        self.read(context.kinematics, pose)
+        return Point(pose)
 
     def update(self, kinematics: Kinematics) -> None:
         """Recompute e, J = ∂e/∂q, and ∂e/∂t from `target_rate`."""

@@ -8,16 +8,27 @@ from pydantic import Field
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.controllers.acceleration_tasks.joint_bounds import (
+from hoap3.remote_controller.controllers.acceleration.joint_bounds import (
+    BoundSettings,
     JointBounds,
     Positive,
 )
-from hoap3.remote_controller.controllers.acceleration_tasks.tsid_settings import TsidBounds
 
 
-class HierarchyBounds(TsidBounds):
-    """Those of `tsid`, and of speeds and torques."""
+class HierarchyBounds(BoundSettings):
+    """Within which the robot, that keeps bounds of its own, need not intervene."""
 
+    acceleration_share: float = Field(0.95, gt=0, le=1, description="of the greatest acceleration")
+    margin_rad: float = Field(
+        4e-3, ge=0, description="distance from the ends of the usable range [rad or m]"
+    )
+    speed_share: float = Field(0.97, gt=0, le=1, description="of the greatest speed")
+    brake_share: float = Field(
+        0.85, gt=0, le=1, description="of the acceleration that stopping in time counts on"
+    )
+    softness_rad: float = Field(
+        1e-6, ge=0, description="how far beyond the margin a joint is drawn back gently [rad or m]"
+    )
     speed_max: tuple[Positive, ...] = Field(
         (),
         description="of all joints, or of each [rad/s or m/s], where it is less than the "

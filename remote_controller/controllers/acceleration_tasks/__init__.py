@@ -1,1 +1,0 @@
-"""Tasks that ask for accelerations, their references and their bounds."""

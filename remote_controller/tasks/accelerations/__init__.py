@@ -1,0 +1,1 @@
+"""Tasks as accelerations: what J q̈ shall be, so that errors vanish."""

@@ -1,0 +1,353 @@
+"""Tasks of a robot that ask for accelerations: what each wants, once per sample."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError, located, one_of
+from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.model.frame_dynamics import POSE, POSITION, FrameRows, FramesDynamics
+from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.references.settings import (
+    PointSettings,
+    TargetSettings,
+    target_of,
+)
+from hoap3.remote_controller.tasks import status
+from hoap3.remote_controller.tasks.accelerations.by_differences import TaskRows, TasksByDifferences
+from hoap3.remote_controller.tasks.accelerations.position_reference import PositionReference
+from hoap3.remote_controller.tasks.accelerations.settings import AccelerationTask
+from hoap3.remote_controller.tasks.accelerations.standing import (
+    pose_of,
+    reference_of,
+    stands,
+)
+from hoap3.remote_controller.tasks.accelerations.wrench import WrenchControl, WrenchTask
+from hoap3.remote_controller.tasks.accuracy import (
+    TaskError,
+    angle_error,
+    joint_errors,
+    length_error,
+    prismatic_joints,
+)
+from hoap3.remote_controller.tasks.frames.frame_pose import FramePoseTask
+from hoap3.remote_controller.tasks.frames.frame_position import AXES, FramePositionTask
+from hoap3.remote_controller.tasks.posture import PostureTask, places_of, positions_of
+from hoap3.remote_controller.tasks.registry import (
+    build_with_error,
+    check_parameters,
+    find,
+    labels_of,
+)
+
+SENSOR = POSE  # rows
+
+
+class AccelerationTasks:
+    """Several tasks, their rows under each other in the order of the config.
+
+    Frames whose reference stands, postures and wrenches share one pass over the robot's dynamics
+    and one kernel; any other task is followed by differences (`by_differences`).
+
+    Args:
+        robot: its description.
+        settings: the tasks.
+        file: where they stand, under `parameters.tasks`; other files are sought beside it.
+        torque_max: greatest torques, (n,), that `load` is relative to.
+        compensate_friction: whether viscous friction counts among the torques.
+        braking_per_s: d; rows of I stand below the tasks', and ask for −d·dq.
+
+    Attributes:
+        names, sizes, rows: of the tasks, how many rows each has, and which.
+        dynamics: M and h, the latter with friction and without what sensors feel.
+        jacobian, wanted: J (m, n), and what J·ddq shall be, (m,).
+        with_rest: the same, and below it the rows that brake: (m + n, n) and (m + n,).
+        error, motion, rate, slope: of each row, (m,), see `desired_accelerations`.
+        tasks: (k, 4) kind, first row, rows and frame of each.
+        presses: where wrenches are kept, by task.
+        load: the greatest |h|/torque_max.
+        opposite: how many poses are half a turn away.
+
+    Raises:
+        ConfigError: a task that does not fit the robot, that asks for no acceleration, or that has
+            the name of another.
+    """
+
+    def __init__(
+        self,
+        robot: RobotDescription,
+        settings: Sequence[AccelerationTask],
+        file: str,
+        torque_max: FloatArray,
+        *,
+        compensate_friction: bool,
+        braking_per_s: float,
+    ) -> None:
+        from hoap3.remote_controller.tasks.accelerations import task_acceleration_kernels as kernels
+
+        self._desired_accelerations, self._load = kernels.desired_accelerations, kernels.load
+        self._robot, self._file = robot, file
+        self.names = tuple(labels_of(settings))
+        keys = [f"parameters.tasks.{i}" for i in range(len(settings))]
+        self._parameters = [
+            check_parameters(each, file, key, "acceleration")
+            for each, key in zip(settings, keys, strict=True)
+        ]
+        self._kinds = [
+            self._kind_of(find(each.task), parameters)
+            for each, parameters in zip(settings, self._parameters, strict=True)
+        ]
+        kinematics = Kinematics(robot)
+        self._functions = {
+            i: build_with_error(settings[i], robot, kinematics, file, keys[i], "acceleration")
+            for i in self._of_kind(kernels.GIVEN)
+        }
+        self._joints: dict[int, list[int]] = {}
+        for i in self._of_kind(kernels.POSTURE):
+            with self._located(i):
+                self._joints[i] = places_of(robot, self._parameters[i].joints)
+        self.sizes = [self._size_of(i) for i in range(len(settings))]
+        m, k, n = sum(self.sizes), len(settings), robot.n
+        edges = np.cumsum([0, *self.sizes])
+        self.rows = [slice(start, end) for start, end in pairwise(edges)]
+        self._sensors = self._find_sensors()
+        self.dynamics = self._dynamics(m)
+        self.jacobian = self.dynamics.jacobian[:m]
+        self._sensor_rows = self.dynamics.jacobian[m + n :]
+        self.error, self.motion, self.rate, self.slope = np.zeros((4, m))
+        self.with_rest = self.dynamics.jacobian[: m + n], np.zeros(m + n)
+        self.wanted, self._brakes = self.with_rest[1][:m], self.with_rest[1][m:]
+        self._braking = -min(braking_per_s, 1.0 / robot.period_s)  # no faster than to rest at once
+        self._rows = (self.error, self.motion, self.rate, self.slope, self.wanted)
+        self._targets, self._turns = np.zeros((k, 3, 3)), np.zeros((k, 3, 3))
+        self._posture, self._of_joint = np.zeros(m), np.zeros(m, np.int64)
+        self._turn, self._gains = np.zeros((3, 3)), np.array([each.both for each in settings])
+        self._places: list[tuple[int, PositionReference]] = []
+        self._moving: list[PositionReference] = []
+        self._held: list[tuple[int, int]] = []  # poses that stay where they are at the start
+        self.presses: dict[int, WrenchControl] = {}
+        self.tasks = np.zeros((k, 4), np.int64)
+        frames = iter(range(k))
+        for i, kind in enumerate(self._kinds):
+            frame = next(frames) if kind in {kernels.POSITION, kernels.POSE} else -1
+            self.tasks[i] = kind, edges[i], self.sizes[i], frame
+            with self._located(i):
+                self._aim(i, frame)
+        self._others = TasksByDifferences(
+            list(self._functions.values()),
+            [self._rows_of(i) for i in self._functions],
+            kinematics,
+            robot.period_s,
+        )
+        self._first_sensor = int(next(frames, k))
+        self._wrench = np.zeros(SENSOR * len(self._sensors))
+        wrenches = [robot.wrench_sensors.index(name) for name in self._sensors]
+        self._felt = np.array([6 * place + i for place in wrenches for i in range(6)], np.intp)
+        self._damping = self.dynamics.damping * float(compensate_friction)
+        self._torque_max, self._dt = torque_max, robot.period_s
+        self.load, self.opposite = 0.0, 0
+
+    def begin(self, q: FloatArray, dq: FloatArray, time_s: float) -> None:
+        """Start from where the robot is at a time [s]: finite (n,)."""
+        dynamics = self.dynamics
+        dynamics.update(q, dq)
+        if self._functions:
+            self._others.begin(q, time_s)
+        for i, place in self._places:
+            place.start(dynamics.origins[self.tasks[i, 3]], time_s)
+        for i, frame in self._held:
+            self._targets[i, 0], self._turns[i] = dynamics.origins[frame], dynamics.rotations[frame]
+        for press in self.presses.values():
+            press.reset()
+
+    def update(
+        self, q: FloatArray, dq: FloatArray, wrench: FloatArray, time_s: float, absent: FloatArray
+    ) -> None:
+        """Take a State.
+
+        Args:
+            q, dq: (n,), finite.
+            wrench: of all sensors of the robot, (6s,) [N, N m].
+            time_s: of the State [s].
+            absent: how far each task is out, (k,), from 0 to 1.
+        """
+        dynamics, presses = self.dynamics, self.presses
+        dynamics.update(q, dq)
+        np.multiply(dq, self._braking, out=self._brakes)
+        for place in self._moving:
+            place.update(time_s)
+        if self._functions:
+            self._others.update(q, dq, time_s)
+        self.opposite = self._desired_accelerations(
+            self.tasks,
+            dynamics.origins,
+            dynamics.rotations,
+            dynamics.twist,
+            dynamics.drift,
+            self._targets,
+            self._turns,
+            self._posture,
+            self._of_joint,
+            self._gains,
+            q,
+            dq,
+            self._turn,
+            *self._rows,
+        )
+        for function in self._functions.values():
+            self.opposite += function.status == status.AT_ANTIPODE
+        if presses:
+            np.take(wrench, self._felt, out=self._wrench)
+        self.load = self._load(
+            self._sensor_rows,
+            self._wrench,
+            self._damping,
+            dq,
+            self._dt,
+            self._torque_max,
+            dynamics.mass,
+            dynamics.bias,
+        )
+        for i, press in presses.items():
+            sensor = self._sensor_of[i]
+            turned = dynamics.rotations[self._first_sensor + sensor]
+            felt = turned @ self._wrench[SENSOR * sensor : SENSOR * sensor + 3]
+            press.feel(felt, float(absent[i]))
+            if press.touches:
+                mine = self.rows[i]
+                press.update(
+                    dynamics.mass,
+                    self.jacobian[mine],
+                    self._targets[i, 2],
+                    [each[mine] for each in self._rows],
+                )
+
+    def errors_of(self, i: int) -> list[TaskError]:
+        """Errors of task i at the last `update`, each with its tolerance."""
+        if i in self._functions:
+            return self._functions[i].accuracy()
+        settings, error = self._parameters[i], self.error[self.rows[i]]
+        if i in self._joints:
+            prismatic = prismatic_joints(self._robot)[self._joints[i]]
+            return joint_errors(error, prismatic, settings.tolerance_m, settings.tolerance_deg)
+        found = length_error(error[:POSITION], settings.tolerance_m)
+        if len(error) == POSE:
+            found += angle_error(error[POSITION:], settings.tolerance_deg)
+        if i in self.presses:
+            found.append(self.presses[i].error)
+        return found
+
+    def _located(self, i: int) -> AbstractContextManager[None]:
+        """Errors inside it are those of the parameters of task i."""
+        return located(self._file, f"parameters.tasks.{i}.parameters")
+
+    def _of_kind(self, kind: int) -> list[int]:
+        return [i for i, each in enumerate(self._kinds) if each == kind]
+
+    def _kind_of(self, task: type, parameters: Any) -> int:
+        """How the kernel knows a task."""
+        from hoap3.remote_controller.tasks.accelerations import task_acceleration_kernels as kernels
+
+        if task is WrenchTask:
+            return kernels.POSITION
+        if task not in {FramePositionTask, FramePoseTask, PostureTask} or parameters.weights:
+            return kernels.GIVEN
+        if task is PostureTask:
+            return kernels.GIVEN if parameters.approach_s else kernels.POSTURE
+        if parameters.reference and not stands(self._robot, parameters.reference):
+            return kernels.GIVEN
+        if task is FramePositionTask:
+            return kernels.POSITION if parameters.axes == AXES else kernels.GIVEN
+        turns = parameters.turn_s or not is_still(parameters.target)
+        return kernels.GIVEN if turns else kernels.POSE
+
+    def _size_of(self, i: int) -> int:
+        """How many rows a task has."""
+        if i in self._functions:
+            return len(self._functions[i].followed[0])
+        if i in self._joints:
+            return len(self._joints[i])
+        return POSE if self._parameters[i].__class__ is FramePoseTask.Parameters else POSITION
+
+    def _rows_of(self, i: int) -> TaskRows:
+        mine = self.rows[i]
+        error, motion, rate, slope, _ = (each[mine] for each in self._rows)
+        return TaskRows(error, motion, rate, slope, self.jacobian[mine])
+
+    def _find_sensors(self) -> list[str]:
+        """Sensors that are felt, each once; `_sensor_of` says which of them is a task's."""
+        known, found = self._robot.wrench_sensors, []
+        self._sensor_of: dict[int, int] = {}
+        for i, each in enumerate(self._parameters):
+            if isinstance(each, WrenchTask.Parameters):
+                sensor = each.sensor or each.frame
+                if sensor not in known:
+                    key, remedy = "sensor" if each.sensor else "frame", ", ".join(known) or "none"
+                    problem = "the robot has no wrench sensor there"
+                    with self._located(i):
+                        raise ConfigError("", key, sensor, problem, f"Its sensors: {remedy}")
+                if sensor not in found:
+                    found.append(sensor)
+                self._sensor_of[i] = found.index(sensor)
+        return found
+
+    def _dynamics(self, m: int) -> FramesDynamics:
+        """Of the frames of all tasks and sensors, and rows of I for joints."""
+        rows = []
+        for i, each in enumerate(self._parameters):
+            if i in self._functions or i in self._joints:
+                continue
+            if each.frame not in self._robot.frames:
+                remedy = one_of(each.frame, self._robot.frames, "Its frames")
+                problem = f"robot {self._robot.name!r} has no such frame"
+                with self._located(i):
+                    raise ConfigError("", "frame", each.frame, problem, remedy)
+            rows.append(FrameRows(each.frame, self.rows[i].start, self.sizes[i]))
+        end, sensors = m + self._robot.n, self._sensors  # rows of I come first
+        rows += [FrameRows(name, end + SENSOR * s, SENSOR) for s, name in enumerate(sensors)]
+        dynamics = FramesDynamics(self._robot, rows, end + SENSOR * len(sensors))
+        dynamics.jacobian[m:end] = np.eye(self._robot.n)
+        for i, joints in self._joints.items():
+            dynamics.jacobian[np.arange(len(joints)) + self.rows[i].start, joints] = 1.0
+        return dynamics
+
+    def _aim(self, i: int, frame: int) -> None:
+        """Where a task shall lead."""
+        parameters, mine = self._parameters[i], self.rows[i]
+        if i in self._joints:
+            joints = self._joints[i]
+            self._posture[mine] = positions_of(self._robot, parameters, joints)
+            self._of_joint[mine] = joints
+        elif isinstance(parameters, FramePoseTask.Parameters):
+            pose = pose_of(self._robot, self.dynamics, parameters)
+            if pose is None:
+                self._held.append((i, frame))
+            else:
+                self._targets[i, 0], self._turns[i] = pose
+        elif frame >= 0:
+            self._aim_at_point(i, parameters)
+
+    def _aim_at_point(self, i: int, parameters: Any) -> None:
+        robot, period = self._robot, self._robot.period_s
+        origin, axes = reference_of(robot, self.dynamics, parameters.reference, "reference")
+        target = target_of(parameters.target, Path(self._file).parent)
+        place = PositionReference(target, origin, axes, period, self._targets[i])
+        self._places.append((i, place))
+        if not is_still(parameters.target):
+            self._moving.append(place)
+        if isinstance(parameters, WrenchTask.Parameters):
+            normal = axes @ np.array(parameters.normal)
+            normal /= np.linalg.norm(normal)
+            self.presses[i] = WrenchControl(parameters, normal, robot.n, period)
+
+
+def is_still(target: TargetSettings | None) -> bool:
+    """Whether a target stays where it is from the start on."""
+    return target is None or (isinstance(target, PointSettings) and not target.approach_s)

@@ -1,0 +1,1 @@
+"""Tasks of frames: their origins, their orientations, and both."""
