@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.qp.active_set import ActiveSet
 from hoap3.remote_controller.solvers.qp.qp_backends import Program, daqp
 
 Array = NDArray[np.float64]
@@ -23,38 +25,53 @@ ERRS = 1e-3  # of the greatest violation: by that much the solver's may differ f
 
 
 class Tsid:
-    """min |y − J·ddq|² + w·|p − ddq|² such that lower ≤ ddq ≤ upper and |M·ddq + h| ≤ effort.
+    """min |y − J·ddq|² + w·|p − ddq|² within bounds, efforts and rows.
 
-    The torques τ = M·ddq + h are eliminated: n variables, n bounds and n rows. Where no ddq
-    satisfies both, the bounds are kept, and the efforts violated as little as possible: relative to
-    the efforts, in squares, with a weight of `VIOLATION` beside the rest.
+        lower ≤ ddq ≤ upper,   |M·ddq + h| ≤ effort,   rows_lower ≤ R·ddq ≤ rows_upper
+
+    The torques τ = M·ddq + h are eliminated: n variables, n bounds and n + s rows. Where no ddq
+    satisfies all, bounds and rows R are kept, and the efforts violated as little as possible:
+    relative to the efforts, in squares, with a weight of `VIOLATION` beside the rest. Where bounds
+    and rows R have no common point either, there is no answer, and the status says so.
 
     Args:
         effort: greatest torques, (n,).
-        scale: of ddq, (n,): what margins are relative to.
+        greatest: accelerations, (n,): what margins are relative to.
+        rows: s, the number of rows R.
 
     Attributes:
+        rows: R (s, n), to be written to; at first 0.
+        rows_lower, rows_upper: (s,), to be written to: ∓inf, as at first, where a row is off; equal
+            where it is an equation.
         ddq, tau: the answer, (n,).
         kkt_residual: of ddq as the answer of the QP, computed without the solver; inf where it is
             none (`tsid_kernels.prove`).
-        margin: least distance from a bound, relative to `scale` or the effort; 0 where one is
-            reached, negative where a torque exceeds its effort.
+        margin: least distance from a bound of ddq or τ, relative to `greatest` or the effort; 0
+            where one is reached, negative where a torque exceeds its effort.
         torque_margin: that of the torques alone.
         held: whether a bound of ddq is reached.
     """
 
-    def __init__(self, effort: Array, scale: Array) -> None:
+    def __init__(self, effort: Array, greatest: Array, rows: int = 0) -> None:
         from hoap3.remote_controller.solvers.tsid import tsid_kernels as kernels
 
         n = self.n = effort.size
         self._lay_out, self._prove = kernels.lay_out, kernels.prove
-        self._effort, self._scale = np.ascontiguousarray(effort), np.ascontiguousarray(scale)
-        self._program = _program(n, n)
+        self._effort, self._greatest = np.ascontiguousarray(effort), np.ascontiguousarray(greatest)
+        self._program = _program(n + rows, n)
+        self.rows = self._program.A[n:]
+        self.rows_lower, self.rows_upper = np.full(rows, -np.inf), np.full(rows, np.inf)
         self._attempt = daqp(self._program)
         self._insist = daqp(self._program, sing_tol=SINGULAR)
-        self._soft = _program(n, 2 * n)
-        self._soften = daqp(self._soft, sing_tol=SINGULAR)
-        self._none = np.zeros(n)
+        self._soft = _program(n + rows, 2 * n)
+        self._soften = [daqp(self._soft, sing_tol=SINGULAR)]
+        self._none = np.zeros(n + rows)
+        self._given = rows > 0
+        if self._given:  # where equations among them depend on each other, daqp may give up
+            self._soften.append(ActiveSet(self._soft))
+            self._nearest = _program(rows, n)
+            self._nearest.A = self.rows
+            self._find_nearest = ActiveSet(self._nearest)
         self.ddq, self.tau = np.zeros(n), np.zeros(n)
         self.kkt_residual = self.margin = self.torque_margin = 0.0
         self.held = False
@@ -80,8 +97,9 @@ class Tsid:
             lower, upper: of ddq, (n,), lower ≤ upper; ∓1e30 is no bound.
 
         Returns:
-            `status.OK`; `INFEASIBLE` where efforts are too small for the bounds and ddq is the
-            fallback; `UNSOLVED` where the solver gave up or erred and ddq is p within the bounds.
+            `status.OK`; `INFEASIBLE` where efforts are too small for bounds and rows and ddq is the
+            fallback; `INFEASIBLE_CONSTRAINTS` where bounds and rows have no common point, and
+            `UNSOLVED` where the solver gave up or erred: there ddq is p within the bounds.
         """
         program = self._program
         self._lay_out(
@@ -93,15 +111,20 @@ class Tsid:
             self._effort,
             lower,
             upper,
+            self.rows_lower,
+            self.rows_upper,
             program.H,
             program.f,
             program.least,
             program.most,
             program.sense,
         )
-        program.A = mass
+        if self._given:
+            program.A[: self.n] = mass
+        else:
+            program.A = mass
         solved, x, multipliers = self._attempt(TOLERANCE)
-        if not solved:
+        if not solved or (self._given and not self._keeps(x)):
             solved, x, multipliers = self._insist(TOLERANCE)
             solved = solved and self._keeps(x)
         found = status.OK
@@ -118,7 +141,10 @@ class Tsid:
             self._effort,
             lower,
             upper,
-            self._scale,
+            self.rows,
+            self.rows_lower,
+            self.rows_upper,
+            self._greatest,
             solved,
             self.ddq,
             self.tau,
@@ -126,40 +152,57 @@ class Tsid:
         return found
 
     def _keeps(self, ddq: Array) -> bool:
-        """Whether ddq is within the bounds and its torques within the efforts, but for rounding."""
-        hard = self._program
+        """Whether ddq is within bounds and rows, its torques within the efforts; but for rounding.
+
+        Rounding of a row R counts as that of the accelerations in it.
+        """
+        hard, size = self._program, 1.0 + np.abs(ddq)
         both = np.concatenate([ddq, hard.A @ ddq])
-        slack = KEPT * np.concatenate([1.0 + np.abs(ddq), self._effort])
+        slack = KEPT * np.concatenate([size, self._effort, np.abs(self.rows) @ size])
         return bool(((both >= hard.least - slack) & (both <= hard.most + slack)).all())
 
     def _fall_back(self, posture: Array) -> tuple[int, Array]:
-        """Least violation of the torques, then the task; the bounds of ddq are kept.
+        """Least violation of the torques, then the task; bounds of ddq and rows are kept.
 
         The variables are ddq and s, with rows M·ddq − effort·s/√P and the cost ½·|s|²·largest H.
         """
         hard, soft, n = self._program, self._soft, self.n
+        if self._given and self._contradictory():
+            return status.INFEASIBLE_CONSTRAINTS, posture
         largest = float(hard.H.diagonal().max())
         soft.H[:n, :n], soft.f[:n] = hard.H, hard.f
         soft.H.flat[n * (2 * n + 1) :: 2 * n + 1] = largest
         soft.A[:, :n] = hard.A
         for mine, theirs in ((soft.least, hard.least), (soft.most, hard.most)):
             mine[:n], mine[2 * n :] = theirs[:n], theirs[n:]
-        soft.sense[:n] = hard.sense[:n]
-        for weight in VIOLATION:
-            soft.A.flat[n :: 2 * n + 1] = -self._effort / math.sqrt(weight)
-            solved, x, _ = self._soften(SOFT_TOLERANCE)
+        soft.sense[:n], soft.sense[2 * n :] = hard.sense[:n], hard.sense[n:]
+        for weight, soften in product(VIOLATION, self._soften):
+            soft.A[:n].flat[n :: 2 * n + 1] = -self._effort / math.sqrt(weight)
+            solved, x, _ = soften(SOFT_TOLERANCE)
             ddq = np.clip(x[:n], soft.least[:n], soft.most[:n])
             if solved and self._meant(ddq, np.abs(x[n:]) / math.sqrt(weight)):
                 return status.INFEASIBLE, ddq
         return status.UNSOLVED, posture
 
     def _meant(self, ddq: Array, violation: Array) -> bool:
-        """Whether the torques of ddq violate their efforts as the solver says: relative to them."""
+        """Whether ddq keeps the rows, and its torques violate their efforts as the solver says."""
         hard, n = self._program, self.n
-        tau = hard.A @ ddq
-        beyond = np.maximum(tau - hard.most[n:], hard.least[n:] - tau) / self._effort
+        tau = hard.A[:n] @ ddq
+        beyond = np.maximum(tau - hard.most[n : 2 * n], hard.least[n : 2 * n] - tau) / self._effort
         true = np.maximum(0.0, beyond)
-        return bool(np.abs(true - violation).max() <= ERRS * true.max() + SOFT_TOLERANCE)
+        meant = np.abs(true - violation).max() <= ERRS * true.max() + SOFT_TOLERANCE
+        if not self._given:
+            return bool(meant)
+        values, slack = self.rows @ ddq, KEPT * (np.abs(self.rows) @ (1.0 + np.abs(ddq)))
+        kept = (values >= hard.least[2 * n :] - slack) & (values <= hard.most[2 * n :] + slack)
+        return bool(meant and kept.all())
+
+    def _contradictory(self) -> bool:
+        """Whether no ddq is within bounds and rows: the one nearest to 0 is looked for."""
+        hard, nearest, n = self._program, self._nearest, self.n
+        for mine, theirs in ((nearest.least, hard.least), (nearest.most, hard.most)):
+            mine[:n], mine[n:] = theirs[:n], theirs[2 * n :]
+        return self._find_nearest.solve()[0] == status.INFEASIBLE
 
 
 def _program(rows: int, variables: int) -> Program:
