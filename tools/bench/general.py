@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -14,12 +13,14 @@ from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.lyapunov_qp.stable_qp import QP, StableQp
 from hoap3.remote_controller.solvers.qp import qp_backends
 from hoap3.remote_controller.solvers.qp12.bounded_qp12 import BoundedQp12
+from hoap3.tools.bench import qp_peers
 from hoap3.tools.bench.reference import reference
 from hoap3.tools.bench.timing import Contender, Report, race, silent
 
 Array = NDArray[np.float64]
 Problem = tuple[Array, float, float, Array, Array, Array, Array]
 
+TOLERANCE = 1e-7
 GAMMA, ROWS, STREAM, AT_LIMIT = 0.5, 5, 256, 32
 CLOSE = 1e-6
 """An answer that far from ours, relative to the largest speed, or farther, is a failure."""
@@ -162,50 +163,15 @@ def ready(problem: Problem, gamma: float) -> qp_backends.Program:
 
 def peers() -> dict[str, Callable[[qp_backends.Program], Array]]:
     """Solvers that are installed, daqp first: from a program to u, NaN where it gave up."""
-    import daqp as library
 
-    def bare_daqp(program: qp_backends.Program) -> Array:
-        x, _, flag, _ = library.solve(
-            program.H, program.f, program.A, program.most, program.least, program.sense
-        )
-        return _answer(flag == 1, x)
-
-    def by(name: str) -> Callable[[qp_backends.Program], Array]:
+    def by(make: qp_peers.Maker) -> Callable[[qp_backends.Program], Array]:
         def solve(program: qp_backends.Program) -> Array:
-            solved, x, _ = qp_backends.backend(name, program)(1e-7)
+            solved, x, _ = make(program)(TOLERANCE)
             return _answer(solved, x)
 
         return solve
 
-    found: dict[str, Callable[[qp_backends.Program], Array]] = {"daqp": bare_daqp}
-    found |= {name: by(name) for name in qp_backends.installed() if name != "daqp"}
-    if find_spec("quadprog") is not None:
-        found["quadprog"] = _quadprog
-    return found
-
-
-def missing() -> dict[str, str]:
-    """Peers that are not installed, and their packages."""
-    packages = {**qp_backends.PACKAGES, "quadprog": "quadprog"}
-    return {name: package for name, package in packages.items() if find_spec(package) is None}
-
-
-def _quadprog(program: qp_backends.Program) -> Array:
-    import quadprog as library
-
-    variables = program.f.size
-    one, rows = np.eye(variables), program.A.T
-    try:
-        x = library.solve_qp(
-            program.H,
-            -program.f,
-            np.hstack([rows[:, -1:], one, -one, -rows[:, :-1]]),
-            np.concatenate([program.least[-1:], program.least[:variables], -program.most[:-1]]),
-            1,
-        )[0]
-    except ValueError:  # "constraints are inconsistent"
-        return np.full(variables // 2, math.nan)
-    return _answer(True, x)
+    return {name: by(make) for name, make in qp_peers.installed().items()}
 
 
 def _answer(solved: bool, x: Array) -> Array:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Sequence
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.remote_controller.solvers import Ghc
+from hoap3.tools.bench import qp_peers
 from hoap3.tools.bench.problems.hierarchy_problems import (
     FRAMES,
     W_R,
@@ -22,14 +23,15 @@ from hoap3.tools.bench.problems.hierarchy_problems import (
     program,
 )
 from hoap3.tools.bench.problems.steps import motion
-from hoap3.tools.bench.qp_peers import daqp, quadprog
 from hoap3.tools.bench.timing import Contender, Times, race
 
 Array = NDArray[np.float64]
 Limits = tuple[Array, Array] | None
 
-PEERS = {"daqp": daqp, "quadprog": quadprog}
-"""Those for (13), which is too large for the others; each has the name of its package."""
+PEERS = ("daqp", "quadprog")
+"""Those for (13), which is too large for the others."""
+
+TOLERANCE = 1e-9
 
 TASKS = (1, 2, 3, 4, 5, 6, 7)
 QUICK_TASKS = (2, 5)
@@ -86,7 +88,7 @@ def bench_hierarchy(
 
 def missing() -> dict[str, str]:
     """Peers that are not installed, and their packages."""
-    return {name: name for name in PEERS if find_spec(name) is None}
+    return qp_peers.missing(PEERS)
 
 
 def ratios(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -107,17 +109,21 @@ def _rows(
     call, given, told = _ours(problems, case == "bounded")
     ours = Contender(OURS, call, given)
     programs = [program(*each) for each in given]
-    absent = missing()
-    peers = {name: make() for name, make in PEERS.items() if name not in absent}
-    others = [Contender(name, peer, [(it,) for it in programs]) for name, peer in peers.items()]
+    peers = {
+        name: [(make(it), TOLERANCE) for it in programs]
+        for name, make in qp_peers.installed(PEERS).items()
+    }
+    others = [Contender(name, operator.call, bound) for name, bound in peers.items()]
     beside = race([ours, *others], samples, BLOCKS, batches=False)
     alone = race([ours], ALONE * samples, batches=False)[OURS]
     common = {"robot": robot, "n": problems[0].bias.size, "tasks": k, "case": case}
     least = float(beside[OURS].single.min())
     found = [_row(OURS, common, alone, 1.0, 1.0) | told]
-    for name, peer in peers.items():
-        pairs = zip(given, programs, strict=True)
-        worst = max(_error(call(*each).copy(), it.motion @ peer(it)) for each, it in pairs)
+    for name, bound in peers.items():
+        worst = max(
+            _error(call(*each).copy(), it.motion @ solve(tolerance)[1])
+            for each, it, (solve, tolerance) in zip(given, programs, bound, strict=True)
+        )
         taken = beside[name]
         times = taken.times(beside[OURS]), float(taken.single.min()) / least
         found.append(_row(name, common, taken, *times) | {"worst_error": worst})

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import operator
 import time
 from collections.abc import Callable
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -14,15 +14,17 @@ from hoap3.protocol.robot.pinocchio_model import build_model
 from hoap3.protocol.robot.torque_bounds import torque_acceleration_bounds
 from hoap3.protocol.robot.viability_bounds import AccelerationBounds
 from hoap3.remote_controller.controllers.acceleration.tsid import TsidController
+from hoap3.remote_controller.solvers.qp.qp_backends import Array, Program
 from hoap3.robot_emulator.filters.position import PositionFilter
 from hoap3.robot_emulator.robots import load
+from hoap3.tools.bench import qp_peers
 from hoap3.tools.bench.problems.steps import motion
-from hoap3.tools.bench.qp_peers import PEERS, Array, Program
 from hoap3.tools.bench.reference import reference
 from hoap3.tools.bench.timing import Contender, Report, race, silent
 
 SIZES = (7, 21, 32)
 STATES = 256
+PEERS, TOLERANCE = ("daqp", "quadprog", "proxqp"), 1e-9
 ARM = "baxter_left_arm"
 PAPER_SAMPLING_S = 300.0
 """Algorithm 4 with a million samples takes 5 minutes in the paper's own implementation."""
@@ -72,7 +74,7 @@ def bench_sampling(
 
 def missing() -> dict[str, str]:
     """Peers that are not installed, and their packages."""
-    return {name: package for name, (package, _) in PEERS.items() if find_spec(package) is None}
+    return qp_peers.missing(PEERS)
 
 
 def _bounds(rng: np.random.Generator, n: int) -> list[Contender]:
@@ -107,15 +109,17 @@ def _tsid() -> list[Contender]:
     given = [_arguments(law, state) for state in states]
     solve = Contender(f"tsid QP of {law.description.n}", law.solver.solve, given)
     effort = np.array(law.description.effort)
-    programs = [(program(each, effort),) for each in given]
-    absent = missing()
+    programs = [program(each, effort) for each in given]
     return [
         steps,
         solve,
         *(
-            Contender(f"{name} of {law.description.n}", peer(), programs)
-            for name, (_, peer) in PEERS.items()
-            if name not in absent
+            Contender(
+                f"{name} of {law.description.n}",
+                operator.call,
+                [(make(each), TOLERANCE) for each in programs],
+            )
+            for name, make in qp_peers.installed(PEERS).items()
         ),
     ]
 
@@ -125,7 +129,8 @@ def program(given: tuple[Any, ...], effort: Array) -> Program:
     jacobian, wanted, weight, posture, mass, bias, lower, upper = given
     H = jacobian.T @ jacobian + weight * np.eye(len(posture))
     f = -(jacobian.T @ wanted + weight * posture)
-    return Program(H, f, mass, -effort - bias, effort - bias, lower, upper, 0)
+    least, most = np.concatenate([lower, -effort - bias]), np.concatenate([upper, effort - bias])
+    return Program(H, f, mass, least, most, np.zeros(least.size, np.int32))
 
 
 def _arguments(law: TsidController, state: State) -> tuple[Any, ...]:

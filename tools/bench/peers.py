@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.errors import UnknownNameError
 from hoap3.remote_controller.solvers import Qp12
+from hoap3.remote_controller.solvers.qp12.osqp_qp12 import canonical_model
 
 Array = NDArray[np.float64]
 
@@ -99,31 +100,8 @@ def osqp_bare(n: int, gamma: float) -> Peer:
 
 
 def _osqp_model(n: int, gamma: float) -> tuple[Any, NDArray[np.int32]]:
-    """OSQP set up to be quick: for 1e-4 of the largest speed, which leaves polishing out.
-
-    The places of the equation's entries in the matrix, column by column, are given too.
-    """
-    import osqp as library
-    from scipy import sparse
-
-    lower, upper = np.zeros(n + 1), np.full(n + 1, np.inf)
-    lower[0] = upper[0] = 1.0
-    model: Any = library.OSQP()
-    model.setup(
-        P=(1.0 - gamma) * sparse.eye(n, format="csc"),
-        q=np.full(n, gamma),
-        A=sparse.vstack([sparse.csc_matrix(np.ones((1, n))), sparse.eye(n)], "csc"),
-        l=lower,
-        u=upper,
-        verbose=False,
-        eps_abs=1e-5,
-        eps_rel=1e-5,
-        check_termination=5,
-        scaling=0,
-        polishing=False,
-        warm_starting=True,
-    )
-    return model, 2 * np.arange(n, dtype=np.int32)
+    """OSQP set up to be quick: for 1e-4 of the largest speed, which leaves polishing out."""
+    return canonical_model(n, gamma, 1.0 - gamma, 1e-5, polishing=False)
 
 
 def quadprog(n: int, gamma: float) -> Peer:

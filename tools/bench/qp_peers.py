@@ -1,97 +1,65 @@
-"""Other people's solvers for quadratic programs, each as its documentation calls it."""
+"""All solvers of a `Program` that controllers can have, and quadprog, to compare them with.
+
+quadprog is under the GPL, so nothing that is shipped may need it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Iterable
+from importlib.util import find_spec
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hoap3.remote_controller.solvers.qp import qp_backends
+from hoap3.remote_controller.solvers.qp.qp_backends import (
+    EQUATION,
+    NO_BOUND,
+    Answer,
+    Backend,
+    Program,
+)
 
-FAR = 1e30
-"""A bound that is none, daqp's infinity."""
-
-EQUATION = 5  # daqp's word
-
-
-@dataclass(frozen=True)
-class Program:
-    """min ½xᵀHx + fᵀx such that lower ≤ x ≤ upper and least ≤ Ax ≤ most, `equal` rows equations."""
-
-    H: Array
-    f: Array
-    A: Array
-    least: Array
-    most: Array
-    lower: Array
-    upper: Array
-    equal: int
+Maker = Callable[[Program], Backend]
 
 
-Solve = Callable[[Any], Array]
-
-
-def daqp() -> Solve:
-    """daqp, cold: every entry of the program may be another one at the next call."""
-    import daqp as library
-
-    def solve(it: Program) -> Array:
-        most, least = np.concatenate((it.upper, it.most)), np.concatenate((it.lower, it.least))
-        sense = np.zeros(most.size, np.int32)
-        sense[it.f.size : it.f.size + it.equal] = EQUATION
-        x: Array = library.solve(it.H, it.f, it.A, most, least, sense)[0]
-        return x
-
-    return solve
-
-
-def quadprog() -> Solve:
-    """quadprog, Goldfarb and Idnani, cold, with the bounds that there are."""
+def quadprog(program: Program) -> Backend:
+    """Goldfarb and Idnani's own way (GPL), cold, with the bounds and sides that there are."""
     import quadprog as library
 
-    def solve(it: Program) -> Array:
-        held = np.flatnonzero(it.upper < FAR)
-        one = np.zeros((held.size, it.f.size))
-        one[np.arange(held.size), held] = 1.0
-        more, e = it.A[it.equal :], it.equal
-        rows = np.vstack((it.A[:e], more, -more, one, -one))
-        sides = (it.least, -it.most[e:], it.lower[held], -it.upper[held])
-        x: Array = library.solve_qp(it.H, -it.f, rows.T, np.concatenate(sides), e)[0]
-        return x
+    v, one = program.f.size, np.eye(program.f.size)
+
+    def solve(tolerance: float) -> Answer:
+        del tolerance
+        equal = program.sense == EQUATION
+        lower = np.flatnonzero(~equal & (program.least > -NO_BOUND))
+        upper = np.flatnonzero(~equal & (program.most < NO_BOUND))
+        equations = np.flatnonzero(equal)
+        all_rows, above = np.vstack((one, program.A)), np.concatenate((equations, lower))
+        rows = np.vstack((all_rows[above], -all_rows[upper]))
+        sides = np.concatenate((program.least[above], -program.most[upper]))
+        try:
+            found = library.solve_qp(program.H, -program.f, rows.T, sides, equations.size)
+        except ValueError:  # "constraints are inconsistent", or H is not definite
+            return False, np.full(v, np.nan), np.zeros(len(program.A))
+        multipliers = np.zeros(len(all_rows))
+        np.subtract.at(multipliers, above, found[4][: above.size])
+        np.add.at(multipliers, upper, found[4][above.size :])
+        return True, found[0], multipliers[v:]
 
     return solve
 
 
-def proxqp() -> Solve:
-    """ProxQP, dense, of inequalities and a box, from its last answer."""
-    from proxsuite import proxqp as library
-
-    solver: Any = None
-
-    def solve(it: Program) -> Array:
-        nonlocal solver
-        arrays = (it.H, it.f, None, None, it.A, it.least, it.most, it.lower, it.upper)
-        if solver is None:
-            solver = library.dense.QP(len(it.f), 0, len(it.A), True)
-            solver.settings.eps_abs = 1e-9
-            guess = library.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
-            solver.settings.initial_guess = guess
-            solver.init(*arrays)
-        else:
-            solver.update(*arrays)
-        solver.solve()
-        x: Array = solver.results.x
-        return x
-
-    return solve
+PEERS: dict[str, Maker] = {**qp_backends.BACKENDS, "quadprog": quadprog}
+PACKAGES = {**qp_backends.PACKAGES, "quadprog": "quadprog"}
+"""Name of the package of each."""
 
 
-PEERS: dict[str, tuple[str, Callable[[], Solve]]] = {
-    "daqp": ("daqp", daqp),
-    "quadprog": ("quadprog", quadprog),
-    "proxqp": ("proxsuite", proxqp),
-}
-"""Package and maker of each."""
+def missing(names: Iterable[str] = PEERS) -> dict[str, str]:
+    """Those of some peers that are not installed, and their packages."""
+    return {name: PACKAGES[name] for name in names if find_spec(PACKAGES[name]) is None}
+
+
+def installed(names: Iterable[str] = PEERS) -> dict[str, Maker]:
+    """Those of some peers that are, each as a call that binds it to a program."""
+    absent = missing(names)
+    return {name: PEERS[name] for name in names if name not in absent}

@@ -40,7 +40,7 @@ def bench_solvers(
     as_json: AsJson = False,
 ) -> None:
     """Time QP12 and constrained problems beside daqp, OSQP, PINV, and what else is installed."""
-    from hoap3.tools.bench import general, peers
+    from hoap3.tools.bench import general, peers, qp_peers
     from hoap3.tools.bench.show import show_general, show_rows
     from hoap3.tools.bench.solvers import bench_solvers as measure
 
@@ -55,7 +55,7 @@ def bench_solvers(
     if not as_json:
         show_rows(rows, machine)
         show_general(constrained, machine)
-    absent = {**peers.missing(), **general.missing()}
+    absent = {**peers.missing(), **qp_peers.missing()}
     _end(as_json, {"rows": rows, "general": constrained}, machine, absent)
 
 

@@ -22,11 +22,10 @@ from hoap3.remote_controller.solvers.base.status import (
     UNSOLVED,
 )
 from hoap3.remote_controller.solvers.base.validation import array
+from hoap3.remote_controller.solvers.qp.qp_backends import EQUATION, NO_BOUND
 
 Array = NDArray[np.float64]
 
-NO_BOUND = 1e30
-EQUATION = 5  # daqp's word for it
 INFEASIBLE, BOUNDLESS, TIRED = -1, -3, -4  # flags of daqp
 STEPS = 1000  # of daqp: ten times what a vertex takes
 BROKEN = 1e-9  # by so much a point may be beyond its limits and count as within

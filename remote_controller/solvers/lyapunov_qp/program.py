@@ -13,14 +13,19 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.errors import BadProblemError
 from hoap3.remote_controller.solvers.lyapunov_qp.max_descent_lp import MaxDescentLp
-from hoap3.remote_controller.solvers.qp.qp_backends import ENDS, EQUATION, Program, backend
+from hoap3.remote_controller.solvers.qp.qp_backends import (
+    ENDS,
+    EQUATION,
+    NO_BOUND,
+    Program,
+    backend,
+)
 
 Array = NDArray[np.float64]
 
 NORM, MAXIMUM, SQUARES = range(3)
 SMALL_SQUARES = 1e-6  # weight of ½|u|² beside ℓ1, ℓ∞ and least squares: makes u unique
 MOST_GAMMA = 1.0 / (1.0 + SMALL_SQUARES)
-NO_BOUND = 1e30
 PROXIMAL_STEPS = 10
 PROVED = 1e-8  # residual: less is one
 KEPT = 1e-8  # [of W u] how far beyond a bound or a row an answer may be, whatever the tolerance

@@ -51,12 +51,12 @@ from hoap3.remote_controller.solvers.lyapunov_qp.max_descent_lp import MaxDescen
 from hoap3.remote_controller.solvers.lyapunov_qp.program import (
     KEPT,
     MOST_GAMMA,
-    NO_BOUND,
     NORM,
     SQUARES,
     StableProgram,
     kind_of,
 )
+from hoap3.remote_controller.solvers.qp.qp_backends import NO_BOUND
 
 Array = NDArray[np.float64]
 

@@ -24,6 +24,7 @@ Answer: TypeAlias = tuple[bool, Array, Array]
 Backend: TypeAlias = Callable[[float], Answer]
 
 EQUATION = 5  # daqp's word for it
+NO_BOUND = 1e30  # likewise
 ENDS = {"daqp": 0.0, "osqp": 1e-7, "proxqp": 1e-9, "piqp": 1e-10}
 """Each one's tolerance at the least: splitting and interior-point methods end near the optimum."""
 
@@ -90,8 +91,8 @@ def osqp(program: Program) -> Backend:
             P=sparse.csc_matrix(np.triu(program.H)),
             q=program.f,
             A=sparse.vstack([sparse.eye(variables), sparse.csc_matrix(program.A)], "csc"),
-            l=np.where(program.least <= -1e30, -np.inf, program.least),
-            u=np.where(program.most >= 1e30, np.inf, program.most),
+            l=np.where(program.least <= -NO_BOUND, -np.inf, program.least),
+            u=np.where(program.most >= NO_BOUND, np.inf, program.most),
             verbose=False,
             eps_abs=max(tolerance, ENDS["osqp"]),
             eps_rel=max(tolerance, ENDS["osqp"]),
@@ -145,8 +146,8 @@ def piqp(program: Program) -> Backend:
 
     def solve(tolerance: float) -> Answer:
         equal = program.sense[variables:] == EQUATION
-        least = np.where(program.least <= -1e30, -np.inf, program.least)
-        most = np.where(program.most >= 1e30, np.inf, program.most)
+        least = np.where(program.least <= -NO_BOUND, -np.inf, program.least)
+        most = np.where(program.most >= NO_BOUND, np.inf, program.most)
         model: Any = library.DenseSolver()
         model.settings.eps_abs, model.settings.eps_rel = max(tolerance, ENDS["piqp"]), 0.0
         model.setup(

@@ -23,6 +23,45 @@ FIRST_RHO = 0.1  # OSQP's own default; it adapts it as it goes
 LARGEST = 1e300  # of |decrease|/max|gradient|
 
 
+def canonical_model(
+    n: int, linear: float, quadratic: float, tolerance: float, **settings: float
+) -> tuple[Any, NDArray[np.int32]]:
+    """OSQP for min linear·1ᵀx + quadratic/2·|x|² such that aᵀx = 1, x ≥ 0; a is 1 at first.
+
+    Args:
+        n: number of unknowns.
+        linear, quadratic: weights of the objective.
+        tolerance: absolute and relative.
+        settings: further ones, by OSQP's names.
+
+    Returns:
+        The model, warm-started from call to call, and the places of a in its matrix, (n,), which
+        counts column by column.
+    """
+    import osqp
+    from scipy import sparse
+
+    lower, upper = np.zeros(n + 1), np.full(n + 1, np.inf)
+    lower[0] = upper[0] = 1.0
+    model: Any = osqp.OSQP()
+    model.setup(
+        P=quadratic * sparse.eye(n, format="csc"),
+        q=np.full(n, linear),
+        A=sparse.vstack([sparse.csc_matrix(np.ones((1, n))), sparse.eye(n)], "csc"),
+        l=lower,
+        u=upper,
+        verbose=False,
+        rho=FIRST_RHO,
+        eps_abs=tolerance,
+        eps_rel=tolerance,
+        check_termination=5,
+        scaling=0,
+        warm_starting=True,
+        **settings,
+    )
+    return model, 2 * np.arange(n, dtype=np.int32)
+
+
 class OsqpQp12:
     """min γ|u|₁ + (1−γ)/2·|u|₂² such that gradient·u = −decrease, by operator splitting.
 
@@ -43,33 +82,15 @@ class OsqpQp12:
     def __init__(
         self, n: int, tolerance: float = 1e-5, *, polish: bool = True, max_iterations: int = 4000
     ) -> None:
-        import osqp
-        from scipy import sparse
+        from osqp import SolverStatus
 
         self.n, self.iterations = n, 0
-        self._entries = 2 * np.arange(n, dtype=np.int32)  # of the equation, column by column
-        lower, upper = np.zeros(n + 1), np.full(n + 1, np.inf)
-        lower[0] = upper[0] = 1.0
         self._linear, self._quadratic = np.zeros(n), np.ones(n)
         self._weights = (0.0, 1.0)  # γ, unit of x
-        self._model: Any = osqp.OSQP()
-        self._model.setup(
-            P=sparse.eye(n, format="csc"),
-            q=self._linear,
-            A=sparse.vstack([sparse.csc_matrix(np.ones((1, n))), sparse.eye(n)], "csc"),
-            l=lower,
-            u=upper,
-            verbose=False,
-            rho=FIRST_RHO,
-            eps_abs=tolerance,
-            eps_rel=tolerance,
-            polishing=polish,
-            max_iter=max_iterations,
-            check_termination=5,
-            scaling=0,
-            warm_starting=True,
+        self._model, self._entries = canonical_model(
+            n, 0.0, 1.0, tolerance, polishing=polish, max_iter=max_iterations
         )
-        self._solved = osqp.SolverStatus.OSQP_SOLVED
+        self._solved = SolverStatus.OSQP_SOLVED
 
     def forget(self) -> None:
         """Begin the next solve as a new solver would."""

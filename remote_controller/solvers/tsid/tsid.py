@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.qp.active_set import ActiveSet
-from hoap3.remote_controller.solvers.qp.qp_backends import Program, daqp
+from hoap3.remote_controller.solvers.qp.qp_backends import NO_BOUND, Program, daqp
 
 Array = NDArray[np.float64]
 
@@ -212,7 +212,7 @@ def _program(rows: int, variables: int) -> Program:
         np.eye(variables),
         np.zeros(variables),
         np.zeros((rows, variables)),
-        np.full(count, -1e30),
-        np.full(count, 1e30),
+        np.full(count, -NO_BOUND),
+        np.full(count, NO_BOUND),
         np.zeros(count, np.int32),
     )

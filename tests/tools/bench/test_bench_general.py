@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from hoap3.remote_controller.solvers import StableQp
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.lyapunov_qp.stable_qp import QP
-from hoap3.tools.bench import general
+from hoap3.tools.bench import general, qp_peers
 from hoap3.tools.cli.app import app
 
 pytestmark = pytest.mark.slow
@@ -90,8 +90,8 @@ def test_the_command_has_them_in_its_json_whole() -> None:
 
 
 def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(general, "find_spec", lambda name: None if name == "piqp" else name)
-    assert general.missing() == {"piqp": "piqp"}
+    monkeypatch.setattr(qp_peers, "find_spec", lambda name: None if name == "piqp" else name)
+    assert qp_peers.missing() == {"piqp": "piqp"}
 
 
 def test_a_peer_that_is_wrong_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:

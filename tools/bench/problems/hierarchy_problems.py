@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from hoap3.remote_controller.model.frame_dynamics import FrameDynamics
 from hoap3.remote_controller.solvers.base.task_validation import stacked
 from hoap3.remote_controller.solvers.ghc.lqp import PlainLqp
+from hoap3.remote_controller.solvers.qp.qp_backends import EQUATION, NO_BOUND, Program
 from hoap3.robot_emulator.robots import load
-from hoap3.tools.bench.qp_peers import FAR, Program
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ class Problem:
     bias: Array
 
 
-@dataclass(frozen=True)
+@dataclass
 class Lqp(Program):
     """(13), q̈ = motion·x; the last n of x are torques, with bounds of their own."""
 
@@ -117,9 +117,12 @@ def program(it: Problem, most: tuple[Array, Array] | None) -> Lqp:
     H, f, rows, least, above, motion, _ = PlainLqp(n).program(
         stack, it.alpha, W_R, "gravity_compensated", 0.0
     )
-    lower, upper = np.full(f.size, -FAR), np.full(f.size, FAR)
+    lower, upper = np.full(f.size, -NO_BOUND), np.full(f.size, NO_BOUND)
     if most is not None:
         rows = np.vstack([rows, motion[:n]])
         least, above = np.concatenate([least, -most[0]]), np.concatenate([above, most[0]])
         lower[-n:], upper[-n:] = -most[1], most[1]
-    return Lqp(H, f, np.ascontiguousarray(rows), least, above, lower, upper, n, motion[:n])
+    least, above = np.concatenate([lower, least]), np.concatenate([upper, above])
+    sense = np.zeros(least.size, np.int32)
+    sense[f.size : f.size + n] = EQUATION
+    return Lqp(H, f, np.ascontiguousarray(rows), least, above, sense, motion[:n])
