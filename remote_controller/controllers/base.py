@@ -23,7 +23,13 @@ STATUS = {
 }
 """Setpoint.solver_status by name: certified, at_target, uncertified, infeasible, none."""
 
+CERTIFIED_RESIDUAL = 1e-9  # greatest kkt_residual of an answer that counts as the optimum
 ACTIVE_SPEED = 1e-3  # rad/s: below it a joint counts as inactive (QP12, section V-C)
+
+
+def bits(conditions: Sequence[str]) -> tuple[int, ...]:
+    """The bit of each condition in `Controller.present`, in their order."""
+    return tuple(1 << place for place in range(len(conditions)))
 
 
 def agreed(commands: Sequence[CommandKind], description: RobotDescription) -> CommandKind:
@@ -143,6 +149,17 @@ class Controller(ABC):
         command.solver_status = STATUS["infeasible"]
         return command
 
+    def judge(self, *, solved: bool, at_target: bool, proven: bool) -> None:
+        """Write what the certificate proves: infeasible, at_target, certified or uncertified.
+
+        Args:
+            solved: whether there is an answer.
+            at_target: whether it is that nothing is left to do.
+            proven: whether all that the certificate claims is shown to hold.
+        """
+        verdict = "at_target" if at_target else "certified" if proven else "uncertified"
+        self.command.solver_status = STATUS[verdict if solved else "infeasible"]
+
     def task_errors(self) -> list[TaskError]:
         """Errors of the tasks at the last `step`, each with its tolerance; empty without a target.
 
@@ -205,6 +222,7 @@ class VelocityController(Controller):
             ]
         )
         self._fastest = self._limits[2]
+        self._no_velocity = np.full(description.n, np.nan)
         self._earlier = np.zeros(description.n)  # reference
         self._periods = -1  # of the last State
         self._from_measured = getattr(parameters, "integrate_from", "reference") == "measured"
@@ -212,6 +230,11 @@ class VelocityController(Controller):
     @abstractmethod
     def velocity(self, state: State) -> FloatArray:
         """Joint velocities u for `state`, (n,) [rad/s or m/s], in wire order, contiguous."""
+
+    def refuse_velocity(self, present: int) -> FloatArray:
+        """`refuse`, for `velocity` to return: velocities that are no numbers, (n,)."""
+        self.refuse(present)
+        return self._no_velocity
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Nothing to remember: every setpoint starts from the robot's applied reference."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.constraints.stack import ConstraintStack
+from hoap3.remote_controller.controllers.base import bits
 from hoap3.remote_controller.solvers.base import status as solver_status
 from hoap3.remote_controller.tasks import status as task_status
 
@@ -39,14 +40,14 @@ class Diagnostics:
         ]
         held = [f"held by {label}" for label in stack.labels]
         self.names = ("slowed", *solver, *task, BOUNDS, *held, *(name for name, *_ in events))
-        bits = {name: 1 << place for place, name in enumerate(self.names)}
-        self._slowed, self._bounds = bits["slowed"], bits[BOUNDS]
-        self._solver = [bits.get(name, 0) for name in solver_status.NAMES]
-        self._task = [bits.get(name, 0) for name in task_status.NAMES]
-        self._events = [(bits[name], counts, event) for name, counts, event in events]
+        bit_of = dict(zip(self.names, bits(self.names), strict=True))
+        self._slowed, self._bounds = bit_of["slowed"], bit_of[BOUNDS]
+        self._solver = [bit_of.get(name, 0) for name in solver_status.NAMES]
+        self._task = [bit_of.get(name, 0) for name in task_status.NAMES]
+        self._events = [(bit_of[name], counts, event) for name, counts, event in events]
         self._counted = [0] * len(events)
         self._rows = [
-            (bits[f"held by {label}"], len(constraint.names))
+            (bit_of[f"held by {label}"], len(constraint.names))
             for label, constraint in zip(stack.labels, stack.constraints, strict=True)
             if not constraint.equality
         ]

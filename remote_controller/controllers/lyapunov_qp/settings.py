@@ -9,6 +9,7 @@ from pydantic import Field
 from hoap3.protocol.config.settings import Settings
 from hoap3.remote_controller.constraints.registry import ConstraintSettings
 from hoap3.remote_controller.controllers.base import VelocityController
+from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate import Form
 from hoap3.remote_controller.tasks.registry import TaskSettings
 
 Positive = Annotated[float, Field(gt=0)]
@@ -49,7 +50,7 @@ Objective = Annotated[Qp12Objective | Lp | LeastSquares, Field(discriminator="ki
 class RateSettings(Settings):
     """Ψ, the rate at which V shall fall; what constraints leave of it is ρΨ."""
 
-    form: Literal["inverse_sqrt_n", "one", "max_norm", "tanh", "exponential"] = Field(
+    form: Form = Field(
         "inverse_sqrt_n",
         description="u_max·|∇V|₂·R/√n as (16) has it, without 1/√n, u_max·|∇V|∞·R, "
         "η·V·tanh(κ|∇V|), or η·V",

@@ -12,7 +12,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, located
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints import registry as constraints
-from hoap3.remote_controller.controllers.base import STATUS, VelocityController
+from hoap3.remote_controller.controllers.base import CERTIFIED_RESIDUAL, VelocityController
 from hoap3.remote_controller.controllers.lyapunov_qp import settings
 from hoap3.remote_controller.controllers.lyapunov_qp.diagnostics import Diagnostics
 from hoap3.remote_controller.controllers.lyapunov_qp.objective import check_objective, solver_of
@@ -21,14 +21,13 @@ from hoap3.remote_controller.controllers.ramp import Ramp
 from hoap3.remote_controller.default_task import default_goal
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.solvers.base import status
-from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate import FORMS
+from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate import DescentRate
 from hoap3.remote_controller.solvers.lyapunov_qp.stable_qp import STILL
 from hoap3.remote_controller.tasks import registry as tasks
 from hoap3.remote_controller.tasks.accuracy import TaskError
 from hoap3.remote_controller.tasks.curve_following.curve_following import PersistentMotion
 
 PROVEN = (status.OK, status.STATIONARY)
-CERTIFIED_RESIDUAL = 1e-9
 ANSWERED = (*PROVEN, status.CANNOT_DESCEND, status.DESCENDS_FASTER)
 HELD = (*ANSWERED, status.ZERO_GRADIENT)  # what the solver gives is followed; else the robot brakes
 ROUNDING = 1e-9  # of V̇ relative to what is required, and of a speed [rad/s or m/s]
@@ -98,9 +97,8 @@ class StableQpController(VelocityController):
         self._equality = parameters.lyapunov == "equality"
         self._gain = getattr(parameters.objective, "gain_per_s", 0.0)
         self._rate_kernel, psi = rate_kernel, parameters.psi
-        bounded = psi.form not in ("tanh", "exponential")
-        self._psi = (psi.u_max_rad_s, psi.beta) if bounded else (psi.eta_per_s, psi.kappa)
-        self._form = FORMS.index(psi.form)
+        rate = DescentRate(psi.form, psi.u_max_rad_s, psi.beta, psi.eta_per_s, psi.kappa)
+        self._psi = rate.arguments
         self._ramp = Ramp(psi.ramp_s, description.period_s)
         self._from_reference = parameters.kinematics_from == "reference"
         self._watch = Diagnostics(self.stack)
@@ -157,7 +155,7 @@ class StableQpController(VelocityController):
         V, gradient, drift = function.value, function.gradient, function.rate
         error = math.sqrt(2.0 * V) if V >= 0.0 else math.nan
         self._ramp.advance(state)
-        psi = self._rate_kernel(self._form, V, gradient, error, *self._psi) * self._ramp.share
+        psi = self._rate_kernel(*self._psi, V, gradient, error) * self._ramp.share
         if self._adaptive:
             slope = GAMMA_SLOPE * math.sqrt(gradient @ gradient)
             solver.gamma = 2.0 * self._gamma / math.pi * math.atan(slope)
@@ -199,12 +197,10 @@ class StableQpController(VelocityController):
 
     def _refuse(self) -> FloatArray:
         """Nothing to follow for a State that is not finite."""
-        command = self.command
-        self.refuse(0)
+        command, u = self.command, self.refuse_velocity(0)
         command.solver_path, command.extra[2] = STILL, status.BAD_INPUT
-        self.u[:] = np.nan
-        self.present = self._watch.look(status.BAD_INPUT, 1.0, 0, self.u, self.u)
-        return self.u
+        self.present = self._watch.look(status.BAD_INPUT, 1.0, 0, u, u)
+        return u
 
     def _equations(self) -> None:
         """C u = c of the constraints, and of the motion along a curve."""
@@ -239,15 +235,11 @@ class StableQpController(VelocityController):
         command.kkt_residual = solver.kkt_residual
         command.solver_path = solver.path
         command.extra[:] = psi, drift, found
-        if found not in ANSWERED:
-            command.solver_status = STATUS["infeasible"]
+        answered = found in ANSWERED
+        if not answered:
             command.rho = command.v_rate_required = command.v_rate_predicted = 0.0
             command.kkt_residual = 0.0
-            return
-        if psi == drift == 0.0 and solver.path == STILL and found == status.OK:
-            command.solver_status = STATUS["at_target"]
-            return
-        holds = (
+        proven = (
             found in PROVEN
             and not rejected
             and share >= 0.0
@@ -256,7 +248,8 @@ class StableQpController(VelocityController):
             and solver.margin >= -ROUNDING
             and margin >= -CURVATURE
         )
-        command.solver_status = STATUS["certified" if holds else "uncertified"]
+        arrived = psi == drift == 0.0 and solver.path == STILL and found == status.OK
+        self.judge(solved=answered, at_target=arrived, proven=proven)
 
     def _falls(self, rate: float, required: float) -> bool:
         """Whether V̇ is −ρΨ, or with Remark 1 not above 0."""

@@ -11,17 +11,16 @@ from pydantic import Field
 
 from hoap3.protocol.description import COM, RobotDescription
 from hoap3.protocol.messages import FloatArray, State
-from hoap3.remote_controller.controllers.base import STATUS, VelocityController
+from hoap3.remote_controller.controllers.base import CERTIFIED_RESIDUAL, VelocityController
 from hoap3.remote_controller.controllers.ramp import Ramp
 from hoap3.remote_controller.default_task import default_goal
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate import FORMS, BoundedForm
 from hoap3.remote_controller.tasks.accuracy import TOLERANCE_M, TaskError
 from hoap3.remote_controller.tasks.com import ComTask
 from hoap3.remote_controller.tasks.frames.frame_position import FramePositionTask
 
-PSI_SCALES = {"inverse_sqrt_n": 0, "one": 1, "max_norm": 2}
-CERTIFIED_RESIDUAL = 1e-9
 ROUNDING = 1e-12  # of a speed relative to u_max
 
 
@@ -52,7 +51,7 @@ class DescentController(VelocityController):
         )
         u_max_rad_s: float = Field(0.6, gt=0, description="joint speed that Ψ is scaled by")
         beta: float = Field(46.0, gt=0, description="β of R(q), (41) [1/m]")
-        psi_scale: Literal["inverse_sqrt_n", "one", "max_norm"] = Field(
+        psi_scale: BoundedForm = Field(
             "inverse_sqrt_n",
             description="Ψ = u_max·|∇V|₂·R/√n as (16) has it, without 1/√n, or u_max·|∇V|∞·R",
         )
@@ -75,7 +74,7 @@ class DescentController(VelocityController):
         self._ramp = Ramp(parameters.ramp_s, description.period_s)
         self._from_reference = parameters.kinematics_from == "reference"
         self._u_max = parameters.u_max_rad_s
-        self._rate = parameters.beta, PSI_SCALES[parameters.psi_scale]
+        self._rate = parameters.beta, FORMS.index(parameters.psi_scale)
         self._least_margin = -ROUNDING * self._u_max
         self.u, self.gradient = np.zeros((2, description.n))
 
@@ -91,7 +90,13 @@ class DescentController(VelocityController):
         self.task.update(self.kinematics)
         command = self.command
         command.stamp_kinematics = self.now()
-        command.solver_status = self._verdict(self.descend(command.certificate))
+        found = self.descend(command.certificate)
+        optimal = command.kkt_residual <= CERTIFIED_RESIDUAL
+        self.judge(
+            solved=found == status.OK,
+            at_target=command.v_rate_required == command.v_rate_predicted == 0.0,
+            proven=optimal and command.margin >= self._least_margin,
+        )
         return self.u
 
     def task_errors(self) -> list[TaskError]:
@@ -108,17 +113,6 @@ class DescentController(VelocityController):
         Returns:
             Status of the solver, one of `solvers.base.status`.
         """
-
-    def _verdict(self, answer: int) -> int:
-        """One of `STATUS`: what the certificate in `self.command` proves."""
-        command = self.command
-        if answer != status.OK:
-            return STATUS["infeasible"]
-        if command.v_rate_required == command.v_rate_predicted == 0.0:
-            return STATUS["at_target"]
-        optimal = command.kkt_residual <= CERTIFIED_RESIDUAL
-        slow_enough = command.margin >= self._least_margin
-        return STATUS["certified"] if optimal and slow_enough else STATUS["uncertified"]
 
 
 class GammaParameters(DescentController.Parameters):

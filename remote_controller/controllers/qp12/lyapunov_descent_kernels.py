@@ -6,6 +6,7 @@ import math
 
 from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate_kernels import bounded_rate, reach
 from hoap3.remote_controller.solvers.qp12.pinv_kernels import solve_pinv, solve_pinv_plain
 from hoap3.remote_controller.solvers.qp12.qp12_kernels import qp12_kkt_residual, solve_qp12
 
@@ -22,37 +23,29 @@ def required_decrease(
     gradient_out: FloatArray,
     certificate_out: FloatArray,
 ) -> float:
-    """∇V = Jᵀe (39) and Ψ by (16) with R by (41); V and the required V̇ = −Ψ are written too.
-
-    `psi_scale` 0: Ψ = u_max|∇V|₂R/√n, 1: without 1/√n, 2: u_max|∇V|∞R. With 0 and 2 the largest
-    |u_i| of QP12 is at most u_max·R; with 1 only √n times that.
-    """
+    """∇V = Jᵀe (39) and Ψ by `bounded_rate`, (16); V and the required V̇ = −Ψ are written too."""
     m, n = jacobian.shape
     squares = 0.0
     for row in range(m):
         squares += error[row] * error[row]
-    largest = 0.0
     for i in range(n):
         slope = 0.0
         for row in range(m):
             slope += jacobian[row, i] * error[row]
         gradient_out[i] = slope
-        largest = max(largest, abs(slope))
-    norm = 0.0
-    if largest > 0.0:
-        for i in range(n):
-            norm += (gradient_out[i] / largest) ** 2
-        norm = largest * math.sqrt(norm)
-    reach = 2.0 / math.pi * math.atan(beta * math.sqrt(squares))
-    if psi_scale == 0:
-        psi = u_max * norm / math.sqrt(n) * reach
-    elif psi_scale == 1:
-        psi = u_max * norm * reach
-    else:
-        psi = u_max * largest * reach
+    psi = bounded_rate(gradient_out, u_max, reach(math.sqrt(squares), beta), psi_scale)
     certificate_out[0] = 0.5 * squares
     certificate_out[1] = -psi
     return psi
+
+
+@inlined
+def adapted_gamma(gradient: FloatArray, gamma_far: float) -> float:
+    """Section V-C: γ = (2γ_far/π)·atan(100|∇V|₂), which goes to 0 with the gradient."""
+    squares = 0.0
+    for i in range(gradient.size):
+        squares += gradient[i] * gradient[i]
+    return 2.0 * gamma_far / math.pi * math.atan(GAMMA_SLOPE * math.sqrt(squares))
 
 
 @inlined
@@ -89,7 +82,7 @@ def qp12_descent(
         jacobian: J, (m, n) [m/rad].
         u_max: [rad/s].
         beta: of (41) [1/m].
-        psi_scale: see `required_decrease`.
+        psi_scale: form of Ψ, see `bounded_rate`.
         gamma_far: γ, or γ_far where `adaptive`.
         gradient_out: ∇V, (n,).
         u_out: u, (n,) [rad/s].
@@ -101,12 +94,7 @@ def qp12_descent(
     decrease = required_decrease(
         error, jacobian, u_max, beta, psi_scale, gradient_out, certificate_out
     )
-    gamma = gamma_far
-    if adaptive:
-        norm = 0.0
-        for i in range(gradient_out.size):
-            norm += gradient_out[i] * gradient_out[i]
-        gamma = 2.0 * gamma_far / math.pi * math.atan(GAMMA_SLOPE * math.sqrt(norm))
+    gamma = adapted_gamma(gradient_out, gamma_far) if adaptive else gamma_far
     status = solve_qp12(gradient_out, decrease, gamma, u_out)
     rate_and_margin(gradient_out, u_out, u_max, certificate_out)
     certificate_out[5] = qp12_kkt_residual(gradient_out, decrease, gamma, u_out)

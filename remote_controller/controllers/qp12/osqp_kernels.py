@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.runtime.numba_jit import kernel
 from hoap3.remote_controller.controllers.qp12.lyapunov_descent_kernels import (
-    GAMMA_SLOPE,
+    adapted_gamma,
     rate_and_margin,
     required_decrease,
 )
@@ -30,13 +28,7 @@ def osqp_problem(
     decrease = required_decrease(
         error, jacobian, u_max, beta, psi_scale, gradient_out, certificate_out
     )
-    gamma = gamma_far
-    if adaptive:
-        norm = 0.0
-        for i in range(gradient_out.size):
-            norm += gradient_out[i] * gradient_out[i]
-        gamma = 2.0 * gamma_far / math.pi * math.atan(GAMMA_SLOPE * math.sqrt(norm))
-    return decrease, gamma
+    return decrease, adapted_gamma(gradient_out, gamma_far) if adaptive else gamma_far
 
 
 @kernel("void(f8[::1], f8, f8, f8, f8[::1], f8[::1])")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,12 @@ from numpy.typing import NDArray
 from hoap3.protocol.errors import BadProblemError, UnknownNameError
 from hoap3.remote_controller.solvers.base.validation import KERNEL_ARRAYS, number
 
-FORMS = ("inverse_sqrt_n", "one", "max_norm", "tanh", "exponential")
+BoundedForm = Literal["inverse_sqrt_n", "one", "max_norm"]
+"""Those of (16): of their size the speeds are bounded."""
+
+Form = Literal[BoundedForm, "tanh", "exponential"]
+FORMS: tuple[str, ...] = get_args(Form)
+"""Names of all forms; kernels know each by its place."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +59,13 @@ class DescentRate:
             if not 0.0 < value < math.inf:
                 raise BadProblemError(f"{name} must be positive and finite (found {value}).")
 
+    @property
+    def arguments(self) -> tuple[int, float, float]:
+        """The first ones of `rate_kernel`: the form, then u_max and β of (16), or η and κ."""
+        bounded = self.form in get_args(BoundedForm)
+        scales = (self.u_max, self.beta) if bounded else (self.eta, self.kappa)
+        return FORMS.index(self.form), *scales
+
     def __call__(self, V: float, gradient: NDArray[np.float64], error: float) -> float:
         """Ψ ≥ 0 for V, ∇V, (n,), and |e|; not asked for, |e| may be 0 for `tanh` and `exponential`.
 
@@ -61,12 +74,8 @@ class DescentRate:
         """
         from hoap3.remote_controller.solvers.lyapunov_qp import descent_rate_kernels
 
-        bounded = self.form not in ("tanh", "exponential")
-        first = self.u_max if bounded else self.eta
-        second = self.beta if bounded else self.kappa
-        form = FORMS.index(self.form)
         try:
-            psi = descent_rate_kernels.rate_kernel(form, V, gradient, error, first, second)
+            psi = descent_rate_kernels.rate_kernel(*self.arguments, V, gradient, error)
         except TypeError as cause:
             raise BadProblemError(f"Ψ: wrong type of argument. {KERNEL_ARRAYS}") from cause
         if math.isnan(psi):

@@ -13,7 +13,6 @@ from hoap3.protocol.runtime.numba_jit import Vector, inlined, kernel
 from hoap3.remote_controller.solvers.linalg.scaling_kernels import MAX, largest
 
 INVERSE_SQRT_N, ONE, MAX_NORM, TANH, EXPONENTIAL = 0, 1, 2, 3, 4
-FORMS = ("inverse_sqrt_n", "one", "max_norm", "tanh", "exponential")
 
 
 @inlined
@@ -60,17 +59,17 @@ def tanh_rate(V: float, gradient: Vector, eta: float, kappa: float) -> float:
 
 @kernel()
 def rate_kernel(
-    form: int, V: float, gradient: Vector, error: float, first: float, second: float
+    form: int, first: float, second: float, V: float, gradient: Vector, error: float
 ) -> float:
     """Ψ, or NaN where something is not finite or negative that must not be, or Ψ overflows.
 
     Args:
-        form: index into `FORMS`.
+        form: index into `descent_rate.FORMS`.
+        first: u_max of (16), η of the others.
+        second: β of (41), or κ of the tanh form.
         V: value of the Lyapunov function, ≥ 0.
         gradient: ∇V, (n,).
         error: |e|, ≥ 0, for the forms of (16).
-        first: u_max of (16), η of the others.
-        second: β of (41), or κ of the tanh form.
     """
     size = largest(gradient)
     if not (0.0 <= V <= MAX and 0.0 <= error <= MAX and size <= MAX):
