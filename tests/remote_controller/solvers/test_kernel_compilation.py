@@ -15,6 +15,7 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
+from numba.core import sigutils
 
 from hoap3.protocol.runtime import numba_jit
 
@@ -29,6 +30,22 @@ def twice(x):
 @kernel()
 def quadruple(x: float) -> float:
     return twice(twice(x))
+"""
+PAIR = """
+from typing import NamedTuple
+from hoap3.protocol.runtime.numba_jit import Vector, kernel
+
+class Pair(NamedTuple):
+    values: Vector
+    factor: float
+
+@kernel()
+def inner(pair: Pair) -> float:
+    return pair.factor * pair.values.sum()
+
+@kernel()
+def outer(values: Vector, factor: float) -> float:
+    return inner(Pair(values, factor))
 """
 PROBE = """
 from hoap3.protocol.runtime import numba_jit
@@ -302,10 +319,23 @@ class TestKernel:
         def mixed(x: numba_jit.Matrix, k: int) -> tuple[float, bool]:
             return x[k, 0], k > 0
 
-        assert numba_jit.signature_of(mixed) == "Tuple((f8, b1))(f8[:,::1], i8)"
+        expected = sigutils.normalize_signature("Tuple((f8, b1))(f8[:,::1], i8)")
+        assert sigutils.normalize_signature(numba_jit.signature_of(mixed)) == expected
         mixed.__annotations__["k"] = str
         with pytest.raises(TypeError, match=r"mixed: .* cannot be .*str"):
             numba_jit.signature_of(mixed)
+
+    def test_hands_over_what_belongs_together_as_one(self, tiny: Path) -> None:
+        (tiny / "pair_kernels.py").write_text(PAIR)
+        use = "import numpy as np, pair_kernels as p; print(p.outer(np.arange(3.0), 2.0)); "
+        use += "print(len(p.inner.stats.cache_hits), len(p.outer.stats.cache_hits))"
+        path = os.pathsep.join([str(tiny), *filter(None, [os.environ.get("PYTHONPATH")])])
+        merged = {**os.environ, "PYTHONPATH": path, "HOAP3_CACHE_DIR": str(tiny / "cache")}
+        for hits in ("0 0", "1 1"):  # compiled, then loaded from the cache
+            done = subprocess.run(
+                [sys.executable, "-c", use], env=merged, check=True, capture_output=True, text=True
+            )
+            assert done.stdout.splitlines() == ["6.0", hits]
 
     @pytest.mark.parametrize("option", ["fastmath", "parallel"])
     def test_refuses_options_that_change_bits(self, option: str) -> None:
