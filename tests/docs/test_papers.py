@@ -133,6 +133,16 @@ def test_what_has_no_number_exists_too(paper):
         check_places(row)
 
 
+def test_references_that_are_named_exist():
+    """`NAME_reference.function`: plain numpy that a kernel is compared with."""
+    rooms = ("protocol", "remote_controller", "robot_emulator")
+    files = {path.stem: path for room in rooms for path in (HOUSE / room).rglob("*_reference.py")}
+    named = set(re.findall(r"`(\w+_reference)\.(\w+)`", page("papers.md")))
+    assert named
+    for module, function in named:
+        assert function in functions(str(files[module].relative_to(HOUSE))), (module, function)
+
+
 def test_every_paper_that_can_be_made_again_is_shown():
     for name in papers():
         assert f"`hoap3 reproduce {name}`" in page("papers.md"), name

@@ -8,12 +8,14 @@ where N_i projects onto what the first i tasks leave free. The errors then follo
 L = [J_1; …; J_h] B, block lower triangular.
 
 All is computed in an orthonormal basis Q of the rows, J = R Q: what task i adds to the basis is
-Q_i, and N_{i−1} J_i⁺ = Q_iᵀ M_i, so that L_ki = R_ki M_i, and no projector is ever formed.
+Q_i, and N_{i−1} J_i⁺ = Q_iᵀ M_iᵀ, so that L = R Mᵀ, and no projector is ever formed.
+`clik_reference` has the same with projectors, as it is printed.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,6 +34,26 @@ AGAIN = 0.5  # of the squared length: where less is left, rounding counts, and o
 ONE, TWO, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
 SINGULAR = 1e-3  # a pivot of L, which is 1 where a task has all that it needs
 ROUNDING = 1e-13  # of the product of two lengths: a dot product up to that is 0
+
+
+class Basis(NamedTuple):
+    """The stacked Jacobian, (n, joints), in an orthonormal basis of its rows; all is written.
+
+    Attributes:
+        Q: (n, joints), Q Qᵀ = I; as many of its rows count as the Jacobian's rank says.
+        R: (n, n), J = R Q; row i ends with what task i adds to the basis.
+        M: (n, n), Bᵀ = M Q; row i is 0 outside what its task adds.
+        T: (n, n), lower triangular, [R_i | d I] = T P for the task at hand.
+        P: (n, 2n), its orthonormal rows; where R_i has dependent ones, orthogonal A, AᵀA = R_iᵀR_i.
+        lengths: (n,), |R_i| of each row.
+    """
+
+    Q: Matrix
+    R: Matrix
+    M: Matrix
+    T: Matrix
+    P: Matrix
+    lengths: Vector
 
 
 @inlined
@@ -98,40 +120,37 @@ def _reduce(
 
 @inlined
 def _plain_inverse(
-    R: Matrix,
-    start: int,
-    d: int,
-    first: int,
-    last: int,
-    damping: float,
-    T: Matrix,
-    own: Matrix,
-    M: Matrix,
+    basis: Basis, start: int, end: int, first: int, last: int, damping: float
 ) -> bool:
-    """Rows of M_iᵀ from [R_i | damping·I] = T·P, P orthonormal; False where rows are dependent."""
-    n = R.shape[0]
+    """Rows of M_i = (R_i R_iᵀ + d²I)⁻¹ R_i = T⁻ᵀ P (QR); False where rows are dependent.
+
+    The rows of the task are those from `start` to `end`, and what it adds to the basis are the
+    columns from `first` to `last`.
+    """
+    R, M, T, P = basis.R, basis.M, basis.T, basis.P
+    n, d = R.shape[0], end - start
     triangular = damping == 0.0 and first == 0 and last == d  # T = R_i
     width = 2 * n if damping > 0.0 else last
     for a in range(d):
         for p in range(width):
-            own[a, p] = R[start + a, p] if p < last else 0.0
+            P[a, p] = R[start + a, p] if p < last else 0.0
         for b in range(d):
-            T[a, b] = own[a, b] if triangular else 0.0
+            T[a, b] = P[a, b] if triangular else 0.0
         if triangular:
             for p in range(width):
-                own[a, p] = 1.0 if p == a else 0.0
+                P[a, p] = 1.0 if p == a else 0.0
             continue
         if damping > 0.0:
-            own[a, n + a] = damping
-        whole, left = _reduce(own, a, width, own, a, T, a)
+            P[a, n + a] = damping
+        whole, left = _reduce(P, a, width, P, a, T, a)
         if not left > RANK * whole:
             return False
         T[a, a] = left
-    for q in range(d):
+    for q in range(d):  # Tᵀ M_i = P from its last row on
         a = d - 1 - q
         inverse = 1.0 / T[a, a]
         for p in range(first, last):
-            entry = own[a, p]
+            entry = P[a, p]
             for b in range(a + 1, d):
                 entry -= T[b, a] * M[start + b, p]
             M[start + a, p] = entry * inverse
@@ -139,36 +158,35 @@ def _plain_inverse(
 
 
 @kernel()
-def _deficient_inverse(R: Matrix, own: Matrix, first: int, last: int, target: Matrix) -> None:
-    """The same from orthogonal rows A with AᵀA = RᵀR: R⁺ = Aᵀ diag(|A_k|⁻⁴) A Rᵀ.
+def _deficient_inverse(R: Matrix, A: Matrix, first: int, last: int, target: Matrix) -> None:
+    """The same where rows are dependent, from its singular values: R⁺ = Aᵀ diag(|A_k|⁻⁴) A Rᵀ.
 
-    R: the task's rows; own: A, written.
+    R: the task's rows; A: (rows or more, ·), its orthogonal ones with AᵀA = RᵀR, written.
     """
     d, longest = R.shape[0], 0.0
     for a in range(d):
-        for p in range(own.shape[1]):
-            own[a, p] = R[a, p] if p < last else 0.0
-    orthogonalise(own, d)
+        for p in range(A.shape[1]):
+            A[a, p] = R[a, p] if p < last else 0.0
+    orthogonalise(A, d)
     for a in range(d):
-        longest = max(longest, dot(own[a], own[a]))
+        longest = max(longest, dot(A[a], A[a]))
         for p in range(first, last):
             target[a, p] = 0.0
     for k in range(d):
-        square = dot(own[k], own[k])
+        square = dot(A[k], A[k])
         if square > RANK * RANK * longest:
             for a in range(d):
-                share = dot(own[k, :last], R[a, :last]) / (square * square)
-                add(target[a, first:last], share, own[k, first:last])
+                share = dot(A[k, :last], R[a, :last]) / (square * square)
+                add(target[a, first:last], share, A[k, first:last])
 
 
 @inlined
-def _close_loop(
-    offsets: Indices, weights: Vector, R: Matrix, M: Matrix, lengths: Matrix, L: Matrix
-) -> None:
-    """L = D R Mᵀ D⁻¹, lower block triangular."""
+def _close_loop(offsets: Indices, weights: Vector, basis: Basis, L: Matrix) -> None:
+    """L = D J B D⁻¹ = D R Mᵀ D⁻¹, lower block triangular."""
+    R, M, lengths = basis.R, basis.M, basis.lengths
     n = R.shape[0]
     for a in range(n):
-        lengths[0, a] = math.sqrt(_product(R, a, R, a, n))
+        lengths[a] = math.sqrt(_product(R, a, R, a, n))
     for task in range(offsets.size - 1):
         for i in range(offsets[task], offsets[task + 1]):
             size = ROUNDING * math.sqrt(_product(M, i, M, i, n))
@@ -176,7 +194,7 @@ def _close_loop(
                 L[a, i] = 0.0
             for a in range(offsets[task], n):
                 entry = _product(R, a, M, i, n)
-                kept = abs(entry) > size * lengths[0, a]
+                kept = abs(entry) > size * lengths[a]
                 L[a, i] = entry * weights[a] / weights[i] if kept else 0.0
 
 
@@ -188,11 +206,7 @@ def prioritised(
     weights: Vector,
     L: Matrix,
     B: Matrix,
-    Q: Matrix,
-    R: Matrix,
-    M: Matrix,
-    T: Matrix,
-    own: Matrix,
+    basis: Basis,
 ) -> int:
     """Write L and Bᵀ.
 
@@ -204,17 +218,16 @@ def prioritised(
         weights: square roots D of the weights of the errors, (n,): L is D L D⁻¹.
         L: (n, n), written. Entries that are rounding are 0.
         B: Bᵀ, (n, joints), written.
-        Q: scratch, (n, joints).
-        R, M, T: scratch, (n, n).
-        own: scratch, (n, 2n) or larger.
+        basis: overwritten.
 
     Returns:
         The rank of the stacked Jacobian.
     """
+    Q, R, M = basis.Q, basis.R, basis.M
     (n, joints), rank = jacobian.shape, 0
     for task in range(offsets.size - 1):
         start, end, first = offsets[task], offsets[task + 1], rank
-        for i in range(start, end):
+        for i in range(start, end):  # J_i = R_i Q (Gram–Schmidt)
             for p in range(n):
                 R[i, p], M[i, p] = 0.0, 0.0
             if rank == joints:
@@ -227,15 +240,15 @@ def prioritised(
             if left > RANK * whole:
                 R[i, rank] = left
                 rank += 1
-        if not _plain_inverse(R, start, end - start, first, rank, damping, T, own, M):
-            _deficient_inverse(R[start:end], own, first, rank, M[start:end])
-        for i in range(start, end):
+        if not _plain_inverse(basis, start, end, first, rank, damping):
+            _deficient_inverse(R[start:end], basis.P, first, rank, M[start:end])
+        for i in range(start, end):  # Bᵀ = M Q, (7)
             for j in range(joints):
                 B[i, j] = 0.0
             for p in range(first, rank):
                 for j in range(joints):
                     B[i, j] += M[i, p] * Q[p, j]
-    _close_loop(offsets, weights, R, M, T, L)
+    _close_loop(offsets, weights, basis, L)
     return rank
 
 
@@ -267,10 +280,10 @@ def moves(rates: Vector) -> bool:
 def solve_loop(
     L: Matrix, offsets: Indices, weights: Vector, rates: Vector, U: Matrix, out: Vector
 ) -> bool:
-    """Write x with (D⁻¹ L D) x = rates, by elimination without pivots; False where L is singular.
+    """Write x with (D⁻¹ L D) x = rates, by Gauss's elimination; False where L is singular.
 
-    Where gains have a certificate, LΛ + ΛLᵀ is positive definite, and so no pivot is 0. Row k of L
-    ends with the block of its task, and so does what is eliminated by it.
+    Without a choice of pivots: where gains have a certificate, LΛ + ΛLᵀ is positive definite, and
+    so none is 0. Row k of L ends with the block of its task, and so does what is eliminated by it.
 
     Args:
         L, offsets, weights: what `prioritised` gave; weights is D.

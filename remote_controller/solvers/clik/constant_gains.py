@@ -77,10 +77,10 @@ class ConstantGains:
         self.lower, self.upper, self.fed = self._limits
         self.rates, self.gains, self.dq = np.zeros(n), np.zeros(n), np.zeros(joints)
         self._work = (
-            np.zeros((7, n, n)),
+            np.zeros((8, n, n)),
             np.zeros((2, n, joints)),
             np.zeros((n, 2 * n)),
-            np.zeros((3, max(n, joints))),
+            np.zeros((4, max(n, joints))),
         )
         self.status, self.task_rank, self.beta, self.fed_share = codes.UNSOLVED, 0, 0.0, 1.0
 

@@ -7,6 +7,7 @@ import math
 from hoap3.protocol.runtime.numba_jit import Cube, Indices, Matrix, Vector, kernel
 from hoap3.remote_controller.solvers.base.status import BAD_INPUT, BAD_SHAPE, OK, OUT_OF_RANGE
 from hoap3.remote_controller.solvers.clik.clik_kernels import (
+    Basis,
     feed_forward,
     moves,
     prioritised,
@@ -50,8 +51,12 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
             targets take of dq, written; (3, joints).
         dt, damping: Δt, d.
         wanted: λ, (n,).
-        squares, wide, own, vectors: scratch, (7, n, n), (2, n, joints), (n, 2n), and three rows of
-            n or joints, whichever is more.
+        squares: memory of what is (n, n): L; G = LᵀL; C(λ, 0) and V of `stability_matrix`; U of
+            `solve_loop`; R, M and T of `Basis`; (8, n, n).
+        wide: of what is (n, joints): Bᵀ, and Q of `Basis`; (2, n, joints).
+        own: P of `Basis`, (n, 2n).
+        vectors: memory of D = √w and, (joints,), of what Λ e moves; L⁻¹ rates, and lengths of
+            `Basis`; then of `least_eigenvalue`; (4, n or joints, whichever is more).
         gains, dq: written, (n,) and (joints,); zeros where there is no answer.
 
     Returns:
@@ -69,22 +74,21 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
     fit = 0.0 < dt <= MAX and 0.0 <= damping <= MAX and not not_finite(wanted)
     if not fit or unfit(jacobian, errors, rates, weights, speeds):
         return BAD_INPUT, 0, 0.0, 1.0
-    L, G, roots, move = squares[0], squares[1], vectors[0, :n], vectors[1, :joints]
+    L, G, C, V, U = squares[0], squares[1], squares[2], squares[3], squares[4]
+    roots, move, through = vectors[0, :n], vectors[1, :joints], vectors[2, :n]
+    B = wide[0]
+    basis = Basis(wide[1], squares[5], squares[6], squares[7], own, vectors[3, :n])
     for i in range(n):
         roots[i] = math.sqrt(weights[i])
-    B = wide[1]
-    rank = prioritised(
-        jacobian, offsets, damping, roots, L, B, wide[0], squares[2], squares[3], squares[4], own
-    )
+    rank = prioritised(jacobian, offsets, damping, roots, L, B, basis)
     for r in range(joints):
         move[r] = 0.0
     if moves(rates):
-        through = vectors[2, :n]
-        regular = damping == 0.0 and solve_loop(L, offsets, roots, rates, squares[2], through)
+        regular = damping == 0.0 and solve_loop(L, offsets, roots, rates, U, through)
         fed_share = feed_forward(B, rates, through, regular, speeds, fed)
     for r in range(joints):
         dq[r] = fed[r]
-    for i in range(n):
+    for i in range(n):  # B Λ e, (7)
         add(move, wanted[i] * errors[i], B[i])
     share = 1.0
     for r in range(joints):
@@ -103,8 +107,8 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
     for i in range(n):
         for j in range(i):
             G[i, j] = G[j, i]
-    stability_matrix(L, G, gains, 0.0, dt, squares[5], squares[6])
-    beta = least_eigenvalue(squares[5], 0.0, ACCURACY, vectors)
+    stability_matrix(L, G, gains, 0.0, dt, C, V)
+    beta = least_eigenvalue(C, 0.0, ACCURACY, vectors)  # (15)
     if not_finite(dq) or not abs(beta) <= MAX:
         for r in range(joints):
             dq[r], fed[r] = 0.0, 0.0

@@ -22,6 +22,7 @@ from hoap3.remote_controller.solvers.base.status import (
     UNSOLVED,
 )
 from hoap3.remote_controller.solvers.clik.clik_kernels import (
+    Basis,
     feed_forward,
     moves,
     prioritised,
@@ -151,9 +152,8 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     desired = min(desired, FASTEST / dt)
     for i in range(n):
         vectors[0, i] = math.sqrt(weights[i])
-    task_rank = prioritised(
-        jacobian, offsets, damping, vectors[0, :n], L, B, Q, spare[0], spare[1], spare[2], K
-    )
+    basis = Basis(Q, spare[0], spare[1], spare[2], K, vectors[2, :n])
+    task_rank = prioritised(jacobian, offsets, damping, vectors[0, :n], L, B, basis)
     if moves(rates):
         roots, through = vectors[0, :n], vectors[1, :n]
         regular = damping == 0.0 and solve_loop(L, offsets, roots, rates, spare[0], through)

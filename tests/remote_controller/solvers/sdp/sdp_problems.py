@@ -13,6 +13,7 @@ from functools import cache
 import numpy as np
 from ur5_dh import START, tasks
 
+from hoap3.remote_controller.solvers.clik.clik_reference import prioritised
 from hoap3.remote_controller.solvers.sdp.sdp_backends import clarabel, conic
 from hoap3.remote_controller.solvers.sdp.sdp_gains import SdpGains
 
@@ -43,21 +44,9 @@ class Problem:
 
     def matrices(self) -> tuple[np.ndarray, np.ndarray]:
         """L and S."""
-        blocks, start = [], 0
-        for d in self.sizes:
-            above, own = self.J[:start], self.J[start : start + d]
-            N = np.eye(self.J.shape[1]) - np.linalg.pinv(above, rcond=1e-9) @ above
-            blocks.append(N @ np.linalg.pinv(own))
-            start += d
-        B = np.hstack(blocks)
-        D = np.sqrt(np.ones(start) if self.weights is None else self.weights)
-        return D[:, None] * (self.J @ B) / D, B * self.e
-
-
-def certified(L: np.ndarray, gains: np.ndarray, dt: float) -> float:
-    """λ_min(−A − Aᵀ − Δt AᵀA), by its definition."""
-    A = -L * gains
-    return float(np.linalg.eigvalsh(-A - A.T - dt * A.T @ A)[0])
+        weights = np.ones(self.e.size) if self.weights is None else self.weights
+        B, L = prioritised(self.sizes, self.J, weights)
+        return L, B * self.e
 
 
 def random(seed: int, kind: str = "") -> Problem:

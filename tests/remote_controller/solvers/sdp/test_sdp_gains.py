@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from sdp_problems import Problem, certified, humanoid, optimum, random, ur5
+from sdp_problems import Problem, humanoid, optimum, random, ur5
 
 from hoap3.protocol.errors import BadProblemError, NotInstalledError, UnknownNameError
 from hoap3.remote_controller.solvers import sdp_gains
 from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.clik.clik_reference import certified, prioritised
 from hoap3.remote_controller.solvers.sdp import sdp_backends
 from hoap3.remote_controller.solvers.sdp.sdp_gains import BUDGET, IPM, NONE, WARM, SdpGains
 
@@ -229,12 +230,8 @@ class TestSpecial:
     def test_damping_is_within_the_certificate(self):
         it = ur5(1)
         solver = it.solved(damping=0.1)
-        J1, J2 = it.J[:3], it.J[3:]
-        first = J1.T @ np.linalg.inv(J1 @ J1.T + 0.01 * np.eye(3))
-        second = J2.T @ np.linalg.inv(J2 @ J2.T + 0.01 * np.eye(1))
-        N = np.eye(6) - np.linalg.pinv(J1) @ J1
-        B = np.hstack([first, N @ second])
-        assert solver.beta == pytest.approx(certified(it.J @ B, solver.gains, it.dt), abs=1e-9)
+        B, L = prioritised(it.sizes, it.J, np.ones(4), 0.1)
+        assert solver.beta == pytest.approx(certified(L, solver.gains, it.dt), abs=1e-9)
         np.testing.assert_allclose(solver.dq, B @ (solver.gains * it.e), atol=1e-9)
 
     def test_moving_targets_are_fed_forward_within_the_limits(self):

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hoap3.remote_controller.solvers.clik.clik_reference import certified, prioritised
 from hoap3.remote_controller.solvers.sdp.sdp_gains import SdpGains
 
 A = (0.0, -0.425, -0.39225, 0.0, 0.0, 0.0)
@@ -79,11 +80,8 @@ def constant(gains: np.ndarray, dt: float = 0.01, seconds: float = 3.0) -> Run:
     q, run = START.copy(), Run()
     for _ in range(round(seconds / dt) + 1):
         J, e = tasks(q)
-        J1, J2 = J[:3], J[3:]
-        inverse = np.linalg.pinv(J1)
-        B = np.hstack([inverse, (np.eye(6) - inverse @ J1) @ np.linalg.pinv(J2)])
-        loop = -(J @ B) * gains
-        run.beta.append(float(np.linalg.eigvalsh(-loop - loop.T - dt * loop.T @ loop)[0]))
+        B, L = prioritised((3, 1), J, np.ones(4))
+        run.beta.append(certified(L, gains, dt))
         run.V.append(0.5 * e @ e)
         run.dq.append(B @ (gains * e))
         q = q + dt * run.dq[-1]

@@ -5,6 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from hoap3.remote_controller.solvers.base import status
+from hoap3.remote_controller.solvers.clik.clik_reference import (
+    certified,
+    null_space_projector,
+    prioritised,
+)
 from hoap3.remote_controller.solvers.sdp.sdp_backends import clarabel, conic, installed
 from hoap3.remote_controller.solvers.sdp.sdp_gains import DELTA, SdpGains
 from hoap3.tools.reproduce.figures import Array
@@ -66,21 +71,18 @@ def _transposed() -> list[Row]:
         return []
     J, errors = toolbox()(START)
     J1, J2 = J[:3], J[3:]
-    inverse = np.linalg.pinv(J1)
-    N = np.eye(JOINTS) - inverse @ J1
-    B = np.hstack([inverse, N @ np.linalg.pinv(J2)])
-    printed_B = np.hstack([J1.T, N @ J2.T])
+    B, L = prioritised(SIZES, J, np.ones(len(J)))
+    printed_B = np.hstack([J1.T, null_space_projector(J1) @ J2.T])
     limit = np.full(JOINTS, ref.LIMIT_RAD_S / ref.FAST)
     P, q, A, b, used, size = conic(
         J @ printed_B, (B * errors).T, np.stack([-limit, limit]), ref.DT_S * ref.FAST, DELTA
     )
     x = ref.FAST * clarabel(P, q, A, b, used.size, size)[0]
-    loop = -(J @ B) * x[:-1]
-    actual = np.linalg.eigvalsh(-loop - loop.T - ref.DT_S * loop.T @ loop)[0]
+    actual = certified(L, x[:-1], ref.DT_S)
     return [
         printed("(22): β(0), β̃ = 8, with Jᵀ as printed", float(x[-1]), ref.TRANSPOSED_BETA,
                 _TRANSPOSED, "1/s"),
-        measured("(22): β that these gains have by (14)", None, float(actual), _TRANSPOSED,
+        measured("(22): β that these gains have by (14)", None, actual, _TRANSPOSED,
                  unit="1/s"),
     ]  # fmt: skip
 
