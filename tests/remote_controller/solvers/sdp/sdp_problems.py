@@ -1,9 +1,4 @@
-"""Problems of gains, and their optimum by other means: Clarabel, then Newton's method by numpy.
-
-Nothing here uses a kernel of the solver: L and S come from pseudoinverses, the Newton steps are
-least-squares solutions of the conditions of optimality, and what they arrive at is proved by its
-eigenvalues and multipliers.
-"""
+"""Problems of gains, and their optimum by `sdp_reference`: nothing here uses a kernel."""
 
 from __future__ import annotations
 
@@ -14,7 +9,7 @@ import numpy as np
 from ur5_dh import START, tasks
 
 from hoap3.remote_controller.solvers.clik.clik_reference import prioritised
-from hoap3.remote_controller.solvers.sdp.sdp_backends import clarabel, conic
+from hoap3.remote_controller.solvers.sdp import sdp_reference
 from hoap3.remote_controller.solvers.sdp.sdp_gains import SdpGains
 
 
@@ -49,10 +44,10 @@ class Problem:
         return L, B * self.e
 
 
-def random(seed: int, kind: str = "") -> Problem:
+def random(seed: int, kind: str = "", sizes: tuple[int, ...] = ()) -> Problem:
     """One to four tasks, asymmetric limits, some of them far away; tasks apart where asked."""
     rng = np.random.default_rng(seed)
-    sizes = tuple(int(d) for d in rng.integers(1, 4, size=rng.integers(1, 5)))
+    sizes = sizes or tuple(int(d) for d in rng.integers(1, 4, size=rng.integers(1, 5)))
     n = sum(sizes)
     joints = n + int(rng.integers(0, 8))
     J = rng.normal(size=(n, joints))
@@ -115,69 +110,21 @@ def humanoid(seed: int) -> Problem:
     return Problem((6, 3, 3), J, e, 0.001, 4.0, -whole, whole, weights=weights)
 
 
+def small(seed: int) -> Problem:
+    """Up to three tasks of up to two rows; every third apart, every third nearly dependent."""
+    rng = np.random.default_rng(seed)
+    sizes = tuple(int(d) for d in rng.integers(1, 3, size=rng.integers(1, 4)))
+    it = random(seed, ("", "decoupled", "dependent")[seed % 3], sizes)
+    it.weights = 10.0 ** rng.uniform(-2, 0, it.e.size) if rng.random() < 0.3 else None
+    return it
+
+
 def optimum(it: Problem) -> tuple[np.ndarray, float, bool]:
-    """λ, β, and whether they are proved to be optimal."""
-    L, S = it.matrices()
-    n, unit = L.shape[0], it.desired
-    dt, low, high = it.dt * unit, it.lower / unit, it.upper / unit
-    P, q, A, b, used, size = conic(L, S.T, np.stack([low, high]), dt, it.delta)
-    x, dual = clarabel(P, q, A, b, used.size, size)
-    columns, rows = np.tril_indices(size)
-    Z = np.zeros((size, size))
-    Z[rows, columns] = dual[used.size :] / np.where(rows == columns, 1, np.sqrt(2))
-    Z = (Z + np.triu(Z, 1).T)[:n, :n]
-    sides, ends = np.vstack([S, -S])[used], np.concatenate([high, -low])[used]
-    for share in (1.0, 0.1, 10.0, 0.01, 100.0):
-        found = _newton(L, sides, ends, dt, it.delta, x, Z, dual[: used.size], share)
-        if found is not None:
-            return found[0] * unit, found[1] * unit, True
-    return x[:n] * unit, x[n] * unit, False
-
-
-def _newton(L, sides, ends, dt, delta, x, Z, z, share):
-    n, G = L.shape[0], L.T @ L
-    x = x.copy()
-
-    def matrix_of(x):
-        return L * x[:n] + (L * x[:n]).T - x[n] * np.eye(n) - dt * np.outer(x[:n], x[:n]) * G
-
-    values, vectors = np.linalg.eigh(Z)
-    other = np.einsum("ik,ij,jk->k", vectors, matrix_of(x), vectors)
-    Y = (vectors * np.sqrt(np.maximum(values, 0)))[:, values > share * np.maximum(other, 1e-14)]
-    held = np.flatnonzero(z > share * np.maximum(ends - sides @ x[:n], 1e-14))
-    a, h, nu, r = sides[held], ends[held], z[held].copy(), Y.shape[1]
-    for _ in range(30):
-        V, C = L - dt * x[:n, None] * G, matrix_of(x)
-        w = V.T @ Y
-        top = np.append(
-            2 * delta * x[:n] - 2 * (w * Y).sum(1) + a.T @ nu, 2 * (x[n] - 1) + (Y * Y).sum()
-        )
-        F = np.concatenate([top, (C @ Y).T.ravel(), a @ x[:n] - h])
-        K = np.zeros((F.size, F.size))
-        K[:n, :n] = 2 * delta * np.eye(n) + 2 * dt * G * (Y @ Y.T)
-        K[n, n] = 2
-        for k in range(r):
-            own = slice(n + 1 + k * n, n + 1 + (k + 1) * n)
-            change = np.column_stack([V * Y[:, k] + np.diag(w[:, k]), -Y[:, k]])
-            K[own, : n + 1], K[: n + 1, own] = change, -2 * change.T
-            K[own, own] = C
-        K[n + 1 + r * n :, :n], K[:n, n + 1 + r * n :] = a, a.T
-        step = np.linalg.lstsq(K, -F, rcond=1e-13)[0]
-        x += step[: n + 1]
-        Y = Y + step[n + 1 : n + 1 + r * n].reshape(r, n).T
-        nu = nu + step[n + 1 + r * n :]
-        if np.abs(step[: n + 1]).max() < 1e-13 * (1 + np.abs(x).max()):
-            break
-    if not np.all(np.isfinite(x)):
-        return None
-    size = 1 + np.abs(matrix_of(x)).max()
-    proved = (
-        np.abs(F).max() < 1e-10 * size
-        and np.linalg.eigvalsh(matrix_of(x))[0] > -1e-11 * size
-        and np.all(sides @ x[:n] <= ends + 1e-11 * (1 + abs(ends)))
-        and np.all(nu > -1e-10)
-    )
-    return (x[:n], float(x[n])) if proved else None
+    """λ, β, and whether they are proved to be optimal, by plain numpy."""
+    (L, S), unit = it.matrices(), it.desired
+    limits = it.lower / unit, it.upper / unit
+    gains, beta, proved = sdp_reference.optimum(L, S, *limits, it.dt * unit, it.delta)
+    return gains * unit, beta * unit, proved
 
 
 def stacked_humanoid(dynamics_class, description, q):
