@@ -12,18 +12,35 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, one_of
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.model.motion import Motion
 
+GREATEST_SHARE = 0.6  # of ηT in rows of accelerations; (√5 − 1)/2 = 0.618 is what is proved
 OUTSIDE = -1e-9  # of a margin: what is below is no rounding
 
 PositionSource = Literal["reference", "measured"]
+Level = Literal["velocity", "acceleration"]
+"""Of what a controller asks for; one of torques asks for accelerations, and for torque bounds."""
+Guarantee = Literal[
+    "invariant", "at the tick", "bounded drift", "conditional", "local linearisation"
+]
+"""What holds in discrete time.
+
+    invariant            from every state that keeps it a next one does; proved
+    at the tick          algebraic in what is asked for: kept wherever the rows are
+    bounded drift        an equation, from which Euler steps drift no further than is stated
+    conditional          while the rows have an answer and the robot can stop in time; else it stops
+    local linearisation  at this State, to first order
+"""
 
 
 class Constraint:
-    """What the joint velocities u may be in a state of the robot.
+    """What joint velocities u, accelerations q̈ or torques may be in a state of the robot.
 
-    It gives rows of A(q)u ≤ b(q), or of A(q)u = b(q) where `equality`; or bounds, which need no
-    rows; or both. A subclass names its settings in a nested `Parameters`, sizes its buffers in
-    `__init__` and overrides `update`, `bounds` or both.
+    For velocities it gives rows of A(q)u ≤ b(q), or of A(q)u = b(q) where `equality`; or bounds,
+    which need no rows; or both. For accelerations it gives rows lower ≤ G·q̈ ≤ upper, or bounds. A
+    subclass names its settings in a nested `Parameters`, sizes its buffers in `__init__` and
+    overrides `update`, `bounds` or both, and for accelerations `update_accelerations`,
+    `bound_accelerations` or `bound_torques`.
 
     Args:
         parameters: a `Parameters` of this class.
@@ -32,6 +49,8 @@ class Constraint:
         period_s: T, for which u is held [s].
 
     Attributes:
+        levels: for what it gives rows or bounds; elsewhere it is refused when configured.
+        guarantee: what holds in discrete time.
         equality: whether the rows are equations.
         yields: whether a row with b < 0 leads back from outside, as fast as the joints' speeds
             allow, rather than asks for a speed that must be had.
@@ -41,6 +60,8 @@ class Constraint:
             outside. In the unit that the class states; inf for what is switched off. Constraints
             on the velocity alone, and equations, have none.
         margin_names: what each margin is of.
+        speed_max, acceleration_max: (n,) what it leaves of the joints' speeds and accelerations
+            [rad/s, rad/s² or m/s, m/s²]; None where it does not speak of them.
         events: how often something happened, by name. All have `outside` (updates with a margin
             below −1e-9) and `started_outside` (first updates after a reset that had one).
 
@@ -52,6 +73,8 @@ class Constraint:
     class Parameters(Settings):
         """Settings of this constraint; none here."""
 
+    levels: ClassVar[tuple[Level, ...]] = ("velocity",)
+    guarantee: ClassVar[Guarantee] = "local linearisation"
     equality: ClassVar[bool] = False
     yields: ClassVar[bool] = False
 
@@ -68,6 +91,8 @@ class Constraint:
         self.names: tuple[str, ...] = ()
         self.margins: FloatArray = np.zeros(0)
         self.margin_names: tuple[str, ...] = ()
+        self.speed_max: FloatArray | None = None
+        self.acceleration_max: FloatArray | None = None
         self.events = {"outside": 0, "started_outside": 0}
         self._started = False
         self.prepare(parameters, kinematics)
@@ -102,6 +127,49 @@ class Constraint:
 
         Where this asks for what the interval excludes, the nearest value in it remains.
         """
+
+    @classmethod
+    def serves(cls, level: Level) -> bool:
+        """Whether it gives rows or bounds of this kind."""
+        return level in cls.levels
+
+    def prepare_accelerations(self, speed: FloatArray, deceleration: FloatArray) -> None:
+        """Refuse what cannot be kept by accelerations; called once, before the first of them.
+
+        Args:
+            speed: (n,) greatest speeds that constraints and robot leave [rad/s or m/s].
+            deceleration: (n,) what joints can brake with [rad/s² or m/s²].
+
+        Raises:
+            ConfigError: with file "" and the key inside the parameters.
+        """
+
+    def update_accelerations(
+        self,
+        motion: Motion,
+        state: State,
+        G_out: FloatArray,
+        lower_out: FloatArray,
+        upper_out: FloatArray,
+    ) -> None:
+        """Write rows lower ≤ G·q̈ ≤ upper for a state; those that are off are −inf ≤ 0·q̈ ≤ inf.
+
+        Called where there are rows.
+
+        Args:
+            motion: up to date.
+            state: the newest one.
+            G_out: (rows, n), C-contiguous, in wire order.
+            lower_out, upper_out: (rows,); equal where `equality`.
+        """
+
+    def bound_accelerations(
+        self, state: State, lower_out: FloatArray, upper_out: FloatArray
+    ) -> None:
+        """Narrow lower ≤ q̈ ≤ upper, (n,) [rad/s² or m/s²], of the measured state, as `bounds`."""
+
+    def bound_torques(self, state: State, lower_out: FloatArray, upper_out: FloatArray) -> None:
+        """Narrow lower ≤ τ ≤ upper, (n,) [N m or N], as `bounds`."""
 
     def accepts(self, gradient: FloatArray) -> bool:
         """Whether V can decrease under it for this ∇V, (n,); counts an event where it cannot."""
@@ -141,6 +209,39 @@ class Constraint:
             problem = f"η·T = {share:.6g} oversteps the limit within one period of {period_s:g} s"
             remedy = f"At most 1/T = {1.0 / period_s:.17g}"
             raise ConfigError("", "eta_per_s", eta_per_s, problem, remedy)
+
+    def fit_rate(self, parameters: Any, speed: FloatArray, deceleration: FloatArray) -> float:
+        """η for rows of accelerations: ηT ≤ 0.6, and η·v ≤ a for each joint.
+
+        Where all joints brake with η times their speed, q̈ = −η·q̇, m̈ = −ηṁ but for the curvature,
+        which is what the row asks for at ṁ = −ηm.
+
+        Args:
+            parameters: with `eta_per_s`; one that is not set is lowered to what is allowed.
+            speed, deceleration: as of `prepare_accelerations`.
+
+        Raises:
+            ConfigError: an η that is set and asks for more.
+        """
+        wanted: float = parameters.eta_per_s
+        braking = np.divide(
+            deceleration, speed, out=np.full(self.n, np.inf), where=(speed > 0.0) & (speed < np.inf)
+        )
+        braking[speed == np.inf] = 0.0
+        joint = int(braking.argmin())
+        most = min(GREATEST_SHARE / self.period_s, float(braking[joint]))
+        if wanted <= most or ("eta_per_s" not in parameters.model_fields_set and most > 0.0):
+            return min(wanted, most)
+        name = self.description.joint_names[joint]
+        if wanted * self.period_s > GREATEST_SHARE:
+            problem = f"η·T is above {GREATEST_SHARE} in rows of accelerations"
+        else:
+            problem = (
+                f"joint {name!r} may move with {speed[joint]:.6g} and brakes with "
+                f"{deceleration[joint]:.6g}: too little for η times its speed"
+            )
+        remedy = f"At most {most:.6g}, or limit speeds by joint_velocity"
+        raise ConfigError("", "eta_per_s", wanted, problem, remedy)
 
     def joint_indices(self, key: str, names: Iterable[str]) -> list[int]:
         """Places of joints in the wire order.

@@ -9,8 +9,9 @@ import numpy as np
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, Hoap3Error
 from hoap3.protocol.messages import FloatArray, State
-from hoap3.remote_controller.constraints.constraint import Constraint
+from hoap3.remote_controller.constraints.constraint import Constraint, Level
 from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.model.motion import Motion
 from hoap3.remote_controller.plugins import blame
 
 Refuse = Callable[[str, str], ConfigError]
@@ -23,6 +24,7 @@ def check_first_update(
     file: str,
     key: str,
     name: str,
+    level: Level = "velocity",
 ) -> None:
     """Ask a constraint for bounds and rows in the initial posture, at rest, and look at them.
 
@@ -30,6 +32,7 @@ def check_first_update(
         constraint: to be checked; it has been updated once afterwards, so give one to spare.
         description, kinematics: of the robot; `kinematics` is left in the initial posture.
         file, key, name: where the config names the constraint, and how, for the error.
+        level: whether rows and bounds are those of velocities or of accelerations.
 
     Raises:
         ConfigError: it raised an error; rows, bounds or margins are NaN, infinite where they must
@@ -47,11 +50,22 @@ def check_first_update(
     state.q[:] = state.reference[:] = description.initial_position
     kinematics.update(state.q)
     A, b = np.zeros((rows, n)), np.full(rows, 0.0 if constraint.equality else np.inf)
+    below = b.copy() if constraint.equality else np.full(rows, -np.inf)
     lower, upper = np.full(n, -np.inf), np.full(n, np.inf)
     try:
         constraint.reset()
-        constraint.bounds(state, lower, upper)
-        constraint.update(kinematics, state, A, b)
+        if level == "velocity":
+            constraint.bounds(state, lower, upper)
+            constraint.update(kinematics, state, A, b)
+        else:
+            brake = np.minimum(
+                description.brake_acceleration, description.setpoint_acceleration_max
+            )
+            constraint.prepare_accelerations(np.array(description.velocity), brake)
+            constraint.bound_accelerations(state, lower, upper)
+            motion = Motion(description, kinematics)
+            motion.update(state.q, state.dq)
+            constraint.update_accelerations(motion, state, A, below, b)
     except Hoap3Error:
         raise
     except Exception as error:
@@ -65,6 +79,9 @@ def check_first_update(
         if np.isnan(b[row]) or b[row] == -np.inf or (constraint.equality and b[row] == np.inf):
             remedy = "Make it a finite number everywhere; a row that is off has 0 in A_out"
             raise refuse(f"b_out[{row}] ({label}) is {b[row]}", remedy)
+        if level == "acceleration" and not below[row] <= b[row]:
+            problem = f"lower_out[{row}] ({label}) is {below[row]}, upper_out[{row}] {b[row]}"
+            raise refuse(problem, "Write an interval, or equal ends for an equation")
     _check_bounds(lower, upper, description, refuse)
     _check_margins(constraint, refuse)
 

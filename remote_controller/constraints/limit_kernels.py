@@ -35,6 +35,29 @@ def intersect_box(
         upper_out[i] = _clipped(upper[i], least, most)
 
 
+@kernel("void(f8[::1], f8[::1], f8[::1], f8, f8[::1], f8[::1])")
+def change_within(
+    dq: FloatArray,
+    speed: FloatArray,
+    brake: FloatArray,
+    T: float,
+    lower_out: FloatArray,
+    upper_out: FloatArray,
+) -> None:
+    """Narrow intervals of q̈ by |q̇ + T·q̈| ≤ ω, as `intersect_box` does.
+
+    Args:
+        dq, speed: (n,) q̇ and ω [rad/s or m/s].
+        brake: (n,) what a joint that is faster brakes with [rad/s² or m/s²].
+        T: period [s].
+        lower_out, upper_out: (n,) of q̈, changed in place.
+    """
+    for i in range(dq.size):
+        least, most = lower_out[i], upper_out[i]
+        lower_out[i] = _clipped(min((-speed[i] - dq[i]) / T, brake[i]), least, most)
+        upper_out[i] = _clipped(max((speed[i] - dq[i]) / T, -brake[i]), least, most)
+
+
 @kernel("f8(f8[::1], f8[::1], f8[::1], f8, f8, f8[::1], f8[::1], f8[::1])")
 def narrow_to_range(
     q: FloatArray,
@@ -107,6 +130,52 @@ def limit_rows(
         if top < STILL:
             A_out[row, :], b_out[row] = 0.0, math.inf
             immovable += 1
+    return (smallest if known else math.nan), immovable
+
+
+@kernel("Tuple((f8, i8))(f8[::1], f8[::1], f8[::1], f8, f8, f8, f8[:,::1], f8[::1])")
+def limit_accelerations(
+    margins: FloatArray,
+    dq: FloatArray,
+    bend: FloatArray,
+    eta: float,
+    reserve: float,
+    return_speed: float,
+    A_out: FloatArray,
+    upper_out: FloatArray,
+) -> tuple[float, int]:
+    """Write the right-hand sides 2ηṁ + η²(m − r) − Ȧ·q̇ of rows A·q̈, with A = −∇m.
+
+    Rows that no joint can help are switched off; ṁ = −A·q̇.
+
+    Args:
+        margins: (s,) m [m].
+        dq: (n,) q̇ [rad/s or m/s].
+        bend: (s,) Ȧ·q̇ [m/s²].
+        eta: η [1/s].
+        reserve: r, kept inside [m].
+        return_speed: twice the speed that a return from outside settles at [m/s].
+        A_out: (s, n) −∇m [m/rad].
+        upper_out: (s,) [m/s²].
+
+    Returns:
+        The smallest margin, and how many rows outside no joint can help.
+    """
+    smallest, immovable, known = math.inf, 0, True
+    for row in range(margins.size):
+        margin = margins[row]
+        smallest = min(smallest, margin)
+        known &= not math.isnan(margin)
+        top, rate = 0.0, 0.0
+        for i in range(dq.size):
+            top = max(top, abs(A_out[row, i]))
+            rate -= A_out[row, i] * dq[i]
+        if top < STILL:
+            A_out[row, :], upper_out[row] = 0.0, math.inf
+            immovable += margin < 0.0
+            continue
+        room = max(margin - reserve, 0.0) if margin >= 0.0 else max(margin, -return_speed / eta)
+        upper_out[row] = 2.0 * eta * rate + eta * eta * room - bend[row]
     return (smallest if known else math.nan), immovable
 
 

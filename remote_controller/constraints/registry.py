@@ -10,8 +10,9 @@ from pydantic import Field, field_validator
 
 from hoap3.protocol.config.settings import Settings, parse, todays_name
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError
-from hoap3.remote_controller.constraints.constraint import Constraint
+from hoap3.protocol.errors import ConfigError, located
+from hoap3.remote_controller.constraints.acceleration_stack import AccelerationStack
+from hoap3.remote_controller.constraints.constraint import Constraint, Level
 from hoap3.remote_controller.constraints.constraint_validation import check_first_update
 from hoap3.remote_controller.constraints.stack import ConstraintStack
 from hoap3.remote_controller.model.kinematics import Kinematics
@@ -20,14 +21,17 @@ from hoap3.remote_controller.plugins import PluginGroup, building
 GROUP = "hoap3.constraints"
 _OURS = "hoap3.remote_controller.constraints"
 BUILTIN = {
-    "joint_velocity": f"{_OURS}.joint_velocity:JointVelocity",
-    "joint_position": f"{_OURS}.joint_position:JointPosition",
+    "joint_velocity": f"{_OURS}.joints.joint_velocity:JointVelocity",
+    "joint_position": f"{_OURS}.joints.joint_position:JointPosition",
+    "joint_acceleration": f"{_OURS}.joints.joint_acceleration:JointAcceleration",
+    "joint_torque": f"{_OURS}.joints.joint_torque:JointTorque",
+    "viability": f"{_OURS}.joints.viability:Viability",
     "support_polygon": f"{_OURS}.support.support_polygon:SupportPolygon",
     "zmp": f"{_OURS}.support.zmp:Zmp",
     "distance": f"{_OURS}.collision.distance:Distance",
-    "fixed_frame": f"{_OURS}.fixed_frame:FixedFrame",
-    "half_space": f"{_OURS}.half_space:HalfSpace",
-    "minimum_speed": f"{_OURS}.minimum_speed:MinimumSpeed",
+    "fixed_frame": f"{_OURS}.frames.fixed_frame:FixedFrame",
+    "half_space": f"{_OURS}.frames.half_space:HalfSpace",
+    "minimum_speed": f"{_OURS}.frames.minimum_speed:MinimumSpeed",
     "pfaffian": f"{_OURS}.pfaffian:Pfaffian",
 }
 CONSTRAINTS = PluginGroup(
@@ -45,6 +49,9 @@ RENAMED = {
     "remote_controller.constraints.frame_still:FrameStill": "fixed_frame",
 }
 """Former names of ours."""
+
+
+WORDS: dict[Level, str] = {"velocity": "velocities", "acceleration": "accelerations"}
 
 
 class ConstraintSettings(Settings):
@@ -125,6 +132,44 @@ def build(
         UnknownNameError, ConfigError: what `read` refuses, or what does not fit the robot or the
             period, or gives no numbers of the right shape in the initial posture.
     """
+    made, labels, _ = _make(entries, description, kinematics, period_s, file, key, "velocity")
+    return ConstraintStack(made, labels, description.n)
+
+
+def build_accelerations(
+    entries: Sequence[ConstraintSettings],
+    description: RobotDescription,
+    kinematics: Kinematics,
+    period_s: float,
+    file: str = "config",
+    key: str = "parameters.constraints",
+) -> AccelerationStack:
+    """The same for a controller of accelerations or torques.
+
+    Args:
+        entries, file, key: as for `read`.
+        description, kinematics: of the robot; `kinematics` is moved, now and by each update.
+        period_s: T, for which q̈ is held [s].
+
+    Raises:
+        UnknownNameError, ConfigError: as `build`.
+    """
+    made, labels, keys = _make(
+        entries, description, kinematics, period_s, file, key, "acceleration"
+    )
+    return AccelerationStack(made, labels, keys, description, kinematics, file)
+
+
+def _make(
+    entries: Sequence[ConstraintSettings],
+    description: RobotDescription,
+    kinematics: Kinematics,
+    period_s: float,
+    file: str,
+    key: str,
+    level: Level,
+) -> tuple[list[Constraint], list[str], list[str]]:
+    """Constraints that serve a level, their labels, and where their parameters stand."""
     checked = read(entries, file, key)
 
     def made(entry: Entry) -> Constraint:
@@ -134,11 +179,27 @@ def build(
             return found(given, description, kinematics, period_s)
 
     for given, entry in zip(entries, checked, strict=True):
+        place = f"{entry.key}.constraint"
+        if not entry.constraint.serves(level):
+            problem = f"says nothing about {WORDS[level]}"
+            raise ConfigError(file, place, given.constraint, problem, _remedy(entry, level))
         if given.constraint not in BUILTIN:
-            place = f"{entry.key}.constraint"
-            check_first_update(made(entry), description, kinematics, file, place, given.constraint)
-    labels = [entry.label for entry in checked]
-    return ConstraintStack([made(entry) for entry in checked], labels, description.n)
+            one = made(entry), description, kinematics
+            with located(file, f"{entry.key}.parameters"):
+                check_first_update(*one, file, place, given.constraint, level)
+    parameters = [f"{entry.key}.parameters" for entry in checked]
+    return [made(entry) for entry in checked], [entry.label for entry in checked], parameters
+
+
+def _remedy(entry: Entry, level: Level) -> str:
+    """What to do about a constraint that does not serve a level."""
+    if "acceleration" in entry.constraint.levels and level == "acceleration":
+        return "Have the class write its margins in look, rather than in update"
+    if entry.constraint.levels == ("acceleration",):
+        return "Take a controller of accelerations or torques, or leave it out"
+    if entry.constraint.__module__.startswith(_OURS):
+        return "Take a controller of velocities, or leave it out"
+    return "Give the class update_accelerations and levels, or take a controller of velocities"
 
 
 def _numbered(name: str, taken: set[str]) -> str:

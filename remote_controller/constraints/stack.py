@@ -8,11 +8,56 @@ import numpy as np
 
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.constraint import Constraint
-from hoap3.remote_controller.constraints.joint_velocity import JointVelocity
+from hoap3.remote_controller.constraints.joints.joint_velocity import JointVelocity
 from hoap3.remote_controller.model.kinematics import Kinematics
 
 
-class ConstraintStack:
+class Stack:
+    """Constraints of one robot, and what is known of all of them after an update.
+
+    Args:
+        constraints: of one robot.
+        labels: what each is called; the names of rows and margins begin with it.
+    """
+
+    def __init__(self, constraints: Sequence[Constraint], labels: Sequence[str]) -> None:
+        self.constraints, self.labels = tuple(constraints), tuple(labels)
+        self._with_margins = [
+            each for each in self.constraints if each.margins.size or overrides(each, "margin")
+        ]
+
+    def reset(self) -> None:
+        """Forget what was kept from earlier states."""
+        for constraint in self.constraints:
+            constraint.reset()
+
+    def margin(self) -> float:
+        """Smallest true margin of the last update, inequalities only; inf where there is none."""
+        return min((constraint.margin() for constraint in self._with_margins), default=np.inf)
+
+    def drift(self) -> float:
+        """Largest error of the last update that equations shall keep at 0 [m or rad]."""
+        return max((constraint.drift() for constraint in self.constraints), default=0.0)
+
+    def tightest(self) -> str:
+        """Label and name of what has the smallest margin; "" where there is none."""
+        least = self.margin()
+        for label, constraint in zip(self.labels, self.constraints, strict=True):
+            if constraint.margins.size and constraint.margin() == least:
+                return f"{label}: {constraint.tightest()}"
+        return ""
+
+    def events(self) -> dict[str, int]:
+        """How often something happened, as `label: event`; what never did is left out."""
+        return {
+            f"{label}: {event}": count
+            for label, constraint in zip(self.labels, self.constraints, strict=True)
+            for event, count in constraint.events.items()
+            if count
+        }
+
+
+class ConstraintStack(Stack):
     """Constraints one below the other, in preallocated arrays that every update rewrites.
 
     Bounds on the speed of joints come first, whatever the order, so no other entry can ask a
@@ -34,7 +79,7 @@ class ConstraintStack:
         from hoap3.remote_controller.constraints.limit_kernels import slow_returns
 
         self._slow_returns = slow_returns
-        self.constraints, self.labels = tuple(constraints), tuple(labels)
+        super().__init__(constraints, labels)
         self.names = self._row_names(equality=False)
         self.equality_names = self._row_names(equality=True)
         self.A, self.b = np.zeros((len(self.names), n)), np.full(len(self.names), np.inf)
@@ -49,21 +94,13 @@ class ConstraintStack:
             matrix, vector = (self.C, self.c) if kind else (self.A, self.b)
             if constraint.rows:
                 self._views.append((constraint, matrix[rows], vector[rows]))
-            if _overrides(constraint, "accepts"):
+            if overrides(constraint, "accepts"):
                 self._judges.append((label, constraint, matrix[rows], vector[rows]))
             taken[kind] += constraint.rows
-        self._with_margins = [
-            each for each in self.constraints if each.margins.size or _overrides(each, "margin")
-        ]
         self._bounding = sorted(
-            (each for each in self.constraints if _overrides(each, "bounds")),
+            (each for each in self.constraints if overrides(each, "bounds")),
             key=lambda constraint: not isinstance(constraint, JointVelocity),
         )
-
-    def reset(self) -> None:
-        """Forget what was kept from earlier states."""
-        for constraint in self.constraints:
-            constraint.reset()
 
     def update(self, kinematics: Kinematics, state: State) -> None:
         """Rewrite all arrays for a state; `kinematics` is up to date."""
@@ -91,31 +128,6 @@ class ConstraintStack:
                 rejected = rejected or label
         return rejected
 
-    def margin(self) -> float:
-        """Smallest true margin of the last update, inequalities only; inf where there is none."""
-        return min((constraint.margin() for constraint in self._with_margins), default=np.inf)
-
-    def drift(self) -> float:
-        """Largest error of the last update that equations shall keep at 0 [m or rad]."""
-        return max((constraint.drift() for constraint in self.constraints), default=0.0)
-
-    def tightest(self) -> str:
-        """Label and name of what has the smallest margin; "" where there is none."""
-        least = self.margin()
-        for label, constraint in zip(self.labels, self.constraints, strict=True):
-            if constraint.margins.size and constraint.margin() == least:
-                return f"{label}: {constraint.tightest()}"
-        return ""
-
-    def events(self) -> dict[str, int]:
-        """How often something happened, as `label: event`; what never did is left out."""
-        return {
-            f"{label}: {event}": count
-            for label, constraint in zip(self.labels, self.constraints, strict=True)
-            for event, count in constraint.events.items()
-            if count
-        }
-
     def _row_names(self, equality: bool) -> tuple[str, ...]:
         return tuple(
             f"{label}: {name}"
@@ -125,6 +137,6 @@ class ConstraintStack:
         )
 
 
-def _overrides(constraint: Constraint, method: str) -> bool:
+def overrides(constraint: Constraint, method: str) -> bool:
     """Whether it does something of its own, so that it need not be asked each cycle for nothing."""
     return getattr(type(constraint), method) is not getattr(Constraint, method)

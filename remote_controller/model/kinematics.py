@@ -36,18 +36,21 @@ class Kinematics:
     def __init__(self, description: RobotDescription) -> None:
         import pinocchio
 
+        from hoap3.remote_controller.model import drift_kernels
         from hoap3.remote_controller.model.kinematics_kernels import com_in_frame, frame_in_frame
 
+        self._frame_drift, self._com_drift = drift_kernels.frame_drift, drift_kernels.com_drift
         self._com_in_frame, self._frame_in_frame = com_in_frame, frame_in_frame
         self.robot = build_model(description)
         self.n = description.n
         self._model, self._data = self.robot.model, self.robot.data
         self._order = np.array(self.robot.order, np.int64)
-        self._q = np.zeros(self.n)
+        self._q, self._v, self._still = np.zeros((3, self.n))
         self._moving_share = 1.0 - self.robot.root_mass / self.robot.total_mass
         root_com: Any = self.robot.root_com
         self._root_moment = np.array(root_com * self.robot.root_mass / self.robot.total_mass)
         self._pass = pinocchio.jacobianCenterOfMass
+        self._accelerate = pinocchio.centerOfMass
         self._place = pinocchio.updateFramePlacement
         # Pinocchio hands out views, which every pass rewrites; a single column comes as a vector
         self._com = self._data.com[0]
@@ -141,6 +144,51 @@ class Kinematics:
             position_out,
             rotation_out,
             jacobian_out,
+        )
+
+    def frame_drift(self, frame: int, reference: int, dq: FloatArray, out: FloatArray) -> None:
+        """Write J̇·dq, with J as of `frame`: what the frame accelerates by where no joint does.
+
+        Args:
+            frame, reference: what `frame_id` gave.
+            dq: (n,) [rad/s or m/s].
+            out: (6,) d²p/dt² [m/s²] over dω/dt [rad/s²], in the reference's axes.
+        """
+        self._place(self._model, self._data, frame)
+        self._place(self._model, self._data, reference)
+        seen, seen_from = self._frames[frame], self._frames[reference]
+        self._v[self._order] = dq
+        self._frame_drift(
+            self._joint_jacobian,
+            self._v,
+            seen.origin,
+            seen.moved_by,
+            seen_from.rotation,
+            seen_from.moved_by,
+            out,
+        )
+
+    def com_drift(self, frame: int, dq: FloatArray, out: FloatArray) -> None:
+        """Write J̇·dq of the centre of mass, with J as of `com`, (3,) [m/s²].
+
+        Args:
+            frame: what `frame_id` gave.
+            dq: (n,) [rad/s or m/s].
+            out: written, in the frame's axes.
+        """
+        share, data, seen_from = self._moving_share, self._data, self._frames[frame]
+        self._v[self._order] = dq
+        self._accelerate(self._model, data, self._q, self._v, self._still, False)
+        self._place(self._model, data, frame)
+        self._com_drift(
+            self._joint_jacobian,
+            self._v,
+            share * self._com + self._root_moment,
+            share * data.vcom[0],
+            share * data.acom[0],
+            seen_from.rotation,
+            seen_from.moved_by,
+            out,
         )
 
     def frames(self) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.int64]]:

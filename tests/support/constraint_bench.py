@@ -10,7 +10,12 @@ import numpy as np
 
 from hoap3.protocol.description import RobotDescription, Sole
 from hoap3.protocol.messages import FloatArray, State
-from hoap3.remote_controller.constraints.registry import ConstraintSettings, build
+from hoap3.remote_controller.constraints.acceleration_stack import AccelerationStack
+from hoap3.remote_controller.constraints.registry import (
+    ConstraintSettings,
+    build,
+    build_accelerations,
+)
 from hoap3.remote_controller.constraints.stack import ConstraintStack
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
@@ -108,6 +113,46 @@ class Bench:
             )
             least = min(least, self.stack.margin())
         return least
+
+
+class AccelerationBench:
+    """Constraints of a robot, moved by accelerations that are held for a period."""
+
+    def __init__(self, robot: RobotDescription, *entries: dict[str, Any]) -> None:
+        self.robot, self.kinematics = robot, Kinematics(robot)
+        self.stack: AccelerationStack = build_accelerations(
+            [entry(each) for each in entries], robot, self.kinematics, PERIOD
+        )
+        self.state = State(robot.n, 0)
+        self.at(robot.initial_position, np.zeros(robot.n))
+
+    @property
+    def only(self):
+        return self.stack.constraints[0]
+
+    def at(self, q: FloatArray, dq: FloatArray) -> AccelerationBench:
+        """Put the robot at q, with dq, one tick later."""
+        self.state.tick += 1
+        self.state.q[:] = self.state.reference[:] = q
+        self.state.dq[:] = dq
+        self.stack.update(self.state.q, self.state.dq, self.state)
+        return self
+
+    def nearest(self, wanted: FloatArray, most: float = 1e3) -> FloatArray | None:
+        """The q̈ nearest to a wanted one, none above `most`, that is allowed; None: none is."""
+        stack, n = self.stack, self.robot.n
+        rows = np.vstack((np.eye(n), stack.rows))
+        lower = np.concatenate((np.maximum(stack.lower, -most), stack.rows_lower))
+        upper = np.concatenate((np.minimum(stack.upper, most), stack.rows_upper))
+        sense = np.where(lower == upper, 5, 0).astype(np.int32)
+        ends = np.clip(upper, -1e30, 1e30), np.clip(lower, -1e30, 1e30)
+        ddq, _, flag, _ = daqp.solve(np.eye(n), -wanted, np.ascontiguousarray(rows), *ends, sense)
+        return np.array(ddq) if flag > 0 else None
+
+    def hold(self, ddq: FloatArray, periods: float = 1.0) -> AccelerationBench:
+        """Move the robot by accelerations for one period, or a part or several of one."""
+        q, dq, t = self.state.q.copy(), self.state.dq.copy(), periods * PERIOD
+        return self.at(q + t * dq + 0.5 * t * t * ddq, dq + t * ddq)
 
 
 def differences(bench: Bench, q: FloatArray, step: float = 1e-6) -> FloatArray:

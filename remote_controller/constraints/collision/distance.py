@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import combinations, product
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -17,7 +17,7 @@ from hoap3.remote_controller.constraints.collision.collision_geometry import (
     Body,
     links,
 )
-from hoap3.remote_controller.constraints.constraint import Constraint
+from hoap3.remote_controller.constraints.constraint import Constraint, Guarantee
 from hoap3.remote_controller.model.kinematics import Kinematics
 
 Pair = tuple[str, str]
@@ -47,6 +47,7 @@ class Distance(Constraint):
     through the nearest face), `immovable` (rows that no joint can help).
     """
 
+    guarantee: ClassVar[Guarantee] = "conditional"
     yields = True
 
     class Parameters(Constraint.Parameters):

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 from pydantic import Field
 
 from hoap3.protocol.messages import FloatArray, State
-from hoap3.remote_controller.constraints.constraint import Constraint, PositionSource, positions
+from hoap3.remote_controller.constraints.constraint import (
+    Constraint,
+    Guarantee,
+    PositionSource,
+    positions,
+)
 from hoap3.remote_controller.constraints.support.support_area import SupportArea
 from hoap3.remote_controller.model.kinematics import Kinematics
 
@@ -28,6 +35,8 @@ class Zmp(Constraint):
     u = 0 is not always allowed: from ċ ≠ 0 it asks for c̈ = −ċ/T. Nothing here makes sure that
     a fast centre of mass can still stop inside: limit speeds, or add `support_polygon`.
     """
+
+    guarantee: ClassVar[Guarantee] = "at the tick"
 
     class Parameters(Constraint.Parameters):
         """Soles, margin and gravity."""

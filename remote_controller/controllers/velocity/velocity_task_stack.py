@@ -50,12 +50,14 @@ class LabelledTasksController(VelocityController):
     kernels: ClassVar[tuple[str, ...]] = (
         "hoap3.remote_controller.tasks.lyapunov_kernels",
         "hoap3.remote_controller.tasks.se3_kernels",
+        "hoap3.remote_controller.constraints.joints.viability_kernels",
         "hoap3.remote_controller.controllers.velocity.velocity_task_stack_kernels",
     )
 
     def __init__(
         self, description: RobotDescription, parameters: LabelledTaskParameters, file: str
     ) -> None:
+        from hoap3.remote_controller.constraints.joints.viability_kernels import velocity_bounds
         from hoap3.remote_controller.controllers.velocity import (
             velocity_task_stack_kernels as kernels,
         )
@@ -80,7 +82,7 @@ class LabelledTasksController(VelocityController):
             for start, end in pairwise(self.offsets.tolist())
         ]
         self._stack, self._cut = kernels.stack, kernels.cut
-        self._velocity_bounds = kernels.velocity_bounds
+        self._velocity_bounds = velocity_bounds
         self._bounds = parameters.bounds.limits(description)
         self.lower, self.upper, self.u, self._dq, self._before, self._next = np.zeros((6, n))
         self._from_reference = parameters.kinematics_from == "reference"

@@ -12,7 +12,7 @@ from hoap3.protocol.config.settings import parse
 from hoap3.protocol.errors import ConfigError, UnknownNameError
 from hoap3.protocol.messages import State
 from hoap3.remote_controller.constraints.constraint import Constraint
-from hoap3.remote_controller.constraints.joint_position import JointPosition
+from hoap3.remote_controller.constraints.joints.joint_position import JointPosition
 from hoap3.remote_controller.constraints.registry import (
     BUILTIN,
     ConstraintSettings,

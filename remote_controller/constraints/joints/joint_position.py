@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 from pydantic import Field
 
-from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray, State
-from hoap3.remote_controller.constraints.constraint import Constraint, PositionSource, positions
+from hoap3.remote_controller.constraints.constraint import (
+    Constraint,
+    Guarantee,
+    Level,
+    PositionSource,
+    positions,
+)
+from hoap3.remote_controller.constraints.joints.joint_range import JointRange
+from hoap3.remote_controller.constraints.joints.viability import acceleration_bounds
 from hoap3.remote_controller.model.kinematics import Kinematics
+
+HORIZON_PERIODS = 2.0  # for which an acceleration may be held: at a wall 1 chatters, 2 rests
 
 
 class JointPosition(Constraint):
@@ -17,6 +28,10 @@ class JointPosition(Constraint):
     Exact under Euler steps of length T for ηT ≤ 1, which is enforced. A joint outside its range
     returns at rate η, no faster than the return speed. q_min and q_max are the usable range of
     the description, less a margin.
+
+    For accelerations, of the measured state: those of Del Prete 2018 that can be held for two
+    periods and leave the joint able to stop within its range, by what it brakes with; η and the
+    return speed have no part in it.
     """
 
     class Parameters(Constraint.Parameters):
@@ -34,32 +49,21 @@ class JointPosition(Constraint):
             "reference", description="joint positions that are kept in range"
         )
 
+    levels: ClassVar[tuple[Level, ...]] = ("velocity", "acceleration")
+    guarantee: ClassVar[Guarantee] = "invariant"
+
     def prepare(self, parameters: Parameters, kinematics: Kinematics) -> None:
         """Size the buffers."""
-        from hoap3.remote_controller.constraints.limit_kernels import narrow_to_range
+        from hoap3.remote_controller.constraints import limit_kernels as kernels
 
-        self._narrow_to_range = narrow_to_range
+        self._narrow_to_range, self._intersect_box = kernels.narrow_to_range, kernels.intersect_box
         self.check_rate(parameters.eta_per_s)
-        names = self.description.joint_names
-        kept = self.joint_indices(
-            "joints", names if parameters.joints is None else parameters.joints
-        )
-        self._least, self._greatest = np.full(self.n, -np.inf), np.full(self.n, np.inf)
-        self._least[kept] = self.description.lower[kept] + parameters.margin_rad
-        self._greatest[kept] = self.description.upper[kept] - parameters.margin_rad
-        for joint in kept:
-            if self._least[joint] > self._greatest[joint]:
-                width = float(self.description.upper[joint] - self.description.lower[joint])
-                problem = f"leaves nothing of the range of joint {names[joint]!r}"
-                remedy = f"At most {width / 2}"
-                raise ConfigError("", "margin_rad", parameters.margin_rad, problem, remedy)
+        names = self.description.joint_names if parameters.joints is None else parameters.joints
+        self._range = JointRange(self, parameters.margin_rad, names)
+        self._least, self._greatest = self._range.least, self._range.greatest
         self._eta = parameters.eta_per_s
         self._return_speed = parameters.return_speed_rad_s
         self._source = parameters.positions_from
-        self.margins = np.full(2 * self.n, np.inf)
-        self.margin_names = tuple(
-            f"{name} {end}" for end in ("lower", "upper") for name in self.description.joint_names
-        )
 
     def bounds(self, state: State, lower_out: FloatArray, upper_out: FloatArray) -> None:
         """Narrow by (25)."""
@@ -74,3 +78,18 @@ class JointPosition(Constraint):
             upper_out,
         )
         self.watch(least)
+
+    def prepare_accelerations(self, speed: FloatArray, deceleration: FloatArray) -> None:
+        """Build the bounds."""
+        anything, horizon_s = np.full(self.n, np.inf), HORIZON_PERIODS * self.period_s
+        given = self._least, self._greatest, anything, deceleration, horizon_s
+        self._bounds = acceleration_bounds(self, *given)
+        self._lower, self._upper = np.zeros((2, self.n))
+
+    def bound_accelerations(
+        self, state: State, lower_out: FloatArray, upper_out: FloatArray
+    ) -> None:
+        """Narrow to what lets each joint stop in time."""
+        self._bounds.solve(state.q, state.dq, self._lower, self._upper)
+        self._intersect_box(self._lower, self._upper, lower_out, upper_out)
+        self.watch(self._range.measure(state.q))

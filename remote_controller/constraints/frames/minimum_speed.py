@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 from pydantic import Field
 
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray, State
-from hoap3.remote_controller.constraints.constraint import Constraint
-from hoap3.remote_controller.constraints.half_space import Triple, unit
+from hoap3.remote_controller.constraints.constraint import Constraint, Guarantee
+from hoap3.remote_controller.constraints.frames.half_space import Triple, unit
 from hoap3.remote_controller.model.kinematics import Kinematics
 
 ORTHOGONAL = 1e-6  # of the cosine between the direction and ∇V
@@ -22,6 +24,8 @@ class MinimumSpeed(Constraint):
     where it does not hold, and the controller leaves the row out then. Where a = 0 there is no
     such speed; the event `no_direction` counts it, and the row is off.
     """
+
+    guarantee: ClassVar[Guarantee] = "local linearisation"
 
     class Parameters(Constraint.Parameters):
         """Direction and least speed; either `joints` or `frame` and `direction`."""

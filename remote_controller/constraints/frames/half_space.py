@@ -6,9 +6,10 @@ import numpy as np
 from pydantic import Field
 
 from hoap3.protocol.errors import ConfigError
-from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.constraints.barrier import Barrier
 from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.model.motion import Motion
 
 Triple = tuple[float, float, float]
 
@@ -39,25 +40,36 @@ class HalfSpace(Barrier):
         self._position, self._rotation = np.zeros(3), np.zeros((3, 3))
         self._jacobian = np.zeros((6, self.n))
         self._arm, self._coefficients = np.zeros(3), np.zeros(6)
+        self._drift, self._turn = np.zeros(6), np.zeros(3)
         self.name_rows((parameters.frame,))
 
-    def update(
-        self, kinematics: Kinematics, state: State, A_out: FloatArray, b_out: FloatArray
-    ) -> None:
-        """Write the row: n·dp/dt = n·v + (r × n)·ω with r from the frame's origin to p."""
+    def look(self, kinematics: Kinematics, margins_out: FloatArray, A_out: FloatArray) -> None:
+        """Write m, and −n·dp/dt = −n·v − (r × n)·ω with r from the frame's origin to p."""
         kinematics.frame(
             self._frame, self._seen_from, self._position, self._rotation, self._jacobian
         )
         np.dot(self._rotation, self._point, out=self._arm)
         x, y, z = self._arm
         nx, ny, nz = self._normal
-        self.margins[0] = self._normal @ self._position + self._normal @ self._arm - self._offset
+        margins_out[0] = self._normal @ self._position + self._normal @ self._arm - self._offset
         self._coefficients[:] = (
             *(-nx, -ny, -nz),
             *(z * ny - y * nz, x * nz - z * nx, y * nx - x * ny),
         )
         np.dot(self._coefficients, self._jacobian, out=A_out[0])
-        self.limit(A_out, b_out)
+
+    def bend(self, motion: Motion, out: FloatArray) -> None:
+        """Write −n·(p̈ where q̈ = 0): that of the origin, a_ω × r, and ω × (ω × r)."""
+        motion.frame_drift(self._frame, self._seen_from, self._drift)
+        np.dot(self._jacobian[3:], motion.dq, out=self._turn)
+        wx, wy, wz = self._turn
+        x, y, z = self._arm
+        nx, ny, nz = self._normal
+        along = wx * x + wy * y + wz * z
+        square = wx * wx + wy * wy + wz * wz
+        turning = nx * (wx * along - square * x)
+        turning += ny * (wy * along - square * y) + nz * (wz * along - square * z)
+        out[0] = self._coefficients @ self._drift - turning
 
 
 def unit(vector: Triple, key: str) -> FloatArray:

@@ -1,0 +1,118 @@
+"""Several constraints as one problem's rows and bounds of joint accelerations and torques."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import located
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.constraints.constraint import Constraint
+from hoap3.remote_controller.constraints.joints.joint_acceleration import JointAcceleration
+from hoap3.remote_controller.constraints.stack import Stack, overrides
+from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.model.motion import Motion
+
+
+class AccelerationStack(Stack):
+    """Constraints one below the other, in preallocated arrays that every update rewrites.
+
+    Bounds on accelerations themselves come first, whatever the order, so no other entry can ask a
+    joint for more than it can do. Without constraints an update does nothing.
+
+    Args:
+        constraints, labels: as of `Stack`; all serve accelerations.
+        keys: where the parameters of each stand in the config, for errors.
+        description, kinematics: of the robot; `kinematics` is moved by updates.
+        file: which config, for errors.
+
+    Attributes:
+        names: (s,) of the rows.
+        rows, rows_lower, rows_upper: (s, n), (s,), (s,) lower ≤ G·q̈ ≤ upper; equal ends are an
+            equation, a row that is off has ∓inf.
+        lower, upper: (n,) of q̈ [rad/s² or m/s²]; ∓inf where nothing bounds a joint.
+        torque_lower, torque_upper: (n,) of τ [N m or N], likewise.
+
+    Raises:
+        ConfigError: a constraint that cannot be kept by accelerations of this robot.
+    """
+
+    def __init__(
+        self,
+        constraints: Sequence[Constraint],
+        labels: Sequence[str],
+        keys: Sequence[str],
+        description: RobotDescription,
+        kinematics: Kinematics,
+        file: str,
+    ) -> None:
+        from hoap3.remote_controller.constraints.limit_kernels import slow_returns
+
+        super().__init__(constraints, labels)
+        self._slow_returns, n = slow_returns, description.n
+        self.names = tuple(
+            f"{label}: {name}"
+            for label, constraint in zip(self.labels, self.constraints, strict=True)
+            for name in constraint.names
+        )
+        s = len(self.names)
+        self.rows = np.zeros((s, n))
+        self.rows_lower, self.rows_upper = np.full(s, -np.inf), np.full(s, np.inf)
+        self.lower, self.upper = np.full(n, -np.inf), np.full(n, np.inf)
+        self.torque_lower, self.torque_upper = np.full(n, -np.inf), np.full(n, np.inf)
+        speed, deceleration = self._joints_can(description)
+        for constraint, key in zip(self.constraints, keys, strict=True):
+            with located(file, key):
+                constraint.prepare_accelerations(speed, deceleration)
+        self._views: list[tuple[Constraint, FloatArray, FloatArray, FloatArray]] = []
+        taken = 0
+        for constraint in self.constraints:
+            if constraint.rows:
+                rows = slice(taken, taken + constraint.rows)
+                ends = self.rows_lower[rows], self.rows_upper[rows]
+                self._views.append((constraint, self.rows[rows], *ends))
+            taken += constraint.rows
+        self._bounding = sorted(
+            (each for each in self.constraints if overrides(each, "bound_accelerations")),
+            key=lambda constraint: not isinstance(constraint, JointAcceleration),
+        )
+        self._bounding_torques = [
+            each for each in self.constraints if overrides(each, "bound_torques")
+        ]
+        self._motion = Motion(description, kinematics) if self._views else None
+
+    def update(self, q: FloatArray, dq: FloatArray, state: State) -> None:
+        """Rewrite all arrays for a state.
+
+        Args:
+            q, dq: (n,) positions and velocities, finite [rad, rad/s or m, m/s].
+            state: that they are of.
+        """
+        if self._bounding:
+            self.lower[:], self.upper[:] = -np.inf, np.inf
+            for constraint in self._bounding:
+                constraint.bound_accelerations(state, self.lower, self.upper)
+        if self._bounding_torques:
+            self.torque_lower[:], self.torque_upper[:] = -np.inf, np.inf
+            for constraint in self._bounding_torques:
+                constraint.bound_torques(state, self.torque_lower, self.torque_upper)
+        if self._motion is None:
+            return
+        self._motion.update(q, dq)
+        for constraint, rows, lower, upper in self._views:
+            constraint.update_accelerations(self._motion, state, rows, lower, upper)
+            if constraint.yields and constraint.margin() < 0.0:
+                self._slow_returns(rows, upper, self.lower, self.upper)
+
+    def _joints_can(self, robot: RobotDescription) -> tuple[FloatArray, FloatArray]:
+        """Greatest speeds, and what joints can brake with, (n,) both, that all leave."""
+        speed = np.array(robot.velocity)
+        brake = np.minimum(robot.brake_acceleration, robot.setpoint_acceleration_max)
+        for constraint in self.constraints:
+            if constraint.speed_max is not None:
+                np.minimum(speed, constraint.speed_max, out=speed)
+            if constraint.acceleration_max is not None:
+                np.minimum(brake, constraint.acceleration_max, out=brake)
+        return speed, brake

@@ -1,0 +1,1 @@
+"""Where frames may be, and how they may move."""

@@ -1,0 +1,1 @@
+"""Limits of single joints: range, speed, acceleration, torque."""

@@ -1,0 +1,43 @@
+"""Torques no greater than a limit."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from pydantic import Field
+
+from hoap3.protocol.messages import FloatArray, State
+from hoap3.remote_controller.constraints.constraint import Constraint, Guarantee, Level
+from hoap3.remote_controller.constraints.joints.limits import least_limits
+from hoap3.remote_controller.model.kinematics import Kinematics
+
+
+class JointTorque(Constraint):
+    """|τ_i| ≤ τ_max,i [N m or N]: bounds of torques, for controllers that know the dynamics."""
+
+    class Parameters(Constraint.Parameters):
+        """Limits; none is above the robot's effort."""
+
+        limit_nm: float | None = Field(
+            None, gt=0, description="of every joint; none: the robot's effort [N m or N]"
+        )
+        joints_nm: dict[str, float] = Field(
+            {}, description="other limits of single joints, 0 and above [N m or N]"
+        )
+
+    levels: ClassVar[tuple[Level, ...]] = ("acceleration",)
+    guarantee: ClassVar[Guarantee] = "at the tick"
+
+    def prepare(self, parameters: Parameters, kinematics: Kinematics) -> None:
+        """Size the buffers."""
+        from hoap3.remote_controller.constraints.limit_kernels import intersect_box
+
+        self._intersect_box = intersect_box
+        effort = self.description.effort
+        given = parameters.limit_nm, parameters.joints_nm
+        self._upper = least_limits(self, effort, *given, "joints_nm")
+        self._lower = -self._upper
+
+    def bound_torques(self, state: State, lower_out: FloatArray, upper_out: FloatArray) -> None:
+        """Narrow to [−τ_max, τ_max]."""
+        self._intersect_box(self._lower, self._upper, lower_out, upper_out)

@@ -1,0 +1,275 @@
+"""Rows and bounds of joint accelerations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support.constraint_bench import PERIOD, ROBOTS, AccelerationBench, hoap3, posture, small
+
+from hoap3.protocol.errors import ConfigError
+from hoap3.remote_controller.constraints.barrier import Barrier
+from hoap3.remote_controller.constraints.registry import BUILTIN, find
+
+SEEDS = st.integers(0, 2**32 - 1)
+PLANES = {
+    "hoap3": {"frame": "head", "normal": [1.0, 2.0, -0.5], "point_m": [0.1, 0.0, 0.05]},
+    "small": {"frame": "hand", "normal": [0.3, -1.0, 2.0], "point_m": [0, 0.1, 0]},
+}
+FLOOR = {"constraint": "half_space", "frame": "hand", "normal": [0, 0, 1], "offset_m": 0.45}
+GENTLE = {"constraint": "joint_velocity", "limit_rad_s": 1.0}
+
+
+class Wave(Barrier):
+    """A user's own: one method, and only that."""
+
+    def __init__(self, parameters, description, kinematics, period_s):
+        super().__init__(parameters, description, kinematics, period_s)
+        self.name_rows(("wave", "sum"))
+        self.q = np.zeros(description.n)
+        self.looks = 0
+
+    def look(self, kinematics, margins_out, A_out):
+        self.looks += 1
+        kinematics.joints(self.q)
+        margins_out[:] = 2.0 + np.sin(self.q).sum(), 3.0 - self.q @ self.q / 2.0
+        A_out[0], A_out[1] = -np.cos(self.q), self.q
+
+
+class Old(Barrier):
+    """Written for velocities, before there was anything else."""
+
+    def update(self, kinematics, state, A_out, b_out):
+        self.limit(A_out, b_out)
+
+
+def moved(robot, seed, speed=1.0):
+    return posture(robot, seed), np.random.default_rng(seed).normal(0.0, speed, robot.n)
+
+
+def margins_along(bench, q, dq, ddq, t):
+    """m at q + t·dq + t²/2·ddq, which is the same whatever the speed."""
+    return bench.at(q + t * dq + 0.5 * t * t * ddq, dq).only.margins.copy()
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("constraint", ["half_space", f"{__name__}:Wave"])
+@settings(max_examples=15)
+@given(seed=SEEDS)
+def test_a_row_is_the_second_derivative_of_its_margin(name, constraint, seed):
+    """m̈ + 2ηṁ + η²(m − r) = upper − G·q̈ along any motion, by differences over ±0.1 ms."""
+    robot = ROBOTS[name]()
+    more = PLANES[name] if constraint == "half_space" else {}
+    bench = AccelerationBench(
+        robot, {"constraint": constraint, "eta_per_s": 2.0, "reserve_m": 0.0, **more}
+    )
+    q, dq = moved(robot, seed)
+    ddq, t = np.random.default_rng(seed + 1).normal(0.0, 5.0, robot.n), 1e-3
+    behind, here, ahead = (margins_along(bench, q, dq, ddq, each) for each in (-t, 0.0, t))
+    bench.at(q, dq)
+    slack = bench.stack.rows_upper - bench.stack.rows @ ddq
+    rate, second = (ahead - behind) / (2 * t), (ahead - 2 * here + behind) / t**2
+    inside = here > 0.0
+    expected = second + 4.0 * rate + 4.0 * here
+    size = 1.0 + float(np.abs(dq).sum()) ** 3 + float(np.abs(dq).sum() * np.abs(ddq).sum())
+    np.testing.assert_allclose(slack[inside], expected[inside], atol=2e-5 * size)
+    assert np.isneginf(bench.stack.rows_lower).all()
+
+
+def test_a_users_one_method_serves_both_levels_and_only_looks():
+    bench = AccelerationBench(small(), {"constraint": f"{__name__}:Wave"})
+    q, dq = moved(small(), 1)
+    bench.only.looks = 0
+    outside = bench.at(q, 0.0 * dq).only.events["outside"]
+    assert bench.only.looks == 1
+    assert bench.at(q, dq).only.looks == 4  # once there, and to either side for the curvature
+    assert bench.only.events["outside"] == outside == 0
+
+
+def test_a_barrier_that_only_updates_is_refused_by_name():
+    words = (
+        r"config: parameters\.constraints\.0\.constraint: says nothing about accelerations "
+        r"\(found .*Old'\)\. Have the class write its margins in look, rather than in update"
+    )
+    with pytest.raises(ConfigError, match=words):
+        AccelerationBench(small(), {"constraint": f"{__name__}:Old"})
+
+
+@pytest.mark.parametrize("name", sorted(BUILTIN))
+def test_each_of_ours_says_what_it_serves_and_what_it_guarantees(name):
+    found = find(name)
+    assert found.levels
+    assert "guarantee" in vars(found) or issubclass(found, Barrier)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_pushed_through_the_plane_a_point_stops_at_it(seed):
+    bench = AccelerationBench(small(), {"constraint": "viability", "limit_rad_s": 1.0}, FLOOR)
+    wanted, least, nearest = np.random.default_rng(seed).normal(0.0, 20.0, 3), np.inf, np.inf
+    for _ in range(3000):
+        bench.hold(bench.nearest(wanted - 5.0 * bench.state.dq))
+        least = min(least, bench.stack.margin())
+        nearest = min(nearest, float(bench.stack.constraints[1].margins[0]))
+    assert least >= -1e-9
+    assert nearest < 0.15
+    assert bench.stack.events() == {}
+
+
+def test_from_outside_the_rows_lead_back_no_faster_than_asked():
+    bench = AccelerationBench(
+        small(), {"constraint": "viability"}, {**FLOOR, "eta_per_s": 4.0, "offset_m": 0.4}
+    )
+    q = np.array([0.0, 2.0, 0.0])
+    bench.at(q, np.zeros(3))
+    plane = bench.stack.constraints[1]
+    assert plane.margins[0] < -0.05
+    before, fastest = float(plane.margins[0]), 0.0
+    for _ in range(6000):
+        bench.hold(bench.nearest(-2.0 * bench.state.dq))
+        fastest, before = max(fastest, float(plane.margins[0]) - before), float(plane.margins[0])
+    assert fastest <= 0.05 * PERIOD
+    assert abs(before) < 2e-3
+    assert plane.events["started_outside"] == 1
+
+
+# rates
+
+
+def test_a_rate_that_is_set_must_fit_the_period_and_the_brakes():
+    with pytest.raises(ConfigError, match=r"0\.parameters\.eta_per_s: η·T is above 0\.6.*At most"):
+        AccelerationBench(small(), {**FLOOR, "eta_per_s": 601.0})
+    words = r"eta_per_s: joint 'r_hip_yaw' may move with 4\.76 and brakes with 40: .*At most 8\.4"
+    head = {"constraint": "half_space", "frame": "head", "normal": [0, 0, 1]}
+    with pytest.raises(ConfigError, match=words):
+        AccelerationBench(hoap3(), {**head, "eta_per_s": 9.0})
+    AccelerationBench(hoap3(), {"constraint": "joint_velocity", "limit_rad_s": 2.0},
+                      {**head, "eta_per_s": 9.0})  # fmt: skip
+
+
+def test_the_default_rate_is_lowered_to_what_the_joints_brake_with():
+    head = {"constraint": "half_space", "frame": "head", "normal": [0, 0, 1]}
+    bench = AccelerationBench(hoap3(), head)
+    assert bench.only._eta == pytest.approx(40.0 / 4.76)
+    bench = AccelerationBench(hoap3(), head, {"constraint": "joint_acceleration",
+                                              "limit_rad_s2": 4.76})  # fmt: skip
+    assert bench.only._eta == pytest.approx(1.0)
+    bench = AccelerationBench(hoap3(), head, {**GENTLE})
+    assert bench.only._eta == 10.0
+
+
+@pytest.mark.parametrize("start", [1e-4, 1e-2])
+def test_the_greatest_share_of_eta_times_the_period_that_is_proved(start):
+    """x ≤ (√5 − 1)/2 keeps ṁ ≥ −ηm in a period with m̈ = −2ηṁ − η²m, and nothing above does."""
+    golden = (np.sqrt(5.0) - 1.0) / 2.0
+    for x, keeps in ((0.6, True), (golden - 1e-9, True), (golden + 1e-6, False)):
+        eta = x / PERIOD
+        for m, rate in ((start, -eta * start), (0.0, start), (start, start)):
+            second = -2.0 * eta * rate - eta * eta * m
+            after = m + PERIOD * rate + 0.5 * PERIOD**2 * second
+            kept = rate + PERIOD * second + eta * after >= -1e-12 * eta * start
+            assert kept or not keeps
+            if m == 0.0:
+                assert kept == keeps
+
+
+# equations
+
+
+def test_a_pinned_foot_stays_while_the_rest_moves():
+    bench = AccelerationBench(hoap3(), {"constraint": "viability", "limit_rad_s": 1.0},
+                              {"constraint": "fixed_frame", "frame": "l_sole"})  # fmt: skip
+    wanted = np.random.default_rng(5).normal(0.0, 5.0, 21)
+    start = bench.robot.initial_position
+    for _ in range(300):
+        bench.hold(bench.nearest(wanted - 5.0 * bench.state.dq))
+        assert bench.stack.drift() < 1e-6  # T/(2η²) times its jerk
+    assert np.abs(bench.state.q - start).max() > 0.05
+    np.testing.assert_array_equal(bench.stack.rows_lower, bench.stack.rows_upper)
+
+
+def test_drift_of_a_frame_is_taken_back_at_the_rate():
+    pinned = {"constraint": "fixed_frame", "frame": "l_sole", "eta_per_s": 20.0}
+    bench = AccelerationBench(hoap3(), pinned)
+    q = bench.robot.initial_position.copy()
+    q[11] += 0.01
+    bench.at(q, np.zeros(21))
+    first = bench.stack.drift()
+    assert first > 1e-3
+    for _ in range(500):
+        bench.hold(bench.nearest(np.zeros(21)))
+    assert bench.stack.drift() < 1.1 * 11.0 * np.exp(-10.0) * first  # (1 + ηt)e^(−ηt)
+
+
+def rolling(q):
+    return np.array([[np.sin(q[0]), -np.cos(q[0]), 0.0], [0.0, q[1], 1.0]])
+
+
+def test_a_pfaffian_equation_holds_along_a_motion():
+    rows = {"constraint": "pfaffian", "function": f"{__name__}:rolling"}
+    bench = AccelerationBench(small(), {"constraint": "viability", "limit_rad_s": 1.0}, rows)
+    for _ in range(800):
+        bench.hold(bench.nearest(np.array([3.0, 0.0, 0.0]) - 2.0 * bench.state.dq))
+        assert bench.stack.drift() < 5e-4  # T/(2η) times its second rate
+    assert np.abs(bench.state.dq).max() > 0.1
+
+
+# joints
+
+
+@pytest.mark.parametrize("kind", ["viability", "joint_position"])
+@pytest.mark.parametrize("name", ROBOTS)
+def test_random_accelerations_within_the_bounds_never_leave_the_range(name, kind):
+    robot, rng = ROBOTS[name](), np.random.default_rng(3)
+    bench = AccelerationBench(robot, {"constraint": kind})
+    push = np.zeros(robot.n)
+    for tick in range(3000):
+        push = rng.normal(0.0, 100.0, robot.n) if tick % 300 == 0 else push
+        bench.hold(np.clip(push, bench.stack.lower, bench.stack.upper))
+        assert bench.stack.margin() >= -1e-9
+    if kind == "viability":
+        assert (np.abs(bench.state.dq) <= robot.velocity + 1e-9).all()
+    assert bench.stack.events() == {}
+
+
+def test_speeds_are_kept_by_accelerations_and_what_is_faster_brakes():
+    bench = AccelerationBench(small(), {"constraint": "joint_velocity", "limit_rad_s": 1.0})
+    brake = np.minimum(small().brake_acceleration, small().setpoint_acceleration_max)
+    bench.at(np.zeros(3), np.array([1.0, -0.999, 2.9]))
+    np.testing.assert_allclose(bench.stack.upper, [0.0, 1999.0, -brake[2]], atol=1e-9)
+    np.testing.assert_allclose(bench.stack.lower[:2], [-2000.0, -1.0], atol=1e-9)
+
+
+def test_accelerations_come_first_whatever_the_order():
+    entries = [{"constraint": "joint_velocity", "limit_rad_s": 1.0},
+               {"constraint": "joint_acceleration", "limit_rad_s2": 2.0}]  # fmt: skip
+    for order in (1, -1):
+        bench = AccelerationBench(small(), *entries[::order])
+        bench.at(np.zeros(3), np.array([2.0, 0.0, 0.0]))
+        np.testing.assert_array_equal(bench.stack.upper, [-2.0, 2.0, 2.0])
+        np.testing.assert_array_equal(bench.stack.lower, [-2.0, -2.0, -2.0])
+
+
+def test_torques_are_bounded_by_the_least_of_all_limits():
+    bench = AccelerationBench(small(), {"constraint": "joint_torque", "limit_nm": 1e9},
+                              {"constraint": "joint_torque",
+                               "joints_nm": {"elbow": 0.5}})  # fmt: skip
+    expected = np.array(small().effort)
+    expected[1] = 0.5
+    np.testing.assert_array_equal(bench.stack.torque_upper, expected)
+    np.testing.assert_array_equal(bench.stack.torque_lower, -expected)
+    assert np.isposinf(bench.stack.upper).all()
+
+
+def test_nothing_at_all_is_a_stack_too():
+    stack = AccelerationBench(small()).stack
+    assert stack.rows.shape == (0, 3)
+    assert stack.margin() == np.inf
+    assert stack.tightest() == ""
+    assert np.isneginf(stack.lower).all()
+    assert np.isposinf(stack.torque_upper).all()
+
+
+def test_limits_against_condition_11_are_refused_by_joint():
+    with pytest.raises(ConfigError, match=r"0\.parameters: joint shoulder: \(11\) is violated"):
+        AccelerationBench(small(), {"constraint": "viability", "limit_rad_s": 1e-3})
