@@ -35,12 +35,12 @@ class _PlaneCurve(Target):
         velocity_out: FloatArray,
     ) -> None:
         """Write the point of the plane at `place`, and the velocity for `slope` = d/dθ."""
-        position_out[:] = self._center
-        velocity_out[:] = 0.0
-        position_out[self._first] += place[0]
-        position_out[self._second] += place[1]
-        velocity_out[self._first] = slope[0] * self._omega
-        velocity_out[self._second] = slope[1] * self._omega
+        position, velocity = self._center.copy(), [0.0, 0.0, 0.0]
+        position[self._first] += place[0]
+        position[self._second] += place[1]
+        velocity[self._first] = slope[0] * self._omega
+        velocity[self._second] = slope[1] * self._omega
+        position_out[:], velocity_out[:] = position, velocity
 
 
 class Circle(_PlaneCurve):

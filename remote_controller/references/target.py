@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 
 import numpy as np
@@ -17,7 +18,12 @@ class Target(ABC):
 
     Args:
         dimension: m, of the position.
+
+    Attributes:
+        rests_after_s: time since the start from which on it does not move any more [s].
     """
+
+    rests_after_s = math.inf
 
     def __init__(self, dimension: int) -> None:
         self.dimension = dimension
@@ -45,6 +51,8 @@ class Target(ABC):
 class Point(Target):
     """x_d = const."""
 
+    rests_after_s = 0.0
+
     def __init__(self, position: FloatArray) -> None:
         super().__init__(len(position))
         self._position = np.array(position, float)
@@ -62,6 +70,8 @@ class Hold(Target):
     Args:
         dimension: m.
     """
+
+    rests_after_s = 0.0
 
     def __init__(self, dimension: int) -> None:
         super().__init__(dimension)
@@ -94,8 +104,9 @@ class Approach(Target):
     def __init__(self, target: Target, duration_s: float) -> None:
         super().__init__(target.dimension)
         self._target, self._duration = target, duration_s
-        self._from = np.zeros(target.dimension)
+        self._from = [0.0] * target.dimension
         self._blends = False
+        self.rests_after_s = max(duration_s, target.rests_after_s)
 
     def start(self, present: FloatArray | None, time_s: float) -> None:
         """Begin at `present`."""
@@ -103,7 +114,7 @@ class Approach(Target):
         self._target.start(present, time_s)
         self._blends = present is not None and self._duration > 0.0
         if present is not None:
-            self._from[:] = present
+            self._from = present.tolist()
 
     def follow(self, elapsed_s: float, position_out: FloatArray, velocity_out: FloatArray) -> None:
         """Write x_d and its velocity."""
@@ -112,10 +123,10 @@ class Approach(Target):
             return
         s, slope = smooth_step(elapsed_s / self._duration)
         slope /= self._duration
-        for i in range(self.dimension):
-            x, start = position_out[i], self._from[i]
-            velocity_out[i] = slope * (x - start) + s * velocity_out[i]
-            position_out[i] = start + s * (x - start)
+        x, v, start = position_out.tolist(), velocity_out.tolist(), self._from
+        each = range(self.dimension)
+        velocity_out[:] = [slope * (x[i] - start[i]) + s * v[i] for i in each]
+        position_out[:] = [start[i] + s * (x[i] - start[i]) for i in each]
 
 
 class Joined(Target):

@@ -157,16 +157,17 @@ class HierarchyController(Controller):
         super().__init__(description, parameters)
         self._check_finite = check_finite  # 0 where both arrays are finite
         self._predict_lyapunov, self._distances = kernels.predict_lyapunov, kernels.distances
+        self._give = kernels.give
         self._viable = parameters.bounds.kind == "viability"
-        self.ddq, self.tau, self._wish, self._scratch = np.zeros((4, n))
+        self._wish, self._scratch = np.zeros((2, n))
         self.tops, self.absent = np.zeros(len(names), np.bool_), np.zeros(len(names))
         self.residual = math.inf
         self._nearest = Tsid(self.torque_max, self.bounds.greatest)
         self._unbounded = np.full(n, np.inf)
         self._no_rows, self._no_wish = np.zeros((0, n)), np.zeros(0)
-        torque = self.kind == "torque"
-        self._given = self.tau if torque else self.ddq
-        self._less = self.tasks.dynamics.weight if torque else np.zeros(n)
+        self._less = self.tasks.dynamics.weight if self.kind == "torque" else np.zeros(n)
+        self.answer_in(np.zeros(n), np.zeros(n))
+        self._idle = False
         forces = 1 + len(names)
         self._errors = self.command.extra[1:forces]
         self._forces = self.command.extra[forces : forces + len(self.tasks.presses)]
@@ -231,6 +232,11 @@ class HierarchyController(Controller):
             for error in self.tasks.errors_of(i)
         ]
 
+    def answer_in(self, ddq: FloatArray, tau: FloatArray) -> None:
+        """Have these arrays, (n,), be those that `solve` writes."""
+        self.ddq, self.tau = ddq, tau
+        self._given = tau if self.kind == "torque" else ddq
+
     @abstractmethod
     def solve(self, torque_max: FloatArray) -> bool:
         """Find `ddq` and `tau`, (n,), within bounds, and the `residual`; whether there are any."""
@@ -257,7 +263,7 @@ class HierarchyController(Controller):
         self._begun, self._first, self._settled = False, state.tick, 0
         self.importance.reset()
         self.importance.update(0.0)
-        self.count(self._present_counts)
+        self._count()
 
     def step(self, state: State) -> Setpoint:
         """Torques, or accelerations, for one period."""
@@ -275,8 +281,7 @@ class HierarchyController(Controller):
         self.bounds.update(q, dq)
         command.stamp_kinematics = self.now()
         fallback = SOLVED if self.solve(self.torque_max) else self.fall_back(dq)
-        np.subtract(self._given, self._less, out=command.values)
-        if check_finite(command.values, self.ddq):
+        if not self._give(self._given, self._less, self.ddq, command.values):
             return self.refuse(OVERFLOWN)
         for place, press in enumerate(tasks.presses.values()):
             self._forces[place] = press.force
@@ -294,8 +299,12 @@ class HierarchyController(Controller):
         self._settled = tick
         moved: bool = self.importance.update(tick * self._dt)
         if moved:
-            self.count(self._present_counts)
+            self._count()
         return moved
+
+    def _count(self) -> None:
+        self.count(self._present_counts)
+        self._idle = not self.tops.any()
 
     def fall_back(self, dq: FloatArray) -> int:
         """The nearest that there is to what tasks would do with strong motors."""
@@ -349,8 +358,8 @@ class HierarchyController(Controller):
         command.v, command.v_rate_predicted = V, rate
         command.v_rate_required, command.rho = max(growth, 0.0), 1.0
         command.solver_path = command.fallback = fallback
-        touches = any(press.touches for press in tasks.presses.values())
-        loaded, idle = tasks.load > 1.0, not self.tops.any()
+        touches = bool(tasks.presses) and any(each.touches for each in tasks.presses.values())
+        loaded, idle = tasks.load > 1.0, self._idle
         solved = fallback == SOLVED
         command.kkt_residual = self.residual if solved and self.proves else 0.0
         command.solver_status = STATUS["uncertified" if solved else "infeasible"]

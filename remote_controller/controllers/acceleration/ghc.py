@@ -124,6 +124,7 @@ class GhcController(RankedController):
             regularise=parameters.regularise,
             smoothing=parameters.smoothing,
         )
+        self.answer_in(self.solver.qdd, self.solver.tau)
 
     def solve(self, torque_max: FloatArray) -> bool:
         """One compiled call."""
@@ -134,5 +135,5 @@ class GhcController(RankedController):
         found = solver.solve(
             *tasks.with_rest, self.alpha, tasks.dynamics.mass, tasks.dynamics.bias, self.w_r
         )
-        self.ddq[:], self.tau[:], self.residual = solver.qdd, solver.tau, solver.kkt_residual
+        self.residual = solver.kkt_residual
         return found == status.OK

@@ -40,6 +40,7 @@ class TsidController(WeighedController):
 
     Parameters: ClassVar[Any] = settings.Parameters
     proves = True
+    _roots: FloatArray | None  # of the weights, (m, 1), where these are not all 1
 
     def __init__(
         self, description: RobotDescription, parameters: Any, file: str = "config"
@@ -47,9 +48,10 @@ class TsidController(WeighedController):
         super().__init__(description, settings.with_all_tasks(description, parameters), file)
         tasks = self.tasks
         self.solver = Tsid(self.torque_max, self.bounds.greatest)
+        self.answer_in(self.solver.ddq, self.solver.tau)
         m = tasks.rows[-1].start
-        self._jacobian, self._wanted = np.zeros((m, description.n)), np.zeros(m)
-        self._roots = np.ones((m, 1))
+        self._jacobian, self._wanted = tasks.jacobian[:m], tasks.wanted[:m]
+        self._rest = tasks.wanted[m:]
         self._found = status.OK
 
     @classmethod
@@ -68,27 +70,30 @@ class TsidController(WeighedController):
         """Write the weights; V is that of the tasks, without the posture."""
         super().count(out)
         self.tops[-1] = False
+        weights = self.importance.value
+        self._weight = max(float(weights[-1]), LEAST_WEIGHT)
+        self._roots = None
+        if (weights[:-1] != 1.0).any():
+            self._roots = np.repeat(np.sqrt(weights[:-1]), self.tasks.sizes[:-1])[:, None]
 
     def solve(self, torque_max: FloatArray) -> bool:
         """One quadratic program of all."""
         del torque_max  # those that the solver was made with
-        tasks, bounds, solver = self.tasks, self.bounds, self.solver
-        m = len(self._wanted)
-        for i, rows in enumerate(tasks.rows[:-1]):
-            self._roots[rows] = self.importance.value[i] ** 0.5
-        np.multiply(tasks.jacobian[:m], self._roots, out=self._jacobian)
-        np.multiply(tasks.wanted[:m], self._roots[:, 0], out=self._wanted)
+        dynamics, bounds, solver = self.tasks.dynamics, self.bounds, self.solver
+        jacobian, wanted = self._jacobian, self._wanted
+        if self._roots is not None:
+            jacobian, wanted = jacobian * self._roots, wanted * self._roots[:, 0]
         self._found = solver.solve(
-            self._jacobian,
-            self._wanted,
-            max(float(self.importance.value[-1]), LEAST_WEIGHT),
-            tasks.wanted[m:],
-            tasks.dynamics.mass,
-            tasks.dynamics.bias,
+            jacobian,
+            wanted,
+            self._weight,
+            self._rest,
+            dynamics.mass,
+            dynamics.bias,
             bounds.lower,
             bounds.upper,
         )
-        self.ddq[:], self.tau[:], self.residual = solver.ddq, solver.tau, solver.kkt_residual
+        self.residual = solver.kkt_residual
         return self._found == status.OK
 
     def fall_back(self, dq: FloatArray) -> int:

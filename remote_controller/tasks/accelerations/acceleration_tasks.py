@@ -180,7 +180,8 @@ class AccelerationTasks:
         """
         dynamics, presses = self.dynamics, self.presses
         dynamics.update(q, dq)
-        np.multiply(dq, self._braking, out=self._brakes)
+        if self._braking:
+            np.multiply(dq, self._braking, out=self._brakes)
         for place in self._moving:
             place.update(time_s)
         if self._functions:
@@ -201,8 +202,9 @@ class AccelerationTasks:
             self._turn,
             *self._rows,
         )
-        for function in self._functions.values():
-            self.opposite += function.status == status.AT_ANTIPODE
+        if self._functions:
+            for function in self._functions.values():
+                self.opposite += function.status == status.AT_ANTIPODE
         if presses:
             np.take(wrench, self._felt, out=self._wrench)
         self.load = self._load(
@@ -340,7 +342,7 @@ class AccelerationTasks:
         target = target_of(parameters.target, Path(self._file).parent)
         place = PositionReference(target, origin, axes, period, self._targets[i])
         self._places.append((i, place))
-        if not is_still(parameters.target):
+        if target.rests_after_s > 0.0:
             self._moving.append(place)
         if isinstance(parameters, WrenchTask.Parameters):
             normal = axes @ np.array(parameters.normal)

@@ -29,21 +29,34 @@ class PositionReference:
         period_s: float,
         out: FloatArray,
     ) -> None:
+        from hoap3.remote_controller.tasks.accelerations import task_acceleration_kernels as kernels
+
+        self._place_in_root = kernels.place_in_root
         self._target, self._origin, self._axes, self._period = target, origin, axes, period_s
-        self._out, self._there = out, np.zeros((3, 3))
-        self._next, self._none = np.zeros(3), np.zeros(3)
+        self._out = out
+        self._position, self._velocity, self._next, self._none = np.zeros((4, 3))
+        self._rested, self._rests_at = False, 0.0
 
     def start(self, present: FloatArray, time_s: float) -> None:
         """Begin where the frame is, (3,) [m] in the root's axes."""
         self._target.start(self._axes.T @ (present - self._origin), time_s)
+        self._rested, self._rests_at = False, time_s + self._target.rests_after_s
         self.update(time_s)
 
     def update(self, time_s: float) -> None:
         """Write where it is at a time [s], and how it moves there."""
-        target, there = self._target, self._there
+        if self._rested:
+            return
+        target = self._target
         target.at(time_s + self._period, self._none, self._next)
-        target.at(time_s, there[0], there[1])
-        np.subtract(self._next, there[1], out=there[2])
-        np.divide(there[2], self._period, out=there[2])
-        np.matmul(there, self._axes.T, out=self._out)
-        self._out[0] += self._origin
+        target.at(time_s, self._position, self._velocity)
+        self._place_in_root(
+            self._position,
+            self._velocity,
+            self._next,
+            self._period,
+            self._origin,
+            self._axes,
+            self._out,
+        )
+        self._rested = time_s > self._rests_at

@@ -115,6 +115,33 @@ def desired_accelerations(
     return opposite
 
 
+@kernel("void(f8[::1], f8[::1], f8[::1], f8, f8[::1], f8[:,::1], f8[:,::1])")
+def place_in_root(
+    position: FloatArray,
+    velocity: FloatArray,
+    next_velocity: FloatArray,
+    T: float,
+    origin: FloatArray,
+    axes: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Write x_d, v_d and a_d in the root's axes of a target that is given in a frame.
+
+    Args:
+        position, velocity, next_velocity: in the frame, now and, the last, a period T later, (3,).
+        T: [s].
+        origin, axes: of the frame in the root, (3,) [m] and (3, 3).
+        out: (3, 3), a row each.
+    """
+    for row in range(3):
+        x, v, a = 0.0, 0.0, 0.0
+        for k in range(3):
+            x += position[k] * axes[row, k]
+            v += velocity[k] * axes[row, k]
+            a += (next_velocity[k] - velocity[k]) / T * axes[row, k]
+        out[0, row], out[1, row], out[2, row] = origin[row] + x, v, a
+
+
 @kernel("f8(f8[:,::1], f8[:,::1], f8[::1], f8[:,::1], f8[::1], f8[::1])")
 def inverse_task_inertia(
     mass: FloatArray,
@@ -284,3 +311,13 @@ def distances(
         least = min(least, scratch[i])
         share = max(share, abs(tau[i]) / torque_max[i])
     return min(least, 1.0 - share), share, least <= 1e-9
+
+
+@kernel("b1(f8[::1], f8[::1], f8[::1], f8[::1])")
+def give(given: FloatArray, less: FloatArray, ddq: FloatArray, out: FloatArray) -> bool:
+    """Write the command, given − less, all (n,); whether that and ddq are finite."""
+    finite = True
+    for i in range(ddq.size):
+        out[i] = given[i] - less[i]
+        finite = finite and math.isfinite(out[i]) and math.isfinite(ddq[i])
+    return finite
