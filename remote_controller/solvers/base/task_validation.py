@@ -96,14 +96,7 @@ def bounds_of(
         "tau_lower": (tau_lower, -np.inf),
         "tau_upper": (tau_upper, np.inf),
     }
-    found = {}
-    for name, (value, none) in given.items():
-        bound = np.full(n, none) if value is None else array(name, value, 1)
-        if bound.shape != (n,):
-            raise BadProblemError(f"{name} has shape {bound.shape}; give it {(n,)}.")
-        if np.isnan(bound).any() or (bound == -none).any():
-            raise BadProblemError(f"{name} must hold numbers, or {none} for no bound.")
-        found[name] = bound
+    found = {name: _bound(name, value, n, none) for name, (value, none) in given.items()}
     for kind in ("qdd", "tau"):
         apart = found[f"{kind}_lower"] > found[f"{kind}_upper"]
         if apart.any():
@@ -111,3 +104,40 @@ def bounds_of(
                 f"{kind}_lower is above {kind}_upper for joint {int(np.argmax(apart))}."
             )
     return found["qdd_lower"], found["qdd_upper"], found["tau_lower"], found["tau_upper"]
+
+
+def rows_of(
+    n: int,
+    rows: ArrayLike | None,
+    lower: ArrayLike | None,
+    upper: ArrayLike | None,
+) -> tuple[Array, Array, Array]:
+    """R (s, n) of rows of q̈ and their bounds (s,), ∓inf where there are none.
+
+    Raises:
+        BadProblemError: wrong shape, NaN, or infinite on the wrong side; bounds without rows.
+        InfeasibleError: a lower one is above the upper one.
+    """
+    if rows is None:
+        if lower is not None or upper is not None:
+            raise BadProblemError("rows_lower and rows_upper need rows; give them, (s, n).")
+        return np.zeros((0, n)), np.zeros(0), np.zeros(0)
+    R = array("rows", rows, 2)
+    s = R.shape[0]
+    fit("rows", R, (s, n))
+    least = _bound("rows_lower", lower, s, -np.inf)
+    most = _bound("rows_upper", upper, s, np.inf)
+    if (least > most).any():
+        raise InfeasibleError(
+            f"rows_lower is above rows_upper for row {int(np.argmax(least > most))}."
+        )
+    return R, least, most
+
+
+def _bound(name: str, value: ArrayLike | None, size: int, none: float) -> Array:
+    bound = np.full(size, none) if value is None else array(name, value, 1)
+    if bound.shape != (size,):
+        raise BadProblemError(f"{name} has shape {bound.shape}; give it {(size,)}.")
+    if np.isnan(bound).any() or (bound == -none).any():
+        raise BadProblemError(f"{name} must hold numbers, or {none} for no bound.")
+    return bound

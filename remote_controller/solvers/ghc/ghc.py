@@ -4,7 +4,7 @@ Liu, Tan and Padois, Autonomous Robots 2015, (13): task i has its own joint acce
 matrix of priorities says how much each is kept out of the directions of the others,
 
     min Σ |J_i x_i − b_i|² + ω_r Σ |x_i|² + ω_r |τ − o|²
-    subject to  τ = M q̈ + n,   q̈ = Σ P_i x_i,   and bounds of q̈ and τ.
+    subject to  τ = M q̈ + n,   q̈ = Σ P_i x_i,   bounds of q̈ and τ,   rows of q̈.
 
 ``Ghc`` is for loops, ``ghc`` for everything else. The formulation, exact and of n unknowns however
 many tasks there are, stands in ``ghc_kernels``, which are compiled, or loaded, when the first
@@ -27,7 +27,7 @@ from hoap3.remote_controller.solvers.base.status import (
     OK,
     OUT_OF_RANGE,
 )
-from hoap3.remote_controller.solvers.base.task_validation import Stack, bounds_of, stacked
+from hoap3.remote_controller.solvers.base.task_validation import Stack, bounds_of, rows_of, stacked
 from hoap3.remote_controller.solvers.base.validation import KERNEL_ARRAYS, array, number
 
 Array = NDArray[np.float64]
@@ -47,15 +47,20 @@ class Ghc:
             about ω_r.
         smoothing: s₀ of `generalized_projector`; 0 for the paper's projector. Beyond 1 this differs
             from that: a task whose Jacobian is I leaves nothing here, however large s₀ is.
+        rows: s, number of rows rows_lower ≤ R q̈ ≤ rows_upper beside the bounds, (13c).
 
     Attributes:
         n: number of joints.
         tasks: number of tasks.
         offsets: where each task's rows begin in the stacked Jacobian, and their number.
         qdd_lower, qdd_upper, tau_lower, tau_upper: bounds, (n,), to be written to; ∓inf at first.
+        rows: R, (s, n), to be written to; zeros at first. Their units do not matter.
+        rows_lower, rows_upper: (s,), to be written to; ∓inf at first. Equal ones make an equation,
+            which is kept to rounding; a row with ∓inf is off.
         qdd, tau: the answer, (n,); zeros where there is none.
-        qdd_multipliers, tau_multipliers: of the bounds, (n,), positive where the upper one holds.
-        active: number of bounds that hold the answer back.
+        qdd_multipliers, tau_multipliers, rows_multipliers: of the bounds, (n,), and of the rows,
+            (s,), positive where the upper one holds.
+        active: number of bounds, rows and independent equations that hold the answer back.
         steps: of the active set; 0 where the free optimum satisfies the bounds.
         kkt_residual: how far the answer is from optimal by the conditions of the condensed problem,
             from its S and q₀, without the factors and the active set of the solver; relative,
@@ -63,7 +68,7 @@ class Ghc:
             prove: tests do, against other solvers.
 
     Raises:
-        BadProblemError: no task, or a size or n that is not positive.
+        BadProblemError: no task, a size or n that is not positive, or a negative number of rows.
         UnknownNameError: there is no such regularisation.
     """
 
@@ -74,6 +79,7 @@ class Ghc:
         *,
         regularise: str = "gravity_compensated",
         smoothing: float = 0.0,
+        rows: int = 0,
     ) -> None:
         from hoap3.remote_controller.solvers.ghc import ghc_kernels
 
@@ -84,30 +90,37 @@ class Ghc:
                 f"GHC: give it joints, and tasks of one row or more (found n = {n}, sizes "
                 f"{list(sizes)})."
             )
-        m, k = sum(sizes), len(sizes)
+        if rows < 0:
+            raise BadProblemError(f"GHC: give it no rows or some (found {rows}).")
+        m, k, c = sum(sizes), len(sizes), 2 * n + rows
         self.n, self.tasks, self.smoothing = n, k, number("smoothing", smoothing)
         self.offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
         self._mode = REGULARISED[regularise]
         self._kernel = ghc_kernels.ghc_kernel
-        self._bounds = np.full((2, 2 * n), math.inf)
+        self._bounds = np.full((2, c), math.inf)
         self._bounds[0] = -math.inf
-        (self.qdd_lower, self.tau_lower), (self.qdd_upper, self.tau_upper) = self._bounds.reshape(
-            2, 2, n
-        )
-        rows = m * k + m
+        self.qdd_lower, self.tau_lower, self.rows_lower = np.split(self._bounds[0], [n, 2 * n])
+        self.qdd_upper, self.tau_upper, self.rows_upper = np.split(self._bounds[1], [n, 2 * n])
+        self.rows = np.zeros((rows, n))
+        most = m * k + m
         self._work = (
             np.empty((5, n, n)),
-            np.empty((n + 6, 2 * n)),
-            np.empty((rows, n)),
+            np.empty((n, c)),
+            np.empty((10, n)),
+            np.empty((most, n)),
             np.empty((2 * m + 1, n)),
             np.empty((2 * m, m + 1)),
             np.empty((3, m + 1)),
-            np.empty(max(rows, 2 * n)),
-            np.empty((7, max(2 * n, m, k + 1)), np.int64),
-            np.zeros((2, 2 * n)),
+            np.empty(max(most, c)),
+            np.empty((7, max(c, m, k + 1)), np.int64),
+            np.empty((3, rows, n)),
+            np.empty((3, rows)),
+            np.empty((4, c)),
+            np.zeros((2, c)),
         )
-        (self.qdd, self.tau), (self.qdd_multipliers, self.tau_multipliers) = self._work[-1].reshape(
-            2, 2, n
+        self.qdd, self.tau, _ = np.split(self._work[-1][0], [n, 2 * n])
+        self.qdd_multipliers, self.tau_multipliers, self.rows_multipliers = np.split(
+            self._work[-1][1], [n, 2 * n]
         )
         self.active = self.steps = 0
         self.kkt_residual = math.inf
@@ -130,10 +143,10 @@ class Ghc:
                 the residual is some 10⁻¹⁶·|J|²/ω_r.
 
         Returns:
-            `status.OK`; `INFEASIBLE`: no q̈ that the tasks span satisfies the bounds, or a lower one
-            is above the upper one; `UNSOLVED`: likewise, but ω_r is so small beside a task's |J|²,
-            10⁻¹³ of it or less, that rounding may have hidden an answer; or the active set did not
-            come to an end, which no problem is known to cause;
+            `status.OK`; `INFEASIBLE`: no q̈ that the tasks span satisfies the bounds and rows, or a
+            lower one is above the upper one; `UNSOLVED`: likewise, but ω_r is so small beside a
+            task's |J|², 10⁻¹³ of it or less, that rounding may have hidden an answer; or the active
+            set did not come to an end, which no problem is known to cause;
             `OUT_OF_RANGE`: numbers so large that the answer overflows; `BAD_INPUT`: a value is not
             finite or outside its range; `BAD_SHAPE`.
 
@@ -151,6 +164,7 @@ class Ghc:
                 w_r,
                 self._mode,
                 self.smoothing,
+                self.rows,
                 self._bounds,
                 *self._work,
             )
@@ -173,6 +187,9 @@ def ghc(
     qdd_upper: ArrayLike | None = None,
     tau_lower: ArrayLike | None = None,
     tau_upper: ArrayLike | None = None,
+    rows: ArrayLike | None = None,
+    rows_lower: ArrayLike | None = None,
+    rows_upper: ArrayLike | None = None,
     smoothing: float = 0.0,
 ) -> tuple[Array, Array]:
     """Solve one problem of tasks with priorities.
@@ -189,21 +206,25 @@ def ghc(
         regularise: "torque" |τ|², "gravity_compensated" |τ − bias|², or "none".
         qdd_lower, qdd_upper: bounds of q̈, (n,), none by default.
         tau_lower, tau_upper: of τ, (n,).
+        rows: R of rows_lower ≤ R q̈ ≤ rows_upper, (s, n), (13c).
+        rows_lower, rows_upper: (s,), none by default; equal ones make an equation.
         smoothing: s₀ of `generalized_projector`.
 
     Returns:
         q̈ and τ, (n,).
 
     Raises:
-        InfeasibleError: nothing that the tasks span satisfies the bounds.
+        InfeasibleError: nothing that the tasks span satisfies the bounds and rows.
         BadProblemError: wrong shape, a value that is not finite or outside its range.
         UnknownNameError: there is no such regularisation.
     """
     stack = stacked("GHC", jacobians, targets, M, bias)
     priorities = array("alpha", alpha, 2)
     given = bounds_of(stack.n, qdd_lower, qdd_upper, tau_lower, tau_upper)
-    solver = Ghc(stack.sizes, stack.n, regularise=regularise, smoothing=smoothing)
+    R, least, most = rows_of(stack.n, rows, rows_lower, rows_upper)
+    solver = Ghc(stack.sizes, stack.n, regularise=regularise, smoothing=smoothing, rows=least.size)
     solver.qdd_lower[:], solver.qdd_upper[:], solver.tau_lower[:], solver.tau_upper[:] = given
+    solver.rows[:], solver.rows_lower[:], solver.rows_upper[:] = R, least, most
     weight = number("w_r", w_r)
     arguments = stack.jacobian, stack.targets, priorities, stack.mass, stack.bias
     status = solver.solve(*arguments, weight)
@@ -229,7 +250,8 @@ def _failure(status: int, stack: Stack, alpha: Array, w_r: float, smoothing: flo
     if status == INFEASIBLE:
         return InfeasibleError(
             "GHC: no acceleration that the tasks span satisfies the bounds of accelerations and "
-            "torques. Widen them, or let some task without anything above it span all joints."
+            "torques, and the rows. Widen them, or let some task without anything above it span "
+            "all joints."
         )
     if status == OUT_OF_RANGE:
         return BadProblemError("GHC: the answer overflows. Check the units.")

@@ -2,7 +2,8 @@
 
 Liu, Tan and Padois, Autonomous Robots 2015, (13): with x_i for each of the k tasks,
 
-    min Σ |J_i x_i − b_i|² + w Σ |x_i|² + w |τ − o|²   s.t.   τ = M q̈ + n,  q̈ = Σ P_i x_i, bounds
+    min Σ |J_i x_i − b_i|² + w Σ |x_i|² + w |τ − o|²
+    s.t. τ = M q̈ + n,   q̈ = Σ P_i x_i,   bounds of q̈, τ and R q̈
 
 For a given q̈ the best x_i are known, H_i = J_iᵀJ_i + wI, and what is left is, however many tasks,
 
@@ -11,7 +12,8 @@ For a given q̈ the best x_i are known, H_i = J_iᵀJ_i + wI, and what is left i
 
 S may be singular and is never inverted: with S = UᵀU and q̈ = q₀ + Uᵀy the unknown is y, and the
 Hessian I + w TᵀT, T = M Uᵀ. If its optimum satisfies the bounds, that is the answer; if not,
-`active_set` moves from there. q̈ and τ are values alike to it.
+`active_set` moves from there. q̈, τ and R q̈ are values alike to it; equations among the rows are
+imposed before (`row_kernels`).
 """
 
 from __future__ import annotations
@@ -36,6 +38,14 @@ from hoap3.remote_controller.solvers.base.status import (
     UNSOLVED,
 )
 from hoap3.remote_controller.solvers.ghc.condense_kernels import condense
+from hoap3.remote_controller.solvers.ghc.row_kernels import (
+    equation_multipliers,
+    has_equations,
+    hold_equations,
+    impose_equations,
+    row_normals,
+    scale_rows,
+)
 from hoap3.remote_controller.solvers.linalg.dense_kernels import (
     MAX,
     add,
@@ -71,7 +81,7 @@ def _clear(values: Vector) -> None:
 
 @inlined
 def _times(M: Matrix, x: Vector, out: Vector) -> None:
-    for i in range(x.size):
+    for i in range(out.size):
         out[i] = dot(M[i], x)
 
 
@@ -82,6 +92,27 @@ def _torques(M: Matrix, qdd: Vector, bias: Vector, tau: Vector) -> None:
         tau[i] += bias[i]
 
 
+@inlined
+def _gather(
+    mass: Matrix,
+    effort: Vector,
+    w: float,
+    rows: Matrix,
+    multipliers: Vector,
+    g: Vector,
+    scratch: Vector,
+) -> None:
+    """Write g = w M·effort + μ + M ν + Rᵀρ, what pulls q̈ away from q₀."""
+    n = g.size
+    for i in range(n):
+        scratch[i] = w * effort[i] + multipliers[n + i]
+    _times(mass, scratch, g)
+    for i in range(n):
+        g[i] += multipliers[i]
+    for j in range(rows.shape[0]):
+        add(g, multipliers[2 * n + j], rows[j])
+
+
 @kernel(superwords=True)
 def optimality(
     S: Matrix,
@@ -89,26 +120,22 @@ def optimality(
     mass: Matrix,
     effort: Vector,
     w: float,
+    rows: Matrix,
     values: Vector,
-    lower: Vector,
-    upper: Vector,
+    bounds: Matrix,
     multipliers: Vector,
     g: Vector,
     away: Vector,
 ) -> float:
-    """How far q̈ is from optimal for its multipliers (μ, ν), for the condensed problem.
+    """How far q̈ is from optimal for its multipliers (μ, ν, ρ), for the condensed problem.
 
-    q̈ = q₀ − S(w M·effort + μ + M ν), and each value of a multiplier that is not 0 at its bound, the
-    others within theirs: the largest deviation, the former relative to max(|q̈|, |q₀|), the latter
-    to 1 + |bound|. `effort` is what is regularised, τ − o or 0.
+    q̈ = q₀ − S(w M·effort + μ + M ν + Rᵀρ), and each value of a multiplier that is not 0 at its
+    bound, the others within theirs: the largest deviation, the former relative to max(|q̈|, |q₀|),
+    the latter to 1 + |bound|; rows are of unit length. `effort` is what is regularised, τ − o or 0.
     """
-    n = q0.size
+    n, lower, upper, span = q0.size, bounds[0], bounds[1], SMALLEST
+    _gather(mass, effort, w, rows, multipliers, g, away)
     for i in range(n):
-        away[i] = w * effort[i] + multipliers[n + i]
-    _times(mass, away, g)
-    span = SMALLEST
-    for i in range(n):
-        g[i] += multipliers[i]
         away[i] = values[i] - q0[i]
         span = max(span, abs(values[i]), abs(q0[i]))
     for i in range(n):
@@ -130,7 +157,13 @@ def optimality(
 
 @inlined
 def _unfit(
-    jacobian: Matrix, target: Vector, alpha: Matrix, mass: Matrix, bias: Vector, bounds: Matrix
+    jacobian: Matrix,
+    target: Vector,
+    alpha: Matrix,
+    mass: Matrix,
+    bias: Vector,
+    rows: Matrix,
+    bounds: Matrix,
 ) -> bool:
     """Whether a value is not finite, a priority outside [0, 1], or a bound on the wrong side."""
     found = not_finite(target) or not_finite(bias)
@@ -138,6 +171,8 @@ def _unfit(
         found = found or not_finite(jacobian[row])
     for row in range(mass.shape[0]):
         found = found or not_finite(mass[row])
+    for row in range(rows.shape[0]):
+        found = found or not_finite(rows[row])
     for i in range(alpha.shape[0]):
         for j in range(alpha.shape[1]):
             found = found or not 0.0 <= alpha[i, j] <= 1.0
@@ -204,17 +239,36 @@ def _free_optimum(
 
 
 @inlined
-def _normals(U: Matrix, T: Matrix, Z: Matrix) -> None:
-    """Write the rows [U | Tᵀ] of Z."""
+def _normals(U: Matrix, T: Matrix, rows: Matrix, least: float, Z: Matrix) -> None:
+    """Write the normals of all values, Z = [U | Tᵀ | U Rᵀ]."""
     n = U.shape[0]
     for i in range(n):
         for j in range(n):
             Z[i, j] = U[i, j]
             Z[i, n + j] = T[j, i]
+    row_normals(rows, U, least, Z)
+
+
+@inlined
+def _split(Z: Matrix, U: Matrix, T: Matrix) -> None:
+    """Write U and T of Z = [U | Tᵀ | U Rᵀ]."""
+    n = U.shape[0]
+    for i in range(n):
+        for j in range(n):
+            U[i, j] = Z[i, j]
+            T[j, i] = Z[i, n + j]
+
+
+@inlined
+def _values(M: Matrix, bias: Vector, rows: Matrix, values: Vector) -> None:
+    """Write τ and R q̈ behind q̈."""
+    n = bias.size
+    _torques(M, values[:n], bias, values[n : 2 * n])
+    _times(rows, values[:n], values[2 * n :])
 
 
 @kernel(superwords=True)
-def ghc_kernel(
+def ghc_kernel(  # noqa: PLR0912, PLR0915 - one problem from its check to its certificate
     jacobian: Matrix,
     offsets: Indices,
     target: Vector,
@@ -224,15 +278,20 @@ def ghc_kernel(
     w: float,
     mode: int,
     smoothing: float,
+    rows: Matrix,
     bounds: Matrix,
     squares: Cube,
     Z: Matrix,
+    vectors: Matrix,
     X: Matrix,
     basis: Matrix,
     K: Matrix,
     diagonals: Matrix,
     scratch: Vector,
     integers: IndexRows,
+    row_matrices: Cube,
+    row_numbers: Matrix,
+    value_numbers: Matrix,
     out: Matrix,
 ) -> tuple[int, int, int, float]:
     """Solve one problem; `Ghc` describes the arguments and has the shapes of the scratch.
@@ -241,31 +300,40 @@ def ghc_kernel(
         jacobian, offsets, target: (m, n), (k + 1,), (m,).
         alpha, mass, bias: (k, k), (n, n), (n,).
         w, mode, smoothing: ω_r, what is regularised, s₀.
-        bounds: lower and upper ones of (q̈, τ), (2, 2n).
-        squares, Z, X, basis, K, diagonals, scratch, integers: scratch.
-        out: q̈, τ and the multipliers of both, (2, 2n); zeros where the status is not `OK`.
+        rows: R, (s, n).
+        bounds: lower and upper ones of (q̈, τ, R q̈), (2, c), c = 2n + s.
+        squares, Z, vectors, X, basis, K, diagonals, scratch, integers: scratch.
+        row_matrices, row_numbers, value_numbers: scratch.
+        out: q̈, τ, R q̈ of unit rows, and the multipliers of all, (2, c); zeros where the status is
+            not `OK`.
 
     Returns:
         Status, number of active bounds, steps of the active set (0: none was needed), residual.
     """
-    (m, n), tasks = jacobian.shape, offsets.size - 1
-    shapes = out.shape == (2, 2 * n) and bounds.shape == (2, 2 * n) and mass.shape == (n, n)
-    sizes = target.size == m and bias.size == n and offsets[-1] == m
+    (m, n), tasks, s = jacobian.shape, offsets.size - 1, rows.shape[0]
+    c = 2 * n + s
+    shapes = out.shape == (2, c) and bounds.shape == (2, c) and mass.shape == (n, n)
+    sizes = target.size == m and bias.size == n and offsets[-1] == m and rows.shape[1] == n
     if not (shapes and sizes and alpha.shape == (tasks, tasks)):
         return BAD_SHAPE, 0, 0, math.inf
-    values, multipliers, lower, upper = out[0], out[1], bounds[0], bounds[1]
+    values, multipliers, limits = out[0], out[1], bounds
     _clear(values)
     _clear(multipliers)
     weighty = LEAST_WEIGHT <= w <= MAX and 0.0 <= smoothing <= MAX
-    if not weighty or _unfit(jacobian, target, alpha, mass, bias, bounds):
+    if not weighty or _unfit(jacobian, target, alpha, mass, bias, rows, bounds):
         return BAD_INPUT, 0, 0, math.inf
-    for j in range(2 * n):
-        if lower[j] > upper[j]:
+    for j in range(c):
+        if bounds[0, j] > bounds[1, j]:
             return INFEASIBLE, 0, 0, math.inf
+    units, directions, motions = row_matrices[0], row_matrices[1], row_matrices[2]
+    lengths, steps = row_numbers[0], row_numbers[1:]
+    if s > 0:
+        limits = value_numbers[:2]
+        scale_rows(rows, bounds, units, lengths, limits)
     S, U, T, A, R = squares[0], squares[1], squares[2], squares[3], squares[4]
-    qdd, tau, q0, pull, y = values[:n], values[n:], Z[n, :n], Z[n, n:], Z[n + 1, :n]
-    g, away, vectors = Z[n + 1, n:], Z[n + 2, :n], Z[n + 3 : n + 6].reshape(6, n)[:5]
-    active, state = integers[0, :n], integers[1, : 2 * n]
+    q0, pull, y, g, away = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
+    qdd, tau = values[:n], values[n : 2 * n]
+    active, state = integers[0, :n], integers[1, :c]
     whole = condense(
         jacobian,
         offsets,
@@ -284,35 +352,65 @@ def ghc_kernel(
     )
     weight = 0.0 if mode == NONE else w
     offset = 1.0 if mode == TORQUE else 0.0
-    _times(mass, q0, pull)
     for i in range(n):
         qdd[i] = q0[i]
-        pull[i] += offset * bias[i]
-        state[i], state[n + i] = 0, 0
-    if mode != NONE:
+    for j in range(c):
+        state[j] = 0
+    equations = has_equations(limits, 2 * n)
+    status, count, rounds, imposed = OK, 0, 0, 0
+    if mode != NONE or equations:
         _factor(S, whole, mass, U, R, T, scratch)
+    if equations:
+        _values(mass, bias, units, values)
+        _normals(U, T, units, SINGULAR * whole, Z)
+        imposed = impose_equations(Z, values, limits, directions, motions, steps, value_numbers[2:])
+        _split(Z, U, T)
+        status = OK if imposed >= 0 else INFEASIBLE
+        imposed = max(imposed, 0)
+    if mode != NONE and status == OK:
+        _times(mass, qdd, pull)
+        for i in range(n):
+            pull[i] += offset * bias[i]
         _free_optimum(U, T, w, pull, A, y, scratch, qdd)
-    _torques(mass, qdd, bias, tau)
-    status, count, rounds = OK, 0, 0
-    if most_violated(values, lower, upper, state) >= 0:
-        if mode == NONE:
+    _values(mass, bias, units, values)
+    if equations:
+        hold_equations(values, limits, 2 * n)
+    if status == OK and most_violated(values, limits[0], limits[1], state) >= 0:
+        if mode == NONE and not equations:
             _factor(S, whole, mass, U, R, T, scratch)
-        _normals(U, T, Z)
+        if not equations:
+            _normals(U, T, units, SINGULAR * whole, Z)
         if mode != NONE:
-            triangular_solve(A, Z[:n])
+            triangular_solve(A, Z)
         status, count, rounds = active_set(
-            Z[:n], values, lower, upper, R, vectors, scratch[: 2 * n], active, state, multipliers
+            Z,
+            values,
+            limits[0],
+            limits[1],
+            R,
+            vectors[5:],
+            scratch[:c],
+            active,
+            state,
+            multipliers,
         )
-        _torques(mass, qdd, bias, tau)
+        _values(mass, bias, units, values)
     residual = math.inf
     hidden = status == INFEASIBLE and _too_stiff(jacobian, offsets, w)
     status = UNSOLVED if hidden else status
     if status == OK:
         for i in range(n):
             pull[i] = tau[i] - (1.0 - offset) * bias[i]
-        residual = optimality(S, q0, mass, pull, weight, values, lower, upper, multipliers, g, away)
+        if imposed > 0:
+            _gather(mass, pull, weight, units, multipliers, g, away)
+            equation_multipliers(units, motions, steps, g, multipliers[2 * n :])
+        residual = optimality(
+            S, q0, mass, pull, weight, units, values, limits, multipliers, g, away
+        )
         status = OK if residual < math.inf else OUT_OF_RANGE
+    for j in range(s):
+        multipliers[2 * n + j] /= lengths[j]
     if status != OK:
         _clear(values)
         _clear(multipliers)
-    return status, count, rounds, residual
+    return status, count + imposed, rounds, residual

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hoap3.protocol.errors import BadProblemError
-from hoap3.remote_controller.solvers.base.task_validation import Stack, bounds_of, stacked
+from hoap3.remote_controller.solvers.base.task_validation import Stack, bounds_of, rows_of, stacked
 from hoap3.remote_controller.solvers.base.validation import number
+from hoap3.remote_controller.solvers.ghc.row_equations import impose_equations, normalised
 from hoap3.remote_controller.solvers.ghc.weighted import bounded_values
 
 Array = NDArray[np.float64]
@@ -36,6 +37,9 @@ def hqp(
     qdd_upper: ArrayLike | None = None,
     tau_lower: ArrayLike | None = None,
     tau_upper: ArrayLike | None = None,
+    rows: ArrayLike | None = None,
+    rows_lower: ArrayLike | None = None,
+    rows_upper: ArrayLike | None = None,
 ) -> tuple[Array, Array]:
     """The cascade: at each level min |J(q̈ + Z z) − b|² + ω_r |z|² within the bounds.
 
@@ -46,12 +50,13 @@ def hqp(
         levels: indices of the tasks of each level, highest first; by default every task is a level
             of its own. Tasks that are in none are left out.
         qdd_lower, qdd_upper, tau_lower, tau_upper: bounds, (n,).
+        rows, rows_lower, rows_upper: rows of q̈, as for `ghc`; equations stand above all levels.
 
     Returns:
         q̈ and τ = M q̈ + n, (n,).
 
     Raises:
-        InfeasibleError: nothing satisfies the bounds.
+        InfeasibleError: nothing satisfies the bounds and rows.
         BadProblemError: wrong shape, a value that is not finite, or levels that name no task or
             one twice.
     """
@@ -61,24 +66,27 @@ def hqp(
         raise BadProblemError(f"w_r must be positive and finite (found {damping}).")
     order = _levels(levels, len(stack.sizes))
     ql, qu, tl, tu = bounds_of(stack.n, qdd_lower, qdd_upper, tau_lower, tau_upper)
-    values = np.vstack([np.eye(stack.n), stack.mass])
-    lower, upper = np.concatenate([ql, tl - stack.bias]), np.concatenate([qu, tu - stack.bias])
+    left = impose_equations(*rows_of(stack.n, rows, rows_lower, rows_upper))
+    values = np.vstack([np.eye(stack.n), stack.mass, left.rows])
+    lower = np.concatenate([ql, tl - stack.bias, left.lower])
+    upper = np.concatenate([qu, tu - stack.bias, left.upper])
     edges = [0, *accumulate(stack.sizes)]
-    qdd, Z, slack = np.zeros(stack.n), np.eye(stack.n), 0.0
+    qdd, Z, slack = left.x, left.N, 0.0
+    normalised(values @ Z, lower - values @ qdd, upper - values @ qdd)
     for level in order:
-        rows = np.concatenate([np.arange(edges[i], edges[i + 1]) for i in level])
-        J = stack.jacobian[rows]
+        if not Z.shape[1]:
+            break
+        mine = np.concatenate([np.arange(edges[i], edges[i + 1]) for i in level])
+        J = stack.jacobian[mine]
         qdd = qdd + Z @ _step(
             J @ Z,
-            stack.targets[rows] - J @ qdd,
+            stack.targets[mine] - J @ qdd,
             damping,
             values @ Z,
             lower - slack - values @ qdd,
             upper + slack - values @ qdd,
         )
         Z, slack = Z @ _null_space(J @ Z, J), SLACK
-        if not Z.shape[1]:
-            break
     return qdd, _torque(stack, qdd)
 
 

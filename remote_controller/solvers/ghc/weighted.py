@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from hoap3.protocol.errors import BadProblemError, InfeasibleError, SolverError, UnknownNameError
 from hoap3.remote_controller.solvers.base.status import INFEASIBLE, OK
-from hoap3.remote_controller.solvers.base.task_validation import bounds_of, fit, stacked
+from hoap3.remote_controller.solvers.base.task_validation import bounds_of, fit, rows_of, stacked
 from hoap3.remote_controller.solvers.base.validation import array, number
 from hoap3.remote_controller.solvers.ghc.ghc import REGULARISED
+from hoap3.remote_controller.solvers.ghc.row_equations import impose_equations, normalised
 
 Array = NDArray[np.float64]
 
@@ -65,6 +66,9 @@ def weighted(
     qdd_upper: ArrayLike | None = None,
     tau_lower: ArrayLike | None = None,
     tau_upper: ArrayLike | None = None,
+    rows: ArrayLike | None = None,
+    rows_lower: ArrayLike | None = None,
+    rows_upper: ArrayLike | None = None,
 ) -> tuple[Array, Array]:
     """Min Σ ω_i |J_i q̈ − b_i|² + ω_r |q̈ − r|² + ω_r |τ − o|² within bounds, τ = M q̈ + n.
 
@@ -74,12 +78,13 @@ def weighted(
         w_r: ω_r, positive.
         towards: r, (n,); 0 by default, as the paper has it.
         qdd_lower, qdd_upper, tau_lower, tau_upper: bounds, (n,).
+        rows, rows_lower, rows_upper: rows of q̈, as for `ghc`.
 
     Returns:
         q̈ and τ, (n,).
 
     Raises:
-        InfeasibleError: nothing satisfies the bounds.
+        InfeasibleError: nothing satisfies the bounds and rows.
         BadProblemError: wrong shape, a value that is not finite or outside its range.
         UnknownNameError: there is no such regularisation.
     """
@@ -101,7 +106,14 @@ def weighted(
     if regularise != "none":
         H += w * mass.T @ mass
         f -= w * mass.T @ (stack.bias * (regularise == "torque"))
-    rows = np.vstack([one, mass])
-    lower, upper = np.concatenate([ql, tl - stack.bias]), np.concatenate([qu, tu - stack.bias])
-    qdd = bounded_values(H, f, rows, lower, upper)
+    left = impose_equations(*rows_of(stack.n, rows, rows_lower, rows_upper))
+    sides = np.vstack([one, mass, left.rows])
+    lower = np.concatenate([ql, tl - stack.bias, left.lower])
+    upper = np.concatenate([qu, tu - stack.bias, left.upper])
+    if left.N.shape[1] == stack.n:
+        qdd = bounded_values(H, f, sides, lower, upper)
+    else:
+        x, N, moved = left.x, left.N, sides @ left.x
+        within = normalised(sides @ N, lower - moved, upper - moved)
+        qdd = x + N @ bounded_values(N.T @ H @ N, N.T @ (f - H @ x), *within)
     return qdd, mass @ qdd + stack.bias

@@ -78,13 +78,13 @@ def test_the_proof_notices_a_wrong_answer():
 
     n = 3
     S, q0, M = np.triu(np.eye(n)), np.ones(n), np.eye(n)
-    least, most = np.full(2 * n, -2.0), np.full(2 * n, 2.0)
+    bounds = np.array([np.full(2 * n, -2.0), np.full(2 * n, 2.0)])
     values = np.ones(2 * n)
     spare = np.empty(n), np.empty(n)
 
     def residual(at, multipliers):
         return ghc_kernels.optimality(
-            S, q0, M, np.zeros(n), 0.0, at, least, most, multipliers, *spare
+            S, q0, M, np.zeros(n), 0.0, np.zeros((0, n)), at, bounds, multipliers, *spare
         )
 
     none = np.zeros(2 * n)
