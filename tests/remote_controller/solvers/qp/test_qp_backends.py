@@ -16,7 +16,7 @@ NEAR = {"osqp": 1e-4, "proxqp": 1e-6, "piqp": 1e-6}
 
 
 def random_program(seed: int) -> Program:
-    """With bounds, one-sided rows, rows that are off and equations; 0 keeps the inequalities."""
+    """With bounds, one-sided rows, rows that are off, and an equation that leaves a solution."""
     rng = np.random.default_rng(seed)
     v, r = int(rng.integers(2, 9)), int(rng.integers(1, 7))
     root, A = rng.normal(size=(v, v)), rng.normal(size=(r, v))
@@ -24,7 +24,10 @@ def random_program(seed: int) -> Program:
     least[rng.random(v + r) < 0.3], most[rng.random(v + r) < 0.3] = -NO_BOUND, NO_BOUND
     sense = np.zeros(v + r, np.int32)
     sense[v] = EQUATION
-    least[v] = most[v] = 0.1 * np.abs(A[0]).max() * min(1.0, most[:v].min(), -least[:v].max())
+    inside = rng.normal(size=v)
+    values = np.concatenate([inside, A @ inside])
+    inside *= 0.5 * np.min(np.where(values > 0.0, most, -least) / np.abs(values))
+    least[v] = most[v] = A[0] @ inside
     H = root @ root.T + 0.1 * np.eye(v)
     return Program(H, 3.0 * rng.normal(size=v), A, least, most, sense)
 

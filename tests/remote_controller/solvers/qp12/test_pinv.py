@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.errors import BadProblemError, InfeasibleError
 from hoap3.remote_controller.solvers import Pinv, pinv, pinv_plain, qp12
+from hoap3.remote_controller.solvers.qp12 import reference
 
 SHAPES = [(1, 1), (1, 21), (2, 2), (3, 21), (4, 3), (6, 7), (6, 21), (6, 2), (5, 130)]
-RANK_TOLERANCE = 1e-12
 rng = np.random.default_rng(0)
 
 
@@ -25,8 +25,8 @@ def with_singular_values(m: int, n: int, sigma: list[float]) -> NDArray[np.float
     return np.ascontiguousarray(U * sigma @ V.T)
 
 
-def reference(J: NDArray[np.float64], e: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.linalg.pinv(J, rtol=RANK_TOLERANCE) @ e
+def direction(J: NDArray[np.float64], e: NDArray[np.float64]) -> NDArray[np.float64]:
+    return reference.pinv_plain(J, e, -1.0)
 
 
 def assert_close(u: NDArray[np.float64], expected: NDArray[np.float64], tolerance: float) -> None:
@@ -38,7 +38,7 @@ def test_plain_is_numpys_pseudo_inverse(m: int, n: int) -> None:
     for _ in range(50):
         J, e, gain = rng.normal(size=(m, n)), rng.normal(size=m), rng.normal()
         condition = np.linalg.cond(J)
-        assert_close(pinv_plain(J, e, gain), -gain * reference(J, e), 1e-14 * (10 + condition))
+        assert_close(pinv_plain(J, e, gain), -gain * direction(J, e), 1e-14 * (10 + condition))
 
 
 @pytest.mark.parametrize("rank", [1, 2, 3, 4, 5, 6])
@@ -48,13 +48,13 @@ def test_rank_deficiency_is_seen_and_left_out(rank: int) -> None:
         J, e = with_singular_values(6, 21, [1.0 + i for i in range(rank)]), rng.normal(size=6)
         solver.solve_plain(J, e, 1.0, u)
         assert solver.rank == rank
-        assert_close(u, -reference(J, e), 2e-13)
+        assert_close(u, -direction(J, e), 2e-13)
 
 
 @pytest.mark.parametrize("row", [np.zeros(7), np.ones(7), np.arange(7.0)])
 def test_zero_equal_and_proportional_rows(row: NDArray[np.float64]) -> None:
     J, e = np.array([np.ones(7), row, -3 * row]), np.array([1.0, 2.0, 3.0])
-    assert_close(pinv_plain(J, e, 1.0), -reference(J, e), 1e-13)
+    assert_close(pinv_plain(J, e, 1.0), -direction(J, e), 1e-13)
 
 
 @pytest.mark.parametrize("exponent", range(-11, 1))
@@ -65,7 +65,7 @@ def test_small_singular_values_above_the_tolerance_count(exponent: int) -> None:
     e = rng.normal(size=3)
     solver.solve_plain(J, e, 1.0, u)
     assert solver.rank == 3
-    assert_close(u, -reference(J, e), 1e-15 * 10.0**-exponent + 1e-13)
+    assert_close(u, -direction(J, e), 1e-15 * 10.0**-exponent + 1e-13)
 
 
 def test_singular_values_below_the_tolerance_do_not() -> None:
@@ -73,7 +73,7 @@ def test_singular_values_below_the_tolerance_do_not() -> None:
     J, e = with_singular_values(3, 21, [1.0, 0.5, 1e-13]), rng.normal(size=3)
     solver.solve_plain(J, e, 1.0, u)
     assert solver.rank == 2
-    assert_close(u, -reference(J, e), 1e-13)
+    assert_close(u, -direction(J, e), 1e-13)
     assert np.max(np.abs(u)) < 10 * np.linalg.norm(e)
 
 
@@ -85,7 +85,7 @@ def test_rows_of_unlike_units_keep_full_accuracy() -> None:
         units = np.array([1.0, scale, 1.0])
         solver.solve_plain(even * units[:, None], units, 1.0, u)
         assert solver.rank == 3
-        assert_close(u, -reference(even, np.ones(3)), 1e-14)
+        assert_close(u, -direction(even, np.ones(3)), 1e-14)
 
 
 @pytest.mark.parametrize("scale_e", [1e-300, 1e-160, 1.0, 1e160, 1e300])
@@ -93,7 +93,7 @@ def test_rows_of_unlike_units_keep_full_accuracy() -> None:
 @pytest.mark.parametrize("rank", [2, 3])
 def test_every_scale(scale_j: float, scale_e: float, rank: int) -> None:
     J, e = with_singular_values(3, 7, [1.0, 0.7, 0.4][:rank]), rng.normal(size=3)
-    w = reference(J, e)
+    w = direction(J, e)
     gain = 1e-200 if scale_e / scale_j > 1e200 else 1.0
     if scale_j / scale_e > 1e200:
         gain = 1e200
@@ -121,7 +121,7 @@ def test_v_decreases_as_demanded_along_the_pseudo_inverse(
     sigma = np.linalg.svd(J, compute_uv=False)
     assume(sigma[0] > 1e-3)
     assume(np.all((sigma > 1e-6 * sigma[0]) | (sigma < 1e-15 * sigma[0])))
-    w = reference(J, e)
+    w = direction(J, e)
     assume(np.linalg.norm(J @ w) > 1e-3 * np.linalg.norm(e) > 0)
     u = pinv(J, e, decrease)
     power = np.abs(e) @ np.abs(J) @ np.abs(u)
@@ -135,7 +135,7 @@ def test_both_ways_agree_where_they_meet() -> None:
         J = np.zeros((2, 5))
         J[0, 0], J[1, 0], J[1, 1] = 1.0, np.cos(angle), np.sin(angle)
         e = np.array([1.0, -1.0])
-        assert_close(pinv_plain(J, e, 1.0), -reference(J, e), 1e-12)
+        assert_close(pinv_plain(J, e, 1.0), -direction(J, e), 1e-12)
 
 
 def test_one_row_is_qp12_at_gamma_0() -> None:
