@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import math
 
-from hoap3.protocol.runtime.numba_jit import Cube, Matrix, Vector, inlined, kernel
+from hoap3.protocol.runtime.numba_jit import Matrix, Vector, inlined, kernel
 from hoap3.remote_controller.solvers.clik.lmi_kernels import least_eigenvalue, stability_matrix
+from hoap3.remote_controller.solvers.sdp.memory_kernels import Check, Dual, Program
 
 NOTHING = 1e-8  # of β̃: a β up to that is no certificate
 OVER = 1e-9  # of 1 + |limit|: what is cut off as rounding
@@ -38,25 +39,16 @@ def fit(S: Matrix, limits: Matrix, gains: Vector, speed: Vector) -> float:
 
 
 @inlined
-def _duality_gap(
-    S: Matrix,
-    limits: Matrix,
-    speed: Vector,
-    delta: float,
-    gains: Vector,
-    beta: float,
-    Z: Matrix,
-    z: Matrix,
-    C: Matrix,
-    V: Matrix,
-) -> float:
+def _duality_gap(program: Program, gains: Vector, beta: float, dual: Dual, check: Check) -> float:
     """How much less than that of feasible (λ, β) the objective may be, in the units of β̃ = 1.
 
-    C is C(λ, 0). For any Z ⪰ 0 and z ≥ 0 the Lagrange function is a bound from below where it is
-    least. It is quadratic, with a Hessian of 2δ (λ) and 2 (β) at least, so it falls below its value
-    here by |g_λ|²/4δ + g_β²/4 at most, g its gradient. By the same curvature of the objective
-    |β − β*|² ≤ gap and δ|λ − λ*|² ≤ gap.
+    `check` has C(λ, 0), V and S λ. For any Z ⪰ 0 and z ≥ 0 the Lagrange function is a bound from
+    below where it is least (weak duality). It is quadratic, with a Hessian of 2δ (λ) and 2 (β) at
+    least, so it falls below its value here by |g_λ|²/4δ + g_β²/4 at most, g its gradient. By the
+    same curvature of the objective |β − β*|² ≤ gap and δ|λ − λ*|² ≤ gap.
     """
+    S, limits, delta, Z, z = program.S, program.limits, program.delta, dual.Z, dual.z
+    C, V, speed = check.C, check.V, check.speed
     n, joints = S.shape
     gap, trace, pulled = 0.0, 0.0, False
     for r in range(joints):
@@ -70,10 +62,10 @@ def _duality_gap(
         trace += Z[i, i]
         for j in range(n):
             gap += C[i, j] * Z[i, j]
-    slope = 2.0 * (beta - 1.0) + trace
+    slope = 2.0 * (beta - 1.0) + trace  # g_β
     gap += 0.25 * slope * slope - beta * trace
     for i in range(n):
-        slope = 2.0 * delta * gains[i]
+        slope = 2.0 * delta * gains[i]  # g_λ
         if pulled:
             for r in range(joints):
                 slope += S[i, r] * (z[1, r] - z[0, r])
@@ -84,79 +76,60 @@ def _duality_gap(
 
 
 @inlined
-def certified(
-    L: Matrix, G: Matrix, gains: Vector, dt: float, guess: float, squares: Cube, vectors: Matrix
-) -> float:
-    """β(λ) = λ_min(C(λ, 0))."""
-    stability_matrix(L, G, gains, 0.0, dt, squares[0], squares[1])
-    return least_eigenvalue(squares[0], guess, 0.0, vectors[3:])
+def certified(program: Program, gains: Vector, check: Check) -> float:
+    """β(λ) = λ_min(C(λ, 0)), (15)."""
+    stability_matrix(program.L, program.G, gains, 0.0, program.dt, check.C, check.V)
+    return least_eigenvalue(check.C, math.nan, 0.0, check.eigen)
 
 
 @kernel()
 def certify(
-    L: Matrix,
-    G: Matrix,
-    S: Matrix,
-    limits: Matrix,
-    dt: float,
-    delta: float,
-    points: Matrix,
-    Z: Matrix,
-    z: Matrix,
-    squares: Cube,
-    vectors: Matrix,
+    program: Program, x: Vector, dual: Dual, check: Check
 ) -> tuple[float, float, float, float, bool]:
     """What is known of gains, wherever they come from; in the units of β̃ = 1, as for `optimise`.
 
-    Gains that break a limit are shortened; without a certificate they become 0. S λ is left in the
-    first of the vectors.
+    Gains that break a limit are shortened; without a certificate they become 0. `check` is left
+    with S λ.
 
     Returns:
         β, slack of the matrix inequality, margin of the limits, gap, whether V is proved to fall.
     """
-    n, joints = S.shape
-    C, V, W = squares[0], squares[1], squares[2]
-    x, speed = points[0], vectors[0, :joints]
+    L, G, S, limits, dt = program.L, program.G, program.S, program.limits, program.dt
+    C, V, W = check.C, check.V, check.W
+    n = S.shape[0]
     gains = x[:n]
-    margin = fit(S, limits, gains, speed)
+    margin = fit(S, limits, gains, check.speed)
     stability_matrix(L, G, gains, 0.0, dt, C, V)
     for i in range(n):
         for j in range(n):
             W[i, j] = C[i, j]
-    beta = least_eigenvalue(W, x[n], 0.0, vectors[3:])
+    beta = least_eigenvalue(W, float(x[n]), 0.0, check.eigen)
     kept = beta > NOTHING
     if not kept:
         beta = 0.0
         for i in range(n + 1):
             x[i] = 0.0
-        margin = fit(S, limits, gains, speed)
+        margin = fit(S, limits, gains, check.speed)
         stability_matrix(L, G, gains, 0.0, dt, C, V)
-    gap = _duality_gap(S, limits, speed, delta, gains, beta, Z, z, C, V)
-    return beta, beta - x[n], margin, gap, kept
+    gap = _duality_gap(program, gains, beta, dual, check)
+    return beta, beta - float(x[n]), margin, gap, kept
 
 
 @inlined
 def keep_better(
-    L: Matrix,
-    G: Matrix,
-    S: Matrix,
-    limits: Matrix,
-    dt: float,
-    desired: float,
-    last: Vector,
-    points: Matrix,
-    squares: Cube,
-    vectors: Matrix,
+    program: Program, desired: float, last: Vector, found: Vector, kept: Vector, check: Check
 ) -> None:
-    """Replace λ by the gains of the last solve, if these, shortened, certify more."""
-    n, joints = S.shape
-    found, kept, speed = points[0], points[1], vectors[0, :joints]
+    """Replace λ by the gains of the last solve, if these, shortened, certify more.
+
+    `last` are these gains [1/s]; kept: (n + 1,), scratch: the same in the units of β̃, and β.
+    """
+    n = program.S.shape[0]
     for i in range(n):
         kept[i] = last[i] / desired
-    fit(S, limits, found[:n], speed)
-    fit(S, limits, kept[:n], speed)
-    beta = certified(L, G, found[:n], dt, math.nan, squares, vectors)
-    kept[n] = certified(L, G, kept[:n], dt, math.nan, squares, vectors)
+    fit(program.S, program.limits, found[:n], check.speed)
+    fit(program.S, program.limits, kept[:n], check.speed)
+    beta = certified(program, found[:n], check)
+    kept[n] = certified(program, kept[:n], check)
     if kept[n] > beta:
         for i in range(n + 1):
             found[i] = kept[i]

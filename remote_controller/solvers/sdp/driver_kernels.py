@@ -4,15 +4,7 @@ from __future__ import annotations
 
 import math
 
-from hoap3.protocol.runtime.numba_jit import (
-    Cube,
-    IndexRows,
-    Indices,
-    Matrix,
-    Vector,
-    inlined,
-    kernel,
-)
+from hoap3.protocol.runtime.numba_jit import Vector, inlined, kernel
 from hoap3.remote_controller.solvers.clik.lmi_kernels import stability_matrix
 from hoap3.remote_controller.solvers.linalg.dense_kernels import dot, eigenvectors
 from hoap3.remote_controller.solvers.linalg.small_product_kernels import dot_column
@@ -22,6 +14,18 @@ from hoap3.remote_controller.solvers.sdp.interior_point_kernels import (
     interior,
     locked,
     renew,
+)
+from hoap3.remote_controller.solvers.sdp.memory_kernels import (
+    ENDED,
+    HOLDING,
+    RANK,
+    Active,
+    Check,
+    Dual,
+    Points,
+    Program,
+    Slacks,
+    Work,
 )
 from hoap3.remote_controller.solvers.sdp.newton_kernels import active_set_newton
 
@@ -33,40 +37,30 @@ CLOSE = 2  # or so near the optimum that Newton's method had begun
 
 
 @kernel()
-def _guess(
-    S: Matrix,
-    limits: Matrix,
-    x: Vector,
-    Z: Matrix,
-    z: Matrix,
-    block: Indices,
-    Y: Matrix,
-    home: Indices,
-    held: Indices,
-    nu: Vector,
-    C: Matrix,
-    W: Matrix,
-    Q: Matrix,
-) -> tuple[int, int]:
-    """From an interior point: which eigenvectors of Z and which limits matter at the optimum.
+def _guess(program: Program, x: Vector, dual: Dual, active: Active, check: Check) -> None:
+    """From an interior point: which eigenvectors of Z and which limits are active at the optimum.
 
-    Those whose multiplier is larger than what it is the multiplier of. Returns how many of each.
+    Those whose multiplier is larger than what it is the multiplier of. `check` has C; written are
+    all of `active` but the blocks.
     """
+    S, limits, Z, z = program.S, program.limits, dual.Z, dual.z
+    C, W, E, Y, block = check.C, check.W, check.E, active.Y, active.block
+    held, nu = active.held, active.nu
     n, rank, holding = S.shape[0], 0, 0
     for i in range(n):
         for j in range(n):
             W[i, j] = Z[i, j]
-    eigenvectors(W, Q, n)
+    eigenvectors(W, E, n)
     for k in range(n):
         other, largest = 0.0, 0
         for i in range(n):
-            other += Q[k, i] * dot(C[i], Q[k])
-            largest = i if abs(Q[k, i]) > abs(Q[k, largest]) else largest
+            other += E[k, i] * dot(C[i], E[k])
+            largest = i if abs(E[k, i]) > abs(E[k, largest]) else largest
         if W[k, k] > max(other, 0.0) and rank < Y.shape[0]:
             root = math.sqrt(W[k, k])
-            home[rank] = block[largest]
+            active.home[rank] = block[largest]
             for i in range(n):
-                Y[rank, i] = root * Q[k, i] if block[i] == home[rank] else 0.0
+                Y[rank, i] = root * E[k, i] if block[i] == active.home[rank] else 0.0
             rank += 1
     for r in range(S.shape[1]):
         speed = 0.0
@@ -81,25 +75,24 @@ def _guess(
         elif z[0, r] > speed - limits[0, r] and holding < n:
             held[holding], nu[holding] = -r - 1, z[0, r]
             holding += 1
-    return rank, holding
+    active.counts[RANK], active.counts[HOLDING] = rank, holding
 
 
 @inlined
-def _multipliers(
-    Y: Matrix, rank: int, held: Indices, holding: int, nu: Vector, Z: Matrix, z: Matrix
-) -> None:
+def _multipliers(active: Active, dual: Dual) -> None:
     """Write Z = Y Yᵀ and the multipliers of the limits."""
+    Y, held, nu, Z, z = active.Y, active.held, active.nu, dual.Z, dual.z
     n = Z.shape[0]
     for i in range(n):
         for j in range(n):
             Z[i, j] = Y[0, i] * Y[0, j]
-        for k in range(1, rank):
+        for k in range(1, active.counts[RANK]):
             for j in range(n):
                 Z[i, j] += Y[k, i] * Y[k, j]
     for side in range(2):
         for r in range(z.shape[1]):
             z[side, r] = 0.0
-    for a in range(holding):
+    for a in range(active.counts[HOLDING]):
         side, r = (1, held[a] - 1) if held[a] > 0 else (0, -held[a] - 1)
         z[side, r] = max(nu[a], 0.0)
         if nu[a] < 0.0:  # of a joint that may not move: its other limit holds
@@ -107,63 +100,41 @@ def _multipliers(
 
 
 @inlined
-def _spring_multipliers(S: Matrix, limits: Matrix, x: Vector, z: Matrix) -> None:
+def _spring_multipliers(program: Program, x: Vector, dual: Dual) -> None:
     """Write what holds the joints that may not move, where the interior-point method held them."""
-    for r in range(S.shape[1]):
-        if locked(limits, r):
-            pull = SPRING * dot_column(S, r, x)
-            z[0, r], z[1, r] = max(-pull, 0.0), max(pull, 0.0)
+    for r in range(program.S.shape[1]):
+        if locked(program.limits, r):
+            pull = SPRING * dot_column(program.S, r, x)
+            dual.z[0, r], dual.z[1, r] = max(-pull, 0.0), max(pull, 0.0)
 
 
 @kernel()
 def polish(
-    L: Matrix,
-    G: Matrix,
-    S: Matrix,
-    limits: Matrix,
-    dt: float,
-    delta: float,
-    budget: int,
-    points: Matrix,
-    Y: Matrix,
-    integers: IndexRows,
-    counts: Indices,
-    nu: Vector,
-    Z: Matrix,
-    z: Matrix,
-    squares: Cube,
-    K: Matrix,
-    vectors: Matrix,
+    program: Program, budget: int, points: Points, active: Active, dual: Dual, work: Work
 ) -> tuple[bool, int]:
     """Newton's method from a point near the optimum with its multipliers; as for `optimise`.
 
     Returns:
         Whether it arrived, and all is overwritten by the optimum; steps taken.
     """
-    n = S.shape[0]
-    block, home, held, x, trial = integers[0], integers[1], integers[2], points[0], points[1]
-    stability_matrix(L, G, x[:n], x[n], dt, squares[0], squares[1])
-    rank, holding = _guess(
-        S, limits, x, Z, z, block, Y, home, held, nu, squares[0], squares[2], squares[3]
-    )
+    n, x, trial, check = program.S.shape[0], points.x, points.trial, work.check
+    stability_matrix(program.L, program.G, x[:n], float(x[n]), program.dt, check.C, check.V)
+    _guess(program, x, dual, active, check)
     for i in range(n + 1):
         trial[i] = x[i]
-    problem, scratch = (L, G, S, limits, dt, delta), (squares[0], squares[1], K, vectors)
-    good, holding, taken = active_set_newton(
-        *problem, trial, Y, block, home, rank, held, holding, nu, budget, *scratch
-    )
-    counts[0], counts[1] = 0, 0
+    good, taken = active_set_newton(program, trial, active, budget, work.newton)
     if good:
         for i in range(n + 1):
             x[i] = trial[i]
-        counts[0], counts[1] = rank, holding
-        _multipliers(Y, rank, held, holding, nu, Z, z)
+        _multipliers(active, dual)
+    else:
+        active.counts[RANK], active.counts[HOLDING] = 0, 0
     return good, taken
 
 
 @inlined
 def _begin_or_go_on(
-    S: Matrix, limits: Matrix, points: Matrix, Z: Matrix, z: Matrix, sides: Cube, counts: Indices
+    program: Program, points: Points, active: Active, dual: Dual, slacks: Slacks
 ) -> bool:
     """Write where the interior-point method begins: where the last budget ended, if it did.
 
@@ -171,94 +142,68 @@ def _begin_or_go_on(
     On the way from inside it may; close to the optimum of the tick before a limit or an eigenvalue
     is nearly 0, from where it would not get on, and Newton's method is all there is to try.
     """
-    x, inside, slack = points[0], points[4], sides[0]
-    going_on: bool = counts[5] > 0
-    for i in range(S.shape[0] + 1 if going_on else 0):
+    x, inside = points.x, points.inside
+    going_on: bool = active.counts[ENDED] > 0
+    for i in range(program.S.shape[0] + 1 if going_on else 0):
         x[i] = inside[i]
     if going_on:
-        renew(S, limits, z, slack)
+        renew(program, dual.z, slacks.s)
     else:
-        begin_inside(S, limits, x, Z, z, slack)
-    counts[5] = 0
+        begin_inside(program, x, dual, slacks.s)
+    active.counts[ENDED] = 0
     return going_on
 
 
 @kernel()
 def optimise(
-    L: Matrix,
-    G: Matrix,
-    S: Matrix,
-    limits: Matrix,
-    dt: float,
-    delta: float,
-    budget: int,
-    points: Matrix,
-    Y: Matrix,
-    integers: IndexRows,
-    counts: Indices,
-    nu: Vector,
-    Z: Matrix,
-    z: Matrix,
-    squares: Cube,
-    K: Matrix,
-    vectors: Matrix,
-    sides: Cube,
+    program: Program, budget: int, points: Points, active: Active, dual: Dual, work: Work
 ) -> tuple[int, int, int]:
     """Find λ and β in the units of β̃ = 1, from the last ones if these are of any use.
 
     Args:
-        L, G, S, limits, dt, delta: as for `active_set_newton`.
+        program: see there.
         budget: how many iterations are allowed, of both kinds together.
-        points: λ and β, (5, n + 1) or longer: the last one, overwritten by the answer; scratch; two
-            that are others'; where the interior-point method is when the budget is spent.
-        Y: of the last one, (any, n); overwritten.
-        integers: blocks of L, homes of the y_k, limits that hold, (3, n); the latter two from last.
-        counts: how many y_k and how many held limits there are, none where nothing is known; three
-            that are others'; where the budget ended, for the next time; (6,).
-        nu: multipliers of the limits, (n,).
-        Z, z: written: multipliers of C and the limits, (n, n) and (2, joints). They and the first
-            of `sides` are to be kept where the interior-point method goes on the next time.
-        squares, K, vectors, sides: scratch; see `SdpGains`.
+        points: x: the last answer, overwritten by the new one; inside: where the interior-point
+            method was when the last budget was spent, likewise.
+        active: of the last answer; overwritten.
+        dual: written. It and the slacks are to be kept where the interior-point method goes on
+            the next time.
+        work: scratch.
 
     Returns:
         Path; Newton steps; iterations of the interior-point method.
     """
-    block, home, held = integers[0], integers[1], integers[2]
-    x, newton = points[0], 0
-    problem, scratch = (L, G, S, limits, dt, delta), (squares[0], squares[1], K, vectors)
-    if counts[0] > 0:
+    x, counts, newton = points.x, active.counts, 0
+    if counts[RANK] > 0:
         half = max(budget // 2, 1)  # from a guess that misleads, there must be time to begin anew
-        good, counts[1], newton = active_set_newton(
-            *problem, x, Y, block, home, counts[0], held, counts[1], nu, half, *scratch
-        )
+        good, newton = active_set_newton(program, x, active, half, work.newton)
         if good:
-            _multipliers(Y, counts[0], held, counts[1], nu, Z, z)
+            _multipliers(active, dual)
             return WARM, newton, 0
-    tries, inner, close, spent = 0, 0, counts[5] == CLOSE, False
-    going_on = _begin_or_go_on(S, limits, points, Z, z, sides, counts)
+    tries, inner, close, spent = 0, 0, counts[ENDED] == CLOSE, False
+    going_on = _begin_or_go_on(program, points, active, dual, work.slacks)
     while True:
         near, taken = True, 0
         if not close:
             left, tolerance = budget - newton - inner, FIRST_TRY * 0.1**tries
-            near, taken = interior(*problem, x, Z, z, tolerance, left, squares, K, vectors, sides)
+            near, taken = interior(program, x, dual, tolerance, left, work)
         inner += taken
         left = budget - newton - inner
-        good, taken = polish(
-            *problem, left, points, Y, integers, counts, nu, Z, z, squares, K, vectors
-        )
+        good, taken = polish(program, left, points, active, dual, work)
         newton += taken
         if good:
             return IPM, newton, inner
         spent = newton + inner >= budget
         if going_on and not spent and (close or not near):
-            going_on, close = _begin_or_go_on(S, limits, points, Z, z, sides, counts), False
+            going_on = _begin_or_go_on(program, points, active, dual, work.slacks)
+            close = False
             continue
         if not near or tries == TRIES or spent:
             break
         tries += 1
     if spent and not close:
-        counts[5] = CLOSE if near else INSIDE
-        for i in range(S.shape[0] + 1):
-            points[4, i] = x[i]
-    _spring_multipliers(S, limits, x, z)
+        counts[ENDED] = CLOSE if near else INSIDE
+        for i in range(program.S.shape[0] + 1):
+            points.inside[i] = x[i]
+    _spring_multipliers(program, x, dual)
     return BUDGET if spent else IPM, newton, inner

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 
-from hoap3.protocol.runtime.numba_jit import Cube, Matrix, Vector, inlined, kernel
+from hoap3.protocol.runtime.numba_jit import Matrix, Vector, inlined, kernel
 from hoap3.remote_controller.solvers.clik.lmi_kernels import least_eigenvalue, stability_matrix
 from hoap3.remote_controller.solvers.linalg.dense_kernels import (
     add,
@@ -33,6 +33,14 @@ from hoap3.remote_controller.solvers.linalg.small_product_kernels import (
     transposed_times,
 )
 from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import factorise, syrk
+from hoap3.remote_controller.solvers.sdp.memory_kernels import (
+    Dual,
+    Iterate,
+    Program,
+    Slacks,
+    Step,
+    Work,
+)
 
 ROOM = 1e-10  # limits closer to 0 than that on both sides let nothing move
 SHARE = 0.1  # of the largest entry of S: a limit closer to 0 is kept only in the end
@@ -43,21 +51,24 @@ SMALL = 1e-3  # step: nothing is gained any more
 
 
 @kernel(superwords=True)
-def _reach(P: Matrix, D: Matrix, W: Matrix, X: Matrix, vectors: Matrix) -> float:
-    """The longest step a, with A + a D ⪰ 0 where P A Pᵀ = I."""
+def _reach(P: Matrix, D: Matrix, product: Matrix, scaled: Matrix, eigen: Matrix) -> float:
+    """The longest step a, with A + a D ⪰ 0 where P A Pᵀ = I: −1/λ_min(P D Pᵀ).
+
+    product, scaled: (n, n), written: P D and P D Pᵀ; eigen: of `least_eigenvalue`.
+    """
     n = P.shape[0]
-    times(P, D, W)
+    times(P, D, product)
     for i in range(n):
         for j in range(i + 1):
-            X[i, j] = dot(W[i, : j + 1], P[j, : j + 1])
-            X[j, i] = X[i, j]
-    least = least_eigenvalue(X, math.nan, COARSE, vectors)
+            scaled[i, j] = dot(product[i, : j + 1], P[j, : j + 1])
+            scaled[j, i] = scaled[i, j]
+    least = least_eigenvalue(scaled, math.nan, COARSE, eigen)
     return -1.0 / least if least < 0.0 else math.inf
 
 
 @inlined
 def _change(V: Matrix, dx: Vector, D: Matrix) -> None:
-    """∂C/∂x · dx."""
+    """∂C/∂x·dx, of which ∂C/∂λ_i = v_i e_iᵀ + e_i v_iᵀ and ∂C/∂β = −I."""
     n = V.shape[0]
     for i in range(n):
         for j in range(i, n):
@@ -76,16 +87,14 @@ def _bend(G: Matrix, dx: Vector, dt: float, D: Matrix, out: Matrix) -> None:
 
 
 @kernel()
-def _dual_step(
-    X: Matrix, Z: Matrix, D: Matrix, Q: Matrix, W: Matrix, T: Matrix, out: Matrix
-) -> None:
-    """Q − Z − the symmetric part of X D Z."""
-    n = X.shape[0]
-    times(X, D, W)
-    times(W, Z, T)
+def _dual_step(X: Matrix, Z: Matrix, step: Step) -> None:
+    """DZ = Q − Z − the symmetric part of X D Z: C Z = μI, linearised (HKM)."""
+    n, T, Q, dZ = X.shape[0], step.T, step.Q, step.Z_step
+    times(X, step.D, step.W)
+    times(step.W, Z, T)
     for i in range(n):
         for j in range(n):
-            out[i, j] = Q[i, j] - Z[i, j] - 0.5 * (T[i, j] + T[j, i])
+            dZ[i, j] = Q[i, j] - Z[i, j] - 0.5 * (T[i, j] + T[j, i])
 
 
 @inlined
@@ -96,10 +105,9 @@ def locked(limits: Matrix, r: int) -> bool:
 
 
 @kernel()
-def _missing(
-    S: Matrix, limits: Matrix, x: Vector, speed: Vector, slack: Matrix, miss: Matrix
-) -> None:
-    """How much more than the distance to the limits each slack is."""
+def _missing(program: Program, x: Vector, speed: Vector, slacks: Slacks) -> None:
+    """How much more than the distance to the limits each slack is; speed: (joints,), S λ."""
+    S, limits, slack, miss = program.S, program.limits, slacks.s, slacks.miss
     for r in range(speed.size):
         speed[r] = 0.0
     add_rows(speed, x, S, 0, S.shape[0], 0)
@@ -111,17 +119,9 @@ def _missing(
 
 
 @kernel()
-def _limit_step(
-    S: Matrix,
-    dx: Vector,
-    slack: Matrix,
-    z: Matrix,
-    miss: Matrix,
-    aim: Matrix,
-    fall: Matrix,
-    dz: Matrix,
-) -> None:
+def _limit_step(S: Matrix, dx: Vector, z: Matrix, slacks: Slacks) -> None:
     """How much each slack falls along dx, and how much its multiplier changes: z s = aim·s."""
+    slack, miss, fall, aim, dz = slacks.s, slacks.miss, slacks.fall, slacks.aim, slacks.dz
     upper, n = fall[1], S.shape[0]
     for r in range(upper.size):
         upper[r] = 0.0
@@ -137,9 +137,10 @@ def _limit_step(
 
 @kernel()
 def _shorten(
-    slack: Matrix, fall: Matrix, z: Matrix, dz: Matrix, most: float, primal: float, dual: float
+    slacks: Slacks, z: Matrix, most: float, primal: float, dual: float
 ) -> tuple[float, float]:
     """Steps that leave every slack and every multiplier at least 1 − most of what it is."""
+    slack, fall, dz = slacks.s, slacks.fall, slacks.dz
     for side in range(2):
         for r in range(slack.shape[1]):
             if slack[side, r] < math.inf:
@@ -151,48 +152,37 @@ def _shorten(
 
 
 @kernel(superwords=True)
-def _hessian(
-    G: Matrix,
-    S: Matrix,
-    limits: Matrix,
-    Z: Matrix,
-    z: Matrix,
-    X: Matrix,
-    V: Matrix,
-    XV: Matrix,
-    ZV: Matrix,
-    slack: Matrix,
-    dt: float,
-    delta: float,
-    VXV: Matrix,
-    VZV: Matrix,
-    scratch: Vector,
-    weighted: Vector,
-    K: Matrix,
-) -> None:
-    """The upper triangle of the matrix of a step, with the multipliers eliminated."""
+def _hessian(program: Program, dual: Dual, slack: Matrix, it: Iterate, step: Step) -> None:
+    """The upper triangle of K, the matrix of a step with dZ and dz eliminated (Schur complement).
+
+    2δI + 2Δt G∘Z for λ and 2 for β, of the Lagrange function; ⟨∂C/∂x_i, X ∂C/∂x_j Z⟩, of C; and
+    Sᵀ diag(z/s) S, of the limits.
+    """
+    G, S, Z, z, K = program.G, program.S, dual.Z, dual.z, step.K
+    X, XV, ZV, VXV, VZV = it.X, it.XV, it.ZV, it.VXV, it.VZV
+    column, weighted = step.column, step.weighted
     n, joints = S.shape
-    transposed_times(V, XV, VXV, scratch)
-    transposed_times(V, ZV, VZV, scratch)
+    transposed_times(it.V, XV, VXV, column)
+    transposed_times(it.V, ZV, VZV, column)
     K[n, n] = 2.0
     for i in range(n):
         K[i, n] = 0.0
         for j in range(i, n):
             mixed = XV[i, j] * ZV[j, i] + XV[j, i] * ZV[i, j]
-            plain = X[i, j] * VZV[i, j] + Z[i, j] * (VXV[i, j] + 2.0 * dt * G[i, j])
+            plain = X[i, j] * VZV[i, j] + Z[i, j] * (VXV[i, j] + 2.0 * program.dt * G[i, j])
             K[i, j] = mixed + plain
-        K[i, i] += 2.0 * delta
+        K[i, i] += 2.0 * program.delta
         for k in range(n):
             K[i, n] -= X[i, k] * ZV[k, i] + Z[i, k] * XV[k, i]
         K[n, n] += dot(X[i], Z[i])
     for r in range(joints):  # a slack of inf weighs 0
-        scratch[r] = z[0, r] / slack[0, r] + z[1, r] / slack[1, r]
-        scratch[r] = SPRING if locked(limits, r) else scratch[r]
+        column[r] = z[0, r] / slack[0, r] + z[1, r] / slack[1, r]
+        column[r] = SPRING if locked(program.limits, r) else column[r]
     for i in range(n):
         for r in range(joints):
-            weighted[r] = scratch[r] * S[i, r]
+            weighted[r] = column[r] * S[i, r]
         for j in range(i, n):
-            K[i, j] += dot(weighted[:joints], S[j])
+            K[i, j] += dot(weighted, S[j])
 
 
 @inlined
@@ -204,8 +194,9 @@ def _begin_limit(limits: Matrix, side: int, r: int, least: float, slack: Matrix,
 
 
 @kernel()
-def begin_inside(S: Matrix, limits: Matrix, x: Vector, Z: Matrix, z: Matrix, slack: Matrix) -> None:
+def begin_inside(program: Program, x: Vector, dual: Dual, slack: Matrix) -> None:
     """Write the first iterate: λ = 0, β = −1, Z as stationarity in β has it, z as units suggest."""
+    S, Z = program.S, dual.Z
     (n, joints), largest = S.shape, ROOM
     for i in range(n):
         for j in range(n):
@@ -216,13 +207,13 @@ def begin_inside(S: Matrix, limits: Matrix, x: Vector, Z: Matrix, z: Matrix, sla
     x[n] = -1.0
     for side in range(2):
         for r in range(joints):
-            _begin_limit(limits, side, r, SHARE * largest, slack, z)
+            _begin_limit(program.limits, side, r, SHARE * largest, slack, dual.z)
 
 
 @kernel()
-def renew(S: Matrix, limits: Matrix, z: Matrix, slack: Matrix) -> None:
+def renew(program: Program, z: Matrix, slack: Matrix) -> None:
     """Begin anew for each limit that was none, or is none now."""
-    largest = ROOM
+    S, limits, largest = program.S, program.limits, ROOM
     for i in range(S.shape[0]):
         for r in range(S.shape[1]):
             largest = max(largest, abs(S[i, r]))
@@ -235,55 +226,33 @@ def renew(S: Matrix, limits: Matrix, z: Matrix, slack: Matrix) -> None:
 
 @kernel()
 def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to its end
-    L: Matrix,
-    G: Matrix,
-    S: Matrix,
-    limits: Matrix,
-    dt: float,
-    delta: float,
-    x: Vector,
-    Z: Matrix,
-    z: Matrix,
-    tolerance: float,
-    budget: int,
-    squares: Cube,
-    K: Matrix,
-    vectors: Matrix,
-    sides: Cube,
+    program: Program, x: Vector, duals: Dual, tolerance: float, budget: int, work: Work
 ) -> tuple[bool, int]:
     """Go on from C(x) ≻ 0, Z ≻ 0, z > 0 and slacks > 0 until x is known to the tolerance.
 
     Args:
-        L, G: (n, n), and LᵀL.
-        S: Sᵀ, (n, joints).
-        limits: of S λ, (2, joints), ∓inf where there is none.
-        dt, delta: Δt β̃ and δ.
+        program: see there.
         x: λ and β, (n + 1,); overwritten.
-        Z: multiplier of C, (n, n); overwritten.
-        z: multipliers of the limits, (2, joints), 0 where there is none; overwritten.
+        duals: Z and z; overwritten.
         tolerance: of what a step to the optimum would change, relative to 1 + |λ|.
         budget: how many iterations are allowed.
-        squares: scratch, (13, n, n), C and V first.
-        K: scratch, (n + 1, n + 1) or larger.
-        vectors: scratch, (6, n + 1 or joints, whichever is more).
-        sides: (5, 2, joints): the slacks, inf where there is no limit, overwritten; scratch.
+        work: scratch, and the slacks, which are overwritten.
 
     Returns:
         Whether the tolerance was reached; iterations.
     """
+    G, S, limits, dt, delta = program.G, program.S, program.limits, program.dt, program.delta
+    Z, z, it, step, slacks = duals.Z, duals.z, work.iterate, work.step, work.slacks
+    C, V, U, P, PZ, X = it.C, it.V, it.U, it.P, it.PZ, it.X
+    K, g, dx, D, dZ, Q, W, T = step.K, step.g, step.dx, step.D, step.Z_step, step.Q, step.W, step.T
+    slack, miss, fall, aim, dz = slacks.s, slacks.miss, slacks.fall, slacks.aim, slacks.dz
     n, joints = S.shape
-    C, V, U, P, X = squares[0], squares[1], squares[2], squares[3], squares[4]
-    XV, ZV, D, dZ = squares[5], squares[6], squares[7], squares[8]
-    W, T, PZ, Q = squares[9], squares[10], squares[11], squares[12]
-    dx: Vector = vectors[0, : n + 1]
-    g: Vector = vectors[1, : n + 1]
-    scratch, spectrum = vectors[2], vectors[3:]
-    slack, fall, dz, aim, miss = sides[0], sides[1], sides[2], sides[3], sides[4]
+    column = step.column
     primal, dual = 0.5, 0.5  # steps before the first
     for taken in range(budget):
-        stability_matrix(L, G, x[:n], float(x[n]), dt, C, V)
-        _missing(S, limits, x, scratch[:joints], slack, miss)
-        if not root_inverse(C, U, P, scratch) or not root_inverse(Z, U, PZ, scratch):
+        stability_matrix(program.L, G, x[:n], float(x[n]), dt, C, V)
+        _missing(program, x, column[:joints], slacks)
+        if not root_inverse(C, U, P, column) or not root_inverse(Z, U, PZ, column):
             return False, taken
         clear(X)
         syrk(X, 1.0, P, n)
@@ -298,10 +267,10 @@ def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to it
                 if slack[side, r] < math.inf:
                     gap += slack[side, r] * z[side, r]
                     count += 1
-        times(X, V, XV)
-        times(Z, V, ZV)
-        _hessian(G, S, limits, Z, z, X, V, XV, ZV, slack, dt, delta, D, W, scratch, spectrum[0], K)
-        if factorise(K, n + 1, 0.0, scratch) < n + 1:
+        times(X, V, it.XV)
+        times(Z, V, it.ZV)
+        _hessian(program, duals, slack, it, step)
+        if factorise(K, n + 1, 0.0, column) < n + 1:
             return False, taken
         for i in range(n):
             g[i] = -2.0 * delta * x[i]
@@ -325,15 +294,15 @@ def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to it
         if not error < math.inf:
             return False, taken
 
-        # the predictor: where it leads tells what is neglected, of second order
+        # Mehrotra's predictor: where it leads tells what is neglected, of second order
         clear(Q)
         _change(V, dx, D)
-        _dual_step(X, Z, D, Q, W, T, dZ)
-        _limit_step(S, dx, slack, z, miss, aim, fall, dz)
+        _dual_step(X, Z, step)
+        _limit_step(S, dx, z, slacks)
         least = min(primal, dual)
         mu = gap / count * max(CENTRED * (1.0 - least), LEAST_CENTRED)
 
-        # the corrector: with that, and aimed at μ
+        # the corrector: with that, Q = μX − ½(X E + Eᵀ X), E = D dZ − Δt (dλ dλᵀ∘G) Z, aimed at μ
         times(D, dZ, W)
         for i in range(n):
             for k in range(n):
@@ -356,13 +325,13 @@ def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to it
         solve_lower(K, dx)
         solve_upper(K, dx)
         _change(V, dx, D)
-        _dual_step(X, Z, D, Q, W, T, dZ)
-        _bend(G, dx, dt, D, W)
+        _dual_step(X, Z, step)
+        _bend(G, dx, dt, D, step.bent)
         most = 0.9 + 0.09 * least
-        primal = min(1.0, most * _reach(P, W, T, U, spectrum))
-        dual = min(1.0, most * _reach(PZ, dZ, T, U, spectrum))
-        _limit_step(S, dx, slack, z, miss, aim, fall, dz)
-        primal, dual = _shorten(slack, fall, z, dz, most, primal, dual)
+        primal = min(1.0, most * _reach(P, step.bent, T, step.scaled, step.eigen))
+        dual = min(1.0, most * _reach(PZ, dZ, T, step.scaled, step.eigen))
+        _limit_step(S, dx, z, slacks)
+        primal, dual = _shorten(slacks, z, most, primal, dual)
         for i in range(n + 1):
             x[i] += primal * dx[i]
         for i in range(n):

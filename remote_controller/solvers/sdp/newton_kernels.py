@@ -19,9 +19,16 @@ from __future__ import annotations
 
 import math
 
-from hoap3.protocol.runtime.numba_jit import Indices, Matrix, Vector, inlined, kernel
+from hoap3.protocol.runtime.numba_jit import Matrix, Vector, inlined, kernel
 from hoap3.remote_controller.solvers.clik.lmi_kernels import stability_matrix
 from hoap3.remote_controller.solvers.linalg.ldlt_kernels import solve_quasidefinite
+from hoap3.remote_controller.solvers.sdp.memory_kernels import (
+    HOLDING,
+    RANK,
+    Active,
+    Newton,
+    Program,
+)
 
 CONVERGED = 1e-6  # of 1 + |λ|: the step after one of that size is rounding
 STEPS = 8  # of one Newton iteration; from a good guess it takes two or three
@@ -42,28 +49,14 @@ def _limit(limits: Matrix, held: int) -> float:
 
 @inlined
 def _fill(  # noqa: PLR0912 - one case after the other
-    G: Matrix,
-    S: Matrix,
-    limits: Matrix,
-    dt: float,
-    delta: float,
-    x: Vector,
-    Y: Matrix,
-    block: Indices,
-    home: Indices,
-    rank: int,
-    held: Indices,
-    holding: int,
-    nu: Vector,
-    C: Matrix,
-    V: Matrix,
-    K: Matrix,
-    b: Vector,
-    w: Vector,
+    program: Program, x: Vector, active: Active, newton: Newton
 ) -> int:
-    """Write the Newton matrix K, its upper triangle, and the negative of what is to vanish, b."""
-    n, size = block.size, block.size + 1
-    for i in range(n):
+    """Write K, its upper triangle, and b, both of the conditions above; how many unknowns."""
+    G, S, dt, delta = program.G, program.S, program.dt, program.delta
+    Y, nu, block, home = active.Y, active.nu, active.block, active.home
+    C, V, K, b, w = newton.C, newton.V, newton.K, newton.b, newton.w
+    n, size, rank = block.size, block.size + 1, active.counts[RANK]
+    for i in range(n):  # ∂²/∂λ² of the Lagrange function, 2δI + 2Δt G∘Z, and of β, 2
         for j in range(i, n):
             K[i, j] = Y[0, i] * Y[0, j]
         for k in range(1, rank):
@@ -75,7 +68,7 @@ def _fill(  # noqa: PLR0912 - one case after the other
         K[i, n] = 0.0
         b[i] = -2.0 * delta * x[i]
     K[n, n], b[n] = 2.0, -2.0 * (x[n] - 1.0)
-    for k in range(rank):
+    for k in range(rank):  # −2 C y_k = 0, with ∂(C y_k)/∂λ_i = v_i y_ki + e_i (v_iᵀy_k)
         for i in range(n):
             w[i] = 0.0
         for j in range(n):
@@ -104,8 +97,9 @@ def _fill(  # noqa: PLR0912 - one case after the other
                 pull += C[p, q] * Y[k, q]
             b[size] = 2.0 * pull
             size += 1
-    for a in range(holding):
-        sign, r = (1.0, held[a] - 1) if held[a] > 0 else (-1.0, -held[a] - 1)
+    for a in range(active.counts[HOLDING]):  # S λ = limit
+        held = active.held[a]
+        sign, r = (1.0, held - 1) if held > 0 else (-1.0, -held - 1)
         value = 0.0
         for i in range(n):
             K[i, size] = sign * S[i, r]
@@ -113,30 +107,31 @@ def _fill(  # noqa: PLR0912 - one case after the other
             b[i] -= sign * S[i, r] * nu[a]
         for column in range(n, size + 1):
             K[column, size] = 0.0
-        b[size] = sign * (_limit(limits, held[a]) - value)
+        b[size] = sign * (_limit(program.limits, held) - value)
         size += 1
     return size
 
 
 @inlined
-def _begin(block: Indices, home: Indices, k: int) -> int:
+def _begin(active: Active, k: int) -> int:
     """Where the entries of y_k begin among the unknowns."""
-    n, begin = block.size, block.size + 1
+    n, begin = active.block.size, active.block.size + 1
     for other in range(k):
         for q in range(n):
-            begin += 1 if block[q] == home[other] else 0
+            begin += 1 if active.block[q] == active.home[other] else 0
     return begin
 
 
 @inlined
-def _fix_rotation(Y: Matrix, block: Indices, home: Indices, rank: int, K: Matrix) -> None:
+def _fix_rotation(active: Active, K: Matrix) -> None:
     """Add −2 g gᵀ for each rotation g of two columns within a block: y_k += y_l, y_l −= y_k."""
+    Y, block, home = active.Y, active.block, active.home
     n = block.size
-    for k in range(1, rank):
+    for k in range(1, active.counts[RANK]):
         for other in range(k):
             if home[other] != home[k]:
                 continue
-            first, second = _begin(block, home, other), _begin(block, home, k)
+            first, second = _begin(active, other), _begin(active, k)
             a = 0
             for p in range(n):
                 if block[p] != home[k]:
@@ -154,30 +149,22 @@ def _fix_rotation(Y: Matrix, block: Indices, home: Indices, rank: int, K: Matrix
 
 
 @inlined
-def _move(
-    x: Vector,
-    Y: Matrix,
-    block: Indices,
-    home: Indices,
-    rank: int,
-    nu: Vector,
-    holding: int,
-    step: Vector,
-) -> float:
+def _move(x: Vector, active: Active, step: Vector) -> float:
     """Take a Newton step; how long it was, relative."""
+    Y, nu, block, home = active.Y, active.nu, active.block, active.home
     n, longest, whole, change = block.size, 0.0, 0.0, 0.0
     for i in range(n + 1):
         longest = max(longest, abs(step[i]) / (1.0 + abs(x[i])))
         x[i] += step[i]
     column = n + 1
-    for k in range(rank):
+    for k in range(active.counts[RANK]):
         for p in range(n):
             if block[p] == home[k]:
                 change += step[column] * step[column]
                 Y[k, p] += step[column]
                 whole += Y[k, p] * Y[k, p]
                 column += 1
-    for a in range(holding):
+    for a in range(active.counts[HOLDING]):
         longest = max(longest, abs(step[column]) / (1.0 + abs(nu[a])))
         nu[a] += step[column]
         column += 1
@@ -187,13 +174,12 @@ def _move(
 
 
 @inlined
-def _first_wrong(
-    S: Matrix, limits: Matrix, x: Vector, held: Indices, holding: int, nu: Vector, speed: Vector
-) -> tuple[int, int]:
+def _first_wrong(program: Program, x: Vector, active: Active, speed: Vector) -> tuple[int, int]:
     """Which held limit pulls most, or −1; which limit is broken most (signed, from 1), or 0."""
+    S, limits, nu = program.S, program.limits, active.nu
     n, worst, out = S.shape[0], PULLING, -1
-    for a in range(holding):
-        r = abs(held[a]) - 1
+    for a in range(active.counts[HOLDING]):
+        r = abs(active.held[a]) - 1
         if nu[a] < worst and limits[1, r] - limits[0, r] > KEPT:
             worst, out = nu[a], a
     for r in range(S.shape[1]):
@@ -212,8 +198,11 @@ def _first_wrong(
 
 
 @inlined
-def _positive(C: Matrix, Y: Matrix, rank: int, K: Matrix, scratch: Vector) -> bool:
-    """Whether C + Σ ρ y_k y_kᵀ is positive definite, so C semidefinite where C y_k = 0."""
+def _positive(C: Matrix, Y: Matrix, rank: int, K: Matrix, row: Vector) -> bool:
+    """Whether C + Σ ρ y_k y_kᵀ is positive definite, so C semidefinite where C y_k = 0 (Cholesky).
+
+    Its factor is left in K; row: (n,), scratch.
+    """
     n = C.shape[0]
     size, whole = 0.0, 1e-300
     for i in range(n):
@@ -230,107 +219,77 @@ def _positive(C: Matrix, Y: Matrix, rank: int, K: Matrix, scratch: Vector) -> bo
         K[i, i] -= LEAST * size
     for i in range(n):
         for j in range(i, n):
-            scratch[j] = K[i, j]
+            row[j] = K[i, j]
         for k in range(i):
             factor = K[k, i]
             for j in range(i, n):
-                scratch[j] -= factor * K[k, j]
-        if not scratch[i] > 0.0:
+                row[j] -= factor * K[k, j]
+        if not row[i] > 0.0:
             return False
-        inverse = 1.0 / math.sqrt(scratch[i])
+        inverse = 1.0 / math.sqrt(row[i])
         for j in range(i, n):
-            K[i, j] = scratch[j] * inverse
+            K[i, j] = row[j] * inverse
     return True
 
 
 @kernel()
 def active_set_newton(  # noqa: PLR0912 - one case after the other
-    L: Matrix,
-    G: Matrix,
-    S: Matrix,
-    limits: Matrix,
-    dt: float,
-    delta: float,
-    x: Vector,
-    Y: Matrix,
-    block: Indices,
-    home: Indices,
-    rank: int,
-    held: Indices,
-    holding: int,
-    nu: Vector,
-    budget: int,
-    C: Matrix,
-    V: Matrix,
-    K: Matrix,
-    vectors: Matrix,
-) -> tuple[bool, int, int]:
+    program: Program, x: Vector, active: Active, budget: int, newton: Newton
+) -> tuple[bool, int]:
     """Find the optimum by Newton's method, and which limits hold: one more, or less, at a time.
 
     Args:
-        L, G: (n, n), and LᵀL.
-        S: Sᵀ, (n, joints).
-        limits: of S λ, (2, joints), ∓inf where there is none.
-        dt, delta: Δt β̃ and δ.
+        program: see there.
         x: guess of λ and β, (n + 1,); overwritten by the optimum.
-        Y: guess of the columns y_k, as rows, (any, n); overwritten.
-        block: of each row of L, (n,).
-        home: block of each y_k.
-        rank: how many y_k there are.
-        held: limits that hold: 1 + r for the upper one of row r, −1 − r for the lower; (n,).
-        holding: how many do.
-        nu: their multipliers, (n,).
+        active: guess of what is active; overwritten.
         budget: how many Newton steps are allowed.
-        C, V: scratch, (n, n).
-        K: scratch, large enough for all unknowns.
-        vectors: scratch, (4, unknowns or joints).
+        newton: scratch; C and V are left where they were evaluated last.
 
     Returns:
-        Whether x is optimal: the conditions hold and C is positive semidefinite; how many limits
-        hold; Newton steps taken.
+        Whether x is optimal: the conditions hold and C is positive semidefinite; Newton steps
+        taken.
     """
-    n, joints, taken, dual = block.size, S.shape[1], 0, 0
-    b, w = vectors[0], vectors[1]
+    L, G, dt, C, V = program.L, program.G, program.dt, newton.C, newton.V
+    nu, held, counts = active.nu, active.held, active.counts
+    n, rank, taken, dual = active.block.size, active.counts[RANK], 0, 0
     for k in range(rank):
         for other in range(k + 1):
-            dual += 1 if home[other] == home[k] else 0
+            dual += 1 if active.home[other] == active.home[k] else 0
     for _ in range(2 * n + 2):
-        if rank == 0 or dual + holding > n + 1:
+        if rank == 0 or dual + counts[HOLDING] > n + 1:  # Z and ν would not be unique
             break
         close, before, out, broken = False, math.inf, -1, 0
         for step in range(STEPS):
             if taken == budget:
-                return False, holding, taken
+                return False, taken
             taken += 1
             stability_matrix(L, G, x[:n], x[n], dt, C, V)
-            size = _fill(
-                G, S, limits, dt, delta, x, Y, block, home, rank, held, holding, nu, C, V, K, b, w
-            )
-            _fix_rotation(Y, block, home, rank, K)
-            if not solve_quasidefinite(K, size, b, w, vectors[2]):
-                return False, holding, taken
-            length = _move(x, Y, block, home, rank, nu, holding, b)
+            size = _fill(program, x, active, newton)
+            _fix_rotation(active, newton.K)
+            if not solve_quasidefinite(newton.K, size, newton.b, newton.inverses, newton.factors):
+                return False, taken
+            length = _move(x, active, newton.b)
             close = length < CONVERGED
             lost = not length < math.inf or (step > 2 and length > SLOW * before)
             if lost and not close:
-                return False, holding, taken
+                return False, taken
             before = length
             if length < NEAR:
-                out, broken = _first_wrong(S, limits, x, held, holding, nu, vectors[3, :joints])
+                out, broken = _first_wrong(program, x, active, newton.speed)
             if close or out >= 0 or broken != 0:
                 break
         if out >= 0:
-            holding -= 1
-            for a in range(out, holding):
+            counts[HOLDING] -= 1
+            for a in range(out, counts[HOLDING]):
                 held[a], nu[a] = held[a + 1], nu[a + 1]
         elif broken != 0:
-            if holding == n:
-                return False, holding, taken
-            held[holding], nu[holding] = broken, 0.0
-            holding += 1
+            if counts[HOLDING] == n:
+                return False, taken
+            held[counts[HOLDING]], nu[counts[HOLDING]] = broken, 0.0
+            counts[HOLDING] += 1
         elif not close:
             break
         else:
             stability_matrix(L, G, x[:n], x[n], dt, C, V)
-            return _positive(C, Y, rank, K, w), holding, taken
-    return False, holding, taken
+            return _positive(C, active.Y, rank, newton.K, newton.row), taken
+    return False, taken

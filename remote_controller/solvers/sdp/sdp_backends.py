@@ -115,6 +115,7 @@ class ConicGains(SdpGains):
         from hoap3.remote_controller.solvers.sdp import (
             certificate_kernels,
             driver_kernels,
+            memory_kernels,
             sdp_kernels,
         )
 
@@ -122,7 +123,7 @@ class ConicGains(SdpGains):
         self._solve_conic, self._polished, self.polish = SOLVERS[solver], polished, False
         self._polish, self._certify = driver_kernels.polish, certificate_kernels.certify
         self._enough, self._fastest = sdp_kernels.PROVED, sdp_kernels.FASTEST
-        self._form = ConicForm(self.n, self.joints)
+        self._form, self._program = ConicForm(self.n, self.joints), memory_kernels.Program
 
     def program(
         self, jacobian: Array, errors: Array, dt: float, desired: float, delta: float = DELTA
@@ -135,10 +136,8 @@ class ConicGains(SdpGains):
         if self.path != BUDGET:
             return None
         desired = min(desired, self._fastest / dt)
-        n, (_, rows, tall, _) = self.n, self._work
-        L, S, room = rows[6 + 3 * n : 6 + 4 * n], tall[3 + 2 * n : 3 + 3 * n], tall[3 + 3 * n :][:2]
-        form = self._form
-        P, q, A, b = form.fill(L, S, room, dt * desired, delta)
+        m, form = self._memory, self._form
+        P, q, A, b = form.fill(m.L, m.S, m.limits, dt * desired, delta)
         return P, q, A, b, form.used.size, form.size
 
     def solve(
@@ -149,39 +148,32 @@ class ConicGains(SdpGains):
         if program is None:
             return self.status
         desired = min(desired, self._fastest / dt)
-        plan, narrow, tall, unknowns = self._work
-        n, scaled = self.n, dt * desired
-        counts, integers = plan[:6], plan[6 : 6 + 6 * n].reshape(6, n)
-        nu, Y, squares = narrow[3], narrow[4 : 4 + n], narrow[6 + 3 * n :].reshape(16, n, n)
-        S = tall[3 + 2 * n : 3 + 3 * n]
-        room, z = tall[3 + 3 * n : 7 + 3 * n].reshape(2, 2, self.joints)
-        points, vectors, K = unknowns[:5], unknowns[5:11], unknowns[11:]
-        L, G, Z, spare = squares[0], squares[1], squares[2], squares[3:]
+        m, n = self._memory, self.n
+        given = self._program(m.L, m.G, m.S, m.limits, dt * desired, delta)
         x, dual = self._solve_conic(*program)
         form, each = self._form, np.zeros(2 * self.joints)
         used = form.used
         each[used] = np.maximum(dual[: used.size], 0.0)
-        z[1], z[0] = each[: self.joints], each[self.joints :]
+        m.dual.z[1], m.dual.z[0] = each[: self.joints], each[self.joints :]
         whole = np.zeros((form.size, form.size))
         entries = dual[used.size :] / form.roots
         whole[form.rows, form.columns] = whole[form.columns, form.rows] = entries
-        Z[:] = whole[:n, :n]
-        points[0, : n + 1] = x
+        m.dual.Z[:] = whole[:n, :n]
+        m.points.x[:] = x
         if self._polished:
-            given: Any = (L, G, S, room, scaled, delta, self.budget)
-            known: Any = (points, Y, integers, counts, nu, Z, z)
-            scratch: Any = (spare, K, vectors)
-            self.polish, self.newton = self._polish(*given, *known, *scratch)
+            self.polish, self.newton = self._polish(
+                given, self.budget, m.points, m.active, m.dual, m.work
+            )
         self.beta, self.slack, self.margin, self.gap, kept = self._certify(
-            *(L, G, S, room, scaled, delta, points, Z, z, spare, vectors)
+            given, m.points.x, m.dual, m.work.check
         )
         self.beta, self.slack, self.margin = (
             desired * value for value in (self.beta, self.slack, self.margin)
         )
-        self.gains[:] = desired * points[0, :n]
-        wanted = self.dq + desired * vectors[0, : self.joints]
+        self.gains[:] = desired * m.points.x[:n]
+        wanted = self.dq + desired * m.work.check.speed
         np.clip(wanted, self.lower, self.upper, out=self.dq)
-        self.rank, self.path = int(counts[0]), IPM if kept else NONE
+        self.rank, self.path = int(m.active.counts[0]), IPM if kept else NONE
         proved = self.gap <= self._enough
         self.gap *= desired * desired
         self.status = (codes.OK if proved else codes.UNSOLVED) if kept else codes.STATIONARY

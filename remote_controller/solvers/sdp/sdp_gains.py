@@ -108,6 +108,7 @@ class SdpGains:
         damping: float = 0.0,
         budget: int = 60,
     ) -> None:
+        from hoap3.remote_controller.solvers.sdp import memory_kernels as memory
         from hoap3.remote_controller.solvers.sdp import sdp_kernels
 
         sizes = sizes_of(NAME, sizes)
@@ -119,15 +120,18 @@ class SdpGains:
         self._kernel = sdp_kernels.sdp_gains_kernel
         columns = (math.isqrt(8 * n + 9) - 1) // 2  # of Y: r(r + 1)/2 ≤ n + 1
         unknowns = n + 1 + n * columns + n
-        plan = np.concatenate([np.zeros(7 + 6 * n), np.cumsum(sizes)]).astype(np.int64)
-        rows = np.zeros((6 + 19 * n, n))
-        tall = np.zeros((18 + 3 * n, joints))
-        self._counts, self.offsets = plan[:6], plan[6 + 6 * n :]
-        self.rates, self.weights, self.gains = rows[:3]
-        self.lower, self.upper, self.dq = tall[:3]
-        self.fed = tall[-1]
+        plan = np.concatenate([np.zeros(memory.INTEGERS + 6 * n + 1), np.cumsum(sizes)])
+        self._work = (
+            plan.astype(np.int64),
+            np.zeros((memory.ROWS + (3 + memory.SQUARES) * n, n)),
+            np.zeros((memory.TALL + 3 * n, joints)),
+            np.zeros((memory.UNKNOWNS + unknowns, max(unknowns, joints))),
+        )
+        named = self._memory = memory.layout(*self._work)
+        self._counts, self.offsets = named.active.counts, named.offsets
+        self.rates, self.weights, self.gains = named.rates, named.weights, named.gains
+        (self.lower, self.upper), self.dq, self.fed = named.speeds, named.dq, named.fed
         self.weights[:], self.lower[:], self.upper[:] = given, -math.inf, math.inf
-        self._work = (plan, rows, tall, np.zeros((11 + unknowns, max(unknowns, joints))))
         self._still()
 
     def _still(self) -> None:

@@ -1,8 +1,9 @@
 """The gains against their optimum in plain numpy.
 
 The rule, with κ the condition of L: where Newton's method ends, λ is within 1e-10 of the reference,
-relative to 1 + |λ|, while κ ≤ 300, and within 1e-15 κ² beyond, and β within 1e-10 of β̃. Where the
-interior-point method alone has the answer (its rank is 0), both are within 1e-8.
+relative to 1 + |λ|, while κ ≤ 300, and within 1e-15 κ² beyond, or ten times as much where Z has
+more than one column; β is within 1e-10 of β̃. Where the interior-point method alone has the answer
+(its rank is 0), both are within 1e-8.
 """
 
 from __future__ import annotations
@@ -41,8 +42,8 @@ def test_gains_are_the_optimum(seeds):
             continue
         known += 1
         within = max(1e-10, 1e-15 * np.linalg.cond(it.matrices()[0]) ** 2)
-        if solver.rank == 0:
-            within = max(within, 1e-8)
+        if solver.rank != 1:
+            within = 10.0 * within if solver.rank else max(within, 1e-8)
         size = 1.0 + np.abs(gains).max()
         np.testing.assert_allclose(solver.gains, gains, rtol=0, atol=within * size)
         assert solver.beta == pytest.approx(beta, abs=(1e-10 if solver.rank else 1e-8) * it.desired)
