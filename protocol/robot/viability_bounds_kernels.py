@@ -2,6 +2,7 @@
 
 Del Prete, "Joint Position and Velocity Bounds in Discrete-Time Acceleration/Torque Control of
 Robot Manipulators", IEEE RA-L 2018, Algorithms 1 to 3, in a form with three terms a side.
+`viability_bounds_reference` says the same without a formula.
 
 With room D = q_max − q and braking A, the largest velocity from which a joint stops in time is
 √(2AD). An acceleration a is held for T. If the joint still moves towards the limit after it, then

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.viability_bounds_reference import keeps_upper
 
 
 @dataclass
@@ -34,16 +35,10 @@ class States:
 
 def allows(states: States, a: FloatArray) -> np.ndarray:
     """Whether `a`, held for T, keeps all limits, also between the ends, and lets the joint stop."""
-    above, below, v, T = states.above, states.below, states.v, states.T
-    way, after = T * (v + 0.5 * a * T), v + a * T
-    kept = (a <= states.up) & (a >= -states.down) & (np.abs(after) <= states.speed)
-    kept &= (above - way >= 0.0) & (below + way >= 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        kept &= ~((v > 0.0) & (after < 0.0) & (v * v > -2.0 * a * above))  # turns round in between
-        kept &= ~((v < 0.0) & (after > 0.0) & (v * v > 2.0 * a * below))
-    kept &= ~((after > 0.0) & (after * after > 2.0 * states.down * (above - way)))
-    kept &= ~((after < 0.0) & (after * after > 2.0 * states.up * (below + way)))
-    return kept
+    v, speed, T = states.v, states.speed, states.T
+    kept = (a <= states.up) & (a >= -states.down)
+    kept &= keeps_upper(a, states.above, v, speed, states.down, T)
+    return kept & keeps_upper(-a, states.below, -v, speed, states.up, T)
 
 
 def random_states(rng: np.random.Generator, n: int, T: float, *, even: bool = True) -> States:
