@@ -50,6 +50,10 @@ class AccelerationStack(Stack):
     ) -> None:
         from hoap3.remote_controller.constraints.limit_kernels import slow_returns
 
+        speed, deceleration = _joints_can(constraints, description)
+        for constraint, key in zip(constraints, keys, strict=True):
+            with located(file, key):
+                constraint.prepare_accelerations(speed, deceleration)
         super().__init__(constraints, labels)
         self._slow_returns, n = slow_returns, description.n
         self.names = tuple(
@@ -62,10 +66,6 @@ class AccelerationStack(Stack):
         self.rows_lower, self.rows_upper = np.full(s, -np.inf), np.full(s, np.inf)
         self.lower, self.upper = np.full(n, -np.inf), np.full(n, np.inf)
         self.torque_lower, self.torque_upper = np.full(n, -np.inf), np.full(n, np.inf)
-        speed, deceleration = self._joints_can(description)
-        for constraint, key in zip(self.constraints, keys, strict=True):
-            with located(file, key):
-                constraint.prepare_accelerations(speed, deceleration)
         self._views: list[tuple[Constraint, FloatArray, FloatArray, FloatArray]] = []
         taken = 0
         for constraint in self.constraints:
@@ -106,13 +106,16 @@ class AccelerationStack(Stack):
             if constraint.yields and constraint.margin() < 0.0:
                 self._slow_returns(rows, upper, self.lower, self.upper)
 
-    def _joints_can(self, robot: RobotDescription) -> tuple[FloatArray, FloatArray]:
-        """Greatest speeds, and what joints can brake with, (n,) both, that all leave."""
-        speed = np.array(robot.velocity)
-        brake = np.minimum(robot.brake_acceleration, robot.setpoint_acceleration_max)
-        for constraint in self.constraints:
-            if constraint.speed_max is not None:
-                np.minimum(speed, constraint.speed_max, out=speed)
-            if constraint.acceleration_max is not None:
-                np.minimum(brake, constraint.acceleration_max, out=brake)
-        return speed, brake
+
+def _joints_can(
+    constraints: Sequence[Constraint], robot: RobotDescription
+) -> tuple[FloatArray, FloatArray]:
+    """Greatest speeds, and what joints can brake with, (n,) both, that all leave."""
+    speed = np.array(robot.velocity)
+    brake = np.minimum(robot.brake_acceleration, robot.setpoint_acceleration_max)
+    for constraint in constraints:
+        if constraint.speed_max is not None:
+            np.minimum(speed, constraint.speed_max, out=speed)
+        if constraint.acceleration_max is not None:
+            np.minimum(brake, constraint.acceleration_max, out=brake)
+    return speed, brake

@@ -28,10 +28,12 @@ BUILTIN = {
     "viability": f"{_OURS}.joints.viability:Viability",
     "support_polygon": f"{_OURS}.support.support_polygon:SupportPolygon",
     "zmp": f"{_OURS}.support.zmp:Zmp",
+    "friction_cone": f"{_OURS}.support.friction_cone:FrictionCone",
     "distance": f"{_OURS}.collision.distance:Distance",
     "fixed_frame": f"{_OURS}.frames.fixed_frame:FixedFrame",
     "half_space": f"{_OURS}.frames.half_space:HalfSpace",
     "minimum_speed": f"{_OURS}.frames.minimum_speed:MinimumSpeed",
+    "user_function": f"{_OURS}.user_function:UserFunction",
     "pfaffian": f"{_OURS}.pfaffian:Pfaffian",
 }
 CONSTRAINTS = PluginGroup(

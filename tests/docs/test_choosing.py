@@ -26,6 +26,19 @@ PAGE = "choosing.md"
 FOLDER = HOUSE / "docs" / "pictures"
 FRAGMENTS = [b for b in blocks(PAGE) if b.language == "yaml" and not b.word]
 WHOLE = next(b for b in blocks(PAGE) if b.word == "file")
+CODE = next(b for b in blocks(PAGE) if b.language == "python")
+
+
+@pytest.fixture(autouse=True)
+def hands(tmp_path_factory, monkeypatch):
+    """The page's own function, to be imported."""
+    folder = tmp_path_factory.mktemp("code")
+    (folder / "hands.py").write_text(CODE.text, encoding="utf-8")
+    monkeypatch.syspath_prepend(str(folder))
+    yield
+    sys.modules.pop("hands", None)
+
+
 SHOWN = re.compile(r"^!\[(?P<alt>[^\]]+)\]\(pictures/(?P<name>\w+)\.svg\)\n(?P<next>.*)$", re.M)
 
 
@@ -42,7 +55,8 @@ def test_a_choice_of_the_page_runs(fragment):
 def test_every_constraint_and_every_objective_is_among_the_choices():
     chosen = [yaml.safe_load(each.text) for each in FRAGMENTS]
     used = {entry["constraint"] for each in chosen for entry in each.get("constraints", ())}
-    assert used == constraints.BUILTIN.keys()
+    served = {each for each in constraints.BUILTIN if constraints.find(each).serves("velocity")}
+    assert used == served
     kinds = {each["objective"]["kind"] for each in chosen if "objective" in each}
     assert kinds == {"qp12", "lp", "least_squares"}
     for heading in constraints.BUILTIN:
@@ -60,9 +74,11 @@ def minimal(name: str) -> Constraint:
     robot = load("hoap3")
     from hoap3.remote_controller.model.kinematics import Kinematics
 
-    settings = [constraints.ConstraintSettings.model_validate(entries[-1])]
-    stack = constraints.build(settings, robot, Kinematics(robot), robot.period_s)
-    return stack.constraints[0]
+    entry = entries[-1] if entries else {"constraint": name}
+    settings = [constraints.ConstraintSettings.model_validate(entry)]
+    serves = constraints.find(name).serves("velocity")
+    build = constraints.build if serves else constraints.build_accelerations
+    return build(settings, robot, Kinematics(robot), robot.period_s).constraints[0]
 
 
 @pytest.mark.parametrize("row", table(PAGE, "Constraints, one by one"), ids=lambda r: r["it keeps"])
@@ -73,6 +89,9 @@ def test_the_table_of_constraints_is_as_the_code_has_it(row):
     assert (row["unit of its margin"] == "–") == (not constraint.margins.size)
     assert row["rows"].startswith("none") == (constraint.rows == 0)
     assert ("equation" in row["rows"]) == constraint.equality
+    assert row["guarantee"] == constraint.guarantee
+    levels = {"velocities": "velocity", "accelerations": "acceleration", "torques": "acceleration"}
+    assert {levels[each] for each in row["of"].split(", ")} == set(constraint.levels)
 
 
 def test_every_status_path_form_and_column_is_explained():

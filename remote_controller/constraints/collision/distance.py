@@ -17,10 +17,12 @@ from hoap3.remote_controller.constraints.collision.collision_geometry import (
     Body,
     links,
 )
-from hoap3.remote_controller.constraints.constraint import Constraint, Guarantee
+from hoap3.remote_controller.constraints.constraint import Constraint, Guarantee, Level
 from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.model.motion import Motion
 
 Pair = tuple[str, str]
+ACTIVATION, ETA = 1, 3  # places in the settings of the kernels
 
 
 class Distance(Constraint):
@@ -42,12 +44,15 @@ class Distance(Constraint):
     nearest ones by more than `spread_m` have none either: it must be more than bodies move
     relative to each other in a period. Margins above the activation, the smallest one
     excepted, may be lower bounds. Reserve and return are those of
-    `barrier`. Events: `rows_short` (pairs that were near but found no row for all their points:
+    `barrier`, and so are the rows of accelerations: m̈ of the nearest point is that of the pair's
+    margin along the motion, by differences; of others, that of the two points that face each other.
+    Events: `rows_short` (pairs that were near but found no row for all their points:
     the nearest pairs have theirs), `crossing` (pairs whose cores cross, where the way out leads
     through the nearest face), `immovable` (rows that no joint can help).
     """
 
     guarantee: ClassVar[Guarantee] = "conditional"
+    levels: ClassVar[tuple[Level, ...]] = ("velocity", "acceleration")
     yields = True
 
     class Parameters(Constraint.Parameters):
@@ -80,7 +85,12 @@ class Distance(Constraint):
         rows: int = Field(
             200, ge=3, description="most rows: up to three a near pair, of two boxes four"
         )
-        eta_per_s: float = Field(10.0, gt=0, description="η of (25), at most 1/period [1/s]")
+        eta_per_s: float = Field(
+            10.0,
+            gt=0,
+            description="η of (25), at most 1/period [1/s]; for accelerations at most 0.6/period, "
+            "and this default no more than joints can brake with",
+        )
         reserve_m: float = Field(
             1e-5, ge=0, description="kept for the curvature that one Euler step does not see [m]"
         )
@@ -110,6 +120,7 @@ class Distance(Constraint):
             self._obstacles[obstacle.name] = (obstacle.body(self.description.base_frame),)
         self.rows = parameters.rows
         self.names = tuple(f"near {row}" for row in range(self.rows))
+        self._contacts = np.zeros((self.rows, 9))
         self.events.update(rows_short=0, crossing=0, immovable=0)
         self._place(self._chosen(parameters, kinematics), kinematics)
 
@@ -117,7 +128,62 @@ class Distance(Constraint):
         self, kinematics: Kinematics, state: State, A_out: FloatArray, b_out: FloatArray
     ) -> None:
         """Write rows for the pairs that are near."""
-        least, short, crossing, immovable = self._measure(kinematics, A_out, b_out)
+        self._count(*self._measure(kinematics, A_out, b_out))
+
+    def prepare_accelerations(self, speed: FloatArray, deceleration: FloatArray) -> None:
+        """Fit η to the period and the brakes, and size the buffers."""
+        from hoap3.remote_controller.constraints.collision import (
+            distance_curvature_kernels as kernels,
+        )
+
+        self._settings[ETA] = self.fit_rate(self.parameters, speed, deceleration)
+        self._margins_at = kernels.distance_margins
+        self._accelerate = kernels.distance_accelerations
+        self._looks = np.zeros((3, self.margins.size))
+        self._aside_settings = self._settings.copy()
+        self._aside_settings[ACTIVATION] *= 1.1  # what is near here is measured beside it, too
+
+    def update_accelerations(
+        self,
+        motion: Motion,
+        state: State,
+        G_out: FloatArray,
+        lower_out: FloatArray,
+        upper_out: FloatArray,
+    ) -> None:
+        """Write rows for the pairs that are near."""
+        self._count(*self._measure(motion.kinematics, G_out, upper_out))
+        lower_out[:] = -np.inf
+        if self._contacts[0, 0] < 0.0:
+            return  # nothing is near
+        apart_s = 0.0
+        if motion.moves:
+            ahead, behind, apart_s = motion.aside()
+            self._look(ahead, self._looks[1])
+            self._look(behind, self._looks[2])
+        self._looks[0] = self.margins
+        _, _, twists, order = motion.kinematics.frames()
+        self._accelerate(
+            self._contacts,
+            twists,
+            order,
+            self._carried,
+            motion.dq,
+            self._looks,
+            apart_s / 2.0,
+            self._settings,
+            G_out,
+            upper_out,
+        )
+
+    def _look(self, kinematics: Kinematics, margins_out: FloatArray) -> None:
+        """Write the margins of a posture."""
+        origins, rotations, _, _ = kinematics.frames()
+        self._margins_at(
+            origins, rotations, *self._bodies, self._pairs, self._aside_settings, margins_out
+        )
+
+    def _count(self, least: float, short: int, crossing: int, immovable: int) -> None:
         self.events["rows_short"] += short
         self.events["crossing"] += crossing
         self.events["immovable"] += immovable
@@ -139,6 +205,7 @@ class Distance(Constraint):
             self.margins,
             A_out,
             b_out,
+            self._contacts,
         )
 
     def _chosen(self, parameters: Parameters, kinematics: Kinematics) -> list[tuple[Body, Body]]:

@@ -223,7 +223,7 @@ def _measure(
 @kernel(
     "Tuple((f8, i8, i8, i8))(f8[:,:], f8[:,:,:], f8[:,:], i8[::1], i8[::1], f8[:,::1],"
     " f8[:,:,::1], f8[:,::1], f8[::1], f8[::1], i8[:,::1], f8[:,::1], f8[::1], f8[::1],"
-    " f8[:,::1], f8[::1])",
+    " f8[:,::1], f8[::1], f8[:,::1])",
     allocates=True,
 )
 def distance_rows(
@@ -243,6 +243,7 @@ def distance_rows(
     margins_out: FloatArray,
     A_out: FloatArray,
     b_out: FloatArray,
+    contacts_out: FloatArray,
 ) -> tuple[float, int, int, int]:
     """Write the margin of every pair, and rows for those that are near.
 
@@ -262,6 +263,8 @@ def distance_rows(
             smallest excepted, it may be less.
         A_out, b_out: (R, n), (R,) −∇m·u ≤ b; unused rows 0·u ≤ inf. Where they are too few, the
             pairs with the smallest margins have them, of equal ones the first.
+        contacts_out: (R, 9) of each row in use: its pair, the point (3) and n (3) in the root's
+            axes, its margin [m] and the distance of the cores there [m]; the pair is −1 below them.
 
     Returns:
         The smallest margin (inf without pairs), pairs left without some of their rows, pairs
@@ -283,7 +286,7 @@ def distance_rows(
     by_joint = twists.T[order]
     for _ in range(2):  # once more, the nearest first, where the rows are too few
         row, short, immovable = 0, 0, 0
-        A_out[:, :], b_out[:] = 0.0, math.inf
+        A_out[:, :], b_out[:], contacts_out[:, 0] = 0.0, math.inf, -1.0
         for p in near:
             around = radii[pairs[p, 0]] + radii[pairs[p, 1]] + clearance
             reach = max(margins_out[p] + around, 0.0)
@@ -302,6 +305,8 @@ def distance_rows(
                     immovable += b_out[row] < 0.0
                     A_out[row, :], b_out[row] = 0.0, math.inf
                 else:
+                    contacts_out[row, 0], contacts_out[row, 7] = p, margin
+                    contacts_out[row, 1:7], contacts_out[row, 8] = point[:6], point[6]
                     row += 1
         if short == 0:
             break

@@ -9,9 +9,10 @@ from pydantic import Field
 
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray, State
-from hoap3.remote_controller.constraints.constraint import Constraint, Guarantee
+from hoap3.remote_controller.constraints.constraint import Constraint, Guarantee, Level
 from hoap3.remote_controller.constraints.frames.half_space import Triple, unit
 from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.model.motion import Motion
 
 ORTHOGONAL = 1e-6  # of the cosine between the direction and ∇V
 
@@ -23,8 +24,12 @@ class MinimumSpeed(Constraint):
     (QP12, section III-E). `accepts` judges this for a ∇V; the event `not_orthogonal` counts
     where it does not hold, and the controller leaves the row out then. Where a = 0 there is no
     such speed; the event `no_direction` counts it, and the row is off.
+
+    For accelerations the excess h = a·q̇ − s is kept by ḣ ≥ −η·h, a·q̈ ≥ −η·h − ȧ·q̇; a frame that
+    is too slow gathers speed at rate η. Its margin is h.
     """
 
+    levels: ClassVar[tuple[Level, ...]] = ("velocity", "acceleration")
     guarantee: ClassVar[Guarantee] = "local linearisation"
 
     class Parameters(Constraint.Parameters):
@@ -35,13 +40,20 @@ class MinimumSpeed(Constraint):
         frame: str | None = Field(None, description="whose origin moves")
         reference: str | None = Field(None, description="seen from; none: the base frame")
         direction: Triple | None = Field(None, description="of the frame's motion, any length")
+        eta_per_s: float = Field(
+            10.0,
+            gt=0,
+            description="for accelerations: rate at which it nears s, at most 1/period [1/s]",
+        )
         tolerance: float = Field(
             ORTHOGONAL, ge=0, lt=1, description="largest |cos| between a and ∇V, beside rounding"
         )
 
     def prepare(self, parameters: Parameters, kinematics: Kinematics) -> None:
         """Size the buffers."""
+        self.check_rate(parameters.eta_per_s)
         self._speed, self._tolerance = parameters.speed, parameters.tolerance
+        self._eta = parameters.eta_per_s
         self._direction: FloatArray | None = None
         self._a = np.zeros(self.n)
         if bool(parameters.joints) == (parameters.frame is not None):
@@ -70,6 +82,40 @@ class MinimumSpeed(Constraint):
         self, kinematics: Kinematics, state: State, A_out: FloatArray, b_out: FloatArray
     ) -> None:
         """Write −a·u ≤ −s."""
+        if self._measure(kinematics):
+            np.negative(self._a, out=A_out[0])
+            b_out[0] = -self._speed
+        else:
+            A_out[0], b_out[0] = 0.0, np.inf
+
+    def prepare_accelerations(self, speed: FloatArray, deceleration: FloatArray) -> None:
+        """Have a margin, h [rad/s or m/s]."""
+        self.margins, self.margin_names = np.full(1, np.inf), self.names
+        self._drift = np.zeros(6)
+
+    def update_accelerations(
+        self,
+        motion: Motion,
+        state: State,
+        G_out: FloatArray,
+        lower_out: FloatArray,
+        upper_out: FloatArray,
+    ) -> None:
+        """Write −a·q̈ ≤ η(a·q̇ − s) + ȧ·q̇."""
+        lower_out[0] = -np.inf
+        if not self._measure(motion.kinematics):
+            G_out[0], upper_out[0], self.margins[0] = 0.0, np.inf, np.inf
+            return
+        np.negative(self._a, out=G_out[0])
+        self.margins[0] = self._a @ motion.dq - self._speed
+        upper_out[0] = self._eta * self.margins[0]
+        if self._direction is not None:
+            motion.frame_drift(self._frame, self._seen_from, self._drift)
+            upper_out[0] += self._direction @ self._drift[:3]
+        self.watch()
+
+    def _measure(self, kinematics: Kinematics) -> bool:
+        """Find a; whether there is such a direction."""
         if self._direction is not None:
             kinematics.frame(
                 self._frame, self._seen_from, self._position, self._rotation, self._jacobian
@@ -77,10 +123,8 @@ class MinimumSpeed(Constraint):
             np.dot(self._direction, self._jacobian[:3], out=self._a)
         if np.abs(self._a).max() < 1e-9:
             self.events["no_direction"] += 1
-            A_out[0], b_out[0] = 0.0, np.inf
-            return
-        np.negative(self._a, out=A_out[0])
-        b_out[0] = -self._speed
+            return False
+        return True
 
     def accepts(self, gradient: FloatArray) -> bool:
         """Whether |cos(a, ∇V)| ≤ tolerance, of the last update; also where either is 0."""

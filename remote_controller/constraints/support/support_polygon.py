@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from hoap3.protocol.messages import FloatArray, State
+from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.constraints.barrier import Barrier
 from hoap3.remote_controller.constraints.support.support_area import SupportArea
 from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.model.motion import Motion
 
 
 class SupportPolygon(Barrier):
@@ -34,21 +35,29 @@ class SupportPolygon(Barrier):
             self.description, kinematics, parameters.soles, parameters.margin_m
         )
         self.name_rows(tuple(f"edge {edge}" for edge in range(self._area.rows)))
-        self._com, self._jacobian = np.zeros(3), np.zeros((3, self.n))
+        self._com, self._drift, self._jacobian = np.zeros(3), np.zeros(3), np.zeros((3, self.n))
         self.events["sole_moved"] = 0
 
-    def update(
-        self, kinematics: Kinematics, state: State, A_out: FloatArray, b_out: FloatArray
-    ) -> None:
-        """Write one row for each edge."""
+    def begin(self, kinematics: Kinematics) -> None:
+        """Lay out the area where the soles are."""
+        self._area.lay_out(kinematics)
+
+    def look(self, kinematics: Kinematics, margins_out: FloatArray, A_out: FloatArray) -> None:
+        """Write n·c − o − margin and −n·J for each edge."""
         area = self._area
-        if not self._started:
-            area.lay_out(kinematics)
-        elif area.has_moved(kinematics):
-            self.events["sole_moved"] += 1
         kinematics.com(area.frame, self._com, self._jacobian)
-        np.dot(area.normals, self._com[:2], out=self.margins)
-        self.margins -= area.offsets
+        np.dot(area.normals, self._com[:2], out=margins_out)
+        margins_out -= area.offsets
         np.dot(area.normals, self._jacobian[:2], out=A_out)
         np.negative(A_out, out=A_out)
-        self.limit(A_out, b_out)
+
+    def judge(self, kinematics: Kinematics) -> None:
+        """Count whether another sole is elsewhere."""
+        if self._started and self._area.has_moved(kinematics):
+            self.events["sole_moved"] += 1
+
+    def bend(self, motion: Motion, out: FloatArray) -> None:
+        """Write −n·J̇·q̇ of the centre of mass for each edge."""
+        motion.com_drift(self._area.frame, self._drift)
+        np.dot(self._area.normals, self._drift[:2], out=out)
+        np.negative(out, out=out)

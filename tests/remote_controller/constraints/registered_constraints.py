@@ -21,6 +21,12 @@ from hoap3.remote_controller.constraints.stack import ConstraintStack
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.robot_emulator.robots import load
 
+
+def within_a_ball(q):
+    """A user's function: |q|² ≤ 40."""
+    return [40.0 - q @ q], [-2.0 * q]
+
+
 BALL = {"name": "ball", "shape": "sphere", "center_m": [0.25, 0.05, 0.35], "radius_m": 0.04}
 OURS = {
     "joint_velocity": {"limit_rad_s": 0.5},
@@ -29,6 +35,8 @@ OURS = {
     "viability": {},
     "support_polygon": {"margin_m": 0.002},
     "zmp": {},
+    "friction_cone": {},
+    "user_function": {"function": f"{__name__}:within_a_ball"},
     "distance": {"rows": 800, "activation_m": 2.0},  # so that all pairs have rows
     "fixed_frame": {"frame": "l_sole", "axes": ["x", "y", "rz"]},
     "half_space": {"frame": "r_forearm", "normal": [0, 1, 1], "offset_m": -0.5},

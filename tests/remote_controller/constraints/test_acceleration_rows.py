@@ -10,6 +10,7 @@ from support.constraint_bench import PERIOD, ROBOTS, AccelerationBench, hoap3, p
 
 from hoap3.protocol.errors import ConfigError
 from hoap3.remote_controller.constraints.barrier import Barrier
+from hoap3.remote_controller.constraints.constraint import Constraint
 from hoap3.remote_controller.constraints.registry import BUILTIN, find
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -100,7 +101,7 @@ def test_a_barrier_that_only_updates_is_refused_by_name():
 def test_each_of_ours_says_what_it_serves_and_what_it_guarantees(name):
     found = find(name)
     assert found.levels
-    assert "guarantee" in vars(found) or issubclass(found, Barrier)
+    assert next(each for each in found.__mro__ if "guarantee" in vars(each)) is not Constraint
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -125,12 +126,12 @@ def test_from_outside_the_rows_lead_back_no_faster_than_asked():
     plane = bench.stack.constraints[1]
     assert plane.margins[0] < -0.05
     before, fastest = float(plane.margins[0]), 0.0
-    for _ in range(6000):
+    for _ in range(7000):
         bench.hold(bench.nearest(-2.0 * bench.state.dq))
         fastest, before = max(fastest, float(plane.margins[0]) - before), float(plane.margins[0])
     assert fastest <= 0.05 * PERIOD
-    assert abs(before) < 2e-3
-    assert plane.events["started_outside"] == 1
+    assert -5e-4 < before < 1e-2
+    assert plane.events["outside"] > 1000
 
 
 # rates
