@@ -10,6 +10,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import located
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.constraint import Constraint
+from hoap3.remote_controller.constraints.coordinated_stop import CoordinatedStop
 from hoap3.remote_controller.constraints.joints.joint_acceleration import JointAcceleration
 from hoap3.remote_controller.constraints.stack import Stack, overrides
 from hoap3.remote_controller.model.kinematics import Kinematics
@@ -82,6 +83,14 @@ class AccelerationStack(Stack):
             each for each in self.constraints if overrides(each, "bound_torques")
         ]
         self._motion = Motion(description, kinematics) if self._views else None
+        self._stop: CoordinatedStop | None = None
+        if any(each.guarantee == "conditional" for each in self.constraints):
+            aside = Kinematics(description)
+            for frame in description.frames:
+                aside.frame_id(frame)
+            self._stop = CoordinatedStop(
+                self.constraints, description, aside, deceleration, self.constraints[0].period_s
+            )
 
     def update(self, q: FloatArray, dq: FloatArray, state: State) -> None:
         """Rewrite all arrays for a state.
@@ -105,6 +114,19 @@ class AccelerationStack(Stack):
             constraint.update_accelerations(self._motion, state, rows, lower, upper)
             if constraint.yields and constraint.margin() < 0.0:
                 self._slow_returns(rows, upper, self.lower, self.upper)
+
+    def stop_is_safe(self, q_next: FloatArray, dq_next: FloatArray) -> bool:
+        """Whether a stop of all joints together keeps every conditional margin ≥ 0, or as it is.
+
+        After `update`; see `CoordinatedStop` for what that is, and how closely it is looked at. Cut
+        to `lower` and `upper`, that stop is what keeps them where it is the last one that is safe.
+
+        Args:
+            q_next, dq_next: (n,) state at the end of this period, from which the stop begins.
+        """
+        if self._stop is None or self._motion is None:
+            return True
+        return self._stop.is_safe(q_next, dq_next, self._motion.q)
 
 
 def _joints_can(

@@ -33,10 +33,9 @@ class Barrier(Constraint):
     Where no joint moves m, such a row would have no answer: it is switched off, and the event
     `immovable` counts it; its margin stays negative for all to see.
 
-    Attributes:
-        reach: (rows,) m/rad and m/rad²: no joint changes m faster than this, and no two of them
-            bend it more [m, or per rad what m is]. That of the robot, unless set: see
-            `coordinated_stop`.
+    That the robot can stop in time is judged by looks along the stop, which are near enough if no
+    joint changes m faster than `reach` says (`coordinated_stop`): set it where m is more sensitive
+    than the place of a point.
     """
 
     yields = True
@@ -145,6 +144,10 @@ class Barrier(Constraint):
         )
         self.events["immovable"] += immovable
         self.watch(least)
+
+    def margins_at(self, kinematics: Kinematics, out: FloatArray) -> None:
+        """Write m of any posture."""
+        self.look(kinematics, out, self._row_ahead)
 
     def bend(self, motion: Motion, out: FloatArray) -> None:
         """Write Ȧ·q̇, (rows,) [m/s²]; by looks to either side unless a subclass knows better."""

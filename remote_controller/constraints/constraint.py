@@ -60,8 +60,13 @@ class Constraint:
             outside. In the unit that the class states; inf for what is switched off. Constraints
             on the velocity alone, and equations, have none.
         margin_names: what each margin is of.
+        least, greatest: (n,) positions that it keeps [rad or m]; None where it keeps none.
         speed_max, acceleration_max: (n,) what it leaves of the joints' speeds and accelerations
             [rad/s, rad/s² or m/s, m/s²]; None where it does not speak of them.
+        reach: no joint changes a margin faster, no two of them bend it more, but for prismatic
+            ones, 1 [m/rad, m/rad²]; 0: the greatest distance of two points of the robot. Of
+            `conditional` ones, as is
+        sharpness: L²·sharpness, with L the way of a point, is how much more a margin bends [1/m].
         events: how often something happened, by name. All have `outside` (updates with a margin
             below −1e-9) and `started_outside` (first updates after a reset that had one).
 
@@ -91,6 +96,9 @@ class Constraint:
         self.names: tuple[str, ...] = ()
         self.margins: FloatArray = np.zeros(0)
         self.margin_names: tuple[str, ...] = ()
+        self.reach, self.sharpness = 0.0, 0.0
+        self.least: FloatArray | None = None
+        self.greatest: FloatArray | None = None
         self.speed_max: FloatArray | None = None
         self.acceleration_max: FloatArray | None = None
         self.events = {"outside": 0, "started_outside": 0}
@@ -170,6 +178,15 @@ class Constraint:
 
     def bound_torques(self, state: State, lower_out: FloatArray, upper_out: FloatArray) -> None:
         """Narrow lower ≤ τ ≤ upper, (n,) [N m or N], as `bounds`."""
+
+    def margins_at(self, kinematics: Kinematics, out: FloatArray) -> None:
+        """Write the margins of any posture, without judging it; `conditional` ones can.
+
+        Args:
+            kinematics: up to date; the frames' numbers are those of every `Kinematics`.
+            out: as `margins`.
+        """
+        raise NotImplementedError
 
     def accepts(self, gradient: FloatArray) -> bool:
         """Whether V can decrease under it for this ∇V, (n,); counts an event where it cannot."""

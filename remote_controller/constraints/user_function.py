@@ -45,7 +45,7 @@ class UserFunction(Barrier):
             remedy = f"n is {self.n}; a single margin has k = 1"
             raise ConfigError("", "function", parameters.function, problem, remedy)
         self.name_rows(tuple(f"row {row}" for row in range(len(found[0]))))
-        self._is_bad = False
+        self._is_bad, self.reach = False, parameters.steepest or 0.0
 
     def look(self, kinematics: Kinematics, margins_out: FloatArray, A_out: FloatArray) -> None:
         """Write what the function says."""

@@ -18,11 +18,12 @@ from hoap3.remote_controller.constraints.collision.collision_geometry import (
     links,
 )
 from hoap3.remote_controller.constraints.constraint import Constraint, Guarantee, Level
+from hoap3.remote_controller.constraints.coordinated_stop import reach
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.model.motion import Motion
 
 Pair = tuple[str, str]
-ACTIVATION, ETA = 1, 3  # places in the settings of the kernels
+CLEARANCE, ACTIVATION, ETA = 0, 1, 3  # places in the settings of the kernels
 
 
 class Distance(Constraint):
@@ -140,6 +141,7 @@ class Distance(Constraint):
         self._margins_at = kernels.distance_margins
         self._accelerate = kernels.distance_accelerations
         self._looks = np.zeros((3, self.margins.size))
+
         self._aside_settings = self._settings.copy()
         self._aside_settings[ACTIVATION] *= 1.1  # what is near here is measured beside it, too
 
@@ -175,6 +177,10 @@ class Distance(Constraint):
             G_out,
             upper_out,
         )
+
+    def margins_at(self, kinematics: Kinematics, out: FloatArray) -> None:
+        """Write the margins of any posture; far ones may be lower bounds."""
+        self._look(kinematics, out)
 
     def _look(self, kinematics: Kinematics, margins_out: FloatArray) -> None:
         """Write the margins of a posture."""
@@ -282,6 +288,11 @@ class Distance(Constraint):
             carried[moved_by[second.frame] & ~moved_by[first.frame]] = -1.0
         self.margins = np.full(len(pairs), np.inf)
         self.margin_names = tuple(f"{first.name} to {second.name}" for first, second in pairs)
+        sizes = np.linalg.norm(self._bodies[1], axis=1) + self._bodies[5]
+        self.reach = reach(kinematics) + 2.0 * float(sizes.max(initial=0.0))
+        apart = [first.radius + second.radius for first, second in pairs]
+        core = min(apart, default=1.0) + float(self._settings[CLEARANCE])
+        self.sharpness = 1.0 / core if core > 0.0 else np.inf
 
 
 def _shapes(pairs: Iterable[tuple[tuple[Body, ...], tuple[Body, ...]]]) -> list[tuple[Body, Body]]:

@@ -8,6 +8,7 @@ from pydantic import Field
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.constraints.barrier import Barrier
+from hoap3.remote_controller.constraints.coordinated_stop import reach
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.model.motion import Motion
 
@@ -42,6 +43,7 @@ class HalfSpace(Barrier):
         self._arm, self._coefficients = np.zeros(3), np.zeros(6)
         self._drift, self._turn = np.zeros(6), np.zeros(3)
         self.name_rows((parameters.frame,))
+        self.reach = reach(kinematics) + float(np.linalg.norm(self._point))
 
     def look(self, kinematics: Kinematics, margins_out: FloatArray, A_out: FloatArray) -> None:
         """Write m, and −n·dp/dt = −n·v − (r × n)·ω with r from the frame's origin to p."""

@@ -37,6 +37,7 @@ class JointRange:
                 width = float(robot.upper[joint] - robot.lower[joint])
                 problem = f"leaves nothing of the range of joint {robot.joint_names[joint]!r}"
                 raise ConfigError("", "margin_rad", margin_rad, problem, f"At most {width / 2}")
+        constraint.least, constraint.greatest = self.least, self.greatest
         self._margins = constraint.margins = np.full(2 * n, np.inf)
         constraint.margin_names = tuple(
             f"{name} {end}" for end in ("lower", "upper") for name in robot.joint_names
