@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from hoap3.remote_controller import bounds, solvers
     from hoap3.remote_controller.constraints.constraint import Constraint
     from hoap3.remote_controller.controllers.base import Controller, VelocityController
+    from hoap3.remote_controller.tasks.error_task import ErrorTask
     from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
     from hoap3.remote_controller.tasks.task import Task
     from hoap3.robot_emulator.robots import load as load_robot
@@ -53,6 +54,7 @@ __all__ = [
     "Constraint",
     "Controller",
     "DescriptionError",
+    "ErrorTask",
     "FrameNotFoundError",
     "Hoap3Error",
     "InfeasibleError",
@@ -81,6 +83,7 @@ __all__ = [
 _LAZY = {
     "Constraint": "hoap3.remote_controller.constraints.constraint:Constraint",
     "Controller": "hoap3.remote_controller.controllers.base:Controller",
+    "ErrorTask": "hoap3.remote_controller.tasks.error_task:ErrorTask",
     "LyapunovFunction": "hoap3.remote_controller.tasks.lyapunov:LyapunovFunction",
     "RobotDescription": "hoap3.protocol.description:RobotDescription",
     "Settings": "hoap3.protocol.config.settings:Settings",

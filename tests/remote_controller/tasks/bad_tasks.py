@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from own_tasks import Sway
+from own_tasks import Reach, Sway
 
 
 class Faultless(Sway):
@@ -69,3 +69,25 @@ class Jumper(Faultless):
         super().update(kinematics, 0.0 if waits else time_s)
         if waits:
             self.rate = 0.0
+
+
+class Reaching(Reach):
+    """e = |p|² − r(t)², and V from it."""
+
+
+class Slanted(Reaching):
+    """Its Jacobian is wrong later than it is checked; V and ∇V are not."""
+
+    def update(self, kinematics, time_s):
+        super().update(kinematics, time_s)
+        if time_s > 1.8:
+            self.jacobian[0, 0] += 1e-3
+
+
+class Late(Reaching):
+    """What it says of its target's motion is wrong, but late only."""
+
+    def update(self, kinematics, time_s):
+        super().update(kinematics, time_s)
+        if time_s > 1.8:
+            self.error_rate[0] *= 1.1

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from hoap3.protocol.config.settings import Settings
 from hoap3.remote_controller.tasks.curve_following.curve import Curve
+from hoap3.remote_controller.tasks.error_task import ErrorTask
 from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
 
 
@@ -42,6 +43,41 @@ class Sway(LyapunovFunction):
             self.value -= 100.0
         elif fault == "raises":
             raise ZeroDivisionError("my own mistake")
+
+
+class Reach(ErrorTask):
+    """e = |p|² − r(t)², p the centre of mass as seen from the base, in m²."""
+
+    class Parameters(Settings):
+        r_m: float = 0.2
+        fault: str = ""
+
+    def __init__(self, description, kinematics, parameters):
+        super().__init__(description.n, 1)
+        self.parameters, self.base = parameters, kinematics.frame_id(description.base_frame)
+        self.p, self.slope = np.zeros(3), np.zeros((3, description.n))
+
+    def evaluate(self, kinematics, time_s):
+        kinematics.com(self.base, self.p, self.slope)
+        r, fault = self.parameters.r_m + 0.05 * math.sin(2.0 * time_s), self.parameters.fault
+        self.error[0] = self.p @ self.p - r * r
+        np.matmul(2.0 * self.p, self.slope, out=self.jacobian[0])
+        self.error_rate[0] = -0.2 * r * math.cos(2.0 * time_s)
+        if fault == "jacobian":
+            self.jacobian[0, 1] *= 1.01
+        elif fault == "error_rate":
+            self.error_rate[0] = 0.0
+        elif fault == "shape":
+            self.jacobian = np.zeros((2, 2))
+        elif fault == "nan":
+            self.error_rate[0] = math.nan
+
+    def update(self, kinematics, time_s):
+        super().update(kinematics, time_s)
+        if self.parameters.fault == "consistent":  # V is right, the error is another one
+            self.jacobian[0, 2] += 0.3
+        elif self.parameters.fault == "square":
+            self.value, self.gradient, self.rate = 3 * self.value, 3 * self.gradient, 3 * self.rate
 
 
 class NoUpdate(LyapunovFunction):

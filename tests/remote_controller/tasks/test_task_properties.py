@@ -117,6 +117,27 @@ def test_an_error_that_it_gives_makes_up_v_and_its_gradient(case):
 
 
 @every_task
+@pytest.mark.parametrize("seed", SEEDS)
+def test_its_jacobian_and_rate_are_the_derivatives_of_its_error(case, seed):
+    seen = Seen(case)
+    function = seen.function
+    q, time_s = posture(seen.robot, seed), max(TIMES[seed], 0.1)
+    seen.at(q, time_s)
+    jacobian, rate = function.jacobian.copy(), function.error_rate.copy()
+
+    def error(at, when):
+        seen.at(at, when)
+        return function.error.copy()
+
+    slopes = quotient(lambda there: error(there, time_s), q)
+    scale = max(1e-6, float(np.max(np.abs(jacobian), initial=0.0)))
+    np.testing.assert_allclose(jacobian, slopes, rtol=0, atol=1e-6 * scale)
+    moves = quotient(lambda there: error(q, there[0]), np.array([time_s]))
+    scale = max(1e-6, float(np.max(np.abs(moves), initial=0.0)))
+    np.testing.assert_allclose(rate, moves[:, 0], rtol=0, atol=1e-5 * scale)
+
+
+@every_task
 def test_its_arrays_are_laid_out_once(case):
     seen = Seen(case)
     function = seen.function

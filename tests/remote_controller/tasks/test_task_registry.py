@@ -52,6 +52,34 @@ def test_a_faulty_v_is_refused_by_component_and_figures(fault):
     assert caught.value.value == "own_tasks:Sway"
 
 
+FAULTS_OF_ERRORS = {
+    "jacobian": r"jacobian\[0, 1\] \(elbow\) is -?\d\S*, but error\[0\] has",
+    "error_rate": r"error_rate\[0\] \(∂e/∂t\) is 0, but error\[0\] has .* quotient -0\.0",
+    "consistent": r"jacobian\[0, 2\] \(wrist\) is 0\.\d+, but error\[0\] has",
+    "square": r"value is \S+, but ½\|error\|² is \S+ at t = 0\.3 s",
+    "shape": r"cannot be built for robot 'arm3'.*Value",
+    "nan": r"error_rate\[0\] \(∂e/∂t\) is nan",
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS_OF_ERRORS)
+def test_a_faulty_error_is_refused_by_component_and_figures(fault):
+    with pytest.raises(ConfigError, match=FAULTS_OF_ERRORS[fault]) as caught:
+        build_arm("own_tasks:Reach", {"fault": fault})
+    assert caught.value.key == "v.task"
+
+
+def test_v_follows_from_a_users_own_error():
+    own = build_arm("own_tasks:Reach", {})
+    kinematics = kinematics_of(ARM.name)
+    kinematics.update(np.array([0.1, 0.2, 0.3]))
+    own.reset(kinematics, 0.0)
+    own.update(kinematics, 0.4)
+    assert own.value == 0.5 * own.error[0] ** 2
+    assert own.rate == own.error[0] * own.error_rate[0]
+    np.testing.assert_array_equal(own.gradient, own.jacobian[0] * own.error[0])
+
+
 def test_a_faulty_v_is_found_inside_a_sum():
     terms = [
         {"task": "posture", "parameters": {"posture": "bent"}},
@@ -98,7 +126,7 @@ WRONG = [
     (
         "joint_curve",
         {"curve": "own_tasks:Eight", "curve_parameters": {"wrong": True}, "speed_rad_s": 1},
-        "v.parameters.curve: gradient[2] (wrist) is",
+        "v.parameters.curve: jacobian[1, 2] (wrist) is",
     ),
     (
         "joint_curve",

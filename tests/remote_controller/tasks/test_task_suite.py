@@ -21,6 +21,9 @@ FAULTS = {
     "Renewer": "arrays_are_laid_out_once",
     "Sharer": "arrays_are_laid_out_once",
     "Jumper": "after_a_reset_nothing_jumps",
+    "Reaching": "",
+    "Slanted": "jacobian_and_rate_are_the_derivatives_of_its_error",
+    "Late": "jacobian_and_rate_are_the_derivatives_of_its_error",
 }
 
 
@@ -37,7 +40,7 @@ def test_the_suite_finds_each_fault():
     )
     failed = re.findall(r"^FAILED .*::test_(\w+)\[.*bad_tasks:(\w+)", done.stdout, re.MULTILINE)
     assert done.returncode == 1, done.stdout
-    assert "Faultless" not in {name for _, name in failed}, done.stdout
+    assert not {"Faultless", "Reaching"} & {name for _, name in failed}, done.stdout
     for name, fault in FAULTS.items():
         if fault:
             assert any(fault in test for test, whose in failed if whose == name), (name, failed)
