@@ -327,13 +327,15 @@ class AccelerationTasks:
             joints = self._joints[i]
             self._posture[mine] = positions_of(self._robot, parameters, joints)
             self._of_joint[mine] = joints
+        elif frame < 0:
+            return
         elif isinstance(parameters, FramePoseTask.Parameters):
             pose = pose_of(self._robot, self.dynamics, parameters)
             if pose is None:
                 self._held.append((i, frame))
             else:
                 self._targets[i, 0], self._turns[i] = pose
-        elif frame >= 0:
+        else:
             self._aim_at_point(i, parameters)
 
     def _aim_at_point(self, i: int, parameters: Any) -> None:
