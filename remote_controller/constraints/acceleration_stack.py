@@ -28,13 +28,14 @@ class AccelerationStack(Stack):
         keys: where the parameters of each stand in the config, for errors.
         description, kinematics: of the robot; `kinematics` is moved by updates.
         file: which config, for errors.
+        brake: (n,) what joints can brake with, where the robot could with more [rad/s² or m/s²].
 
     Attributes:
         names: (s,) of the rows.
         rows, rows_lower, rows_upper: (s, n), (s,), (s,) lower ≤ G·q̈ ≤ upper; equal ends are an
             equation, a row that is off has ∓inf.
         lower, upper: (n,) of q̈ [rad/s² or m/s²]; ∓inf where nothing bounds a joint.
-        torque_lower, torque_upper: (n,) of τ [N m or N], likewise.
+        torque_max: (n,) of |τ| [N m or N]; inf where nothing bounds one.
 
     Raises:
         ConfigError: a constraint that cannot be kept by accelerations of this robot.
@@ -48,25 +49,31 @@ class AccelerationStack(Stack):
         description: RobotDescription,
         kinematics: Kinematics,
         file: str,
+        brake: FloatArray | float = np.inf,
     ) -> None:
-        from hoap3.remote_controller.constraints.limit_kernels import slow_returns
+        from hoap3.remote_controller.constraints.limit_kernels import held_rows, slow_returns
 
-        speed, deceleration = _joints_can(constraints, description)
+        speed, deceleration = _joints_can(constraints, description, brake)
         for constraint, key in zip(constraints, keys, strict=True):
             with located(file, key):
                 constraint.prepare_accelerations(speed, deceleration)
         super().__init__(constraints, labels)
-        self._slow_returns, n = slow_returns, description.n
+        self._slow_returns, self._held_rows, n = slow_returns, held_rows, description.n
         self.names = tuple(
             f"{label}: {name}"
             for label, constraint in zip(self.labels, self.constraints, strict=True)
             for name in constraint.names
         )
         s = len(self.names)
+        owners = [i for i, each in enumerate(self.constraints) for _ in each.names]
+        self._owners = np.array(owners, np.int64)
         self.rows = np.zeros((s, n))
         self.rows_lower, self.rows_upper = np.full(s, -np.inf), np.full(s, np.inf)
         self.lower, self.upper = np.full(n, -np.inf), np.full(n, np.inf)
-        self.torque_lower, self.torque_upper = np.full(n, -np.inf), np.full(n, np.inf)
+        self.torque_max = np.full(n, np.inf)
+        for constraint in self.constraints:
+            if constraint.torque_max is not None:
+                np.minimum(self.torque_max, constraint.torque_max, out=self.torque_max)
         self._views: list[tuple[Constraint, FloatArray, FloatArray, FloatArray]] = []
         taken = 0
         for constraint in self.constraints:
@@ -79,9 +86,6 @@ class AccelerationStack(Stack):
             (each for each in self.constraints if overrides(each, "bound_accelerations")),
             key=lambda constraint: not isinstance(constraint, JointAcceleration),
         )
-        self._bounding_torques = [
-            each for each in self.constraints if overrides(each, "bound_torques")
-        ]
         self._motion = Motion(description, kinematics) if self._views else None
         self._stop: CoordinatedStop | None = None
         if any(each.guarantee == "conditional" for each in self.constraints):
@@ -92,28 +96,35 @@ class AccelerationStack(Stack):
                 self.constraints, description, aside, deceleration, self.constraints[0].period_s
             )
 
-    def update(self, q: FloatArray, dq: FloatArray, state: State) -> None:
+    def update(
+        self,
+        q: FloatArray,
+        dq: FloatArray,
+        state: State,
+        lower: FloatArray | float = -np.inf,
+        upper: FloatArray | float = np.inf,
+    ) -> None:
         """Rewrite all arrays for a state.
 
         Args:
             q, dq: (n,) positions and velocities, finite [rad, rad/s or m, m/s].
             state: that they are of.
+            lower, upper: (n,) of q̈, which constraints narrow.
         """
-        if self._bounding:
-            self.lower[:], self.upper[:] = -np.inf, np.inf
-            for constraint in self._bounding:
-                constraint.bound_accelerations(state, self.lower, self.upper)
-        if self._bounding_torques:
-            self.torque_lower[:], self.torque_upper[:] = -np.inf, np.inf
-            for constraint in self._bounding_torques:
-                constraint.bound_torques(state, self.torque_lower, self.torque_upper)
+        self.lower[:], self.upper[:] = lower, upper
+        for constraint in self._bounding:
+            constraint.bound_accelerations(state, self.lower, self.upper)
         if self._motion is None:
             return
         self._motion.update(q, dq)
-        for constraint, rows, lower, upper in self._views:
-            constraint.update_accelerations(self._motion, state, rows, lower, upper)
+        for constraint, rows, least, most in self._views:
+            constraint.update_accelerations(self._motion, state, rows, least, most)
             if constraint.yields and constraint.margin() < 0.0:
-                self._slow_returns(rows, upper, self.lower, self.upper)
+                self._slow_returns(rows, most, self.lower, self.upper)
+
+    def held(self, ddq: FloatArray) -> int:
+        """Bit i: accelerations, (n,), are on a row of constraint i that is no equation."""
+        return int(self._held_rows(self.rows, self.rows_lower, self.rows_upper, ddq, self._owners))
 
     def stop_is_safe(self, q_next: FloatArray, dq_next: FloatArray) -> bool:
         """Whether a stop of all joints together keeps every conditional margin ≥ 0, or as it is.
@@ -130,11 +141,12 @@ class AccelerationStack(Stack):
 
 
 def _joints_can(
-    constraints: Sequence[Constraint], robot: RobotDescription
+    constraints: Sequence[Constraint], robot: RobotDescription, most: FloatArray | float
 ) -> tuple[FloatArray, FloatArray]:
     """Greatest speeds, and what joints can brake with, (n,) both, that all leave."""
     speed = np.array(robot.velocity)
     brake = np.minimum(robot.brake_acceleration, robot.setpoint_acceleration_max)
+    brake = np.minimum(brake, most)
     for constraint in constraints:
         if constraint.speed_max is not None:
             np.minimum(speed, constraint.speed_max, out=speed)

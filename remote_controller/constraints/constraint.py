@@ -39,8 +39,8 @@ class Constraint:
     For velocities it gives rows of A(q)u ≤ b(q), or of A(q)u = b(q) where `equality`; or bounds,
     which need no rows; or both. For accelerations it gives rows lower ≤ G·q̈ ≤ upper, or bounds. A
     subclass names its settings in a nested `Parameters`, sizes its buffers in `__init__` and
-    overrides `update`, `bounds` or both, and for accelerations `update_accelerations`,
-    `bound_accelerations` or `bound_torques`.
+    overrides `update`, `bounds` or both, and for accelerations `update_accelerations` or
+    `bound_accelerations`.
 
     Args:
         parameters: a `Parameters` of this class.
@@ -61,8 +61,9 @@ class Constraint:
             on the velocity alone, and equations, have none.
         margin_names: what each margin is of.
         least, greatest: (n,) positions that it keeps [rad or m]; None where it keeps none.
-        speed_max, acceleration_max: (n,) what it leaves of the joints' speeds and accelerations
-            [rad/s, rad/s² or m/s, m/s²]; None where it does not speak of them.
+        speed_max, acceleration_max, torque_max: (n,) what it leaves of the joints' speeds,
+            accelerations and torques [rad/s, rad/s², N m or m/s, m/s², N]; None where it does not
+            speak of them.
         reach: no joint changes a margin faster, no two of them bend it more, but for prismatic
             ones, 1 [m/rad, m/rad²]; 0: the greatest distance of two points of the robot. Of
             `conditional` ones, as is
@@ -101,6 +102,7 @@ class Constraint:
         self.greatest: FloatArray | None = None
         self.speed_max: FloatArray | None = None
         self.acceleration_max: FloatArray | None = None
+        self.torque_max: FloatArray | None = None
         self.events = {"outside": 0, "started_outside": 0}
         self._started = False
         self.prepare(parameters, kinematics)
@@ -175,9 +177,6 @@ class Constraint:
         self, state: State, lower_out: FloatArray, upper_out: FloatArray
     ) -> None:
         """Narrow lower ≤ q̈ ≤ upper, (n,) [rad/s² or m/s²], of the measured state, as `bounds`."""
-
-    def bound_torques(self, state: State, lower_out: FloatArray, upper_out: FloatArray) -> None:
-        """Narrow lower ≤ τ ≤ upper, (n,) [N m or N], as `bounds`."""
 
     def margins_at(self, kinematics: Kinematics, out: FloatArray) -> None:
         """Write the margins of any posture, without judging it; `conditional` ones can.

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import Indices, inlined, kernel
 
 RETURN_SHARE = 0.5  # of the fastest return that bounds on the joints leave
+AT_END = 1e-9  # of what a row sums up: how near its end an answer counts as held by it
 STILL = 1e-12  # of a gradient's largest element [m/rad]: no joint moves it
 
 
@@ -196,3 +197,27 @@ def slow_returns(A: FloatArray, b: FloatArray, lower: FloatArray, upper: FloatAr
             if A[row, i] != 0.0:
                 fastest += min(A[row, i] * lower[i], A[row, i] * upper[i])
         b[row] = max(b[row], RETURN_SHARE * fastest)
+
+
+@kernel("i8(f8[:,::1], f8[::1], f8[::1], f8[::1], i8[::1])")
+def held_rows(
+    rows: FloatArray, lower: FloatArray, upper: FloatArray, x: FloatArray, owners: Indices
+) -> int:
+    """Bit i: x, (n,), is at an end of a row that is i's, and no equation.
+
+    Args:
+        rows, lower, upper: (s, n), (s,), (s,) lower ≤ rows·x ≤ upper.
+        x: (n,).
+        owners: (s,) whose each row is.
+    """
+    held = 0
+    for row in range(owners.size):
+        if lower[row] == upper[row] or (math.isinf(lower[row]) and math.isinf(upper[row])):
+            continue
+        value, size = 0.0, 1.0
+        for i in range(x.size):
+            value += rows[row, i] * x[i]
+            size += abs(rows[row, i] * x[i])
+        if min(value - lower[row], upper[row] - value) <= AT_END * size:
+            held |= 1 << owners[row]
+    return held

@@ -6,11 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from pydantic import Field, field_validator
 
 from hoap3.protocol.config.settings import Settings, parse, todays_name
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, located
+from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.constraints.acceleration_stack import AccelerationStack
 from hoap3.remote_controller.constraints.constraint import Constraint, Level
 from hoap3.remote_controller.constraints.constraint_validation import check_first_update
@@ -145,6 +147,7 @@ def build_accelerations(
     period_s: float,
     file: str = "config",
     key: str = "parameters.constraints",
+    brake: FloatArray | float = np.inf,
 ) -> AccelerationStack:
     """The same for a controller of accelerations or torques.
 
@@ -152,6 +155,7 @@ def build_accelerations(
         entries, file, key: as for `read`.
         description, kinematics: of the robot; `kinematics` is moved, now and by each update.
         period_s: T, for which q̈ is held [s].
+        brake: as of `AccelerationStack`.
 
     Raises:
         UnknownNameError, ConfigError: as `build`.
@@ -159,7 +163,7 @@ def build_accelerations(
     made, labels, keys = _make(
         entries, description, kinematics, period_s, file, key, "acceleration"
     )
-    return AccelerationStack(made, labels, keys, description, kinematics, file)
+    return AccelerationStack(made, labels, keys, description, kinematics, file, brake)
 
 
 def _make(

@@ -6,7 +6,6 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.constraint import Constraint, Guarantee, Level
 from hoap3.remote_controller.constraints.joints.limits import least_limits
 from hoap3.remote_controller.model.kinematics import Kinematics
@@ -30,14 +29,5 @@ class JointTorque(Constraint):
 
     def prepare(self, parameters: Parameters, kinematics: Kinematics) -> None:
         """Size the buffers."""
-        from hoap3.remote_controller.constraints.limit_kernels import intersect_box
-
-        self._intersect_box = intersect_box
-        effort = self.description.effort
         given = parameters.limit_nm, parameters.joints_nm
-        self._upper = least_limits(self, effort, *given, "joints_nm")
-        self._lower = -self._upper
-
-    def bound_torques(self, state: State, lower_out: FloatArray, upper_out: FloatArray) -> None:
-        """Narrow to [−τ_max, τ_max]."""
-        self._intersect_box(self._lower, self._upper, lower_out, upper_out)
+        self.torque_max = least_limits(self, self.description.effort, *given, "joints_nm")

@@ -15,8 +15,15 @@ from pydantic import Field
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import located
 from hoap3.protocol.messages import FloatArray, Setpoint, State
+from hoap3.remote_controller.constraints.event_conditions import EventConditions
+from hoap3.remote_controller.constraints.registry import (
+    ConstraintSettings,
+    build_accelerations,
+    read,
+)
 from hoap3.remote_controller.controllers.acceleration.bounds import HierarchyBounds, bounds_of
 from hoap3.remote_controller.controllers.base import STATUS, Controller
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.scheduling.schedule import Schedule
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.tsid.tsid import Tsid
@@ -25,9 +32,15 @@ from hoap3.remote_controller.tasks.accelerations.settings import AccelerationTas
 from hoap3.remote_controller.tasks.accuracy import ABSENT, LOWER, TaskError
 
 CERTIFIED_RESIDUAL = 1e-9
+CURVATURE = 1e-6  # of a margin of constraints: what one period of a curved one may overstep
 MARGIN_ROUNDING = 1e-9  # relative to the greatest acceleration or torque
-SOLVED, NEAREST, OVERLOADED_MOTORS, GAVE_UP = range(4)  # Setpoint.fallback
-FALLBACKS = {status.OK: NEAREST, status.INFEASIBLE: OVERLOADED_MOTORS, status.UNSOLVED: GAVE_UP}
+SOLVED, NEAREST, OVERLOADED_MOTORS, GAVE_UP, STOPPED = range(5)  # Setpoint.fallback
+FALLBACKS = {
+    status.OK: NEAREST,
+    status.INFEASIBLE: OVERLOADED_MOTORS,
+    status.UNSOLVED: GAVE_UP,
+    status.INFEASIBLE_CONSTRAINTS: STOPPED,
+}
 BRAKE_PER_S = 10.0  # of −dq, where not even the bounds of accelerations have an answer
 CONDITIONS = (
     "state not finite",
@@ -42,10 +55,11 @@ CONDITIONS = (
     "no task takes part",
     "its solver proves nothing",
     "answer not finite",
+    "stops for a constraint",
 )
 BITS = [1 << bit for bit in range(len(CONDITIONS))]
 NOT_FINITE, UNFIT, TOO_SMALL, UNSOLVED, HELD, HALF_A_TURN = BITS[:6]
-LOADED, MOVING, TOUCHES, IDLE, UNPROVED, OVERFLOWN = BITS[6:]
+LOADED, MOVING, TOUCHES, IDLE, UNPROVED, OVERFLOWN, STOPS = BITS[6:]
 
 
 class HierarchyController(Controller):
@@ -67,6 +81,10 @@ class HierarchyController(Controller):
     kept, the torques violated as little as possible, and `fallback` is 2; or 3 where the solver
     gave up, and ddq is only cut to the bounds.
 
+    Constraints are rows lower ≤ G·ddq ≤ upper beside the bounds, and the same is proved of them.
+    Where bounds and rows have no common answer, or where the robot could not stop in time from the
+    end of this period, all joints brake together instead, in a straight line: `fallback` is 4.
+
     Certificate: V = ½ Σ |e|² of those tasks above which nothing stands [m², rad²], in a cycle
     without one of all that take part; of nobody else's error is anything said. `v_rate_predicted`
     is V̇ half a period on, and `v_rate_required` is 0 where V does not rise in this period, else how
@@ -83,6 +101,9 @@ class HierarchyController(Controller):
         """Tasks and bounds."""
 
         tasks: tuple[AccelerationTask, ...] = Field(min_length=1, description="what shall be")
+        constraints: tuple[ConstraintSettings, ...] = Field(
+            (), description="what is kept beside the bounds, as rows of the accelerations"
+        )
         bounds: HierarchyBounds = Field(HierarchyBounds(), description="of the motion")
         compensate_friction: bool = Field(
             True, description="count the viscous friction of the URDF among the torques"
@@ -115,6 +136,8 @@ class HierarchyController(Controller):
         "hoap3.remote_controller.model.frame_dynamics_kernels",
         "hoap3.remote_controller.solvers.tsid.tsid_kernels",
         "hoap3.remote_controller.solvers.qp.active_set_kernels",
+        "hoap3.remote_controller.constraints.limit_kernels",
+        "hoap3.remote_controller.constraints.collision.distance_kernels",
         "hoap3.remote_controller.tasks.lyapunov_kernels",
         "hoap3.remote_controller.tasks.curve_following.curve_kernels",
         "hoap3.remote_controller.tasks.se3_kernels",
@@ -147,6 +170,15 @@ class HierarchyController(Controller):
             compensate_friction=parameters.compensate_friction,
             braking_per_s=braking_per_s,
         )
+        self.stack = build_accelerations(
+            parameters.constraints,
+            description,
+            Kinematics(description) if parameters.constraints else self.tasks.kinematics,
+            description.period_s,
+            file,
+            brake=self.bounds.greatest,
+        )
+        np.minimum(self.torque_max, self.stack.torque_max, out=self.torque_max)
         names = self.tasks.names
         self.extra_names = (
             "largest_torque_share",
@@ -162,7 +194,15 @@ class HierarchyController(Controller):
         self._wish, self._scratch = np.zeros((2, n))
         self.tops, self.absent = np.zeros(len(names), np.bool_), np.zeros(len(names))
         self.residual = math.inf
-        self._nearest = Tsid(self.torque_max, self.bounds.greatest)
+        stack = self.stack
+        self._keeps = bool(stack.constraints)
+        self.lower, self.upper = self.bounds.lower, self.bounds.upper
+        if self._keeps:
+            self.lower, self.upper = stack.lower, stack.upper
+        self._nearest = Tsid(self.torque_max, self.bounds.greatest, len(stack.rows))
+        self._stopping = Tsid(self.torque_max, self.bounds.greatest)
+        self._next_q, self._next_dq = np.zeros((2, n))
+        self._brake_step = self.bounds.greatest * description.period_s
         self._unbounded = np.full(n, np.inf)
         self._no_rows, self._no_wish = np.zeros((0, n)), np.zeros(0)
         self._less = self.tasks.dynamics.weight if self.kind == "torque" else np.zeros(n)
@@ -175,7 +215,10 @@ class HierarchyController(Controller):
         self._present_counts = np.zeros(self._counts.size)
         self._dt, self._begun = description.period_s, False
         self._first = self._settled = 0
-        self.conditions, self.margin_tolerance = CONDITIONS, MARGIN_ROUNDING
+        self._events = EventConditions(stack)
+        held = tuple(f"held by {label}" for label in stack.labels)
+        self.conditions = (*CONDITIONS, *held, *self._events.names)
+        self.margin_tolerance = CURVATURE if self._keeps else MARGIN_ROUNDING
         self.certifies = self.proves and self._viable
         self.not_certified_in = MOVING | TOUCHES | IDLE
 
@@ -186,11 +229,12 @@ class HierarchyController(Controller):
 
     @classmethod
     def check(cls, parameters: Any, file: str) -> None:
-        """Refuse priorities that do not fit the tasks.
+        """Refuse constraints that are wrong for any robot, and priorities that fit no tasks.
 
         Raises:
             ConfigError: naming the key and the value.
         """
+        read(parameters.constraints, file)
         with located(file, "parameters"):
             cls.importance_of(parameters)
 
@@ -260,6 +304,7 @@ class HierarchyController(Controller):
         """Begin where the robot is; a joint that is outside its bounds here may stay there."""
         del last_command
         self.bounds.begin(state.q)
+        self.stack.reset()
         self._begun, self._first, self._settled = False, state.tick, 0
         self.importance.reset()
         self.importance.update(0.0)
@@ -279,8 +324,12 @@ class HierarchyController(Controller):
         self._settle(state.tick - self._first)  # already done, unless States were missed
         tasks.update(q, dq, state.wrench, time, self.absent)
         self.bounds.update(q, dq)
+        if self._keeps:
+            self.stack.update(q, dq, state, self.bounds.lower, self.bounds.upper)
         command.stamp_kinematics = self.now()
         fallback = SOLVED if self.solve(self.torque_max) else self.fall_back(dq)
+        if self._keeps and (fallback == STOPPED or not self._can_stop(q, dq)):
+            fallback = self._stop(dq)
         if not self._give(self._given, self._less, self.ddq, command.values):
             return self.refuse(OVERFLOWN)
         for place, press in enumerate(tasks.presses.values()):
@@ -308,31 +357,51 @@ class HierarchyController(Controller):
 
     def fall_back(self, dq: FloatArray) -> int:
         """The nearest that there is to what tasks would do with strong motors."""
-        dynamics, bounds, nearest, wish = (
-            self.tasks.dynamics,
-            self.bounds,
-            self._nearest,
-            self._wish,
-        )
-        np.multiply(dq, -BRAKE_PER_S, out=wish)
+        np.multiply(dq, -BRAKE_PER_S, out=self._wish)
         if self.solve(self._unbounded):
-            wish[:] = self.ddq
-        found = nearest.solve(
+            self._wish[:] = self.ddq
+        nearest, stack = self._nearest, self.stack
+        nearest.rows[:] = stack.rows
+        nearest.rows_lower[:], nearest.rows_upper[:] = stack.rows_lower, stack.rows_upper
+        return FALLBACKS[self._come_near(nearest)]
+
+    def _can_stop(self, q: FloatArray, dq: FloatArray) -> bool:
+        """Whether from the end of this period the robot can stop without violating constraints."""
+        period, q_next, dq_next = self._dt, self._next_q, self._next_dq
+        np.multiply(self.ddq, period, out=dq_next)
+        np.multiply(dq_next, 0.5, out=q_next)
+        np.add(q_next, dq, out=q_next)
+        np.multiply(q_next, period, out=q_next)
+        np.add(q_next, q, out=q_next)
+        np.add(dq_next, dq, out=dq_next)
+        return self.stack.stop_is_safe(q_next, dq_next)
+
+    def _stop(self, dq: FloatArray) -> int:
+        """Brake all joints together, at the braking limit of one, in whole periods."""
+        periods = math.ceil(float(np.max(np.abs(dq) / self._brake_step)))
+        np.multiply(dq, -1.0 / (max(periods, 1) * self._dt), out=self._wish)
+        self._come_near(self._stopping)
+        return STOPPED
+
+    def _come_near(self, solver: Tsid) -> int:
+        """Find what is nearest to the wish within what a solver keeps; one of `solvers.status`."""
+        dynamics = self.tasks.dynamics
+        found = solver.solve(
             self._no_rows,
             self._no_wish,
             1.0,
-            wish,
+            self._wish,
             dynamics.mass,
             dynamics.bias,
-            bounds.lower,
-            bounds.upper,
+            self.lower,
+            self.upper,
         )
-        self.ddq[:], self.tau[:], self.residual = nearest.ddq, nearest.tau, math.inf
-        return FALLBACKS[found]
+        self.ddq[:], self.tau[:], self.residual = solver.ddq, solver.tau, math.inf
+        return found
 
     def _certify(self, fallback: int, dq: FloatArray) -> bool:
         """Write what is known of the answer; whether it is proved for the present importance."""
-        command, tasks, bounds = self.command, self.tasks, self.bounds
+        command, tasks = self.command, self.tasks
         V, rate, growth, command.active_joints = self._predict_lyapunov(
             tasks.tasks,
             self.tops,
@@ -349,9 +418,9 @@ class HierarchyController(Controller):
         command.margin, command.extra[0], held = self._distances(
             self.ddq,
             self.tau,
-            bounds.lower,
-            bounds.upper,
-            bounds.greatest,
+            self.lower,
+            self.upper,
+            self.bounds.greatest,
             self.torque_max,
             self._scratch,
         )
@@ -375,5 +444,15 @@ class HierarchyController(Controller):
             | (IDLE if idle else 0)
             | (0 if self.proves else UNPROVED)
         )
+        if self._keeps:
+            self._judge_constraints(fallback)
         proved = solved and self.proves and self.residual <= CERTIFIED_RESIDUAL
         return proved and self._viable and not (touches or loaded or idle)
+
+    def _judge_constraints(self, fallback: int) -> None:
+        """Have margin and conditions say what is known of the constraints."""
+        stack, command = self.stack, self.command
+        command.margin = min(command.margin, stack.margin())
+        self.present |= STOPS if fallback == STOPPED else 0
+        events = self._events.look() << len(stack.labels)
+        self.present |= (stack.held(self.ddq) | events) << len(CONDITIONS)

@@ -91,7 +91,8 @@ class GhcController(RankedController):
     """(13): every task has accelerations of its own, kept out of the directions of others.
 
         min Σ |J_i x_i − b_i|² + ω_r Σ |x_i|² + ω_r |τ − o|²
-        such that τ = M ddq + h, ddq = Σ P_i x_i, lower ≤ ddq ≤ upper, |τ| ≤ torque_max
+        such that τ = M ddq + h, ddq = Σ P_i x_i, lower ≤ ddq ≤ upper, |τ| ≤ torque_max,
+        and what `constraints` ask for, G ddq ≤ h
 
     b_i is what task i asks for less its drift; the last task brakes, where no other speaks. Strict
     priorities are exact where `regularise` is `none`: elsewhere lower tasks shift what upper ones
@@ -123,13 +124,18 @@ class GhcController(RankedController):
             description.n,
             regularise=parameters.regularise,
             smoothing=parameters.smoothing,
+            rows=len(self.stack.rows),
         )
         self.answer_in(self.solver.qdd, self.solver.tau)
 
     def solve(self, torque_max: FloatArray) -> bool:
         """One compiled call."""
-        solver, tasks, bounds = self.solver, self.tasks, self.bounds
-        solver.qdd_lower[:], solver.qdd_upper[:] = bounds.lower, bounds.upper
+        solver, tasks = self.solver, self.tasks
+        solver.qdd_lower[:], solver.qdd_upper[:] = self.lower, self.upper
+        if self._keeps:
+            stack = self.stack
+            solver.rows[:] = stack.rows
+            solver.rows_lower[:], solver.rows_upper[:] = stack.rows_lower, stack.rows_upper
         np.negative(torque_max, out=solver.tau_lower)
         solver.tau_upper[:] = torque_max
         found = solver.solve(

@@ -53,14 +53,20 @@ class GhcTorqueController(RankedController):
 
         super().__init__(description, parameters, file)
         n, sizes = description.n, [*self.tasks.sizes, description.n]
-        self.solver = Ghc(sizes, n, regularise="none", smoothing=parameters.smoothing)
+        self.solver = Ghc(
+            sizes,
+            n,
+            regularise="none",
+            smoothing=parameters.smoothing,
+            rows=len(self.stack.rows),
+        )
         self._torque_rows, self._factor = torque_rows, np.zeros((n, n))
         self._rows, self._no_bias = np.zeros((sum(sizes), n)), np.zeros(n)
         self._inverse = self._rows[-n:]  # of what brakes J is I: there J M⁻¹ is M⁻¹
 
     def solve(self, torque_max: FloatArray) -> bool:
         """One compiled call, in which torques and accelerations have changed places."""
-        solver, tasks, bounds = self.solver, self.tasks, self.bounds
+        solver, tasks = self.solver, self.tasks
         jacobian, wanted = tasks.with_rest
         mass, bias = tasks.dynamics.mass, tasks.dynamics.bias
         if not self._torque_rows(jacobian, mass, self._factor, self._rows):
@@ -68,7 +74,11 @@ class GhcTorqueController(RankedController):
         np.subtract(torque_max, bias, out=solver.qdd_upper)
         np.add(torque_max, bias, out=solver.qdd_lower)
         np.negative(solver.qdd_lower, out=solver.qdd_lower)
-        solver.tau_lower[:], solver.tau_upper[:] = bounds.lower, bounds.upper
+        solver.tau_lower[:], solver.tau_upper[:] = self.lower, self.upper
+        if self._keeps:
+            stack = self.stack
+            np.matmul(stack.rows, self._inverse, out=solver.rows)  # of τ − h, as ddq = M⁻¹(τ − h)
+            solver.rows_lower[:], solver.rows_upper[:] = stack.rows_lower, stack.rows_upper
         found = solver.solve(self._rows, wanted, self.alpha, self._inverse, self._no_bias, self.w_r)
         np.add(solver.qdd, bias, out=self.tau)
         self.ddq[:], self.residual = solver.tau, solver.kkt_residual

@@ -39,7 +39,7 @@ class HqpController(RankedController):
 
     def solve(self, torque_max: FloatArray) -> bool:
         """Level by level."""
-        tasks, bounds = self.tasks, self.bounds
+        tasks, stack = self.tasks, self.stack
         (jacobian, wanted), rows = tasks.with_rest, [*tasks.rows, slice(len(tasks.wanted), None)]
         try:
             self.ddq[:], self.tau[:] = hqp(
@@ -49,10 +49,13 @@ class HqpController(RankedController):
                 tasks.dynamics.bias,
                 self.w_r,
                 levels=[*self.levels, [len(tasks.rows)]],
-                qdd_lower=bounds.lower,
-                qdd_upper=bounds.upper,
+                qdd_lower=self.lower,
+                qdd_upper=self.upper,
                 tau_lower=-torque_max,
                 tau_upper=torque_max,
+                rows=stack.rows,
+                rows_lower=stack.rows_lower,
+                rows_upper=stack.rows_upper,
             )
         except SolverError:
             return False

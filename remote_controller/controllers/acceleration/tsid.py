@@ -24,7 +24,7 @@ class TsidController(WeighedController):
     """Tasks, such as a frame to a pose in SE(3), and a posture in their null space: (33) and (34).
 
         min Σ ω_i |J_i ddq − b_i|² + w·|ddq_p − ddq|²
-        such that lower ≤ ddq ≤ upper, |M·ddq + h| ≤ effort
+        such that lower ≤ ddq ≤ upper, |M·ddq + h| ≤ effort, and what `constraints` ask for
 
     b_i is what task i asks for less its drift; of a pose ν̇_d − J̇·dq with ν̇_d = kp·log(H⁻¹H_d) −
     kd·ν, in the frame's axes. The posture is the last of the tasks, and called `rest`:
@@ -47,7 +47,7 @@ class TsidController(WeighedController):
     ) -> None:
         super().__init__(description, settings.with_all_tasks(description, parameters), file)
         tasks = self.tasks
-        self.solver = Tsid(self.torque_max, self.bounds.greatest)
+        self.solver = Tsid(self.torque_max, self.bounds.greatest, len(self.stack.rows))
         self.answer_in(self.solver.ddq, self.solver.tau)
         m = tasks.rows[-1].start
         self._jacobian, self._wanted = tasks.jacobian[:m], tasks.wanted[:m]
@@ -79,7 +79,10 @@ class TsidController(WeighedController):
     def solve(self, torque_max: FloatArray) -> bool:
         """One quadratic program of all."""
         del torque_max  # those that the solver was made with
-        dynamics, bounds, solver = self.tasks.dynamics, self.bounds, self.solver
+        dynamics, stack, solver = self.tasks.dynamics, self.stack, self.solver
+        if self._keeps:
+            solver.rows[:] = stack.rows
+            solver.rows_lower[:], solver.rows_upper[:] = stack.rows_lower, stack.rows_upper
         jacobian, wanted = self._jacobian, self._wanted
         if self._roots is not None:
             jacobian, wanted = jacobian * self._roots, wanted * self._roots[:, 0]
@@ -90,8 +93,8 @@ class TsidController(WeighedController):
             self._rest,
             dynamics.mass,
             dynamics.bias,
-            bounds.lower,
-            bounds.upper,
+            self.lower,
+            self.upper,
         )
         self.residual = solver.kkt_residual
         return self._found == status.OK

@@ -85,7 +85,7 @@ class WeightedController(WeighedController):
 
     def solve(self, torque_max: FloatArray) -> bool:
         """One quadratic program of all."""
-        tasks, bounds = self.tasks, self.bounds
+        tasks, stack = self.tasks, self.stack
         try:
             self.ddq[:], self.tau[:] = weighted(
                 [tasks.jacobian[rows] for rows in tasks.rows],
@@ -96,10 +96,13 @@ class WeightedController(WeighedController):
                 self.w_r,
                 regularise=self._regularise,
                 towards=tasks.with_rest[1][len(tasks.wanted) :],
-                qdd_lower=bounds.lower,
-                qdd_upper=bounds.upper,
+                qdd_lower=self.lower,
+                qdd_upper=self.upper,
                 tau_lower=-torque_max,
                 tau_upper=torque_max,
+                rows=stack.rows,
+                rows_lower=stack.rows_lower,
+                rows_upper=stack.rows_upper,
             )
         except SolverError:
             return False

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.constraints.event_conditions import EventConditions
 from hoap3.remote_controller.constraints.stack import ConstraintStack
 from hoap3.remote_controller.controllers.base import bits
 from hoap3.remote_controller.solvers.base import status as solver_status
@@ -33,19 +34,14 @@ class Diagnostics:
         self._stack = stack
         solver = [name for name in solver_status.NAMES if name != "ok"]
         task = [name for name in task_status.NAMES if name != "ok"]
-        events = [
-            (f"{label}: {event}", constraint.events, event)
-            for label, constraint in zip(stack.labels, stack.constraints, strict=True)
-            for event in constraint.events
-        ]
+        self._events = EventConditions(stack)
         held = [f"held by {label}" for label in stack.labels]
-        self.names = ("slowed", *solver, *task, BOUNDS, *held, *(name for name, *_ in events))
+        self.names = ("slowed", *solver, *task, BOUNDS, *held, *self._events.names)
         bit_of = dict(zip(self.names, bits(self.names), strict=True))
         self._slowed, self._bounds = bit_of["slowed"], bit_of[BOUNDS]
         self._solver = [bit_of.get(name, 0) for name in solver_status.NAMES]
         self._task = [bit_of.get(name, 0) for name in task_status.NAMES]
-        self._events = [(bit_of[name], counts, event) for name, counts, event in events]
-        self._counted = [0] * len(events)
+        self._before_events = len(self.names) - len(self._events.names)
         self._rows = [
             (bit_of[f"held by {label}"], len(constraint.names))
             for label, constraint in zip(stack.labels, stack.constraints, strict=True)
@@ -62,10 +58,7 @@ class Diagnostics:
             u: the answer, (n,) [rad/s or m/s].
         """
         present = self._solver[found] | self._task[task]
-        for place, (bit, counts, event) in enumerate(self._events):
-            if counts[event] != self._counted[place]:
-                self._counted[place] = counts[event]
-                present |= bit
+        present |= self._events.look() << self._before_events
         if rho < BELOW_ONE:
             present |= self._slowed | self._holders(gradient, u)
         return present

@@ -66,6 +66,7 @@ class AccelerationTasks:
 
     Attributes:
         names, sizes, rows: of the tasks, how many rows each has, and which.
+        kinematics: which updates may leave elsewhere.
         dynamics: M and h, the latter with friction and without what sensors feel.
         jacobian, wanted: J (m, n), and what J·ddq shall be, (m,).
         with_rest: the same, and below it the rows that brake: (m + n, n) and (m + n,).
@@ -104,7 +105,7 @@ class AccelerationTasks:
             self._kind_of(find(each.task), parameters)
             for each, parameters in zip(settings, self._parameters, strict=True)
         ]
-        kinematics = Kinematics(robot)
+        self.kinematics = kinematics = Kinematics(robot)
         self._functions = {
             i: build_with_error(settings[i], robot, kinematics, file, keys[i], "acceleration")
             for i in self._of_kind(kernels.GIVEN)

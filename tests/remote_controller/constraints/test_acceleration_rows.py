@@ -257,8 +257,7 @@ def test_torques_are_bounded_by_the_least_of_all_limits():
                                "joints_nm": {"elbow": 0.5}})  # fmt: skip
     expected = np.array(small().effort)
     expected[1] = 0.5
-    np.testing.assert_array_equal(bench.stack.torque_upper, expected)
-    np.testing.assert_array_equal(bench.stack.torque_lower, -expected)
+    np.testing.assert_array_equal(bench.stack.torque_max, expected)
     assert np.isposinf(bench.stack.upper).all()
 
 
@@ -268,7 +267,7 @@ def test_nothing_at_all_is_a_stack_too():
     assert stack.margin() == np.inf
     assert stack.tightest() == ""
     assert np.isneginf(stack.lower).all()
-    assert np.isposinf(stack.torque_upper).all()
+    assert np.isposinf(stack.torque_max).all()
 
 
 def test_limits_against_condition_11_are_refused_by_joint():
