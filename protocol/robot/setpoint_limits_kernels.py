@@ -15,6 +15,7 @@ Both sides judge with these lines: the robot what it applies, a controller what 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from hoap3.protocol.runtime.numba_jit import inlined
 
@@ -105,18 +106,23 @@ def own_start(before: float, s: float, q: float, speed: float, T: float) -> floa
     return before if way < math.inf and way <= (speed + rounding(s, q, T)) * T else s
 
 
+class JointLimits(NamedTuple):
+    """Of one joint.
+
+    Attributes:
+        lower, upper: positions [rad or m].
+        speed: the greatest [rad/s or m/s].
+        acceleration: A, the greatest [rad/s² or m/s²].
+    """
+
+    lower: float
+    upper: float
+    speed: float
+    acceleration: float
+
+
 @inlined
-def taken_over(
-    s: float,
-    start: float,
-    q: float,
-    v: float,
-    lower: float,
-    upper: float,
-    speed: float,
-    acceleration: float,
-    T: float,
-) -> bool:
+def taken_over(s: float, start: float, q: float, v: float, limits: JointLimits, T: float) -> bool:
     """Whether a joint can go from q to s in one period and do on the next what is asked for.
 
     That is: within all limits, able to stop before the next wall, and able to go on as the
@@ -126,9 +132,10 @@ def taken_over(
         s: setpoint.
         start: `own_start` of s.
         q, v: applied reference, and its velocity over the last period.
-        lower, upper, speed, acceleration: limits.
+        limits: see there.
         T: period [s].
     """
+    lower, upper, speed, acceleration = limits
     w, change, slack = (s - q) / T, acceleration * T, rounding(s, q, T)
     if not (abs(w) < math.inf and lower <= s <= upper and abs(w) <= speed + slack):
         return False

@@ -15,17 +15,37 @@ kernels take. Everything here is in Pinocchio's order.
 from __future__ import annotations
 
 import math
+from typing import Annotated, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import Indices, Matrix, Vector, inlined, kernel
 
 OK, NOT_FINITE, NO_INERTIA = 0, 1, 2
 
 SWEEPS = 400  # of the coordinate search, at most
 FINEST = 1e-7  # its last step, relative to the range of a joint
+
+Flags: TypeAlias = Annotated[NDArray[np.bool_], "b1[::1]"]
+
+
+class Links(NamedTuple):
+    """What `link_tables.Tree` says of a robot.
+
+    Attributes:
+        links: (n, 23), by the columns that are named there.
+        parents: (n,), which joint moves the parent; −1 for the root.
+        prismatic: (n,), whether the joint shifts.
+        gravity: (3,), in the root's axes [m/s²].
+    """
+
+    links: Matrix
+    parents: Indices
+    prismatic: Flags
+    gravity: Vector
+
 
 # columns of `work`, one row a joint: from 0 the rotation of its frame in its parent's, row by row,
 # and the origin there; seen from it ω and its rate, acceleration of the origin, force and moment;
@@ -175,29 +195,23 @@ def _up(work: FloatArray, i: int, above: int) -> None:
     _add(work, above, _I + 3, by + x + z, bz - gy * pz - gz * py, cz + x + y)
 
 
-@kernel(
-    "void(f8[:,::1], i8[::1], b1[::1], f8[::1], f8[::1], f8[::1], f8[:,::1], f8[::1], f8[::1])",
-    nogil=True,
-)
+@kernel(nogil=True)
 def bias_and_inertia(
-    links: FloatArray,
-    parents: NDArray[np.int64],
-    prismatic: NDArray[np.bool_],
-    gravity: FloatArray,
-    q: FloatArray,
-    dq: FloatArray,
-    work: FloatArray,
-    bias_out: FloatArray,
-    inertia_out: FloatArray,
+    tree: Links, q: Vector, dq: Vector, work: Matrix, bias_out: Vector, inertia_out: Vector
 ) -> None:
     """Bias and diagonal of the mass matrix in one state.
 
+    Newton's and Euler's equations from the root outwards and back; inertias are composed on the
+    way back.
+
     Args:
+        tree: the robot's links.
         q, dq: (n,) positions and velocities [rad, rad/s or m, m/s].
         work: (n, `WORK`), overwritten.
         bias_out: (n,) h(q, dq) [N m or N].
         inertia_out: (n,) M_jj(q) [kg m² or kg], armature included.
     """
+    links, parents, prismatic, gravity = tree
     n = parents.size
     for i in range(n):
         _down(links, i, parents[i], prismatic[i], gravity, q[i], dq[i], work)
@@ -237,7 +251,7 @@ def sample(
     Returns:
         `OK`, or `NOT_FINITE` or `NO_INERTIA` and the joint.
     """
-    n = parents.size
+    n, tree = parents.size, Links(links, parents, prismatic, gravity)
     q, dq, bias, inertia = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     work = np.empty((n, WORK))
     for k in range(drawn.shape[0]):
@@ -248,7 +262,7 @@ def sample(
                 dq[i] = limits[2, i] if share >= 0.5 else -limits[2, i]
             else:
                 dq[i] = (2.0 * share - 1.0) * limits[2, i]
-        bias_and_inertia(links, parents, prismatic, gravity, q, dq, work, bias, inertia)
+        bias_and_inertia(tree, q, dq, work, bias, inertia)
         for j in range(n):
             if not (math.isfinite(bias[j]) and math.isfinite(inertia[j])):
                 return NOT_FINITE, j
@@ -291,11 +305,11 @@ def polish(
         joint, upwards: which bound: the upper one of this joint, or the lower one.
         q, dq: (n,) the state; left at the worst one that was found.
     """
-    n = parents.size
+    n, tree = parents.size, Links(links, parents, prismatic, gravity)
     work, bias, inertia = np.empty((n, WORK)), np.empty(n), np.empty(n)
     sign, most = (1.0 if upwards else -1.0), limits[3, joint]
     tried = np.empty(3)
-    bias_and_inertia(links, parents, prismatic, gravity, q, dq, work, bias, inertia)
+    bias_and_inertia(tree, q, dq, work, bias, inertia)
     worst = (sign * bias[joint] - most) / inertia[joint]
     step = 0.25
     for _ in range(SWEEPS):
@@ -304,7 +318,7 @@ def polish(
             best = dq[i]
             for k in range(3):
                 dq[i] = (k - 1.0) * limits[2, i]
-                bias_and_inertia(links, parents, prismatic, gravity, q, dq, work, bias, inertia)
+                bias_and_inertia(tree, q, dq, work, bias, inertia)
                 tried[k] = (sign * bias[joint] - most) / inertia[joint]
                 if tried[k] > worst:
                     worst, best = tried[k], dq[i]
@@ -312,7 +326,7 @@ def polish(
             vertex = 0.5 * (tried[0] - tried[2])
             if curved < 0.0 and abs(vertex) < -curved:
                 dq[i] = limits[2, i] * vertex / curved
-                bias_and_inertia(links, parents, prismatic, gravity, q, dq, work, bias, inertia)
+                bias_and_inertia(tree, q, dq, work, bias, inertia)
                 here = (sign * bias[joint] - most) / inertia[joint]
                 if here > worst:
                     worst, best = here, dq[i]
@@ -321,7 +335,7 @@ def polish(
             for k in range(2):
                 moved = best + (2.0 * k - 1.0) * step * (limits[1, i] - limits[0, i])
                 q[i] = min(max(moved, limits[0, i]), limits[1, i])
-                bias_and_inertia(links, parents, prismatic, gravity, q, dq, work, bias, inertia)
+                bias_and_inertia(tree, q, dq, work, bias, inertia)
                 here = (sign * bias[joint] - most) / inertia[joint]
                 if here > worst:
                     worst, best = here, q[i]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,19 +39,30 @@ def _place(
         origin_out[row] = joint[9 + row] + (x * mount[0, 3] + y * mount[1, 3] + z * mount[2, 3])
 
 
+class Rows(NamedTuple):
+    """Where the rows of all frames are written.
+
+    Attributes:
+        jacobian: J, (m, n).
+        twist: ν = J·dq, (m,).
+        drift: J̇·dq, (m,).
+    """
+
+    jacobian: FloatArray
+    twist: FloatArray
+    drift: FloatArray
+
+
 @inlined
 def _move(
     joint_jacobian: FloatArray,
     order: Indices,
     movers: Indices,
     dq: FloatArray,
-    origin: FloatArray,
-    rotation: FloatArray,
+    placement: tuple[FloatArray, FloatArray],
     start: int,
     size: int,
-    jacobian_out: FloatArray,
-    twist_out: FloatArray,
-    drift_out: FloatArray,
+    rows: Rows,
 ) -> None:
     """Write the rows of one frame.
 
@@ -58,6 +71,7 @@ def _move(
     its twist there: d/dt ν = J·ddq + J̇·dq, and ν × ν = 0 is all that the frame's own turning adds.
     The velocity v of the origin in the root's axes is turned with ω: there ω × v is added.
     """
+    (origin, rotation), (jacobian_out, twist_out, drift_out) = placement, rows
     ox, oy, oz = origin[0], origin[1], origin[2]
     vx, vy, vz, wx, wy, wz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     ax, ay, az, bx, by, bz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -149,19 +163,10 @@ def frames_dynamics(
         origins_out, rotations_out: (k, 3) [m] and (k, 3, 3), in the root's axes.
     """
     _inertia(mass, bias, order, mass_out, bias_out)
+    rows = Rows(jacobian_out, twist_out, drift_out)
     for f in range(carriers.size):
         origin, rotation = origins_out[f], rotations_out[f]
         _place(joints[carriers[f]], mounts[f], origin, rotation)
-        _move(
-            joint_jacobian,
-            order,
-            movers[edges[f] : edges[f + 1]],
-            dq,
-            origin,
-            rotation,
-            places[f, 0],
-            places[f, 1],
-            jacobian_out,
-            twist_out,
-            drift_out,
-        )
+        mine = movers[edges[f] : edges[f + 1]]
+        placement, (start, size) = (origin, rotation), (places[f, 0], places[f, 1])
+        _move(joint_jacobian, order, mine, dq, placement, start, size, rows)

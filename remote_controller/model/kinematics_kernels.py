@@ -6,7 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.robot.setpoint_limits_kernels import own_start, taken_over, within
+from hoap3.protocol.robot.setpoint_limits_kernels import (
+    JointLimits,
+    own_start,
+    taken_over,
+    within,
+)
 from hoap3.protocol.runtime.numba_jit import kernel
 
 AT_REST, FOLLOWED, UNKNOWN = 0, 1, 2
@@ -173,7 +178,7 @@ def euler_step(
         v = (q - earlier[i]) / T if history == FOLLOWED else 0.0
         before = within(out[i], lower, upper) if history == FOLLOWED else q
         begin = own_start(before, s, q, speed, T)
-        taken = taken_over(s, begin, q, v, lower, upper, speed, acceleration, T)
+        taken = taken_over(s, begin, q, v, JointLimits(lower, upper, speed, acceleration), T)
         beyond += not (taken and history != UNKNOWN)
         active += abs(u[i]) >= active_speed
         earlier[i], out[i] = q, s

@@ -13,6 +13,7 @@ from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.robot.setpoint_limits_kernels import (
     INSIDE,
     ULP,
+    JointLimits,
     approach_speed,
     own_start,
     taken_over,
@@ -56,7 +57,7 @@ def filter_setpoint(
             s = start = q
         elif before[i] != before[i]:
             start = s
-        if taken_over(s, start, q, v, lower, upper, speed, A, T):
+        if taken_over(s, start, q, v, JointLimits(lower, upper, speed, A), T):
             tight = change - 2.0 * ULP * (abs(v) + change)
             w = within((s - q) / T, max(-speed, v - tight), min(speed, v + tight))
             value[i], velocity[i] = s, w

@@ -40,11 +40,12 @@ def by_pinocchio(robot: RobotModel, q: np.ndarray, dq: np.ndarray) -> tuple[np.n
 def compare_with_pinocchio(robot: RobotModel, rng: np.random.Generator, count: int) -> None:
     tree, n = build_tree(robot), robot.description.n
     bias, inertia, work = np.empty(n), np.empty(n), np.empty((n, kernels.WORK))
+    links = kernels.Links(*tree.tables)
     q_there, dq_there = np.empty(n), np.empty(n)
     for _ in range(count):
         q, dq = rng.uniform(-3, 3, n), rng.normal(0, 5, n)
         q_there[tree.order], dq_there[tree.order] = q, dq
-        kernels.bias_and_inertia(*tree.tables, q_there, dq_there, work, bias, inertia)
+        kernels.bias_and_inertia(links, q_there, dq_there, work, bias, inertia)
         right_bias, right_inertia = by_pinocchio(robot, q, dq)
         close = 1e-12 * max(1.0, np.abs(right_bias).max())
         np.testing.assert_allclose(bias[tree.order], right_bias, rtol=1e-12, atol=close)
