@@ -154,7 +154,7 @@ def _begin_or_go_on(
     return going_on
 
 
-@kernel()
+@inlined
 def optimise(
     program: Program, budget: int, points: Points, active: Active, dual: Dual, work: Work
 ) -> tuple[int, int, int]:
@@ -186,7 +186,9 @@ def optimise(
         near, taken = True, 0
         if not close:
             left, tolerance = budget - newton - inner, FIRST_TRY * 0.1**tries
-            near, taken = interior(program, x, dual, tolerance, left, work)
+            near, taken = interior(
+                program, x, dual, tolerance, left, work.iterate, work.step, work.slacks
+            )
         inner += taken
         left = budget - newton - inner
         good, taken = polish(program, left, points, active, dual, work)

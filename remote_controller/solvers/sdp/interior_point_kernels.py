@@ -39,7 +39,6 @@ from hoap3.remote_controller.solvers.sdp.memory_kernels import (
     Program,
     Slacks,
     Step,
-    Work,
 )
 
 ROOM = 1e-10  # limits closer to 0 than that on both sides let nothing move
@@ -86,7 +85,7 @@ def _bend(G: Matrix, dx: Vector, dt: float, D: Matrix, out: Matrix) -> None:
             out[i, j] = D[i, j] - dt * dx[i] * dx[j] * G[i, j]
 
 
-@kernel()
+@inlined
 def _dual_step(X: Matrix, Z: Matrix, step: Step) -> None:
     """DZ = Q − Z − the symmetric part of X D Z: C Z = μI, linearised (HKM)."""
     n, T, Q, dZ = X.shape[0], step.T, step.Q, step.Z_step
@@ -105,9 +104,9 @@ def locked(limits: Matrix, r: int) -> bool:
 
 
 @kernel()
-def _missing(program: Program, x: Vector, speed: Vector, slacks: Slacks) -> None:
+def _missing(S: Matrix, limits: Matrix, x: Vector, speed: Vector, slacks: Slacks) -> None:
     """How much more than the distance to the limits each slack is; speed: (joints,), S λ."""
-    S, limits, slack, miss = program.S, program.limits, slacks.s, slacks.miss
+    slack, miss = slacks.s, slacks.miss
     for r in range(speed.size):
         speed[r] = 0.0
     add_rows(speed, x, S, 0, S.shape[0], 0)
@@ -152,15 +151,22 @@ def _shorten(
 
 
 @kernel(superwords=True)
-def _hessian(program: Program, dual: Dual, slack: Matrix, it: Iterate, step: Step) -> None:
+def _hessian(
+    program: Program,
+    dual: Dual,
+    slack: Matrix,
+    it: Iterate,
+    K: Matrix,
+    column: Vector,
+    weighted: Vector,
+) -> None:
     """The upper triangle of K, the matrix of a step with dZ and dz eliminated (Schur complement).
 
     2δI + 2Δt G∘Z for λ and 2 for β, of the Lagrange function; ⟨∂C/∂x_i, X ∂C/∂x_j Z⟩, of C; and
-    Sᵀ diag(z/s) S, of the limits.
+    Sᵀ diag(z/s) S, of the limits. column: scratch, then z/s; weighted: a row of S times it.
     """
-    G, S, Z, z, K = program.G, program.S, dual.Z, dual.z, step.K
+    G, S, Z, z = program.G, program.S, dual.Z, dual.z
     X, XV, ZV, VXV, VZV = it.X, it.XV, it.ZV, it.VXV, it.VZV
-    column, weighted = step.column, step.weighted
     n, joints = S.shape
     transposed_times(it.V, XV, VXV, column)
     transposed_times(it.V, ZV, VZV, column)
@@ -226,7 +232,14 @@ def renew(program: Program, z: Matrix, slack: Matrix) -> None:
 
 @kernel()
 def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to its end
-    program: Program, x: Vector, duals: Dual, tolerance: float, budget: int, work: Work
+    program: Program,
+    x: Vector,
+    duals: Dual,
+    tolerance: float,
+    budget: int,
+    it: Iterate,
+    step: Step,
+    slacks: Slacks,
 ) -> tuple[bool, int]:
     """Go on from C(x) ≻ 0, Z ≻ 0, z > 0 and slacks > 0 until x is known to the tolerance.
 
@@ -236,13 +249,14 @@ def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to it
         duals: Z and z; overwritten.
         tolerance: of what a step to the optimum would change, relative to 1 + |λ|.
         budget: how many iterations are allowed.
-        work: scratch, and the slacks, which are overwritten.
+        it, step: scratch.
+        slacks: s; overwritten.
 
     Returns:
         Whether the tolerance was reached; iterations.
     """
     G, S, limits, dt, delta = program.G, program.S, program.limits, program.dt, program.delta
-    Z, z, it, step, slacks = duals.Z, duals.z, work.iterate, work.step, work.slacks
+    Z, z = duals.Z, duals.z
     C, V, U, P, PZ, X = it.C, it.V, it.U, it.P, it.PZ, it.X
     K, g, dx, D, dZ, Q, W, T = step.K, step.g, step.dx, step.D, step.Z_step, step.Q, step.W, step.T
     slack, miss, fall, aim, dz = slacks.s, slacks.miss, slacks.fall, slacks.aim, slacks.dz
@@ -251,7 +265,7 @@ def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to it
     primal, dual = 0.5, 0.5  # steps before the first
     for taken in range(budget):
         stability_matrix(program.L, G, x[:n], float(x[n]), dt, C, V)
-        _missing(program, x, column[:joints], slacks)
+        _missing(S, limits, x, column[:joints], slacks)
         if not root_inverse(C, U, P, column) or not root_inverse(Z, U, PZ, column):
             return False, taken
         clear(X)
@@ -269,7 +283,7 @@ def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to it
                     count += 1
         times(X, V, it.XV)
         times(Z, V, it.ZV)
-        _hessian(program, duals, slack, it, step)
+        _hessian(program, duals, slack, it, K, column, step.weighted)
         if factorise(K, n + 1, 0.0, column) < n + 1:
             return False, taken
         for i in range(n):
