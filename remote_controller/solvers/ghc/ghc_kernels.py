@@ -62,7 +62,12 @@ from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import (
     syrk,
     triangular_solve,
 )
-from hoap3.remote_controller.solvers.qp.active_set_kernels import active_set, most_violated
+from hoap3.remote_controller.solvers.qp.active_set_kernels import (
+    Scratch,
+    Values,
+    active_set,
+    most_violated,
+)
 
 NONE, TORQUE, GRAVITY_COMPENSATED = 0, 1, 2  # what o is: nothing is regularised, 0, n
 LEAST_WEIGHT = 1e-8  # of w: 1/w stands beside numbers near 1, and the rounding of both
@@ -383,16 +388,18 @@ def ghc_kernel(  # noqa: PLR0912, PLR0915 - one problem from its check to its ce
         if mode != NONE:
             triangular_solve(A, Z)
         status, count, rounds = active_set(
-            Z,
-            values,
-            limits[0],
-            limits[1],
-            R,
-            vectors[5:],
-            scratch[:c],
-            active,
-            state,
-            multipliers,
+            Values(Z, values, limits[0], limits[1], multipliers),
+            Scratch(
+                R,
+                vectors[5],
+                vectors[6],
+                vectors[7],
+                vectors[8],
+                vectors[9],
+                scratch[:c],
+                active,
+                state,
+            ),
         )
         _values(mass, bias, units, values)
     residual = math.inf

@@ -11,6 +11,7 @@ the end; the compiler could not see then that entries are neighbours.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -57,23 +58,27 @@ def _tile(
     target[i3, j3] += sign * d3
 
 
-@kernel(superwords=True)
-def gemm(
-    target: Matrix,
-    sign: float,
-    X: Matrix,
-    Y: Matrix,
-    top: int,
-    bottom: int,
-    left: int,
-    right: int,
-    first: int,
-    last: int,
-) -> None:
-    """Rows `top` to `bottom`, columns `left` to `right` of target += sign·XᵀY.
+class Block(NamedTuple):
+    """Which part of target += sign·XᵀY is meant; each second one is the first that is not.
 
-    Of X and Y the rows from `first` to `last` count.
+    Attributes:
+        top, bottom: rows of the target.
+        left, right: its columns.
+        first, last: rows of X and Y that are summed over.
     """
+
+    top: int
+    bottom: int
+    left: int
+    right: int
+    first: int
+    last: int
+
+
+@kernel(superwords=True)
+def gemm(target: Matrix, sign: float, X: Matrix, Y: Matrix, block: Block) -> None:
+    """A block of target += sign·XᵀY."""
+    top, bottom, left, right, first, last = block
     high, wide = (bottom - top) // 4, (right - left) // 4
     for p in range(high):
         for q in range(wide):
@@ -93,7 +98,7 @@ def syrk(target: Matrix, sign: float, rows: Matrix, count: int) -> None:
     """
     n = target.shape[0]
     for i in range(0, n, 4):
-        gemm(target, sign, rows, rows, i, min(i + 4, n), i, n, 0, count)
+        gemm(target, sign, rows, rows, Block(i, min(i + 4, n), i, n, 0, count))
 
 
 @kernel()
@@ -102,7 +107,7 @@ def multiply(target: Matrix, X: Matrix, L: Matrix, lower: bool) -> None:
     n = target.shape[0]
     target[:] = 0.0
     for j in range(0, n, 4):
-        gemm(target, 1.0, X, L, 0, n, j, min(j + 4, n), j if lower else 0, n)
+        gemm(target, 1.0, X, L, Block(0, n, j, min(j + 4, n), j if lower else 0, n))
 
 
 @kernel()
@@ -123,7 +128,7 @@ def factorise(A: Matrix, n: int, tolerance: float, scratch: Vector) -> int:
         bottom = min(top + 4, n)
         for i in range(top, bottom):
             scratch[i] = A[i, i]
-        gemm(A, -1.0, A, A, top, bottom, top, n, 0, top)
+        gemm(A, -1.0, A, A, Block(top, bottom, top, n, 0, top))
         for i in range(top, bottom):
             row = A[i, i:n]
             for k in range(top, i):
@@ -146,7 +151,7 @@ def triangular_solve(U: Matrix, rows: Matrix) -> None:
     n, wide = U.shape[0], rows.shape[1]
     for top in range(0, n, 4):
         bottom = min(top + 4, n)
-        gemm(rows, -1.0, U, rows, top, bottom, 0, wide, 0, top)
+        gemm(rows, -1.0, U, rows, Block(top, bottom, 0, wide, 0, top))
         for i in range(top, bottom):
             row, inverse = rows[i], 1.0 / U[i, i]
             for k in range(top, i):

@@ -10,6 +10,7 @@ multipliers are then all of the size of a weighted speed.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from hoap3.protocol.runtime.numba_jit import Indices, Matrix, Vector, inlined, kernel
 from hoap3.remote_controller.solvers.base.status import (
@@ -62,21 +63,36 @@ def rate_status(decrease: float, asked: float, drift: float, top: float, can_res
     return OK if decrease - drift >= -rest else CANNOT_DESCEND
 
 
+class Problem(NamedTuple):
+    """(3): ∇V·u + ∂V/∂t = −ρΨ, A u ≤ b, C u = c, lower ≤ u ≤ upper.
+
+    Attributes:
+        gradient: ∇V, (n,).
+        psi: Ψ ≥ 0.
+        drift: ∂V/∂t, (18).
+        A: (m, n).
+        b: (m,), inf where a row is off.
+        C: (k, n).
+        c: (k,).
+        lower: (n,).
+        upper: (n,).
+    """
+
+    gradient: Vector
+    psi: float
+    drift: float
+    A: Matrix
+    b: Vector
+    C: Matrix
+    c: Vector
+    lower: Vector
+    upper: Vector
+
+
 @inlined
-def fits(
-    size: Indices,
-    gradient: Vector,
-    psi: float,
-    drift: float,
-    A: Matrix,
-    b: Vector,
-    C: Matrix,
-    c: Vector,
-    lower: Vector,
-    upper: Vector,
-    weights: Vector,
-) -> int:
+def fits(size: Indices, weights: Vector, problem: Problem) -> int:
     """`OK`, `BAD_SHAPE`, or `BAD_INPUT`: something is not finite, or no u is within the bounds."""
+    gradient, psi, drift, A, b, C, c, lower, upper = problem
     n = weights.size
     if not (
         size[0] == n
@@ -175,7 +191,7 @@ def try_closed_form(
     Returns:
         Status, and path: `QP` where the answer has to be searched for.
     """
-    status = fits(size, gradient, psi, drift, A, b, C, c, lower, upper, work[0])
+    status = fits(size, work[0], Problem(gradient, psi, drift, A, b, C, c, lower, upper))
     if status == OK and not gamma <= 1.0:
         status = BAD_INPUT
     result[RATE], result[RHO], result[MARGIN] = 0.0, 0.0, -math.inf

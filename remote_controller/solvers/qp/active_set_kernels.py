@@ -11,6 +11,7 @@ all values move with the steps, and none is ever computed anew.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,6 +34,51 @@ BLOCKING = 1e-11  # of a normal: a share of an active one in it that is rounding
 ROUNDS = 20  # additions and droppings for each variable and each value: far more than are needed
 
 
+class Values(NamedTuple):
+    """Values v + Zᵀy, (c,), and what bounds them.
+
+    Attributes:
+        Z: the normal of each value in its column, (n, c).
+        values: v, those at y = 0, (c,).
+        lower: (c,), −inf where there is none.
+        upper: (c,), inf where there is none.
+        multipliers: μ, (c,): y = −Z·μ, so μ_j > 0 where the upper bound holds a value back.
+    """
+
+    Z: Matrix
+    values: Vector
+    lower: Vector
+    upper: Vector
+    multipliers: Vector
+
+
+class Scratch(NamedTuple):
+    """What the dual active set keeps of its active bounds, the first so many that are counted.
+
+    Attributes:
+        R: the triangle of their normals N, Q·N = [Rᵀ; 0], (n, n): row p is the p-th of them,
+            rotated by Q, which is never formed: Z is rotated alike.
+        share: |μ| of each, (n,).
+        length: |normal| of each, (n,).
+        sign: 1 where the lower bound is active, −1 where the upper one is, (n,).
+        normal: of the bound that is added, rotated by Q, (n,).
+        ratio: R⁻ᵀ·normal: how fast each share falls on the way to it, (n,).
+        step: Zᵀ·normal of the free part: how fast each value moves on that way, (c,).
+        active: which values they are, (n,).
+        state: of each value whether it is active, (c,).
+    """
+
+    R: Matrix
+    share: Vector
+    length: Vector
+    sign: Vector
+    normal: Vector
+    ratio: Vector
+    step: Vector
+    active: Indices
+    state: Indices
+
+
 @inlined
 def most_violated(values: Vector, lower: Vector, upper: Vector, state: Indices) -> int:
     """The inactive value that violates its bound most, relative to 1 + |bound|; −1 for none."""
@@ -49,11 +95,10 @@ def most_violated(values: Vector, lower: Vector, upper: Vector, state: Indices) 
 
 
 @inlined
-def _drop(
-    p: int, count: int, Z: Matrix, R: Matrix, normal: Vector, active: Indices, vectors: Matrix
-) -> None:
-    """Take the p-th active bound out: shift the later columns of the triangle, and rotate."""
-    share, length, sign = vectors[0], vectors[1], vectors[2]
+def _drop(p: int, count: int, Z: Matrix, scratch: Scratch) -> None:
+    """Take the p-th active bound out: shift the later columns of the triangle, Givens rotations."""
+    R, normal, active = scratch.R, scratch.normal, scratch.active
+    share, length, sign = scratch.share, scratch.length, scratch.sign
     for q in range(p, count - 1):
         active[q] = active[q + 1]
         share[q], length[q], sign[q] = share[q + 1], length[q + 1], sign[q + 1]
@@ -75,7 +120,9 @@ def _drop(
 
 @inlined
 def _reflect(count: int, tail: float, Z: Matrix, normal: Vector, step: Vector) -> float:
-    """Reflect the rows of Z from `count` on, so that a normal has one entry there; returns it.
+    """Reflect (Householder) the rows of Z from `count` on: a normal has one entry there then.
+
+    Returns that entry.
 
     `step` is Σ normal[k]·Z[k] over these rows, `tail` Σ normal[k]²; `step` is overwritten.
     """
@@ -90,12 +137,13 @@ def _reflect(count: int, tail: float, Z: Matrix, normal: Vector, step: Vector) -
 
 
 @inlined
-def _first_to_go(count: int, size: float, R: Matrix, vectors: Matrix) -> tuple[int, float]:
+def _first_to_go(count: int, size: float, scratch: Scratch) -> tuple[int, float]:
     """The active bound that lets go first on the way to the new one, −1 for none; after how much.
 
-    Writes what of the normal lies along each active one, by the triangle R.
+    Writes the ratio, what of the normal lies along each active one, by back substitution.
     """
-    share, length, normal, ratio = vectors[0], vectors[1], vectors[3], vectors[4]
+    R, share, length = scratch.R, scratch.share, scratch.length
+    normal, ratio = scratch.normal, scratch.ratio
     for p in range(count):
         ratio[p] = normal[p]
     for back in range(count):
@@ -111,37 +159,21 @@ def _first_to_go(count: int, size: float, R: Matrix, vectors: Matrix) -> tuple[i
 
 @kernel(superwords=True)
 def active_set(  # noqa: PLR0912 - one loop inside the other, as in the paper
-    Z: Matrix,
-    values: Vector,
-    lower: Vector,
-    upper: Vector,
-    R: Matrix,
-    vectors: Matrix,
-    step: Vector,
-    active: Indices,
-    state: Indices,
-    multipliers: Vector,
+    bounded: Values, scratch: Scratch
 ) -> tuple[int, int, int]:
     """Move the values until all are within their bounds.
 
     Args:
-        Z: (n, c), overwritten.
-        values: v at y = 0, (c,); overwritten by those of the answer.
-        lower, upper: (c,), ∓inf where there is none.
-        R: scratch, (n, n).
-        vectors: scratch, (5, n).
-        step: scratch, (c,).
-        active: scratch, (n,): the active values, the first so many that are counted.
-        state: scratch, (c,).
-        multipliers: (c,), written: y = −Σ multipliers[j]·Z[:, j] for the Z that was given, so
-            positive where the upper bound holds a value back.
+        bounded: Z is overwritten; the values by those of the answer; the multipliers are written,
+            for the Z that was given.
+        scratch: may hold anything.
 
     Returns:
         `OK`, `INFEASIBLE` or `UNSOLVED`; number of active bounds; of steps.
     """
+    Z, values, lower, upper, multipliers = bounded
+    R, share, length, sign, normal, ratio, step, active, state = scratch
     n, c = Z.shape
-    share, length, sign = vectors[0], vectors[1], vectors[2]
-    normal, ratio = vectors[3], vectors[4]
     count, rounds = 0, 0
     for j in range(c):
         state[j] = 0
@@ -160,7 +192,7 @@ def active_set(  # noqa: PLR0912 - one loop inside the other, as in the paper
             rounds += 1
             if rounds > ROUNDS * (n + c):
                 return UNSOLVED, count, rounds
-            blocking, until = _first_to_go(count, size, R, vectors)
+            blocking, until = _first_to_go(count, size, scratch)
             tail = dot(normal[count:], normal[count:])
             free = count < n and tail > DEPENDENT * DEPENDENT * whole
             full = math.inf
@@ -188,7 +220,7 @@ def active_set(  # noqa: PLR0912 - one loop inside the other, as in the paper
                 count += 1
                 break
             state[active[blocking]] = 0
-            _drop(blocking, count, Z, R, normal, active, vectors)
+            _drop(blocking, count, Z, scratch)
             count -= 1
     for p in range(count):
         multipliers[active[p]] = -sign[p] * share[p]
@@ -249,6 +281,7 @@ def bounded_values_kernel(
     vectors, step = np.empty((5, n)), np.empty(n + c)
     active, state = np.empty(n, np.int64), np.empty(n + c, np.int64)
     status, count, _ = active_set(
-        Z, values, least, most, R, vectors, step, active, state, multipliers
+        Values(Z, values, least, most, multipliers),
+        Scratch(R, vectors[0], vectors[1], vectors[2], vectors[3], vectors[4], step, active, state),
     )
     return status, count

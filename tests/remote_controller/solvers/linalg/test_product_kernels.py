@@ -24,7 +24,8 @@ def test_a_part_of_a_product_is_added_and_nothing_else_is_touched(n):
     expected = target.copy()
     top, left = n // 3, n // 2
     expected[top:, left : n + 2] -= 0.5 * X[2:7, top:].T @ Y[2:7, left : n + 2]
-    tiled_product_kernels.gemm(target, -0.5, X, Y, top, n, left, n + 2, 2, 7)
+    block = tiled_product_kernels.Block(top, n, left, n + 2, 2, 7)
+    tiled_product_kernels.gemm(target, -0.5, X, Y, block)
     close(target, expected)
 
 
