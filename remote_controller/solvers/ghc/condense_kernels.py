@@ -12,15 +12,82 @@ is left, with H_i = J_iᵀJ_i + wI,
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-from hoap3.protocol.runtime.numba_jit import IndexRows, Indices, Matrix, Vector, inlined, kernel
+from hoap3.protocol.runtime.numba_jit import Indices, Matrix, Vector, inlined, kernel
 from hoap3.remote_controller.solvers.ghc.projector_kernels import (
+    Above,
+    Basis,
+    Spectrum,
     exact_basis,
     smooth_basis,
     sort_tasks,
 )
 from hoap3.remote_controller.solvers.linalg.dense_kernels import add, add_rows, dot
 from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import factorise, syrk
+
+
+class Tasks(NamedTuple):
+    """What the tasks ask for, (13a).
+
+    Attributes:
+        jacobian: J, the rows of all tasks, (m, n).
+        offsets: where the rows of each task begin, and m: (k + 1,).
+        target: b, desired accelerations less drift, (m,).
+        alpha: α, (k, k): α_ij is the priority of task j over task i.
+    """
+
+    jacobian: Matrix
+    offsets: Indices
+    target: Vector
+    alpha: Matrix
+
+
+class Condensed(NamedTuple):
+    """½ (q̈ − q₀)ᵀ S⁺ (q̈ − q₀); written.
+
+    Attributes:
+        S: Σ P_i H_i⁻¹ P_i, (n, n), its upper triangle.
+        q0: Σ P_i J_iᵀ (J_i J_iᵀ + wI)⁻¹ b_i, (n,).
+    """
+
+    S: Matrix
+    q0: Vector
+
+
+class Condensing(NamedTuple):
+    """Scratch of `condense`.
+
+    Attributes:
+        X: rows of what is subtracted, S = (whole)·I − XᵀX, (m·k + m, n).
+        B, D: of P_i = cI − Bᵀ diag(D) B, (2m + 1, n) and (m,).
+        F: Σ D (2c − D) h over the tasks i so far, (m,), h = 1/w or 1/(1 + w): P_i² h and its like
+            are c²h I − Bᵀ diag(F) B.
+        C: the triangle of J_i J_iᵀ + wI with b_i beside it, (m, m + 1), in its first rows; K of the
+            smoothed basis, too.
+        Q: of the smoothed basis, (m, m + 1).
+        rise: Σ_j α_ji of each task i, (k,).
+        along: coefficients along the rows of B, (max(m, n),).
+        closes: 1 for a task whose Jacobian is I, (k,).
+        order: tasks above i, of `sort_tasks`, (k,).
+        rows: of J, of the smoothed basis, (m,).
+        chain: tasks whose rows B has, (k,).
+        ranks: how many rows of B the first so many of the chain have, (k + 1,).
+    """
+
+    X: Matrix
+    B: Matrix
+    D: Vector
+    F: Vector
+    C: Matrix
+    Q: Matrix
+    rise: Vector
+    along: Vector
+    closes: Indices
+    order: Indices
+    rows: Indices
+    chain: Indices
+    ranks: Indices
 
 
 @inlined
@@ -45,17 +112,16 @@ def _project_task(
     w: float,
     rank: int,
     c: float,
-    B: Matrix,
-    D: Vector,
-    X: Matrix,
-    C: Matrix,
-    scratch: Vector,
+    used: int,
+    work: Condensing,
     q0: Vector,
 ) -> None:
-    """Add P Jᵀ(JJᵀ + wI)⁻¹ b to q₀ and write rows X with P H⁻¹ P = P²/w − XᵀX.
+    """Add P Jᵀ(JJᵀ + wI)⁻¹ b to q₀ and write X with P H⁻¹ P = P²/w − XᵀX, behind its used rows.
 
-    P = cI − Bᵀ diag(D) B; C is scratch, at least (m, m + 1).
+    P = cI − Bᵀ diag(D) B. By Woodbury H⁻¹ = (I − Jᵀ(JJᵀ + wI)⁻¹J)/w; with JJᵀ + wI = RᵀR, R the
+    triangle in C, X = R⁻ᵀ J P/√w, and P Jᵀ(JJᵀ + wI)⁻¹ b = √w Xᵀ R⁻ᵀ b.
     """
+    X, C, B, D, scratch = work.X[used:], work.C, work.B, work.D, work.along
     m, n = jacobian.shape
     for a in range(m):
         for b in range(a, m):
@@ -129,20 +195,7 @@ def _look(jacobian: Matrix, offsets: Indices, alpha: Matrix, closes: Indices, ri
 
 @kernel(superwords=True)
 def condense(
-    jacobian: Matrix,
-    offsets: Indices,
-    target: Vector,
-    alpha: Matrix,
-    w: float,
-    smoothing: float,
-    S: Matrix,
-    q0: Vector,
-    X: Matrix,
-    B: Matrix,
-    diagonals: Matrix,
-    K: Matrix,
-    scratch: Vector,
-    integers: IndexRows,
+    tasks: Tasks, w: float, smoothing: float, condensed: Condensed, work: Condensing
 ) -> float:
     """Write the upper triangle of S, and q₀; returns what S is a difference from, times I.
 
@@ -150,51 +203,33 @@ def condense(
     in a hierarchy of strict levels every row is orthonormalised, and enters S, once.
 
     Args:
-        jacobian, offsets, target: of all tasks, (m, n), (k + 1,), (m,).
-        alpha: (k, k): α_ij is the priority of task j over task i.
+        tasks: k of them, of n joints.
         w: ω_r.
         smoothing: s₀, or 0.
-        S, q0: (n, n) and (n,).
-        X: scratch, (m·k + m, n).
-        B: scratch, (2m + 1, n).
-        diagonals: scratch, (3, m + 1).
-        K: scratch, (2m, m + 1).
-        scratch: at least as long as X has rows.
-        integers: scratch, (5, max(m, k + 1)).
+        condensed: written.
+        work: scratch.
     """
-    (m, n), tasks = jacobian.shape, offsets.size - 1
-    D, F, rise = diagonals[0], diagonals[1], diagonals[2]
-    closes, order, rows = integers[0], integers[1], integers[2]
-    chain, ranks = integers[3], integers[4]
+    jacobian, offsets, target, alpha = tasks
+    S, q0 = condensed
+    X, B, D, F = work.X, work.B, work.D, work.F
+    closes, order, chain, ranks = work.closes, work.order, work.chain, work.ranks
+    (m, n), k = jacobian.shape, offsets.size - 1
     whole, used, chained, ranks[0] = 0.0, 0, 0, 0
     q0[:] = 0.0
     F[:] = 0.0
-    _look(jacobian, offsets, alpha, closes, rise)
-    for i in range(tasks):
-        count = sort_tasks(alpha[i], closes, rise, order)
+    _look(jacobian, offsets, alpha, closes, work.rise)
+    basis, spectrum = Basis(B, D, ranks), Spectrum(work.rows, work.C, work.Q)
+    for i in range(k):
+        above = Above(jacobian, offsets, closes, alpha[i], order)
+        count = sort_tasks(alpha[i], closes, work.rise, order)
         if smoothing > 0.0:
-            rank, c = smooth_basis(
-                jacobian,
-                offsets,
-                closes,
-                alpha[i],
-                smoothing,
-                order,
-                count,
-                rows,
-                B,
-                D,
-                K[:m],
-                K[m:],
-            )
+            rank, c = smooth_basis(above, count, smoothing, basis, spectrum)
         else:
             common = _shared(order, count, closes, chain, chained)
             if common < count and not closes[order[common]]:
                 used = _flush(ranks[common], ranks[chained], B, F, X, used)
                 chained = _chain(order, count, closes, chain)
-            rank, c = exact_basis(
-                jacobian, offsets, closes, alpha[i], order, count, common, B, D, ranks
-            )
+            rank, c = exact_basis(above, count, common, basis)
         first, last = offsets[i], offsets[i + 1]
         inverse = 1.0 / (1.0 + w) if closes[i] else 1.0 / w
         whole += inverse * c * c
@@ -206,9 +241,7 @@ def condense(
             for p in range(rank):
                 add(q0, -D[p] * inverse * dot(B[p], own), B[p])
         else:
-            _project_task(
-                jacobian[first:last], target[first:last], w, rank, c, B, D, X[used:], K, scratch, q0
-            )
+            _project_task(jacobian[first:last], target[first:last], w, rank, c, used, work, q0)
             used += last - first
         if smoothing > 0.0:
             used = _flush(0, rank, B, F, X, used)

@@ -102,25 +102,12 @@ class Ghc:
         self.qdd_lower, self.tau_lower, self.rows_lower = np.split(self._bounds[0], [n, 2 * n])
         self.qdd_upper, self.tau_upper, self.rows_upper = np.split(self._bounds[1], [n, 2 * n])
         self.rows = np.zeros((rows, n))
-        most = m * k + m
-        self._work = (
-            np.empty((5, n, n)),
-            np.empty((n, c)),
-            np.empty((10, n)),
-            np.empty((most, n)),
-            np.empty((2 * m + 1, n)),
-            np.empty((2 * m, m + 1)),
-            np.empty((3, m + 1)),
-            np.empty(max(most, c)),
-            np.empty((7, max(c, m, k + 1)), np.int64),
-            np.empty((3, rows, n)),
-            np.empty((3, rows)),
-            np.empty((4, c)),
-            np.zeros((2, c)),
-        )
-        self.qdd, self.tau, _ = np.split(self._work[-1][0], [n, 2 * n])
+        numbers, integers = ghc_kernels.sizes_of(m, n, k, rows)
+        out = np.zeros((2, c))
+        self._work = np.empty(numbers), np.empty(integers, np.int64), out
+        self.qdd, self.tau, _ = np.split(out[0], [n, 2 * n])
         self.qdd_multipliers, self.tau_multipliers, self.rows_multipliers = np.split(
-            self._work[-1][1], [n, 2 * n]
+            out[1], [n, 2 * n]
         )
         self.active = self.steps = 0
         self.kkt_residual = math.inf

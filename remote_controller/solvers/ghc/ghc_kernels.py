@@ -19,10 +19,9 @@ imposed before (`row_kernels`).
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from hoap3.protocol.runtime.numba_jit import (
-    Cube,
-    IndexRows,
     Indices,
     Matrix,
     Vector,
@@ -37,7 +36,12 @@ from hoap3.remote_controller.solvers.base.status import (
     OUT_OF_RANGE,
     UNSOLVED,
 )
-from hoap3.remote_controller.solvers.ghc.condense_kernels import condense
+from hoap3.remote_controller.solvers.ghc.condense_kernels import (
+    Condensed,
+    Condensing,
+    Tasks,
+    condense,
+)
 from hoap3.remote_controller.solvers.ghc.row_kernels import (
     equation_multipliers,
     has_equations,
@@ -78,6 +82,100 @@ TOLD_APART = 1e-13  # of a task's |J|²: with less of ω_r, directions of S are 
 SMALLEST = 1e-6  # rad/s²: accelerations below it count as that much
 
 
+class Motion(NamedTuple):
+    """The equation of motion, what of it is regularised, and what must hold, (13b, c).
+
+    Attributes:
+        mass: M, (n, n).
+        bias: n, (n,).
+        w: ω_r of |τ − o|², 0 where that is not regularised.
+        offset: n − o = offset·n: 1 for |τ|², 0 for |τ − n|².
+        units: r_j/|r_j| of the rows R, (s, n).
+        limits: lower and upper bounds of (q̈, τ, R q̈/|r|), (2, c), c = 2n + s.
+    """
+
+    mass: Matrix
+    bias: Vector
+    w: float
+    offset: float
+    units: Matrix
+    limits: Matrix
+
+
+class Factors(NamedTuple):
+    """The problem in the unknown y, q̈ = q₀ + Uᵀy; all written.
+
+    Attributes:
+        U: UᵀU = S, (n, n).
+        L: Uᵀ, (n, n).
+        T: M Uᵀ, (n, n).
+        A: the triangle of I + w TᵀT, (n, n).
+        Z: normals [U | Tᵀ | U Rᵀ] of all values, (n, c); A⁻ᵀ of them for the active set.
+        scratch: (n,).
+    """
+
+    U: Matrix
+    L: Matrix
+    T: Matrix
+    A: Matrix
+    Z: Matrix
+    scratch: Vector
+
+
+class Equations(NamedTuple):
+    """Rows that are equations, in their order, and scratch.
+
+    Attributes:
+        directions: e_k, (s, n).
+        motions: p_k = Uᵀe_k, (s, n).
+        steps: t_k and |z_k|, (2, s).
+        lengths: |r_j| of all rows, (s,).
+        squares: scratch, (2, c).
+    """
+
+    directions: Matrix
+    motions: Matrix
+    steps: Matrix
+    lengths: Vector
+    squares: Matrix
+
+
+class ActiveSet(NamedTuple):
+    """Scratch of `active_set`, whose names the first five are, and vectors.
+
+    Attributes:
+        R: (n, n).
+        vectors: (5, n).
+        step: (c,).
+        active: (n,).
+        state: (c,).
+        pull: M q̈ + n − o at the point where the free optimum starts, then at the answer; (n,).
+        y: of q̈ = q₀ + Uᵀy, (n,).
+        g: w M (τ − o) + μ + M ν + Rᵀρ, (n,).
+        away: scratch, (n,).
+    """
+
+    R: Matrix
+    vectors: Matrix
+    step: Vector
+    active: Indices
+    state: Indices
+    pull: Vector
+    y: Vector
+    g: Vector
+    away: Vector
+
+
+class Scratch(NamedTuple):
+    """All that is written on the way to the answer."""
+
+    condensing: Condensing
+    condensed: Condensed
+    factors: Factors
+    equations: Equations
+    active_set: ActiveSet
+
+
 @inlined
 def _clear(values: Vector) -> None:
     for j in range(values.size):
@@ -99,35 +197,25 @@ def _torques(M: Matrix, qdd: Vector, bias: Vector, tau: Vector) -> None:
 
 @inlined
 def _gather(
-    mass: Matrix,
-    effort: Vector,
-    w: float,
-    rows: Matrix,
-    multipliers: Vector,
-    g: Vector,
-    scratch: Vector,
+    motion: Motion, effort: Vector, multipliers: Vector, g: Vector, scratch: Vector
 ) -> None:
     """Write g = w M·effort + μ + M ν + Rᵀρ, what pulls q̈ away from q₀."""
     n = g.size
     for i in range(n):
-        scratch[i] = w * effort[i] + multipliers[n + i]
-    _times(mass, scratch, g)
+        scratch[i] = motion.w * effort[i] + multipliers[n + i]
+    _times(motion.mass, scratch, g)
     for i in range(n):
         g[i] += multipliers[i]
-    for j in range(rows.shape[0]):
-        add(g, multipliers[2 * n + j], rows[j])
+    for j in range(motion.units.shape[0]):
+        add(g, multipliers[2 * n + j], motion.units[j])
 
 
 @kernel(superwords=True)
 def optimality(
-    S: Matrix,
-    q0: Vector,
-    mass: Matrix,
+    condensed: Condensed,
+    motion: Motion,
     effort: Vector,
-    w: float,
-    rows: Matrix,
     values: Vector,
-    bounds: Matrix,
     multipliers: Vector,
     g: Vector,
     away: Vector,
@@ -137,9 +225,11 @@ def optimality(
     q̈ = q₀ − S(w M·effort + μ + M ν + Rᵀρ), and each value of a multiplier that is not 0 at its
     bound, the others within theirs: the largest deviation, the former relative to max(|q̈|, |q₀|),
     the latter to 1 + |bound|; rows are of unit length. `effort` is what is regularised, τ − o or 0.
+    g and away are scratch, (n,).
     """
-    n, lower, upper, span = q0.size, bounds[0], bounds[1], SMALLEST
-    _gather(mass, effort, w, rows, multipliers, g, away)
+    n, lower, upper, span = motion.bias.size, motion.limits[0], motion.limits[1], SMALLEST
+    S, q0 = condensed
+    _gather(motion, effort, multipliers, g, away)
     for i in range(n):
         away[i] = values[i] - q0[i]
         span = max(span, abs(values[i]), abs(q0[i]))
@@ -161,35 +251,43 @@ def optimality(
 
 
 @inlined
-def _unfit(
-    jacobian: Matrix,
-    target: Vector,
-    alpha: Matrix,
-    mass: Matrix,
-    bias: Vector,
-    rows: Matrix,
-    bounds: Matrix,
-) -> bool:
-    """Whether a value is not finite, a priority outside [0, 1], or a bound on the wrong side."""
-    found = not_finite(target) or not_finite(bias)
-    for row in range(jacobian.shape[0]):
-        found = found or not_finite(jacobian[row])
-    for row in range(mass.shape[0]):
-        found = found or not_finite(mass[row])
-    for row in range(rows.shape[0]):
-        found = found or not_finite(rows[row])
+def _finite(tasks: Tasks, mass: Matrix, bias: Vector, rows: Matrix) -> bool:
+    """Whether all numbers are."""
+    found = not_finite(tasks.target) or not_finite(bias)
+    for i in range(tasks.jacobian.shape[0]):
+        found = found or not_finite(tasks.jacobian[i])
+    for i in range(mass.shape[0]):
+        found = found or not_finite(mass[i])
+    for i in range(rows.shape[0]):
+        found = found or not_finite(rows[i])
+    return not found
+
+
+@inlined
+def _within(alpha: Matrix, bounds: Matrix) -> bool:
+    """Whether every priority is in [0, 1] and no bound infinite on the wrong side, or NaN."""
+    found = True
     for i in range(alpha.shape[0]):
         for j in range(alpha.shape[1]):
-            found = found or not 0.0 <= alpha[i, j] <= 1.0
+            found = found and 0.0 <= alpha[i, j] <= 1.0
     for j in range(bounds.shape[1]):
-        found = found or not (bounds[0, j] < math.inf and bounds[1, j] > -math.inf)
+        found = found and bounds[0, j] < math.inf and bounds[1, j] > -math.inf
     return found
 
 
 @inlined
-def _too_stiff(jacobian: Matrix, offsets: Indices, w: float) -> bool:
+def _apart(bounds: Matrix) -> bool:
+    """Whether a lower bound is above the upper one."""
+    found = 0
+    for j in range(bounds.shape[1]):
+        found += 1 if bounds[0, j] > bounds[1, j] else 0
+    return found > 0
+
+
+@inlined
+def _too_stiff(tasks: Tasks, w: float) -> bool:
     """Whether what a task leaves to ω_r is so little of S that rounding hides it."""
-    found = False
+    jacobian, offsets, found = tasks.jacobian, tasks.offsets, False
     for i in range(offsets.size - 1):
         square = 0.0
         for row in range(offsets[i], offsets[i + 1]):
@@ -199,15 +297,13 @@ def _too_stiff(jacobian: Matrix, offsets: Indices, w: float) -> bool:
 
 
 @inlined
-def _factor(
-    S: Matrix, whole: float, mass: Matrix, U: Matrix, L: Matrix, T: Matrix, scratch: Vector
-) -> None:
-    """Write U with UᵀU = S, its transpose L, and T = M L."""
-    n = S.shape[0]
+def _factor(S: Matrix, whole: float, mass: Matrix, factors: Factors) -> None:
+    """Write U with UᵀU = S (Cholesky; with pivots where S is singular), its transpose, and T."""
+    U, L, T, n = factors.U, factors.L, factors.T, S.shape[0]
     for i in range(n):
         for j in range(n):
             U[i, j] = S[i, j] if j >= i else 0.0
-    regular = factorise(U, n, WELL_APART, scratch) == n
+    regular = factorise(U, n, WELL_APART, factors.scratch) == n
     for i in range(n):
         regular = regular and U[i, i] * U[i, i] > ROUNDING * whole
     if not regular:
@@ -222,42 +318,39 @@ def _factor(
 
 
 @inlined
-def _free_optimum(
-    U: Matrix, T: Matrix, w: float, pull: Vector, A: Matrix, y: Vector, scratch: Vector, qdd: Vector
-) -> None:
-    """Add Uᵀy to q̈ = q₀, with (I + w TᵀT) y = −w Tᵀ·pull and pull = M q₀ + n − o.
-
-    A becomes the factor of that matrix.
-    """
-    n = qdd.size
+def _free_optimum(motion: Motion, factors: Factors, pull: Vector, y: Vector, qdd: Vector) -> None:
+    """Add Uᵀy to q̈, with (I + w TᵀT) y = −w Tᵀ·pull and pull = M q̈ + n − o of before."""
+    A, T, scratch, n = factors.A, factors.T, factors.scratch, qdd.size
+    _times(motion.mass, qdd, pull)
     for i in range(n):
-        scratch[i] = -w * pull[i]
+        pull[i] += motion.offset * motion.bias[i]
+        scratch[i] = -motion.w * pull[i]
         for j in range(n):
             A[i, j] = 1.0 if i == j else 0.0
     _clear(y)
     add_rows(y, scratch, T, 0, n, 0)
-    syrk(A, w, T, n)
+    syrk(A, motion.w, T, n)
     factorise(A, n, 0.0, scratch)
     solve_lower(A, y)
     solve_upper(A, y)
-    add_rows(qdd, y, U, 0, n, 0)
+    add_rows(qdd, y, factors.U, 0, n, 0)
 
 
 @inlined
-def _normals(U: Matrix, T: Matrix, rows: Matrix, least: float, Z: Matrix) -> None:
+def _normals(factors: Factors, units: Matrix, least: float) -> None:
     """Write the normals of all values, Z = [U | Tᵀ | U Rᵀ]."""
-    n = U.shape[0]
+    U, T, Z, n = factors.U, factors.T, factors.Z, factors.U.shape[0]
     for i in range(n):
         for j in range(n):
             Z[i, j] = U[i, j]
             Z[i, n + j] = T[j, i]
-    row_normals(rows, U, least, Z)
+    row_normals(units, U, least, Z)
 
 
 @inlined
-def _split(Z: Matrix, U: Matrix, T: Matrix) -> None:
+def _split(factors: Factors) -> None:
     """Write U and T of Z = [U | Tᵀ | U Rᵀ]."""
-    n = U.shape[0]
+    U, T, Z, n = factors.U, factors.T, factors.Z, factors.U.shape[0]
     for i in range(n):
         for j in range(n):
             U[i, j] = Z[i, j]
@@ -265,15 +358,136 @@ def _split(Z: Matrix, U: Matrix, T: Matrix) -> None:
 
 
 @inlined
-def _values(M: Matrix, bias: Vector, rows: Matrix, values: Vector) -> None:
-    """Write τ and R q̈ behind q̈."""
-    n = bias.size
-    _torques(M, values[:n], bias, values[n : 2 * n])
-    _times(rows, values[:n], values[2 * n :])
+def _values(motion: Motion, values: Vector) -> None:
+    """Write τ and R q̈/|r| behind q̈."""
+    n = motion.bias.size
+    _torques(motion.mass, values[:n], motion.bias, values[n : 2 * n])
+    _times(motion.units, values[:n], values[2 * n :])
 
 
 @kernel(superwords=True)
-def ghc_kernel(  # noqa: PLR0912, PLR0915 - one problem from its check to its certificate
+def optimum(
+    motion: Motion,
+    condensed: Condensed,
+    whole: float,
+    factors: Factors,
+    equations: Equations,
+    work: ActiveSet,
+    values: Vector,
+    multipliers: Vector,
+) -> tuple[int, int, int, int]:
+    """Write the optimum of the condensed problem: equations, free optimum, active set.
+
+    Args:
+        motion, condensed, whole: the problem; S is a difference from `whole` times I.
+        factors, equations, work: written.
+        values: q̈, τ, R q̈/|r|, (c,), written.
+        multipliers: of bounds, (c,), 0s; those of equations stay 0.
+
+    Returns:
+        Status, number of active bounds and rows, number of equations, steps of the active set.
+    """
+    n, limits, regularised = motion.bias.size, motion.limits, motion.w > 0.0
+    qdd, least = values[:n], SINGULAR * whole
+    exact, imposed = has_equations(limits, 2 * n), 0
+    for i in range(n):
+        qdd[i] = condensed.q0[i]
+    for j in range(values.size):
+        work.state[j] = 0
+    if regularised or exact:
+        _factor(condensed.S, whole, motion.mass, factors)
+    if exact:
+        _values(motion, values)
+        _normals(factors, motion.units, least)
+        imposed = impose_equations(
+            factors.Z,
+            values,
+            limits,
+            equations.directions,
+            equations.motions,
+            equations.steps,
+            equations.squares,
+        )
+        if imposed < 0:
+            return INFEASIBLE, 0, 0, 0
+        _split(factors)
+    if regularised:
+        _free_optimum(motion, factors, work.pull, work.y, qdd)
+    _values(motion, values)
+    if exact:
+        hold_equations(values, limits, 2 * n)
+    if most_violated(values, limits[0], limits[1], work.state) < 0:
+        return OK, 0, imposed, 0
+    if not exact:
+        if not regularised:
+            _factor(condensed.S, whole, motion.mass, factors)
+        _normals(factors, motion.units, least)
+    if regularised:
+        triangular_solve(factors.A, factors.Z)
+    status, count, steps = active_set(
+        factors.Z,
+        values,
+        limits[0],
+        limits[1],
+        work.R,
+        work.vectors,
+        work.step,
+        work.active,
+        work.state,
+        multipliers,
+    )
+    _values(motion, values)
+    return status, count, imposed, steps
+
+
+@kernel(superwords=True)
+def solve_tasks(
+    tasks: Tasks,
+    motion: Motion,
+    w: float,
+    smoothing: float,
+    scratch: Scratch,
+    values: Vector,
+    multipliers: Vector,
+) -> tuple[int, int, int, float]:
+    """Write the answer and its multipliers, both of unit rows; else as `ghc_kernel`.
+
+    Args:
+        tasks, motion, w, smoothing: the problem, ω_r and s₀.
+        scratch: written.
+        values, multipliers: (c,); the latter 0s.
+    """
+    condensed, work, equations = scratch.condensed, scratch.active_set, scratch.equations
+    g, away, effort, n = work.g, work.away, work.pull, motion.bias.size
+    whole = condense(tasks, w, smoothing, condensed, scratch.condensing)
+    status, count, imposed, steps = optimum(
+        motion, condensed, whole, scratch.factors, equations, work, values, multipliers
+    )
+    if status == INFEASIBLE and _too_stiff(tasks, w):
+        status = UNSOLVED
+    if status != OK:
+        return status, count, steps, math.inf
+    for i in range(n):
+        effort[i] = values[n + i] - (1.0 - motion.offset) * motion.bias[i]
+    if imposed > 0:
+        _gather(motion, effort, multipliers, g, away)
+        equation_multipliers(
+            motion.units, equations.motions, equations.steps, g, multipliers[2 * n :]
+        )
+    residual = optimality(condensed, motion, effort, values, multipliers, g, away)
+    return OK if residual < math.inf else OUT_OF_RANGE, count + imposed, steps, residual
+
+
+def sizes_of(m: int, n: int, k: int, s: int) -> tuple[int, int]:
+    """How many numbers, and how many integers, `ghc_kernel` needs as scratch."""
+    c, most = 2 * n + s, m * k + m
+    condensing = (most + 2 * m + 1) * n + 2 * m * (m + 1) + 2 * m + k + max(m, n)
+    solving = 6 * n * n + n * c + 11 * n + 3 * s * n + 3 * s + 5 * c
+    return condensing + solving, 4 * k + 1 + m + n + c
+
+
+@kernel(superwords=True)
+def ghc_kernel(  # noqa: PLR0915 - here scratch gets its names and shapes
     jacobian: Matrix,
     offsets: Indices,
     target: Vector,
@@ -285,21 +499,13 @@ def ghc_kernel(  # noqa: PLR0912, PLR0915 - one problem from its check to its ce
     smoothing: float,
     rows: Matrix,
     bounds: Matrix,
-    squares: Cube,
-    Z: Matrix,
-    vectors: Matrix,
-    X: Matrix,
-    basis: Matrix,
-    K: Matrix,
-    diagonals: Matrix,
-    scratch: Vector,
-    integers: IndexRows,
-    row_matrices: Cube,
-    row_numbers: Matrix,
-    value_numbers: Matrix,
+    numbers: Vector,
+    integers: Indices,
     out: Matrix,
 ) -> tuple[int, int, int, float]:
-    """Solve one problem; `Ghc` describes the arguments and has the shapes of the scratch.
+    """Solve one problem; `Ghc` describes the arguments.
+
+    What is not finite shows in the answer: the arrays are searched for it only where there is none.
 
     Args:
         jacobian, offsets, target: (m, n), (k + 1,), (m,).
@@ -307,117 +513,82 @@ def ghc_kernel(  # noqa: PLR0912, PLR0915 - one problem from its check to its ce
         w, mode, smoothing: ω_r, what is regularised, s₀.
         rows: R, (s, n).
         bounds: lower and upper ones of (q̈, τ, R q̈), (2, c), c = 2n + s.
-        squares, Z, vectors, X, basis, K, diagonals, scratch, integers: scratch.
-        row_matrices, row_numbers, value_numbers: scratch.
+        numbers, integers: scratch, as long as `sizes_of` says.
         out: q̈, τ, R q̈ of unit rows, and the multipliers of all, (2, c); zeros where the status is
             not `OK`.
 
     Returns:
         Status, number of active bounds, steps of the active set (0: none was needed), residual.
     """
-    (m, n), tasks, s = jacobian.shape, offsets.size - 1, rows.shape[0]
-    c = 2 * n + s
+    (m, n), k, s = jacobian.shape, offsets.size - 1, rows.shape[0]
+    c, at, also = 2 * n + s, 0, 0
     shapes = out.shape == (2, c) and bounds.shape == (2, c) and mass.shape == (n, n)
     sizes = target.size == m and bias.size == n and offsets[-1] == m and rows.shape[1] == n
-    if not (shapes and sizes and alpha.shape == (tasks, tasks)):
+    if not (shapes and sizes and alpha.shape == (k, k)):
         return BAD_SHAPE, 0, 0, math.inf
-    values, multipliers, limits = out[0], out[1], bounds
+    tasks, values, multipliers = Tasks(jacobian, offsets, target, alpha), out[0], out[1]
     _clear(values)
     _clear(multipliers)
     weighty = LEAST_WEIGHT <= w <= MAX and 0.0 <= smoothing <= MAX
-    if not weighty or _unfit(jacobian, target, alpha, mass, bias, rows, bounds):
+    if not weighty or not _within(alpha, bounds):
         return BAD_INPUT, 0, 0, math.inf
-    for j in range(c):
-        if bounds[0, j] > bounds[1, j]:
-            return INFEASIBLE, 0, 0, math.inf
-    units, directions, motions = row_matrices[0], row_matrices[1], row_matrices[2]
-    lengths, steps = row_numbers[0], row_numbers[1:]
+    most, wide, last, long, k1 = m * k + m, 2 * m + 1, m + 1, max(m, n), k + 1
+    X, at = numbers[at : at + most * n].reshape(most, n), at + most * n
+    B, at = numbers[at : at + wide * n].reshape(wide, n), at + wide * n
+    D, at = numbers[at : at + m], at + m
+    F, at = numbers[at : at + m], at + m
+    C, at = numbers[at : at + m * last].reshape(m, last), at + m * last
+    Q, at = numbers[at : at + m * last].reshape(m, last), at + m * last
+    rise, at = numbers[at : at + k], at + k
+    along, at = numbers[at : at + long], at + long
+    closes, also = integers[also : also + k], also + k
+    order, also = integers[also : also + k], also + k
+    tasks_rows, also = integers[also : also + m], also + m
+    chain, also = integers[also : also + k], also + k
+    ranks, also = integers[also : also + k1], also + k1
+    condensing = Condensing(X, B, D, F, C, Q, rise, along, closes, order, tasks_rows, chain, ranks)
+    S, at = numbers[at : at + n * n].reshape(n, n), at + n * n
+    q0, at = numbers[at : at + n], at + n
+    U, at = numbers[at : at + n * n].reshape(n, n), at + n * n
+    L, at = numbers[at : at + n * n].reshape(n, n), at + n * n
+    T, at = numbers[at : at + n * n].reshape(n, n), at + n * n
+    A, at = numbers[at : at + n * n].reshape(n, n), at + n * n
+    Z, at = numbers[at : at + n * c].reshape(n, c), at + n * c
+    line, at = numbers[at : at + n], at + n
+    factors = Factors(U, L, T, A, Z, line)
+    R, at = numbers[at : at + n * n].reshape(n, n), at + n * n
+    vectors, at = numbers[at : at + 5 * n].reshape(5, n), at + 5 * n
+    step, at = numbers[at : at + c], at + c
+    active, also = integers[also : also + n], also + n
+    state, also = integers[also : also + c], also + c
+    pull, at = numbers[at : at + n], at + n
+    y, at = numbers[at : at + n], at + n
+    g, at = numbers[at : at + n], at + n
+    away, at = numbers[at : at + n], at + n
+    work = ActiveSet(R, vectors, step, active, state, pull, y, g, away)
+    directions, at = numbers[at : at + s * n].reshape(s, n), at + s * n
+    motions, at = numbers[at : at + s * n].reshape(s, n), at + s * n
+    shifts, at = numbers[at : at + 2 * s].reshape(2, s), at + 2 * s
+    lengths, at = numbers[at : at + s], at + s
+    squares, at = numbers[at : at + 2 * c].reshape(2, c), at + 2 * c
+    equations = Equations(directions, motions, shifts, lengths, squares)
+    scratch = Scratch(condensing, Condensed(S, q0), factors, equations, work)
+    units, at = numbers[at : at + s * n].reshape(s, n), at + s * n
+    limits, at = numbers[at : at + 2 * c].reshape(2, c), at + 2 * c
+    weight, offset = 0.0 if mode == NONE else w, 1.0 if mode == TORQUE else 0.0
+    motion = Motion(mass, bias, weight, offset, rows, bounds)
     if s > 0:
-        limits = value_numbers[:2]
         scale_rows(rows, bounds, units, lengths, limits)
-    S, U, T, A, R = squares[0], squares[1], squares[2], squares[3], squares[4]
-    q0, pull, y, g, away = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
-    qdd, tau = values[:n], values[n : 2 * n]
-    active, state = integers[0, :n], integers[1, :c]
-    whole = condense(
-        jacobian,
-        offsets,
-        target,
-        alpha,
-        w,
-        smoothing,
-        S,
-        q0,
-        X,
-        basis,
-        diagonals,
-        K,
-        scratch,
-        integers[2:],
-    )
-    weight = 0.0 if mode == NONE else w
-    offset = 1.0 if mode == TORQUE else 0.0
-    for i in range(n):
-        qdd[i] = q0[i]
-    for j in range(c):
-        state[j] = 0
-    equations = has_equations(limits, 2 * n)
-    status, count, rounds, imposed = OK, 0, 0, 0
-    if mode != NONE or equations:
-        _factor(S, whole, mass, U, R, T, scratch)
-    if equations:
-        _values(mass, bias, units, values)
-        _normals(U, T, units, SINGULAR * whole, Z)
-        imposed = impose_equations(Z, values, limits, directions, motions, steps, value_numbers[2:])
-        _split(Z, U, T)
-        status = OK if imposed >= 0 else INFEASIBLE
-        imposed = max(imposed, 0)
-    if mode != NONE and status == OK:
-        _times(mass, qdd, pull)
-        for i in range(n):
-            pull[i] += offset * bias[i]
-        _free_optimum(U, T, w, pull, A, y, scratch, qdd)
-    _values(mass, bias, units, values)
-    if equations:
-        hold_equations(values, limits, 2 * n)
-    if status == OK and most_violated(values, limits[0], limits[1], state) >= 0:
-        if mode == NONE and not equations:
-            _factor(S, whole, mass, U, R, T, scratch)
-        if not equations:
-            _normals(U, T, units, SINGULAR * whole, Z)
-        if mode != NONE:
-            triangular_solve(A, Z)
-        status, count, rounds = active_set(
-            Values(Z, values, limits[0], limits[1], multipliers),
-            Scratch(
-                R,
-                vectors[5],
-                vectors[6],
-                vectors[7],
-                vectors[8],
-                vectors[9],
-                scratch[:c],
-                active,
-                state,
-            ),
+        motion = Motion(mass, bias, weight, offset, units, limits)
+    status, count, steps, residual = INFEASIBLE, 0, 0, math.inf
+    if not _apart(bounds):
+        status, count, steps, residual = solve_tasks(
+            tasks, motion, w, smoothing, scratch, values, multipliers
         )
-        _values(mass, bias, units, values)
-    residual = math.inf
-    hidden = status == INFEASIBLE and _too_stiff(jacobian, offsets, w)
-    status = UNSOLVED if hidden else status
-    if status == OK:
-        for i in range(n):
-            pull[i] = tau[i] - (1.0 - offset) * bias[i]
-        if imposed > 0:
-            _gather(mass, pull, weight, units, multipliers, g, away)
-            equation_multipliers(units, motions, steps, g, multipliers[2 * n :])
-        residual = optimality(
-            S, q0, mass, pull, weight, units, values, limits, multipliers, g, away
-        )
-        status = OK if residual < math.inf else OUT_OF_RANGE
     for j in range(s):
         multipliers[2 * n + j] /= lengths[j]
     if status != OK:
+        status = status if _finite(tasks, mass, bias, rows) else BAD_INPUT
         _clear(values)
         _clear(multipliers)
-    return status, count + imposed, rounds, residual
+    return status, count, steps, residual

@@ -27,6 +27,7 @@ is quite strict: |J_l N_l x| ≤ max t(1 − φ(t))·s₀|x| = 0.26 s₀|x|, and
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,6 +48,53 @@ SURE = 0.5  # of a row: with as much left, one orthogonalisation is enough
 HUGE, SMALL = 1e100, 1e-100  # rows beyond are scaled before they are squared
 DROPPED = 1e-20  # of a projector's eigenvalue
 LEAST_WIDTH = 1e-5  # of s₀, relative to the rows: below it σ is rounding
+
+
+class Above(NamedTuple):
+    """What a task i is kept out of, (11).
+
+    Attributes:
+        jacobian: J, the rows of all tasks, (m, n).
+        offsets: where the rows of each task begin, and m: (k + 1,).
+        closes: 1 for a task whose Jacobian is I, else 0; (k,).
+        alpha: α_i1 … α_ik, priorities of the tasks over i, (k,).
+        order: of `sort_tasks`, (k,) or longer.
+    """
+
+    jacobian: Matrix
+    offsets: Indices
+    closes: Indices
+    alpha: Vector
+    order: Indices
+
+
+class Basis(NamedTuple):
+    """B and D of P = cI − Bᵀ diag(D) B.
+
+    Attributes:
+        B: orthonormal rows, (m + 1, n); (2m, n) for the smoothed one.
+        D: (m,) or longer; scratch until it is written.
+        ranks: how many rows of B the first so many tasks of the order have, (k + 1,) or longer;
+            ranks[0] = 0. Not of the smoothed one.
+    """
+
+    B: Matrix
+    D: Vector
+    ranks: Indices
+
+
+class Spectrum(NamedTuple):
+    """J_l J_lᵀ = Qᵀ diag(σ²) Q of a level; all scratch.
+
+    Attributes:
+        rows: which rows of J the levels have, (m,) or longer.
+        K: J_l J_lᵀ, then diag(σ²), (m, m) or larger.
+        Q: rows are its eigenvectors, likewise.
+    """
+
+    rows: Indices
+    K: Matrix
+    Q: Matrix
 
 
 @inlined
@@ -109,31 +157,17 @@ def sort_tasks(alpha: Vector, closes: Indices, rise: Vector, order: Indices) -> 
 
 
 @kernel(superwords=True)
-def exact_basis(
-    jacobian: Matrix,
-    offsets: Indices,
-    closes: Indices,
-    alpha: Vector,
-    order: Indices,
-    count: int,
-    common: int,
-    B: Matrix,
-    D: Vector,
-    ranks: Indices,
-) -> tuple[int, float]:
+def exact_basis(above: Above, count: int, common: int, basis: Basis) -> tuple[int, float]:
     """Write B and D of P = cI − Bᵀ diag(D) B; returns how many rows B has, and c.
 
     Args:
-        jacobian: all rows, (m, n).
-        offsets: where the rows of each task begin, and m: (k + 1,).
-        closes: 1 for a task whose Jacobian is I, else 0; (k,).
-        alpha: priorities of the tasks, (k,).
-        order, count: of `sort_tasks`.
+        above: the tasks; so many of their order as `count` says are above.
+        count: of `sort_tasks`.
         common: so many tasks at the beginning of the order have their rows in B already.
-        B: (m + 1, n).
-        D: (m,); scratch until then.
-        ranks: how many rows of B the first so many tasks have, (k + 1,); ranks[0] = 0.
+        basis: written.
     """
+    jacobian, offsets, closes, alpha, order = above
+    B, D, ranks = basis
     n, base, rank = jacobian.shape[1], 0.0, ranks[common]
     for t in range(count):
         j = order[t]
@@ -156,9 +190,10 @@ def exact_basis(
 
 @inlined
 def _fade(
-    jacobian: Matrix, rows: Indices, share: float, width: float, B: Matrix, K: Matrix, Q: Matrix
+    jacobian: Matrix, count: int, share: float, width: float, B: Matrix, spectrum: Spectrum
 ) -> None:
-    """Write the rows √(share·g(σ²))·qᵀJ into B, q the eigenvectors of K = J Jᵀ."""
+    """Write the rows √(share·g(σ²))·qᵀJ_l into B, q the eigenvectors of J_l J_lᵀ."""
+    rows, K, Q = spectrum.rows[:count], spectrum.K, spectrum.Q
     m, n, whole = rows.size, jacobian.shape[1], 0.0
     for a in range(m):
         for b in range(a, m):
@@ -192,28 +227,18 @@ def _compress(B: Matrix, count: int, most: int) -> int:
 
 @kernel(superwords=True)
 def smooth_basis(
-    jacobian: Matrix,
-    offsets: Indices,
-    closes: Indices,
-    alpha: Vector,
-    width: float,
-    order: Indices,
-    count: int,
-    rows: Indices,
-    B: Matrix,
-    D: Vector,
-    K: Matrix,
-    Q: Matrix,
+    above: Above, count: int, width: float, basis: Basis, spectrum: Spectrum
 ) -> tuple[int, float]:
-    """As `exact_basis`, smoothed: s₀ = `width` > 0.
+    """As `exact_basis`, smoothed.
 
     Args:
-        jacobian, offsets, closes, alpha, order, count: as there.
-        width: s₀, in the units of the Jacobian.
-        rows: scratch, (m,).
-        B, D: (2m, n) and (m,).
-        K, Q: scratch, (m, m) or larger.
+        above, count: as there.
+        width: s₀ > 0, in the units of the Jacobian.
+        basis: written.
+        spectrum: scratch.
     """
+    jacobian, offsets, closes, alpha, order = above
+    B, D, rows = basis.B, basis.D, spectrum.rows
     m, base = 0, 0.0
     for t in range(count):
         j = order[t]
@@ -229,7 +254,7 @@ def smooth_basis(
         while end < m and D[end] == level:
             end += 1
         below = D[end] if end < m else base
-        _fade(jacobian, rows[:end], level - below, width, B[rank:], K, Q)
+        _fade(jacobian, end, level - below, width, B[rank:], spectrum)
         rank = _compress(B, rank + end, end)
     for p in range(rank):
         D[p] = dot(B[p], B[p])
@@ -259,13 +284,12 @@ def projector_kernel(alpha: Vector, jacobian: Matrix, width: float, out: Matrix)
     order, rows = np.empty(m, np.int64), np.empty(m, np.int64)
     B, D, ranks = np.empty((2 * m + 1, n)), np.empty(m), np.zeros(m + 1, np.int64)
     count = sort_tasks(alpha, closes, np.zeros(m), order)
+    above, basis = Above(jacobian, offsets, closes, alpha, order), Basis(B, D, ranks)
     if width > 0.0:
-        K, Q = np.empty((m, m)), np.empty((m, m))
-        rank, c = smooth_basis(
-            jacobian, offsets, closes, alpha, width, order, count, rows, B, D, K, Q
-        )
+        spectrum = Spectrum(rows, np.empty((m, m)), np.empty((m, m)))
+        rank, c = smooth_basis(above, count, width, basis, spectrum)
     else:
-        rank, c = exact_basis(jacobian, offsets, closes, alpha, order, count, 0, B, D, ranks)
+        rank, c = exact_basis(above, count, 0, basis)
     for i in range(n):
         for j in range(n):
             out[i, j] = c if i == j else 0.0

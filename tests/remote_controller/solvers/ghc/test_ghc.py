@@ -74,18 +74,17 @@ def test_proves_its_answers(seed):
 
 def test_the_proof_notices_a_wrong_answer():
     """A residual that is small whatever the answer would prove nothing."""
-    from hoap3.remote_controller.solvers.ghc import ghc_kernels
+    from hoap3.remote_controller.solvers.ghc import condense_kernels, ghc_kernels
 
     n = 3
-    S, q0, M = np.triu(np.eye(n)), np.ones(n), np.eye(n)
+    condensed = condense_kernels.Condensed(np.triu(np.eye(n)), np.ones(n))
     bounds = np.array([np.full(2 * n, -2.0), np.full(2 * n, 2.0)])
+    motion = ghc_kernels.Motion(np.eye(n), np.zeros(n), 0.0, 0.0, np.zeros((0, n)), bounds)
     values = np.ones(2 * n)
     spare = np.empty(n), np.empty(n)
 
     def residual(at, multipliers):
-        return ghc_kernels.optimality(
-            S, q0, M, np.zeros(n), 0.0, np.zeros((0, n)), at, bounds, multipliers, *spare
-        )
+        return ghc_kernels.optimality(condensed, motion, np.zeros(n), at, multipliers, *spare)
 
     none = np.zeros(2 * n)
     assert residual(values, none) == 0
