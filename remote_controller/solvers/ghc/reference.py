@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 RANK = 1e-8  # of a singular value of unit rows: less is rounding
-SINGULAR = 1e-13  # of the largest eigenvalue of S
+SINGULAR = 1e-10  # of the largest eigenvalue of S: less is rounding
 MET = 1e-9  # of 1 + |h|: a row that is violated by less holds
 
 
