@@ -141,32 +141,24 @@ class Equations(NamedTuple):
 
 
 class ActiveSet(NamedTuple):
-    """Scratch of `active_set`, whose names the first five are, and vectors.
+    """What the active set keeps, and vectors.
 
     Attributes:
-        R: (n, n).
-        vectors: (5, n).
-        step: (c,).
-        active: (n,).
-        state: (c,).
+        bounds: of the bounds that are active.
         pull: M q̈ + n − o at the point where the free optimum starts, then at the answer; (n,).
         y: of q̈ = q₀ + Uᵀy, (n,).
         g: w M (τ − o) + μ + M ν + Rᵀρ, (n,).
         away: scratch, (n,).
     """
 
-    R: Matrix
-    vectors: Matrix
-    step: Vector
-    active: Indices
-    state: Indices
+    bounds: Scratch
     pull: Vector
     y: Vector
     g: Vector
     away: Vector
 
 
-class Scratch(NamedTuple):
+class Workspace(NamedTuple):
     """All that is written on the way to the answer."""
 
     condensing: Condensing
@@ -393,7 +385,7 @@ def optimum(
     for i in range(n):
         qdd[i] = condensed.q0[i]
     for j in range(values.size):
-        work.state[j] = 0
+        work.bounds.state[j] = 0
     if regularised or exact:
         _factor(condensed.S, whole, motion.mass, factors)
     if exact:
@@ -416,7 +408,7 @@ def optimum(
     _values(motion, values)
     if exact:
         hold_equations(values, limits, 2 * n)
-    if most_violated(values, limits[0], limits[1], work.state) < 0:
+    if most_violated(values, limits[0], limits[1], work.bounds.state) < 0:
         return OK, 0, imposed, 0
     if not exact:
         if not regularised:
@@ -425,16 +417,7 @@ def optimum(
     if regularised:
         triangular_solve(factors.A, factors.Z)
     status, count, steps = active_set(
-        factors.Z,
-        values,
-        limits[0],
-        limits[1],
-        work.R,
-        work.vectors,
-        work.step,
-        work.active,
-        work.state,
-        multipliers,
+        Values(factors.Z, values, limits[0], limits[1], multipliers), work.bounds
     )
     _values(motion, values)
     return status, count, imposed, steps
@@ -446,7 +429,7 @@ def solve_tasks(
     motion: Motion,
     w: float,
     smoothing: float,
-    scratch: Scratch,
+    scratch: Workspace,
     values: Vector,
     multipliers: Vector,
 ) -> tuple[int, int, int, float]:
@@ -565,14 +548,17 @@ def ghc_kernel(  # noqa: PLR0915 - here scratch gets its names and shapes
     y, at = numbers[at : at + n], at + n
     g, at = numbers[at : at + n], at + n
     away, at = numbers[at : at + n], at + n
-    work = ActiveSet(R, vectors, step, active, state, pull, y, g, away)
+    held = Scratch(
+        R, vectors[0], vectors[1], vectors[2], vectors[3], vectors[4], step, active, state
+    )
+    work = ActiveSet(held, pull, y, g, away)
     directions, at = numbers[at : at + s * n].reshape(s, n), at + s * n
     motions, at = numbers[at : at + s * n].reshape(s, n), at + s * n
     shifts, at = numbers[at : at + 2 * s].reshape(2, s), at + 2 * s
     lengths, at = numbers[at : at + s], at + s
     squares, at = numbers[at : at + 2 * c].reshape(2, c), at + 2 * c
     equations = Equations(directions, motions, shifts, lengths, squares)
-    scratch = Scratch(condensing, Condensed(S, q0), factors, equations, work)
+    scratch = Workspace(condensing, Condensed(S, q0), factors, equations, work)
     units, at = numbers[at : at + s * n].reshape(s, n), at + s * n
     limits, at = numbers[at : at + 2 * c].reshape(2, c), at + 2 * c
     weight, offset = 0.0 if mode == NONE else w, 1.0 if mode == TORQUE else 0.0
