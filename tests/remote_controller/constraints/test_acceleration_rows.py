@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support import HOUSE
 from support.constraint_bench import PERIOD, ROBOTS, AccelerationBench, hoap3, posture, small
 
 from hoap3.protocol.errors import ConfigError
@@ -86,6 +87,24 @@ def test_a_users_one_method_serves_both_levels_and_only_looks():
     assert bench.only.looks == 1
     assert bench.at(q, dq).only.looks == 4  # once there, and to either side for the curvature
     assert bench.only.events["outside"] == outside == 0
+
+
+def test_the_class_of_the_docs_serves_accelerations_as_it_stands(tmp_path, monkeypatch):
+    text = (HOUSE / "docs" / "writing_a_constraint.md").read_text(encoding="utf-8")
+    code = text.partition("<!-- file: least_height.py -->\n```python\n")[2].partition("```")[0]
+    (tmp_path / "least_height_twice.py").write_text(code, encoding="utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    bench = AccelerationBench(
+        hoap3(), {"constraint": "viability", "limit_rad_s": 1.0},
+        {"constraint": "least_height_twice:LeastHeight", "height_m": 0.28},
+    )  # fmt: skip
+    wanted, least = np.zeros(21), np.inf
+    wanted[[2, 3, 4]] = -10.0, 20.0, -10.0
+    for _ in range(1500):
+        bench.hold(bench.nearest(wanted - 5.0 * bench.state.dq))
+        least = min(least, bench.stack.margin())
+    assert least >= -1e-9
+    assert bench.stack.constraints[1].margins[0] < 2e-3  # it did go down to there
 
 
 def test_a_barrier_that_only_updates_is_refused_by_name():

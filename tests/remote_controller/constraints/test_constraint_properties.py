@@ -17,7 +17,8 @@ from registered_constraints import CASES, make
 from support.constraint_bench import PERIOD
 
 from hoap3.protocol.messages import State
-from hoap3.remote_controller.constraints.registry import find, registered
+from hoap3.remote_controller.constraints.registry import build_accelerations, find, registered
+from hoap3.remote_controller.model.kinematics import Kinematics
 
 SEEDS = range(3)
 STEP = 1e-6  # rad
@@ -139,6 +140,54 @@ def test_a_step_of_one_period_keeps_what_was_inside(case, seed):
         after = seen.margins(q + PERIOD * u)
         lost = (float(np.abs(u).sum()) * PERIOD) ** 2
         assert (after[before >= 0.0] >= -1e-9 - lost).all()
+
+
+@every_constraint
+@pytest.mark.parametrize("seed", SEEDS)
+def test_what_its_rows_allow_of_accelerations_keeps_the_barrier(case, seed):
+    """m̈ ≥ −2ηṁ − η²m of every margin of the posture, by differences, whichever way one pushes."""
+    robot, settings, file = CASES[case]
+    if not find(settings.constraint).serves("acceleration"):
+        return
+    stack = build_accelerations([settings], robot, Kinematics(robot), PERIOD, file)
+    (constraint,) = stack.constraints
+    if constraint.guarantee != "conditional":
+        return
+    rng, state, n = np.random.default_rng(seed), State(robot.n, 0), robot.n
+    start = np.array(robot.initial_position)
+    q = start + 0.2 * (rng.uniform(robot.lower, robot.upper) - start)
+    dq, t = rng.normal(0.0, 0.3, n), 1e-4
+    state.q[:], state.dq[:] = q, dq
+    stack.update(q, dq, state)
+    brake = np.minimum(robot.brake_acceleration, robot.setpoint_acceleration_max)
+    eta = constraint.fit_rate(constraint.parameters, robot.velocity, brake)
+    rows = np.ascontiguousarray(np.vstack((np.eye(n), stack.rows)))
+    upper = np.concatenate((np.full(n, 1e3), np.minimum(stack.rows_upper, 1e30)))
+    lower = np.concatenate((np.full(n, -1e3), np.maximum(stack.rows_lower, -1e30)))
+    aside = Kinematics(robot)
+    for frame in robot.frames:
+        aside.frame_id(frame)
+
+    def at(time, ddq):
+        margins = np.zeros(constraint.margins.size)
+        aside.update(q + time * dq + 0.5 * time * time * ddq)
+        constraint.margins_at(aside, margins)
+        return margins
+
+    here = at(0.0, np.zeros(n))
+    known = np.isfinite(here) & (here > INSIDE)
+    for push in [-40.0 * stack.rows[row] for row in range(min(8, len(stack.rows)))] + [
+        rng.normal(0.0, 10.0, n) for _ in range(4)
+    ]:
+        sense = np.zeros(len(upper), np.int32)
+        ddq, _, flag, _ = daqp.solve(np.eye(n), -push, rows, upper, lower, sense)
+        if flag <= 0:
+            continue
+        m, ahead, behind = here[known], at(t, ddq)[known], at(-t, ddq)[known]
+        rate, second = (ahead - behind) / (2 * t), (ahead - 2 * m + behind) / t**2
+        smooth = np.abs(second) < 100.0  # else another point has become the nearest one
+        room = 1e-3 * (1.0 + np.abs(second))
+        assert (second >= -2.0 * eta * rate - eta**2 * m - room)[smooth].all()
 
 
 @every_constraint

@@ -125,7 +125,7 @@ def test_ours_are_not_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_docs_quote_the_refusal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = PAGE.read_text(encoding="utf-8")
     code = text.partition("<!-- file: least_height.py -->\n```python\n")[2].partition("```")[0]
-    code = code.replace("self.limit(A_out, b_out)", "A_out[0, 0] = np.nan")
+    code = code.replace("out=A_out[0])", "out=A_out[0])\n        A_out[0, 0] = np.nan")
     (tmp_path / "least_height.py").write_text(code, encoding="utf-8")
     monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
     names = "joint_velocity", "joint_position", "least_height:LeastHeight"
