@@ -16,6 +16,15 @@ from hoap3.remote_controller.constraints.stack import Stack, overrides
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.model.motion import Motion
 
+KERNELS = (
+    "hoap3.remote_controller.model.drift_kernels",
+    "hoap3.remote_controller.constraints.limit_kernels",
+    "hoap3.remote_controller.constraints.joints.viability_kernels",
+    "hoap3.remote_controller.constraints.collision.distance_kernels",
+    "hoap3.remote_controller.constraints.collision.distance_curvature_kernels",
+)
+"""What a controller that has such a stack names among its `kernels`."""
+
 
 class AccelerationStack(Stack):
     """Constraints one below the other, in preallocated arrays that every update rewrites.

@@ -66,6 +66,8 @@ def check_first_update(
             motion = Motion(description, kinematics)
             motion.update(state.q, state.dq)
             constraint.update_accelerations(motion, state, A, below, b)
+            if constraint.guarantee == "conditional":
+                constraint.margins_at(kinematics, np.zeros(constraint.margins.size))
     except Hoap3Error:
         raise
     except Exception as error:

@@ -36,10 +36,8 @@ class Kinematics:
     def __init__(self, description: RobotDescription) -> None:
         import pinocchio
 
-        from hoap3.remote_controller.model import drift_kernels
         from hoap3.remote_controller.model.kinematics_kernels import com_in_frame, frame_in_frame
 
-        self._frame_drift, self._com_drift = drift_kernels.frame_drift, drift_kernels.com_drift
         self._com_in_frame, self._frame_in_frame = com_in_frame, frame_in_frame
         self.robot = build_model(description)
         self.n = description.n
@@ -59,6 +57,7 @@ class Kinematics:
         self._frames: dict[int, _Frame] = {}
         self._place_all = pinocchio.updateFramePlacements
         placements = self._data.oMf
+        self._drift: Any = None
         self._all_frames = (
             stacked([placement.translation for placement in placements]),
             stacked([placement.rotation for placement in placements]),
@@ -146,8 +145,16 @@ class Kinematics:
             jacobian_out,
         )
 
+    def load_drift(self) -> None:
+        """Have `frame_drift` and `com_drift` ready, which controllers of velocities never ask."""
+        from hoap3.remote_controller.model import drift_kernels
+
+        self._drift = drift_kernels
+
     def frame_drift(self, frame: int, reference: int, dq: FloatArray, out: FloatArray) -> None:
         """Write J̇·dq, with J as of `frame`: what the frame accelerates by where no joint does.
+
+        After `load_drift`, once.
 
         Args:
             frame, reference: what `frame_id` gave.
@@ -158,7 +165,7 @@ class Kinematics:
         self._place(self._model, self._data, reference)
         seen, seen_from = self._frames[frame], self._frames[reference]
         self._v[self._order] = dq
-        self._frame_drift(
+        self._drift.frame_drift(
             self._joint_jacobian,
             self._v,
             seen.origin,
@@ -169,7 +176,7 @@ class Kinematics:
         )
 
     def com_drift(self, frame: int, dq: FloatArray, out: FloatArray) -> None:
-        """Write J̇·dq of the centre of mass, with J as of `com`, (3,) [m/s²].
+        """Write J̇·dq of the centre of mass, with J as of `com`, (3,) [m/s²]; after `load_drift`.
 
         Args:
             frame: what `frame_id` gave.
@@ -180,7 +187,7 @@ class Kinematics:
         self._v[self._order] = dq
         self._accelerate(self._model, data, self._q, self._v, self._still, False)
         self._place(self._model, data, frame)
-        self._com_drift(
+        self._drift.com_drift(
             self._joint_jacobian,
             self._v,
             share * self._com + self._root_moment,

@@ -26,6 +26,7 @@ class Motion:
 
     def __init__(self, description: RobotDescription, kinematics: Kinematics) -> None:
         self.kinematics = kinematics
+        kinematics.load_drift()
         self.q, self.dq, self._shift, self._shifted = np.zeros((4, description.n))
         self.moves = False
         self._ahead, self._behind = Kinematics(description), Kinematics(description)

@@ -64,6 +64,7 @@ class StableQpController(VelocityController):
         "hoap3.remote_controller.solvers.lyapunov_qp.lp_norm_kernels",
         "hoap3.remote_controller.solvers.lyapunov_qp.row_projection_kernels",
         "hoap3.remote_controller.constraints.limit_kernels",
+        "hoap3.remote_controller.constraints.joints.viability_kernels",
         "hoap3.remote_controller.constraints.collision.distance_kernels",
         "hoap3.remote_controller.tasks.lyapunov_kernels",
         "hoap3.remote_controller.tasks.se3_kernels",

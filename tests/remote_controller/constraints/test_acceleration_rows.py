@@ -107,6 +107,27 @@ def test_the_class_of_the_docs_serves_accelerations_as_it_stands(tmp_path, monke
     assert bench.stack.constraints[1].margins[0] < 2e-3  # it did go down to there
 
 
+class Blind(Wave):
+    """Says that it holds while the robot can stop, and cannot say what is on the way."""
+
+    def margins_at(self, kinematics, out):
+        raise NotImplementedError
+
+
+class Empty(Wave):
+    def update_accelerations(self, motion, state, G_out, lower_out, upper_out):
+        lower_out[:], upper_out[:] = 1.0, -1.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [("Blind", "cannot be updated: NotImplementedError"), ("Empty", r"lower_out\[0\] .* is 1\.0")],
+)
+def test_what_gives_no_rows_of_accelerations_is_refused(kind, words):
+    with pytest.raises(ConfigError, match=words):
+        AccelerationBench(small(), {"constraint": f"{__name__}:{kind}"})
+
+
 def test_a_barrier_that_only_updates_is_refused_by_name():
     words = (
         r"config: parameters\.constraints\.0\.constraint: says nothing about accelerations "

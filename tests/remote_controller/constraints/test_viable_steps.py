@@ -28,6 +28,7 @@ ENTRIES = {
     "minimum_speed": {"joints": {"elbow": 1.0, "wrist": -0.5}, "speed": 0.1},
     "pfaffian": {"function": f"{__name__}:rolling"},
 }
+RATE_LOST = 1e-3  # of ṁ + ηm, which is ≥ 0 in a viable state: |d³m/dt³|·T²/2
 RESERVE = 1e-5  # of barriers; what curvature may cost in a period
 LOST = {
     # the QP solver keeps rows of J·u to 1e-6, which is so much of J·u/T, and z/g times that
@@ -152,6 +153,10 @@ def steps_of_accelerations(name, count, rng):
         lost = LOST.get(("acceleration", name), RESERVE if only.yields else 1e-9)
         assert (only.margins >= -lost).all()
         assert stack.drift() <= DRIFT.get(("acceleration", name), 0.0)
+        if only.yields and name != "distance":  # where another point may have become the nearest
+            speed = rates(bench, bench.state.q, bench.state.dq)
+            known = np.isfinite(only.margins)
+            assert (speed + only._eta_in_use * only.margins >= -RATE_LOST)[known].all()
         if name == "joint_velocity":
             assert (np.abs(bench.state.dq) <= 2.0 + 1e-9).all()
         if name == "joint_acceleration":
