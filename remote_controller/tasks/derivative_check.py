@@ -94,7 +94,7 @@ class _Check:
             wrong = np.abs(slopes[rows] - quotients[rows]) - TOLERANCE * largest
             wrong -= rounding[rows, None]
             if not np.all(wrong <= 0.0):
-                row, column = map(int, np.unravel_index(int(np.argmax(wrong)), wrong.shape))
+                row, column = divmod(int(np.argmax(wrong)), n + 1)
                 row += rows.start
                 raise self._refuse(
                     f"{self._derivative(row, column)} is {slopes[row, column]:.6g}, but "

@@ -57,19 +57,23 @@ def test_what_a_page_shows_works_word_for_word(name, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("kind", "name", "file"),
+    ("kind", "name", "file", "robot"),
     [
-        ("controller", "controllers", "posture.yaml"),
-        ("task", "tasks", "sway.yaml"),
-        ("constraint", "constraints", "height.yaml"),
+        ("controller", "controllers", "posture.yaml", ""),
+        ("task", "tasks", "reach.yaml", "ur5"),
+        ("constraint", "constraints", "height.yaml", ""),
     ],
 )
-def test_what_a_page_has_written_passes_the_property_suite(kind, name, file, tmp_path):
+def test_what_a_page_has_written_passes_the_property_suite(kind, name, file, robot, tmp_path):
     Story(tmp_path).write_files(f"writing_a_{kind}.md")
     suite = HOUSE / "tests" / "remote_controller" / name / f"test_{kind}_properties.py"
     ended = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(suite)],
-        env={**os.environ, f"HOAP3_TEST_{name.upper()}": str(tmp_path / file)},
+        env={
+            **os.environ,
+            f"HOAP3_TEST_{name.upper()}": str(tmp_path / file),
+            **({"HOAP3_TEST_ROBOT": robot} if robot else {}),
+        },
         cwd=HOUSE,
         capture_output=True,
         text=True,

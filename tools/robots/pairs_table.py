@@ -56,11 +56,20 @@ def written(page: str) -> str:
     Raises:
         ValueError: the page has no place for it.
     """
-    before, begin, rest = page.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not begin or not end:
-        raise ValueError(f"the page lacks the lines {BEGIN!r} and {END!r}")
-    return f"{before}{begin}\n{table()}\n{end}{after}"
+    return with_table(page, BEGIN, table(), END)
+
+
+def with_table(page: str, begin: str, lines: str, end: str) -> str:
+    """A page with a table between two of its lines.
+
+    Raises:
+        ValueError: the page lacks one of them.
+    """
+    before, found, rest = page.partition(begin)
+    _, closed, after = rest.partition(end)
+    if not found or not closed:
+        raise ValueError(f"the page lacks the lines {begin!r} and {end!r}")
+    return f"{before}{begin}\n{lines}\n{end}{after}"
 
 
 if __name__ == "__main__":

@@ -154,6 +154,10 @@ class _Clik(LabelledTasksController):
         self.not_certified_in = TOO_FAST
         self._row_weights = np.repeat(self._weights, self.sizes)
         self._slices = [slice(*ends) for ends in pairwise(self.offsets.tolist())]
+        self._moved = [  # rows of errors: a speed along a curve is the derivative of none
+            (errors[: len(function.error)], rates[: len(function.error)])
+            for function, (errors, rates, _) in zip(self.functions, self._rows, strict=True)
+        ]
         self._shrunk, self._fed_back = np.zeros(len(self.errors)), np.zeros(description.n)
         self._floor_tolerance = parameters.floor_tolerance
         self._has_gains = len(self.extra_names) > first + len(FIGURES)
@@ -215,7 +219,7 @@ class _Clik(LabelledTasksController):
 
     def _look_along(self, now: float) -> None:
         """Let `rates` be the mean ones of the next period, for the joints as they are."""
-        for function, (errors, rates, _) in zip(self.functions, self._rows, strict=True):
+        for function, (errors, rates) in zip(self.functions, self._moved, strict=True):
             function.update(self.kinematics, now + self._dt)
             np.add(function.error, errors, out=rates)
             np.divide(rates, -self._dt, out=rates)
@@ -264,7 +268,7 @@ class _Clik(LabelledTasksController):
         self._shrunk += self.errors  # (I − T L Λ) e
         end = self._value_ahead(base, now)
         for function, rows in zip(self.functions, self._slices, strict=True):
-            self._shrunk[rows] += function.error  # −ρ
+            self._shrunk[rows] += function.followed[0]  # −ρ
         remainder = math.sqrt(0.5 * float(weights @ (self._shrunk * self._shrunk)))
         if not np.isfinite(V + end + remainder):
             return self._give_up(), 0.0, math.inf

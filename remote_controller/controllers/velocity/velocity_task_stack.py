@@ -49,6 +49,7 @@ class LabelledTasksController(VelocityController):
     own_conditions: tuple[str, ...] = ("state not finite",)
     kernels: ClassVar[tuple[str, ...]] = (
         "hoap3.remote_controller.tasks.lyapunov_kernels",
+        "hoap3.remote_controller.tasks.curve_following.curve_kernels",
         "hoap3.remote_controller.tasks.se3_kernels",
         "hoap3.remote_controller.constraints.joints.viability_kernels",
         "hoap3.remote_controller.controllers.velocity.velocity_task_stack_kernels",
