@@ -19,7 +19,9 @@ TIMES_S = (0.3, 1.7)
 CLOSE = 0.1  # share of each joint's range
 
 
-def check_derivatives(function: LyapunovFunction, context: BuildContext, name: str) -> None:
+def check_derivatives(
+    function: LyapunovFunction, context: BuildContext, name: str, *, of_error: bool = True
+) -> None:
     """Compare ∇V and ∂V/∂t, ∂e/∂q and ∂e/∂t with central differences, near the initial posture.
 
     The function is reset before, at time 0. Of one without an error V alone is looked at; else
@@ -29,6 +31,7 @@ def check_derivatives(function: LyapunovFunction, context: BuildContext, name: s
         function: to be checked.
         context: robot, and where the function is configured.
         name: what the config calls the function, for the error.
+        of_error: whether its error is looked at; not where only |error| is said to be continuous.
 
     Raises:
         ConfigError: V is negative or not ½|e|², something is not finite or has the wrong shape, or
@@ -43,7 +46,7 @@ def check_derivatives(function: LyapunovFunction, context: BuildContext, name: s
     for posture in range(POSTURES):
         q = initial + CLOSE * bool(posture) * (rng.uniform(lower, upper) - initial)
         for time_s in TIMES_S:
-            _Check(function, context, name, q, time_s).run()
+            _Check(function, context, name, q, time_s, of_error).run()
     kinematics.update(initial)
     function.reset(kinematics, 0.0)
 
@@ -58,8 +61,10 @@ class _Check:
         name: str,
         q: FloatArray,
         time_s: float,
+        of_error: bool,
     ) -> None:
         self._function, self._context, self._name = function, context, name
+        self._of_error = of_error
         self._q, self._time = q, time_s
         self._joints = context.description.joint_names
 
@@ -68,7 +73,9 @@ class _Check:
         function, n = self._function, len(self._joints)
         here = self._look(self._q, self._time)  # V, and e below it
         m = here.size - 1
-        shapes = {"gradient": (n,), "jacobian": (m, n), "error_rate": (m,)}
+        shapes: dict[str, tuple[int, ...]] = {"gradient": (n,)}
+        if m:
+            shapes |= {"jacobian": (m, n), "error_rate": (m,)}
         given = {component: np.array(getattr(function, component), float) for component in shapes}
         for component, shape in shapes.items():
             if given[component].shape != shape:
@@ -76,7 +83,8 @@ class _Check:
                 raise self._refuse(problem, f"Make it {shape}")
         slopes = np.empty((m + 1, n + 1))
         slopes[0] = *given["gradient"], function.rate
-        slopes[1:, :n], slopes[1:, n] = given["jacobian"], given["error_rate"]
+        if m:
+            slopes[1:, :n], slopes[1:, n] = given["jacobian"], given["error_rate"]
         self._check_values(here, slopes)
         ends = [
             (self._look(self._q + shift, self._time), self._look(self._q - shift, self._time))
@@ -103,10 +111,11 @@ class _Check:
                 )
 
     def _look(self, q: FloatArray, time_s: float) -> FloatArray:
-        """V and e, (1 + m,)."""
+        """V and e, (1 + m,); m = 0 where the error is not looked at."""
         self._context.kinematics.update(q)
         self._function.update(self._context.kinematics, time_s)
-        return np.array([self._function.value, *self._function.error], float)
+        error = self._function.error if self._of_error else ()
+        return np.array([self._function.value, *error], float)
 
     def _check_values(self, here: FloatArray, slopes: FloatArray) -> None:
         """V, e and all derivatives are numbers, and V is what it shall be."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from registered_tasks import velocity_tasks
-from task_cases import ARM, CASES, CIRCLE, POINT, POSE, TOOL
+from task_cases import ARM, CASES, CIRCLE, FORCES, POINT, POSE, TOOL
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
@@ -15,7 +15,7 @@ from hoap3.remote_controller.tasks.accelerations.settings import AccelerationTas
 from hoap3.remote_controller.tasks.registry import find, registered
 from hoap3.robot_emulator.robots import load
 
-HUMANOID, LWR = load("humanoid32"), load("lwr")
+HUMANOID = load("humanoid32")
 SHORT = 1e-7  # s: a period so short that what a target does in it is its present acceleration
 THERE = {"kind": "point", "position_m": [0.2, 0.1, 0.3]}
 PALM = {"frame": "r_palm", "target": {**CIRCLE, "center_m": [0.3, -0.3, 0.2]}}
@@ -36,13 +36,8 @@ MORE: dict[str, tuple[RobotDescription, str, dict[str, Any]]] = {
     "palm's pose": (HUMANOID, "frame_pose", {**PALM, **POSE, "reference": "l_palm"}),
     "head": (HUMANOID, "frame_pose", {"frame": "head"}),
     "humanoid's mass": (HUMANOID, "com", {"frame": "l_sole", "target": POINT}),
-    "press": (
-        LWR,
-        "wrench",
-        {"frame": "ee", "target": THERE, "normal": [0.0, 0.0, 1.0], "force_n": 5.0},
-    ),
 }
-ROWS = {**{case: CASES[case] for case in CASES}, **MORE}
+ROWS = {**CASES, **FORCES, **MORE}
 
 
 def acceleration_tasks() -> list[str]:

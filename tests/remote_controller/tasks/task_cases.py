@@ -16,7 +16,7 @@ from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
 from hoap3.remote_controller.tasks.registry import TaskSettings, build
 from hoap3.robot_emulator.robots import load
 
-HOAP3, ARM = load("hoap3"), describe()
+HOAP3, ARM, LWR = load("hoap3"), describe(), load("lwr")
 SEEDS = st.integers(0, 2**32 - 1)
 STEP = 1e-5  # rad or s
 
@@ -77,6 +77,14 @@ CASES: dict[str, tuple[RobotDescription, str, dict]] = {
         },
     ),
 }
+FORCES: dict[str, tuple[RobotDescription, str, dict]] = {
+    "press": (
+        LWR,
+        "wrench",
+        {"frame": "ee", "target": CIRCLE, "normal": [0.0, 0.0, 1.0], "force_n": 5.0},
+    ),
+}
+"""Those that no velocity can serve."""
 
 
 @cache

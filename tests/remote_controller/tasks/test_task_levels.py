@@ -6,15 +6,14 @@ import re
 
 import numpy as np
 import pytest
-from task_cases import CIRCLE
+from acceleration_rows import ROWS
+from task_cases import ARM
 
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import State
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.tasks.registry import BUILTIN
-from hoap3.robot_emulator.config import EmulatorConfig
-from hoap3.robot_emulator.service import describe
 from hoap3.tools.robots.tasks_table import (
     OWN_ERROR,
     OWN_V,
@@ -28,38 +27,18 @@ from hoap3.tools.robots.tasks_table import (
 from hoap3.tools.simulate import simulate
 
 V_ONLY, ERROR = {"task": "own_tasks:Sway"}, {"task": "own_tasks:Reach"}
-HAND = {"frame": "ee", "reference": "base"}
-TURN = {"rotation_rad": [0.3, 0.2, -0.4], "turn_s": 1.0}
-ELLIPSE = {"center_m": [0.3, 0.0, 0.4], "radii_m": [0.1, 0.08]}
-JOINTS = {"joints": ["joint_2", "joint_4"], "radii_rad": [0.3, 0.2]}
-GIVEN = {
-    "com": {"frame": "base", "target": CIRCLE},
-    "frame_position": {**HAND, "target": CIRCLE},
-    "frame_pose": {**HAND, **TURN, "target": CIRCLE},
-    "frame_orientation": {**HAND, **TURN},
-    "posture": {"posture": "bent", "approach_s": 1.0},
-    "weighted_sum": {"terms": [ERROR, {"task": "posture", "parameters": {"posture": "bent"}}]},
-    "joint_curve": {"curve_parameters": JOINTS, "speed_rad_s": 0.4},
-    "task_curve": {
-        "point": "ee",
-        "reference": "base",
-        "curve_parameters": ELLIPSE,
-        "speed_m_s": 0.05,
-    },
-    "wrench": {**HAND, "target": CIRCLE, "normal": [0.0, 0.0, 1.0], "force_n": 5.0},
-}
-TASKS = {name: {"task": name, "parameters": GIVEN[name]} for name in BUILTIN}
-TASKS |= {OWN_ERROR: ERROR, OWN_V: V_ONLY}
+TASKS = {name: (robot, {"task": name, "parameters": given}) for robot, name, given in ROWS.values()}
+TASKS |= {OWN_ERROR: (ARM, ERROR), OWN_V: (ARM, V_ONLY)}
 WITH_V = {"task": "weighted_sum", "parameters": {"terms": [ERROR, V_ONLY]}}
 SEVERAL = [name for name in of_tasks() if takes(name) == "tasks"]
 
 
-def made(controller, task):
-    """A controller of `lwr` with one task."""
+def made(controller, robot, task):
+    """A controller with one task, for a robot that takes what it gives."""
     parameters = {takes(controller): [task] if controller in SEVERAL else task}
-    config = ControllerConfig(controller=controller, robot="lwr", parameters=parameters)
+    config = ControllerConfig(controller=controller, robot=robot.name, parameters=parameters)
     kind = "position" if level(controller) == "velocity" else "torque"
-    return build(config, describe(EmulatorConfig(robot="lwr", command=kind)), "mine.yaml")
+    return build(config, robot.model_copy(update={"command_kinds": (kind,)}), "mine.yaml")
 
 
 def key(controller):
@@ -70,7 +49,7 @@ def answers(controller, ticks=3):
     """What it answers to a robot that moves a little."""
     robot = controller.description
     controller.now = lambda: 0
-    q, dq = np.array(robot.initial_position) + 0.1, 0.05 * np.ones(robot.n)
+    q, dq = np.array(robot.initial_position), 0.05 * np.ones(robot.n)
     for tick in range(ticks):
         state = State(robot.n, 6 * len(robot.wrench_sensors))
         state.tick, state.dq[:] = tick, dq
@@ -85,14 +64,18 @@ def test_the_table_of_the_page_is_up_to_date():
     assert written(text) == text, "run `python -m hoap3.tools.robots.tasks_table`"
 
 
+def test_every_task_is_tried():
+    assert {*BUILTIN, OWN_ERROR, OWN_V} <= set(TASKS)
+
+
 @pytest.mark.parametrize("controller", of_tasks())
 @pytest.mark.parametrize("task", TASKS)
 def test_a_cell_of_the_table_is_so(controller, task):
     if not serves(controller, task):
         with pytest.raises(ConfigError, match=f"^mine.yaml: {re.escape(key(controller))}: "):
-            made(controller, TASKS[task])
+            made(controller, *TASKS[task])
         return
-    for answer in answers(made(controller, TASKS[task])):
+    for answer in answers(made(controller, *TASKS[task])):
         assert np.isfinite(answer.values).all()
         assert answer.solver_status != STATUS["infeasible"]
         assert answer.fallback == 0 or controller == "clik_sdp"  # has no gains for V = 0
@@ -104,29 +87,30 @@ def test_a_cell_of_the_table_is_so(controller, task):
 def test_several_tasks_are_followed_by_their_errors(controller, task):
     refused = re.escape(f"mine.yaml: {key(controller)}: has no error e, only V")
     with pytest.raises(ConfigError, match=refused) as caught:
-        made(controller, task)
+        made(controller, ARM, task)
     assert caught.value.key == key(controller)
     assert caught.value.value == task["task"]
 
 
 def test_what_makes_v_decrease_serves_a_sum_with_a_v_alone():
-    assert all(answer.v > 0.0 for answer in answers(made("stable_qp", WITH_V)))
+    assert all(answer.v > 0.0 for answer in answers(made("stable_qp", ARM, WITH_V)))
 
 
 @pytest.mark.parametrize("controller", [name for name in of_tasks() if level(name) == "velocity"])
 def test_no_velocity_is_a_force(controller):
     refused = re.escape(f"mine.yaml: {key(controller)}: asks for no velocity")
     with pytest.raises(ConfigError, match=refused) as caught:
-        made(controller, TASKS["wrench"])
+        made(controller, *TASKS["wrench"])
     assert caught.value.value == "wrench"
 
 
 @pytest.mark.parametrize("controller", [name for name in of_tasks() if level(name) == "velocity"])
 def test_a_curve_is_circulated_at_its_speed(controller):
     """The row of the speed is followed beside those of the error, and the error stays small."""
-    parameters = {takes(controller): TASKS["joint_curve"]}
-    if controller in SEVERAL:
-        parameters = {"tasks": [TASKS["joint_curve"]]}
+    joints = {"joints": ["joint_2", "joint_4"], "radii_rad": [0.3, 0.2]}
+    curve = {"curve_parameters": joints, "speed_rad_s": 0.4}
+    task = {"task": "joint_curve", "parameters": curve}
+    parameters = {takes(controller): [task] if controller in SEVERAL else task}
     run = simulate("lwr", {"controller": controller, "parameters": parameters}, duration=0.5)
     speeds = np.linalg.norm(np.diff(run.states["q"], axis=0), axis=1) / 1e-3
     assert speeds[400:495] == pytest.approx(0.4, rel=1e-3)

@@ -126,7 +126,7 @@ WRONG = [
     (
         "joint_curve",
         {"curve": "own_tasks:Eight", "curve_parameters": {"wrong": True}, "speed_rad_s": 1},
-        "v.parameters.curve: jacobian[1, 2] (wrist) is",
+        "v.parameters.curve: gradient[2] (wrist) is",
     ),
     (
         "joint_curve",
