@@ -32,7 +32,7 @@ ToleranceDeg = Annotated[float, Field(gt=0, description="the same for its orient
 LOWER = "lower priority"
 ABSENT = "takes no part"
 
-Unit = Literal["m", "deg", "N"]
+Unit = Literal["m", "deg", "N", "N m"]
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class TaskError:
 
     Attributes:
         error: size of the error, >= 0, in `unit`; NaN where it is not known.
-        unit: m, deg or N.
+        unit: m, deg, N or N m.
         tolerance: greatest error that counts as reached, in the same unit.
         task: name of the task.
         note: why the error is not judged, such as "lower priority"; "" where it is judged.

@@ -142,6 +142,7 @@ class HierarchyController(Controller):
         "hoap3.remote_controller.tasks.curve_following.curve_kernels",
         "hoap3.remote_controller.tasks.se3_kernels",
         "hoap3.remote_controller.tasks.accelerations.se3_pd_kernels",
+        "hoap3.remote_controller.tasks.accelerations.wrench_kernels",
         "hoap3.remote_controller.tasks.accelerations.task_acceleration_kernels",
     )
 
@@ -183,7 +184,11 @@ class HierarchyController(Controller):
         self.extra_names = (
             "largest_torque_share",
             *(f"error_{name}" for name in names),
-            *(f"force_{names[i]}" for i in self.tasks.presses),
+            *(
+                column
+                for i, each in self.tasks.presses.items()
+                for column in each.columns(names[i])
+            ),
             *self.columns(names),
         )
         super().__init__(description, parameters)
@@ -208,10 +213,12 @@ class HierarchyController(Controller):
         self._less = self.tasks.dynamics.weight if self.kind == "torque" else np.zeros(n)
         self.answer_in(np.zeros(n), np.zeros(n))
         self._idle = False
-        forces = 1 + len(names)
-        self._errors = self.command.extra[1:forces]
-        self._forces = self.command.extra[forces : forces + len(self.tasks.presses)]
-        self._counts = self.command.extra[forces + len(self.tasks.presses) :]
+        end = 1 + len(names)
+        self._errors, self._wrenches = self.command.extra[1:end], []
+        for press in self.tasks.presses.values():
+            start, end = end, end + press.measured.size
+            self._wrenches.append((self.command.extra[start:end], press.measured))
+        self._counts = self.command.extra[end:]
         self._present_counts = np.zeros(self._counts.size)
         self._dt, self._begun = description.period_s, False
         self._first = self._settled = 0
@@ -332,8 +339,8 @@ class HierarchyController(Controller):
             fallback = self._stop(dq)
         if not self._give(self._given, self._less, self.ddq, command.values):
             return self.refuse(OVERFLOWN)
-        for place, press in enumerate(tasks.presses.values()):
-            self._forces[place] = press.force
+        for column, measured in self._wrenches:
+            column[:] = measured
         self._counts[:] = self._present_counts
         sound = self._certify(fallback, dq)
         moved = self._settle(state.tick - self._first + 1)

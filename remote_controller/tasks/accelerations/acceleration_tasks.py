@@ -28,8 +28,14 @@ from hoap3.remote_controller.tasks.accelerations.standing import (
     pose_of,
     reference_of,
     stands,
+    turned,
 )
-from hoap3.remote_controller.tasks.accelerations.wrench import WrenchControl, WrenchTask
+from hoap3.remote_controller.tasks.accelerations.wrench import (
+    Sensed,
+    TaskMotion,
+    WrenchControl,
+    WrenchTask,
+)
 from hoap3.remote_controller.tasks.accuracy import (
     TaskError,
     angle_error,
@@ -92,8 +98,10 @@ class AccelerationTasks:
         braking_per_s: float,
     ) -> None:
         from hoap3.remote_controller.tasks.accelerations import task_acceleration_kernels as kernels
+        from hoap3.remote_controller.tasks.accelerations.wrench_kernels import turn_to_root
 
         self._desired_accelerations, self._load = kernels.desired_accelerations, kernels.load
+        self._turn_to_root = turn_to_root
         self._robot, self._file = robot, file
         self.names = tuple(labels_of(settings))
         keys = [f"parameters.tasks.{i}" for i in range(len(settings))]
@@ -132,12 +140,12 @@ class AccelerationTasks:
         self._turn, self._gains = np.zeros((3, 3)), np.array([each.both for each in settings])
         self._places: list[tuple[int, PositionReference]] = []
         self._moving: list[PositionReference] = []
-        self._held: list[tuple[int, int]] = []  # poses that stay where they are at the start
+        self._held: list[tuple[int, int]] = []  # frames that stay as they are at the start
         self.presses: dict[int, WrenchControl] = {}
         self.tasks = np.zeros((k, 4), np.int64)
         frames = iter(range(k))
         for i, kind in enumerate(self._kinds):
-            frame = next(frames) if kind in {kernels.POSITION, kernels.POSE} else -1
+            frame = next(frames) if kind in kernels.OF_FRAMES else -1
             self.tasks[i] = kind, edges[i], self.sizes[i], frame
             with self._located(i):
                 self._aim(i, frame)
@@ -151,6 +159,8 @@ class AccelerationTasks:
         self._wrench = np.zeros(SENSOR * len(self._sensors))
         wrenches = [robot.wrench_sensors.index(name) for name in self._sensors]
         self._felt = np.array([6 * place + i for place in wrenches for i in range(6)], np.intp)
+        self._views = {i: (self._sensed_by(i), self._motion_of(i)) for i in self.presses}
+        self._turned = [self._turned_rows_of(i) for i in self._of_kind(kernels.ROOT_POSE)]
         self._damping = self.dynamics.damping * float(compensate_friction)
         self._torque_max, self._dt = torque_max, robot.period_s
         self.load, self.opposite = 0.0, 0
@@ -161,10 +171,10 @@ class AccelerationTasks:
         dynamics.update(q, dq)
         if self._functions:
             self._others.begin(q, time_s)
-        for i, place in self._places:
-            place.start(dynamics.origins[self.tasks[i, 3]], time_s)
         for i, frame in self._held:
             self._targets[i, 0], self._turns[i] = dynamics.origins[frame], dynamics.rotations[frame]
+        for i, place in self._places:
+            place.start(dynamics.origins[self.tasks[i, 3]], time_s)
         for press in self.presses.values():
             press.reset()
 
@@ -187,6 +197,8 @@ class AccelerationTasks:
             place.update(time_s)
         if self._functions:
             self._others.update(q, dq, time_s)
+        for rows in self._turned:
+            self._turn_to_root(*rows)
         self.opposite = self._desired_accelerations(
             self.tasks,
             dynamics.origins,
@@ -219,18 +231,10 @@ class AccelerationTasks:
             dynamics.bias,
         )
         for i, press in presses.items():
-            sensor = self._sensor_of[i]
-            turned = dynamics.rotations[self._first_sensor + sensor]
-            felt = turned @ self._wrench[SENSOR * sensor : SENSOR * sensor + 3]
-            press.feel(felt, float(absent[i]))
+            sensed, motion = self._views[i]
+            press.feel(sensed, float(absent[i]))
             if press.touches:
-                mine = self.rows[i]
-                press.update(
-                    dynamics.mass,
-                    self.jacobian[mine],
-                    self._targets[i, 2],
-                    [each[mine] for each in self._rows],
-                )
+                press.update(dynamics.mass, motion)
 
     def errors_of(self, i: int) -> list[TaskError]:
         """Errors of task i at the last `update`, each with its tolerance."""
@@ -244,7 +248,7 @@ class AccelerationTasks:
         if len(error) == POSE:
             found += angle_error(error[POSITION:], settings.tolerance_deg)
         if i in self.presses:
-            found.append(self.presses[i].error)
+            found += self.presses[i].errors
         return found
 
     def _located(self, i: int) -> AbstractContextManager[None]:
@@ -259,7 +263,7 @@ class AccelerationTasks:
         from hoap3.remote_controller.tasks.accelerations import task_acceleration_kernels as kernels
 
         if task is WrenchTask:
-            return kernels.POSITION
+            return kernels.ROOT_POSE if parameters.oriented else kernels.POSITION
         if task not in {FramePositionTask, FramePoseTask, PostureTask} or parameters.weights:
             return kernels.GIVEN
         if task is PostureTask:
@@ -277,12 +281,33 @@ class AccelerationTasks:
             return len(self._functions[i].followed[0])
         if i in self._joints:
             return len(self._joints[i])
-        return POSE if self._parameters[i].__class__ is FramePoseTask.Parameters else POSITION
+        from hoap3.remote_controller.tasks.accelerations import task_acceleration_kernels as kernels
+
+        return POSITION if self._kinds[i] == kernels.POSITION else POSE
 
     def _rows_of(self, i: int) -> TaskRows:
         mine = self.rows[i]
         error, motion, rate, slope, _ = (each[mine] for each in self._rows)
         return TaskRows(error, motion, rate, slope, self.jacobian[mine])
+
+    def _motion_of(self, i: int) -> TaskMotion:
+        mine = self.rows[i]
+        error, motion, _, slope, wanted = (each[mine] for each in self._rows)
+        drift = self.dynamics.drift[mine]
+        return TaskMotion(self.jacobian[mine], drift, error, motion, slope, wanted)
+
+    def _turned_rows_of(self, i: int) -> tuple[FloatArray, ...]:
+        """What `turn_to_root` takes of task i."""
+        dynamics, mine = self.dynamics, self.rows[i]
+        rotation = dynamics.rotations[self.tasks[i, 3]]
+        return rotation, self.jacobian[mine], dynamics.twist[mine], dynamics.drift[mine]
+
+    def _sensed_by(self, i: int) -> Sensed:
+        dynamics, sensor = self.dynamics, self._sensor_of[i]
+        frame, place = self.tasks[i, 3], self._first_sensor + sensor
+        wrench = self._wrench[SENSOR * sensor : SENSOR * (sensor + 1)]
+        origins = dynamics.origins
+        return Sensed(dynamics.rotations[place], wrench, origins[place], origins[frame])
 
     def _find_sensors(self) -> list[str]:
         """Sensors that are felt, each once; `_sensor_of` says which of them is a task's."""
@@ -337,9 +362,9 @@ class AccelerationTasks:
             else:
                 self._targets[i, 0], self._turns[i] = pose
         else:
-            self._aim_at_point(i, parameters)
+            self._aim_at_point(i, frame, parameters)
 
-    def _aim_at_point(self, i: int, parameters: Any) -> None:
+    def _aim_at_point(self, i: int, frame: int, parameters: Any) -> None:
         robot, period = self._robot, self._robot.period_s
         origin, axes = reference_of(robot, self.dynamics, parameters.reference, "reference")
         target = target_of(parameters.target, Path(self._file).parent)
@@ -348,9 +373,12 @@ class AccelerationTasks:
         if target.rests_after_s > 0.0:
             self._moving.append(place)
         if isinstance(parameters, WrenchTask.Parameters):
-            normal = axes @ np.array(parameters.normal)
-            normal /= np.linalg.norm(normal)
-            self.presses[i] = WrenchControl(parameters, normal, robot.n, period)
+            contact = parameters.contact_axes(axes)
+            self.presses[i] = WrenchControl(parameters, contact, robot.n, period)
+            if isinstance(parameters.rotation_rad, tuple):
+                self._turns[i] = turned(axes, parameters.rotation_rad)
+            elif parameters.oriented:
+                self._held.append((i, frame))
 
 
 def is_still(target: TargetSettings | None) -> bool:

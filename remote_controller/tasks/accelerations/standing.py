@@ -52,6 +52,15 @@ def reference_of(
     return dynamics.placement(robot.initial_position, reference)
 
 
+def turned(axes: FloatArray, rotation_rad: tuple[float, float, float]) -> FloatArray:
+    """Axes (3, 3), as columns, turned by an axis × angle that is given in them [rad]."""
+    from hoap3.remote_controller.tasks.accelerations.se3_pd_kernels import rotation_of
+
+    turn = np.zeros((3, 3))
+    rotation_of(np.array(rotation_rad), turn)
+    return np.ascontiguousarray(axes @ turn)
+
+
 def pose_of(
     robot: RobotDescription, dynamics: FramesDynamics, wanted: FramePoseTask.Parameters
 ) -> Pose | None:
@@ -67,14 +76,10 @@ def pose_of(
     Raises:
         ConfigError: a posture or a reference that the robot does not have, or one that moves.
     """
-    from hoap3.remote_controller.tasks.accelerations.se3_pd_kernels import rotation_of
-
     if isinstance(wanted.target, PointSettings):
         origin, axes = reference_of(robot, dynamics, wanted.reference, "reference")
-        turn = np.zeros((3, 3))
-        rotation_of(np.array(wanted.rotation_rad), turn)
         place = origin + axes @ np.array(wanted.target.position_m)
-        return place, np.ascontiguousarray(axes @ turn)
+        return place, turned(axes, wanted.rotation_rad)
     if wanted.posture is None and not wanted.posture_rad:
         return None
     q = posture_of(robot, wanted.posture, wanted.posture_rad, "posture")

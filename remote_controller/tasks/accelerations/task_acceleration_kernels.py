@@ -9,17 +9,18 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.runtime.numba_jit import kernel
-from hoap3.remote_controller.solvers.linalg.dense_kernels import dot, solve_lower
-from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import factorise
+from hoap3.remote_controller.solvers.linalg.dense_kernels import dot
 from hoap3.remote_controller.tasks.accelerations.se3_pd_kernels import (
     AT_HALF_A_TURN,
     se3_pd,
 )
+from hoap3.remote_controller.tasks.accelerations.wrench_kernels import rotation_error
 
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-POSITION, POSE, POSTURE, GIVEN = 0, 1, 2, 3  # kinds of tasks
+POSITION, POSE, POSTURE, GIVEN, ROOT_POSE = 0, 1, 2, 3, 4  # kinds of tasks
+OF_FRAMES = POSITION, POSE, ROOT_POSE
 ACTIVE_SPEED = 1e-3  # rad/s or m/s: below it a joint counts as inactive
 UNSURE = 1e-2  # of an acceleration, and of 1 m/s²: by how much it changes within a period
 
@@ -52,9 +53,10 @@ def desired_accelerations(
     """Write for each row of each task its error e and what J·ddq shall be.
 
     A position wants a_d + kp·(x_d − x) + kd·(v_d − v) − J̇·dq, a posture kp·(q_r − q) − kd·dq, a
-    pose what `se3_pd_kernels.se3_pd` says; of a task that is `GIVEN`, error, motion, rate and slope
-    are written already. V = ½|e|² of a task changes with slope·motion, where the
-    motion ν is that against its target, and ν's rate is J·ddq + rate.
+    pose what `se3_pd_kernels.se3_pd` says. A pose in the root's axes is a position, and below it an
+    orientation that wants kp·φ − kd·ω − J̇·dq, φ of `wrench_kernels.rotation_error`. Of a task that
+    is `GIVEN`, error, motion, rate and slope are written already. V = ½|e|² of a task changes with
+    slope·motion, where the motion ν is that against its target, and ν's rate is J·ddq + rate.
 
     Args:
         tasks: (k, 4) kind, first row, number of rows, and which of the frames.
@@ -96,6 +98,9 @@ def desired_accelerations(
             for row in range(start, start + size):
                 motion_out[row], rate_out[row] = twist[row], drift[row]
             continue
+        if kind == ROOT_POSE:
+            turned = error_out[start + 3 : start + 6]
+            opposite += rotation_error(rotations[frame], turns[i], turn, turned)
         for place in range(size):
             row = start + place
             if kind == GIVEN:
@@ -105,6 +110,8 @@ def desired_accelerations(
             if kind == POSTURE:
                 joint = joints[row]
                 error, motion, rate = posture[row] - q[joint], dq[joint], 0.0
+            elif place >= 3:
+                error, motion, rate = error_out[row], twist[row], drift[row]
             else:
                 error = targets[i, 0, place] - origins[frame, place]
                 motion = twist[row] - targets[i, 1, place]
@@ -140,63 +147,6 @@ def place_in_root(
             v += velocity[k] * axes[row, k]
             a += (next_velocity[k] - velocity[k]) / T * axes[row, k]
         out[0, row], out[1, row], out[2, row] = origin[row] + x, v, a
-
-
-@kernel("f8(f8[:,::1], f8[:,::1], f8[::1], f8[:,::1], f8[::1], f8[::1])")
-def inverse_task_inertia(
-    mass: FloatArray,
-    jacobian: FloatArray,
-    normal: FloatArray,
-    factor: FloatArray,
-    row: FloatArray,
-    scratch: FloatArray,
-) -> float:
-    """nᵀ J M⁻¹ Jᵀ n: how fast a force of 1 N along n accelerates a point along n [1/kg].
-
-    Args:
-        mass: M (n, n).
-        jacobian: of the point's velocity, (3, n).
-        normal: n (3,).
-        factor, row, scratch: scratch, (n, n), (n,) and (n,).
-    """
-    n = row.size
-    for i in range(n):
-        row[i] = 0.0
-        for j in range(n):
-            factor[i, j] = mass[i, j]
-        for k in range(3):
-            row[i] += normal[k] * jacobian[k, i]
-    factorise(factor, n, 0.0, scratch)
-    solve_lower(factor, row)
-    return dot(row, row)
-
-
-@kernel("void(f8[::1], f8, f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1])")
-def push(
-    normal: FloatArray,
-    acceleration: float,
-    ahead: FloatArray,
-    error: FloatArray,
-    motion: FloatArray,
-    rate: FloatArray,
-    slope: FloatArray,
-    wanted: FloatArray,
-) -> None:
-    """Let a position's rows, (3,) each, ask for an acceleration along n, and no more for a place.
-
-    What is left of its error and its motion is tangential. `ahead` is a_d of its target.
-    """
-    along, moving, changing, asking = 0.0, 0.0, 0.0, acceleration
-    for k in range(3):
-        along += normal[k] * error[k]
-        moving += normal[k] * motion[k]
-        changing += normal[k] * rate[k]
-        asking -= normal[k] * (wanted[k] + rate[k] + ahead[k])
-    for k in range(3):
-        wanted[k] += asking * normal[k]
-        error[k] -= along * normal[k]
-        motion[k] -= moving * normal[k]
-        slope[k] = -error[k]
 
 
 @kernel("f8(f8[:,::1], f8[::1], f8[::1], f8[::1], f8, f8[::1], f8[:,::1], f8[::1])")

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 from hierarchy_runs import content, made, state_of
 
-from hoap3.remote_controller.tasks.accelerations.wrench import WrenchControl, WrenchTask
+from hoap3.remote_controller.tasks.accelerations.wrench import (
+    Sensed,
+    TaskMotion,
+    WrenchControl,
+    WrenchTask,
+)
 from hoap3.tools.simulate import simulate
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -17,15 +22,22 @@ def press(**settings: float) -> WrenchControl:
     """Of 10 N, at once against a unit mass: J = M = I."""
     given = {"frame": "ee", "normal": (0.0, 0.0, 1.0)}
     given |= {"target": {"kind": "point", "position_m": (0.0, 0.0, 0.0)}, "force_n": 10.0}
-    return WrenchControl(WrenchTask.Parameters.model_validate({**given, **settings}), UP, 3, T)
+    wanted = WrenchTask.Parameters.model_validate({**given, **settings})
+    return WrenchControl(wanted, wanted.contact_axes(np.eye(3)), 3, T)
+
+
+def feel(each: WrenchControl, force: float, absent: float) -> None:
+    """A force along z, at the origin of the task's frame."""
+    wrench = np.array([0.0, 0.0, force, 0.0, 0.0, 0.0])
+    each.feel(Sensed(np.eye(3), wrench, np.zeros(3), np.zeros(3)), absent)
 
 
 def asked(each: WrenchControl, force: float, speed: float = 0.0, absent: float = 0.0) -> float:
     """Acceleration along the normal that is asked for [m/s²]."""
-    each.feel(force * UP, absent)
-    rows = [np.zeros(3), speed * UP, np.zeros(3), np.zeros(3), np.zeros(3)]
-    each.update(np.eye(3), np.eye(3), np.zeros(3), rows)
-    return float(rows[-1][2])
+    feel(each, force, absent)
+    task = TaskMotion(np.eye(3), np.zeros(3), np.zeros(3), speed * UP, np.zeros(3), np.zeros(3))
+    each.update(np.eye(3), task)
+    return float(task.wanted[2])
 
 
 def test_it_presses_with_what_is_wanted_and_the_surface_takes_away():
@@ -65,9 +77,9 @@ def test_a_task_that_is_out_forgets_that_it_touched():
     each = press()
     for _ in range(500):
         asked(each, 1.0)
-    each.feel(0.0 * UP, 1.0)
+    feel(each, 0.0, 1.0)
     assert not each.touches
-    each.feel(1.0 * UP, 0.0)
+    feel(each, 1.0, 0.0)
     assert each.touches
     assert asked(each, 10.0) == pytest.approx(0.0, abs=1e-9)
 
