@@ -15,6 +15,7 @@ from pydantic import Field
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import located
 from hoap3.protocol.messages import FloatArray, Setpoint, State
+from hoap3.remote_controller.constraints.acceleration_stack import KERNELS
 from hoap3.remote_controller.constraints.event_conditions import EventConditions
 from hoap3.remote_controller.constraints.registry import (
     ConstraintSettings,
@@ -136,8 +137,7 @@ class HierarchyController(Controller):
         "hoap3.remote_controller.model.frame_dynamics_kernels",
         "hoap3.remote_controller.solvers.tsid.tsid_kernels",
         "hoap3.remote_controller.solvers.qp.active_set_kernels",
-        "hoap3.remote_controller.constraints.limit_kernels",
-        "hoap3.remote_controller.constraints.collision.distance_kernels",
+        *KERNELS,
         "hoap3.remote_controller.tasks.lyapunov_kernels",
         "hoap3.remote_controller.tasks.curve_following.curve_kernels",
         "hoap3.remote_controller.tasks.se3_kernels",
