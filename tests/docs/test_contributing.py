@@ -25,9 +25,9 @@ def test_a_new_task_touches_three_places():
     assert len(re.findall(r"^\+\+\+ ", patch(), flags=re.MULTILINE)) == 3
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_new_task_is_tested_from_the_start(tmp_path):
-    """Every suite of tasks tries it, and passes; the page's table is written by its script."""
+    """Every suite of tasks tries it, and passes; kernels are compiled anew in the copy."""
     copy = tmp_path / "checkout"
     copy.mkdir()
     for room in ROOMS:
@@ -48,6 +48,6 @@ def test_a_new_task_is_tested_from_the_start(tmp_path):
     words = "joint_pair or two and joints or is_tried or up_to_date or beside_each_other"
     pytest_ = (sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-rA", TESTS)
     told = run(*pytest_, "-k", words)
-    for suite in ("task_properties", "task_derivatives", "acceleration_rows", "task_levels"):
+    for suite in ("task_properties", "task_derivatives", "task_rows", "task_levels"):
         name = "joint_pair" if suite == "task_levels" else "two joints"
         assert re.search(rf"PASSED .*test_{suite}\.py::.*{name}", told), told

@@ -6,8 +6,8 @@ import re
 
 import numpy as np
 import pytest
-from acceleration_rows import ROWS
 from task_cases import ARM
+from task_rows import ROWS
 
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import State

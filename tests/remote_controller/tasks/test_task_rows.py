@@ -6,7 +6,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from acceleration_rows import (
+from task_cases import ARM, CIRCLE, HOAP3, TOOL
+from task_rows import (
     MORE,
     ROWS,
     Rows,
@@ -16,7 +17,6 @@ from acceleration_rows import (
     rows_of,
     slope,
 )
-from task_cases import ARM, CIRCLE, HOAP3, TOOL
 
 STEP = 1e-4  # s
 CLOSE = 1e-6  # relative
