@@ -99,7 +99,8 @@ def with_all_tasks(robot: RobotDescription, given: Parameters) -> Parameters:
     """The parameters with their goal, and their posture, as tasks.
 
     Raises:
-        ConfigError: a frame, a goal or a posture that does not fit the robot.
+        ConfigError: a frame, a goal or a posture that does not fit the robot; a task has the name
+            of the posture.
     """
     tasks = given.tasks
     if tasks is None:
@@ -113,6 +114,10 @@ def with_all_tasks(robot: RobotDescription, given: Parameters) -> Parameters:
             frame, wanted = _default_pose(robot, frame)
         wanted |= {"tolerance_m": given.tolerance_m, "tolerance_deg": given.tolerance_deg}
         tasks = (_task(POSE, "frame_pose", {"frame": frame, **wanted}, given.task),)
+    for i, task in enumerate(tasks):
+        if task.label == REST:
+            problem = "is what the posture is called"
+            raise ConfigError("", f"tasks.{i}.name", REST, problem, "Give the task another name")
     rest = given.posture
     target = posture_of(robot, rest.posture, rest.posture_rad, "posture.posture").tolist()
     tasks += (_task(REST, "posture", {"target_rad": target}, rest),)

@@ -96,6 +96,12 @@ def test_what_makes_v_decrease_serves_a_sum_with_a_v_alone():
     assert all(answer.v > 0.0 for answer in answers(made("stable_qp", ARM, WITH_V)))
 
 
+def test_no_task_of_tsid_has_the_name_of_its_posture():
+    refused = "^mine.yaml: parameters.tasks.0.name: is what the posture is called"
+    with pytest.raises(ConfigError, match=refused):
+        made("tsid", ARM, {**ERROR, "name": "rest"})
+
+
 @pytest.mark.parametrize("controller", [name for name in of_tasks() if level(name) == "velocity"])
 def test_no_velocity_is_a_force(controller):
     refused = re.escape(f"mine.yaml: {key(controller)}: asks for no velocity")
