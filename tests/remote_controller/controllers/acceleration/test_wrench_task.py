@@ -65,8 +65,9 @@ def close(found: np.ndarray, wanted: np.ndarray, relative: float = 1e-12) -> Non
 def compare_with_reference(rng: np.random.Generator) -> None:
     """One control of random settings over three ticks, against plain numpy.
 
-    M has a condition number of up to some 1e4, and less than six joints leave held directions
-    dependent, hence 1e-9.
+    To 1e-11 of what B = J M⁻¹ Jᵀ and the missing wrench can ask for, from which the held directions
+    P take away; but where these are nearly dependent: the reference inverts P B Pᵀ, which loses as
+    many digits as its condition number κ has, hence 1e-14·κ.
     """
     n, k = int(rng.integers(1, 9)), int(rng.integers(1, 7))
     axes = [AXES[i] for i in rng.permutation(6)[:k]]
@@ -101,10 +102,19 @@ def compare_with_reference(rng: np.random.Generator) -> None:
             S, inverse, measured - exerted, kd, motion, drift, asked
         )
         across = np.eye(S.shape[1]) - S.T @ S
-        close(task.wanted, found, 1e-9)
+        B = before[0] @ np.linalg.solve(M, before[0].T)
+        size = np.linalg.norm(B, 2) * np.linalg.norm(measured - exerted)
+        share = max(1e-11, 1e-14 * condition(P @ B @ P.T))
+        np.testing.assert_allclose(task.wanted, found, rtol=0.0, atol=share * max(1.0, size))
         close(task.error, across @ error)
         close(task.motion, across @ motion)
         np.testing.assert_array_equal(task.slope, -task.error)
+
+
+def condition(matrix: np.ndarray) -> float:
+    """Of the part that is not singular to rounding, as `wrench_reference` takes it."""
+    values = np.linalg.svd(matrix, compute_uv=False) if matrix.size else np.ones(1)
+    return float(values[0] / values[values > 1e-11 * values[0]][-1])
 
 
 def each_axes(root: np.ndarray, normal: np.ndarray) -> np.ndarray:
