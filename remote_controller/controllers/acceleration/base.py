@@ -324,12 +324,12 @@ class HierarchyController(Controller):
         if check_finite(q, dq) or (tasks.presses and check_finite(state.wrench, state.wrench)):
             command.stamp_kinematics = self.now()
             return self.refuse(NOT_FINITE)
-        time = state.tick * self._dt
+        time, then = state.tick * self._dt, (state.tick + 1) * self._dt
         if not self._begun:
-            tasks.begin(q, dq, time)
+            tasks.begin(q, dq, time, then)
             self._begun = True
         self._settle(state.tick - self._first)  # already done, unless States were missed
-        tasks.update(q, dq, state.wrench, time, self.absent)
+        tasks.update(q, dq, state.wrench, time, then, self.absent)
         self.bounds.update(q, dq)
         if self._keeps:
             self.stack.update(q, dq, state, self.bounds.lower, self.bounds.upper)

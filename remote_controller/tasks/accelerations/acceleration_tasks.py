@@ -165,8 +165,8 @@ class AccelerationTasks:
         self._torque_max, self._dt = torque_max, robot.period_s
         self.load, self.opposite = 0.0, 0
 
-    def begin(self, q: FloatArray, dq: FloatArray, time_s: float) -> None:
-        """Start from where the robot is at a time [s]: finite (n,)."""
+    def begin(self, q: FloatArray, dq: FloatArray, time_s: float, next_s: float) -> None:
+        """Start from where the robot is at a time, as `update`: finite (n,)."""
         dynamics = self.dynamics
         dynamics.update(q, dq)
         if self._functions:
@@ -174,19 +174,25 @@ class AccelerationTasks:
         for i, frame in self._held:
             self._targets[i, 0], self._turns[i] = dynamics.origins[frame], dynamics.rotations[frame]
         for i, place in self._places:
-            place.start(dynamics.origins[self.tasks[i, 3]], time_s)
+            place.start(dynamics.origins[self.tasks[i, 3]], time_s, next_s)
         for press in self.presses.values():
             press.reset()
 
     def update(
-        self, q: FloatArray, dq: FloatArray, wrench: FloatArray, time_s: float, absent: FloatArray
+        self,
+        q: FloatArray,
+        dq: FloatArray,
+        wrench: FloatArray,
+        time_s: float,
+        next_s: float,
+        absent: FloatArray,
     ) -> None:
         """Take a State.
 
         Args:
             q, dq: (n,), finite.
             wrench: of all sensors of the robot, (6s,) [N, N m].
-            time_s: of the State [s].
+            time_s, next_s: of the State and of the next one [s].
             absent: how far each task is out, (k,), from 0 to 1.
         """
         dynamics, presses = self.dynamics, self.presses
@@ -194,9 +200,9 @@ class AccelerationTasks:
         if self._braking:
             np.multiply(dq, self._braking, out=self._brakes)
         for place in self._moving:
-            place.update(time_s)
+            place.update(time_s, next_s)
         if self._functions:
-            self._others.update(q, dq, time_s)
+            self._others.update(q, dq, time_s, next_s)
         for rows in self._turned:
             self._turn_to_root(*rows)
         self.opposite = self._desired_accelerations(

@@ -83,8 +83,8 @@ class TasksByDifferences:
         for task in self._tasks:
             task.function.reset(self._kinematics, time_s)
 
-    def update(self, q: FloatArray, dq: FloatArray, time_s: float) -> None:
-        """Write all rows for joint positions and velocities, (n,), at a time [s]."""
+    def update(self, q: FloatArray, dq: FloatArray, time_s: float, next_s: float) -> None:
+        """Write all rows for joint positions and velocities, (n,), at a time and the next [s]."""
         kinematics, period = self._kinematics, self._period
         self._move(q, dq, STEP_S)
         for task in self._tasks:
@@ -97,7 +97,7 @@ class TasksByDifferences:
         kinematics.update(q)
         for task in self._tasks:
             to = task.to
-            task.look(kinematics, dq, time_s + period, task.other)
+            task.look(kinematics, dq, next_s, task.other)
             task.look(kinematics, dq, time_s, to.motion)
             np.subtract(task.other, to.motion, out=task.other)
             np.divide(task.other, period, out=task.other)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from hoap3.protocol.messages import FloatArray
@@ -34,29 +36,29 @@ class PositionReference:
         self._place_in_root = kernels.place_in_root
         self._target, self._origin, self._axes, self._period = target, origin, axes, period_s
         self._out = out
-        self._position, self._velocity, self._next, self._none = np.zeros((4, 3))
+        self._now, self._next = np.zeros((2, 2, 3))  # position and velocity
+        self._known_s = math.nan  # time of the next ones
         self._rested, self._rests_at = False, 0.0
 
-    def start(self, present: FloatArray, time_s: float) -> None:
+    def start(self, present: FloatArray, time_s: float, next_s: float) -> None:
         """Begin where the frame is, (3,) [m] in the root's axes."""
         self._target.start(self._axes.T @ (present - self._origin), time_s)
         self._rested, self._rests_at = False, time_s + self._target.rests_after_s
-        self.update(time_s)
+        self._known_s = math.nan
+        self.update(time_s, next_s)
 
-    def update(self, time_s: float) -> None:
-        """Write where it is at a time [s], and how it moves there."""
+    def update(self, time_s: float, next_s: float) -> None:
+        """Write where it is at a time [s], and how it moves until the next one."""
         if self._rested:
             return
-        target = self._target
-        target.at(time_s + self._period, self._none, self._next)
-        target.at(time_s, self._position, self._velocity)
+        if time_s == self._known_s:
+            self._now, self._next = self._next, self._now
+        else:
+            self._target.at(time_s, *self._now)
+        self._target.at(next_s, *self._next)
+        self._known_s = next_s
+        position, velocity = self._now
         self._place_in_root(
-            self._position,
-            self._velocity,
-            self._next,
-            self._period,
-            self._origin,
-            self._axes,
-            self._out,
+            position, velocity, self._next[1], self._period, self._origin, self._axes, self._out
         )
         self._rested = time_s > self._rests_at

@@ -76,11 +76,12 @@ class Rows:
     def begin(self, time_s: float = 0.0, q: FloatArray | None = None) -> None:
         """Start at rest, by default in the initial posture."""
         q = np.array(self.robot.initial_position) if q is None else q
-        self.tasks.begin(q, np.zeros(self.robot.n), time_s)
+        self.tasks.begin(q, np.zeros(self.robot.n), time_s, time_s + self.robot.period_s)
 
     def look(self, q: FloatArray, dq: FloatArray, time_s: float) -> AccelerationTasks:
         """The rows there and then; every look rewrites them."""
-        self.tasks.update(q, dq, self._wrench, time_s, self._absent)
+        next_s = time_s + self.robot.period_s
+        self.tasks.update(q, dq, self._wrench, time_s, next_s, self._absent)
         return self.tasks
 
     def motion(self, q: FloatArray, dq: FloatArray, time_s: float) -> FloatArray:

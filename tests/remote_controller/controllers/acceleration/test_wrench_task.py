@@ -295,13 +295,15 @@ def test_six_rows_move_as_they_say_before_the_touch():
     assert tasks.sizes[0] == 6
     for _ in range(20):
         q, dq, ddq = 0.7 * rng.normal(size=(3, 7))
-        tasks.begin(q, dq, 0.0)
+        tasks.begin(q, dq, 0.0, 1e-3)
         motion, value = [], []
         for t in (-h, h):
-            tasks.update(q + t * dq + 0.5 * t * t * ddq, dq + t * ddq, none, 0.5 + t, absent)
+            tasks.update(
+                q + t * dq + 0.5 * t * t * ddq, dq + t * ddq, none, 0.5 + t, 0.501 + t, absent
+            )
             motion.append(tasks.motion[mine].copy())
             value.append(0.5 * float(tasks.error[mine] @ tasks.error[mine]))
-        tasks.update(q, dq, none, 0.5, absent)
+        tasks.update(q, dq, none, 0.5, 0.501, absent)
         rate = tasks.jacobian[mine] @ ddq + tasks.rate[mine]
         close((motion[1] - motion[0]) / (2.0 * h), rate, 1e-6)
         slope = float(tasks.slope[mine] @ tasks.motion[mine])
