@@ -124,7 +124,7 @@ def test_terms_of_a_sum_are_listed_and_not_judged():
         ("hqp", "lwr_weightless", {"posture"}, False),
         ("ghc_velocity", "hoap3", {"com"}, True),
         ("osqp", "hoap3", {"com"}, False),
-        ("tsid_baxter", "baxter", {"left_gripper"}, True),
+        ("tsid_baxter", "baxter", {"pose"}, True),
         ("joint_acceleration", "hoap3", {"posture"}, True),
         ("com_circulation", "hoap3", {"task_curve"}, True),
     ],
