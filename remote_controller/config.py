@@ -96,7 +96,7 @@ def build(config: ControllerConfig, description: RobotDescription, file: str = "
     from hoap3.remote_controller.registry import find
 
     controller = find(config.controller, file)
-    parameters = parse(controller.Parameters, config.parameters, file, "parameters")
+    parameters = _parameters(controller, config, file)
     try:
         keys = "controller", "parameters"
         with building(controller, config.controller, description, parameters, file, *keys):
@@ -143,4 +143,20 @@ def check_parameters(config: ControllerConfig, file: str) -> None:
     from hoap3.remote_controller.registry import find
 
     controller = find(config.controller, file)
-    controller.check(parse(controller.Parameters, config.parameters, file, "parameters"), file)
+    controller.check(_parameters(controller, config, file), file)
+
+
+def _parameters(controller: Any, config: ControllerConfig, file: str) -> Settings:
+    """The parameters of a controller.
+
+    Raises:
+        ConfigError: they are wrong; of constraints where it takes none, which controllers do.
+    """
+    given = config.parameters.get("constraints")
+    if given is not None and "constraints" not in controller.Parameters.model_fields:
+        from hoap3.remote_controller.registry import of_constraints
+
+        problem = f"{config.controller} takes no constraints"
+        remedy = f"Take {', '.join(of_constraints())}, or leave them out"
+        raise ConfigError(file, "parameters.constraints", given, problem, remedy)
+    return parse(controller.Parameters, config.parameters, file, "parameters")

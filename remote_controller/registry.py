@@ -34,3 +34,8 @@ CONTROLLERS = PluginGroup(
     "docs/writing_a_controller.md",
 )
 registered, find = CONTROLLERS.registered, CONTROLLERS.find
+
+
+def of_constraints() -> list[str]:
+    """Ours that take `constraints`."""
+    return [name for name in BUILTIN if "constraints" in find(name).Parameters.model_fields]
