@@ -159,4 +159,5 @@ def _parameters(controller: Any, config: ControllerConfig, file: str) -> Setting
         problem = f"{config.controller} takes no constraints"
         remedy = f"Take {', '.join(of_constraints())}, or leave them out"
         raise ConfigError(file, "parameters.constraints", given, problem, remedy)
-    return parse(controller.Parameters, config.parameters, file, "parameters")
+    parameters: Settings = parse(controller.Parameters, config.parameters, file, "parameters")
+    return parameters
