@@ -1,0 +1,111 @@
+"""Every task, in every controller, under every constraint: half a second without a violation."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+from test_constraint_levels import TRIED
+
+from hoap3.protocol.messages import Setpoint, State
+from hoap3.remote_controller.config import ControllerConfig, build
+from hoap3.remote_controller.controllers.acceleration.base import OVERLOADED_MOTORS, STOPPED
+from hoap3.remote_controller.registry import of_constraints
+from hoap3.robot_emulator.robots import load
+from hoap3.tools.robots.constraints_table import serves
+from hoap3.tools.robots.tasks_table import level, takes
+
+ROBOT, TICKS, T = load("hoap3"), 500, 1e-3
+START = np.clip(ROBOT.initial_position, ROBOT.lower + 0.02, ROBOT.upper - 0.02)
+ROUNDING = 1e-6  # of a margin, or of a row of unit length
+HAND = {"frame": "r_forearm", "reference": "pelvis"}
+THERE = {"target": {"kind": "point", "position_m": [0.06, -0.16, 0.06], "approach_s": 0.5}}
+TURN = {"rotation_rad": [0.3, 0.1, -0.2], "turn_s": 0.5}
+POSTURE = {"target_rad": [*map(float, START + 0.05)], "approach_s": 0.5}
+JOINTS = {"joints": ["r_elbow", "l_elbow"], "radii_rad": [0.1, 0.1]}
+ELLIPSE = {"center_m": [0.0, 0.03, 0.28], "radii_m": [0.02, 0.01]}
+TASKS: dict[str, dict[str, Any]] = {  # a wrench needs a sensor, which this robot has not
+    "com": {"target": {"kind": "point", "position_m": [0.01, 0.025, 0.28], "approach_s": 0.5}},
+    "frame_position": {**HAND, **THERE},
+    "frame_pose": {**HAND, **THERE, **TURN},
+    "frame_orientation": {**HAND, **TURN},
+    "posture": POSTURE,
+    "weighted_sum": {"terms": [{"task": "posture", "parameters": POSTURE}, {"task": "com"}]},
+    "joint_curve": {"curve_parameters": JOINTS, "speed_rad_s": 0.2},
+    "task_curve": {"curve_parameters": ELLIPSE, "speed_m_s": 0.02},
+}
+NEAR = {"distance": {}}  # the watched pairs are those of everyday use, not all
+CELLS = [
+    cell for cell in product(TASKS, of_constraints(), sorted(TRIED)) if serves(cell[1], cell[2])
+]
+BY_DEFAULT = sorted(np.random.default_rng(18).choice(len(CELLS), 60, replace=False))
+
+
+def made(task: str, controller: str, constraint: str) -> Any:
+    """A controller with one task and one constraint."""
+    wish, key = {"task": task, "parameters": TASKS[task]}, takes(controller)
+    given = NEAR.get(constraint, TRIED[constraint][1].parameters)
+    entry = {"constraint": constraint, "parameters": given}
+    parameters = {key: [wish] if key == "tasks" else wish, "constraints": [entry]}
+    kind = "position" if level(controller) == "velocity" else "acceleration"
+    robot = ROBOT.model_copy(update={"command_kinds": (kind,)})
+    config = ControllerConfig(controller=controller, robot="hoap3", parameters=parameters)
+    found = build(config, robot, "cell")
+    found.now = lambda: 0
+    return found
+
+
+def stays_within(controller: Any, answer: Setpoint) -> None:
+    """Accelerations obey bounds, torques and rows; all but the rows where the robot stops."""
+    stack, ddq = controller.stack, controller.ddq
+    slack = ROUNDING * controller.bounds.greatest
+    assert (ddq >= controller.lower - slack).all()
+    assert (ddq <= controller.upper + slack).all()
+    if answer.fallback not in {OVERLOADED_MOTORS, STOPPED}:
+        most = controller.torque_max
+        assert (np.abs(controller.tau) <= most * (1.0 + ROUNDING)).all()
+    if answer.fallback != STOPPED:
+        length = np.linalg.norm(stack.rows, axis=1) + 1e-300
+        value = stack.rows @ ddq
+        assert (value >= stack.rows_lower - 1e-4 * ROUNDING - ROUNDING * length).all()
+        assert (value <= stack.rows_upper + ROUNDING * length).all()
+
+
+def half_a_second(task: str, controller: str, constraint: str) -> None:
+    """In lockstep with a robot that does just what it is told.
+
+    Of equations the rows are looked at, not how far steps drift from what they keep.
+    """
+    found = made(task, controller, constraint)
+    (kept,) = found.stack.constraints
+    state = State(ROBOT.n, 0)
+    state.q[:] = state.reference[:] = START
+    found.reset(state, None)
+    promised = kept.guarantee in {"invariant", "conditional"}
+    for tick in range(TICKS):
+        state.tick = tick
+        answer = found.step(state)
+        assert np.isfinite(answer.values).all()
+        if promised:
+            assert kept.margin() >= -ROUNDING, tick
+        if level(controller) == "velocity":
+            state.dq[:] = (answer.values - state.q) / T
+            state.q[:] = state.reference[:] = answer.values
+        else:
+            stays_within(found, answer)
+            state.q += T * state.dq + 0.5 * T * T * answer.values
+            state.dq += T * answer.values
+            state.reference[:] = state.q
+
+
+@pytest.mark.parametrize("cell", [CELLS[place] for place in BY_DEFAULT], ids="-".join)
+def test_a_cell_keeps_its_limits(cell):
+    half_a_second(*cell)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("cell", CELLS, ids="-".join)
+def test_every_cell_keeps_its_limits(cell):
+    half_a_second(*cell)
