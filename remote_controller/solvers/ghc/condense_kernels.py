@@ -1,10 +1,11 @@
 """The tasks of a hierarchy, condensed to the n joint accelerations.
 
-Liu, Tan and Padois, Autonomous Robots 2015, (13d) and the first sum of (13a): of
+Liu, Tan and Padois, Autonomous Robots 2015, (13d), and of (13a) the tasks and the half of the
+regularisation that weighs q̈′: with x_i = q̈′_i, P_i of (11) and w = ω_r, half of
 
     min Σ |J_i x_i − b_i|² + w Σ |x_i|²   such that   Σ P_i x_i = q̈
 
-is left, with H_i = J_iᵀJ_i + wI,
+leaves, but for a constant, with H_i = J_iᵀJ_i + wI and H_i⁻¹J_iᵀ = J_iᵀ (J_i J_iᵀ + wI)⁻¹,
 
     ½ (q̈ − q₀)ᵀ S⁺ (q̈ − q₀),   S = Σ P_i H_i⁻¹ P_i,   q₀ = Σ P_i J_iᵀ (J_i J_iᵀ + wI)⁻¹ b_i.
 """
@@ -59,20 +60,21 @@ class Condensing(NamedTuple):
     """Scratch of `condense`.
 
     Attributes:
-        X: rows of what is subtracted, S = (whole)·I − XᵀX, (m·k + m, n).
+        X: rows of what is subtracted, S = whole·I − XᵀX, (m·k + m, n): one for each row of J, and
+            at most m that `_flush` writes for each task.
         B, D: of P_i = cI − Bᵀ diag(D) B, (2m + 1, n) and (m,).
-        F: Σ D (2c − D) h over the tasks i so far, (m,), h = 1/w or 1/(1 + w): P_i² h and its like
-            are c²h I − Bᵀ diag(F) B.
-        C: the triangle of J_i J_iᵀ + wI with b_i beside it, (m, m + 1), in its first rows; K of the
-            smoothed basis, too.
+        F: Σ inverse·D (2c − D) over the tasks i since its row of B was written, (m,), inverse =
+            1/w, or 1/(1 + w) where J_i = I: Σ inverse·P_i² = (Σ inverse·c²) I − Bᵀ diag(F) B.
+        C: the triangle, CᵀC = J_i J_iᵀ + wI, with b_i beside it, (m, m + 1), in its first rows; K
+            of the smoothed basis, too.
         Q: of the smoothed basis, (m, m + 1).
         rise: Σ_j α_ji of each task i, (k,).
         along: coefficients along the rows of B, (max(m, n),).
         closes: 1 for a task whose Jacobian is I, (k,).
         order: tasks above i, of `sort_tasks`, (k,).
-        rows: of J, of the smoothed basis, (m,).
+        level_rows: rows of J, of the smoothed basis, (m,).
         chain: tasks whose rows B has, (k,).
-        ranks: how many rows of B the first so many of the chain have, (k + 1,).
+        ranks: ranks[t] is how many rows of B the first t tasks of the chain have, (k + 1,).
     """
 
     X: Matrix
@@ -85,7 +87,7 @@ class Condensing(NamedTuple):
     along: Vector
     closes: Indices
     order: Indices
-    rows: Indices
+    level_rows: Indices
     chain: Indices
     ranks: Indices
 
@@ -118,14 +120,14 @@ def _project_task(
 ) -> None:
     """Add P Jᵀ(JJᵀ + wI)⁻¹ b to q₀ and write X with P H⁻¹ P = P²/w − XᵀX, behind its used rows.
 
-    P = cI − Bᵀ diag(D) B. By Woodbury H⁻¹ = (I − Jᵀ(JJᵀ + wI)⁻¹J)/w; with JJᵀ + wI = RᵀR, R the
-    triangle in C, X = R⁻ᵀ J P/√w, and P Jᵀ(JJᵀ + wI)⁻¹ b = √w Xᵀ R⁻ᵀ b.
+    P = cI − Bᵀ diag(D) B. By Woodbury H⁻¹ = (I − Jᵀ(JJᵀ + wI)⁻¹J)/w; with JJᵀ + wI = CᵀC, C a
+    triangle, X = C⁻ᵀ J P/√w, and P Jᵀ(JJᵀ + wI)⁻¹ b = √w Xᵀ C⁻ᵀ b.
     """
     X, C, B, D, scratch = work.X[used:], work.C, work.B, work.D, work.along
     m, n = jacobian.shape
     for a in range(m):
-        for b in range(a, m):
-            C[a, b] = dot(jacobian[a], jacobian[b])
+        for other in range(a, m):
+            C[a, other] = dot(jacobian[a], jacobian[other])
         C[a, a] += w
         C[a, m] = target[a]
     factorise(C, m, 0.0, scratch)
@@ -137,7 +139,7 @@ def _project_task(
         for p in range(rank):
             scratch[p] = -D[p] * dot(B[p], jacobian[a])
         add_rows(row, scratch, B, 0, rank, 0)
-        for before in range(a):
+        for before in range(a):  # row a of C⁻ᵀ[J P | b], by forward substitution
             add(row, -root * C[before, a], X[before])
             C[a, m] -= C[before, a] * C[before, m]
         inverse = 1.0 / C[a, a]
@@ -150,7 +152,10 @@ def _project_task(
 
 @inlined
 def _flush(first: int, last: int, B: Matrix, F: Vector, X: Matrix, used: int) -> int:
-    """Write the rows √F[p]·B[p] behind the used ones of X, and clear F; returns how many are."""
+    """Write the rows √F[p]·B[p] behind the used ones of X, and clear F; returns how many are used.
+
+    Done with the rows of B that are overwritten next, and with all at the end.
+    """
     for p in range(first, last):
         if F[p] > 0.0:
             root = math.sqrt(F[p])
@@ -197,10 +202,12 @@ def _look(jacobian: Matrix, offsets: Indices, alpha: Matrix, closes: Indices, ri
 def condense(
     tasks: Tasks, w: float, smoothing: float, condensed: Condensed, work: Condensing
 ) -> float:
-    """Write the upper triangle of S, and q₀; returns what S is a difference from, times I.
+    """Write the upper triangle of S = whole·I − XᵀX, and q₀; returns whole = Σ inverse·c².
 
     Tasks whose upper ones are the same in the same order have those rows of the basis in common:
-    in a hierarchy of strict levels every row is orthonormalised, and enters S, once.
+    in a hierarchy of strict levels every row is orthonormalised, and enters S, once. The chain is
+    the tasks whose rows B has, in their order, and F[p] adds up what B[p] has in S as long as it
+    stays: the rows beyond those in common go to X before B gets others in their place.
 
     Args:
         tasks: k of them, of n joints.
@@ -218,7 +225,7 @@ def condense(
     q0[:] = 0.0
     F[:] = 0.0
     _look(jacobian, offsets, alpha, closes, work.rise)
-    basis, spectrum = Basis(B, D, ranks), Spectrum(work.rows, work.C, work.Q)
+    basis, spectrum = Basis(B, D, ranks), Spectrum(work.level_rows, work.C, work.Q)
     for i in range(k):
         above = Above(jacobian, offsets, closes, alpha[i], order)
         count = sort_tasks(alpha[i], closes, work.rise, order)
@@ -231,7 +238,7 @@ def condense(
                 chained = _chain(order, count, closes, chain)
             rank, c = exact_basis(above, count, common, basis)
         first, last = offsets[i], offsets[i + 1]
-        inverse = 1.0 / (1.0 + w) if closes[i] else 1.0 / w
+        inverse = 1.0 / (1.0 + w) if closes[i] else 1.0 / w  # H_i⁻¹, or its part along I
         whole += inverse * c * c
         for p in range(rank):
             F[p] += inverse * D[p] * (2.0 * c - D[p])

@@ -4,7 +4,7 @@ Liu, Tan and Padois, Autonomous Robots 2015, (13): task i has its own joint acce
 matrix of priorities says how much each is kept out of the directions of the others,
 
     min Σ |J_i x_i − b_i|² + ω_r Σ |x_i|² + ω_r |τ − o|²
-    subject to  τ = M q̈ + n,   q̈ = Σ P_i x_i,   bounds of q̈ and τ,   rows of q̈.
+    subject to  τ = M q̈ + h,   q̈ = Σ P_i x_i,   bounds of q̈ and τ,   rows of q̈.
 
 ``Ghc`` is for loops, ``ghc`` for everything else. The formulation, exact and of n unknowns however
 many tasks there are, stands in ``ghc_kernels``, which are compiled, or loaded, when the first
@@ -42,7 +42,7 @@ class Ghc:
         sizes: number of rows of each task.
         n: number of joints.
         regularise: what ω_r weighs beside the x_i: "torque" is the paper's |τ|², which pulls on the
-            tasks by what gravity takes; "gravity_compensated" is |τ − n|²; "none" is nothing, and
+            tasks by what gravity takes; "gravity_compensated" is |τ − h|²; "none" is nothing, and
             strict priorities are exact only then: otherwise lower tasks shift what upper ones do by
             about ω_r.
         smoothing: s₀ of `generalized_projector`; 0 for the paper's projector. Beyond 1 this differs
@@ -125,7 +125,7 @@ class Ghc:
             alpha: (k, k): alpha[i, j] from 0 to 1 is the priority of task j over task i; 1 keeps i
                 out of j. alpha[i, i] fades task i out. Cycles are allowed.
             mass: M, (n, n), symmetric.
-            bias: n, what gravity and motion take, (n,).
+            bias: h, what gravity and motion take, (n,).
             w_r: ω_r ≥ 1e-8: its inverse stands beside the rest, and takes as many digits: at bounds
                 the residual is some 10⁻¹⁶·|J|²/ω_r.
 

@@ -1,13 +1,15 @@
 """Generalized hierarchical control, condensed to the n joint accelerations, in one call.
 
-Liu, Tan and Padois, Autonomous Robots 2015, (13): with x_i for each of the k tasks,
+Liu, Tan and Padois, Autonomous Robots 2015, (13): with x_i = q̈′_i for each of the k tasks, and h
+for the paper's bias n, since n is the number of joints here,
 
     min Σ |J_i x_i − b_i|² + w Σ |x_i|² + w |τ − o|²
-    s.t. τ = M q̈ + n,   q̈ = Σ P_i x_i,   bounds of q̈, τ and R q̈
+    s.t. τ = M q̈ + h,   q̈ = Σ P_i x_i,   bounds of q̈, τ and R q̈
 
-For a given q̈ the best x_i are known, H_i = J_iᵀJ_i + wI, and what is left is, however many tasks,
+The paper has o = 0; o = h is ours. For a given q̈ the best x_i are known, H_i = J_iᵀJ_i + wI, and
+half of what is left is, but for a constant and however many tasks,
 
-    min ½ (q̈ − q₀)ᵀ S⁺ (q̈ − q₀) + w/2 |M q̈ + n − o|²,
+    min ½ (q̈ − q₀)ᵀ S⁺ (q̈ − q₀) + w/2 |M q̈ + h − o|²,
     S = Σ P_i H_i⁻¹ P_i,   q₀ = Σ P_i J_iᵀ (J_i J_iᵀ + wI)⁻¹ b_i.
 
 S may be singular and is never inverted: with S = UᵀU and q̈ = q₀ + Uᵀy the unknown is y, and the
@@ -73,7 +75,10 @@ from hoap3.remote_controller.solvers.qp.active_set_kernels import (
     most_violated,
 )
 
-NONE, TORQUE, GRAVITY_COMPENSATED = 0, 1, 2  # what o is: nothing is regularised, 0, n
+# What is regularised: (`weight`, `offset`) of `Motion`.
+NONE = 0  # nothing: (0, 0)
+TORQUE = 1  # |τ|², o = 0: (ω_r, 1)
+GRAVITY_COMPENSATED = 2  # |τ − h|², o = h: (ω_r, 0)
 LEAST_WEIGHT = 1e-8  # of w: 1/w stands beside numbers near 1, and the rounding of both
 WELL_APART = 1e-9  # of the diagonal of S: pivots above need no order
 ROUNDING = 1e-12  # of what S is a difference from: pivots above are no rounding
@@ -87,16 +92,16 @@ class Motion(NamedTuple):
 
     Attributes:
         mass: M, (n, n).
-        bias: n, (n,).
-        w: ω_r of |τ − o|², 0 where that is not regularised.
-        offset: n − o = offset·n: 1 for |τ|², 0 for |τ − n|².
+        bias: h, (n,).
+        weight: w of |τ − o|², 0 where that is not regularised.
+        offset: h − o = offset·h: 1 for |τ|², 0 for |τ − h|².
         units: r_j/|r_j| of the rows R, (s, n).
         limits: lower and upper bounds of (q̈, τ, R q̈/|r|), (2, c), c = 2n + s.
     """
 
     mass: Matrix
     bias: Vector
-    w: float
+    weight: float
     offset: float
     units: Matrix
     limits: Matrix
@@ -110,8 +115,9 @@ class Factors(NamedTuple):
         L: Uᵀ, (n, n).
         T: M Uᵀ, (n, n).
         A: the triangle of I + w TᵀT, (n, n).
-        Z: normals [U | Tᵀ | U Rᵀ] of all values, (n, c); A⁻ᵀ of them for the active set.
-        scratch: (n,).
+        Z: normals [U | Tᵀ | U Rᵀ] of all values, (n, c); A⁻ᵀ of them for the active set, whose
+            unknown is A(y − y*), y* the free optimum.
+        line: scratch, (n,).
     """
 
     U: Matrix
@@ -119,7 +125,7 @@ class Factors(NamedTuple):
     T: Matrix
     A: Matrix
     Z: Matrix
-    scratch: Vector
+    line: Vector
 
 
 class Equations(NamedTuple):
@@ -128,14 +134,16 @@ class Equations(NamedTuple):
     Attributes:
         directions: e_k, (s, n).
         motions: p_k = Uᵀe_k, (s, n).
-        steps: t_k and |z_k|, (2, s).
+        shifts: t_k, (s,).
+        sizes: |z_k|, (s,).
         lengths: |r_j| of all rows, (s,).
         squares: scratch, (2, c).
     """
 
     directions: Matrix
     motions: Matrix
-    steps: Matrix
+    shifts: Vector
+    sizes: Vector
     lengths: Vector
     squares: Matrix
 
@@ -144,14 +152,15 @@ class ActiveSet(NamedTuple):
     """What the active set keeps, and vectors.
 
     Attributes:
-        bounds: of the bounds that are active.
-        pull: M q̈ + n − o at the point where the free optimum starts, then at the answer; (n,).
+        held: the bounds that are active.
+        pull: M q̈ + h − o at the point where the free optimum starts, then at the answer; (n,).
         y: of q̈ = q₀ + Uᵀy, (n,).
-        g: w M (τ − o) + μ + M ν + Rᵀρ, (n,).
+        g: w M (τ − o) + μ + M ν + Rᵀρ, (n,): μ, ν, ρ are the multipliers of q̈, τ, R q̈, positive
+            where an upper bound holds back, negative where a lower one does.
         away: scratch, (n,).
     """
 
-    bounds: Scratch
+    held: Scratch
     pull: Vector
     y: Vector
     g: Vector
@@ -193,13 +202,14 @@ def _gather(
 ) -> None:
     """Write g = w M·effort + μ + M ν + Rᵀρ, what pulls q̈ away from q₀."""
     n = g.size
+    mu, nu, rho = multipliers[:n], multipliers[n : 2 * n], multipliers[2 * n :]
     for i in range(n):
-        scratch[i] = motion.w * effort[i] + multipliers[n + i]
+        scratch[i] = motion.weight * effort[i] + nu[i]
     _times(motion.mass, scratch, g)
     for i in range(n):
-        g[i] += multipliers[i]
-    for j in range(motion.units.shape[0]):
-        add(g, multipliers[2 * n + j], motion.units[j])
+        g[i] += mu[i]
+    for j in range(rho.size):
+        add(g, rho[j], motion.units[j])
 
 
 @kernel(superwords=True)
@@ -212,12 +222,12 @@ def optimality(
     g: Vector,
     away: Vector,
 ) -> float:
-    """How far q̈ is from optimal for its multipliers (μ, ν, ρ), for the condensed problem.
+    """How far q̈ is from optimal for its multipliers (μ, ν, ρ) of (q̈, τ, R q̈), when condensed.
 
-    q̈ = q₀ − S(w M·effort + μ + M ν + Rᵀρ), and each value of a multiplier that is not 0 at its
-    bound, the others within theirs: the largest deviation, the former relative to max(|q̈|, |q₀|),
-    the latter to 1 + |bound|; rows are of unit length. `effort` is what is regularised, τ − o or 0.
-    g and away are scratch, (n,).
+    q̈ = q₀ − S(w M·effort + μ + M ν + Rᵀρ), S times stationarity, and each value of a multiplier
+    that is not 0 at its bound, the others within theirs: the largest deviation, the former relative
+    to max(|q̈|, |q₀|), the latter to 1 + |bound|; rows are of unit length. `effort` is τ − o, and
+    τ − h with w = 0 where nothing is regularised. g and away are scratch, (n,).
     """
     n, lower, upper, span = motion.bias.size, motion.limits[0], motion.limits[1], SMALLEST
     S, q0 = condensed
@@ -295,7 +305,7 @@ def _factor(S: Matrix, whole: float, mass: Matrix, factors: Factors) -> None:
     for i in range(n):
         for j in range(n):
             U[i, j] = S[i, j] if j >= i else 0.0
-    regular = factorise(U, n, WELL_APART, factors.scratch) == n
+    regular = factorise(U, n, WELL_APART, factors.line) == n
     for i in range(n):
         regular = regular and U[i, i] * U[i, i] > ROUNDING * whole
     if not regular:
@@ -311,17 +321,20 @@ def _factor(S: Matrix, whole: float, mass: Matrix, factors: Factors) -> None:
 
 @inlined
 def _free_optimum(motion: Motion, factors: Factors, pull: Vector, y: Vector, qdd: Vector) -> None:
-    """Add Uᵀy to q̈, with (I + w TᵀT) y = −w Tᵀ·pull and pull = M q̈ + n − o of before."""
-    A, T, scratch, n = factors.A, factors.T, factors.scratch, qdd.size
+    """Add Uᵀy to q̈, where y minimises ½ |y|² + w/2 |T y + pull|², pull = M q̈ + h − o of before.
+
+    (I + w TᵀT) y = −w Tᵀ·pull.
+    """
+    A, T, scratch, n = factors.A, factors.T, factors.line, qdd.size
     _times(motion.mass, qdd, pull)
     for i in range(n):
         pull[i] += motion.offset * motion.bias[i]
-        scratch[i] = -motion.w * pull[i]
+        scratch[i] = -motion.weight * pull[i]
         for j in range(n):
             A[i, j] = 1.0 if i == j else 0.0
     _clear(y)
     add_rows(y, scratch, T, 0, n, 0)
-    syrk(A, motion.w, T, n)
+    syrk(A, motion.weight, T, n)
     factorise(A, n, 0.0, scratch)
     solve_lower(A, y)
     solve_upper(A, y)
@@ -341,7 +354,7 @@ def _normals(factors: Factors, units: Matrix, least: float) -> None:
 
 @inlined
 def _split(factors: Factors) -> None:
-    """Write U and T of Z = [U | Tᵀ | U Rᵀ]."""
+    """Write U and T of Z = [U | Tᵀ | U Rᵀ], (I − eeᵀ) U and T (I − eeᵀ) after the equations."""
     U, T, Z, n = factors.U, factors.T, factors.Z, factors.U.shape[0]
     for i in range(n):
         for j in range(n):
@@ -379,13 +392,14 @@ def optimum(
     Returns:
         Status, number of active bounds and rows, number of equations, steps of the active set.
     """
-    n, limits, regularised = motion.bias.size, motion.limits, motion.w > 0.0
+    n, limits, regularised = motion.bias.size, motion.limits, motion.weight > 0.0
+    lower, upper, first_row = limits[0], limits[1], 2 * n
     qdd, least = values[:n], SINGULAR * whole
-    exact, imposed = has_equations(limits, 2 * n), 0
+    exact, imposed = has_equations(limits, first_row), 0
     for i in range(n):
         qdd[i] = condensed.q0[i]
     for j in range(values.size):
-        work.bounds.state[j] = 0
+        work.held.state[j] = 0
     if regularised or exact:
         _factor(condensed.S, whole, motion.mass, factors)
     if exact:
@@ -397,7 +411,8 @@ def optimum(
             limits,
             equations.directions,
             equations.motions,
-            equations.steps,
+            equations.shifts,
+            equations.sizes,
             equations.squares,
         )
         if imposed < 0:
@@ -407,8 +422,8 @@ def optimum(
         _free_optimum(motion, factors, work.pull, work.y, qdd)
     _values(motion, values)
     if exact:
-        hold_equations(values, limits, 2 * n)
-    if most_violated(values, limits[0], limits[1], work.bounds.state) < 0:
+        hold_equations(values, limits, first_row)
+    if most_violated(values, lower, upper, work.held.state) < 0:
         return OK, 0, imposed, 0
     if not exact:
         if not regularised:
@@ -417,7 +432,7 @@ def optimum(
     if regularised:
         triangular_solve(factors.A, factors.Z)
     status, count, steps = active_set(
-        Values(factors.Z, values, limits[0], limits[1], multipliers), work.bounds
+        Values(factors.Z, values, lower, upper, multipliers), work.held
     )
     _values(motion, values)
     return status, count, imposed, steps
@@ -442,6 +457,7 @@ def solve_tasks(
     """
     condensed, work, equations = scratch.condensed, scratch.active_set, scratch.equations
     g, away, effort, n = work.g, work.away, work.pull, motion.bias.size
+    tau, rho = values[n : 2 * n], multipliers[2 * n :]
     whole = condense(tasks, w, smoothing, condensed, scratch.condensing)
     status, count, imposed, steps = optimum(
         motion, condensed, whole, scratch.factors, equations, work, values, multipliers
@@ -451,11 +467,11 @@ def solve_tasks(
     if status != OK:
         return status, count, steps, math.inf
     for i in range(n):
-        effort[i] = values[n + i] - (1.0 - motion.offset) * motion.bias[i]
+        effort[i] = tau[i] - (1.0 - motion.offset) * motion.bias[i]
     if imposed > 0:
         _gather(motion, effort, multipliers, g, away)
         equation_multipliers(
-            motion.units, equations.motions, equations.steps, g, multipliers[2 * n :]
+            motion.units, equations.motions, equations.shifts, equations.sizes, g, rho
         )
     residual = optimality(condensed, motion, effort, values, multipliers, g, away)
     return OK if residual < math.inf else OUT_OF_RANGE, count + imposed, steps, residual
@@ -497,8 +513,8 @@ def ghc_kernel(  # noqa: PLR0915 - here scratch gets its names and shapes
         rows: R, (s, n).
         bounds: lower and upper ones of (q̈, τ, R q̈), (2, c), c = 2n + s.
         numbers, integers: scratch, as long as `sizes_of` says.
-        out: q̈, τ, R q̈ of unit rows, and the multipliers of all, (2, c); zeros where the status is
-            not `OK`.
+        out: (2, c); in row 0 q̈, τ and, of rows of unit length, R q̈; in row 1 the multipliers
+            (μ, ν, ρ), ρ of the rows that were given. Zeros where the status is not `OK`.
 
     Returns:
         Status, number of active bounds, steps of the active set (0: none was needed), residual.
@@ -506,8 +522,8 @@ def ghc_kernel(  # noqa: PLR0915 - here scratch gets its names and shapes
     (m, n), k, s = jacobian.shape, offsets.size - 1, rows.shape[0]
     c, at, also = 2 * n + s, 0, 0
     shapes = out.shape == (2, c) and bounds.shape == (2, c) and mass.shape == (n, n)
-    sizes = target.size == m and bias.size == n and offsets[-1] == m and rows.shape[1] == n
-    if not (shapes and sizes and alpha.shape == (k, k)):
+    fits = target.size == m and bias.size == n and offsets[-1] == m and rows.shape[1] == n
+    if not (shapes and fits and alpha.shape == (k, k)):
         return BAD_SHAPE, 0, 0, math.inf
     tasks, values, multipliers = Tasks(jacobian, offsets, target, alpha), out[0], out[1]
     _clear(values)
@@ -526,10 +542,10 @@ def ghc_kernel(  # noqa: PLR0915 - here scratch gets its names and shapes
     along, at = numbers[at : at + long], at + long
     closes, also = integers[also : also + k], also + k
     order, also = integers[also : also + k], also + k
-    tasks_rows, also = integers[also : also + m], also + m
+    level_rows, also = integers[also : also + m], also + m
     chain, also = integers[also : also + k], also + k
     ranks, also = integers[also : also + k1], also + k1
-    condensing = Condensing(X, B, D, F, C, Q, rise, along, closes, order, tasks_rows, chain, ranks)
+    condensing = Condensing(X, B, D, F, C, Q, rise, along, closes, order, level_rows, chain, ranks)
     S, at = numbers[at : at + n * n].reshape(n, n), at + n * n
     q0, at = numbers[at : at + n], at + n
     U, at = numbers[at : at + n * n].reshape(n, n), at + n * n
@@ -541,23 +557,23 @@ def ghc_kernel(  # noqa: PLR0915 - here scratch gets its names and shapes
     factors = Factors(U, L, T, A, Z, line)
     R, at = numbers[at : at + n * n].reshape(n, n), at + n * n
     vectors, at = numbers[at : at + 5 * n].reshape(5, n), at + 5 * n
-    step, at = numbers[at : at + c], at + c
+    share, length, sign, normal, ratio = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
+    speed, at = numbers[at : at + c], at + c
     active, also = integers[also : also + n], also + n
     state, also = integers[also : also + c], also + c
     pull, at = numbers[at : at + n], at + n
     y, at = numbers[at : at + n], at + n
     g, at = numbers[at : at + n], at + n
     away, at = numbers[at : at + n], at + n
-    held = Scratch(
-        R, vectors[0], vectors[1], vectors[2], vectors[3], vectors[4], step, active, state
-    )
+    held = Scratch(R, share, length, sign, normal, ratio, speed, active, state)
     work = ActiveSet(held, pull, y, g, away)
     directions, at = numbers[at : at + s * n].reshape(s, n), at + s * n
     motions, at = numbers[at : at + s * n].reshape(s, n), at + s * n
-    shifts, at = numbers[at : at + 2 * s].reshape(2, s), at + 2 * s
+    shifts, at = numbers[at : at + s], at + s
+    sizes, at = numbers[at : at + s], at + s
     lengths, at = numbers[at : at + s], at + s
     squares, at = numbers[at : at + 2 * c].reshape(2, c), at + 2 * c
-    equations = Equations(directions, motions, shifts, lengths, squares)
+    equations = Equations(directions, motions, shifts, sizes, lengths, squares)
     scratch = Workspace(condensing, Condensed(S, q0), factors, equations, work)
     units, at = numbers[at : at + s * n].reshape(s, n), at + s * n
     limits, at = numbers[at : at + 2 * c].reshape(2, c), at + 2 * c
@@ -571,8 +587,9 @@ def ghc_kernel(  # noqa: PLR0915 - here scratch gets its names and shapes
         status, count, steps, residual = solve_tasks(
             tasks, motion, w, smoothing, scratch, values, multipliers
         )
+    rho = multipliers[2 * n :]
     for j in range(s):
-        multipliers[2 * n + j] /= lengths[j]
+        rho[j] /= lengths[j]
     if status != OK:
         status = status if _finite(tasks, mass, bias, rows) else BAD_INPUT
         _clear(values)

@@ -53,7 +53,7 @@ def hqp(
         rows, rows_lower, rows_upper: rows of q̈, as for `ghc`; equations stand above all levels.
 
     Returns:
-        q̈ and τ = M q̈ + n, (n,).
+        q̈ and τ = M q̈ + h, (n,).
 
     Raises:
         InfeasibleError: nothing satisfies the bounds and rows.

@@ -24,8 +24,9 @@ def generalized_projector(
         alpha_rows: priority of each row of the Jacobian over the task, (m,): 1 keeps the task out
             of that row's direction, 0 leaves it free. Rows may come in any order.
         jacobian: the rows of all tasks, (m, n): dependent ones, zero ones, more than n.
-        smoothing: s₀ in the units of the Jacobian: directions fade out where singular values of the
-            rows of some priority and above are below it, so that P is continuous in the Jacobian as
+        smoothing: s₀ in the units of the Jacobian, or 1e-5 of the rows' Frobenius norm where that
+            is more: directions fade out where singular values of the rows of some priority and
+            above are below it, so that P is continuous in the Jacobian as
             well as in the priorities. 0 gives the paper's projector, which jumps where the rank
             changes. A smoothed P is the same wherever all singular values are s₀ or more; below,
             rows of priority 1 feel up to 0.26·s₀ of what P lets through.

@@ -6,9 +6,11 @@ priority ≥ a_l,
 
     P = (1 − a_1) I + Σ_l (a_l − a_{l+1}) N_l  =  c I − Bᵀ diag(D) B
 
-with B an orthonormal basis of the rows, in descending priority, and D their priorities. Rows of
-priority 0 do not matter and are left out. A task whose Jacobian is I leaves no null space, whatever
-the basis: what its priority a makes of the rest is c = 1 − a, and D counts from a.
+with B an orthonormal basis of the rows, in descending priority, and D their priorities: (11) is
+I − Σ_l a_l (N_{l−1} − N_l), N_0 = I, summed by parts, and N_{l−1} − N_l = Σ B_pᵀB_p over the rows
+of B that level l adds. Rows of priority 0 do not matter and are left out. A task of priority a
+whose Jacobian is I leaves no null space, N_l = 0 from that level on: the sum ends before it, with
+a as the last a_{l+1}, so that c = 1 − a, and D counts from a.
 
 A row counts as dependent where what is left of it is 1e-9 of the row. The paper takes the smallest
 positive number there, with which rounding errors become directions.
@@ -20,8 +22,10 @@ smoothed form uses, with J_l all rows of priority ≥ a_l,
 
 which is the exact one where all singular values σ of J_l are s₀ or more. It depends on which rows
 have which priority, and on nothing else, so P is continuous in J, and in the priorities wherever
-they meet: what a level is split into has the weight of the split. The price is that below s₀ no row
-is quite strict: |J_l N_l x| ≤ max t(1 − φ(t))·s₀|x| = 0.26 s₀|x|, and so for P and any strict row.
+they meet: a level that splits in two, a_l and a_l − ε, adds one N_l, whose weight is only ε. In
+place of s₀ stands max(s₀, 1e-5 |J_l|_F), below which σ is rounding. The price is that below s₀ no
+row is quite strict: |J_l N_l x| ≤ max t(1 − φ(t))·s₀|x| = 0.26 s₀|x|, and so for P and any strict
+row.
 """
 
 from __future__ import annotations
@@ -47,7 +51,7 @@ DEPENDENT = 1e-9  # of a row: less than that of it left is rounding
 SURE = 0.5  # of a row: with as much left, one orthogonalisation is enough
 HUGE, SMALL = 1e100, 1e-100  # rows beyond are scaled before they are squared
 DROPPED = 1e-20  # of a projector's eigenvalue
-LEAST_WIDTH = 1e-5  # of s₀, relative to the rows: below it σ is rounding
+LEAST_WIDTH = 1e-5  # of |J_l|_F: the least s₀ that is used, below it σ is rounding
 
 
 class Above(NamedTuple):
@@ -74,8 +78,8 @@ class Basis(NamedTuple):
     Attributes:
         B: orthonormal rows, (m + 1, n); (2m, n) for the smoothed one.
         D: (m,) or longer; scratch until it is written.
-        ranks: how many rows of B the first so many tasks of the order have, (k + 1,) or longer;
-            ranks[0] = 0. Not of the smoothed one.
+        ranks: ranks[t] is how many rows of B the first t tasks of the order have, (k + 1,) or
+            longer; ranks[0] = 0. Not of the smoothed one.
     """
 
     B: Matrix
@@ -102,6 +106,7 @@ def _extend(row: Vector, B: Matrix, rank: int, along: Vector) -> bool:
     """Write what of a row is orthogonal to the first `rank` rows of B behind them, normalised.
 
     All projections at once, and once more where little is left (classical Gram and Schmidt twice).
+    Returns whether anything is: False for a row that is 0 or depends on those of B.
     """
     n, fresh, top = row.size, B[rank], 0.0
     for i in range(n):
@@ -168,6 +173,7 @@ def exact_basis(above: Above, count: int, common: int, basis: Basis) -> tuple[in
     """
     jacobian, offsets, closes, alpha, order = above
     B, D, ranks = basis
+    along = D  # scratch until D is written
     n, base, rank = jacobian.shape[1], 0.0, ranks[common]
     for t in range(count):
         j = order[t]
@@ -176,7 +182,7 @@ def exact_basis(above: Above, count: int, common: int, basis: Basis) -> tuple[in
             break
         if t >= common:
             for row in range(offsets[j], offsets[j + 1]):
-                if rank < n and _extend(jacobian[row], B, rank, D):
+                if rank < n and _extend(jacobian[row], B, rank, along):
                     rank += 1
             ranks[t + 1] = rank
     for t in range(count):
@@ -192,7 +198,10 @@ def exact_basis(above: Above, count: int, common: int, basis: Basis) -> tuple[in
 def _fade(
     jacobian: Matrix, count: int, share: float, width: float, B: Matrix, spectrum: Spectrum
 ) -> None:
-    """Write the rows √(share·g(σ²))·qᵀJ_l into B, q the eigenvectors of J_l J_lᵀ."""
+    """Write the rows √(share·g(σ²))·qᵀJ_l into B, q the eigenvectors of J_l J_lᵀ.
+
+    g = φ/σ² = (3 − 2t)/s₀² for t = σ/s₀ < 1, else 1/σ²; s₀ is `narrow`, `width` or more.
+    """
     rows, K, Q = spectrum.rows[:count], spectrum.K, spectrum.Q
     m, n, whole = rows.size, jacobian.shape[1], 0.0
     for a in range(m):
@@ -214,7 +223,10 @@ def _fade(
 
 @inlined
 def _compress(B: Matrix, count: int, most: int) -> int:
-    """Make the first rows of B orthogonal, with the same BᵀB; returns how many are left."""
+    """Make the first rows of B orthogonal (one-sided Jacobi), with the same BᵀB.
+
+    Returns how many are left, at most `most`; BᵀB has the eigenvalues |row|², which become D.
+    """
     orthogonalise(B, count)
     kept = 0
     for p in range(count):
@@ -233,7 +245,7 @@ def smooth_basis(
 
     Args:
         above, count: as there.
-        width: s₀ > 0, in the units of the Jacobian.
+        width: s₀ > 0, in the units of the Jacobian; 1e-5 |J_l|_F is used where that is more.
         basis: written.
         spectrum: scratch.
     """
@@ -271,7 +283,7 @@ def projector_kernel(alpha: Vector, jacobian: Matrix, width: float, out: Matrix)
     Args:
         alpha: priorities, (m,).
         jacobian: (m, n).
-        width: s₀; 0 for the exact projector.
+        width: s₀, as in `smooth_basis`; 0 for the exact projector.
         out: P, (n, n); untouched on bad input.
     """
     m, n = jacobian.shape

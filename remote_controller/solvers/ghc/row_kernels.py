@@ -9,8 +9,9 @@ e = z_j/|z_j| and t = (b_j − v_j)/|z_j|,
     y = t e + y′,  e·y′ = 0:    v ← v + t Zᵀe,   Z ← (I − eeᵀ) Z,   |y|² = t² + |y′|²
 
 is a problem of the same form in y′, in which nothing moves the equation any more. Stationarity,
-y + U (g + Σ λ_j r_j) = 0 with g what all others pull, gives their multipliers backwards: along e_k
-it reads t_k + p_k·(g + Σ_{j>k} λ_j r_j) + λ_k |z_k| = 0, p_k = Uᵀe_k.
+y + U (g + Σ ρ_j r_j) = 0 with g what all others pull, gives their multipliers backwards: along e_k
+it reads t_k + p_k·(g + Σ_{j>k} ρ_j r_j) + ρ_k |z_k| = 0, p_k = Uᵀe_k. U and g are those of
+`ghc_kernels`; `row_equations` is the reference of the elimination, in plain numpy.
 """
 
 from __future__ import annotations
@@ -97,7 +98,8 @@ def impose_equations(  # noqa: PLR0912 - Gram and Schmidt with what it moves
     bounds: Matrix,
     directions: Matrix,
     motions: Matrix,
-    steps: Matrix,
+    shifts: Vector,
+    sizes: Vector,
     scratch: Matrix,
 ) -> int:
     """Move the values onto the equations, and take from Z what would move them off.
@@ -108,19 +110,19 @@ def impose_equations(  # noqa: PLR0912 - Gram and Schmidt with what it moves
         bounds: lower and upper ones, (2, c).
         directions: e_k of the last s values, (s, n), written.
         motions: p_k, (s, n), written.
-        steps: t_k and |z_k|, (2, s), written; |z_k| = 0 where a row is no equation or follows from
-            those before it.
+        shifts: t_k, (s,), written.
+        sizes: |z_k|, (s,), written; 0 where a row is no equation or follows from those before it.
         scratch: (2, c).
 
     Returns:
         How many are imposed; −1 where two contradict each other, or one is outside what y moves.
     """
-    (n, c), s = Z.shape, steps.shape[1]
+    (n, c), s = Z.shape, sizes.size
     whole, path, imposed = scratch[0], scratch[1], 0
     _column_squares(Z, whole)
     for k in range(s):
         j, e = c - s + k, directions[k]
-        steps[0, k], steps[1, k] = 0.0, 0.0
+        shifts[k], sizes[k] = 0.0, 0.0
         bound = bounds[0, j]
         if bound != bounds[1, j]:
             continue
@@ -131,7 +133,7 @@ def impose_equations(  # noqa: PLR0912 - Gram and Schmidt with what it moves
                 return -1
             continue
         for p in range(k):  # Gram and Schmidt once more
-            if steps[1, p] > 0.0:
+            if sizes[p] > 0.0:
                 add(e, -dot(e, directions[p]), directions[p])
         size = math.sqrt(dot(e, e))
         for i in range(n):
@@ -139,8 +141,8 @@ def impose_equations(  # noqa: PLR0912 - Gram and Schmidt with what it moves
         for i in range(c):
             path[i] = 0.0
         add_rows(path, e, Z, 0, n, 0)
-        steps[0, k], steps[1, k] = (bound - values[j]) / size, size
-        add(values, steps[0, k], path)
+        shifts[k], sizes[k] = (bound - values[j]) / size, size
+        add(values, shifts[k], path)
         for i in range(n):
             motions[k, i] = path[i]
             add(Z[i], -e[i], path)
@@ -155,12 +157,12 @@ def impose_equations(  # noqa: PLR0912 - Gram and Schmidt with what it moves
 
 @inlined
 def equation_multipliers(
-    units: Matrix, motions: Matrix, steps: Matrix, g: Vector, multipliers: Vector
+    units: Matrix, motions: Matrix, shifts: Vector, sizes: Vector, g: Vector, multipliers: Vector
 ) -> None:
-    """Write λ_k of the imposed equations, the last one first; g becomes g + Σ λ_k r_k."""
+    """Write ρ_k of the imposed equations, the last one first; g becomes g + Σ ρ_k r_k."""
     s = units.shape[0]
     for back in range(s):
         k = s - 1 - back
-        if steps[1, k] > 0.0:
-            multipliers[k] = -(steps[0, k] + dot(motions[k], g)) / steps[1, k]
+        if sizes[k] > 0.0:
+            multipliers[k] = -(shifts[k] + dot(motions[k], g)) / sizes[k]
             add(g, multipliers[k], units[k])

@@ -70,7 +70,7 @@ def weighted(
     rows_lower: ArrayLike | None = None,
     rows_upper: ArrayLike | None = None,
 ) -> tuple[Array, Array]:
-    """Min Σ ω_i |J_i q̈ − b_i|² + ω_r |q̈ − r|² + ω_r |τ − o|² within bounds, τ = M q̈ + n.
+    """Min Σ ω_i |J_i q̈ − b_i|² + ω_r |q̈ − r|² + ω_r |τ − o|² within bounds, τ = M q̈ + h.
 
     Args:
         jacobians, targets, M, bias, regularise: as for `ghc`.

@@ -5,7 +5,11 @@
 Goldfarb and Idnani (Mathematical Programming 1983), in the coordinates in which the Hessian is I:
 each bounded value v_j has its normal Z[:, j]. Adding a bound reflects the rows of Z (Householder),
 dropping one rotates them (Givens), so that the normals of the active ones are always a triangle;
-all values move with the steps, and none is ever computed anew.
+all values move with the steps, and none is ever computed anew. In the paper's symbols, with n⁺ the
+normal that is added and z the part of it that the active ones leave free,
+
+    share = u,   own = u⁺,   ratio = r,   speed = Zᵀz,   tail = zᵀn⁺ = |z|²,
+    until = t₁ (a share reaches 0),   full = t₂ (the bound is reached),   stride = t.
 """
 
 from __future__ import annotations
@@ -62,8 +66,8 @@ class Scratch(NamedTuple):
         length: |normal| of each, (n,).
         sign: 1 where the lower bound is active, −1 where the upper one is, (n,).
         normal: of the bound that is added, rotated by Q, (n,).
-        ratio: R⁻ᵀ·normal: how fast each share falls on the way to it, (n,).
-        step: Zᵀ·normal of the free part: how fast each value moves on that way, (c,).
+        ratio: Rᵀ·ratio = normal[:count], how fast each share falls on the way to it, (n,).
+        speed: Zᵀz, z = normal[count:]: how fast each value moves on that way, (c,).
         active: which values they are, (n,).
         state: of each value whether it is active, (c,).
     """
@@ -74,7 +78,7 @@ class Scratch(NamedTuple):
     sign: Vector
     normal: Vector
     ratio: Vector
-    step: Vector
+    speed: Vector
     active: Indices
     state: Indices
 
@@ -96,7 +100,7 @@ def most_violated(values: Vector, lower: Vector, upper: Vector, state: Indices) 
 
 @inlined
 def _drop(p: int, count: int, Z: Matrix, scratch: Scratch) -> None:
-    """Take the p-th active bound out: shift the later columns of the triangle, Givens rotations."""
+    """Take the p-th active bound out: move up the later rows of R, and rotate (Givens)."""
     R, normal, active = scratch.R, scratch.normal, scratch.active
     share, length, sign = scratch.share, scratch.length, scratch.sign
     for q in range(p, count - 1):
@@ -119,20 +123,20 @@ def _drop(p: int, count: int, Z: Matrix, scratch: Scratch) -> None:
 
 
 @inlined
-def _reflect(count: int, tail: float, Z: Matrix, normal: Vector, step: Vector) -> float:
+def _reflect(count: int, tail: float, Z: Matrix, normal: Vector, speed: Vector) -> float:
     """Reflect (Householder) the rows of Z from `count` on: a normal has one entry there then.
 
-    Returns that entry.
+    I − factor·a aᵀ, a = normal[count:] − entry·e₁ and factor = 2/|a|². Returns the entry.
 
-    `step` is Σ normal[k]·Z[k] over these rows, `tail` Σ normal[k]²; `step` is overwritten.
+    `speed` is Σ normal[k]·Z[k] over these rows, `tail` Σ normal[k]²; `speed` is overwritten.
     """
     size, first = math.sqrt(tail), normal[count]
     entry = -math.copysign(size, first)
     factor = 1.0 / (tail + abs(first) * size)
-    add(step, -entry, Z[count])
-    add(Z[count], -factor * (first - entry), step)
+    add(speed, -entry, Z[count])  # aᵀZ
+    add(Z[count], -factor * (first - entry), speed)
     for k in range(count + 1, normal.size):
-        add(Z[k], -factor * normal[k], step)
+        add(Z[k], -factor * normal[k], speed)
     return entry
 
 
@@ -140,7 +144,8 @@ def _reflect(count: int, tail: float, Z: Matrix, normal: Vector, step: Vector) -
 def _first_to_go(count: int, size: float, scratch: Scratch) -> tuple[int, float]:
     """The active bound that lets go first on the way to the new one, −1 for none; after how much.
 
-    Writes the ratio, what of the normal lies along each active one, by back substitution.
+    Writes the ratio, what of the normal lies along each active one: Rᵀ·ratio = normal[:count], by
+    back substitution.
     """
     R, share, length = scratch.R, scratch.share, scratch.length
     normal, ratio = scratch.normal, scratch.ratio
@@ -161,18 +166,23 @@ def _first_to_go(count: int, size: float, scratch: Scratch) -> tuple[int, float]
 def active_set(  # noqa: PLR0912 - one loop inside the other, as in the paper
     bounded: Values, scratch: Scratch
 ) -> tuple[int, int, int]:
-    """Move the values until all are within their bounds.
+    """Move the values until all are within their bounds; lower ≤ upper, which is not checked.
+
+    In every round, with the Z and v that were given, y = Σ share·sign·Z[:, active] (own·normal of
+    the added one too), values = v + Zᵀy, and Q·N = [Rᵀ; 0]. A value whose bounds are equal has one
+    of them active at a time, like any other.
 
     Args:
         bounded: Z is overwritten; the values by those of the answer; the multipliers are written,
-            for the Z that was given.
+            for the Z that was given. Where the status is not `OK` the values are those of the last
+            step and the multipliers 0.
         scratch: may hold anything.
 
     Returns:
         `OK`, `INFEASIBLE` or `UNSOLVED`; number of active bounds; of steps.
     """
     Z, values, lower, upper, multipliers = bounded
-    R, share, length, sign, normal, ratio, step, active, state = scratch
+    R, share, length, sign, normal, ratio, speed, active, state = scratch
     n, c = Z.shape
     count, rounds = 0, 0
     for j in range(c):
@@ -186,7 +196,7 @@ def active_set(  # noqa: PLR0912 - one loop inside the other, as in the paper
         bound = upper[j] if side < 0.0 else lower[j]
         for k in range(n):
             normal[k] = side * Z[k, j]
-        whole, own = dot(normal, normal), 0.0
+        whole, own = dot(normal, normal), 0.0  # |n⁺|²; the share of the bound that is added
         size = math.sqrt(whole)
         while True:
             rounds += 1
@@ -198,19 +208,19 @@ def active_set(  # noqa: PLR0912 - one loop inside the other, as in the paper
             full = math.inf
             if free:
                 for i in range(c):
-                    step[i] = 0.0
-                add_rows(step, normal, Z, count, n, 0)
+                    speed[i] = 0.0
+                add_rows(speed, normal, Z, count, n, 0)
                 full = max(side * (bound - values[j]), 0.0) / tail
             elif blocking < 0:
                 return INFEASIBLE, count, rounds
             stride = min(until, full)
             if free:
-                add(values, stride, step)
+                add(values, stride, speed)
             for p in range(count):
                 share[p] = max(share[p] - stride * ratio[p], 0.0)
             own += stride
             if full <= until:
-                entry = _reflect(count, tail, Z, normal, step)
+                entry = _reflect(count, tail, Z, normal, speed)
                 for p in range(count):
                     R[count, p] = normal[p]
                 R[count, count] = entry
@@ -239,7 +249,10 @@ def bounded_values_kernel(
     values: Vector,
     multipliers: Vector,
 ) -> tuple[int, int]:
-    """Minimise ½ xᵀHx − fᵀx such that lower ≤ rows·x + offset ≤ upper; x are the first values.
+    """Minimise ½ xᵀHx − fᵀx such that lower ≤ V x + offset ≤ upper; x are the first values.
+
+    With H = UᵀU and x₀ = H⁻¹f, x = x₀ + U⁻¹y: ½|y|² is left, and the normals are Z = U⁻ᵀ[I | Vᵀ].
+    lower ≤ upper, which is not checked. Here c counts rows, and n + c values.
 
     Args:
         H: positive definite, (n, n); overwritten.
@@ -247,7 +260,7 @@ def bounded_values_kernel(
         rows: V, (c, n).
         lower, upper: (c,).
         Z, R: scratch, (n, n + c) and (n, n).
-        values: (n + c,): 0 and the offsets; overwritten by x and rows·x + offset.
+        values: (n + c,): 0 and the offsets; overwritten by x and V x + offset.
         multipliers: of x (0) and the rows, (n + c,), written.
 
     Returns:
@@ -278,10 +291,12 @@ def bounded_values_kernel(
     for j in range(c):
         values[n + j] += dot(rows[j], f)
     triangular_solve(H, Z)
-    vectors, step = np.empty((5, n)), np.empty(n + c)
+    vectors, speed = np.empty((5, n)), np.empty(n + c)
+    share, length, sign = vectors[0], vectors[1], vectors[2]
+    normal, ratio = vectors[3], vectors[4]
     active, state = np.empty(n, np.int64), np.empty(n + c, np.int64)
     status, count, _ = active_set(
         Values(Z, values, least, most, multipliers),
-        Scratch(R, vectors[0], vectors[1], vectors[2], vectors[3], vectors[4], step, active, state),
+        Scratch(R, share, length, sign, normal, ratio, speed, active, state),
     )
     return status, count

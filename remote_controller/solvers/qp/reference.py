@@ -19,7 +19,8 @@ KEPT = 1e-8  # of 1 + |x|: what is farther beyond a side has no solution
 def holding_rows(G: Array, h: Array) -> NDArray[np.bool_]:
     """Which rows hold the y nearest to 0 with G y ≥ h, as (m,); nonsense where there is no y.
 
-    (23.27): λ ≥ 0 minimises |[G h]ᵀλ − (0, …, 0, 1)|, and λ/(1 + |y|²)⁻¹ are the multipliers.
+    (23.27): λ ≥ 0 minimises |[G h]ᵀλ − (0, …, 0, 1)|, and λ·(1 + |y|²) are the multipliers. Here h
+    is divided by max|h|, which scales y: only where λ > 0 has a meaning.
     """
     E = np.vstack([G.T, h / np.abs(h).max(initial=1e-300)])
     share, _ = nnls(E, np.eye(len(E))[-1], maxiter=100 * E.shape[1])

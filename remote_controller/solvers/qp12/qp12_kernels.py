@@ -9,15 +9,17 @@ a = |gradient|, A = max a, b = |decrease|, κ = γ/(1−γ) and t = max|u|,
 
     |u_i| = max(0, (a_i t − κ (A − a_i)) / A),     Σ a_i² t = A b + κ Σ a_i (A − a_i)
 
-where the sums run over the joints that move. No term of the sums is negative, so the error is a
-few units in the last place of t, for every γ and every scale.
+where the sums run over the joints that move: λ_M = ((1−γ) t + γ)/A, which is (28) for the joint
+with a_i = A, put into (28), and that into the constraint, Σ a_i |u_i| = b. No term of the sums is
+negative, so the error is a few units in the last place of t, for every γ and every scale.
 
 Which joints move is found by Newton's method on Σ a_i |u_i|(t) = b, whose left side is convex,
 piecewise linear and increasing in t. It starts at t = b/A, which is never too small (A t ≤ b), so
-t only falls and joints only drop out: the exact set after at most n rounds, usually two. Nothing
-is sorted and nothing remembered.
+t only falls and joints only drop out: the exact set after at most n rounds, usually two. This
+replaces Algorithm 1 and the sort of Algorithm 2.
 
-γ = 1 means the limit γ → 1: the joints tied for the largest gradient share the work evenly.
+γ = 1 means the limit γ → 1: the joints tied for the largest gradient share the work evenly, where
+Remark 7 takes one of them, M = 1. Both are optimal.
 """
 
 from __future__ import annotations
@@ -40,17 +42,19 @@ from hoap3.remote_controller.solvers.linalg.scaling_kernels import (
     times_power,
 )
 
-LARGEST = 2.0**1020  # of b/A: leaves room for the sums
+LARGEST = 2.0**1020  # of b, where ½ ≤ A < 1: leaves room for the sums
 SMALL = 2.0**-900  # below, b and κ are lifted by 2^LIFT, and so is u, to keep clear of underflow
 LIFT = 200
-NOTHING = 2.0**-1000  # a lifted b/A below this rounds to zero once it is lowered again
+NOTHING = 2.0**-1000  # u of a lifted b below this rounds to zero once it is lowered again
 
 
 @inlined
-def _solve_for_tau(gradient: Vector, A: float, b: float, kappa: float) -> float:
-    """Solve Σ a max(0, a τ − κ (A − a)) = b for τ = t/A, with κ given in units of A.
+def _solve_for_tau(gradient: Vector, A: float, b: float, kappa_per_A: float) -> float:
+    """Solve f(τ) = Σ a max(0, a τ − κ/A (A − a)) = b for τ = t/A.
 
-    Newton's method from above; each round drops the joints that do not move at its τ.
+    f is convex and rises, and A² τ ≤ f(τ) = b, so that Newton's method from b/A² falls to τ from
+    above; each round drops the joints that do not move at its τ. With cost = κ/A (A − a) the piece
+    of f there is weight·τ − Σ a·cost, weight = Σ a², and supply = b + Σ a·cost.
     """
     tau = b / (A * A)
     moving = gradient.size + 1
@@ -58,7 +62,7 @@ def _solve_for_tau(gradient: Vector, A: float, b: float, kappa: float) -> float:
         supply, weight, still_moving = b, 0.0, 0
         for i in range(gradient.size):
             a = abs(gradient[i])
-            cost = kappa * (A - a)
+            cost = kappa_per_A * (A - a)
             moves = a * tau > cost
             supply += a * cost if moves else 0.0  # no branch: nothing predicts which joints move
             weight += a * a if moves else 0.0
@@ -81,9 +85,9 @@ def solve_qp12(gradient: Vector, decrease: float, gamma: float, out: Vector) -> 
             ``BAD_SHAPE``. May be ``gradient`` itself.
 
     Returns:
-        ``OK``; ``INFEASIBLE``: the gradient is zero, the decrease is not; ``BAD_INPUT``: something
-        is not finite, or γ not in [0, 1]; ``BAD_SHAPE``; ``OUT_OF_RANGE``: max|u| could exceed
-        about 1e307.
+        ``OK``, with zeros where max|u| would underflow; ``INFEASIBLE``: the gradient is zero, the
+        decrease is not; ``BAD_INPUT``: something is not finite, or γ not in [0, 1]; ``BAD_SHAPE``;
+        ``OUT_OF_RANGE``: max|u| could exceed about 1e307.
     """
     n = gradient.size
     if out.size != n:
@@ -107,17 +111,17 @@ def solve_qp12(gradient: Vector, decrease: float, gamma: float, out: Vector) -> 
         out[:] = 0.0
         return OUT_OF_RANGE if b > LARGEST else OK
 
-    kappa = math.ldexp(gamma, lift) / (1.0 - gamma) / A if gamma < 1.0 else 0.0
-    first, second = power_halves(-exponent)
+    kappa_per_A = math.ldexp(gamma, lift) / (1.0 - gamma) / A if gamma < 1.0 else 0.0
+    first, second = power_halves(-exponent)  # first·second = 2^−exponent
     for i in range(n):
         counts = gamma < 1.0 or abs(gradient[i]) == top  # γ = 1: least norm over the tied joints
         out[i] = gradient[i] * first * second if counts else 0.0
-    tau = _solve_for_tau(out, A, b, kappa)
-    lower = math.ldexp(1.0 if decrease < 0.0 else -1.0, -lift)
+    tau = _solve_for_tau(out, A, b, kappa_per_A)
+    sign = math.ldexp(1.0 if decrease < 0.0 else -1.0, -lift)  # of u_i·gradient_i, unlifted
     for i in range(n):
         a = abs(out[i])
-        x = a * tau - kappa * (A - a)  # (28) of QP12, in the form above
-        out[i] = math.copysign(x, out[i]) * lower if x > 0.0 else 0.0
+        x = a * tau - kappa_per_A * (A - a)  # (28) of QP12, in the form above
+        out[i] = math.copysign(x, out[i]) * sign if x > 0.0 else 0.0
     return OK
 
 
@@ -142,8 +146,10 @@ def qp12_kkt_residual(gradient: Vector, decrease: float, gamma: float, u: Vector
     returned. Speeds below 2.2e-308, where doubles lose digits, count as rounding.
 
     It bounds the error: |u − u*| ≤ 4 n · residual · |u*| in the largest component, to first order,
-    for every γ < 1; a stationarity measured in the objective's own terms would say nothing near
-    γ = 1. Rounding alone gives about n · 1e-16.
+    for every γ < 1. For with r the residual x is w(t) up to r |u|, so Σ a_i w_i(t) misses b by at
+    most 2 r b + n A r |u|. It rises with t by A or more, and b ≤ n A |u*|, so t is wrong by at most
+    3 n r |u*|, w by no more than t, and x by r |u| more than w. A stationarity measured in the
+    objective's own terms would say nothing near γ = 1. Rounding alone gives about n · 1e-16.
     """
     n = gradient.size
     if u.size != n:
@@ -155,22 +161,22 @@ def qp12_kkt_residual(gradient: Vector, decrease: float, gamma: float, u: Vector
         return 0.0 if decrease == 0.0 and span == 0.0 else 1.0
 
     A, exponent = math.frexp(top)
-    first, second = power_halves(-exponent)
+    first, second = power_halves(-exponent)  # first·second = 2^−exponent
     b = times_power(abs(decrease), -exponent)
-    kappa = gamma / (1.0 - gamma) / A if gamma < 1.0 else 0.0
-    down = 1.0 if decrease < 0.0 else -1.0
+    kappa_per_A = gamma / (1.0 - gamma) / A if gamma < 1.0 else 0.0
+    sign = 1.0 if decrease < 0.0 else -1.0  # of u_i·gradient_i
     t = 0.0
     for i in range(n):
         if abs(gradient[i]) == top:
-            t = math.copysign(1.0, gradient[i]) * down * u[i]
+            t = math.copysign(1.0, gradient[i]) * sign * u[i]
             break
 
     power, total, deviation = -b, b, 0.0
     for i in range(n):
         a = abs(gradient[i]) * first * second
-        x = math.copysign(1.0, gradient[i]) * down * u[i]
+        x = math.copysign(1.0, gradient[i]) * sign * u[i]
         if gamma < 1.0:
-            wanted = max(0.0, a * (t / A) - kappa * (A - a))
+            wanted = max(0.0, a * (t / A) - kappa_per_A * (A - a))
         else:
             wanted = max(0.0, x) if abs(gradient[i]) == top else 0.0
         power += a * x

@@ -20,7 +20,11 @@ RANK_TOLERANCE = 1e-12  # of the largest singular value
 
 
 def qp12(gradient: Sequence[Number], decrease: Number, gamma: Number) -> list[Number]:
-    """(26) by Algorithm 2: sort, canonical QP12, signs; u is odd in the decrease (Lemma 4)."""
+    """(26) by Algorithm 2: sort, canonical QP12, signs; u is odd in the decrease (Lemma 4).
+
+    Raises:
+        ZeroDivisionError: the gradient is zero, the decrease is not.
+    """
     nothing = decrease * 0
     size = [abs(slope) for slope in gradient]
     order = sorted(range(len(size)), key=lambda i: -size[i])
@@ -34,7 +38,10 @@ def qp12(gradient: Sequence[Number], decrease: Number, gamma: Number) -> list[Nu
 
 
 def canonical(a: list[Number], b: Number, gamma: Number) -> list[Number]:
-    """Algorithm 1 as printed, numbered from 1: a falls, b > 0; γ = 1 is the limit (Remark 7)."""
+    """Algorithm 1 as printed, numbered from 1: a falls, b > 0.
+
+    γ = 1 is the limit γ → 1, which splits evenly over ties; Remark 7 takes one joint, M = 1.
+    """
     m, nothing = len(a), b * 0
     if gamma == 1:
         tied = a.count(a[0])
