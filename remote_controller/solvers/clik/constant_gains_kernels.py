@@ -39,10 +39,10 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
     gains: Vector,
     dq: Vector,
 ) -> tuple[int, int, float, float]:
-    """Write dq = B(Λ e + L⁻¹ rates) and the gains Λ, shortened alike until dq keeps its limits.
+    """Write dq = B(Λ e + x) and the gains Λ, shortened alike until dq keeps its limits.
 
-    Where what is fed forward alone breaks them, the gains are 0 and dq is cut off, each joint by
-    itself.
+    x is what `feed_forward` feeds for moving targets. Where B x breaks the limits, and no shortened
+    Λ e takes all joints back within them, the gains are 0 and B x is cut off, each joint by itself.
 
     Args:
         jacobian, errors, rates, offsets: (n, joints), (n,), (n,), (h + 1,).
@@ -55,8 +55,9 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
             `solve_loop`; R, M and T of `Basis`; (8, n, n).
         wide: of what is (n, joints): Bᵀ, and Q of `Basis`; (2, n, joints).
         own: P of `Basis`, (n, 2n).
-        vectors: memory of D = √w and, (joints,), of what Λ e moves; L⁻¹ rates, and lengths of
-            `Basis`; then of `least_eigenvalue`; (4, n or joints, whichever is more).
+        vectors: memory of the roots √w, the diagonal of D; of B Λ e, (joints,); of L₀⁻¹ rates; and
+            of the lengths of `Basis`; the first three then of `least_eigenvalue`; (4, n or joints,
+            whichever is more).
         gains, dq: written, (n,) and (joints,); zeros where there is no answer.
 
     Returns:
@@ -75,28 +76,34 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
     if not fit or unfit(jacobian, errors, rates, weights, speeds):
         return BAD_INPUT, 0, 0.0, 1.0
     L, G, C, V, U = squares[0], squares[1], squares[2], squares[3], squares[4]
+    R, M, T = squares[5], squares[6], squares[7]
     roots, move, through = vectors[0, :n], vectors[1, :joints], vectors[2, :n]
-    B = wide[0]
-    basis = Basis(wide[1], squares[5], squares[6], squares[7], own, vectors[3, :n])
+    lengths = vectors[3, :n]
+    Bt, Q = wide[0], wide[1]
+    basis = Basis(Q, R, M, T, own, lengths)
     for i in range(n):
         roots[i] = math.sqrt(weights[i])
-    rank = prioritised(jacobian, offsets, damping, roots, L, B, basis)
+    rank = prioritised(jacobian, offsets, damping, roots, L, Bt, basis)
     for r in range(joints):
         move[r] = 0.0
     if moves(rates):
         regular = damping == 0.0 and solve_loop(L, offsets, roots, rates, U, through)
-        fed_share = feed_forward(B, rates, through, regular, speeds, fed)
+        fed_share = feed_forward(Bt, rates, through, regular, speeds, fed)
     for r in range(joints):
         dq[r] = fed[r]
     for i in range(n):  # B Λ e, (7)
-        add(move, wanted[i] * errors[i], B[i])
-    share = 1.0
+        add(move, wanted[i] * errors[i], Bt[i])
+    share, least = 1.0, 0.0  # of Λ e: the largest and the least that keep the limits
     for r in range(joints):
         if dq[r] + move[r] > speeds[1, r]:
             share = min(share, (speeds[1, r] - dq[r]) / move[r])
         if dq[r] + move[r] < speeds[0, r]:
             share = min(share, (speeds[0, r] - dq[r]) / move[r])
-    share = max(share, 0.0)
+        if dq[r] > speeds[1, r]:
+            least = max(least, (speeds[1, r] - dq[r]) / move[r] if move[r] < 0.0 else math.inf)
+        if dq[r] < speeds[0, r]:
+            least = max(least, (speeds[0, r] - dq[r]) / move[r] if move[r] > 0.0 else math.inf)
+    share = max(share, 0.0) if least <= share else 0.0
     for r in range(joints):
         dq[r] = min(max(dq[r] + share * move[r], speeds[0, r]), speeds[1, r])
     for i in range(n):

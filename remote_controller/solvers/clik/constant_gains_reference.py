@@ -53,8 +53,12 @@ def feed_forward(
 def constant_gains(
     B: Array, wanted: Array, errors: Array, fed: Array, lower: Array, upper: Array
 ) -> tuple[Array, Array]:
-    """Dq = fed + B Λ e within its limits, (joints,), and λ, shortened alike where it needs it."""
+    """Dq = fed + B Λ e within its limits, (joints,), and λ, shortened alike where it needs it.
+
+    Where `fed` is outside and no shortened Λ e takes all joints back within, λ is 0.
+    """
     way = B @ (wanted * errors)
-    _, most = crossings(fed, way, lower, upper)
-    share = min(1.0, max(most, 0.0))
+    least, most = crossings(fed, way, lower, upper)
+    stays = bool(((fed < lower) | (fed > upper))[way == 0.0].any())
+    share = 0.0 if stays or least > min(1.0, most) else min(1.0, max(most, 0.0))
     return np.clip(fed + share * way, lower, upper), share * wanted

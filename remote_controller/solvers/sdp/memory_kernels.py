@@ -245,8 +245,8 @@ class Memory(NamedTuple):
         gains: (n,), λ [1/s] of the last solve.
         speeds: (2, joints), lower and upper limits of dq.
         dq, fed: (joints,), joint speeds, and what moving targets take of them.
-        roots, through: (n,), √w, and L⁻¹ rates.
-        B: (n, joints), Bᵀ.
+        roots, through: (n,), √w, and L₀⁻¹ rates.
+        Bt: (n, joints), Bᵀ.
         U: (n, n), L as `solve_loop` eliminates it.
         L, G, S, limits: of `Program`.
         kept: (n + 1,), gains of the last solve and what they certify.
@@ -262,7 +262,7 @@ class Memory(NamedTuple):
     fed: Vector
     roots: Vector
     through: Vector
-    B: Matrix
+    Bt: Matrix
     U: Matrix
     basis: Basis
     L: Matrix

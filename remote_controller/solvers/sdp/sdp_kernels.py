@@ -1,7 +1,7 @@
 """The gains of prioritised tasks with a certificate, from Jacobians and errors, in one call.
 
 Marti-Saumell et al.: min (β − β̃)² + δ|λ|² such that V falls by V⁺ ≤ (1 − β Δt) V, and the joint
-speeds dq = B(Λ e + L⁻¹ rates) stay within their limits. From the last two answers Newton's method
+speeds dq = B(Λ e + x), x of `clik_kernels.feed_forward`, stay within their limits. From the last two answers Newton's method
 takes two or three steps (`newton_kernels`); where it does not arrive, an interior-point method
 comes near enough for it (`interior_point_kernels`). Either may stop early: whatever λ is returned,
 β is what it certifies, λ_min(C(λ, 0)), and a gap of duality says how far from optimal it may be.
@@ -10,6 +10,7 @@ comes near enough for it (`interior_point_kernels`). Either may stop early: what
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from hoap3.protocol.runtime.numba_jit import Indices, Matrix, Vector, inlined, kernel
 from hoap3.remote_controller.solvers.base.status import (
@@ -31,7 +32,7 @@ from hoap3.remote_controller.solvers.clik.clik_kernels import (
 from hoap3.remote_controller.solvers.clik.lmi_kernels import find_blocks
 from hoap3.remote_controller.solvers.linalg.dense_kernels import MAX, dot, not_finite
 from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import syrk
-from hoap3.remote_controller.solvers.sdp.certificate_kernels import certify, keep_better
+from hoap3.remote_controller.solvers.sdp.certificate_kernels import OVER, certify, keep_better
 from hoap3.remote_controller.solvers.sdp.driver_kernels import BUDGET, NONE, WARM, optimise
 from hoap3.remote_controller.solvers.sdp.memory_kernels import (
     ENDED,
@@ -49,6 +50,49 @@ from hoap3.remote_controller.solvers.sdp.memory_kernels import (
 
 PROVED = 1e-9  # of β̃²: a gap up to that proves that the gains are optimal
 FASTEST = 100.0  # of 1/Δt: a larger β̃, the unit of what is computed, counts as this one
+
+
+class Answer(NamedTuple):
+    """What `sdp_gains_kernel` says of its answer; `SdpGains` has the same attributes.
+
+    Attributes:
+        status, path: see `solvers.base.status` and `driver_kernels`.
+        task_rank, rank: of the Jacobian, and of Z.
+        newton, inner: iterations of Newton's and of the interior-point method.
+        beta, slack: β and the slack of the matrix inequality [1/s].
+        margin: how near dq comes to its limits [rad/s].
+        gap: of duality [1/s²].
+        fed_share: of `clik_kernels.feed_forward`.
+    """
+
+    status: int
+    path: int
+    task_rank: int
+    rank: int
+    newton: int
+    inner: int
+    beta: float
+    slack: float
+    margin: float
+    gap: float
+    fed_share: float
+
+
+@inlined
+def _refused(status: int, newton: int, inner: int) -> Answer:
+    """No answer."""
+    return Answer(status, NONE, 0, 0, newton, inner, 0.0, 0.0, 0.0, math.inf, 1.0)
+
+
+@inlined
+def _cut(fed: Vector, scale: float, speed: Vector, limits: Matrix) -> bool:
+    """Whether a joint of fed + scale·speed is outside its limits by more than rounding."""
+    found = False
+    for r in range(fed.size):
+        dq = fed[r] + scale * speed[r]
+        found = found or dq - limits[1, r] > OVER * (1.0 + limits[1, r])
+        found = found or limits[0, r] - dq > OVER * (1.0 - limits[0, r])
+    return found
 
 
 @inlined
@@ -121,8 +165,11 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     rows: Matrix,
     tall: Matrix,
     unknowns: Matrix,
-) -> tuple[int, int, int, int, int, int, float, float, float, float, float]:
+) -> Answer:
     """Solve one problem.
+
+    Where what is fed forward breaks the limits of dq and Λ e does not take all joints back within
+    them, the gains are 0 and what is fed is cut off, each joint by itself.
 
     Args:
         jacobian, errors: (n, joints), (n,).
@@ -131,30 +178,29 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
             gains and dq are written, zeros where there is no answer.
 
     Returns:
-        Status, path, rank of the Jacobian, of Z, Newton steps, iterations of the interior-point
-        method, β, slack of the matrix inequality, margin of dq, gap, share of `feed_forward`.
+        See `Answer`.
     """
     n, joints = jacobian.shape
     if not (errors.size == n and rows.shape[1] == n and tall.shape[1] == joints):
-        return BAD_SHAPE, NONE, 0, 0, 0, 0, 0.0, 0.0, 0.0, math.inf, 1.0
+        return _refused(BAD_SHAPE, 0, 0)
     m = named(plan, rows, tall, unknowns)
     points, active, past, check = m.points, m.active, m.past, m.work.check
     counts, gains, dq, fed, room = active.counts, m.gains, m.dq, m.fed, m.limits
-    L, G, S, B, fed_share = m.L, m.G, m.S, m.B, 1.0
+    L, G, S, Bt, fed_share = m.L, m.G, m.S, m.Bt, 1.0
     for r in range(joints):
         dq[r], fed[r] = 0.0, 0.0
     fit = 0.0 < dt <= MAX and 0.0 < desired <= MAX and 0.0 < delta <= MAX
     fit = fit and 0.0 <= damping <= MAX
     if not fit or unfit(jacobian, errors, m.rates, m.weights, m.speeds):
         _forget(gains, counts)
-        return BAD_INPUT, NONE, 0, 0, 0, 0, 0.0, 0.0, 0.0, math.inf, 1.0
+        return _refused(BAD_INPUT, 0, 0)
     desired = min(desired, FASTEST / dt)
     for i in range(n):
         m.roots[i] = math.sqrt(m.weights[i])
-    task_rank = prioritised(jacobian, m.offsets, damping, m.roots, L, B, m.basis)
+    task_rank = prioritised(jacobian, m.offsets, damping, m.roots, L, Bt, m.basis)
     if moves(m.rates):
         regular = damping == 0.0 and solve_loop(L, m.offsets, m.roots, m.rates, m.U, m.through)
-        fed_share = feed_forward(B, m.rates, m.through, regular, m.speeds, fed)
+        fed_share = feed_forward(Bt, m.rates, m.through, regular, m.speeds, fed)
     for r in range(joints):
         dq[r] = fed[r]
         room[0, r] = min(m.speeds[0, r] - dq[r], 0.0) / desired
@@ -163,7 +209,7 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
         for j in range(n):
             G[i, j] = 0.0
         for r in range(joints):
-            S[i, r] = errors[i] * B[i, r]  # (24)
+            S[i, r] = errors[i] * Bt[i, r]  # (24), Sᵀ = diag(e) Bᵀ
     syrk(G, 1.0, L, n)
     for i in range(n):
         for j in range(i):
@@ -184,6 +230,10 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
         keep_better(program, desired, gains, points.x, m.kept, check)
     beta, slack, margin, gap, kept = certify(program, points.x, m.dual, check)
     x, speed = points.x, check.speed
+    if kept and _cut(fed, desired, speed, m.speeds):
+        for i in range(n + 1):
+            x[i] = 0.0
+        beta, slack, margin, gap, kept = certify(program, x, m.dual, check)
     if not kept:
         counts[RANK] = 0
         path = NONE if path != BUDGET else BUDGET
@@ -196,13 +246,13 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
         _forget(gains, counts)
         for r in range(joints):
             dq[r], fed[r] = 0.0, 0.0
-        return OUT_OF_RANGE, NONE, 0, 0, newton, inner, 0.0, 0.0, 0.0, math.inf, 1.0
+        return _refused(OUT_OF_RANGE, newton, inner)
     status = OK if gap <= PROVED else UNSOLVED
     if path == BUDGET:
         status = ITERATION_LIMIT
     elif path == NONE:
         status = STATIONARY
-    return (
+    return Answer(
         status,
         path,
         task_rank,

@@ -13,6 +13,7 @@ from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.clik.clik_reference import certified, prioritised
 from hoap3.remote_controller.solvers.clik.constant_gains import ConstantGains
 from hoap3.remote_controller.solvers.clik.constant_gains_reference import SINGULAR, pivots
+from hoap3.remote_controller.solvers.sdp.sdp_gains import SdpGains
 
 SEEDS = st.integers(0, 10**6)
 
@@ -51,6 +52,24 @@ def test_what_is_fed_forward_moves_the_tasks_as_their_targets_move(kind, damping
             wanted = B @ solver.rates if plain else solver.rates
             moved = solver.fed if plain else it.J @ solver.fed
             np.testing.assert_allclose(moved, wanted, atol=1e-6 * (1.0 + np.abs(solver.fed).max()))
+
+
+@pytest.mark.parametrize("law", [ConstantGains, SdpGains])
+@pytest.mark.parametrize(("e", "certified"), [(-0.1, False), (0.1, False), (-0.3, True)])
+def test_gains_that_do_not_undo_what_breaks_the_limits_certify_nothing(law, e, certified):
+    """What is fed is 1.5, the limit 1: β is that of gains only where dq is fed + Λ e."""
+    solver = law((1,), 1, [2.0]) if law is ConstantGains else law((1,), 1)
+    solver.lower[:], solver.upper[:], solver.rates[:] = -1.0, 1.0, 1.5
+    more = () if law is ConstantGains else (2.0,)
+    solver.solve(np.ones((1, 1)), np.array([e]), 0.01, *more)
+    assert solver.fed[0] == 1.5
+    if certified:
+        assert solver.beta > 0.0
+        assert solver.dq[0] == pytest.approx(1.5 + solver.gains[0] * e)
+    else:
+        assert solver.dq[0] == 1.0
+        assert solver.gains[0] == 0.0
+        assert solver.beta == pytest.approx(0.0, abs=1e-200)
 
 
 @settings(max_examples=60)
