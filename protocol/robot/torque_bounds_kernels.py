@@ -1,7 +1,8 @@
 """Compiled Algorithm 4: what the torque limits leave of each joint's acceleration, state by state.
 
 Del Prete, "Joint Position and Velocity Bounds in Discrete-Time Acceleration/Torque Control of
-Robot Manipulators", IEEE RA-L 2018. While the other joints do not accelerate, joint j can reach
+Robot Manipulators", IEEE RA-L 2018. While the other joints do not accelerate, their ddq = 0,
+joint j can by (30) reach
 
     (−τ_max − h_j) / M_jj ≤ ddq_j ≤ (τ_max − h_j) / M_jj
 
@@ -47,10 +48,19 @@ class Links(NamedTuple):
     gravity: Vector
 
 
-# columns of `work`, one row a joint: from 0 the rotation of its frame in its parent's, row by row,
-# and the origin there; seen from it ω and its rate, acceleration of the origin, force and moment;
-# mass, first moment and inertia of all that the joint carries
-_P, _W, _WD, _A, _F, _N, _MASS, _S, _I, WORK = 9, 12, 15, 18, 21, 24, 27, 28, 31, 37
+# columns of `work`, one row a joint. From 0 on the rotation of its frame in its parent's, row by
+# row; behind it, all but p seen from the joint's frame:
+_P = 9  # its origin in its parent's frame
+_W, _WD = 12, 15  # ω and its rate
+_A = 18  # acceleration of its origin
+_F, _N = 21, 24  # force and moment
+_MASS, _S, _I = 27, 28, 31  # mass, first moment and inertia of all that the joint carries
+WORK = 37
+
+LEAST, GREATEST, SPEED, TORQUE = 0, 1, 2, 3  # rows of `limits`
+
+# columns of `links`, as `link_tables` names them, whose names no kernel may take: it is no kernels'
+ORIGIN, MASS, MOMENT, INERTIA, ARMATURE = 9, 12, 13, 16, 22
 
 
 @inlined
@@ -110,7 +120,7 @@ def _place(
     links: FloatArray, i: int, shifts: bool, q: float, work: FloatArray
 ) -> tuple[float, float, float]:
     """Write where joint i's frame is in its parent's, and return its origin."""
-    px, py, pz = links[i, 9], links[i, 10], links[i, 11]
+    px, py, pz = links[i, ORIGIN], links[i, ORIGIN + 1], links[i, ORIGIN + 2]
     cosine, sine = 1.0, 0.0
     if shifts:
         px, py, pz = px + q * links[i, 2], py + q * links[i, 5], pz + q * links[i, 8]
@@ -136,7 +146,16 @@ def _down(
     v: float,
     work: FloatArray,
 ) -> None:
-    """Where joint i's frame is and how it moves, and the force that its own link needs."""
+    """Where joint i's frame is and how it moves, and the force that its own link needs.
+
+    w is ω, u its rate, a the acceleration of the origin less gravity, p the origin in the parent's
+    frame, where a + u × p + w × (w × p) is that of p; a joint adds its own v along or about z, with
+    2 w × v z if it shifts. Of the link, with mass m, first moment s and inertia I about the origin,
+
+        F = m a + u × s + w × (w × s),   N = I u + w × I w + s × a
+
+    e, c and t hold the terms of these sums.
+    """
     wx, wy, wz, ux, uy, uz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     ax, ay, az = -gravity[0], -gravity[1], -gravity[2]
     if above >= 0:
@@ -157,18 +176,19 @@ def _down(
     _put(work, i, _W, wx, wy, wz)
     _put(work, i, _WD, ux, uy, uz)
     _put(work, i, _A, ax, ay, az)
-    mass, sx, sy, sz = links[i, 12], links[i, 13], links[i, 14], links[i, 15]
+    mass = links[i, MASS]
+    sx, sy, sz = links[i, MOMENT], links[i, MOMENT + 1], links[i, MOMENT + 2]
     ex, ey, ez = _cross(ux, uy, uz, sx, sy, sz)
     cx, cy, cz = _cross(wx, wy, wz, sx, sy, sz)
     cx, cy, cz = _cross(wx, wy, wz, cx, cy, cz)
     _put(work, i, _F, mass * ax + ex + cx, mass * ay + ey + cy, mass * az + ez + cz)
-    ex, ey, ez = _inert(links, i, 16, ux, uy, uz)
-    cx, cy, cz = _inert(links, i, 16, wx, wy, wz)
+    ex, ey, ez = _inert(links, i, INERTIA, ux, uy, uz)
+    cx, cy, cz = _inert(links, i, INERTIA, wx, wy, wz)
     cx, cy, cz = _cross(wx, wy, wz, cx, cy, cz)
     tx, ty, tz = _cross(sx, sy, sz, ax, ay, az)
     _put(work, i, _N, ex + cx + tx, ey + cy + ty, ez + cz + tz)
     for k in range(10):  # mass, first moment, inertia
-        work[i, _MASS + k] = links[i, 12 + k]
+        work[i, _MASS + k] = links[i, MASS + k]
 
 
 @inlined
@@ -184,8 +204,8 @@ def _up(work: FloatArray, i: int, above: int) -> None:
     sx, sy, sz = _out(work, i, work[i, _S], work[i, _S + 1], work[i, _S + 2])
     work[above, _MASS] += mass
     _add(work, above, _S, sx + mass * px, sy + mass * py, sz + mass * pz)
-    # R I Rᵀ, of which a, b, c are the columns of I Rᵀ; and about the parent's origin, with s in its
-    # axes, 2 (s·p) 1 − s pᵀ − p sᵀ + m (p² 1 − p pᵀ)
+    # a, b, c are the columns of R I Rᵀ; about the parent's origin it has, with s in its axes, also
+    # 2 (s·p) 1 − s pᵀ − p sᵀ + m (p² 1 − p pᵀ) = 2 (g·p) 1 − g pᵀ − p gᵀ, g = s + ½ m p
     ax, ay, az = _out(work, i, *_inert(work, i, _I, work[i, 0], work[i, 1], work[i, 2]))
     _, by, bz = _out(work, i, *_inert(work, i, _I, work[i, 3], work[i, 4], work[i, 5]))
     _, _, cz = _out(work, i, *_inert(work, i, _I, work[i, 6], work[i, 7], work[i, 8]))
@@ -217,7 +237,7 @@ def bias_and_inertia(
         _down(links, i, parents[i], prismatic[i], gravity, q[i], dq[i], work)
     for i in range(n - 1, -1, -1):
         bias_out[i] = work[i, _F + 2] if prismatic[i] else work[i, _N + 2]
-        inertia_out[i] = (work[i, _MASS] if prismatic[i] else work[i, _I + 5]) + links[i, 22]
+        inertia_out[i] = (work[i, _MASS] if prismatic[i] else work[i, _I + 5]) + links[i, ARMATURE]
         if parents[i] >= 0:
             _up(work, i, parents[i])
 
@@ -242,11 +262,12 @@ def sample(
     """Tighten bounds by what is possible in random states.
 
     Args:
-        limits: (4, n) least and greatest position, greatest speed, greatest torque.
+        limits: (4, n) by row: `LEAST` and `GREATEST` position, greatest `SPEED` and `TORQUE`.
         at_corners: every velocity is the greatest, forwards or backwards; else uniform.
         drawn: (samples, 2n) uniform in [0, 1): positions, then velocities.
         bounds: (2, n) greatest lower and least upper bound so far; tightened.
-        states: (2, n, 2, n) q and dq of the states that gave them; overwritten where tightened.
+        states: (2, n, 2, n), overwritten where tightened: by bound, lower and upper, and joint,
+            the state that gave it: q and dq, of all joints.
 
     Returns:
         `OK`, or `NOT_FINITE` or `NO_INERTIA` and the joint.
@@ -257,19 +278,19 @@ def sample(
     for k in range(drawn.shape[0]):
         for i in range(n):
             share = drawn[k, n + i]
-            q[i] = limits[0, i] + drawn[k, i] * (limits[1, i] - limits[0, i])
+            q[i] = limits[LEAST, i] + drawn[k, i] * (limits[GREATEST, i] - limits[LEAST, i])
             if at_corners:
-                dq[i] = limits[2, i] if share >= 0.5 else -limits[2, i]
+                dq[i] = limits[SPEED, i] if share >= 0.5 else -limits[SPEED, i]
             else:
-                dq[i] = (2.0 * share - 1.0) * limits[2, i]
+                dq[i] = (2.0 * share - 1.0) * limits[SPEED, i]
         bias_and_inertia(tree, q, dq, work, bias, inertia)
         for j in range(n):
             if not (math.isfinite(bias[j]) and math.isfinite(inertia[j])):
                 return NOT_FINITE, j
             if not inertia[j] > 0.0:
                 return NO_INERTIA, j
-            lower = (-limits[3, j] - bias[j]) / inertia[j]
-            upper = (limits[3, j] - bias[j]) / inertia[j]
+            lower = (-limits[TORQUE, j] - bias[j]) / inertia[j]
+            upper = (limits[TORQUE, j] - bias[j]) / inertia[j]
             if lower > bounds[0, j]:
                 bounds[0, j] = lower
                 states[0, j, 0], states[0, j, 1] = q, dq
@@ -301,31 +322,31 @@ def polish(
     steps to both sides, and halves the step when no coordinate gains any more.
 
     Args:
-        limits: (4, n) least and greatest position, greatest speed, greatest torque.
+        limits: (4, n) by row: `LEAST` and `GREATEST` position, greatest `SPEED` and `TORQUE`.
         joint, upwards: which bound: the upper one of this joint, or the lower one.
         q, dq: (n,) the state; left at the worst one that was found.
     """
     n, tree = parents.size, Links(links, parents, prismatic, gravity)
     work, bias, inertia = np.empty((n, WORK)), np.empty(n), np.empty(n)
-    sign, most = (1.0 if upwards else -1.0), limits[3, joint]
+    sign, most = (1.0 if upwards else -1.0), limits[TORQUE, joint]
     tried = np.empty(3)
     bias_and_inertia(tree, q, dq, work, bias, inertia)
-    worst = (sign * bias[joint] - most) / inertia[joint]
-    step = 0.25
+    worst = (sign * bias[joint] - most) / inertia[joint]  # the bound times −sign: to be raised
+    step = 0.25  # of the range of each position
     for _ in range(SWEEPS):
         before = worst
         for i in range(n):
             best = dq[i]
             for k in range(3):
-                dq[i] = (k - 1.0) * limits[2, i]
+                dq[i] = (k - 1.0) * limits[SPEED, i]
                 bias_and_inertia(tree, q, dq, work, bias, inertia)
                 tried[k] = (sign * bias[joint] - most) / inertia[joint]
                 if tried[k] > worst:
                     worst, best = tried[k], dq[i]
             curved = tried[0] - 2.0 * tried[1] + tried[2]
-            vertex = 0.5 * (tried[0] - tried[2])
-            if curved < 0.0 and abs(vertex) < -curved:
-                dq[i] = limits[2, i] * vertex / curved
+            back = 0.5 * (tried[0] - tried[2])  # slope at 0, reversed: the vertex is at back/curved
+            if curved < 0.0 and abs(back) < -curved:
+                dq[i] = limits[SPEED, i] * back / curved
                 bias_and_inertia(tree, q, dq, work, bias, inertia)
                 here = (sign * bias[joint] - most) / inertia[joint]
                 if here > worst:
@@ -333,8 +354,8 @@ def polish(
             dq[i] = best
             best = q[i]
             for k in range(2):
-                moved = best + (2.0 * k - 1.0) * step * (limits[1, i] - limits[0, i])
-                q[i] = min(max(moved, limits[0, i]), limits[1, i])
+                moved = best + (2.0 * k - 1.0) * step * (limits[GREATEST, i] - limits[LEAST, i])
+                q[i] = min(max(moved, limits[LEAST, i]), limits[GREATEST, i])
                 bias_and_inertia(tree, q, dq, work, bias, inertia)
                 here = (sign * bias[joint] - most) / inertia[joint]
                 if here > worst:

@@ -1,20 +1,24 @@
 """Compiled bounds of the acceleration: what keeps a joint able to stay within its limits.
 
 Del Prete, "Joint Position and Velocity Bounds in Discrete-Time Acceleration/Torque Control of
-Robot Manipulators", IEEE RA-L 2018, Algorithms 1 to 3, in a form with three terms a side.
-`viability_bounds_reference` says the same without a formula.
+Robot Manipulators", IEEE RA-L 2018, Algorithms 1 to 3, in a form with three terms a side: (24), or
+(19) and (20) where E < 0; (23); and ±q̈^max. `viability_bounds_reference` says the same without a
+formula. The paper's δt is T here, q̈^max is A, q̈ is a, and q̇(δt) is w.
 
 With room D = q_max − q and braking A, the largest velocity from which a joint stops in time is
-√(2AD). An acceleration a is held for T. If the joint still moves towards the limit after it, then
-w = v + aT must satisfy w² ≤ 2A(D − T(v + w)/2), of which (24) is the root; with E = D − Tv/2, what
-would be left if w were 0,
+√(2AD), (8). An acceleration a is held for T. If the joint still moves towards the limit after it,
+then w = v + aT must satisfy w² ≤ 2A(D − T(v + w)/2): (24) squared, with q(T) = q + T(v + w)/2. With
+E = D − Tv/2, what would be left if w were 0, that is w² + ATw − 2AE ≤ 0, (28) in w, whose positive
+root, rationalised so that nothing cancels, is
 
     w = 4E / (T (1 + √(1 + 8E/(AT²))))
 
-If E < 0 it has to turn round within T, and the turning point is what matters: a = −v²/(2D), (19).
-The lower side is the upper one seen in a mirror.
+E ≥ 0 is q̈₃ ≥ q̈₁ of Algorithm 1; then (20) follows from (24). If E < 0 the joint has to turn round
+within T, and the turning point is what matters: a = −v²/(2D), (19). The lower side is the upper one
+seen in a mirror.
 
-E within ε of 0 counts as a continuation of (24): a state that rounding put just outside would be
+−ε ≤ E < 0 counts as 0 ≤ E, and (24) is continued by w = 2E/T, with its value and slope at 0: a
+state that rounding put just outside would be
 kicked back with all the joint has, again and again, and never rest. So would one that a motion put
 there that is not quite what was asked for: for those ε is as large as the caller likes.
 """
@@ -28,6 +32,7 @@ from hoap3.protocol.runtime.numba_jit import inlined, kernel
 
 ROUNDING = 64.0 * 2.0**-52  # ε relative to the largest of |q| and its finite limits
 OK, NOT_FINITE, BAD_SHAPE = 0, 1, 2
+LEAST, GREATEST, SPEED, UP, DOWN, SIZE = 0, 1, 2, 3, 4, 5  # rows of `limits`
 
 
 @inlined
@@ -44,31 +49,35 @@ def _most(
     """Largest acceleration towards a limit.
 
     Args:
-        room: D ≥ 0 inside.
+        room: D, ≥ 0 inside.
         v, speed: velocity towards the limit, and the largest one.
         forward, brake: largest acceleration towards the limit, and away from it.
         share: of `brake` that stopping in time counts on.
         T: for which it is held.
         epsilon: of E.
     """
-    left = room - T * v / 2.0
+    left = room - T * v / 2.0  # E
     if left == math.inf:
         a = math.inf
     elif left >= -epsilon:
-        w = 2.0 * left / T
-        if left > 0.0:
+        w = 2.0 * left / T  # −ε ≤ E ≤ 0
+        if left > 0.0:  # (24)
             w = 2.0 * w / (1.0 + math.sqrt(1.0 + 8.0 * left / (share * brake * T * T)))
         a = (w - v) / T
     elif v > 0.0:
-        a = -v * v / (2.0 * room) if room > 0.0 else -brake
-    else:
+        a = -v * v / (2.0 * room) if room > 0.0 else -brake  # (19)
+    else:  # outside, and not on the way out: back at the limit after T, (20)
         a = 2.0 * (room - T * v) / (T * T)
+    # (23), and |q̈| ≤ q̈^max
     return min(max(min(a, (speed - v) / T), -brake), forward)
 
 
 @inlined
 def _agreed(lower: float, upper: float, below: float, above: float) -> tuple[float, float]:
-    """Bounds that do not cross: outside what leads back, inside the middle (it is rounding)."""
+    """Bounds that do not cross: outside what leads back, inside the middle (it is rounding).
+
+    below, above: room to the lower and to the upper limit; negative outside.
+    """
     if lower <= upper:
         return lower, upper
     if above < 0.0:
@@ -107,8 +116,9 @@ def acceleration_bounds_kernel(
 
     Args:
         q, dq: (n,) positions and velocities [rad, rad/s or m, m/s].
-        limits: (6, n) least and greatest position, greatest speed, greatest acceleration up and
-            down (both positive), and the largest of the finite position limits by magnitude.
+        limits: (6, n) by row: `LEAST` and `GREATEST` position, greatest `SPEED`, greatest
+            acceleration `UP` and `DOWN` (both positive), and the `SIZE` of the larger finite
+            position limit.
         T: [s].
         share: of the accelerations that stopping in time counts on.
         softness: least ε [rad or m].
@@ -122,9 +132,9 @@ def acceleration_bounds_kernel(
     if status != OK:
         return status, joint
     for i in range(n):
-        below, above, speed = q[i] - limits[0, i], limits[1, i] - q[i], limits[2, i]
-        up, down = limits[3, i], limits[4, i]
-        epsilon = max(ROUNDING * max(limits[5, i], abs(q[i])), softness)
+        below, above = q[i] - limits[LEAST, i], limits[GREATEST, i] - q[i]
+        speed, up, down = limits[SPEED, i], limits[UP, i], limits[DOWN, i]
+        epsilon = max(ROUNDING * max(limits[SIZE, i], abs(q[i])), softness)
         most = _most(above, dq[i], speed, up, down, share, T, epsilon)
         least = -_most(below, -dq[i], speed, down, up, share, T, epsilon)
         lower_out[i], upper_out[i] = _agreed(least, most, below, above)
@@ -149,9 +159,9 @@ def naive_bounds_kernel(
     if status != OK:
         return status, joint
     for i in range(n):
-        up, down, speed, v = limits[3, i], limits[4, i], limits[2, i], dq[i]
-        most = min((speed - v) / T, 2.0 * (limits[1, i] - q[i] - T * v) / (T * T))
-        least = max((-speed - v) / T, 2.0 * (limits[0, i] - q[i] - T * v) / (T * T))
+        up, down, speed, v = limits[UP, i], limits[DOWN, i], limits[SPEED, i], dq[i]
+        most = min((speed - v) / T, 2.0 * (limits[GREATEST, i] - q[i] - T * v) / (T * T))
+        least = max((-speed - v) / T, 2.0 * (limits[LEAST, i] - q[i] - T * v) / (T * T))
         upper_out[i] = min(max(most, -down), up)
         lower_out[i] = min(max(least, -down), upper_out[i])
     return OK, -1

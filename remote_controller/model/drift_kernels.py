@@ -1,8 +1,9 @@
 """Compiled: J̇·dq, what frames and the centre of mass accelerate by where no joint does.
 
 Column s_j = (v_j, ω_j) of the root's Jacobian is the twist of joint j at the root's origin. All
-joints before it carry it along: ṡ_j = ν_{<j} × s_j. So what they carry has the twist
-ν = Σ s_j·dq_j and, where ddq = 0, its rate a = Σ (ν_{<j} × s_j)·dq_j.
+joints before it carry it along: ṡ_j = ν_{<j} × s_j, × of two twists being (v, ω) × (v_j, ω_j) =
+(ω × v_j + v × ω_j, ω × ω_j) (Featherstone, "Rigid Body Dynamics Algorithms", (2.31)). So what
+they carry has the twist ν = Σ s_j·dq_j and, where ddq = 0, its rate a = Σ (ν_{<j} × s_j)·dq_j.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.runtime.numba_jit import inlined, kernel
 
 Mask = NDArray[np.bool_]
+
+MINE, ITS = 0, 1  # motion of a frame, and of its reference, as those joints make it that differ
 
 
 @inlined
@@ -44,7 +47,10 @@ def carry(twist: FloatArray, rate: FloatArray, joint: FloatArray, speed: float) 
 def point_motion(
     twist: FloatArray, rate: FloatArray, point: FloatArray, velocity: FloatArray, out: FloatArray
 ) -> None:
-    """Write velocity v + ω × p and acceleration a_v + a_ω × p + ω × ṗ of a carried point, (3,)."""
+    """Write velocity v + ω × p and acceleration a_v + a_ω × p + ω × ṗ of a carried point, (3,).
+
+    ν = (v, ω) and a = (a_v, a_ω) are those at the root's origin.
+    """
     for row in range(3):
         velocity[row] = twist[row] + cross(twist[3:], point, row)
     for row in range(3):
@@ -62,24 +68,27 @@ def _seen(
     scratch: FloatArray,
     out: FloatArray,
 ) -> None:
-    """Write p̈ of Sᵀ(p − s) in a reference that moves with ν and its rate a, (3,).
+    """Write p̈ of Sᵀ(p − o) in a reference S, o that moves with ν and its rate a, (3,).
 
     d/dt Sᵀ(ṗ − v − ω × p) = Sᵀ(p̈ − a_v − a_ω × p − ω × ṗ − ω × (ṗ − v − ω × p))
+
+    ν and a are those at the root's origin, so o is not needed. scratch: (6,).
     """
+    relative, turning = scratch[:3], scratch[3:]  # ṗ − v − ω × p, and what Sᵀ is taken of
     for row in range(3):
-        scratch[row] = velocity[row] - twist[row] - cross(twist[3:], point, row)
+        relative[row] = velocity[row] - twist[row] - cross(twist[3:], point, row)
     for row in range(3):
-        scratch[3 + row] = (
+        turning[row] = (
             acceleration[row]
             - rate[row]
             - cross(rate[3:], point, row)
             - cross(twist[3:], velocity, row)
-            - cross(twist[3:], scratch, row)
+            - cross(twist[3:], relative, row)
         )
     for row in range(3):
         out[row] = 0.0
         for i in range(3):
-            out[row] += rotation[i, row] * scratch[3 + i]
+            out[row] += rotation[i, row] * turning[i]
 
 
 @kernel("void(f8[:,:], f8[::1], f8[::1], b1[::1], f8[:,:], b1[::1], f8[::1])", allocates=True)
@@ -92,7 +101,10 @@ def frame_drift(
     reference_moved_by: Mask,
     out: FloatArray,
 ) -> None:
-    """J̇·dq of a frame as seen from another; joints that carry both change nothing.
+    """J̇·dq of a frame as seen from another.
+
+    Joints that carry both are left out: they move both rigidly, and the relative pose, all that is
+    differentiated here, does not depend on them.
 
     Args:
         joint_jacobian: (6, n) twist of what each joint moves, at the root's origin, root's axes.
@@ -105,13 +117,14 @@ def frame_drift(
     velocity, acceleration, scratch = np.empty(3), np.empty(3), np.empty(6)
     for i in range(dq.size):
         if moved_by[i] != reference_moved_by[i]:
-            side = 0 if moved_by[i] else 1
+            side = MINE if moved_by[i] else ITS
             joint[:] = joint_jacobian[:, i]
             carry(twist[side], rate[side], joint, dq[i])
-    point_motion(twist[0], rate[0], origin, velocity, acceleration)
-    _seen(origin, velocity, acceleration, twist[1], rate[1], reference_rotation, scratch, out[:3])
-    for row in range(3):  # dω/dt of Sᵀ(ω − ω_s) = Sᵀ(a_ω − a_ω,s − ω_s × ω)
-        scratch[row] = rate[0, 3 + row] - rate[1, 3 + row] - cross(twist[1, 3:], twist[0, 3:], row)
+    mine, its, my_rate, its_rate = twist[MINE], twist[ITS], rate[MINE], rate[ITS]
+    point_motion(mine, my_rate, origin, velocity, acceleration)
+    _seen(origin, velocity, acceleration, its, its_rate, reference_rotation, scratch, out[:3])
+    for row in range(3):  # dω/dt of Sᵀ(ω − ω_o) = Sᵀ(a_ω − a_ω,o − ω_o × ω), o the reference
+        scratch[row] = my_rate[3 + row] - its_rate[3 + row] - cross(its[3:], mine[3:], row)
     for row in range(3):
         out[3 + row] = 0.0
         for i in range(3):

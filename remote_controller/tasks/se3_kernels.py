@@ -11,12 +11,12 @@ from hoap3.remote_controller.tasks.status import AT_ANTIPODE, OK
 SMALL = 0.2  # rad: below, series; at it, both agree to about 1e-12
 ANTIPODE = 1e-6  # cosine of half the angle: 2e-6 rad from half a turn
 
-Vector = tuple[float, float, float]
+Triple = tuple[float, float, float]
 
 
 @inlined
-def cross(a: Vector, b: Vector) -> Vector:
-    """Vector product a × b."""
+def cross(a: Triple, b: Triple) -> Triple:
+    """Triple product a × b."""
     return (
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],
@@ -25,19 +25,19 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 @inlined
-def plus(a: Vector, factor: float, b: Vector) -> Vector:
+def plus(a: Triple, factor: float, b: Triple) -> Triple:
     """Sum a + factor·b."""
     return a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2]
 
 
 @inlined
-def dot(a: Vector, b: Vector) -> float:
+def dot(a: Triple, b: Triple) -> float:
     """a·b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @inlined
-def transposed_times(rotation: FloatArray, a: Vector) -> Vector:
+def transposed_times(rotation: FloatArray, a: Triple) -> Triple:
     """Rᵀa."""
     return (
         rotation[0, 0] * a[0] + rotation[1, 0] * a[1] + rotation[2, 0] * a[2],
@@ -83,19 +83,37 @@ def logarithm(rotation: FloatArray) -> tuple[float, float, float, float, float]:
 
 
 @inlined
-def inverse_left(phi: Vector, c: float, a: Vector) -> Vector:
-    """Jl⁻¹(φ)·a = a − ½ φ × a + c φ × (φ × a)."""
+def curvatures(angle: float, cotangent: float) -> tuple[float, float]:
+    """Return c = (1 − θ/2·cot θ/2)/θ² of `inverse_left`, and d = c′(θ)/θ of `log_rate`.
+
+    Args:
+        angle, cotangent: θ and cot(θ/2), of `logarithm`.
+    """
+    square = angle * angle
+    if angle < SMALL:
+        c = (1.0 + square / 60.0 * (1.0 + square / 42.0 * (1.0 + square / 40.0))) / 12.0
+        return c, (1.0 + square / 21.0 * (1.0 + 3.0 * square / 80.0)) / 360.0
+    # θ²·c′(θ)
+    slope = -2.0 / angle + 0.5 * cotangent + 0.25 * angle * (1.0 + cotangent * cotangent)
+    return (1.0 - 0.5 * angle * cotangent) / square, slope / (angle * square)
+
+
+@inlined
+def inverse_left(phi: Triple, c: float, a: Triple) -> Triple:
+    """Jl⁻¹(φ)·a = a − ½ φ × a + c φ × (φ × a), Jl the left Jacobian of SO(3); c: `curvatures`."""
     turned = cross(phi, a)
     return plus(plus(a, -0.5, turned), c, cross(phi, turned))
 
 
 @inlined
 def log_rate(
-    phi: Vector, t: Vector, c: float, d: float, velocity: Vector, omega: Vector
-) -> tuple[Vector, Vector]:
-    """Rates of ρ = Jl⁻¹(φ)·t and φ while t moves with `velocity` and the rotation with `omega`.
+    phi: Triple, t: Triple, c: float, d: float, velocity: Triple, omega: Triple
+) -> tuple[Triple, Triple]:
+    """Rates of ρ = Jl⁻¹(φ)·t and φ while t moves with `velocity` and R = exp[φ]× with `omega`.
 
-    φ̇ = Jl⁻¹ω and ρ̇ = Jl⁻¹ṫ − ½ φ̇ × t + c·(φ̇ × (φ × t) + φ × (φ̇ × t)) + d·(φ·φ̇)·φ × (φ × t).
+    ω is seen from the left, Ṙ = [ω]× R. Then φ̇ = Jl⁻¹ω and
+
+        ρ̇ = Jl⁻¹ṫ − ½ φ̇ × t + c·(φ̇ × (φ × t) + φ × (φ̇ × t)) + d·(φ·φ̇)·φ × (φ × t).
     """
     rate = inverse_left(phi, c, omega)
     moved, turned = cross(rate, t), cross(phi, t)
@@ -105,7 +123,7 @@ def log_rate(
 
 
 @inlined
-def exponential(r: Vector, rate: Vector, rotation_out: FloatArray) -> Vector:
+def exponential(r: Triple, rate: Triple, rotation_out: FloatArray) -> Triple:
     """Write exp[r]× and return its angular velocity, in its own axes, while r moves at `rate`.
 
     ω = Jr(r)·ṙ = ṙ − b r × ṙ + s r × (r × ṙ), with b = (1 − cos θ)/θ², s = (θ − sin θ)/θ³.
@@ -168,12 +186,12 @@ def pose_error(
         One of `tasks.status`.
     """
     goal, turn = work[0], work[1]
-    omega_d = exponential(
-        (target[3], target[4], target[5]),
-        (target_rate[3], target_rate[4], target_rate[5]),
-        goal,
-    )
-    away = (position[0] - target[0], position[1] - target[1], position[2] - target[2])
+    p_d: Triple = (target[0], target[1], target[2])
+    turn_d: Triple = (target[3], target[4], target[5])
+    v_d: Triple = (target_rate[0], target_rate[1], target_rate[2])
+    turn_rate_d: Triple = (target_rate[3], target_rate[4], target_rate[5])
+    omega_d = exponential(turn_d, turn_rate_d, goal)
+    away = (position[0] - p_d[0], position[1] - p_d[1], position[2] - p_d[2])
     t = transposed_times(goal, away)
     for column in range(3):
         axis = (rotation[0, column], rotation[1, column], rotation[2, column])
@@ -182,14 +200,7 @@ def pose_error(
             turn[row, column] = image[row]
     x, y, z, angle, cotangent = logarithm(turn)
     phi = (x, y, z)
-    square = angle * angle
-    if angle < SMALL:
-        c = (1.0 + square / 60.0 * (1.0 + square / 42.0 * (1.0 + square / 40.0))) / 12.0
-        d = (1.0 + square / 21.0 * (1.0 + 3.0 * square / 80.0)) / 360.0
-    else:
-        c = (1.0 - 0.5 * angle * cotangent) / square
-        slope = -2.0 / angle + 0.5 * cotangent + 0.25 * angle * (1.0 + cotangent * cotangent)
-        d = slope / (angle * square)
+    c, d = curvatures(angle, cotangent)
     rho = inverse_left(phi, c, t)
     for row in range(3):
         error_out[row], error_out[3 + row] = rho[row], phi[row]
@@ -199,7 +210,7 @@ def pose_error(
         linear, angular = log_rate(phi, t, c, d, velocity, omega)
         for row in range(3):
             jacobian_out[row, i], jacobian_out[3 + row, i] = linear[row], angular[row]
-    velocity = transposed_times(goal, (target_rate[0], target_rate[1], target_rate[2]))
+    velocity = transposed_times(goal, v_d)
     back = (-velocity[0], -velocity[1], -velocity[2])
     against = (-omega_d[0], -omega_d[1], -omega_d[2])
     linear, angular = log_rate(phi, t, c, d, plus(back, 1.0, cross(against, t)), against)

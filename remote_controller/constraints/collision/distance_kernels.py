@@ -45,6 +45,12 @@ from hoap3.remote_controller.constraints.collision.segment_box_kernels import ne
 ALONE = 1e-12  # m: beyond the nearest point, where it alone gets a row; for rounding
 IMMOVABLE = 1e-12  # m/rad: no joint changes the distance
 
+CLEARANCE, ACTIVATION, SPREAD, ETA, RESERVE, RETURN_SPEED, CONTACT = 0, 1, 2, 3, 4, 5, 6
+"""Places in `settings`: see `distance_rows`."""
+
+CORES = 6  # column of `found` with the distance of the cores; a point and n, three each, before it
+PAIR, POINT, MARGIN, CORES_THERE = 0, 1, 7, 8  # columns of `contacts_out`; 1 to 6 as of `found`
+
 
 @inlined
 def _approach(
@@ -190,7 +196,7 @@ def _measure(
         nearest_out: (P, 2, 12, 2), for each pair as of `_cores`.
     """
     middles, _ = placed
-    clearance, activation, spread = settings[0], settings[1], settings[2]
+    clearance, activation, spread = settings[CLEARANCE], settings[ACTIVATION], settings[SPREAD]
     halves, radii, balls = bodies
     least, crossings = math.inf, 0
     exact = np.zeros(pairs.shape[0], np.bool_)
@@ -208,7 +214,7 @@ def _measure(
                 halves,
                 pairs[p],
                 limit + around,
-                settings[6] + around,
+                settings[CONTACT] + around,
                 spread,
                 scratch,
                 nearest_out[p],
@@ -257,8 +263,9 @@ def distance_rows(
         balls: (B,) radii of the balls around them [m].
         pairs: (P, 3) two bodies, and whether both have edges; else the first has none.
         carried: (P, n) 1 where a joint carries the first of a pair alone, −1 the second, else 0.
-        settings: clearance [m], activation [m], spread [m], η [1/s], reserve [m], return
-            speed [m/s], and the margin below which points within the spread have rows too [m].
+        settings: (7,) `CLEARANCE` [m], `ACTIVATION` [m], `SPREAD` [m], `ETA` η [1/s], `RESERVE`
+            [m], `RETURN_SPEED` [m/s], and `CONTACT`, the margin below which points within the
+            spread have rows too [m].
         margins_out: (P,) distance less clearance [m]; of pairs further than the activation, the
             smallest excepted, it may be less.
         A_out, b_out: (R, n), (R,) −∇m·u ≤ b; unused rows 0·u ≤ inf. Where they are too few, the
@@ -270,7 +277,10 @@ def distance_rows(
         The smallest margin (inf without pairs), pairs left without some of their rows, pairs
         whose cores cross, and rows left out because no joint moves them though they lie outside.
     """
-    clearance, activation, spread, contact = settings[0], settings[1], settings[2], settings[6]
+    clearance, activation = settings[CLEARANCE], settings[ACTIVATION]
+    spread, contact = settings[SPREAD], settings[CONTACT]
+    eta, reserve = settings[ETA], settings[RESERVE]
+    return_speed = settings[RETURN_SPEED]
     bodies = frame_of.size
     middles, turns = np.empty((bodies, 3)), np.empty((bodies, 3, 3))
     scratch = (
@@ -278,7 +288,7 @@ def distance_rows(
         *(np.empty(3), np.empty(3), np.empty(3)),
     )
     nearest_s = np.empty((pairs.shape[0], 2, EDGES, 2))
-    found = np.empty((2 * EDGES * WITNESSES, 7))
+    found = np.empty((2 * EDGES * WITNESSES, CORES + 1))
     lay_out((origins, rotations), frame_of, (centers, axes), middles, turns)
     placed, sizes = (middles, turns), (halves, radii, balls)
     least, crossing = _measure(placed, sizes, pairs, settings, scratch, nearest_s, margins_out)
@@ -286,7 +296,7 @@ def distance_rows(
     by_joint = twists.T[order]
     for _ in range(2):  # once more, the nearest first, where the rows are too few
         row, short, immovable = 0, 0, 0
-        A_out[:, :], b_out[:], contacts_out[:, 0] = 0.0, math.inf, -1.0
+        A_out[:, :], b_out[:], contacts_out[:, PAIR] = 0.0, math.inf, -1.0
         for p in near:
             around = radii[pairs[p, 0]] + radii[pairs[p, 1]] + clearance
             reach = max(margins_out[p] + around, 0.0)
@@ -298,15 +308,16 @@ def distance_rows(
                 )
             short += row + count > b_out.size or row == b_out.size
             for point in found[: min(count, b_out.size - row)]:
-                top = _approach(point[:3], point[3:6], by_joint, carried[p], A_out[row])
-                margin = point[6] - around
-                b_out[row] = _bound(margin, settings[3], settings[4], settings[5])
+                top = _approach(point[:3], point[3:CORES], by_joint, carried[p], A_out[row])
+                margin = point[CORES] - around
+                b_out[row] = _bound(margin, eta, reserve, return_speed)
                 if top < IMMOVABLE:
                     immovable += b_out[row] < 0.0
                     A_out[row, :], b_out[row] = 0.0, math.inf
                 else:
-                    contacts_out[row, 0], contacts_out[row, 7] = p, margin
-                    contacts_out[row, 1:7], contacts_out[row, 8] = point[:6], point[6]
+                    contacts_out[row, PAIR], contacts_out[row, MARGIN] = p, margin
+                    contacts_out[row, POINT:MARGIN] = point[:CORES]
+                    contacts_out[row, CORES_THERE] = point[CORES]
                     row += 1
         if short == 0:
             break

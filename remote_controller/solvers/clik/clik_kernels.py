@@ -1,14 +1,18 @@
 """Closed-loop inverse kinematics of prioritised tasks, as matrices.
 
-Marti-Saumell et al., (7): for tasks J_1 … J_h in the order of their priorities and errors e,
+Marti-Saumell et al., (7): for tasks J_1 … J_h in the order of their priorities and errors
+e = σ* − σ (6a),
 
     dq = B Λ e,   B = [J_1⁺ | N_1 J_2⁺ | … | N_{h−1} J_h⁺],   Λ diagonal,
 
-where N_i projects onto what the first i tasks leave free. The errors then follow ė = −L Λ e with
-L = [J_1; …; J_h] B, block lower triangular.
+where N_i projects onto what the first i tasks leave free. With L₀ = [J_1; …; J_h] B, block lower
+triangular, the errors follow ė = −L₀ Λ e: A = −L₀ Λ in (13) and (14). For V = ½|D e|², D
+diagonal, the weighted errors D e follow the same law with L = D L₀ D⁻¹: D and Λ commute.
 
-All is computed in an orthonormal basis Q of the rows, J = R Q: what task i adds to the basis is
-Q_i, and N_{i−1} J_i⁺ = Q_iᵀ M_iᵀ, so that L = R Mᵀ, and no projector is ever formed.
+All is computed in an orthonormal basis Q of the rows, J = R Q. Task i adds Q_i to the basis, and of
+all rows of Q, N_{i−1} Qᵀ keeps those and drops the ones before, in J_i⁺ = J_iᵀ(J_i J_iᵀ)⁻¹ =
+Qᵀ R_iᵀ(R_i R_iᵀ)⁻¹. So N_{i−1} J_i⁺ = Q_iᵀ M_iᵀ with M_i = (R_i R_iᵀ)⁻¹ R_i on the columns of Q_i,
+L₀ = R Mᵀ, and no projector is ever formed.
 `clik_reference` has the same with projectors, as it is printed.
 """
 
@@ -41,9 +45,9 @@ class Basis(NamedTuple):
 
     Attributes:
         Q: (n, joints), Q Qᵀ = I; as many of its rows count as the Jacobian's rank says.
-        R: (n, n), J = R Q; row i ends with what task i adds to the basis.
-        M: (n, n), Bᵀ = M Q; row i is 0 outside what its task adds.
-        T: (n, n), lower triangular, [R_i | d I] = T P for the task at hand.
+        R: (n, n), J = R Q; each row is 0 behind the columns that its task adds to the basis.
+        M: (n, n), Bᵀ = M Q; each row is 0 outside the columns that its task adds.
+        T: (n, n), lower triangular, [R_i | d I] = T P and so R_i R_iᵀ + d²I = T Tᵀ, of task i.
         P: (n, 2n), its orthonormal rows; where R_i has dependent ones, orthogonal A, AᵀA = R_iᵀR_i.
         lengths: (n,), |R_i| of each row.
     """
@@ -83,8 +87,8 @@ def _reduce(
     """Take the first `count` rows of the basis out of a row (Gram and Schmidt, twice if need be).
 
     Four of them at a time, whose shares do not wait for each other. Makes the row a unit vector
-    where more than rounding is left, and adds what it took to a row of the factors. Returns the
-    lengths before and after.
+    where more than rounding is left, and adds what it took to row `at` of the factors. Returns
+    the lengths before and after.
     """
     whole = _product(rows, row, rows, row, width)
     before = left = whole
@@ -124,17 +128,18 @@ def _plain_inverse(
 ) -> bool:
     """Rows of M_i = (R_i R_iᵀ + d²I)⁻¹ R_i = T⁻ᵀ P (QR); False where rows are dependent.
 
+    With [R_i | d I] = T P it is (T Tᵀ)⁻¹ T P, of which the columns of R_i count. d is `damping`.
     The rows of the task are those from `start` to `end`, and what it adds to the basis are the
     columns from `first` to `last`.
     """
     R, M, T, P = basis.R, basis.M, basis.T, basis.P
-    n, d = R.shape[0], end - start
-    triangular = damping == 0.0 and first == 0 and last == d  # T = R_i
+    n, size = R.shape[0], end - start
+    triangular = damping == 0.0 and first == 0 and last == size  # T = R_i
     width = 2 * n if damping > 0.0 else last
-    for a in range(d):
+    for a in range(size):
         for p in range(width):
             P[a, p] = R[start + a, p] if p < last else 0.0
-        for b in range(d):
+        for b in range(size):
             T[a, b] = P[a, b] if triangular else 0.0
         if triangular:
             for p in range(width):
@@ -146,12 +151,12 @@ def _plain_inverse(
         if not left > RANK * whole:
             return False
         T[a, a] = left
-    for q in range(d):  # Tᵀ M_i = P from its last row on
-        a = d - 1 - q
+    for q in range(size):  # Tᵀ M_i = P from its last row on
+        a = size - 1 - q
         inverse = 1.0 / T[a, a]
         for p in range(first, last):
             entry = P[a, p]
-            for b in range(a + 1, d):
+            for b in range(a + 1, size):
                 entry -= T[b, a] * M[start + b, p]
             M[start + a, p] = entry * inverse
     return True
@@ -160,6 +165,9 @@ def _plain_inverse(
 @kernel()
 def _deficient_inverse(R: Matrix, A: Matrix, first: int, last: int, target: Matrix) -> None:
     """The same where rows are dependent, from its singular values: R⁺ = Aᵀ diag(|A_k|⁻⁴) A Rᵀ.
+
+    With R = U Σ Vᵀ, A = Σ Vᵀ has |A_k| = σ_k, and R⁺ = V Σ⁻² Vᵀ Rᵀ = Aᵀ Σ⁻⁴ A Rᵀ; singular values
+    up to `RANK` of the largest count as 0. A damping that is too small to part the rows is dropped.
 
     R: the task's rows; A: (rows or more, ·), its orthogonal ones with AᵀA = RᵀR, written.
     """
@@ -182,7 +190,7 @@ def _deficient_inverse(R: Matrix, A: Matrix, first: int, last: int, target: Matr
 
 @inlined
 def _close_loop(offsets: Indices, weights: Vector, basis: Basis, L: Matrix) -> None:
-    """L = D J B D⁻¹ = D R Mᵀ D⁻¹, lower block triangular."""
+    """L = D L₀ D⁻¹ = D J B D⁻¹ = D R Mᵀ D⁻¹, lower block triangular; weights: D."""
     R, M, lengths = basis.R, basis.M, basis.lengths
     n = R.shape[0]
     for a in range(n):
@@ -205,7 +213,7 @@ def prioritised(
     damping: float,
     weights: Vector,
     L: Matrix,
-    B: Matrix,
+    Bt: Matrix,
     basis: Basis,
 ) -> int:
     """Write L and Bᵀ.
@@ -215,9 +223,9 @@ def prioritised(
         offsets: where each task begins, and n; (h + 1,).
         damping: d: J_iᵀ(J_i J_iᵀ + d²I)⁻¹ stands for J_i⁺; 0 for the pseudoinverse. L is that of
             the law with the damping, so that what is proved of L holds.
-        weights: square roots D of the weights of the errors, (n,): L is D L D⁻¹.
+        weights: square roots D of the weights of the errors, (n,): L = D J B D⁻¹.
         L: (n, n), written. Entries that are rounding are 0.
-        B: Bᵀ, (n, joints), written.
+        Bt: Bᵀ, (n, joints), written.
         basis: overwritten.
 
     Returns:
@@ -244,10 +252,10 @@ def prioritised(
             _deficient_inverse(R[start:end], basis.P, first, rank, M[start:end])
         for i in range(start, end):  # Bᵀ = M Q, (7)
             for j in range(joints):
-                B[i, j] = 0.0
+                Bt[i, j] = 0.0
             for p in range(first, rank):
                 for j in range(joints):
-                    B[i, j] += M[i, p] * Q[p, j]
+                    Bt[i, j] += M[i, p] * Q[p, j]
     _close_loop(offsets, weights, basis, L)
     return rank
 
@@ -280,15 +288,17 @@ def moves(rates: Vector) -> bool:
 def solve_loop(
     L: Matrix, offsets: Indices, weights: Vector, rates: Vector, U: Matrix, out: Vector
 ) -> bool:
-    """Write x with (D⁻¹ L D) x = rates, by Gauss's elimination; False where L is singular.
+    """Write x = L₀⁻¹ rates, L₀ = D⁻¹ L D, by Gauss's elimination; False where L is singular.
 
-    Without a choice of pivots: where gains have a certificate, LΛ + ΛLᵀ is positive definite, and
-    so none is 0. Row k of L ends with the block of its task, and so does what is eliminated by it.
+    Without a choice of pivots: if any Λ has a certificate, LΛ + ΛLᵀ is positive definite, and so no
+    pivot is 0. Row k of the eliminated U ends with the block of its task, as that of L does: so
+    from its last row back each block is solved alone. The reference is `pivots` of
+    `constant_gains_reference`, and numpy's own elimination.
 
     Args:
         L, offsets, weights: what `prioritised` gave; weights is D.
         rates: (n,).
-        U: scratch, (n, n).
+        U: scratch, (n, n): L as it is eliminated.
         out: x, written, (n,).
     """
     n = rates.size
@@ -320,38 +330,44 @@ def solve_loop(
 
 @inlined
 def feed_forward(
-    B: Matrix, rates: Vector, through: Vector, regular: bool, limits: Matrix, fed: Vector
+    Bt: Matrix, rates: Vector, through: Vector, regular: bool, limits: Matrix, fed: Vector
 ) -> float:
-    """Write B L⁻¹ σ̇*, which leaves ė = −L Λ e, or where limits are in the way, what leads to B σ̇*.
+    """Write B x for targets that move: B L₀⁻¹ σ̇* if limits let it, else B σ̇* and s of the rest.
 
-    The errors move by ė = σ̇* − L(Λ e + x) where dq = B(Λ e + x): L x = σ̇* takes the targets'
-    motion out of them all, x = σ̇* only out of those of the first task. What is between both moves
-    the lower tasks alone. Where limits are in the way of all of it, it is left as fast as they
-    allow, which the first task does not feel, until they allow all of it within one period.
+    It is not in the paper, whose (7) has no σ̇*. By (6a) ė = σ̇* − J dq, so ė = σ̇* − L₀(Λ e + x)
+    where dq = B(Λ e + x). x = L₀⁻¹ σ̇* leaves ė = −L₀ Λ e: it takes the targets' motion out of all
+    errors. x = σ̇* takes it only out of those of the first task, whose block of L₀ is I where its
+    rows are independent; what is between both moves the lower tasks alone. So
+
+        x = σ̇* + s (L₀⁻¹ σ̇* − σ̇*)
+
+    with s = 1 if that keeps the limits, else the smallest s in [0, 1] that does, which is 0 unless
+    B σ̇* itself is outside, and 0 if none does. `constant_gains_reference` has it in plain numpy.
 
     Args:
-        B: Bᵀ, (n, joints).
-        rates, through, regular: σ̇* and L⁻¹ σ̇*, (n,), and whether there is one: of `solve_loop`.
-        limits: of the speeds, (2, joints) or more.
+        Bt: Bᵀ, (n, joints).
+        rates, through: σ̇* and L₀⁻¹ σ̇*, (n,).
+        regular: whether the latter is there, see `solve_loop`; False with damping, too.
+        limits: of the speeds in this period, (2, joints) or more.
         fed: written, (joints,).
 
     Returns:
-        How much of what is between both is fed: 1 where all of it is, or L⁻¹ is not asked for.
+        s; 1 where it is not `regular`, and B σ̇* is fed.
     """
     n, least, most = rates.size, 0.0, 1.0
     for r in range(fed.size):
         fed[r] = 0.0
-    add_rows(fed, rates, B, 0, n, 0)
+    add_rows(fed, rates, Bt, 0, n, 0)
     if not regular:
         return 1.0
     for r in range(fed.size):
         way = 0.0
         for i in range(n):
-            way += (through[i] - rates[i]) * B[i, r]
+            way += (through[i] - rates[i]) * Bt[i, r]
         if way != 0.0:
             one, other = (limits[0, r] - fed[r]) / way, (limits[1, r] - fed[r]) / way
             least, most = max(least, min(one, other)), min(most, max(one, other))
     share = 0.0 if least > most else 1.0 if most == 1.0 else least
     for i in range(n):
-        add(fed, share * (through[i] - rates[i]), B[i])
+        add(fed, share * (through[i] - rates[i]), Bt[i])
     return share

@@ -1,13 +1,13 @@
 """The matrix inequality that makes a Lyapunov function fall, and its least eigenvalue.
 
-Where the errors follow ė = −L Λ e, V = ½|e|² falls in steps of Δt by V⁺ ≤ (1 − β Δt) V if and only
-if
+Where the errors follow ė = −L Λ e, one step of Δt gives |e⁺|² = |(I − Δt L Λ) e|². So the Lyapunov
+function ½|e|² falls in each by the factor 1 − β Δt or more for every e if and only if (20)
 
     C(λ, β) = L Λ + Λ Lᵀ − β I − Δt Λ LᵀL Λ ⪰ 0,
 
 the Schur complement of Marti-Saumell et al., (21). So any λ, optimal or not, has its certificate,
 β(λ) = λ_min(C(λ, 0)). C is concave in λ (a matrix's sense), ∂C/∂λ_i = v_i e_iᵀ + e_i v_iᵀ with v_i
-the columns of V = L − Δt Λ G, G = LᵀL.
+the columns of the matrix V = L − Δt Λ G, G = LᵀL: below, V is that.
 """
 
 from __future__ import annotations

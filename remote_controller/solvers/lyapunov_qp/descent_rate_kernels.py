@@ -59,14 +59,14 @@ def tanh_rate(V: float, gradient: Vector, eta: float, kappa: float) -> float:
 
 @kernel()
 def rate_kernel(
-    form: int, first: float, second: float, V: float, gradient: Vector, error: float
+    form: int, scale: float, bend: float, V: float, gradient: Vector, error: float
 ) -> float:
     """Ψ, or NaN where something is not finite or negative that must not be, or Ψ overflows.
 
     Args:
         form: index into `descent_rate.FORMS`.
-        first: u_max of (16), η of the others.
-        second: β of (41), or κ of the tanh form.
+        scale: u_max of (16), η of the others.
+        bend: β of (41), or κ of the tanh form.
         V: value of the Lyapunov function, ≥ 0.
         gradient: ∇V, (n,).
         error: |e|, ≥ 0, for the forms of (16).
@@ -75,9 +75,9 @@ def rate_kernel(
     if not (0.0 <= V <= MAX and 0.0 <= error <= MAX and size <= MAX):
         return math.nan
     if form == TANH:
-        psi = tanh_rate(V, gradient, first, second)
+        psi = tanh_rate(V, gradient, scale, bend)
     elif form == EXPONENTIAL:
-        psi = first * V
+        psi = scale * V
     else:
-        psi = bounded_rate(gradient, first, reach(error, second), form)
+        psi = bounded_rate(gradient, scale, reach(error, bend), form)
     return psi if 0.0 <= psi <= MAX else math.nan

@@ -52,7 +52,12 @@ def find_rho(decrease: float, psi: float, drift: float) -> float:
 
 @kernel()
 def rate_status(decrease: float, asked: float, drift: float, top: float, can_rest: bool) -> int:
-    """What it means that V falls by `decrease` (without drift) instead of `asked`."""
+    """What it means that V falls by `decrease` (without drift) instead of `asked`.
+
+    Returns:
+        `OK`: as asked, or more slowly; `DESCENDS_FASTER`: than asked, for the bounds leave no less;
+        `STATIONARY`: where the robot may rest and no u makes V fall; `CANNOT_DESCEND`: V rises.
+    """
     if decrease == asked:
         return OK
     if decrease > asked:

@@ -1,6 +1,8 @@
 """A primal-dual interior-point method for the gains, on the n × n matrix inequality.
 
-    min (β − 1)² + δ|λ|²   subject to   C(λ, β) ⪰ 0,  lower ≤ S λ ≤ upper
+    min (β − 1)² + δ|λ|²   subject to   C(λ, β) ⪰ 0,  lower ≤ S λ ≤ upper,
+
+which is (27) of Marti-Saumell et al. in units of β̃ = 1.
 
 Predictor and corrector, after Mehrotra, along the direction of Helmberg, Rendl, Vanderbei and
 Wolkowicz (SIAM Journal on Optimization 6, 1996). What a step aims at is told by the length of the
@@ -162,8 +164,12 @@ def _hessian(
 ) -> None:
     """The upper triangle of K, the matrix of a step with dZ and dz eliminated (Schur complement).
 
-    2δI + 2Δt G∘Z for λ and 2 for β, of the Lagrange function; ⟨∂C/∂x_i, X ∂C/∂x_j Z⟩, of C; and
-    Sᵀ diag(z/s) S, of the limits. column: scratch, then z/s; weighted: a row of S times it.
+    2δI + 2Δt G∘Z for λ and 2 for β, of the Lagrange function; tr(∂C/∂x_i X ∂C/∂x_j Z), of C; and
+    Sᵀ diag(z/s) S, of the limits. With ∂C/∂λ_i = v_i e_iᵀ + e_i v_iᵀ the trace of i and j is
+    (XV)_ij (ZV)_ji + (XV)_ji (ZV)_ij + X_ij (VᵀZV)_ij + Z_ij (VᵀXV)_ij, that of λ_i and β,
+    with ∂C/∂β = −I, is −(X Z V + Z X V)_ii, and that of β and β tr(X Z).
+
+    column: scratch, then z/s; weighted: a row of S times it.
     """
     G, S, Z, z = program.G, program.S, dual.Z, dual.z
     X, XV, ZV, VXV, VZV = it.X, it.XV, it.ZV, it.VXV, it.VZV
@@ -296,7 +302,7 @@ def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to it
                 pull = z[0, r] * miss[0, r] / slack[0, r] - z[1, r] * miss[1, r] / slack[1, r]
             for i in range(n):
                 g[i] += pull * S[i, r]
-        error = 0.0
+        error = 0.0  # the relative step to where μ is 0, the optimum of what is linearised here
         for i in range(n + 1):
             dx[i] = g[i]
         solve_lower(K, dx)

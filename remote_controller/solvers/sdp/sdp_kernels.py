@@ -1,10 +1,11 @@
 """The gains of prioritised tasks with a certificate, from Jacobians and errors, in one call.
 
 Marti-Saumell et al.: min (β − β̃)² + δ|λ|² such that V falls by V⁺ ≤ (1 − β Δt) V, and the joint
-speeds dq = B(Λ e + x), x of `clik_kernels.feed_forward`, stay within their limits. From the last two answers Newton's method
-takes two or three steps (`newton_kernels`); where it does not arrive, an interior-point method
-comes near enough for it (`interior_point_kernels`). Either may stop early: whatever λ is returned,
-β is what it certifies, λ_min(C(λ, 0)), and a gap of duality says how far from optimal it may be.
+speeds dq = B(Λ e + x), x of `clik_kernels.feed_forward`, stay within their limits. From the
+last two answers Newton's method takes two or three steps (`newton_kernels`); where it does not
+arrive, an interior-point method comes near enough for it (`interior_point_kernels`).
+Either may stop early: whatever λ is returned, β is what it certifies, λ_min(C(λ, 0)), and a gap of
+duality says how far from optimal it may be.
 """
 
 from __future__ import annotations

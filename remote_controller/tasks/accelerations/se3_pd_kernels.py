@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.runtime.numba_jit import inlined, kernel
+from hoap3.protocol.runtime.numba_jit import Matrix, Vector, kernel
 from hoap3.remote_controller.tasks.se3_kernels import (
     ANTIPODE,
-    SMALL,
-    Vector,
+    Triple,
     cross,
+    curvatures,
     dot,
     exponential,
     inverse_left,
@@ -23,15 +24,32 @@ from hoap3.remote_controller.tasks.se3_kernels import (
 ON_THE_WAY, AT_HALF_A_TURN, NOT_FINITE = 0, 1, 2
 
 
-@inlined
-def _curvatures(angle: float, cotangent: float) -> tuple[float, float]:
-    """Second-order terms c of Jl⁻¹ and d of its rate (`tasks.se3_kernels`)."""
-    square = angle * angle
-    if angle < SMALL:
-        c = (1.0 + square / 60.0 * (1.0 + square / 42.0 * (1.0 + square / 40.0))) / 12.0
-        return c, (1.0 + square / 21.0 * (1.0 + 3.0 * square / 80.0)) / 360.0
-    slope = -2.0 / angle + 0.5 * cotangent + 0.25 * angle * (1.0 + cotangent * cotangent)
-    return (1.0 - 0.5 * angle * cotangent) / square, slope / (angle * square)
+class Pose(NamedTuple):
+    """A frame: p (3,) [m] and R (3, 3)."""
+
+    origin: Vector
+    rotation: Matrix
+
+
+class Motion(NamedTuple):
+    """The twist ν of a frame in its own axes, and its rate J̇·dq where ddq = 0, (6,)."""
+
+    twist: Vector
+    drift: Vector
+
+
+class Asked(NamedTuple):
+    """What is written, (6,) each.
+
+    Attributes:
+        error: e, ρ [m] and then φ [rad].
+        wanted: what J·ddq shall be.
+        slope: of V = ½|e|², V̇ = slope·ν.
+    """
+
+    error: Vector
+    wanted: Vector
+    slope: Vector
 
 
 @kernel("i8(f8[::1], f8[::1])")
@@ -49,23 +67,9 @@ def rotation_of(vector: FloatArray, out: FloatArray) -> None:
     exponential((vector[0], vector[1], vector[2]), (0.0, 0.0, 0.0), out)
 
 
-@kernel(
-    "Tuple((f8, i8))(f8[::1], f8[:,:], f8[::1], f8[:,::1], f8[::1], f8[::1], f8, f8, f8[:,::1],"
-    " f8[::1], f8[::1], f8[::1])"
-)
+@kernel()
 def se3_pd(
-    origin: FloatArray,
-    rotation: FloatArray,
-    goal_origin: FloatArray,
-    goal_rotation: FloatArray,
-    twist: FloatArray,
-    drift: FloatArray,
-    kp: float,
-    kd: float,
-    turn: FloatArray,
-    error_out: FloatArray,
-    wanted_out: FloatArray,
-    slope_out: FloatArray,
+    frame: Pose, goal: Pose, motion: Motion, kp: float, kd: float, turn: Matrix, out: Asked
 ) -> tuple[float, int]:
     """Write e = log(H⁻¹H_d) and what J·ddq shall be, kp·e − kd·ν − J̇·dq, in the frame's axes.
 
@@ -74,17 +78,18 @@ def se3_pd(
     rate that is linear in ν.
 
     Args:
-        origin, rotation: p (3,) [m] and R (3, 3) of H.
-        goal_origin, goal_rotation: of H_d.
-        twist, drift: ν and J̇·dq, (6,).
+        frame, goal: H and H_d.
+        motion: of H.
         kp, kd: gains [1/s², 1/s].
         turn: scratch, (3, 3).
-        error_out, wanted_out: (6,).
-        slope_out: (6,) V̇ = slope·ν.
+        out: written.
 
     Returns:
         V, and `AT_HALF_A_TURN` where e is one of two opposites.
     """
+    (origin, rotation), (goal_origin, goal_rotation) = frame, goal
+    twist, drift = motion
+    error_out, wanted_out, slope_out = out
     t = transposed_times(
         rotation,
         (
@@ -99,8 +104,8 @@ def se3_pd(
         for row in range(3):
             turn[row, column] = image[row]
     x, y, z, angle, cotangent = logarithm(turn)
-    phi: Vector = (x, y, z)
-    c, d = _curvatures(angle, cotangent)
+    phi: Triple = (x, y, z)
+    c, d = curvatures(angle, cotangent)
     rho = inverse_left(phi, c, t)
     V = 0.5 * (dot(rho, rho) + dot(phi, phi))
     for row in range(3):

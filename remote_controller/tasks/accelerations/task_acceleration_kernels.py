@@ -12,6 +12,9 @@ from hoap3.protocol.runtime.numba_jit import kernel
 from hoap3.remote_controller.solvers.linalg.dense_kernels import dot
 from hoap3.remote_controller.tasks.accelerations.se3_pd_kernels import (
     AT_HALF_A_TURN,
+    Asked,
+    Motion,
+    Pose,
     se3_pd,
 )
 from hoap3.remote_controller.tasks.accelerations.wrench_kernels import rotation_error
@@ -20,6 +23,7 @@ Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 POSITION, POSE, POSTURE, GIVEN, ROOT_POSE = 0, 1, 2, 3, 4  # kinds of tasks
+PLACE, VELOCITY, ACCELERATION = 0, 1, 2  # of a target, one row each
 OF_FRAMES = POSITION, POSE, ROOT_POSE
 ACTIVE_SPEED = 1e-3  # rad/s or m/s: below it a joint counts as inactive
 UNSURE = 1e-2  # of an acceleration, and of 1 m/s²: by how much it changes within a period
@@ -59,14 +63,15 @@ def desired_accelerations(
     slope·motion, where the motion ν is that against its target, and ν's rate is J·ddq + rate.
 
     Args:
-        tasks: (k, 4) kind, first row, number of rows, and which of the frames.
+        tasks: (k, 4) by columns: kind, first row, number of rows, and which of the frames.
         origins, rotations: of the frames in the root, (f, 3) [m] and (f, 3, 3).
         twist, drift: of the rows of frames, (m,).
-        targets: (k, 3, 3) x_d, v_d and a_d of positions; the first is also the origin of a pose.
+        targets: (k, 3, 3) x_d, v_d and a_d of positions, by `PLACE`, `VELOCITY` and
+            `ACCELERATION`; the first is also the origin of a pose.
         turns: (k, 3, 3) rotation of a pose.
         posture: q_r at the rows of postures, (m,).
         joints: which joint each of these rows is, (m,).
-        gains: (k, 2) kp [1/s²] and kd [1/s].
+        gains: (k, 2), by columns: kp [1/s²] and kd [1/s].
         q, dq: (n,).
         turn: scratch, (3, 3).
         error_out, motion_out, rate_out, slope_out, wanted_out: (m,).
@@ -81,18 +86,13 @@ def desired_accelerations(
         if kind == POSE:
             rows = slice(start, start + size)
             _, where = se3_pd(
-                origins[frame],
-                rotations[frame],
-                targets[i, 0],
-                turns[i],
-                twist[rows],
-                drift[rows],
+                Pose(origins[frame], rotations[frame]),
+                Pose(targets[i, PLACE], turns[i]),
+                Motion(twist[rows], drift[rows]),
                 kp,
                 kd,
                 turn,
-                error_out[rows],
-                wanted_out[rows],
-                slope_out[rows],
+                Asked(error_out[rows], wanted_out[rows], slope_out[rows]),
             )
             opposite += where == AT_HALF_A_TURN
             for row in range(start, start + size):
@@ -113,9 +113,9 @@ def desired_accelerations(
             elif place >= 3:
                 error, motion, rate = error_out[row], twist[row], drift[row]
             else:
-                error = targets[i, 0, place] - origins[frame, place]
-                motion = twist[row] - targets[i, 1, place]
-                rate = drift[row] - targets[i, 2, place]
+                error = targets[i, PLACE, place] - origins[frame, place]
+                motion = twist[row] - targets[i, VELOCITY, place]
+                rate = drift[row] - targets[i, ACCELERATION, place]
             error_out[row], motion_out[row], rate_out[row] = error, motion, rate
             slope_out[row] = -error
             wanted_out[row] = kp * error - kd * motion - rate
@@ -134,6 +134,8 @@ def place_in_root(
 ) -> None:
     """Write x_d, v_d and a_d in the root's axes of a target that is given in a frame.
 
+    The frame is at rest against the root: its own motion is not in v_d and a_d.
+
     Args:
         position, velocity, next_velocity: in the frame, now and, the last, a period T later, (3,).
         T: [s].
@@ -146,7 +148,8 @@ def place_in_root(
             x += position[k] * axes[row, k]
             v += velocity[k] * axes[row, k]
             a += (next_velocity[k] - velocity[k]) / T * axes[row, k]
-        out[0, row], out[1, row], out[2, row] = origin[row] + x, v, a
+        out[PLACE, row] = origin[row] + x
+        out[VELOCITY, row], out[ACCELERATION, row] = v, a
 
 
 @kernel("f8(f8[:,::1], f8[::1], f8[::1], f8[::1], f8, f8[::1], f8[:,::1], f8[::1])")
@@ -216,8 +219,10 @@ def predict_lyapunov(
 
     Returns:
         V; V̇ half a period on; the most that V may rise by in this period, per second, to second
-        order in it, for |ė| is at most twice |ν| up to nearly half a turn, and with what is
-        `UNSURE`, so that nothing is said of errors of some µm; and how many joints then move.
+        order in it, ½|ė|²·T with |ė| ≤ 2|ν|, and with what is `UNSURE`, so that nothing is said of
+        errors of some µm; and how many joints then move. Of positions and postures |ė| = |ν|; of
+        orientations φ̇ = Jl⁻¹ω, |Jl⁻¹| = (θ/2)/sin(θ/2) ≤ π/2; of poses 2 is no more than what was
+        found by sampling, up to 3 rad and 1 m away: further off the bound need not hold.
     """
     V, expected, square, unsure, active = 0.0, 0.0, 0.0, 0.0, 0
     for i in range(tasks.shape[0]):

@@ -190,7 +190,8 @@ class WrenchControl:
 
     Liu, Tan and Padois (2015), (3), with the measured wrench f, of the surroundings on the robot,
     in the equation of motion: along the kept directions, the rows of S, a_S = Λ_S⁻¹·(S·f − w), less
-    a damping kd·S·ν, where what the robot exerts is w = w_d + kp·(w_d − S·f) + ki·∫(w_d − S·f).
+    a damping kd·S·ν, where the surroundings shall exert w = w_d + kp·(w_d − S·f) + ki·∫(w_d − S·f)
+    on the robot, w_d likewise: it rests where S·f = w.
     Across them it asks for its place, as before.
 
     Of three rows Λ_S⁻¹ = S J M⁻¹ Jᵀ Sᵀ, as (3) has it. Of six it is that with the other directions
@@ -240,7 +241,7 @@ class WrenchControl:
         self._factor, self._rows = np.zeros((joints, joints)), np.zeros((k, joints))
         self._units, self._scratch = np.zeros((len(held), joints)), np.zeros(joints)
         self._inverse_inertia = np.zeros((k, k))
-        self.measured, self._exerted, self._integral = np.zeros((3, k))
+        self.measured, self._aimed, self._integral = np.zeros((3, k))
         self.touches, self._learns = False, False
 
     @property
@@ -288,7 +289,7 @@ class WrenchControl:
             task: its rows, of which all but J and J̇·dq are changed.
         """
         kernels, settings = self._kernels, self._settings
-        kernels.wrench_to_exert(
+        kernels.wrench_to_aim_at(
             self._wanted,
             self.measured,
             settings.force_kp,
@@ -296,7 +297,7 @@ class WrenchControl:
             self._most,
             self._learns,
             self._integral,
-            self._exerted,
+            self._aimed,
         )
         kernels.inverse_task_inertia(
             mass,
@@ -313,7 +314,7 @@ class WrenchControl:
             self.S,
             self._inverse_inertia,
             self.measured,
-            self._exerted,
+            self._aimed,
             settings.force_kd,
             task.drift,
             task.error,

@@ -12,13 +12,13 @@ from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.runtime.numba_jit import inlined, kernel
 from hoap3.remote_controller.solvers.linalg.dense_kernels import add, dot, solve_lower
 from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import factorise
-from hoap3.remote_controller.tasks.se3_kernels import ANTIPODE, Vector, cross, logarithm
+from hoap3.remote_controller.tasks.se3_kernels import ANTIPODE, Triple, cross, logarithm
 
 DEPENDENT = 1e-12  # of |row|²: what is left of it is rounding
 
 
 @inlined
-def _times(rotation: FloatArray, a: Vector) -> Vector:
+def _times(rotation: FloatArray, a: Triple) -> Triple:
     """Ra."""
     return (
         rotation[0, 0] * a[0] + rotation[0, 1] * a[1] + rotation[0, 2] * a[2],
@@ -124,7 +124,7 @@ def measure(
 
 
 @kernel("void(f8[::1], f8[::1], f8, f8, f8[::1], b1, f8[::1], f8[::1])")
-def wrench_to_exert(
+def wrench_to_aim_at(
     wanted: FloatArray,
     measured: FloatArray,
     kp: float,
@@ -132,31 +132,33 @@ def wrench_to_exert(
     most: FloatArray,
     learns: bool,
     integral: FloatArray,
-    exerted_out: FloatArray,
+    aimed_out: FloatArray,
 ) -> None:
-    """Write w = w_d + kp·(w_d − S·f) + ki·∫(w_d − S·f), all (k,) [N, N m].
+    """Write w = w_d + kp·(w_d − S·f) + ki·∫(w_d − S·f), all (k,) [N, N m], at which S·f rests.
+
+    w and w_d have the sign of f: they are what the surroundings shall exert on the robot.
 
     Args:
         wanted, measured: w_d and S·f.
-        kp, growth: gains; the latter is ki times the period.
+        kp, growth: gains; the latter is ki·T, T the period.
         most: greatest size of the integral, times ki, of each direction: it stops there.
         learns: whether the integral counts on.
         integral: that, changed.
-        exerted_out: w.
+        aimed_out: w, written.
     """
     for r in range(wanted.size):
         missing = wanted[r] - measured[r]
         if learns:
             grown = integral[r] + growth * missing
             integral[r] = min(max(grown, -most[r]), most[r])
-        exerted_out[r] = wanted[r] + kp * missing + integral[r]
+        aimed_out[r] = wanted[r] + kp * missing + integral[r]
 
 
 @inlined
 def _halve(
     factor: FloatArray, jacobian: FloatArray, direction: FloatArray, row: FloatArray
 ) -> None:
-    """Write U⁻ᵀ·Jᵀ·s, (n,), of one direction s (m,)."""
+    """Write X·s = U⁻ᵀ·Jᵀ·s, (n,), of one direction s (m,)."""
     for i in range(row.size):
         row[i] = 0.0
         for k in range(direction.size):
@@ -190,16 +192,17 @@ def inverse_task_inertia(
     """Write Λ_S⁻¹: how a wrench along S accelerates along S [1/kg, 1/(kg m), 1/(kg m²)].
 
     With B = J M⁻¹ Jᵀ it is S B Sᵀ − S B Pᵀ (P B Pᵀ)⁻¹ P B Sᵀ, the Schur complement: the
-    directions P do not move. Where P are all others, that is (S B⁻¹ Sᵀ)⁻¹; where there are none,
+    directions P do not move. Where P are all others, that is (S B⁻¹ Sᵀ)⁻¹, the inverse of
+    a block of [S; P] B⁻¹ [S; P]ᵀ; where there are none,
     S B Sᵀ, (3). With M = UᵀU (Cholesky) B = XᵀX of X = U⁻ᵀJᵀ, and the complement is what the
     columns of X·Pᵀ do not span of those of X·Sᵀ: nothing is inverted, and J may be of any rank.
 
     Args:
         mass: M (n, n).
         jacobian: J (m, n).
-        S, P: (k, m) and (h, m).
-        factor, rows, units, scratch: U (n, n), what is left of S·Xᵀ (k, n), an orthonormal basis of
-            P·Xᵀ (h, n), and scratch (n,).
+        S, P: (k, m) and (l, m).
+        factor, rows, units, scratch: U (n, n); the columns of X·Sᵀ, as rows, less what those of
+            X·Pᵀ span, (k, n); an orthonormal basis of the latter, (l, n); and scratch (n,).
         inverse_out: Λ_S⁻¹ (k, k).
     """
     n = mass.shape[0]
@@ -208,9 +211,9 @@ def inverse_task_inertia(
             factor[i, j] = mass[i, j]
     factorise(factor, n, 0.0, scratch)
     count = 0
-    for h in range(P.shape[0]):
+    for p in range(P.shape[0]):
         unit = units[count]
-        _halve(factor, jacobian, P[h], unit)
+        _halve(factor, jacobian, P[p], unit)
         whole = dot(unit, unit)
         _take_off(unit, units, count)
         left = dot(unit, unit)
@@ -232,7 +235,7 @@ def push(
     S: FloatArray,
     inverse_inertia: FloatArray,
     measured: FloatArray,
-    exerted: FloatArray,
+    aimed: FloatArray,
     kd: float,
     drift: FloatArray,
     error: FloatArray,
@@ -242,12 +245,14 @@ def push(
 ) -> None:
     """Let a task's rows ask along S for a_S = Λ_S⁻¹·(S·f − w) − kd·S·ν, and for no place there.
 
-    Across S they ask for what they did. Of error and motion what is along S is taken away.
+    a_S is what S·ν̇ shall be. With f in the equation of motion, M·ddq + h − Jᵀf = τ, it makes the
+    task rest where S·f = w. Across S the rows ask for what they did; of error and motion what is
+    along S is taken away. The rows of S are orthonormal, so one after the other may be replaced.
 
     Args:
         S: (k, m).
         inverse_inertia: Λ_S⁻¹ (k, k).
-        measured, exerted: S·f and w, (k,) [N, N m].
+        measured, aimed: S·f and w, both on the robot, (k,) [N, N m].
         kd: [1/s].
         drift: J̇·dq, (m,).
         error, motion, slope, wanted: of the task's rows, (m,) each, changed; the last is J·ddq.
@@ -256,7 +261,7 @@ def push(
     for r in range(S.shape[0]):
         asking, along, moving = 0.0, 0.0, 0.0
         for c in range(S.shape[0]):
-            asking += inverse_inertia[r, c] * (measured[c] - exerted[c])
+            asking += inverse_inertia[r, c] * (measured[c] - aimed[c])
         for k in range(m):
             along += S[r, k] * error[k]
             moving += S[r, k] * motion[k]

@@ -27,10 +27,8 @@ def in_root_axes(
     return both @ jacobian, both @ twist, both @ (drift + carried)
 
 
-def exerted(
-    wanted: FloatArray, measured: FloatArray, kp: float, integral: FloatArray
-) -> FloatArray:
-    """What is exerted, w = w_d + kp·(w_d − S·f) + ki·∫(w_d − S·f), (k,); the last is given."""
+def aimed(wanted: FloatArray, measured: FloatArray, kp: float, integral: FloatArray) -> FloatArray:
+    """What S·f shall be, w = w_d + kp·(w_d − S·f) + ki·∫(w_d − S·f), (k,); the last is given."""
     return wanted + kp * (wanted - measured) + integral
 
 

@@ -16,6 +16,9 @@ from hoap3.remote_controller.model.frame_dynamics import (
     FramesDynamics,
 )
 from hoap3.remote_controller.tasks.accelerations.se3_pd_kernels import (
+    Asked,
+    Motion,
+    Pose,
     rotation_of,
     se3_pd,
 )
@@ -111,7 +114,9 @@ def aimed(origin, rotation, goal, turn, twist, drift=None, kp=0.0, kd=0.0):
     error, wanted, slope = np.zeros((3, 6))
     drift = np.zeros(6) if drift is None else drift
     arrays = (np.array(origin), np.array(rotation), np.array(goal), np.ascontiguousarray(turn))
-    V, where = se3_pd(*arrays, twist, drift, kp, kd, np.zeros((3, 3)), error, wanted, slope)
+    frame, target = Pose(*arrays[:2]), Pose(*arrays[2:])
+    out = Asked(error, wanted, slope)
+    V, where = se3_pd(frame, target, Motion(twist, drift), kp, kd, np.zeros((3, 3)), out)
     return V, where, error, wanted, slope
 
 

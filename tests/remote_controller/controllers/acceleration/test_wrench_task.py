@@ -96,14 +96,14 @@ def compare_with_reference(rng: np.random.Generator) -> None:
         each.touches = True
         each.update(M, task)
         _, drift, error, motion, _, asked = before
-        exerted = reference.exerted(wanted, measured, kp, integral)
+        aimed = reference.aimed(wanted, measured, kp, integral)
         inverse = reference.inverse_task_inertia(M, before[0], S, P)
         found = reference.wanted_acceleration(
-            S, inverse, measured - exerted, kd, motion, drift, asked
+            S, inverse, measured - aimed, kd, motion, drift, asked
         )
         across = np.eye(S.shape[1]) - S.T @ S
         B = before[0] @ np.linalg.solve(M, before[0].T)
-        size = np.linalg.norm(B, 2) * np.linalg.norm(measured - exerted)
+        size = np.linalg.norm(B, 2) * np.linalg.norm(measured - aimed)
         share = max(1e-11, 1e-14 * condition(P @ B @ P.T))
         np.testing.assert_allclose(task.wanted, found, rtol=0.0, atol=share * max(1.0, size))
         close(task.error, across @ error)

@@ -9,7 +9,12 @@ from tsid_problems import with_rows
 
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.tsid import reference
-from hoap3.remote_controller.tasks.accelerations.se3_pd_kernels import se3_pd
+from hoap3.remote_controller.tasks.accelerations.se3_pd_kernels import (
+    Asked,
+    Motion,
+    Pose,
+    se3_pd,
+)
 
 SEEDS = [range(200), pytest.param(range(200, 5200), marks=pytest.mark.slow)]
 
@@ -58,8 +63,9 @@ def test_34(seeds):
         arrays = [np.ascontiguousarray(each) for each in (H[:3, 3], goal[:3, 3], goal[:3, :3])]
         origin, goal_origin, goal_rotation = arrays
         se3_pd(
-            *(origin, np.ascontiguousarray(H[:3, :3]), goal_origin, goal_rotation, twist, drift),
-            *(kp, kd, turn, error, wanted, slope),
+            Pose(origin, np.ascontiguousarray(H[:3, :3])),
+            Pose(goal_origin, goal_rotation),
+            *(Motion(twist, drift), kp, kd, turn, Asked(error, wanted, slope)),
         )
         expected, acceleration = reference.desired_acceleration(H, goal, twist, kp, kd)
         np.testing.assert_allclose(error, expected, rtol=0, atol=1e-10)
