@@ -110,7 +110,9 @@ def _in_words(
         remedy = f"{guess}Known keys: {', '.join(sorted(known)) or 'none'}"
         return ConfigError(file, key, error["input"], "unknown key", remedy)
     if error["type"] in {"missing", "union_tag_not_found"}:
-        place = key if error["type"] == "missing" else f"{key}.kind"
+        place = key
+        if error["type"] == "union_tag_not_found":
+            place = f"{key}.{error['ctx']['discriminator'].strip(chr(39))}"
         return ConfigError(file, place, None, "is missing", "Add it")
     if error["type"] == "too_short" and isinstance(error["input"], list | tuple):
         least, found = error["ctx"]["min_length"], error["ctx"]["actual_length"]

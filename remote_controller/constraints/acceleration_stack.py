@@ -39,6 +39,8 @@ class AccelerationStack(Stack):
         file: which config, for errors.
         brake: (n,) what joints can brake with, where the robot could with more [rad/s² or m/s²].
 
+        ranges: (n,) least and greatest positions that joints keep besides [rad or m].
+
     Attributes:
         names: (s,) of the rows.
         rows, rows_lower, rows_upper: (s, n), (s,), (s,) lower ≤ G·q̈ ≤ upper; equal ends are an
@@ -59,15 +61,16 @@ class AccelerationStack(Stack):
         kinematics: Kinematics,
         file: str,
         brake: FloatArray | float = np.inf,
+        ranges: tuple[FloatArray | float, FloatArray | float] = (-np.inf, np.inf),
     ) -> None:
-        from hoap3.remote_controller.constraints.limit_kernels import held_rows, slow_returns
+        from hoap3.remote_controller.constraints.limit_kernels import held_rows
 
         speed, deceleration = _joints_can(constraints, description, brake)
         for constraint, key in zip(constraints, keys, strict=True):
             with located(file, key):
                 constraint.prepare_accelerations(speed, deceleration)
         super().__init__(constraints, labels)
-        self._slow_returns, self._held_rows, n = slow_returns, held_rows, description.n
+        self._held_rows, n = held_rows, description.n
         self.names = tuple(
             f"{label}: {name}"
             for label, constraint in zip(self.labels, self.constraints, strict=True)
@@ -97,12 +100,13 @@ class AccelerationStack(Stack):
         )
         self._motion = Motion(description, kinematics) if self._views else None
         self._stop: CoordinatedStop | None = None
-        if any(each.guarantee == "conditional" for each in self.constraints):
+        if self.constraints:
             aside = Kinematics(description)
             for frame in description.frames:
                 aside.frame_id(frame)
+            period_s = self.constraints[0].period_s
             self._stop = CoordinatedStop(
-                self.constraints, description, aside, deceleration, self.constraints[0].period_s
+                self.constraints, description, aside, deceleration, period_s, *ranges
             )
 
     def update(
@@ -128,12 +132,20 @@ class AccelerationStack(Stack):
         self._motion.update(q, dq)
         for constraint, rows, least, most in self._views:
             constraint.update_accelerations(self._motion, state, rows, least, most)
-            if constraint.yields and constraint.margin() < 0.0:
-                self._slow_returns(rows, most, self.lower, self.upper)
 
     def held(self, ddq: FloatArray) -> int:
         """Bit i: accelerations, (n,), are on a row of constraint i that is no equation."""
         return int(self._held_rows(self.rows, self.rows_lower, self.rows_upper, ddq, self._owners))
+
+    def stop(self, dq: FloatArray, out: FloatArray) -> None:
+        """Write the accelerations, (n,), with which all joints together begin to brake from dq.
+
+        They are those of the stop that `stop_is_safe` looks at; nan where it has no end.
+        """
+        if self._stop is None:
+            out[:] = np.nan
+        else:
+            self._stop.accelerations(dq, out)
 
     def stop_is_safe(self, q_next: FloatArray, dq_next: FloatArray) -> bool:
         """Whether a stop of all joints together keeps every conditional margin ≥ 0, or as it is.

@@ -14,7 +14,8 @@ from hoap3.remote_controller.model.kinematics import Kinematics
 
 STOP_RESERVE = 1e-4  # m: how far below 0 a margin may be between two looks
 STILL = 1e-9  # rad/s² or m/s²: what a joint that may not move brakes with
-MOST_LOOKS = 64  # at postures of one stop; a stop that needs more is taken for unsafe
+MOST_LOOKS = 16  # at postures of one stop; a stop that needs more is taken for unsafe
+LONGEST_S = 1e3  # of a stop: what takes longer is none
 
 
 class CoordinatedStop:
@@ -44,6 +45,7 @@ class CoordinatedStop:
         kinematics: another one than that of the rows; moved.
         brake: (n,) what joints brake with [rad/s² or m/s²].
         period_s: T [s].
+        least, greatest: (n,) ranges that joints keep besides [rad or m].
 
     Attributes:
         looks: at postures, in the last stop.
@@ -56,12 +58,14 @@ class CoordinatedStop:
         kinematics: Kinematics,
         brake: FloatArray,
         period_s: float,
+        least: FloatArray | float = -np.inf,
+        greatest: FloatArray | float = np.inf,
     ) -> None:
         self._kinematics, self._period_s = kinematics, period_s
         self._brake = np.maximum(brake, STILL)
         self._constraints = [each for each in constraints if each.guarantee == "conditional"]
-        self._least, self._greatest = np.full((2, description.n), np.inf)
-        self._least *= -1.0
+        self._least, self._greatest = np.zeros((2, description.n))
+        self._least[:], self._greatest[:] = least, greatest
         for each in constraints:
             if each.least is not None and each.greatest is not None:
                 np.maximum(self._least, each.least, out=self._least)
@@ -97,8 +101,9 @@ class CoordinatedStop:
         self.looks = 0
         if not self._constraints:
             return True
-        time = float(np.max(np.abs(dq) / self._brake))
-        time = math.ceil(time / self._period_s - 1e-9) * self._period_s
+        time = self._duration(dq)
+        if not time <= LONGEST_S:
+            return False
         np.multiply(dq, 0.5 * time, out=self._way)
         most = self._per_joint @ np.abs(self._way)
         first = self._per_joint @ np.abs(q - q_now)
@@ -123,6 +128,19 @@ class CoordinatedStop:
             return True
         end = self._look(1.0)
         return end >= 0 and self._between(0.0, begin, 1.0, end)
+
+    def accelerations(self, dq: FloatArray, out: FloatArray) -> None:
+        """Write q̈ with which a stop from velocities dq begins, (n,); nan where it has no end."""
+        time = self._duration(dq)
+        brake = -1.0 / max(time, self._period_s) if time <= LONGEST_S else math.nan
+        np.multiply(dq, brake, out=out)
+
+    def _duration(self, dq: FloatArray) -> float:
+        """How long all joints brake, in whole periods [s]."""
+        time = float(np.max(np.abs(dq) / self._brake))
+        if not time <= LONGEST_S:
+            return math.inf
+        return math.ceil(time / self._period_s - 1e-9) * self._period_s
 
     def _between(self, start: float, begin: int, stop: float, end: int) -> bool:
         """Whether nothing is lost between two looks, by further ones where need be."""

@@ -148,6 +148,7 @@ def build_accelerations(
     file: str = "config",
     key: str = "parameters.constraints",
     brake: FloatArray | float = np.inf,
+    ranges: tuple[FloatArray | float, FloatArray | float] = (-np.inf, np.inf),
 ) -> AccelerationStack:
     """The same for a controller of accelerations or torques.
 
@@ -155,7 +156,7 @@ def build_accelerations(
         entries, file, key: as for `read`.
         description, kinematics: of the robot; `kinematics` is moved, now and by each update.
         period_s: T, for which q̈ is held [s].
-        brake: as of `AccelerationStack`.
+        brake, ranges: as of `AccelerationStack`.
 
     Raises:
         UnknownNameError, ConfigError: as `build`.
@@ -163,7 +164,7 @@ def build_accelerations(
     made, labels, keys = _make(
         entries, description, kinematics, period_s, file, key, "acceleration"
     )
-    return AccelerationStack(made, labels, keys, description, kinematics, file, brake)
+    return AccelerationStack(made, labels, keys, description, kinematics, file, brake, ranges)
 
 
 def _make(

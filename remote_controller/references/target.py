@@ -135,6 +135,7 @@ class Joined(Target):
     def __init__(self, first: Target, second: Target) -> None:
         super().__init__(first.dimension + second.dimension)
         self._first, self._second = first, second
+        self.rests_after_s = max(first.rests_after_s, second.rests_after_s)
 
     def start(self, present: FloatArray | None, time_s: float) -> None:
         """Begin both."""

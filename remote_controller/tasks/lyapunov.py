@@ -27,12 +27,14 @@ class BuildContext:
     Attributes:
         description, kinematics: of the robot.
         file, key: where it is configured, for errors; other files are sought beside `file`.
+        level: what the controller commands.
     """
 
     description: RobotDescription
     kinematics: Kinematics
     file: str = "config"
     key: str = "task"
+    level: Level = "velocity"
 
     @property
     def folder(self) -> Path:

@@ -117,7 +117,7 @@ def build(
     """
     parameters = check_parameters(settings, file, key, level)
     found = find(settings.task, file, f"{key}.task")
-    context = BuildContext(description, kinematics, file, f"{key}.parameters")
+    context = BuildContext(description, kinematics, file, f"{key}.parameters", level)
     keys = f"{key}.task", context.key
     with building(found, settings.task, description, parameters, file, *keys):
         try:

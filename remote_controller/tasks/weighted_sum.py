@@ -70,6 +70,7 @@ class WeightedSum(LyapunovFunction):
                 context.kinematics,
                 context.file,
                 f"{context.key}.terms.{number}",
+                context.level,
             )
             for number, term in enumerate(parameters.terms)
         ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -20,8 +20,8 @@ class JointTorque(Constraint):
         limit_nm: float | None = Field(
             None, gt=0, description="of every joint; none: the robot's effort [N m or N]"
         )
-        joints_nm: dict[str, float] = Field(
-            {}, description="other limits of single joints, 0 and above [N m or N]"
+        joints_nm: dict[str, Annotated[float, Field(gt=0)]] = Field(
+            {}, description="other limits of single joints [N m or N]"
         )
 
     levels: ClassVar[tuple[Level, ...]] = ("acceleration",)

@@ -91,8 +91,10 @@ class HierarchyController(Controller):
     is V̇ half a period on, and `v_rate_required` is 0 where V does not rise in this period, else how
     fast it may. `certified` says that the condensed problem was solved, by a residual ≤ 10⁻⁹,
     that its bounds leave each joint able to stop, that every joint can hold its load, that nothing
-    touches, that some task takes part, and that priorities are the same in the next tick. `margin`
-    is the least distance from a bound, relative to the greatest acceleration or torque.
+    touches, that some task takes part, that no constraint is violated, and that priorities are the
+    same in the next tick. `margin` is the least distance from a bound, relative to the greatest
+    acceleration or torque, or the least margin of a constraint, in its unit, if that is less.
+    `solver_path` says what became of the tasks' problem, also where the robot stops.
 
     Raises:
         ConfigError: tasks, priorities or bounds that do not fit the robot, or each other.
@@ -178,6 +180,7 @@ class HierarchyController(Controller):
             description.period_s,
             file,
             brake=self.bounds.greatest,
+            ranges=(self.bounds.least, self.bounds.most),
         )
         np.minimum(self.torque_max, self.stack.torque_max, out=self.torque_max)
         names = self.tasks.names
@@ -207,7 +210,6 @@ class HierarchyController(Controller):
         self._nearest = Tsid(self.torque_max, self.bounds.greatest, len(stack.rows))
         self._stopping = Tsid(self.torque_max, self.bounds.greatest)
         self._next_q, self._next_dq = np.zeros((2, n))
-        self._brake_step = self.bounds.greatest * description.period_s
         self._unbounded = np.full(n, np.inf)
         self._no_rows, self._no_wish = np.zeros((0, n)), np.zeros(0)
         self._less = self.tasks.dynamics.weight if self.kind == "torque" else np.zeros(n)
@@ -278,7 +280,7 @@ class HierarchyController(Controller):
             for i in range(len(judged))
         ]
         return [
-            replace(error, task=name, note=notes[i])
+            replace(error, task=name, note=error.note or notes[i])
             for i, name in enumerate(self.tasks.names)
             for error in self.tasks.errors_of(i)
         ]
@@ -335,6 +337,7 @@ class HierarchyController(Controller):
             self.stack.update(q, dq, state, self.bounds.lower, self.bounds.upper)
         command.stamp_kinematics = self.now()
         fallback = SOLVED if self.solve(self.torque_max) else self.fall_back(dq)
+        first = fallback
         if self._keeps and (fallback == STOPPED or not self._can_stop(q, dq)):
             fallback = self._stop(dq)
         if not self._give(self._given, self._less, self.ddq, command.values):
@@ -342,7 +345,7 @@ class HierarchyController(Controller):
         for column, measured in self._wrenches:
             column[:] = measured
         self._counts[:] = self._present_counts
-        sound = self._certify(fallback, dq)
+        sound = self._certify(first, fallback, dq)
         moved = self._settle(state.tick - self._first + 1)
         if sound and not moved:
             command.solver_status = STATUS["certified"]
@@ -384,10 +387,12 @@ class HierarchyController(Controller):
         return self.stack.stop_is_safe(q_next, dq_next)
 
     def _stop(self, dq: FloatArray) -> int:
-        """Brake all joints together, at the braking limit of one, in whole periods."""
-        periods = math.ceil(float(np.max(np.abs(dq) / self._brake_step)))
-        np.multiply(dq, -1.0 / (max(periods, 1) * self._dt), out=self._wish)
-        self._come_near(self._stopping)
+        """Brake all joints together, as far as bounds and torques allow; STOPPED."""
+        self.stack.stop(dq, self._wish)
+        if math.isfinite(float(self._wish.sum())):
+            self._come_near(self._stopping)
+        else:
+            self.ddq[:] = np.nan
         return STOPPED
 
     def _come_near(self, solver: Tsid) -> int:
@@ -406,8 +411,14 @@ class HierarchyController(Controller):
         self.ddq[:], self.tau[:], self.residual = solver.ddq, solver.tau, math.inf
         return found
 
-    def _certify(self, fallback: int, dq: FloatArray) -> bool:
-        """Write what is known of the answer; whether it is proved for the present importance."""
+    def _certify(self, first: int, fallback: int, dq: FloatArray) -> bool:
+        """Write what is known of the answer; whether it is proved for the present importance.
+
+        Args:
+            first: what became of the tasks' problem, before a stop for a constraint.
+            fallback: of the answer.
+            dq: (n,).
+        """
         command, tasks = self.command, self.tasks
         V, rate, growth, command.active_joints = self._predict_lyapunov(
             tasks.tasks,
@@ -433,16 +444,16 @@ class HierarchyController(Controller):
         )
         command.v, command.v_rate_predicted = V, rate
         command.v_rate_required, command.rho = max(growth, 0.0), 1.0
-        command.solver_path = command.fallback = fallback
+        command.solver_path, command.fallback = first, fallback
         touches = bool(tasks.presses) and any(each.touches for each in tasks.presses.values())
         loaded, idle = tasks.load > 1.0, self._idle
         solved = fallback == SOLVED
         command.kkt_residual = self.residual if solved and self.proves else 0.0
         command.solver_status = STATUS["uncertified" if solved else "infeasible"]
         self.present = (
-            (UNFIT if fallback else 0)
-            | (TOO_SMALL if fallback == OVERLOADED_MOTORS else 0)
-            | (UNSOLVED if fallback == GAVE_UP else 0)
+            (UNFIT if first else 0)
+            | (TOO_SMALL if first == OVERLOADED_MOTORS else 0)
+            | (UNSOLVED if first == GAVE_UP else 0)
             | (HELD if held else 0)
             | (HALF_A_TURN if tasks.opposite else 0)
             | (LOADED if loaded else 0)
@@ -451,15 +462,15 @@ class HierarchyController(Controller):
             | (IDLE if idle else 0)
             | (0 if self.proves else UNPROVED)
         )
-        if self._keeps:
-            self._judge_constraints(fallback)
+        kept = not self._keeps or self._judge_constraints(fallback)
         proved = solved and self.proves and self.residual <= CERTIFIED_RESIDUAL
-        return proved and self._viable and not (touches or loaded or idle)
+        return proved and kept and self._viable and not (touches or loaded or idle)
 
-    def _judge_constraints(self, fallback: int) -> None:
-        """Have margin and conditions say what is known of the constraints."""
-        stack, command = self.stack, self.command
-        command.margin = min(command.margin, stack.margin())
+    def _judge_constraints(self, fallback: int) -> bool:
+        """Have margin and conditions say what is known of the constraints; whether all are kept."""
+        stack, command, margin = self.stack, self.command, self.stack.margin()
+        command.margin = min(margin, command.margin)  # nan, if there is one, stays
         self.present |= STOPS if fallback == STOPPED else 0
         events = self._events.look() << len(stack.labels)
         self.present |= (stack.held(self.ddq) | events) << len(CONDITIONS)
+        return margin >= -CURVATURE

@@ -65,6 +65,7 @@ class JointBounds:
     Attributes:
         lower, upper: of the last state, (n,) [rad/s² or m/s²]; ∓`NO_BOUND` with `none`.
         greatest: accelerations in use, (n,).
+        least, most: ends of the ranges that are kept, (n,) [rad or m].
 
     Raises:
         ConfigError: limits and settings that do not go together, such as against condition (11).
@@ -80,18 +81,18 @@ class JointBounds:
         most = np.minimum(description.brake_acceleration, description.setpoint_acceleration_max)
         self.greatest = np.array(given or most) * settings.acceleration_share * np.ones(n)
         self.lower, self.upper = np.full(n, -NO_BOUND), np.full(n, NO_BOUND)
-        self._least, self._most = np.array(description.lower), np.array(description.upper)
-        self._least += settings.margin_rad
-        self._most -= settings.margin_rad
-        self._bounds = self._usual = self._between(self._least, self._most)
+        self.least, self.most = np.array(description.lower), np.array(description.upper)
+        self.least += settings.margin_rad
+        self.most -= settings.margin_rad
+        self._bounds = self._usual = self._between(self.least, self.most)
         self.greatest = np.minimum(self._bounds.up, self._bounds.down)
 
     def begin(self, q: FloatArray) -> None:
         """A joint that is outside its range here, (n,), may stay, and not go further out."""
         self._bounds = self._usual
-        outside = (q < self._least) | (q > self._most)
+        outside = (q < self.least) | (q > self.most)
         if outside.any() and np.isfinite(q).all():
-            self._bounds = self._between(np.minimum(self._least, q), np.maximum(self._most, q))
+            self._bounds = self._between(np.minimum(self.least, q), np.maximum(self.most, q))
 
     def update(self, q: FloatArray, dq: FloatArray) -> None:
         """Take a state that is finite, (n,) both."""

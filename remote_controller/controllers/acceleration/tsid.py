@@ -52,6 +52,7 @@ class TsidController(WeighedController):
         m = tasks.rows[-1].start
         self._jacobian, self._wanted = tasks.jacobian[:m], tasks.wanted[:m]
         self._rest = tasks.wanted[m:]
+        self._weighed = np.zeros_like(self._jacobian), np.zeros(m)
         self._found = status.OK
 
     @classmethod
@@ -85,7 +86,9 @@ class TsidController(WeighedController):
             solver.rows_lower[:], solver.rows_upper[:] = stack.rows_lower, stack.rows_upper
         jacobian, wanted = self._jacobian, self._wanted
         if self._roots is not None:
-            jacobian, wanted = jacobian * self._roots, wanted * self._roots[:, 0]
+            jacobian, wanted = self._weighed
+            np.multiply(self._jacobian, self._roots, out=jacobian)
+            np.multiply(self._wanted, self._roots[:, 0], out=wanted)
         self._found = solver.solve(
             jacobian,
             wanted,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from hoap3.protocol.config.settings import Settings
+from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.references.settings import TargetSettings
 from hoap3.remote_controller.tasks.accelerations.standing import turned
@@ -20,6 +21,8 @@ from hoap3.remote_controller.tasks.accuracy import (
     ToleranceM,
 )
 from hoap3.remote_controller.tasks.frames.frame_position import FramePositionTask
+from hoap3.remote_controller.tasks.lyapunov import BuildContext
+from hoap3.remote_controller.tasks.task_function import TaskFunction
 
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 AXES: tuple[Axis, ...] = ("x", "y", "z", "rx", "ry", "rz")
@@ -152,6 +155,17 @@ class WrenchTask(FramePositionTask):
             y /= np.linalg.norm(y)
             return np.column_stack([np.cross(y, z), y, z])
 
+    @classmethod
+    def configured(cls, context: BuildContext, parameters: Any) -> TaskFunction:
+        """Refused: it has no V of its own, as a term of a sum would need.
+
+        Raises:
+            ConfigError: always.
+        """
+        del context, parameters
+        problem = "a wrench has no V of its own"
+        raise ConfigError("", "", "wrench", problem, "Make it a task beside the others")
+
 
 class Sensed(NamedTuple):
     """Where a sensor's wrench stands.
@@ -278,6 +292,9 @@ class WrenchControl:
         if absent >= 1.0:
             self.reset()
         pressed = self._kernels.measure(*sensed, self.S, self._along, self.measured)
+        if absent >= 1.0:
+            self._learns = False
+            return
         felt = pressed >= self._settings.touch_n
         self.touches, self._learns = self.touches or felt, felt and absent <= 0.0
 

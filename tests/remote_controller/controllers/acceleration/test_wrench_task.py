@@ -322,8 +322,8 @@ def test_the_orientation_leads_to_the_one_that_is_asked_for():
         first = tasks.dynamics.placement(start, "ee")[1]
         present = tasks.dynamics.placement(q, "ee")[1]
         for each, wanted in ((tasks, goal), (held, first)):
-            each.begin(start, np.zeros(7), 0.0)
-            each.update(q, np.zeros(7), np.zeros(6), T, np.zeros(3))
+            each.begin(start, np.zeros(7), 0.0, T)
+            each.update(q, np.zeros(7), np.zeros(6), T, 2.0 * T, np.zeros(3))
             found = pinocchio.exp3(each.error[3:6])
             np.testing.assert_allclose(found @ present, wanted, rtol=0, atol=1e-9)
 
