@@ -14,7 +14,7 @@ from hoap3.remote_controller.model.kinematics import Kinematics
 
 STOP_RESERVE = 1e-4  # m: how far below 0 a margin may be between two looks
 STILL = 1e-9  # rad/s² or m/s²: what a joint that may not move brakes with
-MOST_LOOKS = 16  # at postures of one stop; a stop that needs more is taken for unsafe
+MOST_LOOKS = 24  # at postures of one stop; a stop that needs more is taken for unsafe
 LONGEST_S = 1e3  # of a stop: what takes longer is none
 
 
