@@ -33,7 +33,7 @@ from hoap3.remote_controller.solvers.clik.clik_kernels import (
 from hoap3.remote_controller.solvers.clik.lmi_kernels import find_blocks
 from hoap3.remote_controller.solvers.linalg.dense_kernels import MAX, dot, not_finite
 from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import syrk
-from hoap3.remote_controller.solvers.sdp.certificate_kernels import OVER, certify, keep_better
+from hoap3.remote_controller.solvers.sdp.certificate_kernels import certify, keep_better
 from hoap3.remote_controller.solvers.sdp.driver_kernels import BUDGET, NONE, WARM, optimise
 from hoap3.remote_controller.solvers.sdp.memory_kernels import (
     ENDED,
@@ -83,17 +83,6 @@ class Answer(NamedTuple):
 def _refused(status: int, newton: int, inner: int) -> Answer:
     """No answer."""
     return Answer(status, NONE, 0, 0, newton, inner, 0.0, 0.0, 0.0, math.inf, 1.0)
-
-
-@inlined
-def _cut(fed: Vector, scale: float, speed: Vector, limits: Matrix) -> bool:
-    """Whether a joint of fed + scale·speed is outside its limits by more than rounding."""
-    found = False
-    for r in range(fed.size):
-        dq = fed[r] + scale * speed[r]
-        found = found or dq - limits[1, r] > OVER * (1.0 + limits[1, r])
-        found = found or limits[0, r] - dq > OVER * (1.0 - limits[0, r])
-    return found
 
 
 @inlined
@@ -170,7 +159,7 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     """Solve one problem.
 
     Where what is fed forward breaks the limits of dq and Λ e does not take all joints back within
-    them, the gains are 0 and what is fed is cut off, each joint by itself.
+    them, dq is cut off, each joint by itself: it is no B(Λ e + x), and β says nothing of it.
 
     Args:
         jacobian, errors: (n, joints), (n,).
@@ -231,10 +220,6 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
         keep_better(program, desired, gains, points.x, m.kept, check)
     beta, slack, margin, gap, kept = certify(program, points.x, m.dual, check)
     x, speed = points.x, check.speed
-    if kept and _cut(fed, desired, speed, m.speeds):
-        for i in range(n + 1):
-            x[i] = 0.0
-        beta, slack, margin, gap, kept = certify(program, x, m.dual, check)
     if not kept:
         counts[RANK] = 0
         path = NONE if path != BUDGET else BUDGET

@@ -113,7 +113,7 @@ def test_a_frame_that_stands_is_known_from_one_that_moves():
 def aimed(origin, rotation, goal, turn, twist, drift=None, kp=0.0, kd=0.0):
     error, wanted, slope = np.zeros((3, 6))
     drift = np.zeros(6) if drift is None else drift
-    arrays = (np.array(origin), np.array(rotation), np.array(goal), np.ascontiguousarray(turn))
+    arrays = [np.array(each, order="C") for each in (origin, rotation, goal, turn)]
     frame, target = Pose(*arrays[:2]), Pose(*arrays[2:])
     out = Asked(error, wanted, slope)
     V, where = se3_pd(frame, target, Motion(twist, drift), kp, kd, np.zeros((3, 3)), out)
