@@ -1,4 +1,4 @@
-"""CONTRIBUTING.md: its patch applies, and what it adds is tested without further places."""
+"""CONTRIBUTING.md: its patches apply, and what they add is tested without further places."""
 
 from __future__ import annotations
 
@@ -11,23 +11,26 @@ import pytest
 from support import HOUSE
 
 ROOMS = ("protocol", "remote_controller", "robot_emulator", "tools", "tests", "docs", "hoap3")
-TESTS = "tests/remote_controller/tasks"
+TESTS = "tests/remote_controller"
+TASK, CONSTRAINT = 0, 1
 
 
-def patch() -> str:
-    """The patch that adds a task."""
+def patch(which: int) -> str:
+    """The patch that adds a task, or a constraint."""
     text = (HOUSE / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    (found,) = re.findall(r"^```diff\n(.*?)^```$", text, flags=re.DOTALL | re.MULTILINE)
-    return found
+    found = re.findall(r"^```diff\n(.*?)^```$", text, flags=re.DOTALL | re.MULTILINE)
+    assert len(found) == 2
+    return found[which]
 
 
-def test_a_new_task_touches_three_places():
-    assert len(re.findall(r"^\+\+\+ ", patch(), flags=re.MULTILINE)) == 3
+@pytest.mark.parametrize("which", [TASK, CONSTRAINT])
+def test_what_is_new_touches_three_places_at_most(which):
+    assert len(re.findall(r"^\+\+\+ ", patch(which), flags=re.MULTILINE)) <= 3
 
 
-@pytest.mark.long
-def test_a_new_task_is_tested_from_the_start(tmp_path):
-    """Every suite of tasks tries it, and passes; kernels are compiled anew in the copy."""
+@pytest.fixture
+def run(tmp_path):
+    """Run a command in a copy of the checkout; what it says."""
     copy = tmp_path / "checkout"
     copy.mkdir()
     for room in ROOMS:
@@ -36,18 +39,36 @@ def test_a_new_task_is_tested_from_the_start(tmp_path):
         )
     shutil.copy(HOUSE / "pyproject.toml", copy)
 
-    def run(*command: str, text: str | None = None) -> str:
+    def told(*command: str, text: str | None = None) -> str:
         done = subprocess.run(
             command, cwd=copy, input=text, capture_output=True, text=True, check=False
         )
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout
 
-    run("git", "apply", "-C1", text=patch())
+    return told
+
+
+PYTEST = (sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-rA")
+
+
+@pytest.mark.long
+def test_a_new_task_is_tested_from_the_start(run):
+    """Every suite of tasks tries it, and passes; kernels are compiled anew in the copy."""
+    run("git", "apply", "-C1", text=patch(TASK))
     run(sys.executable, "-m", "hoap3.tools.robots.tasks_table")
     words = "joint_pair or two and joints or is_tried or up_to_date or beside_each_other"
-    pytest_ = (sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-rA", TESTS)
-    told = run(*pytest_, "-k", words)
+    told = run(*PYTEST, f"{TESTS}/tasks", "-k", words)
     for suite in ("task_properties", "task_derivatives", "task_rows", "task_levels"):
         name = "joint_pair" if suite == "task_levels" else "two joints"
         assert re.search(rf"PASSED .*test_{suite}\.py::.*{name}", told), told
+
+
+@pytest.mark.long
+def test_a_new_constraint_is_tested_from_the_start(run):
+    """Every suite of constraints tries it, and passes."""
+    run("git", "apply", "-C1", text=patch(CONSTRAINT))
+    run(sys.executable, "-m", "hoap3.tools.robots.constraints_table")
+    told = run(*PYTEST, f"{TESTS}/constraints", "-k", "least_height or up_to_date")
+    for suite in ("constraint_properties", "viable_steps", "constraint_levels"):
+        assert re.search(rf"PASSED .*test_{suite}\.py::.*least_height", told), told

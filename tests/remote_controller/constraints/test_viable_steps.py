@@ -59,7 +59,7 @@ def rolling(q):
 
 
 def entry(name):
-    return {"constraint": name, **ENTRIES[name]}
+    return {"constraint": name, **ENTRIES.get(name, {})}
 
 
 def margins_after(bench, u):
