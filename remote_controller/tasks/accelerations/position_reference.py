@@ -36,7 +36,8 @@ class PositionReference:
         self._place_in_root = kernels.place_in_root
         self._target, self._origin, self._axes, self._period = target, origin, axes, period_s
         self._out = out
-        self._now, self._next = np.zeros((2, 2, 3))  # position and velocity
+        self._now = np.zeros(3), np.zeros(3)  # position and velocity
+        self._next = np.zeros(3), np.zeros(3)
         self._known_s = math.nan  # time of the next ones
         self._rested, self._rests_at = False, 0.0
 
