@@ -48,7 +48,7 @@ def velocity_bounds(q: Array, v: Array, limits: Array, T: float) -> tuple[Array,
 
 def own_start(before: Array, s: Array, speed: Array, T: float) -> Array:
     """Where the setpoint's motion to s began: at the one before, or, after a jump, at s."""
-    return np.where(np.abs(s - before) <= speed * T, before, s)
+    return np.asarray(np.where(np.abs(s - before) <= speed * T, before, s))
 
 
 def room_left(s: Array, start: Array, q: Array, v: Array, limits: Array, T: float) -> Array:
@@ -62,4 +62,6 @@ def room_left(s: Array, start: Array, q: Array, v: Array, limits: Array, T: floa
     wall = stopping_speed(np.where(w > 0.0, upper - q, q - lower), A, T) - np.abs(w)
     near = A * T - np.maximum(np.abs(w - v), np.abs(own - w))
     inside = np.minimum(s - lower, upper - s) / T
-    return np.minimum.reduce([inside, speed - np.abs(w), near, np.where(w == 0.0, np.inf, wall)])
+    return np.asarray(
+        np.minimum.reduce([inside, speed - np.abs(w), near, np.where(w == 0.0, np.inf, wall)])
+    )

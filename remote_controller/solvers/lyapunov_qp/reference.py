@@ -29,6 +29,19 @@ def lp_norm(gradient: Array, decrease: float, p: float) -> Array:
     return u
 
 
+def lyapunov(
+    error: Array, jacobian: Array, drift: Array, weights: Array
+) -> tuple[float, Array, float]:
+    """V = ½ eᵀWe, ∇V = JᵀWe (39) and, of (18), ∂V/∂t = eᵀW ∂e/∂t; W = diag(weights)."""
+    W = np.diag(weights)
+    return float(0.5 * error @ W @ error), jacobian.T @ W @ error, float(error @ W @ drift)
+
+
+def adapted_gamma(gradient: Array, far: float) -> float:
+    """γ = (2γ_far/π)·atan(100|∇V|) of section V-C."""
+    return 2.0 * far / math.pi * math.atan(100.0 * float(np.linalg.norm(gradient)))
+
+
 def descent_rate(
     form: str, V: float, gradient: Array, error: float, first: float, second: float
 ) -> float:
