@@ -34,6 +34,37 @@ def advanced(
     return stopped(q + dt * (dq + dt * ddq), dq + dt * ddq, lower, upper)
 
 
+def served(
+    command: Array, share: float, dt: float, counts: Array, place: Array, shown: Array
+) -> tuple[Array, Array, Array]:
+    """Servos that do a share of their way: where joints are, what encoders show, and its rate.
+
+    An encoder counts in int16; one with 0 counts per rad shows the place itself.
+    """
+    there = place + share * (command - place)
+    steps = np.where(counts == 0.0, 1.0, counts)
+    counted = np.clip(np.rint(there * steps), -(2**15), 2**15 - 1) / steps
+    q = np.where(counts == 0.0, there, counted)
+    return there, q, (q - shown) / dt
+
+
+def friction(dq: Array, viscous: Array, coulomb: Array, sliding: float) -> tuple[Array, Array]:
+    """B and −B·dq with B = viscous + coulomb/max(|dq|, sliding)."""
+    B = viscous + coulomb / np.maximum(np.abs(dq), sliding)
+    return B, -B * dq
+
+
+def touched(place: Array, offset: Array, axes: Array, level: float) -> tuple[Array, float]:
+    """A point (3,) of a body at [R p], (3, 4), and its depth below the plane nᵀx = level."""
+    point = place[:, :3] @ offset + place[:, 3]
+    return point, float(level - axes[0] @ point)
+
+
+def contact_rows(joints: Array, moved: Array, axes: Array, point: Array) -> Array:
+    """Velocities of a point along its axes, (3, n): v + ω × p of the joints that move it."""
+    return np.asarray(axes @ (joints[:3] + np.cross(joints[3:].T, point).T) * moved)
+
+
 def law(depth: float, v: Array, stiffness: float, damping: float, mu: float, h: float) -> Array:
     """Force of one contact, (normal, two tangents), at the velocity v at the end of a step of h.
 

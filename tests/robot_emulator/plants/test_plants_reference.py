@@ -41,6 +41,59 @@ def test_joints_move_by_constant_accelerations_and_by_euler(seeds):
 
 
 @many
+def test_servos_encoders_and_friction(seeds):
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        n, dt = int(rng.integers(1, 9)), 10.0 ** rng.uniform(-3, -1)
+        command, place, shown, dq = rng.normal(size=(4, n))
+        share = float(rng.choice([1.0, rng.random()]))
+        counts = rng.choice([0.0, 1e3, 3e4], n)
+        expected = plain.served(command, share, dt, counts, place, shown)
+        there, q, rate = place.copy(), shown.copy(), np.empty(n)
+        motion_kernels.serve(command, share, dt, counts, there, q, rate)
+        for found, wanted in zip((there, q, rate), expected, strict=True):
+            near(found, wanted)
+
+        viscous, coulomb = rng.exponential(size=(2, n))
+        B, torque, sliding = np.empty(n), np.empty(n), rng.random()
+        motion_kernels.joint_friction(dq, viscous, coulomb, sliding, B, torque)
+        for found, wanted in zip(
+            (B, torque), plain.friction(dq, viscous, coulomb, sliding), strict=True
+        ):
+            near(found, wanted)
+
+        lower, upper, kept = -rng.random(n), rng.random(n), np.empty(n)
+        first = motion_kernels.clamp(dq, lower, upper, kept)
+        np.testing.assert_array_equal(kept, np.clip(dq, lower, upper))
+        assert first == next(iter(np.flatnonzero(kept != dq)), -1)
+
+
+@many
+def test_points_of_bodies_their_depths_and_their_rows(seeds):
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        n, b, c = int(rng.integers(1, 8)), int(rng.integers(1, 4)), int(rng.integers(1, 5))
+        bases = np.linalg.qr(rng.normal(size=(b + c, 3, 3)))[0]
+        places = np.concatenate([bases[:b], rng.normal(size=(b, 3, 1))], axis=2)
+        axes, carriers = bases[b:].copy(), rng.integers(0, b, c)
+        offsets, levels, joints = (
+            rng.normal(size=(c, 3)),
+            rng.normal(size=c),
+            rng.normal(size=(6, n)),
+        )
+        points, depths, rows = np.empty((c, 3)), np.empty(c), np.zeros((c, 3, n))
+        touching = contact_kernels.touch(places, carriers, offsets, axes, levels, points, depths)
+        assert touching == (depths > 0.0).sum()
+        order, movers = rng.permutation(n), rng.random((c, n)) < 0.6
+        contact_kernels.contact_rows(joints, order, movers, axes, points, rows)
+        for i in range(c):
+            point, depth = plain.touched(places[carriers[i]], offsets[i], axes[i], levels[i])
+            near(points[i], point)
+            near(depths[i], np.array(depth))
+            near(rows[i], plain.contact_rows(joints[:, order], movers[i], axes[i], point))
+
+
+@many
 def test_contacts_push_as_their_law_asks_where_they_lead(seeds):
     for seed in seeds:
         rng = np.random.default_rng(seed)
