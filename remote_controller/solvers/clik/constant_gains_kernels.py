@@ -32,10 +32,10 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
     dt: float,
     damping: float,
     wanted: Vector,
-    squares: Cube,
-    wide: Cube,
-    own: Matrix,
-    vectors: Matrix,
+    by_tasks: Cube,
+    by_joints: Cube,
+    P: Matrix,
+    lines: Matrix,
     gains: Vector,
     dq: Vector,
 ) -> tuple[int, int, float, float]:
@@ -51,13 +51,13 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
             targets take of dq, written; (3, joints).
         dt, damping: Δt, d.
         wanted: λ, (n,).
-        squares: memory of what is (n, n): L; G = LᵀL; C(λ, 0) and V of `stability_matrix`; U of
-            `solve_loop`; R, M and T of `Basis`; (8, n, n).
-        wide: of what is (n, joints): Bᵀ, and Q of `Basis`; (2, n, joints).
-        own: P of `Basis`, (n, 2n).
-        vectors: memory of the roots √w, the diagonal of D; of B Λ e, (joints,); of L₀⁻¹ rates; and
-            of the lengths of `Basis`; the first three then of `least_eigenvalue`; (4, n or joints,
-            whichever is more).
+        by_tasks: memory of the (n, n) matrices L; G = LᵀL; C(λ, 0) and V of `stability_matrix`; U
+            of `solve_loop`; R, M and T of `Basis`; (8, n, n).
+        by_joints: memory of the (n, joints) matrices Bᵀ, and Q of `Basis`; (2, n, joints).
+        P: memory of P of `Basis`, (n, 2n).
+        lines: memory of the roots √w, (n,), the diagonal of D; of B Λ e, (joints,); of L₀⁻¹ rates,
+            (n,); and of the lengths of `Basis`, (n,); the first three then of `least_eigenvalue`;
+            (4, n or joints, whichever is more).
         gains, dq: written, (n,) and (joints,); zeros where there is no answer.
 
     Returns:
@@ -75,12 +75,10 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
     fit = 0.0 < dt <= MAX and 0.0 <= damping <= MAX and not not_finite(wanted)
     if not fit or unfit(jacobian, errors, rates, weights, speeds):
         return BAD_INPUT, 0, 0.0, 1.0
-    L, G, C, V, U = squares[0], squares[1], squares[2], squares[3], squares[4]
-    R, M, T = squares[5], squares[6], squares[7]
-    roots, move, through = vectors[0, :n], vectors[1, :joints], vectors[2, :n]
-    lengths = vectors[3, :n]
-    Bt, Q = wide[0], wide[1]
-    basis = Basis(Q, R, M, T, own, lengths)
+    L, G, C, V, U = by_tasks[0], by_tasks[1], by_tasks[2], by_tasks[3], by_tasks[4]
+    Bt = by_joints[0]  # Bᵀ
+    basis = Basis(by_joints[1], by_tasks[5], by_tasks[6], by_tasks[7], P, lines[3, :n])
+    roots, move, through = lines[0, :n], lines[1, :joints], lines[2, :n]
     for i in range(n):
         roots[i] = math.sqrt(weights[i])
     rank = prioritised(jacobian, offsets, damping, roots, L, Bt, basis)
@@ -115,7 +113,7 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
         for j in range(i):
             G[i, j] = G[j, i]
     stability_matrix(L, G, gains, 0.0, dt, C, V)
-    beta = least_eigenvalue(C, 0.0, ACCURACY, vectors)  # (15)
+    beta = least_eigenvalue(C, 0.0, ACCURACY, lines)  # (15)
     if not_finite(dq) or not abs(beta) <= MAX:
         for r in range(joints):
             dq[r], fed[r] = 0.0, 0.0

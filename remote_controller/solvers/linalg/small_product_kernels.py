@@ -61,9 +61,9 @@ def clear(A: Matrix) -> None:
 
 
 @inlined
-def dot_column(S: Matrix, r: int, x: Vector) -> float:
-    """Row r of S times λ; S is given transposed."""
+def dot_column(St: Matrix, r: int, gains: Vector) -> float:
+    """S λ of joint r, from Sᵀ (n, joints) and λ (n,)."""
     found = 0.0
-    for i in range(S.shape[0]):
-        found += S[i, r] * x[i]
+    for i in range(St.shape[0]):
+        found += St[i, r] * gains[i]
     return found

@@ -16,14 +16,17 @@ OVER = 1e-9  # of 1 + |limit|: what is cut off as rounding
 
 
 @kernel()
-def fit(S: Matrix, limits: Matrix, gains: Vector, speed: Vector) -> float:
-    """Write S λ, with λ shortened until it keeps the limits; how near it comes to them."""
-    n, share = S.shape[0], 1.0
+def fit(St: Matrix, limits: Matrix, gains: Vector, speed: Vector) -> float:
+    """Write S λ, with λ shortened until it keeps the limits; how near it comes to them.
+
+    St: Sᵀ, (n, joints); limits: (2, joints); gains: λ, (n,); speed: written, (joints,).
+    """
+    n, share = St.shape[0], 1.0
     for r in range(speed.size):
         speed[r] = 0.0
     for i in range(n):
         for r in range(speed.size):
-            speed[r] += gains[i] * S[i, r]
+            speed[r] += gains[i] * St[i, r]
     for r in range(speed.size):
         if speed[r] - limits[1, r] > OVER * (1.0 + limits[1, r]):
             share = min(share, limits[1, r] / speed[r])
@@ -47,9 +50,9 @@ def _duality_gap(program: Program, gains: Vector, beta: float, dual: Dual, check
     least, so it falls below its value here by |g_λ|²/4δ + g_β²/4 at most, g its gradient. By the
     same curvature of the objective |β − β*|² ≤ gap and δ|λ − λ*|² ≤ gap.
     """
-    S, limits, delta, Z, z = program.S, program.limits, program.delta, dual.Z, dual.z
+    St, limits, delta, Z, z = program.St, program.limits, program.delta, dual.Z, dual.z
     C, V, speed = check.C, check.V, check.speed
-    n, joints = S.shape
+    n, joints = St.shape
     gap, trace, pulled = 0.0, 0.0, False
     for r in range(joints):
         if z[1, r] > 0.0:
@@ -68,7 +71,7 @@ def _duality_gap(program: Program, gains: Vector, beta: float, dual: Dual, check
         slope = 2.0 * delta * gains[i]  # g_λ
         if pulled:
             for r in range(joints):
-                slope += S[i, r] * (z[1, r] - z[0, r])
+                slope += St[i, r] * (z[1, r] - z[0, r])
         for k in range(n):
             slope -= 2.0 * V[k, i] * Z[k, i]
         gap += 0.25 * slope * slope / delta
@@ -94,11 +97,11 @@ def certify(
     Returns:
         β, slack of the matrix inequality, margin of the limits, gap, whether V is proved to fall.
     """
-    L, G, S, limits, dt = program.L, program.G, program.S, program.limits, program.dt
+    L, G, St, limits, dt = program.L, program.G, program.St, program.limits, program.dt
     C, V, W = check.C, check.V, check.W
-    n = S.shape[0]
+    n = St.shape[0]
     gains = x[:n]
-    margin = fit(S, limits, gains, check.speed)
+    margin = fit(St, limits, gains, check.speed)
     stability_matrix(L, G, gains, 0.0, dt, C, V)
     for i in range(n):
         for j in range(n):
@@ -109,7 +112,7 @@ def certify(
         beta = 0.0
         for i in range(n + 1):
             x[i] = 0.0
-        margin = fit(S, limits, gains, check.speed)
+        margin = fit(St, limits, gains, check.speed)
         stability_matrix(L, G, gains, 0.0, dt, C, V)
     gap = _duality_gap(program, gains, beta, dual, check)
     return beta, beta - float(x[n]), margin, gap, kept
@@ -123,11 +126,11 @@ def keep_better(
 
     `last` are these gains [1/s]; kept: (n + 1,), scratch: the same in the units of β̃, and β.
     """
-    n = program.S.shape[0]
+    n = program.St.shape[0]
     for i in range(n):
         kept[i] = last[i] / desired
-    fit(program.S, program.limits, found[:n], check.speed)
-    fit(program.S, program.limits, kept[:n], check.speed)
+    fit(program.St, program.limits, found[:n], check.speed)
+    fit(program.St, program.limits, kept[:n], check.speed)
     beta = certified(program, found[:n], check)
     kept[n] = certified(program, kept[:n], check)
     if kept[n] > beta:

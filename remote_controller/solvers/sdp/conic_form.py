@@ -58,13 +58,13 @@ class ConicForm:
         self._indptr = ends.astype(np.int32)
 
     def fill(
-        self, L: Array, S: Array, limits: Array, dt: float, delta: float
+        self, L: Array, St: Array, limits: Array, dt: float, delta: float
     ) -> tuple[Any, Array, Any, Array]:
         """P, q, A and b in the units of β̃ = 1.
 
         Args:
             L: (n, n).
-            S: Sᵀ, (n, joints).
+            St: Sᵀ of (24), (n, joints).
             limits: of S λ, (2, joints), ∓inf where there is none.
             dt, delta: Δt β̃ and δ.
         """
@@ -77,7 +77,7 @@ class ConicForm:
             self.used = used
             self._lay_out()
         gains = L[self._of_L]
-        signed = np.hstack([S, -S])[:, used]
+        signed = np.hstack([St, -St])[:, used]
         above, beside = self._above * gains, np.sqrt(dt) * self._beside * gains
         whole = np.hstack([signed, above.reshape(n, n), beside.reshape(n, n)])
         data = np.concatenate([whole.ravel(), np.ones(n)])

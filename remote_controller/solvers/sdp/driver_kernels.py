@@ -43,10 +43,10 @@ def _guess(program: Program, x: Vector, dual: Dual, active: Active, check: Check
     Those whose multiplier is larger than what it is the multiplier of. `check` has C; written are
     all of `active` but the blocks.
     """
-    S, limits, Z, z = program.S, program.limits, dual.Z, dual.z
+    St, limits, Z, z = program.St, program.limits, dual.Z, dual.z
     C, W, E, Y, block = check.C, check.W, check.E, active.Y, active.block
     held, nu = active.held, active.nu
-    n, rank, holding = S.shape[0], 0, 0
+    n, rank, holding = St.shape[0], 0, 0
     for i in range(n):
         for j in range(n):
             W[i, j] = Z[i, j]
@@ -62,10 +62,10 @@ def _guess(program: Program, x: Vector, dual: Dual, active: Active, check: Check
             for i in range(n):
                 Y[rank, i] = root * E[k, i] if block[i] == active.home[rank] else 0.0
             rank += 1
-    for r in range(S.shape[1]):
+    for r in range(St.shape[1]):
         speed = 0.0
         for i in range(n):
-            speed += S[i, r] * x[i]
+            speed += St[i, r] * x[i]
         if locked(limits, r) and holding < n:
             held[holding], nu[holding] = r + 1, 0.0
             holding += 1
@@ -102,9 +102,9 @@ def _multipliers(active: Active, dual: Dual) -> None:
 @inlined
 def _spring_multipliers(program: Program, x: Vector, dual: Dual) -> None:
     """Write what holds the joints that may not move, where the interior-point method held them."""
-    for r in range(program.S.shape[1]):
+    for r in range(program.St.shape[1]):
         if locked(program.limits, r):
-            pull = SPRING * dot_column(program.S, r, x)
+            pull = SPRING * dot_column(program.St, r, x)
             dual.z[0, r], dual.z[1, r] = max(-pull, 0.0), max(pull, 0.0)
 
 
@@ -117,7 +117,7 @@ def polish(
     Returns:
         Whether it arrived, and all is overwritten by the optimum; steps taken.
     """
-    n, x, trial, check = program.S.shape[0], points.x, points.trial, work.check
+    n, x, trial, check = program.St.shape[0], points.x, points.trial, work.check
     stability_matrix(program.L, program.G, x[:n], float(x[n]), program.dt, check.C, check.V)
     _guess(program, x, dual, active, check)
     for i in range(n + 1):
@@ -144,7 +144,7 @@ def _begin_or_go_on(
     """
     x, inside = points.x, points.inside
     going_on: bool = active.counts[ENDED] > 0
-    for i in range(program.S.shape[0] + 1 if going_on else 0):
+    for i in range(program.St.shape[0] + 1 if going_on else 0):
         x[i] = inside[i]
     if going_on:
         renew(program, dual.z, slacks.s)
@@ -205,7 +205,7 @@ def optimise(
         tries += 1
     if spent and not close:
         counts[ENDED] = CLOSE if near else INSIDE
-        for i in range(program.S.shape[0] + 1):
+        for i in range(program.St.shape[0] + 1):
             points.inside[i] = x[i]
     _spring_multipliers(program, x, dual)
     return BUDGET if spent else IPM, newton, inner

@@ -106,12 +106,12 @@ def locked(limits: Matrix, r: int) -> bool:
 
 
 @kernel()
-def _missing(S: Matrix, limits: Matrix, x: Vector, speed: Vector, slacks: Slacks) -> None:
+def _missing(St: Matrix, limits: Matrix, x: Vector, speed: Vector, slacks: Slacks) -> None:
     """How much more than the distance to the limits each slack is; speed: (joints,), S λ."""
     slack, miss = slacks.s, slacks.miss
     for r in range(speed.size):
         speed[r] = 0.0
-    add_rows(speed, x, S, 0, S.shape[0], 0)
+    add_rows(speed, x, St, 0, St.shape[0], 0)
     for r in range(speed.size):
         if slack[0, r] < math.inf:
             miss[0, r] = slack[0, r] - (speed[r] - limits[0, r])
@@ -120,13 +120,13 @@ def _missing(S: Matrix, limits: Matrix, x: Vector, speed: Vector, slacks: Slacks
 
 
 @kernel()
-def _limit_step(S: Matrix, dx: Vector, z: Matrix, slacks: Slacks) -> None:
+def _limit_step(St: Matrix, dx: Vector, z: Matrix, slacks: Slacks) -> None:
     """How much each slack falls along dx, and how much its multiplier changes: z s = aim·s."""
     slack, miss, fall, aim, dz = slacks.s, slacks.miss, slacks.fall, slacks.aim, slacks.dz
-    upper, n = fall[1], S.shape[0]
+    upper, n = fall[1], St.shape[0]
     for r in range(upper.size):
         upper[r] = 0.0
-    add_rows(upper, dx, S, 0, n, 0)
+    add_rows(upper, dx, St, 0, n, 0)
     for r in range(upper.size):
         fall[0, r] = -upper[r]
         for side in range(2):
@@ -169,11 +169,11 @@ def _hessian(
     (XV)_ij (ZV)_ji + (XV)_ji (ZV)_ij + X_ij (VᵀZV)_ij + Z_ij (VᵀXV)_ij, that of λ_i and β,
     with ∂C/∂β = −I, is −(X Z V + Z X V)_ii, and that of β and β tr(X Z).
 
-    column: scratch, then z/s; weighted: a row of S times it.
+    column: scratch, then z/s; weighted: a row of Sᵀ times it.
     """
-    G, S, Z, z = program.G, program.S, dual.Z, dual.z
+    G, St, Z, z = program.G, program.St, dual.Z, dual.z
     X, XV, ZV, VXV, VZV = it.X, it.XV, it.ZV, it.VXV, it.VZV
-    n, joints = S.shape
+    n, joints = St.shape
     transposed_times(it.V, XV, VXV, column)
     transposed_times(it.V, ZV, VZV, column)
     K[n, n] = 2.0
@@ -192,9 +192,9 @@ def _hessian(
         column[r] = SPRING if locked(program.limits, r) else column[r]
     for i in range(n):
         for r in range(joints):
-            weighted[r] = column[r] * S[i, r]
+            weighted[r] = column[r] * St[i, r]
         for j in range(i, n):
-            K[i, j] += dot(weighted, S[j])
+            K[i, j] += dot(weighted, St[j])
 
 
 @inlined
@@ -208,13 +208,13 @@ def _begin_limit(limits: Matrix, side: int, r: int, least: float, slack: Matrix,
 @kernel()
 def begin_inside(program: Program, x: Vector, dual: Dual, slack: Matrix) -> None:
     """Write the first iterate: λ = 0, β = −1, Z as stationarity in β has it, z as units suggest."""
-    S, Z = program.S, dual.Z
-    (n, joints), largest = S.shape, ROOM
+    St, Z = program.St, dual.Z
+    (n, joints), largest = St.shape, ROOM
     for i in range(n):
         for j in range(n):
             Z[i, j] = 4.0 / n if i == j else 0.0
         for r in range(joints):
-            largest = max(largest, abs(S[i, r]))
+            largest = max(largest, abs(St[i, r]))
         x[i] = 0.0
     x[n] = -1.0
     for side in range(2):
@@ -225,12 +225,12 @@ def begin_inside(program: Program, x: Vector, dual: Dual, slack: Matrix) -> None
 @kernel()
 def renew(program: Program, z: Matrix, slack: Matrix) -> None:
     """Begin anew for each limit that was none, or is none now."""
-    S, limits, largest = program.S, program.limits, ROOM
-    for i in range(S.shape[0]):
-        for r in range(S.shape[1]):
-            largest = max(largest, abs(S[i, r]))
+    St, limits, largest = program.St, program.limits, ROOM
+    for i in range(St.shape[0]):
+        for r in range(St.shape[1]):
+            largest = max(largest, abs(St[i, r]))
     for side in range(2):
-        for r in range(S.shape[1]):
+        for r in range(St.shape[1]):
             none = locked(limits, r) or abs(limits[side, r]) == math.inf
             if none != (slack[side, r] == math.inf):
                 _begin_limit(limits, side, r, SHARE * largest, slack, z)
@@ -261,17 +261,17 @@ def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to it
     Returns:
         Whether the tolerance was reached; iterations.
     """
-    G, S, limits, dt, delta = program.G, program.S, program.limits, program.dt, program.delta
+    G, St, limits, dt, delta = program.G, program.St, program.limits, program.dt, program.delta
     Z, z = duals.Z, duals.z
     C, V, U, P, PZ, X = it.C, it.V, it.U, it.P, it.PZ, it.X
     K, g, dx, D, dZ, Q, W, T = step.K, step.g, step.dx, step.D, step.Z_step, step.Q, step.W, step.T
     slack, miss, fall, aim, dz = slacks.s, slacks.miss, slacks.fall, slacks.aim, slacks.dz
-    n, joints = S.shape
+    n, joints = St.shape
     column = step.column
     primal, dual = 0.5, 0.5  # steps before the first
     for taken in range(budget):
         stability_matrix(program.L, G, x[:n], float(x[n]), dt, C, V)
-        _missing(S, limits, x, column[:joints], slacks)
+        _missing(St, limits, x, column[:joints], slacks)
         if not root_inverse(C, U, P, column) or not root_inverse(Z, U, PZ, column):
             return False, taken
         clear(X)
@@ -297,11 +297,11 @@ def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to it
         g[n] = -2.0 * (x[n] - 1.0)
         for r in range(joints):
             if locked(limits, r):
-                pull = -SPRING * dot_column(S, r, x)
+                pull = -SPRING * dot_column(St, r, x)
             else:  # a slack of inf misses nothing
                 pull = z[0, r] * miss[0, r] / slack[0, r] - z[1, r] * miss[1, r] / slack[1, r]
             for i in range(n):
-                g[i] += pull * S[i, r]
+                g[i] += pull * St[i, r]
         error = 0.0  # the relative step to where μ is 0, the optimum of what is linearised here
         for i in range(n + 1):
             dx[i] = g[i]
@@ -318,7 +318,7 @@ def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to it
         clear(Q)
         _change(V, dx, D)
         _dual_step(X, Z, step)
-        _limit_step(S, dx, z, slacks)
+        _limit_step(St, dx, z, slacks)
         least = min(primal, dual)
         mu = gap / count * max(CENTRED * (1.0 - least), LEAST_CENTRED)
 
@@ -338,7 +338,7 @@ def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to it
                 if slack[side, r] < math.inf:
                     aim[side, r] = (mu + fall[side, r] * dz[side, r]) / slack[side, r]
         for i in range(n):
-            dx[i] = g[i] + dot(S[i], aim[0]) - dot(S[i], aim[1])
+            dx[i] = g[i] + dot(St[i], aim[0]) - dot(St[i], aim[1])
             for k in range(n):
                 dx[i] += 2.0 * V[k, i] * Q[k, i]
         dx[n] = g[n]
@@ -350,7 +350,7 @@ def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to it
         most = 0.9 + 0.09 * least
         primal = min(1.0, most * _reach(P, step.bent, T, step.scaled, step.eigen))
         dual = min(1.0, most * _reach(PZ, dZ, T, step.scaled, step.eigen))
-        _limit_step(S, dx, z, slacks)
+        _limit_step(St, dx, z, slacks)
         primal, dual = _shorten(slacks, z, most, primal, dual)
         for i in range(n + 1):
             x[i] += primal * dx[i]

@@ -25,14 +25,14 @@ class Program(NamedTuple):
     Attributes:
         L: (n, n), of ė = −L Λ e.
         G: (n, n), LᵀL.
-        S: (n, joints), Sᵀ of S = B diag(e) (24).
+        St: (n, joints), Sᵀ of S = B diag(e) (24): a row for each gain.
         limits: (2, joints), of S λ, ∓inf where there is none.
         dt, delta: Δt β̃ and δ.
     """
 
     L: Matrix
     G: Matrix
-    S: Matrix
+    St: Matrix
     limits: Matrix
     dt: float
     delta: float
@@ -170,7 +170,7 @@ class Step(NamedTuple):
         W, T: (n, n), products on the way to dZ and Q.
         scaled: (n, n), P bent Pᵀ and PZ dZ PZᵀ, whose least eigenvalues tell how far it may go.
         column: (n + 1 or joints,), a column or row of a factor at hand; weights z/s of the limits.
-        weighted: (joints,), a row of S with these weights.
+        weighted: (joints,), a row of Sᵀ with these weights.
         eigen: (3, n), of `least_eigenvalue`.
     """
 
@@ -248,7 +248,7 @@ class Memory(NamedTuple):
         roots, through: (n,), √w, and L₀⁻¹ rates.
         Bt: (n, joints), Bᵀ.
         U: (n, n), L as `solve_loop` eliminates it.
-        L, G, S, limits: of `Program`.
+        L, G, St, limits: of `Program`.
         kept: (n + 1,), gains of the last solve and what they certify.
         basis, points, dual, active, past, work: see there.
     """
@@ -267,7 +267,7 @@ class Memory(NamedTuple):
     basis: Basis
     L: Matrix
     G: Matrix
-    S: Matrix
+    St: Matrix
     limits: Matrix
     points: Points
     kept: Vector
@@ -291,7 +291,7 @@ def layout(plan: Indices, rows: Matrix, tall: Matrix, unknowns: Matrix) -> Memor
     k = plan[INTEGERS : INTEGERS + 6 * n].reshape(6, n)
     Y = rows[ROWS : ROWS + 3 * n].reshape(3, n, n)
     A = rows[ROWS + 3 * n :].reshape(SQUARES, n, n)
-    S = tall[TALL:].reshape(3, n, joints)
+    by_joints = tall[TALL:].reshape(3, n, joints)  # Bᵀ, Q of `Basis`, Sᵀ
     side = tall[4:18].reshape(7, 2, joints)
     u, eigen, K = unknowns, unknowns[12:15], unknowns[15:]
     C, V, m = A[3], A[4], n + 1
@@ -311,12 +311,12 @@ def layout(plan: Indices, rows: Matrix, tall: Matrix, unknowns: Matrix) -> Memor
         tall[3],
         rows[4],
         rows[5],
-        S[0],
+        by_joints[0],
         A[22],
-        Basis(S[1], A[23], A[24], A[25], K, rows[6]),
+        Basis(by_joints[1], A[23], A[24], A[25], K, rows[6]),
         A[0],
         A[1],
-        S[2],
+        by_joints[2],
         side[0],
         Points(u[0, :m], u[1, :m], u[2, :m], u[3, :m], u[4, :m]),
         u[5, :m],

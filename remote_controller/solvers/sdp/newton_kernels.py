@@ -52,7 +52,7 @@ def _fill(  # noqa: PLR0912 - one case after the other
     program: Program, x: Vector, active: Active, newton: Newton
 ) -> int:
     """Write K, its upper triangle, and b, both of the conditions above; how many unknowns."""
-    G, S, dt, delta = program.G, program.S, program.dt, program.delta
+    G, St, dt, delta = program.G, program.St, program.dt, program.delta
     Y, nu, block, home = active.Y, active.nu, active.block, active.home
     C, V, K, b, w = newton.C, newton.V, newton.K, newton.b, newton.w
     n, size, rank = block.size, block.size + 1, active.counts[RANK]
@@ -102,9 +102,9 @@ def _fill(  # noqa: PLR0912 - one case after the other
         sign, r = (1.0, held - 1) if held > 0 else (-1.0, -held - 1)
         value = 0.0
         for i in range(n):
-            K[i, size] = sign * S[i, r]
-            value += S[i, r] * x[i]
-            b[i] -= sign * S[i, r] * nu[a]
+            K[i, size] = sign * St[i, r]
+            value += St[i, r] * x[i]
+            b[i] -= sign * St[i, r] * nu[a]
         for column in range(n, size + 1):
             K[column, size] = 0.0
         b[size] = sign * (_limit(program.limits, held) - value)
@@ -176,17 +176,17 @@ def _move(x: Vector, active: Active, step: Vector) -> float:
 @inlined
 def _first_wrong(program: Program, x: Vector, active: Active, speed: Vector) -> tuple[int, int]:
     """Which held limit pulls most, or −1; which limit is broken most (signed, from 1), or 0."""
-    S, limits, nu = program.S, program.limits, active.nu
-    n, worst, out = S.shape[0], PULLING, -1
+    St, limits, nu = program.St, program.limits, active.nu
+    n, worst, out = St.shape[0], PULLING, -1
     for a in range(active.counts[HOLDING]):
         r = abs(active.held[a]) - 1
         if nu[a] < worst and limits[1, r] - limits[0, r] > KEPT:
             worst, out = nu[a], a
-    for r in range(S.shape[1]):
+    for r in range(St.shape[1]):
         speed[r] = 0.0
     for i in range(n):
-        for r in range(S.shape[1]):
-            speed[r] += x[i] * S[i, r]
+        for r in range(St.shape[1]):
+            speed[r] += x[i] * St[i, r]
     beyond, broken = KEPT, 0
     for r in range(speed.size):
         over, under = speed[r] - limits[1, r], limits[0, r] - speed[r]

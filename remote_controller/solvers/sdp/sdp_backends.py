@@ -47,11 +47,11 @@ def gain_solver(name: str, sizes: Sequence[int], joints: int, **options: Any) ->
 
 
 def conic(
-    L: Array, S: Array, limits: Array, dt: float, delta: float
+    L: Array, St: Array, limits: Array, dt: float, delta: float
 ) -> tuple[Any, Array, Any, Array, NDArray[np.intp], int]:
     """P, q, A and b of `ConicForm.fill`, which rows of ±S A has, and the matrix's size."""
-    form = ConicForm(*S.shape)
-    return (*form.fill(L, S, limits, dt, delta), form.used, form.size)
+    form = ConicForm(*St.shape)
+    return (*form.fill(L, St, limits, dt, delta), form.used, form.size)
 
 
 def clarabel(P: Any, q: Array, A: Any, b: Array, limits: int, size: int) -> tuple[Array, Array]:
@@ -130,14 +130,14 @@ class ConicGains(SdpGains):
     ) -> Program | None:
         """What the solver is given, as for `SdpGains.solve`; None where that says what is wrong."""
         self.forget()
-        budget, self.budget = self.budget, 0  # prepares L, S and the limits, no more
+        budget, self.budget = self.budget, 0  # prepares L, Sᵀ and the limits, no more
         super().solve(jacobian, errors, dt, desired, delta)
         self.budget, self.polish = budget, False
         if self.path != BUDGET:
             return None
         desired = min(desired, self._fastest / dt)
         m, form = self._memory, self._form
-        P, q, A, b = form.fill(m.L, m.S, m.limits, dt * desired, delta)
+        P, q, A, b = form.fill(m.L, m.St, m.limits, dt * desired, delta)
         return P, q, A, b, form.used.size, form.size
 
     def solve(
@@ -149,7 +149,7 @@ class ConicGains(SdpGains):
             return self.status
         desired = min(desired, self._fastest / dt)
         m, n = self._memory, self.n
-        given = self._program(m.L, m.G, m.S, m.limits, dt * desired, delta)
+        given = self._program(m.L, m.G, m.St, m.limits, dt * desired, delta)
         x, dual = self._solve_conic(*program)
         form, each = self._form, np.zeros(2 * self.joints)
         used = form.used

@@ -176,7 +176,7 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     m = named(plan, rows, tall, unknowns)
     points, active, past, check = m.points, m.active, m.past, m.work.check
     counts, gains, dq, fed, room = active.counts, m.gains, m.dq, m.fed, m.limits
-    L, G, S, Bt, fed_share = m.L, m.G, m.S, m.Bt, 1.0
+    L, G, St, Bt, fed_share = m.L, m.G, m.St, m.Bt, 1.0
     for r in range(joints):
         dq[r], fed[r] = 0.0, 0.0
     fit = 0.0 < dt <= MAX and 0.0 < desired <= MAX and 0.0 < delta <= MAX
@@ -199,7 +199,7 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
         for j in range(n):
             G[i, j] = 0.0
         for r in range(joints):
-            S[i, r] = errors[i] * Bt[i, r]  # (24), Sᵀ = diag(e) Bᵀ
+            St[i, r] = errors[i] * Bt[i, r]  # (24), Sᵀ = diag(e) Bᵀ
     syrk(G, 1.0, L, n)
     for i in range(n):
         for j in range(i):
@@ -212,7 +212,7 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     if not same:
         counts[RANK] = 0
     _look_ahead(points, active, past)
-    program = Program(L, G, S, room, dt * desired, delta)
+    program = Program(L, G, St, room, dt * desired, delta)
     path, newton, inner = optimise(program, budget, points, active, m.dual, m.work)
     if path != WARM:
         counts[RANK_BEFORE] = 0  # no way leads from the answer before to this one
