@@ -31,6 +31,18 @@ def orientation(rotation: Array, goal: Array) -> Array:
     return np.array([phi[2, 1], phi[0, 2], phi[1, 0]])
 
 
+def to_posture(
+    q: Array, dq: Array, goal: Array, kp: float, kd: float, bounds: tuple[Array, Array]
+) -> Array:
+    """(31) and (32): the q̈ within its bounds nearest to kp·(q_r − q) − kd·q̇, joint by joint."""
+    return np.clip(kp * (goal - q) - kd * dq, *bounds)
+
+
+def torque_rows(J: Array, M: Array) -> Array:
+    """J M⁻¹, (m, n): how torques move tasks."""
+    return np.linalg.solve(M, J.T).T
+
+
 def in_root(
     place: Array, velocity: Array, later: Array, T: float, origin: Array, axes: Array
 ) -> Array:

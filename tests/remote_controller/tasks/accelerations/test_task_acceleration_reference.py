@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from hoap3.remote_controller.controllers.acceleration import joint_acceleration_kernels as postures
+from hoap3.remote_controller.controllers.acceleration.torque_rows_kernels import torque_rows
 from hoap3.remote_controller.controllers.velocity import velocity_task_stack_kernels as velocities
 from hoap3.remote_controller.solvers.tsid.reference import desired_acceleration
 from hoap3.remote_controller.tasks.accelerations import task_acceleration_kernels as kernels
@@ -136,3 +138,49 @@ def test_rows_of_velocities_are_stacked_and_answers_are_cut(seeds):
         margin = velocities.cut(dq, share, lower, upper, out)
         np.testing.assert_array_equal(out, np.clip(share * dq, lower, upper))
         near(margin, np.minimum(out - lower, upper - out).min())
+
+
+@many
+def test_joints_go_to_a_posture_within_bounds(seeds):
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        n, T = int(rng.integers(1, 12)), 10.0 ** rng.uniform(-3, -1)
+        (q, dq, goal), (kp, kd) = rng.normal(size=(3, n)), rng.exponential(size=2)
+        bounds, scale = np.sort(rng.normal(size=(2, n)), axis=0), rng.exponential(size=n) + 0.1
+        ddq, place, speed = np.empty((3, n))
+        V, rate, growth, active, margin, resting = postures.accelerate_to(
+            q, dq, goal, kp, kd, *bounds, scale, T, ddq, place, speed
+        )
+        wanted = plain.to_posture(q, dq, goal, kp, kd, tuple(bounds))
+        near(ddq, wanted)
+        near(place, q + T * dq + 0.5 * T**2 * wanted)
+        near(speed, dq + T * wanted)
+        end = 0.5 * (place - goal) @ (place - goal)
+        near(V, 0.5 * (q - goal) @ (q - goal))
+        near(np.array([rate, growth]) * T, np.array([(q - goal) @ (place - q), end - V]))
+        near(margin, min(1.0, (np.minimum(wanted - bounds[0], bounds[1] - wanted) / scale).min()))
+        assert (active, resting) == ((np.abs(speed) >= postures.ACTIVE_SPEED).sum(), False)
+
+        sent, before, applied = goal, q.copy(), goal.copy()
+        applied[0] += rng.integers(2)  # it did what was sent, or something else
+        state, moving, elapsed = q.copy(), dq.copy(), float(rng.integers(2)) * T
+        assert postures.follow_reference(applied, before, sent, state, elapsed, moving)
+        other = elapsed > 0.0 and bool((applied != sent).any())
+        near(moving, (applied - q) / elapsed if other else dq)
+        np.testing.assert_array_equal([state, before], [applied, applied])
+
+
+@many
+def test_torques_move_tasks_by_j_over_m(seeds):
+    """To 1e-10 where κ(M) ≤ 1e4, as it is here."""
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        m, n = rng.integers(1, 9, 2)
+        Q, J, out = (
+            np.linalg.qr(rng.normal(size=(n, n)))[0],
+            rng.normal(size=(m, n)),
+            np.empty((m, n)),
+        )
+        M = (Q * 10.0 ** rng.uniform(-2, 2, n)) @ Q.T
+        assert torque_rows(J, 0.5 * (M + M.T), np.empty((n, n)), out)
+        near(out, plain.torque_rows(J, M))
