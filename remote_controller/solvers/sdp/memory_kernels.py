@@ -287,22 +287,23 @@ def layout(plan: Indices, rows: Matrix, tall: Matrix, unknowns: Matrix) -> Memor
         unknowns: what has rows of n + 1 or of joints, and K; (UNKNOWNS + u, u or joints, whichever
             is more) for u unknowns.
     """
-    n, joints = rows.shape[1], tall.shape[1]
-    k = plan[INTEGERS : INTEGERS + 6 * n].reshape(6, n)
-    Y = rows[ROWS : ROWS + 3 * n].reshape(3, n, n)
-    A = rows[ROWS + 3 * n :].reshape(SQUARES, n, n)
-    by_joints = tall[TALL:].reshape(3, n, joints)  # Bᵀ, Q of `Basis`, Sᵀ
-    side = tall[4:18].reshape(7, 2, joints)
+    n = rows.shape[1]
+    squares = rows[ROWS:].reshape(3 + SQUARES, n, n)  # no more reshapes: one takes 10 ns
+    Y, A = squares[:3], squares[3:]
+    Bt, Q, St = tall[TALL : TALL + n], tall[TALL + n : TALL + 2 * n], tall[TALL + 2 * n :]
+    integers, offsets = plan[INTEGERS : INTEGERS + 6 * n], plan[INTEGERS + 6 * n :]
+    block, home, held = integers[:n], integers[n : 2 * n], integers[2 * n : 3 * n]
+    past = integers[3 * n : 4 * n], integers[4 * n : 5 * n], integers[5 * n :]
     u, eigen, K = unknowns, unknowns[12:15], unknowns[15:]
     C, V, m = A[3], A[4], n + 1
     newton = Newton(C, V, K, u[8], rows[9], u[9], u[10], rows[10], tall[18])
     iterate = Iterate(C, V, A[5], A[6], A[7], A[8], A[9], A[10], A[11], A[12])
     matrices = A[13], A[14], A[15], A[16], A[17], A[18], A[19]
     step = Step(K, u[6, :m], u[7, :m], *matrices, u[11], tall[20], eigen)
-    slacks = Slacks(side[2], side[3], side[4], side[5], side[6])
+    slacks = Slacks(tall[8:10], tall[10:12], tall[12:14], tall[14:16], tall[16:18])
     check = Check(C, V, A[20], A[21], tall[19], eigen)
     return Memory(
-        plan[INTEGERS + 6 * n :],
+        offsets,
         rows[0],
         rows[1],
         rows[2],
@@ -311,18 +312,18 @@ def layout(plan: Indices, rows: Matrix, tall: Matrix, unknowns: Matrix) -> Memor
         tall[3],
         rows[4],
         rows[5],
-        by_joints[0],
+        Bt,
         A[22],
-        Basis(by_joints[1], A[23], A[24], A[25], K, rows[6]),
+        Basis(Q, A[23], A[24], A[25], K, rows[6]),
         A[0],
         A[1],
-        by_joints[2],
-        side[0],
+        St,
+        tall[4:6],
         Points(u[0, :m], u[1, :m], u[2, :m], u[3, :m], u[4, :m]),
         u[5, :m],
-        Dual(A[2], side[1]),
-        Active(k[0], k[1], k[2], Y[0], rows[3], plan[:INTEGERS]),
-        Past(k[3], k[4], k[5], Y[1], Y[2], rows[7], rows[8]),
+        Dual(A[2], tall[6:8]),
+        Active(block, home, held, Y[0], rows[3], plan[:INTEGERS]),
+        Past(*past, Y[1], Y[2], rows[7], rows[8]),
         Work(newton, iterate, step, slacks, check),
     )
 
