@@ -102,9 +102,11 @@ class Approach(Target):
     """
 
     def __init__(self, target: Target, duration_s: float) -> None:
+        from hoap3.remote_controller.references.approach_kernels import blend
+
         super().__init__(target.dimension)
-        self._target, self._duration = target, duration_s
-        self._from = [0.0] * target.dimension
+        self._blend, self._target, self._duration = blend, target, duration_s
+        self._from = np.zeros(target.dimension)
         self._blends = False
         self.rests_after_s = max(duration_s, target.rests_after_s)
 
@@ -114,7 +116,7 @@ class Approach(Target):
         self._target.start(present, time_s)
         self._blends = present is not None and self._duration > 0.0
         if present is not None:
-            self._from = present.tolist()
+            self._from[:] = present
 
     def follow(self, elapsed_s: float, position_out: FloatArray, velocity_out: FloatArray) -> None:
         """Write x_d and its velocity."""
@@ -122,11 +124,7 @@ class Approach(Target):
         if not self._blends or elapsed_s >= self._duration:
             return
         s, slope = smooth_step(elapsed_s / self._duration)
-        slope /= self._duration
-        x, v, start = position_out.tolist(), velocity_out.tolist(), self._from
-        each = range(self.dimension)
-        velocity_out[:] = [slope * (x[i] - start[i]) + s * v[i] for i in each]
-        position_out[:] = [start[i] + s * (x[i] - start[i]) for i in each]
+        self._blend(self._from, s, slope / self._duration, position_out, velocity_out)
 
 
 class Joined(Target):

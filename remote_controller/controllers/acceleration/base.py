@@ -137,6 +137,7 @@ class HierarchyController(Controller):
     kernels: ClassVar[tuple[str, ...]] = (
         "hoap3.protocol.robot.viability_bounds_kernels",
         "hoap3.remote_controller.model.frame_dynamics_kernels",
+        "hoap3.remote_controller.references.approach_kernels",
         "hoap3.remote_controller.solvers.tsid.tsid_kernels",
         "hoap3.remote_controller.solvers.qp.active_set_kernels",
         *KERNELS,

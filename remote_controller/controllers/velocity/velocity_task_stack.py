@@ -48,6 +48,7 @@ class LabelledTasksController(VelocityController):
 
     own_conditions: tuple[str, ...] = ("state not finite",)
     kernels: ClassVar[tuple[str, ...]] = (
+        "hoap3.remote_controller.references.approach_kernels",
         "hoap3.remote_controller.tasks.lyapunov_kernels",
         "hoap3.remote_controller.tasks.curve_following.curve_kernels",
         "hoap3.remote_controller.tasks.se3_kernels",
