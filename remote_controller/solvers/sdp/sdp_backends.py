@@ -123,6 +123,7 @@ class ConicGains(SdpGains):
         self._solve_conic, self._polished, self.polish = SOLVERS[solver], polished, False
         self._polish, self._certify = driver_kernels.polish, certificate_kernels.certify
         self._enough, self._fastest = sdp_kernels.PROVED, sdp_kernels.FASTEST
+        self._over = certificate_kernels.OVER
         self._form, self._program = ConicForm(self.n, self.joints), memory_kernels.Program
 
     def program(
@@ -171,8 +172,10 @@ class ConicGains(SdpGains):
             desired * value for value in (self.beta, self.slack, self.margin)
         )
         self.gains[:] = desired * m.points.x[:n]
-        wanted = self.dq + desired * m.work.check.speed
-        np.clip(wanted, self.lower, self.upper, out=self.dq)
+        whole_dq = self.fed + desired * m.work.check.speed
+        np.clip(whole_dq, self.lower, self.upper, out=self.dq)
+        beyond = np.abs(whole_dq - self.dq)
+        self.cut = bool((beyond > self._over * (1.0 + np.abs(self.dq))).any())
         self.rank, self.path = int(m.active.counts[0]), IPM if kept else NONE
         proved = self.gap <= self._enough
         self.gap *= desired * desired

@@ -28,6 +28,7 @@ It is local, as the paper has it: how far the model holds depends on |dq| Δt.
   certify, or 0 with gains of 0 where they certify nothing.
 
 Whatever the status, `beta` is λ_min(−A − Aᵀ − Δt AᵀA), A = −L Λ, of the gains that are returned.
+Where `cut` is set dq is not what these gains ask for, and nothing is certified.
 """
 
 from __future__ import annotations
@@ -81,7 +82,8 @@ class SdpGains:
         fed_share: 1 where nothing of it was left because of limits.
         gains: λ [1/s], (n,).
         dq: joint speeds [rad/s], (joints,).
-        beta: β [1/s] that the gains certify.
+        beta: β [1/s] that the gains certify, where dq is not `cut`.
+        cut: whether dq = B(Λ e + …) was cut off at its limits, because of what is fed forward.
         desired: β̃ that was asked for.
         path: index into `PATHS`.
         status: index into `status.NAMES`; `OK`, if the gains are proved to be optimal.
@@ -137,7 +139,7 @@ class SdpGains:
     def _still(self) -> None:
         self.status, self.path, self.desired = codes.UNSOLVED, NONE, 0.0
         self.beta, self.slack, self.margin, self.gap = 0.0, 0.0, 0.0, math.inf
-        self.fed_share = 1.0
+        self.fed_share, self.cut = 1.0, False
         self.rank = self.task_rank = self.newton = self.inner = 0
 
     def forget(self) -> None:
@@ -180,6 +182,7 @@ class SdpGains:
                 self.margin,
                 self.gap,
                 self.fed_share,
+                self.cut,
             ) = self._kernel(
                 jacobian, errors, dt, desired, delta, self.damping, self.budget, *self._work
             )

@@ -32,7 +32,7 @@ from hoap3.remote_controller.solvers.clik.clik_kernels import (
 from hoap3.remote_controller.solvers.clik.lmi_kernels import find_blocks
 from hoap3.remote_controller.solvers.linalg.dense_kernels import MAX, dot, not_finite
 from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import syrk
-from hoap3.remote_controller.solvers.sdp.certificate_kernels import certify, keep_better
+from hoap3.remote_controller.solvers.sdp.certificate_kernels import OVER, certify, keep_better
 from hoap3.remote_controller.solvers.sdp.driver_kernels import BUDGET, NONE, WARM, optimise
 from hoap3.remote_controller.solvers.sdp.memory_kernels import (
     ENDED,
@@ -55,22 +55,35 @@ FASTEST = 100.0  # of 1/Δt: a larger β̃, the unit of what is computed, counts
 Answer = tuple[int, int, int, int, int, int, float, float, float, float, float]
 """What `sdp_gains_kernel` says of its answer; `SdpGains` has attributes of these names.
 
-A plain tuple: one with names takes half a microsecond more on its way to Python.
+    Attributes:
+        status, path: see `solvers.base.status` and `driver_kernels`.
+        task_rank, rank: of the Jacobian, and of Z.
+        newton, inner: iterations of Newton's and of the interior-point method.
+        beta, slack: β and the slack of the matrix inequality [1/s].
+        margin: how near dq comes to its limits [rad/s].
+        gap: of duality [1/s²].
+        fed_share: of `clik_kernels.feed_forward`.
+        cut: whether dq was cut off at its limits; β says nothing of it then.
+    """
 
-    status, path: see `solvers.base.status` and `driver_kernels`.
-    task_rank, rank: of the Jacobian, and of Z.
-    newton, inner: iterations of Newton's and of the interior-point method.
-    beta, slack: β and the slack of the matrix inequality [1/s].
-    margin: how near dq comes to its limits [rad/s].
-    gap: of duality [1/s²].
-    fed_share: of `clik_kernels.feed_forward`.
-"""
+    status: int
+    path: int
+    task_rank: int
+    rank: int
+    newton: int
+    inner: int
+    beta: float
+    slack: float
+    margin: float
+    gap: float
+    fed_share: float
+    cut: bool
 
 
 @inlined
 def _refused(status: int, newton: int, inner: int) -> Answer:
     """No answer."""
-    return status, NONE, 0, 0, newton, inner, 0.0, 0.0, 0.0, math.inf, 1.0
+    return Answer(status, NONE, 0, 0, newton, inner, 0.0, 0.0, 0.0, math.inf, 1.0, False)
 
 
 @inlined
@@ -147,7 +160,8 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
     """Solve one problem.
 
     Where what is fed forward breaks the limits of dq and Λ e does not take all joints back within
-    them, dq is cut off, each joint by itself: it is no B(Λ e + x), and β says nothing of it.
+    them, dq is cut off, each joint by itself: it is no B(Λ e + x), and β, which is that of the
+    gains, says nothing of it. `Answer.cut` tells.
 
     Args:
         jacobian, errors: (n, joints), (n,).
@@ -212,8 +226,11 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
         counts[RANK] = 0
         path = NONE if path != BUDGET else BUDGET
     finite = abs(beta * desired) <= MAX
+    cut = False
     for r in range(joints):
-        dq[r] = min(max(dq[r] + desired * speed[r], m.speeds[0, r]), m.speeds[1, r])
+        whole = dq[r] + desired * speed[r]  # B(Λ e + x)
+        dq[r] = min(max(whole, m.speeds[0, r]), m.speeds[1, r])
+        cut = cut or abs(whole - dq[r]) > OVER * (1.0 + abs(dq[r]))
     for i in range(n):
         gains[i] = desired * x[i]
     if not finite or not_finite(gains) or not_finite(dq):
@@ -238,4 +255,5 @@ def sdp_gains_kernel(  # noqa: PLR0912, PLR0915 - one case after the other
         desired * margin,
         desired * desired * gap,
         fed_share,
+        cut,
     )

@@ -27,7 +27,7 @@ def position(target: Array, origin: Array, twist: Array, drift: Array) -> tuple[
 
 def orientation(rotation: Array, goal: Array) -> Array:
     """φ in the root's axes: [φ]× = log(R_d Rᵀ)."""
-    phi = np.real(logm(goal @ rotation.T))
+    phi: Array = np.real(logm(goal @ rotation.T)).astype(np.float64)
     return np.array([phi[2, 1], phi[0, 2], phi[1, 0]])
 
 
@@ -40,7 +40,7 @@ def to_posture(
 
 def torque_rows(J: Array, M: Array) -> Array:
     """J M⁻¹, (m, n): how torques move tasks."""
-    return np.linalg.solve(M, J.T).T
+    return np.asarray(np.linalg.solve(M, J.T).T, np.float64)
 
 
 def in_root(

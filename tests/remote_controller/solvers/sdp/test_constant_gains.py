@@ -13,6 +13,7 @@ from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.clik.clik_reference import certified, prioritised
 from hoap3.remote_controller.solvers.clik.constant_gains import ConstantGains
 from hoap3.remote_controller.solvers.clik.constant_gains_reference import SINGULAR, pivots
+from hoap3.remote_controller.solvers.sdp.sdp_backends import gain_solver, installed
 
 SEEDS = st.integers(0, 10**6)
 
@@ -67,6 +68,22 @@ def test_gains_that_do_not_undo_what_breaks_the_limits_certify_nothing(e, certif
         assert solver.dq[0] == 1.0
         assert solver.gains[0] == 0.0
         assert solver.beta == pytest.approx(0.0, abs=1e-200)
+
+
+@pytest.mark.parametrize("backend", installed())
+@pytest.mark.parametrize(("e", "cut"), [(-0.1, True), (0.1, True), (-0.3, False)])
+def test_best_gains_say_whether_dq_is_theirs(backend, e, cut):
+    """What is fed is 1.5, the limit 1: dq is fed + Λ e only where the gains take off 0.5."""
+    solver = gain_solver(backend, (1,), 1)
+    solver.lower[:], solver.upper[:], solver.rates[:] = -1.0, 1.0, 1.5
+    for _ in range(2):  # from nothing, and from there on
+        solver.solve(np.ones((1, 1)), np.array([e]), 0.01, 4.0)
+        assert solver.cut == cut
+        assert (solver.dq[0] == pytest.approx(1.5 + solver.gains[0] * e, abs=1e-7)) != cut
+    solver.rates[:] = 0.0
+    solver.solve(np.ones((1, 1)), np.array([e]), 0.01, 4.0)
+    assert not solver.cut
+    assert solver.dq[0] == pytest.approx(solver.gains[0] * e, abs=1e-7)
 
 
 @settings(max_examples=60)
