@@ -189,7 +189,15 @@ class InfeasibleError(SolverError):
 
 
 class BadProblemError(SolverError, ValueError):
-    """Wrong shape, a value that is not finite, or a parameter outside its range."""
+    """Wrong shape, a value that is not finite, or a parameter outside its range.
+
+    Attributes:
+        key: the parameter that a config calls so, "" where it is none.
+    """
+
+    def __init__(self, message: str, key: str = "") -> None:
+        self.key = key
+        super().__init__(message)
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
@@ -228,9 +236,16 @@ def located(file: str, key: str = "") -> Iterator[None]:
     except ConfigError as error:
         if error.file:
             raise
-        where = ".".join(filter(None, (key, error.key)))
-        text = error.problem, error.remedy, error.others
-        raise type(error)(file, where, error.value, *text) from error
+        raise _at(error, file, key) from error
+
+
+def _at(error: ConfigError, file: str, key: str) -> ConfigError:
+    """The same error, and the others in it, below a key of a file."""
+    if error.file:
+        return error
+    where = ".".join(filter(None, (key, error.key)))
+    others = [_at(each, file, key) for each in error.others]
+    return type(error)(file, where, error.value, error.problem, error.remedy, others)
 
 
 def _short(value: object) -> str:

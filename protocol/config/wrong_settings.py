@@ -15,7 +15,8 @@ from pydantic_core import ErrorDetails
 
 from hoap3.protocol.errors import LONGEST_GUESS, ConfigError
 
-LIKE = 0.6  # the least likeness, of 1, of a key that is suggested
+LIKE = 0.6  # the least likeness, of 1, of a key that is suggested,
+MISSPELT = 0.7  # and of one that it rather is than a key inside `parameters`
 MOST_ERRORS = 50  # of pydantic's that are looked at
 MOST_TOLD = 10  # places that are told,
 LONGEST = 1300  # characters in all; a hostile file gets no long answer
@@ -35,12 +36,25 @@ def config_error(
     """
     found = [
         _in_words(model, content, error, errors, file, prefix)
-        for error in _each_place_once(model, content, errors[:MOST_ERRORS])
+        for error in _each_place_once(model, content, _without_echoes(errors[:MOST_ERRORS]))
     ]
     first, others = found[0], found[1:MOST_TOLD]
     while others and sum(len(str(error)) for error in [first, *others]) > LONGEST:
         others.pop()
     return ConfigError(first.file, first.key, first.value, first.problem, first.remedy, others)
+
+
+def _without_echoes(errors: list[ErrorDetails]) -> list[ErrorDetails]:
+    """Errors but those of a list that is too short only without its wrong entries."""
+    return [
+        error
+        for error in errors
+        if not (
+            error["type"] == "too_short"
+            and isinstance(error["input"], list | tuple)
+            and len(error["input"]) >= error["ctx"]["min_length"]
+        )
+    ] or errors
 
 
 def _each_place_once(
@@ -107,6 +121,7 @@ def _in_words(
         known = _keys_at(model, path[:-1])
         close = _nearest_key(path[-1], known)
         guess = f"Did you mean {close!r}? " if close else ""
+        guess = _hint(model, path, close) or guess
         remedy = f"{guess}Known keys: {', '.join(sorted(known)) or 'none'}"
         return ConfigError(file, key, error["input"], "unknown key", remedy)
     if error["type"] in {"missing", "union_tag_not_found"}:
@@ -117,7 +132,7 @@ def _in_words(
     if error["type"] == "too_short" and isinstance(error["input"], list | tuple):
         least, found = error["ctx"]["min_length"], error["ctx"]["actual_length"]
         outer = _models_at(model, path[:-1])
-        named = path and path[-1].endswith("s") and _models_below(outer, path[-1])
+        named = path and path[-1].endswith("s") and models_below(outer, path[-1])
         entries = path[-1] if named else "values"
         wanted = f"one {entries.removesuffix('s')}" if least == 1 else f"{least} {entries}"
         problem = f"needs a list of {wanted} or more, has {found}"
@@ -125,6 +140,18 @@ def _in_words(
     siblings = errors[:MOST_ERRORS]
     members = [_plain(each["msg"]) for each in siblings if _written(content, each) == path]
     return ConfigError(file, key, error["input"], ", or ".join(members), "Change the value")
+
+
+def _hint(model: type[BaseModel], path: Sequence[str], close: str | None) -> str:
+    """Where an unknown key belongs, or "" where nothing is known of it."""
+    key, here = path[-1], _models_at(model, path[:-1])
+    for inner in here:
+        if key in getattr(inner, "hints", {}):
+            return f"{inner.hints[key]}. "  # type: ignore[attr-defined]
+    own = [inner.model_fields["parameters"] for inner in here if "parameters" in inner.model_fields]
+    if not own or (close and _alike(key, close) >= MISSPELT):
+        return ""
+    return f"Write {own[0].description} inside `parameters`. "
 
 
 def likeness(given: str, known: Sequence[str]) -> float:
@@ -173,11 +200,11 @@ def _models_at(model: type[BaseModel], path: Sequence[str]) -> list[type[BaseMod
     """The model, or those that it takes, at a path inside it."""
     here: list[type[BaseModel]] = [model]
     for part in path:
-        here = _models_below(here, part) or here
+        here = models_below(here, part) or here
     return here
 
 
-def _models_below(models: Sequence[type[BaseModel]], key: str) -> list[type[BaseModel]]:
+def models_below(models: Sequence[type[BaseModel]], key: str) -> list[type[BaseModel]]:
     """What models take under a key of theirs."""
     fields = [model.model_fields[key] for model in models if key in model.model_fields]
     return [inner for field in fields for inner in _models_in(field.annotation)]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import Field
 
 from hoap3.protocol.config.settings import Settings, parse, todays_name
 from hoap3.protocol.description import RobotDescription
@@ -69,10 +69,13 @@ class ConstraintSettings(Settings):
     )
     parameters: dict[str, Any] = Field({}, description="settings of the constraint itself")
 
-    @field_validator("constraint")
     @classmethod
-    def _todays_name(cls, name: str) -> str:
-        return todays_name(name, RENAMED)
+    def with_todays_keys(cls, content: dict[str, Any], where: str = "config") -> dict[str, Any]:
+        """With the constraint's present name."""
+        given = content.get("constraint")
+        if not isinstance(given, str):
+            return content
+        return {**content, "constraint": todays_name(given, RENAMED, f"{where}.constraint")}
 
 
 @dataclass(frozen=True)

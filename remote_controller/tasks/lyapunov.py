@@ -83,6 +83,10 @@ class LyapunovFunction(ABC):
         """
         return self.error, self.jacobian, self.error_rate
 
+    def without_error(self) -> str | None:
+        """Key of the settings of what has no error, but V alone; None where there is no such."""
+        return None if len(self.followed[0]) else "task"
+
     @classmethod
     def configured(cls, context: BuildContext, parameters: Any) -> Self:
         """One for the robot at `context`; whoever is built otherwise says so here."""

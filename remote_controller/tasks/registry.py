@@ -126,7 +126,8 @@ def build(
                 at_name = BuildContext(description, kinematics, file, f"{key}.task")
                 check_derivatives(function, at_name, settings.task)
         except BadProblemError as error:
-            raise ConfigError("", "", None, str(error), "Correct them") from error
+            value = getattr(parameters, error.key, None)
+            raise ConfigError("", error.key, value, str(error), "Correct them") from error
     return function
 
 
@@ -144,8 +145,10 @@ def build_with_error(
         ConfigError, UnknownNameError: it cannot be built, or gives V only.
     """
     function = build(settings, description, kinematics, file, key, level)
-    if not len(function.followed[0]):
+    if below := function.without_error():
+        name: Any = settings.model_dump()
+        for part in below.split("."):
+            name = name[int(part) if part.isdigit() else part]
         problem = f"has no error e, only V: there is no {level} that it wants"
-        remedy = "Give it an error, or leave it"
-        raise ConfigError(file, f"{key}.task", settings.task, problem, remedy)
+        raise ConfigError(file, f"{key}.{below}", name, problem, "Give it an error, or leave it")
     return function

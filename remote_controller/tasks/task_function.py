@@ -77,6 +77,7 @@ def _checked(weights: Sequence[float], dimension: int) -> FloatArray:
     given = np.array(weights or (1.0,), float)
     if given.size not in {1, dimension} or not (given >= 0.0).all() or not given.any():
         raise BadProblemError(
-            f"weights {list(weights)}: expected 1 or {dimension} numbers ≥ 0, not all of them 0"
+            f"weights {list(weights)}: expected 1 or {dimension} numbers ≥ 0, not all of them 0",
+            "weights",
         )
     return np.broadcast_to(given, (dimension,)).copy()

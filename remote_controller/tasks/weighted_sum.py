@@ -60,6 +60,13 @@ class WeightedSum(LyapunovFunction):
         ]
         self._scaled = np.zeros(n)
 
+    def without_error(self) -> str | None:
+        """That of the first such term."""
+        for number, (term, *_) in enumerate(self._terms):
+            if key := term.without_error():
+                return f"parameters.terms.{number}.{key}"
+        return None
+
     @classmethod
     def configured(cls, context: BuildContext, parameters: Any) -> Self:
         """The sum of its terms, each built for the robot at `context`."""

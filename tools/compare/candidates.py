@@ -36,8 +36,9 @@ class Candidate:
     def parameters(self) -> dict[str, Any]:
         """All parameters of the controller, defaults included."""
         model = find(self.config.controller, self.words).Parameters
-        whole: dict[str, Any] = model.model_validate(self.config.parameters).model_dump(mode="json")
-        return whole
+        whole = parse(model, self.config.parameters, self.words, "parameters")
+        found: dict[str, Any] = whole.model_dump(mode="json")
+        return found
 
 
 def read_candidates(words: Sequence[str]) -> list[Candidate]:

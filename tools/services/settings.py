@@ -66,7 +66,7 @@ def shown(name: str, overrides: list[str], code: UserCode) -> str:
         if isinstance(config, EmulatorConfig):
             return as_yaml(config)
         own = controllers.find(config.controller, file).Parameters
-        parameters = own.model_validate(config.parameters).model_dump(mode="json")
+        parameters = parse(own, config.parameters, file, "parameters").model_dump(mode="json")
         return as_yaml(config.model_copy(update={"parameters": parameters}))
     except ConfigError:
         if code.allowed or not code.names:

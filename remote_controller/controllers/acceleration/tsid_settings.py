@@ -7,7 +7,6 @@ from typing import Any, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.description import COM, RobotDescription
 from hoap3.protocol.errors import ConfigError, located, one_of
 from hoap3.remote_controller.controllers.acceleration.base import HierarchyController
@@ -15,7 +14,11 @@ from hoap3.remote_controller.default_task import default_goal
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.references.postures import posture_of
 from hoap3.remote_controller.scheduling.weights import WeightSettings
-from hoap3.remote_controller.tasks.accelerations.settings import AccelerationTask, Gains
+from hoap3.remote_controller.tasks.accelerations.settings import (
+    AccelerationTask,
+    Gains,
+    GoalSettings,
+)
 from hoap3.remote_controller.tasks.accelerations.standing import check_stands
 from hoap3.remote_controller.tasks.accuracy import (
     TOLERANCE_DEG,
@@ -27,27 +30,6 @@ from hoap3.remote_controller.tasks.frames.frame_pose import FramePoseTask
 
 POSE, REST = "pose", "rest"
 """What the task of `goal` is called, and the posture."""
-
-Triple = tuple[float, float, float]
-
-
-class GoalSettings(Settings):
-    """Where the frame shall be: at a pose, or where it is in a posture of the robot."""
-
-    posture: str | None = Field(None, description="of the robot's description")
-    posture_rad: tuple[float, ...] = Field((), description="instead: a posture itself [rad or m]")
-    position_m: Triple | None = Field(None, description="or: the frame's origin")
-    rotation_rad: Triple = Field((0.0, 0.0, 0.0), description="axis × angle of its orientation")
-    reference: str | None = Field(
-        None, description="frame in which the pose is given, which stands; null: the base frame"
-    )
-
-    @model_validator(mode="after")
-    def _one_goal(self) -> Self:
-        given = (self.posture is not None, bool(self.posture_rad), self.position_m is not None)
-        if sum(given) != 1:
-            raise ValueError("should have one of posture, posture_rad and position_m")
-        return self
 
 
 class PostureSettings(Gains):

@@ -59,6 +59,8 @@ class WeightedTask(LabelledTask):
 class SteadyTask(WeightedTask):
     """A task with a gain that stays as it is."""
 
+    hints: ClassVar = dict.fromkeys(("kp", "kd"), "Velocities have one gain, gain_per_s [1/s]")
+
     gain_per_s: float = Field(1.0, gt=0, le=1e6, description="λ of all its rows [1/s]")
 
 

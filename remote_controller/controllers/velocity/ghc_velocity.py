@@ -45,6 +45,8 @@ CONDITIONS = (
 class RankedTask(LabelledTask):
     """A task that asks for a velocity of its own."""
 
+    hints: ClassVar = dict.fromkeys(("kp", "kd"), "Velocities have one gain, gain_per_s [1/s]")
+
     gain_per_s: float = Field(5.0, gt=0, description="g of the wanted velocity −g·e − ∂e/∂t [1/s]")
 
 

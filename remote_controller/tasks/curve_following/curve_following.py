@@ -87,7 +87,8 @@ class PersistentMotion(LyapunovFunction):
         given = np.array(objective_weights or (1.0,), float)
         if given.size not in {1, k} or not (given > 0.0).all():
             raise BadProblemError(
-                f"objective_weights {list(objective_weights)}: expected 1 or {k} numbers > 0"
+                f"objective_weights {list(objective_weights)}: expected 1 or {k} numbers > 0",
+                "objective_weights",
             )
         self._weights = np.broadcast_to(given, (k,)).copy()
         self._column = np.sqrt(self._weights)[:, None]

@@ -83,13 +83,14 @@ def test_a_cell_of_the_table_is_so(controller, task):
 
 
 @pytest.mark.parametrize("controller", SEVERAL)
-@pytest.mark.parametrize("task", [V_ONLY, WITH_V])
-def test_several_tasks_are_followed_by_their_errors(controller, task):
-    refused = re.escape(f"mine.yaml: {key(controller)}: has no error e, only V")
+@pytest.mark.parametrize(("task", "term"), [(V_ONLY, ""), (WITH_V, "parameters.terms.1.")])
+def test_several_tasks_are_followed_by_their_errors(controller, task, term):
+    place = key(controller).removesuffix("task") + term + "task"
+    refused = re.escape(f"mine.yaml: {place}: has no error e, only V")
     with pytest.raises(ConfigError, match=refused) as caught:
         made(controller, ARM, task)
-    assert caught.value.key == key(controller)
-    assert caught.value.value == task["task"]
+    assert caught.value.key == place
+    assert caught.value.value == V_ONLY["task"]
 
 
 def test_what_makes_v_decrease_serves_a_sum_with_a_v_alone():

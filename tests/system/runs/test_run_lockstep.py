@@ -81,7 +81,7 @@ def test_a_key_under_its_former_name_still_works_and_is_told(tmp_path, written, 
     shown = inside("config", "show", path, "--set", f"parameters.{changed}=4.0")
     assert_ran(shown)
     assert "max_speed_ratio: 4.0" in shown.stdout
-    assert ("'effort' is called 'max_speed_ratio'" in shown.stderr) == (
+    assert (f"{path}: parameters: 'effort' is called 'max_speed_ratio'" in shown.stderr) == (
         "effort" in (written, changed)
     )
 
@@ -107,7 +107,8 @@ def test_constraints_under_their_former_names_give_the_same_run(tmp_path: Path) 
         words = ("run", "--lockstep", "--duration", "0.1", "--out", log, "--controller", path)
         for command in (inside(*words), inside("replay", log)):
             assert_ran(command)
-            assert ("is called 'joint_velocity'" in command.stderr) == (name != "joint_velocity")
+            told = "parameters.constraints.0.constraint: " in command.stderr
+            assert told == (name != "joint_velocity")
         hashes.add(payload_hash(Log.open(log, side="controller")))
     assert len(hashes) == 1
 

@@ -26,6 +26,15 @@ def rest(**parameters: object) -> dict[str, object]:
     return {"name": "rest", "task": "posture", "parameters": parameters}
 
 
+def summed(term: dict[str, object]) -> dict[str, object]:
+    """A sum whose second term is that."""
+    term = {key: term[key] for key in term if key != "name"}
+    return {"task": "weighted_sum", "parameters": {"terms": [{"task": "posture"}, term]}}
+
+
+TERM = "parameters.tasks.0.parameters.terms.1"
+
+
 WRONG = [
     ([hand(frame="elbwo")], "parameters.tasks.0.parameters.frame", "elbow"),
     ([hand(), hand()], "parameters.tasks.1.name", "two tasks"),
@@ -35,6 +44,15 @@ WRONG = [
     ([{**hand(), "task": "frame_positon"}], "frame_positon", "Did you mean 'frame_position'"),
     ([{**hand(), "kp": 0.0}], "parameters.tasks.0.kp", "0.0"),
     ([], "parameters.tasks", "one task or more"),
+    (
+        [hand(weights=[1.0, -1.0, 1.0])],
+        "parameters.tasks.0.parameters.weights: ",
+        "(1.0, -1.0, 1.0)",
+    ),
+    ([summed(hand(weights=[1.0, 2.0]))], f"{TERM}.parameters.weights: ", "(1.0, 2.0)"),
+    ([{**hand(), "gain_per_s": 3.0}], "parameters.tasks.0.gain_per_s: ", "kp"),
+    ([{**hand(), "target": POINT}], "parameters.tasks.0.target: ", "`parameters`"),
+    ([{**rest(), "frame": "ee"}], "parameters.tasks.0.frame: ", "`parameters`"),
     ([press(sensor="elbow")], "parameters.tasks.0.parameters.sensor", "no wrench sensor"),
     ([press(normal=[0.0, 0.0, 0.0])], "parameters.tasks.0", "normal"),
     ([rest(joints=["joint_9"])], "parameters.tasks.0.parameters.joints", "joint_9"),
@@ -94,6 +112,52 @@ def test_a_task_of_before_names_were_shared_asks_for_the_same(former, today):
     q, dq = robot().initial_position + 0.1 * rng.normal(size=7), rng.normal(size=7)
     answers = [each.step(state_of(each, q, dq)).values for each in (before, after)]
     np.testing.assert_array_equal(*answers)
+
+
+def former(kind: str = "position", **settings: object) -> dict[str, object]:
+    return {"name": "hand", "kind": kind, "frame": "ee", **settings}
+
+
+SHORT = {"kind": "point", "position_m": [0.0, 0.0]}
+WRONG_FORMER = [
+    (former(frame="elbwo"), "frame", "elbwo"),
+    (former(target=SHORT), "target.position_m.2", None),
+    (former(kp=0.0), "kp", 0.0),
+    (former(weights=[1.0, 2.0]), "weights", (1.0, 2.0)),
+    (former(position_m=[0.0, 0.0, 0.5], target=POINT), "position_m", [0.0, 0.0, 0.5]),
+    (former("pose", goal={}), "goal", {}),
+    (former("pose", goal=3), "goal", 3),
+    (former("pose", goal={"posture": "nowhere"}), "goal.posture", "nowhere"),
+    (former("pose", goal={"postur": "bent"}), "goal.postur", "bent"),
+    (former("pose", goal={"position_m": [0.0, 0.0]}), "goal.position_m.2", None),
+    (former("pose", goal={"position_m": [0.0] * 3}, target=POINT), "target", POINT),
+    ({"kind": "posture", "posture_rad": "bent"}, "posture_rad", "bent"),
+    ({"kind": "posture", "posture_rad": [0.1], "target_rad": [0.1]}, "target_rad", [0.1]),
+    ({"kind": "positon"}, "kind", "positon"),
+    (former(task="frame_pose"), "kind", "position"),
+    (former(parameters={}), "kind", "position"),
+]
+
+
+@pytest.mark.filterwarnings("ignore::hoap3.protocol.errors.RenamedWarning")
+@pytest.mark.parametrize(("task", "key", "value"), WRONG_FORMER)
+def test_errors_in_the_former_form_name_the_keys_that_stand_there(task, key, value):
+    with pytest.raises(ConfigError) as raised:
+        made("ghc", tasks=[hand("other"), task], priorities={})
+    error = raised.value
+    assert (error.file, error.key, error.value) == ("ghc", f"parameters.tasks.1.{key}", value)
+    assert all(each.file == "ghc" for each in error.others)
+
+
+def test_the_warning_about_the_former_form_says_where_it_stands():
+    with pytest.warns(RenamedWarning, match=r"^ghc: parameters\.tasks\.1: "):
+        made("ghc", tasks=[hand("other"), former()], priorities={})
+
+
+def test_a_wrong_entry_is_told_without_an_echo_about_its_list():
+    with pytest.raises(ConfigError) as raised:
+        made("ghc", tasks=[{**hand(), "kp": 0.0}], priorities={})
+    assert not raised.value.others
 
 
 @pytest.mark.parametrize("name", ["ghc", "hqp"])
