@@ -224,6 +224,8 @@ class Constraint:
         if share > 1.0:
             problem = f"η·T = {share:.6g} oversteps the limit within one period of {period_s:g} s"
             remedy = f"At most 1/T = {1.0 / period_s:.17g}"
+            if "acceleration" in self.levels:
+                remedy += f"; for accelerations {GREATEST_SHARE}/T, or what joints can brake with"
             raise ConfigError("", "eta_per_s", eta_per_s, problem, remedy)
 
     def fit_rate(self, parameters: Any, speed: FloatArray, deceleration: FloatArray) -> float:
@@ -248,15 +250,15 @@ class Constraint:
         most = min(GREATEST_SHARE / self.period_s, float(braking[joint]))
         if wanted <= most or ("eta_per_s" not in parameters.model_fields_set and most > 0.0):
             return min(wanted, most)
-        name = self.description.joint_names[joint]
-        if wanted * self.period_s > GREATEST_SHARE:
+        if most < braking[joint]:
             problem = f"η·T is above {GREATEST_SHARE} in rows of accelerations"
+            remedy = f"At most {GREATEST_SHARE}/T = {most}"
         else:
             problem = (
-                f"joint {name!r} may move with {speed[joint]:.6g} and brakes with "
-                f"{deceleration[joint]:.6g}: too little for η times its speed"
+                f"joint {self.description.joint_names[joint]!r} may move with {speed[joint]:.6g} "
+                f"and brakes with {deceleration[joint]:.6g}: too little for η times its speed"
             )
-        remedy = f"At most {most:.6g}, or limit speeds by joint_velocity"
+            remedy = f"At most {most}, or limit speeds by joint_velocity"
         raise ConfigError("", "eta_per_s", wanted, problem, remedy)
 
     def joint_indices(self, key: str, names: Iterable[str]) -> list[int]:

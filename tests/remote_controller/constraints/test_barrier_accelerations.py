@@ -178,7 +178,11 @@ def test_from_outside_the_rows_lead_back_no_faster_than_asked():
 
 
 def test_a_rate_that_is_set_must_fit_the_period_and_the_brakes():
-    with pytest.raises(ConfigError, match=r"0\.parameters\.eta_per_s: η·T is above 0\.6.*At most"):
+    slow = {"constraint": "joint_velocity", "limit_rad_s": 0.01}
+    with pytest.raises(ConfigError, match=r"0\.6/T = 600") as raised:
+        AccelerationBench(small(), slow, {**FLOOR, "eta_per_s": 601.0})
+    assert raised.value.key.endswith("constraints.1.parameters.eta_per_s")
+    with pytest.raises(ConfigError, match=r"'shoulder' .*At most 13\.3"):
         AccelerationBench(small(), {**FLOOR, "eta_per_s": 601.0})
     words = r"eta_per_s: joint 'r_hip_yaw' may move with 4\.76 and brakes with 40: .*At most 8\.4"
     head = {"constraint": "half_space", "frame": "head", "normal": [0, 0, 1]}
