@@ -208,8 +208,8 @@ class HierarchyController(Controller):
         self.lower, self.upper = self.bounds.lower, self.bounds.upper
         if self._keeps:
             self.lower, self.upper = stack.lower, stack.upper
-        self._nearest = Tsid(self.torque_max, self.bounds.greatest, len(stack.rows))
-        self._stopping = Tsid(self.torque_max, self.bounds.greatest)
+        self._nearest = Tsid(self.torque_max, len(stack.rows))
+        self._stopping = Tsid(self.torque_max)
         self._next_q, self._next_dq = np.zeros((2, n))
         self._unbounded = np.full(n, np.inf)
         self._no_rows, self._no_wish = np.zeros((0, n)), np.zeros(0)

@@ -47,7 +47,7 @@ class TsidController(WeighedController):
     ) -> None:
         super().__init__(description, settings.with_all_tasks(description, parameters), file)
         tasks = self.tasks
-        self.solver = Tsid(self.torque_max, self.bounds.greatest, len(self.stack.rows))
+        self.solver = Tsid(self.torque_max, len(self.stack.rows))
         self.answer_in(self.solver.ddq, self.solver.tau)
         m = tasks.rows[-1].start
         self._jacobian, self._wanted = tasks.jacobian[:m], tasks.wanted[:m]

@@ -36,7 +36,6 @@ class Tsid:
 
     Args:
         effort: greatest torques, (n,).
-        greatest: accelerations, (n,): what margins are relative to.
         rows: s, the number of rows R.
 
     Attributes:
@@ -46,18 +45,14 @@ class Tsid:
         ddq, tau: the answer, (n,).
         kkt_residual: of ddq as the answer of the QP, computed without the solver; inf where it is
             none (`tsid_kernels.prove`).
-        margin: least distance from a bound of ddq or τ, relative to `greatest` or the effort; 0
-            where one is reached, negative where a torque exceeds its effort.
-        torque_margin: that of the torques alone.
-        held: whether a bound of ddq is reached.
     """
 
-    def __init__(self, effort: Array, greatest: Array, rows: int = 0) -> None:
+    def __init__(self, effort: Array, rows: int = 0) -> None:
         from hoap3.remote_controller.solvers.tsid import tsid_kernels as kernels
 
         n = self.n = effort.size
         self._lay_out, self._prove = kernels.lay_out, kernels.prove
-        self._effort, self._greatest = np.ascontiguousarray(effort), np.ascontiguousarray(greatest)
+        self._effort = np.ascontiguousarray(effort)
         self._program = _program(n + rows, n)
         self.rows = self._program.A[n:]
         self.rows_lower, self.rows_upper = np.full(rows, -np.inf), np.full(rows, np.inf)
@@ -73,8 +68,7 @@ class Tsid:
             self._nearest.A = self.rows
             self._find_nearest = ActiveSet(self._nearest)
         self.ddq, self.tau = np.zeros(n), np.zeros(n)
-        self.kkt_residual = self.margin = self.torque_margin = 0.0
-        self.held = False
+        self.kkt_residual = 0.0
 
     def solve(
         self,
@@ -131,7 +125,7 @@ class Tsid:
         if not solved:
             multipliers = self._none
             found, x = self._fall_back(posture)
-        self.kkt_residual, self.margin, self.torque_margin, self.held = self._prove(
+        self.kkt_residual = self._prove(
             x,
             multipliers,
             program.H,
@@ -144,7 +138,6 @@ class Tsid:
             self.rows,
             self.rows_lower,
             self.rows_upper,
-            self._greatest,
             solved,
             self.ddq,
             self.tau,

@@ -19,7 +19,6 @@ EQUATION = 5  # daqp's word for it
 NONE = 1e30  # daqp's infinity
 SAME = 1e-13  # of a bound: bounds as near as that are one
 TINY = 1e-9  # rad/s²: accelerations below it count as that much
-ACTIVE = 1e-9  # of the greatest acceleration or effort: a bound as near as that is reached
 
 
 @kernel()
@@ -98,11 +97,10 @@ def prove(
     rows: Matrix,
     rows_lower: Vector,
     rows_upper: Vector,
-    greatest: Vector,
     solved: bool,
     ddq_out: Vector,
     tau_out: Vector,
-) -> tuple[float, float, float, bool]:
+) -> float:
     """Write ddq within its bounds and its torques; prove them without any solver's word.
 
     With the gradient g = H·ddq + f + M·λ + Rᵀ·μ, ddq is optimal if each ddq_i is the point within
@@ -118,22 +116,17 @@ def prove(
         mass, bias, effort: of |M·ddq + h| ≤ effort.
         lower, upper: of ddq.
         rows, rows_lower, rows_upper: of rows_lower ≤ R·ddq ≤ rows_upper, (s, n), (s,) and (s,).
-        greatest: accelerations, (n,): what margins are relative to.
         solved: whether `multipliers` are those of this QP; if not, the residual is inf.
         ddq_out, tau_out: (n,).
 
     Returns:
-        Residual; least margin, of ddq relative to `greatest` and of the torques to their efforts;
-        that of the torques alone; whether some bound of ddq is reached.
+        The residual.
     """
     n, s = x.size, rows_lower.size
-    span, margin, torque_margin, held = TINY, math.inf, math.inf, False
+    span = TINY
     for i in range(n):
         ddq_out[i] = min(max(x[i], lower[i]), upper[i])
         span = max(span, abs(ddq_out[i]), abs(f[i]) / H[i, i])
-        room = min(ddq_out[i] - lower[i], upper[i] - ddq_out[i]) / greatest[i]
-        held = held or room <= ACTIVE
-        margin = min(margin, room)
     worst = 0.0
     for i in range(n):
         tau, gradient = bias[i], f[i]
@@ -143,8 +136,6 @@ def prove(
         for k in range(s):
             gradient += rows[k, i] * multipliers[n + k]
         tau_out[i] = tau
-        room = 1.0 - abs(tau) / effort[i]
-        torque_margin = min(torque_margin, room)
         step = multipliers[i] * mass[i, i] * mass[i, i] / H[i, i]
         away = _away(ddq_out[i], -gradient / H[i, i], lower[i], upper[i]) / span
         worst = max(worst, away, _away(tau, step, -effort[i], effort[i]) / effort[i])
@@ -157,4 +148,4 @@ def prove(
         worst = max(worst, _away(value, step, rows_lower[k], rows_upper[k]) / reach)
     if not (solved and worst < math.inf):
         worst = math.inf
-    return worst, min(margin, torque_margin), torque_margin, held
+    return worst

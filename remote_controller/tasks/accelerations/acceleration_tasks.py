@@ -100,7 +100,10 @@ class AccelerationTasks:
         from hoap3.remote_controller.tasks.accelerations import task_acceleration_kernels as kernels
         from hoap3.remote_controller.tasks.accelerations.wrench_kernels import turn_to_root
 
-        self._desired_accelerations, self._load = kernels.desired_accelerations, kernels.load
+        self._desired_accelerations, self._add_friction_and_wrenches = (
+            kernels.desired_accelerations,
+            kernels.add_friction_and_wrenches,
+        )
         self._turn_to_root = turn_to_root
         self._robot, self._file = robot, file
         self.names = tuple(labels_of(settings))
@@ -226,7 +229,7 @@ class AccelerationTasks:
                 self.opposite += function.status == status.AT_ANTIPODE
         if presses:
             np.take(wrench, self._felt, out=self._wrench)
-        self.load = self._load(
+        self.load = self._add_friction_and_wrenches(
             self._sensor_rows,
             self._wrench,
             self._damping,

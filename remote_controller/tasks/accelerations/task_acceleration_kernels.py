@@ -153,7 +153,7 @@ def place_in_root(
 
 
 @kernel("f8(f8[:,::1], f8[::1], f8[::1], f8[::1], f8, f8[::1], f8[:,::1], f8[::1])")
-def load(
+def add_friction_and_wrenches(
     frame_rows: FloatArray,
     wrench: FloatArray,
     damping: FloatArray,

@@ -30,7 +30,7 @@ class Problem:
         self.R = self.R.reshape(-1, len(self.p))
 
     def solver(self) -> Tsid:
-        made = Tsid(self.effort, np.ones(len(self.p)), rows=len(self.R))
+        made = Tsid(self.effort, rows=len(self.R))
         made.rows[:], made.rows_lower[:], made.rows_upper[:] = self.R, self.least, self.most
         return made
 
