@@ -33,7 +33,7 @@ class Outcome:
         self._controller = controller
         self._balance = balance_of(description)
         self.answers = self._certifiable = self._certified = 0
-        self._least_margin = math.inf
+        self._least_margin, self._least_of = math.inf, ("", "")
 
     def note(self, state: State, answer: Setpoint) -> None:
         """Count an answer, after it was sent."""
@@ -46,6 +46,7 @@ class Outcome:
         margin = answer.margin
         if not margin >= self._least_margin:
             self._least_margin = -math.inf if math.isnan(margin) else margin  # NaN is a violation
+            self._least_of = controller.margin_of()
         if controller.certifies and not controller.present & controller.not_certified_in:
             self._certifiable += 1
             self._certified += status in PROVED
@@ -59,11 +60,13 @@ class Outcome:
         tolerance = self._controller.margin_tolerance
         judged = tolerance is not None and self._least_margin < math.inf
         least = max(self._least_margin, -sys.float_info.max)  # JSON has no infinities
+        of, unit = self._least_of
+        margin = {"least": least, "tolerance": tolerance, "of": of, "unit": unit}
         return {
             "answers": self.answers,
             "tasks": [error.as_json() for error in self._controller.task_errors()],
             "certifiable": self._certifiable,
             "certified": self._certified,
-            "margin": {"least": least, "tolerance": tolerance} if judged else None,
+            "margin": margin if judged else None,
             "balance": None if self._balance is None else self._balance.as_json(),
         }

@@ -41,6 +41,7 @@ class Barrier(Constraint):
     yields = True
     levels: ClassVar[tuple[Level, ...]] = ("velocity", "acceleration")
     guarantee: ClassVar[Guarantee] = "conditional"
+    margin_unit = "m"
 
     class Parameters(Constraint.Parameters):
         """How fast limits may be approached, and how fast one returns behind them."""

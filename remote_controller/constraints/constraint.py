@@ -57,8 +57,9 @@ class Constraint:
         rows: the most rows that it gives.
         names: (rows,) what each row is for.
         margins: of the last update, one for each of `margin_names`; what is negative lies
-            outside. In the unit that the class states; inf for what is switched off. Constraints
-            on the velocity alone, and equations, have none.
+            outside. inf for what is switched off. Constraints on the velocity alone, and
+            equations, have none.
+        margin_unit: of the margins; "" where nobody says.
         margin_names: what each margin is of.
         least, greatest: (n,) positions that it keeps [rad or m]; None where it keeps none.
         speed_max, acceleration_max, torque_max: (n,) what it leaves of the joints' speeds,
@@ -83,6 +84,7 @@ class Constraint:
     guarantee: ClassVar[Guarantee] = "local linearisation"
     equality: ClassVar[bool] = False
     yields: ClassVar[bool] = False
+    margin_unit: ClassVar[str] = ""
 
     def __init__(
         self,

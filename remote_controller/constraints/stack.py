@@ -41,11 +41,15 @@ class Stack:
 
     def tightest(self) -> str:
         """Label and name of what has the smallest margin; "" where there is none."""
+        return self.tightest_with_unit()[0]
+
+    def tightest_with_unit(self) -> tuple[str, str]:
+        """The same, and the unit of that margin."""
         least = self.margin()
         for label, constraint in zip(self.labels, self.constraints, strict=True):
             if constraint.margins.size and constraint.margin() == least:
-                return f"{label}: {constraint.tightest()}"
-        return ""
+                return f"{label}: {constraint.tightest()}", constraint.margin_unit
+        return "", ""
 
     def events(self) -> dict[str, int]:
         """How often something happened, as `label: event`; what never did is left out."""

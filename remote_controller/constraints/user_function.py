@@ -22,6 +22,8 @@ class UserFunction(Barrier):
     `bad_value` counts it. Parameters that speak of m or m/s mean the unit of m.
     """
 
+    margin_unit = ""
+
     class Parameters(Barrier.Parameters):
         """The function."""
 

@@ -134,6 +134,10 @@ class Controller(ABC):
     def step(self, state: State) -> Setpoint:
         """Answer `state`; returns `self.command` with `values` and the certificate filled in."""
 
+    def margin_of(self) -> tuple[str, str]:
+        """What the `margin` of the last answer is of, and its unit; "" for what is not known."""
+        return "", ""
+
     def refuse(self, present: int) -> Setpoint:
         """Answer with nothing to follow, as where a State is not finite.
 

@@ -137,6 +137,8 @@ def _limits(
         "torque_limited": torque_limited,
         "smallest_margin": None if least is None else max(least, -sys.float_info.max),
         "margin_tolerance": margin.get("tolerance"),
+        "smallest_margin_of": margin.get("of"),
+        "smallest_margin_unit": margin.get("unit"),
         "com_checked": balance.get("checked"),
         "com_outside_support": balance.get("outside"),
         "com_to_edge_m": balance.get("least_m"),
@@ -164,13 +166,20 @@ def _limits_words(judged: Mapping[str, Any]) -> str:
     if limits["torque_limited"]:
         parts.append(f"too little torque in {limits['torque_limited']} periods")
     if limits["smallest_margin"] is not None:
-        parts.append(f"smallest margin {limits['smallest_margin']:.3g}")
+        parts.append(_margin_words(limits))
     if limits["com_to_edge_m"] is not None:
         edge, outside = limits["com_to_edge_m"], limits["com_outside_support"]
         where = "inside" if edge >= 0.0 else "outside"
         share = f", in {outside} of {limits['com_checked']} postures" if outside else ""
         parts.append(f"CoM at worst {_size(abs(edge), 'm')} {where} the edge{share}")
     return "; ".join(parts)
+
+
+def _margin_words(limits: Mapping[str, Any]) -> str:
+    """The smallest margin with its unit, and what it is of, where the controller tells."""
+    unit, of = limits.get("smallest_margin_unit"), limits.get("smallest_margin_of")
+    words = f"smallest margin {limits['smallest_margin']:.3g}"
+    return words + (f" {unit}" if unit else "") + (f" ({of})" if of else "")
 
 
 def _joint_words(joints: Mapping[str, Any] | None) -> str:

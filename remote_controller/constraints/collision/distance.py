@@ -53,6 +53,7 @@ class Distance(Constraint):
     """
 
     guarantee: ClassVar[Guarantee] = "conditional"
+    margin_unit = "m"
     levels: ClassVar[tuple[Level, ...]] = ("velocity", "acceleration")
     yields = True
 

@@ -31,6 +31,7 @@ class MinimumSpeed(Constraint):
 
     levels: ClassVar[tuple[Level, ...]] = ("velocity", "acceleration")
     guarantee: ClassVar[Guarantee] = "local linearisation"
+    margin_unit = "m/s"
 
     class Parameters(Constraint.Parameters):
         """Direction and least speed; either `joints` or `frame` and `direction`."""

@@ -47,6 +47,7 @@ class Viability(Constraint):
 
     levels: ClassVar[tuple[Level, ...]] = ("velocity", "acceleration")
     guarantee: ClassVar[Guarantee] = "invariant"
+    margin_unit = "rad or m"
 
     def prepare(self, parameters: Parameters, kinematics: Kinematics) -> None:
         """Size the buffers."""

@@ -24,6 +24,8 @@ class FrictionCone(ComMotion):
     touches anything.
     """
 
+    margin_unit = "m/s²"
+
     class Parameters(ComMotion.Parameters):
         """Friction and pyramid."""
 

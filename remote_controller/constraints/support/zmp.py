@@ -24,6 +24,8 @@ class Zmp(ComMotion):
     `support_polygon`.
     """
 
+    margin_unit = "m"
+
     class Parameters(ComMotion.Parameters):
         """Soles, margin and gravity."""
 

@@ -286,6 +286,12 @@ class HierarchyController(Controller):
             for error in self.tasks.errors_of(i)
         ]
 
+    def margin_of(self) -> tuple[str, str]:
+        """The nearest constraint, or the bounds where these are nearer."""
+        if self._keeps and not self.stack.margin() > self.command.margin:
+            return self.stack.tightest_with_unit()
+        return "bounds of joints", "of the greatest acceleration or torque"
+
     def answer_in(self, ddq: FloatArray, tau: FloatArray) -> None:
         """Have these arrays, (n,), be those that `solve` writes."""
         self.ddq, self.tau = ddq, tau

@@ -92,6 +92,10 @@ class JointAccelerationController(Controller):
         self._tick = -1
         self.conditions = ("state not finite", "held by bounds of joints")
 
+    def margin_of(self) -> tuple[str, str]:
+        """The bounds."""
+        return "bounds of joints", "of the greatest acceleration"
+
     def task_errors(self) -> list[TaskError]:
         """The greatest error of any joint."""
         error = self._target - self._q

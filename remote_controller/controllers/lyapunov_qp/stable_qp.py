@@ -125,6 +125,12 @@ class StableQpController(VelocityController):
         with located(file, "parameters"):
             check_objective(parameters)
 
+    def margin_of(self) -> tuple[str, str]:
+        """The nearest constraint; where none has a margin, bounds or limits of speed."""
+        if self.stack.margin() < math.inf:
+            return self.stack.tightest_with_unit()
+        return "speeds of joints", ""
+
     def task_errors(self) -> list[TaskError]:
         """Errors of the task."""
         return [replace(error, task=self._task_name) for error in self.function.accuracy()]

@@ -110,6 +110,10 @@ class LabelledTasksController(VelocityController):
     def judged(self) -> list[bool]:
         """Which tasks must reach their target: those that no other may keep from it."""
 
+    def margin_of(self) -> tuple[str, str]:
+        """The bounds."""
+        return "bounds of joints", "rad/s or m/s"
+
     def task_errors(self) -> list[TaskError]:
         """Errors of all tasks; those of lower priority are not judged."""
         return [

@@ -108,6 +108,7 @@ def test_the_smallest_margin_and_whose_it_is():
     bench = Bench(hoap3(), ALL[0], ALL[9]).at(q)
     assert bench.stack.margin() == pytest.approx(1e-6)
     assert bench.stack.tightest() == "joint_position: r_knee upper"
+    assert bench.stack.tightest_with_unit()[1] == "rad or m"
 
 
 class Tightened(JointPosition):

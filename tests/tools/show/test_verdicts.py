@@ -27,6 +27,12 @@ def verdict(name: str, outcome: dict[str, Any] | None, held_back: int = 0, weak:
     return judged["verdicts"][name], judged[name]["reasons"]
 
 
+def test_a_margin_is_told_with_its_unit_and_what_it_is_of():
+    margin = {"least": 0.25, "tolerance": 1e-6, "of": "ball: hand", "unit": "m"}
+    words = in_words(judge("fit", 0, 0, told(margin=margin)))["limits_and_balance"]
+    assert "0.25 m (ball: hand)" in words
+
+
 def test_all_good():
     judged = judge("fit", 0, 0, told())
     good = {"deadlines": "fit", "task": "good", "limits_and_balance": "good"}
