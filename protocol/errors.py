@@ -75,6 +75,10 @@ class RenamedWarning(FutureWarning):
     """A config has a former name of something, which still works."""
 
 
+class LimitWarning(UserWarning):
+    """A config has a limit above its robot's, which is not what counts then."""
+
+
 class NoDefaultTaskError(ConfigError):
     """A config names no task, and neither does the robot."""
 

@@ -25,6 +25,7 @@ from hoap3.protocol.errors import (
     NoDefaultTaskError,
     UnknownNameError,
 )
+from hoap3.remote_controller.limits_above import warn_of_limits_above
 from hoap3.remote_controller.pairs import configs_for, robots_for
 from hoap3.remote_controller.plugins import building
 from hoap3.remote_controller.user_code import may_import
@@ -104,7 +105,7 @@ def build(config: ControllerConfig, description: RobotDescription, file: str = "
             told_as_written(config.parameters),
             building(controller, config.controller, description, parameters, file, *keys),
         ):
-            return controller.configured(description, parameters, file)
+            built = controller.configured(description, parameters, file)
     except ConfigError as error:
         hint = of_another_robot(config, description)
         if not hint or isinstance(error, NoDefaultTaskError):  # which any robot can have
@@ -116,6 +117,8 @@ def build(config: ControllerConfig, description: RobotDescription, file: str = "
     except DescriptionError as error:
         hint = of_another_robot(config, description) or _runs_on(file, description)
         raise (DescriptionError(f"{error}. {hint}") if hint else error) from error
+    warn_of_limits_above(description, parameters, file)
+    return built
 
 
 def of_another_robot(config: ControllerConfig, description: RobotDescription) -> str:

@@ -15,7 +15,13 @@ from typing import Annotated, TextIO
 
 import typer
 
-from hoap3.protocol.errors import Hoap3Error, LogError, RenamedWarning, UsageError
+from hoap3.protocol.errors import (
+    Hoap3Error,
+    LimitWarning,
+    LogError,
+    RenamedWarning,
+    UsageError,
+)
 from hoap3.tools.cli.change import change, priorities
 from hoap3.tools.cli.compare import compare
 from hoap3.tools.cli.latency import latency
@@ -456,7 +462,7 @@ def _show_warning(
     line: str | None = None,
 ) -> None:
     """In one line where a config is to be mended; as Python does, with the place, elsewhere."""
-    if issubclass(category, RenamedWarning):
+    if issubclass(category, RenamedWarning | LimitWarning):
         to_people(f"warning: {message}")
     else:
         _show_by_python(message, category, filename, lineno, file, line)

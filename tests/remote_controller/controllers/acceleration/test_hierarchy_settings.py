@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+import warnings
+
 import numpy as np
 import pytest
 from hierarchy_runs import content, made, robot, state_of
 
 from hoap3.protocol.config.settings import parse
-from hoap3.protocol.errors import ConfigError, RenamedWarning, UnknownNameError
+from hoap3.protocol.errors import ConfigError, LimitWarning, RenamedWarning, UnknownNameError
 from hoap3.remote_controller.config import ControllerConfig, check_parameters
 
 POINT = {"kind": "point", "position_m": [0.0, 0.0, 0.0]}
@@ -24,6 +27,13 @@ def press(**parameters: object) -> dict[str, object]:
 
 def rest(**parameters: object) -> dict[str, object]:
     return {"name": "rest", "task": "posture", "parameters": parameters}
+
+
+def limit(constraint: str, **parameters: object) -> dict[str, object]:
+    return {"constraint": constraint, "parameters": parameters}
+
+
+LIMIT = "constraints.0.parameters"
 
 
 def summed(term: dict[str, object]) -> dict[str, object]:
@@ -223,6 +233,44 @@ def test_bounds_have_one_value_or_one_for_each_joint(key):
         made("ghc", bounds={key: [1.0, 2.0]})
     controller = made("ghc", bounds={key: [1e6]})
     assert (controller.torque_max == robot().effort).all()
+
+
+ABOVE = [
+    ({"bounds": {"speed_max": [1e6]}}, "bounds.speed_max", r"1000000\.0"),
+    ({"bounds": {"torque_max": [1.0] * 6 + [1e6]}}, "bounds.torque_max.6", "joint_7"),
+    (
+        {"bounds": {"acceleration_max": [1e5], "shrink": True}},
+        "bounds.acceleration_max",
+        r"100000\.0",
+    ),
+    ({"constraints": [limit("joint_velocity", limit_rad_s=99.0)]}, f"{LIMIT}.limit_rad_s", "99"),
+    (
+        {"constraints": [limit("joint_torque", joints_nm={"joint_2": 1e4})]},
+        f"{LIMIT}.joints_nm.joint_2",
+        "10000",
+    ),
+]
+
+
+@pytest.mark.parametrize(("given", "key", "said"), ABOVE)
+def test_a_limit_above_the_robots_is_told(given, key, said):
+    with pytest.warns(LimitWarning, match=rf"^ghc: parameters\.{re.escape(key)}: .*{said}"):
+        made("ghc", **given)
+
+
+def test_a_limit_that_some_joint_can_reach_is_not():
+    limits = [limit("joint_velocity", limit_rad_s=float(robot().velocity.max()))]
+    bounds = {"torque_max": [float(robot().effort.max())], "speed_max": [0.9]}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", LimitWarning)
+        made("ghc", bounds=bounds, constraints=limits)
+
+
+@pytest.mark.parametrize("name", ["ghc", "ghc_humanoid", "ghc_torque", "hqp", "weighted"])
+def test_no_shipped_config_asks_for_more_than_its_robot_can_do(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", LimitWarning)
+        made(name)
 
 
 def test_a_change_that_is_wrong_changes_nothing():

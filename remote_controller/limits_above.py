@@ -1,0 +1,76 @@
+"""Limits of a config that are above its robot's: a warning says which ones count instead."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import LimitWarning
+from hoap3.protocol.messages import FloatArray
+
+CUT = "the robot's counts"
+HELD_BACK = "the robot does not brake so hard, and may hold it back"
+OF_BOUNDS = {
+    "speed_max": ("velocity", CUT),
+    "speed_rad_s": ("velocity", CUT),
+    "torque_max": ("effort", CUT),
+    "acceleration_rad_s2": ("setpoint_acceleration_max", CUT),
+    "acceleration_max": ("brake_acceleration", HELD_BACK),
+}
+OF_CONSTRAINTS = {
+    "joint_velocity": ("limit_rad_s", "joints_rad_s", "velocity"),
+    "joint_acceleration": ("limit_rad_s2", "joints_rad_s2", "setpoint_acceleration_max"),
+    "joint_torque": ("limit_nm", "joints_nm", "effort"),
+}
+
+
+def warn_of_limits_above(robot: RobotDescription, parameters: Any, file: str) -> None:
+    """Warn of each limit of a controller, or of its constraints, that is above the robot's.
+
+    One for all joints may be above the limits of some, as what leaves these as they are.
+
+    Args:
+        robot: that it controls.
+        parameters: of the controller, with which it could be built.
+        file: where they stand, under `parameters`.
+    """
+    bounds = getattr(parameters, "bounds", None)
+    for key, (of_robot, instead) in OF_BOUNDS.items():
+        given, own = getattr(bounds, key, None), np.array(getattr(robot, of_robot))
+        if isinstance(given, tuple) and len(given) == 1:
+            given = given[0]
+        _warn(f"{file}: parameters.bounds.{key}", given, own, robot.joint_names, instead)
+    for place, entry in enumerate(getattr(parameters, "constraints", None) or ()):
+        if entry.constraint not in OF_CONSTRAINTS:
+            continue
+        common, single, of_robot = OF_CONSTRAINTS[entry.constraint]
+        for key in (common, single):
+            where = f"{file}: parameters.constraints.{place}.parameters.{key}"
+            own = np.array(getattr(robot, of_robot))
+            _warn(where, entry.parameters.get(key), own, robot.joint_names, CUT)
+
+
+def _warn(where: str, given: Any, own: FloatArray, names: tuple[str, ...], instead: str) -> None:
+    if isinstance(given, int | float):
+        if given > own.max():
+            text = f"is above the limit of every joint, at most {own.max():.6g}"
+            warnings.warn(f"{where}: {text} (found {given}): {instead}", LimitWarning, stacklevel=3)
+        return
+    for place, name, value in _of_joints(given, names):
+        limit = own[names.index(name)]
+        if value > limit:
+            text = f"is above the limit of joint {name!r}, {limit:.6g}"
+            text = f"{where}.{place}: {text} (found {value}): {instead}"
+            warnings.warn(text, LimitWarning, stacklevel=3)
+
+
+def _of_joints(given: Any, names: tuple[str, ...]) -> Iterator[tuple[int | str, str, float]]:
+    """Key, joint and limit of each that is given for a single joint."""
+    if isinstance(given, Mapping):
+        yield from ((name, name, value) for name, value in given.items())
+    elif given:
+        yield from zip(range(len(names)), names, given, strict=True)
