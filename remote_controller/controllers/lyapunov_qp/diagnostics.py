@@ -28,6 +28,7 @@ class Diagnostics:
 
     Attributes:
         names: of the conditions, by bit.
+        bounds: the bit of `held by bounds of joints`.
     """
 
     def __init__(self, stack: ConstraintStack) -> None:
@@ -38,7 +39,7 @@ class Diagnostics:
         held = [f"held by {label}" for label in stack.labels]
         self.names = ("slowed", *solver, *task, BOUNDS, *held, *self._events.names)
         bit_of = dict(zip(self.names, bits(self.names), strict=True))
-        self._slowed, self._bounds = bit_of["slowed"], bit_of[BOUNDS]
+        self._slowed, self.bounds = bit_of["slowed"], bit_of[BOUNDS]
         self._solver = [bit_of.get(name, 0) for name in solver_status.NAMES]
         self._task = [bit_of.get(name, 0) for name in task_status.NAMES]
         self._before_events = len(self.names) - len(self._events.names)
@@ -69,7 +70,7 @@ class Diagnostics:
             (u - stack.lower <= ACTIVE) & (gradient > 0.0)
         )
         if at_limit.any():
-            present |= self._bounds
+            present |= self.bounds
         slack, outwards = stack.b - stack.A @ u, stack.A @ gradient < 0.0
         lengths = np.abs(stack.A).max(axis=1, initial=0.0)
         holding = outwards & (slack <= ACTIVE * lengths)

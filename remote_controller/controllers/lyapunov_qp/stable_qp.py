@@ -31,6 +31,7 @@ PROVEN = (status.OK, status.STATIONARY)
 ANSWERED = (*PROVEN, status.CANNOT_DESCEND, status.DESCENDS_FASTER)
 HELD = (*ANSWERED, status.ZERO_GRADIENT)  # what the solver gives is followed; else the robot brakes
 ROUNDING = 1e-9  # of V̇ relative to what is required, and of a speed [rad/s or m/s]
+SPARED = 0.25  # of the speeds along a curve that bounds leave, where ζ is none of them
 CURVATURE = 1e-6  # of a margin: what one Euler step of a curved constraint may overstep
 
 
@@ -41,7 +42,8 @@ class StableQpController(VelocityController):
     speed (`solvers.lyapunov_qp.stable_qp`), so that the robot comes to rest where V can fall no
     further.
 
-    On a curve (`joint_curve`, `task_curve`) the motion along it is one more equation, (23).
+    On a curve (`joint_curve`, `task_curve`) the motion along it is one more equation, (23). Where
+    the bounds on joints leave less than ζ, as at rest, it gathers speed with half of what they do.
 
     A cycle is certified if V̇ is what is required, −ρΨ with 0 ≤ ρ ≤ 1, the answer is optimal to
     10⁻⁹ and no constraint is violated. What stands in the way of it is one of `conditions`: the
@@ -75,6 +77,7 @@ class StableQpController(VelocityController):
     def __init__(
         self, description: RobotDescription, parameters: settings.Parameters, file: str = "config"
     ) -> None:
+        from hoap3.remote_controller.constraints.limit_kernels import span
         from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate_kernels import rate_kernel
 
         task = parameters.task
@@ -87,7 +90,7 @@ class StableQpController(VelocityController):
             parameters.constraints, description, self.kinematics, description.period_s, file
         )
         curve = self.function if isinstance(self.function, PersistentMotion) else None
-        self._curve = curve
+        self._curve, self._span, self._slower = curve, span, False
         m, k, n = len(self.stack.b), len(self.stack.c), description.n
         self._C = np.zeros((k + (curve is not None), n))
         self._c = np.zeros(len(self._C))
@@ -190,6 +193,7 @@ class StableQpController(VelocityController):
         self._certify(V, psi, drift, found, bool(rejected))
         share = solver.rho if self._equality else 1.0  # V̇ ≤ 0 asks for no share of Ψ
         self.present = self._watch.look(found, share, function.status, gradient, self.u)
+        self.present |= self._watch.bounds if self._slower else 0
         return self.u
 
     def _brake(self, found: int) -> int:
@@ -216,7 +220,17 @@ class StableQpController(VelocityController):
         if k:
             self._C[:k], self._c[:k] = self.stack.C, self.stack.c
         if curve is not None:
-            self._C[k], self._c[k] = curve.motion_row, curve.speed
+            self._C[k], self._c[k] = curve.motion_row, self._possible_speed(curve)
+            self._slower = bool(self._c[k] != curve.speed)
+
+    def _possible_speed(self, curve: PersistentMotion) -> float:
+        """ζ; beyond what the bounds leave, a quarter within it, so that u can be chosen still."""
+        least, most = self._span(curve.motion_row, self.stack.lower, self.stack.upper)
+        room = most - least
+        inside = SPARED * room if room < math.inf else 0.0
+        if curve.speed > most:
+            return most - inside
+        return least + inside if curve.speed < least else curve.speed
 
     def _squares(
         self, parameters: settings.Parameters

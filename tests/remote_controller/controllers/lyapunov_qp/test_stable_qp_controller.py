@@ -97,6 +97,21 @@ def test_constraints_that_contradict_each_other_leave_the_robot_still():
     assert not found.speeds.any()
 
 
+@pytest.mark.parametrize("constraint", ["viability", "joint_acceleration"])
+def test_a_curve_gathers_speed_with_half_of_what_joints_can(constraint):
+    """At rest ζ = 0.2 rad/s is out of reach: a period of 1 ms changes a speed by 0.01 rad/s."""
+    wish = {"joints": ["r_elbow", "l_elbow"], "radii_rad": [0.1, 0.1]}
+    task = {"task": "joint_curve", "parameters": {"curve_parameters": wish, "speed_rad_s": 0.2}}
+    gentle = {"constraint": constraint, "parameters": {"limit_rad_s2": 10.0}}
+    found = run(settings(task=task, constraints=[gentle]), 0.1)
+    fastest = np.abs(found.speeds).max(axis=1)
+    np.testing.assert_allclose(fastest[:30], 0.005 * np.arange(1, 31), rtol=0.01)
+    assert fastest[45] == pytest.approx(0.2, rel=0.01)
+    assert set(found.statuses) == {"certified"}
+    assert found.setpoints["v"].max() < 1e-10  # it began on the curve
+    assert found.began["held by bounds of joints"]
+
+
 @pytest.mark.parametrize("rho", ["damped", "largest"])
 def test_a_target_that_is_too_fast_leaves_rho_below_zero(rho):
     target = {"kind": "circle", "center_m": [0.0, 0.03, 0.28], "radius_m": 0.03, "period_s": 0.1}
