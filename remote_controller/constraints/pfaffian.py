@@ -30,7 +30,8 @@ class Pfaffian(Constraint):
     event `bad_matrix` counts it.
 
     For accelerations C·q̈ = −Ċ·q̇ − η·C·q̇, and `drift` is the largest |C·q̇|, which one period
-    leaves within |d²(C·q̇)/dt²|·T²/2 of (1 − ηT) times what it was.
+    leaves within c·T²/2 of (1 − ηT) times what it was, c ≥ |d²(C·q̇)/dt²| at that q̈. From 0 it
+    stays within c·T/(2η), but where the robot stops for another constraint.
     """
 
     class Parameters(Constraint.Parameters):

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from typing import Any
 
 import daqp
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from hoap3.protocol.description import RobotDescription, Sole
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.acceleration_stack import AccelerationStack
+from hoap3.remote_controller.constraints.frames.fixed_frame import AXES
 from hoap3.remote_controller.constraints.registry import (
     ConstraintSettings,
     build,
@@ -22,6 +25,7 @@ from hoap3.robot_emulator.robots import load
 from support.small_arm import URDF, arm
 
 PERIOD = 1e-3
+ROUNDING = 1e-6  # of what a solver leaves of a row [rad/s, rad/s² or m/s, m/s²]
 
 
 def _with_shapes() -> str:
@@ -153,6 +157,66 @@ class AccelerationBench:
         """Move the robot by accelerations for one period, or a part or several of one."""
         q, dq, t = self.state.q.copy(), self.state.dq.copy(), periods * PERIOD
         return self.at(q + t * dq + 0.5 * t * t * ddq, dq + t * ddq)
+
+
+class StatedDrift:
+    """Follows a frame by its poses alone, in periods; e is found by a rotation vector.
+
+    c is the largest difference of e over parts of a period, of order 2 for velocities and 3 for
+    accelerations, divided by the parts' lengths.
+
+    Args:
+        robot: that has the frame.
+        frame, reference, axes: as of `fixed_frame`.
+        eta: η [1/s].
+        order: 2 or 3.
+        q: (n,) where the frame's pose is kept.
+    """
+
+    def __init__(
+        self,
+        robot: RobotDescription,
+        frame: str,
+        reference: str,
+        axes: tuple[str, ...],
+        eta: float,
+        order: int,
+        q: FloatArray,
+    ) -> None:
+        self._kinematics = Kinematics(robot)
+        self._ids = [self._kinematics.frame_id(name) for name in (frame, reference)]
+        self._axes = [AXES.index(axis) for axis in axes]
+        self._eta, self._order, self._kept = eta, order, self._pose(q)
+        self.c = 0.0
+
+    def drift(self, q: FloatArray) -> float:
+        """Largest |e| of a posture."""
+        return float(np.abs(self._error(q)).max())
+
+    def move(self, q: FloatArray, dq: FloatArray, ddq: FloatArray | float = 0.0) -> None:
+        """Know of a period that begins so, with ddq held; without it dq is."""
+        times = np.linspace(0.0, PERIOD, self._order + 1)
+        errors = [self._error(q + t * dq + 0.5 * t * t * ddq) for t in times]
+        found = np.diff(errors, self._order, axis=0) / times[1] ** self._order
+        self.c = max(self.c, float(np.abs(found).max()))
+
+    @property
+    def most(self) -> float:
+        """That |e| ≤ c·T/(2η), or c·T/(2η²); a row that is ε off adds ε/η, or ε/η²."""
+        return (0.5 * self.c * PERIOD + ROUNDING) / self._eta ** (self._order - 1)
+
+    def _pose(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        position, rotation = np.zeros(3), np.zeros((3, 3))
+        self._kinematics.update(q)
+        self._kinematics.frame(*self._ids, position, rotation, np.zeros((6, len(q))))
+        return position, rotation
+
+    def _error(self, q: FloatArray) -> FloatArray:
+        (position, rotation), (kept, turned) = self._pose(q), self._kept
+        vector = Rotation.from_matrix(rotation @ turned.T).as_rotvec()
+        angle = float(np.linalg.norm(vector))
+        sine = math.sin(angle) / angle if angle > 0.0 else 1.0
+        return np.concatenate((position - kept, sine * vector))[self._axes]
 
 
 def differences(bench: Bench, q: FloatArray, step: float = 1e-6) -> FloatArray:

@@ -19,14 +19,22 @@ AXES: tuple[Axis, ...] = ("x", "y", "z", "rx", "ry", "rz")
 class FixedFrame(Constraint):
     """J·u = −η·e on the chosen axes: a frame keeps the pose that it had at the first update.
 
-    J and the error e are as seen from the reference frame, in its axes: e is the displacement [m]
-    and the rotation vector, as long as it is small [rad]. η = 0 gives J·u = 0, which Euler steps
-    of length T leave by about |d²x/dt²|·T²/2 each; with η > 0 the error stays near
-    |d²x/dt²|·T/(2η) instead. `drift` is the largest |e|. Choose no more axes than the joints
+    e is the displacement [m] and, of the rotation by θ about a unit axis a, sin θ·a: the rotation
+    vector as long as it is small [rad]. Both are as seen from the reference frame, in its axes.
+    J = ∂e/∂q, so that e stays where it is also while the frame turns about axes that are not kept,
+    by less than half a turn. `drift` is the largest |e|. Choose no more axes than the joints
     between both frames can move: equations that ask for more have no answer once e ≠ 0.
 
-    For accelerations J·q̈ = −J̇·q̇ − 2η·J·q̇ − η²·e, with ηT ≤ 0.6; the error then stays near
-    |d³x/dt³|·T/(2η²).
+    A period T with u leads to (1 − ηT)·e, but for c·T²/2 with c ≥ |d²e/dt²| at that u. So with
+    0 < ηT ≤ 1 it stays |e| ≤ c·T/(2η); with η = 0 what periods lose adds up.
+
+    For accelerations J·q̈ = −J̇·q̇ − 2η·ė − η²·e, with ηT ≤ 0.6. A period with q̈ leads e and ė on
+    as if ë were constant, but for c·T³/6 and c·T²/2 with c ≥ |d³e/dt³| at that q̈. What either adds
+    to e later on has its sign, as the eigenvalues λ₁ > |λ₂| of a period are real. So a frame that
+    starts at rest stays within the sum of it, |e| ≤ (c·T/η²)·(1/2 − ηT/6) < c·T/(2η²).
+
+    This holds while the equations do: a robot that stops for another constraint lets go of them,
+    and takes back at rate η what they lost meanwhile.
     """
 
     class Parameters(Constraint.Parameters):
@@ -55,6 +63,7 @@ class FixedFrame(Constraint):
         self._position, self._rotation = np.zeros(3), np.zeros((3, 3))
         self._position_kept, self._rotation_kept = np.zeros(3), np.zeros((3, 3))
         self._jacobian, self._error = np.zeros((6, self.n)), np.zeros(6)
+        self._turns, self._turned, self._slope = self._jacobian[3:], np.eye(3), np.eye(3)
         self._drift = 0.0
 
     def update(
@@ -62,6 +71,7 @@ class FixedFrame(Constraint):
     ) -> None:
         """Write one equation for each axis."""
         self._measure(kinematics)
+        self._turns[:] = self._slope @ self._turns
         A_out[:] = self._jacobian[self._axes]
         b_out[:] = self._error[self._axes]
         self._drift = float(np.abs(b_out).max())
@@ -83,8 +93,12 @@ class FixedFrame(Constraint):
     ) -> None:
         """Write one equation for each axis."""
         self._measure(motion.kinematics)
-        np.dot(self._jacobian, motion.dq, out=self._rates)
         motion.frame_drift(self._frame, self._seen_from, self._bend)
+        omega = self._turns @ motion.dq
+        turning = _slope(_cross(omega) @ self._turned)
+        self._bend[3:] = self._slope @ self._bend[3:] + turning @ omega
+        self._turns[:] = self._slope @ self._turns
+        np.dot(self._jacobian, motion.dq, out=self._rates)
         self._rates *= 2.0 * self._eta
         self._bend += self._rates
         G_out[:] = self._jacobian[self._axes]
@@ -96,13 +110,14 @@ class FixedFrame(Constraint):
         self.watch()
 
     def _measure(self, kinematics: Kinematics) -> None:
-        """Find J and e."""
+        """Find e, and of its derivative what turns: ω, and the matrix between ω and ė."""
         kinematics.frame(
             self._frame, self._seen_from, self._position, self._rotation, self._jacobian
         )
         if not self._started:
             self._position_kept[:], self._rotation_kept[:] = self._position, self._rotation
-        turned = self._rotation @ self._rotation_kept.T
+        self._turned = turned = self._rotation @ self._rotation_kept.T
+        self._slope = _slope(turned)
         np.subtract(self._position, self._position_kept, out=self._error[:3])
         self._error[3] = (turned[2, 1] - turned[1, 2]) / 2
         self._error[4] = (turned[0, 2] - turned[2, 0]) / 2
@@ -111,3 +126,18 @@ class FixedFrame(Constraint):
     def drift(self) -> float:
         """Largest |e| of the last update [m or rad]."""
         return self._drift
+
+
+def _slope(turned: FloatArray) -> FloatArray:
+    """S(R) = (tr R·I − R)/2: where Ṙ = ω × R, e = sin θ·a has ė = S(R)·ω, ë = S(R)·ω̇ + S(Ṙ)·ω.
+
+    For 2e is the vector of [ω]×R + Rᵀ[ω]×, and that is (tr R·I − R)·ω of any matrix R.
+    """
+    found: FloatArray = 0.5 * (np.trace(turned) * np.eye(3) - turned)
+    return found
+
+
+def _cross(omega: FloatArray) -> FloatArray:
+    """[ω]×, (3, 3)."""
+    x, y, z = omega
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.constraint_bench import PERIOD, ROBOTS, Bench, differences, hoap3, posture, small
+from support.constraint_bench import (
+    PERIOD,
+    ROBOTS,
+    Bench,
+    StatedDrift,
+    differences,
+    hoap3,
+    posture,
+    small,
+)
 
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
@@ -85,6 +94,7 @@ def test_still_rows_are_the_motion_of_the_frame(name, seed):
     bench = Bench(robot, {"constraint": "fixed_frame", "frame": frame, "eta_per_s": 0.0})
     q, u = posture(robot, seed), np.random.default_rng(seed + 1).normal(size=robot.n)
     bench.stack.reset()
+    bench.at(posture(robot, seed + 2))  # what is kept is any other pose
     rates = bench.at(q).stack.C @ u
     assert not bench.stack.c.any()
     errors = []
@@ -102,6 +112,27 @@ def test_a_pinned_foot_stays_while_the_rest_moves():
     assert bench.stack.drift() < 2e-5  # T/(2η) times its acceleration
     assert np.abs(bench.state.reference - start).max() > 0.05
     assert bench.stack.constraints[1].events["outside"] == 0
+
+
+@pytest.mark.parametrize("axes", [("rz",), ("x", "ry")])
+@settings(max_examples=5)
+@given(seed=SEEDS, eta=st.floats(2.0, 1000.0))
+def test_a_frame_that_turns_freely_drifts_no_further_than_is_stated(axes, seed, eta):
+    """ω on the axes that are kept would not do: ω_z = 0 allows turns that end up about z."""
+    bench = Bench(
+        hoap3(),
+        {"constraint": "joint_velocity", "limit_rad_s": 2.0},
+        {**PINNED, "axes": axes, "eta_per_s": eta},
+    )
+    rng, wanted, q = np.random.default_rng(seed), np.zeros(21), bench.state.reference.copy()
+    stated = StatedDrift(hoap3(), "l_sole", hoap3().base_frame, axes, eta, 2, q)
+    for step in range(400):
+        wanted = rng.normal(0.0, 1.0, 21) if step % 50 == 0 else wanted
+        u = bench.nearest(wanted)
+        stated.move(q, u)
+        q = q + PERIOD * u
+        assert bench.at(q).stack.drift() == pytest.approx(stated.drift(q), abs=1e-12)
+        assert bench.stack.drift() <= stated.most
 
 
 def test_drift_is_taken_back_at_the_rate():
