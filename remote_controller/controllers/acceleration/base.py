@@ -84,7 +84,9 @@ class HierarchyController(Controller):
 
     Constraints are rows lower ≤ G·ddq ≤ upper beside the bounds, and the same is proved of them.
     Where bounds and rows have no common answer, or where the robot could not stop in time from the
-    end of this period, all joints brake together instead, in a straight line: `fallback` is 4.
+    end of this period, all joints brake together instead, in a straight line: `fallback` is 4. That
+    the motors have the torques for it is not looked at before: where one is at its end, the robot
+    brakes as nearly so as they can, and `torques too small` says it.
 
     Certificate: V = ½ Σ |e|² of those tasks above which nothing stands [m², rad²], in a cycle
     without one of all that take part; of nobody else's error is anything said. `v_rate_predicted`
@@ -455,11 +457,12 @@ class HierarchyController(Controller):
         touches = bool(tasks.presses) and any(each.touches for each in tasks.presses.values())
         loaded, idle = tasks.load > 1.0, self._idle
         solved = fallback == SOLVED
+        strained = fallback == STOPPED and command.extra[0] >= 1.0 - MARGIN_ROUNDING
         command.kkt_residual = self.residual if solved and self.proves else 0.0
         command.solver_status = STATUS["uncertified" if solved else "infeasible"]
         self.present = (
             (UNFIT if first else 0)
-            | (TOO_SMALL if first == OVERLOADED_MOTORS else 0)
+            | (TOO_SMALL if first == OVERLOADED_MOTORS or strained else 0)
             | (UNSOLVED if first == GAVE_UP else 0)
             | (HELD if held else 0)
             | (HALF_A_TURN if tasks.opposite else 0)

@@ -62,6 +62,19 @@ def test_walls_without_room_between_them_make_all_joints_brake_together(name):
     np.testing.assert_allclose(controller.ddq, wanted, rtol=1e-9)
 
 
+@EVERY
+@pytest.mark.parametrize(("limit_nm", "strained"), [(1e3, False), (1.0, True)])
+def test_a_stop_that_motors_are_too_small_for_says_so(name, limit_nm, strained):
+    motors = {"constraint": "joint_torque", "parameters": {"limit_nm": limit_nm}}
+    controller = kept(name, motors, wall(-0.3), wall(0.6, "other", -1.0))
+    command = controller.step(state_of(controller, start(controller), np.full(7, 0.5)))
+    assert command.fallback == STOPPED
+    assert says(controller, "torques too small") == strained
+    wanted = np.zeros(7)
+    controller.stack.stop(np.full(7, 0.5), wanted)
+    assert np.allclose(controller.ddq, wanted, rtol=1e-6) != strained
+
+
 def test_a_stop_brakes_with_what_constraints_leave_of_the_joints_accelerations():
     gentle = {"constraint": "joint_acceleration", "parameters": {"limit_rad_s2": 2.0}}
     controller = kept("ghc", gentle, wall(-0.3), wall(0.6, "other", -1.0))
