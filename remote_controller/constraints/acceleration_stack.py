@@ -24,6 +24,7 @@ KERNELS = (
     "hoap3.remote_controller.constraints.collision.distance_curvature_kernels",
 )
 """What a controller that has such a stack names among its `kernels`."""
+MOST = 63  # constraints: `held` has a bit for each
 
 
 class AccelerationStack(Stack):

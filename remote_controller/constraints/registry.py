@@ -13,7 +13,7 @@ from hoap3.protocol.config.settings import Settings, parse, todays_name
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, located
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.constraints.acceleration_stack import AccelerationStack
+from hoap3.remote_controller.constraints.acceleration_stack import MOST, AccelerationStack
 from hoap3.remote_controller.constraints.constraint import Constraint, Level
 from hoap3.remote_controller.constraints.constraint_validation import check_first_update
 from hoap3.remote_controller.constraints.stack import ConstraintStack
@@ -162,8 +162,11 @@ def build_accelerations(
         brake, ranges: as of `AccelerationStack`.
 
     Raises:
-        UnknownNameError, ConfigError: as `build`.
+        UnknownNameError, ConfigError: as `build`, or there are more than 63.
     """
+    if len(entries) > MOST:
+        problem, remedy = f"has {len(entries)} constraints", f"Give {MOST} at most"
+        raise ConfigError(file, key, None, problem, remedy)
     made, labels, keys = _make(
         entries, description, kinematics, period_s, file, key, "acceleration"
     )

@@ -321,3 +321,11 @@ def test_torques_are_refused_where_velocities_are_asked_for():
     words = r"says nothing about velocities.*controller of accelerations or torques"
     with pytest.raises(ConfigError, match=words):
         Bench(small(), {"constraint": "joint_torque"})
+
+
+def test_more_constraints_than_have_a_bit_are_refused():
+    entries = [{"constraint": "joint_velocity"}] * 64
+    AccelerationBench(small(), *entries[:63])
+    words = r"parameters\.constraints: has 64 constraints\. Give 63 at most"
+    with pytest.raises(ConfigError, match=words):
+        AccelerationBench(small(), *entries)
