@@ -104,7 +104,9 @@ class LyapunovFunction(ABC):
 
     @abstractmethod
     def update(self, kinematics: Kinematics, time_s: float) -> None:
-        """Recompute V, ∇V and ∂V/∂t.
+        """Recompute V, ∇V and ∂V/∂t, from posture and time alone: it has no memory of other calls.
+
+        Controllers of accelerations also ask what is to either side of the robot, and ahead.
 
         Args:
             kinematics: up to date.

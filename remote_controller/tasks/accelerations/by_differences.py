@@ -56,6 +56,11 @@ class TasksByDifferences:
     difference along q̇; the second that of one period ahead, so that a task whose acceleration is
     held for a period moves as its target does at the end of it.
 
+    So `update` of a task is called four times a cycle, at postures to either side of the robot's
+    and at the next time, and last at the robot's own. What it writes must follow from posture and
+    time alone, smoothly: it may not count calls, filter, or keep what an earlier one found, unless
+    to choose between what is as good, as the two directions of a tangent are.
+
     Args:
         functions: the tasks; their time is that of the robot's ticks.
         rows: of each.
