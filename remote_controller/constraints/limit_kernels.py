@@ -180,17 +180,6 @@ def limit_accelerations(
     return (smallest if known else math.nan), immovable
 
 
-@kernel("UniTuple(f8, 2)(f8[::1], f8[::1], f8[::1])")
-def span(row: FloatArray, lower: FloatArray, upper: FloatArray) -> tuple[float, float]:
-    """Least and greatest of row·u, (n,), within lower ≤ u ≤ upper."""
-    least, greatest = 0.0, 0.0
-    for i in range(row.size):
-        if row[i] != 0.0:
-            least += min(row[i] * lower[i], row[i] * upper[i])
-            greatest += max(row[i] * lower[i], row[i] * upper[i])
-    return least, greatest
-
-
 @kernel("void(f8[:,::1], f8[::1], f8[::1], f8[::1])")
 def slow_returns(A: FloatArray, b: FloatArray, lower: FloatArray, upper: FloatArray) -> None:
     """Ask for no faster return from outside than half of what the joints can do.
@@ -201,9 +190,13 @@ def slow_returns(A: FloatArray, b: FloatArray, lower: FloatArray, upper: FloatAr
         lower, upper: (n,) of u.
     """
     for row in range(b.size):
-        if b[row] < 0.0:
-            fastest, _ = span(A[row], lower, upper)
-            b[row] = max(b[row], RETURN_SHARE * fastest)
+        if not b[row] < 0.0:
+            continue
+        fastest = 0.0
+        for i in range(lower.size):
+            if A[row, i] != 0.0:
+                fastest += min(A[row, i] * lower[i], A[row, i] * upper[i])
+        b[row] = max(b[row], RETURN_SHARE * fastest)
 
 
 @kernel("i8(f8[:,::1], f8[::1], f8[::1], f8[::1], i8[::1])")

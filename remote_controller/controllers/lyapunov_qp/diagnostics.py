@@ -19,16 +19,16 @@ BOUNDS = "held by bounds of joints"
 class Diagnostics:
     """Finds out which conditions hold.
 
-    `slowed` (ρ < 1), statuses of the solver and of the task by name, `LABEL: EVENT` for the
-    events of each constraint, and `held by LABEL` for constraints that keep V from falling as
-    fast as asked: u is on one of their rows, and −∇V points beyond it.
+    `slowed` (ρ < 1, or less than ζ along a curve), statuses of the solver and of the task by name,
+    `LABEL: EVENT` for the events of each constraint, and `held by LABEL` for constraints that keep
+    V from falling as fast as asked: u is on one of their rows, and −∇V points beyond it.
 
     Args:
         stack: the constraints.
 
     Attributes:
         names: of the conditions, by bit.
-        bounds: the bit of `held by bounds of joints`.
+        slowed: the bit of that.
     """
 
     def __init__(self, stack: ConstraintStack) -> None:
@@ -39,7 +39,7 @@ class Diagnostics:
         held = [f"held by {label}" for label in stack.labels]
         self.names = ("slowed", *solver, *task, BOUNDS, *held, *self._events.names)
         bit_of = dict(zip(self.names, bits(self.names), strict=True))
-        self._slowed, self.bounds = bit_of["slowed"], bit_of[BOUNDS]
+        self.slowed, self._bounds = bit_of["slowed"], bit_of[BOUNDS]
         self._solver = [bit_of.get(name, 0) for name in solver_status.NAMES]
         self._task = [bit_of.get(name, 0) for name in task_status.NAMES]
         self._before_events = len(self.names) - len(self._events.names)
@@ -61,7 +61,7 @@ class Diagnostics:
         present = self._solver[found] | self._task[task]
         present |= self._events.look() << self._before_events
         if rho < BELOW_ONE:
-            present |= self._slowed | self._holders(gradient, u)
+            present |= self.slowed | self._holders(gradient, u)
         return present
 
     def _holders(self, gradient: FloatArray, u: FloatArray) -> int:
@@ -70,7 +70,7 @@ class Diagnostics:
             (u - stack.lower <= ACTIVE) & (gradient > 0.0)
         )
         if at_limit.any():
-            present |= self.bounds
+            present |= self._bounds
         slack, outwards = stack.b - stack.A @ u, stack.A @ gradient < 0.0
         lengths = np.abs(stack.A).max(axis=1, initial=0.0)
         holding = outwards & (slack <= ACTIVE * lengths)

@@ -22,6 +22,7 @@ from hoap3.remote_controller.default_task import default_goal
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate import DescentRate
+from hoap3.remote_controller.solvers.lyapunov_qp.max_descent_lp import MaxDescentLp
 from hoap3.remote_controller.solvers.lyapunov_qp.stable_qp import STILL
 from hoap3.remote_controller.tasks import registry as tasks
 from hoap3.remote_controller.tasks.accuracy import TaskError
@@ -31,7 +32,7 @@ PROVEN = (status.OK, status.STATIONARY)
 ANSWERED = (*PROVEN, status.CANNOT_DESCEND, status.DESCENDS_FASTER)
 HELD = (*ANSWERED, status.ZERO_GRADIENT)  # what the solver gives is followed; else the robot brakes
 ROUNDING = 1e-9  # of V̇ relative to what is required, and of a speed [rad/s or m/s]
-SPARED = 0.25  # of the speeds along a curve that bounds leave, where ζ is none of them
+SPARED = 0.1  # of the speeds along a curve that constraints leave, where ζ is none of them
 CURVATURE = 1e-6  # of a margin: what one Euler step of a curved constraint may overstep
 
 
@@ -43,7 +44,7 @@ class StableQpController(VelocityController):
     further.
 
     On a curve (`joint_curve`, `task_curve`) the motion along it is one more equation, (23). Where
-    the bounds on joints leave less than ζ, as at rest, it gathers speed with half of what they do.
+    the constraints leave less than ζ, as at rest, it gathers speed with most of what they do.
 
     A cycle is certified if V̇ is what is required, −ρΨ with 0 ≤ ρ ≤ 1, the answer is optimal to
     10⁻⁹ and no constraint is violated. What stands in the way of it is one of `conditions`: the
@@ -77,7 +78,6 @@ class StableQpController(VelocityController):
     def __init__(
         self, description: RobotDescription, parameters: settings.Parameters, file: str = "config"
     ) -> None:
-        from hoap3.remote_controller.constraints.limit_kernels import span
         from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate_kernels import rate_kernel
 
         task = parameters.task
@@ -90,8 +90,9 @@ class StableQpController(VelocityController):
             parameters.constraints, description, self.kinematics, description.period_s, file
         )
         curve = self.function if isinstance(self.function, PersistentMotion) else None
-        self._curve, self._span, self._slower = curve, span, False
+        self._curve = curve
         m, k, n = len(self.stack.b), len(self.stack.c), description.n
+        self._along = MaxDescentLp(n, m, k)
         self._C = np.zeros((k + (curve is not None), n))
         self._c = np.zeros(len(self._C))
         self._solver = solver_of(parameters, description, m, len(self._C))
@@ -174,7 +175,7 @@ class StableQpController(VelocityController):
         self._equations()
         if self._y is not None and self._curve is None:
             np.multiply(function.error, -self._gain, out=self._y)
-        found = solver.solve(
+        problem = (
             gradient,
             psi,
             drift,
@@ -187,13 +188,17 @@ class StableQpController(VelocityController):
             self._M,
             self._y,
         )
+        found, slower = solver.solve(*problem), False
+        if found == status.INFEASIBLE_CONSTRAINTS and self._curve is not None:
+            slower = self._slow_down(self._curve)
+            found = solver.solve(*problem) if slower else found
         if found not in HELD or self._stopping:
             found = self._brake(found)
         self._last[:] = self.u
         self._certify(V, psi, drift, found, bool(rejected))
         share = solver.rho if self._equality else 1.0  # V̇ ≤ 0 asks for no share of Ψ
         self.present = self._watch.look(found, share, function.status, gradient, self.u)
-        self.present |= self._watch.bounds if self._slower else 0
+        self.present |= self._watch.slowed if slower else 0
         return self.u
 
     def _brake(self, found: int) -> int:
@@ -220,17 +225,22 @@ class StableQpController(VelocityController):
         if k:
             self._C[:k], self._c[:k] = self.stack.C, self.stack.c
         if curve is not None:
-            self._C[k], self._c[k] = curve.motion_row, self._possible_speed(curve)
-            self._slower = bool(self._c[k] != curve.speed)
+            self._C[k], self._c[k] = curve.motion_row, curve.speed
 
-    def _possible_speed(self, curve: PersistentMotion) -> float:
-        """ζ; beyond what the bounds leave, a quarter within it, so that u can be chosen still."""
-        least, most = self._span(curve.motion_row, self.stack.lower, self.stack.upper)
-        room = most - least
-        inside = SPARED * room if room < math.inf else 0.0
-        if curve.speed > most:
-            return most - inside
-        return least + inside if curve.speed < least else curve.speed
+    def _slow_down(self, curve: PersistentMotion) -> bool:
+        """Take the speed next to ζ of those that constraints leave, if any; but for some at an end.
+
+        At the very end u has no choice left, and V may rise.
+        """
+        stack, along = self.stack, self._along
+        along.fill(curve.motion_row, stack.A, stack.b, stack.C, stack.c, stack.lower, stack.upper)
+        (why, most), (_, least) = along.fall(-1.0), along.fall(1.0)
+        if why not in {status.OK, status.UNBOUNDED}:
+            return False
+        least, most = -least * along.top, most * along.top
+        spared = SPARED * max(min(most - least, 2.0 * most), 0.0)
+        self._c[-1] = min(max(curve.speed, least + spared), most - spared)
+        return True
 
     def _squares(
         self, parameters: settings.Parameters
