@@ -108,7 +108,7 @@ def test_targets_in_frames_and_loads_of_joints(seeds):
         M, J, w = rng.normal(size=(n, n)), rng.normal(size=(6 * s, n)), rng.normal(size=6 * s)
         h, dq, damping, tau, ddq = rng.normal(size=(5, n))
         most, mass, bias = rng.exponential(size=n) + 0.1, M.copy(), h.copy()
-        worst = kernels.load(J, w, damping, dq, T, most, mass, bias)
+        worst = kernels.add_friction_and_wrenches(J, w, damping, dq, T, most, mass, bias)
         expected = plain.loaded(M, h, J, w, damping, dq, T)
         near(mass, expected[0])
         near(bias, expected[1])
