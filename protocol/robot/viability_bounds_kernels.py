@@ -8,12 +8,13 @@ formula. The paper's δt is T here, q̈^max is A, q̈ is a, and q̇(δt) is w.
 With room D = q_max − q and braking A, the largest velocity from which a joint stops in time is
 √(2AD), (8). An acceleration a is held for T. If the joint still moves towards the limit after it,
 then w = v + aT must satisfy w² ≤ 2A(D − T(v + w)/2): (24) squared, with q(T) = q + T(v + w)/2. With
-E = D − Tv/2, what would be left if w were 0, that is w² + ATw − 2AE ≤ 0, (28) in w, whose positive
-root, rationalised so that nothing cancels, is
+E = D − Tv/2, what would be left if w were 0, that is w² + ATw − 2AE ≤ 0, (26) in w, whose positive
+root, (28), rationalised so that nothing cancels, is
 
     w = 4E / (T (1 + √(1 + 8E/(AT²))))
 
-E ≥ 0 is q̈₃ ≥ q̈₁ of Algorithm 1; then (20) follows from (24). If E < 0 the joint has to turn round
+E ≥ 0 is q̈₃^M ≥ q̈₁^M of Algorithm 1; then (20) is w ≤ 2E/T and follows from (24), in which A
+may be a share of q̈^max. If E < 0 the joint has to turn round
 within T, and the turning point is what matters: a = −v²/(2D), (19). The lower side is the upper one
 seen in a mirror.
 

@@ -1,6 +1,6 @@
 """Bounds of the acceleration by what they mean, in plain numpy: no formula, only halving.
 
-Del Prete, IEEE RA-L 2018, (4) to (10): an acceleration may be held for T if until then all limits
+Del Prete, IEEE RA-L 2018, (1) to (18): an acceleration may be held for T if until then all limits
 are kept, also between the ends, and the joint can still stop after it. `viability_bounds_kernels`
 is compared with it. All arrays are (n,), one joint each; rooms are exact where q and a limit would
 cancel.

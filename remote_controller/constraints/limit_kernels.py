@@ -1,4 +1,4 @@
-"""Limits of speeds and of margins, by equation (25)."""
+"""Limits of speeds and of margins m ≥ 0, by (25) of QP12 (IEEE T-RO 2020) with h = −m: ṁ ≥ −ηm."""
 
 from __future__ import annotations
 
@@ -84,13 +84,13 @@ def narrow_to_range(
     """
     n, smallest, known = q.size, math.inf, True
     for i in range(n):
-        above, below = q[i] - least[i], greatest[i] - q[i]
-        margins_out[i], margins_out[n + i] = above, below
-        smallest = min(smallest, above, below)
-        known &= not (math.isnan(above) or math.isnan(below))
+        from_least, to_greatest = q[i] - least[i], greatest[i] - q[i]
+        margins_out[i], margins_out[n + i] = from_least, to_greatest
+        smallest = min(smallest, from_least, to_greatest)
+        known &= not (math.isnan(from_least) or math.isnan(to_greatest))
         lower, upper = lower_out[i], upper_out[i]
-        lower_out[i] = _clipped(min(-eta * above, return_speed), lower, upper)
-        upper_out[i] = _clipped(max(eta * below, -return_speed), lower, upper)
+        lower_out[i] = _clipped(min(-eta * from_least, return_speed), lower, upper)
+        upper_out[i] = _clipped(max(eta * to_greatest, -return_speed), lower, upper)
     return smallest if known else math.nan
 
 
@@ -103,7 +103,9 @@ def limit_rows(
     A_out: FloatArray,
     b_out: FloatArray,
 ) -> tuple[float, int]:
-    """Write the right-hand sides of rows −∇m·u ≤ b, and switch off those that no joint can help.
+    """Write b of rows −∇m·u ≤ b, and switch off those outside that no joint can help.
+
+    b = η max(m − reserve, 0) inside, m ≥ 0; b = max(ηm, −return_speed) < 0 outside.
 
     Args:
         margins: (s,) m [m].

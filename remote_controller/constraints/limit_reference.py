@@ -1,7 +1,8 @@
 """Limits of speeds and of margins in plain numpy: QP12, (25), and its second order.
 
 `limit_kernels` is compared with it. Intervals are (least, most), each (n,); m are margins, (s,),
-A = −∇m, (s, n); r is kept inside, v_r is the fastest return from outside.
+A = −∇m, (s, n); the h of (25), h ≤ 0, is −m. r is kept inside, v_r is the fastest return from
+outside, for accelerations twice that.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ def speed_changes(dq: Array, speed: Array, brake: Array, T: float) -> Interval:
 
 
 def room(m: Array, r: float, furthest: float) -> Array:
-    """M − r inside, not below 0; m outside, not below −furthest."""
+    """What is left of m: m − r inside, not below 0; m outside, not below −furthest."""
     return np.where(m >= 0.0, np.maximum(m - r, 0.0), np.maximum(m, -furthest))
 
 
@@ -45,14 +46,17 @@ def rows(m: Array, A: Array, eta: float, r: float, v_r: float) -> Interval:
 def accelerations(
     m: Array, A: Array, dq: Array, bend: Array, eta: float, r: float, v_r: float
 ) -> Interval:
-    """A q̈ ≤ 2ηṁ + η²(m − r) − Ȧq̇, ṁ = −A q̇: h = ṁ + ηm of (25) falls no faster than −ηh."""
+    """A q̈ ≤ 2ηṁ + η²(m − r) − Ȧq̇, ṁ = −A q̇: (25) once more, for ṁ + ηm in place of m.
+
+    From far outside ṁ settles at v_r/2.
+    """
     still = np.abs(A).max(axis=1) < STILL
     upper = eta * (-A @ dq) + eta * (-A @ dq + eta * room(m, r, v_r / eta)) - bend
     return np.where(still[:, None], 0.0, A), np.where(still, np.inf, upper)
 
 
 def slow_returns(A: Array, b: Array, box: Interval) -> Array:
-    """B, not below half of the least A u within the box, where it asks for a return."""
+    """The sides b; those that ask for a return not below half of the least A u in the box."""
     least = np.minimum(A * box[0], A * box[1]).sum(axis=1)
     return np.where(b < 0.0, np.maximum(b, 0.5 * least), b)
 

@@ -8,7 +8,7 @@ from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.runtime.numba_jit import inlined, kernel
 from hoap3.remote_controller.tasks.status import AT_ANTIPODE, OK
 
-SMALL = 0.2  # rad: below, series; at it, both agree to about 1e-12
+SMALL = 0.2  # rad: below, series; at it, c agrees to 1e-13, d to 1e-11 and d·θ³ to 1e-13
 ANTIPODE = 1e-6  # cosine of half the angle: 2e-6 rad from half a turn
 
 Triple = tuple[float, float, float]

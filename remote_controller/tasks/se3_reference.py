@@ -33,7 +33,7 @@ def twist(logarithm: Array) -> Array:
 def pose_error(
     position: Array, rotation: Array, twists: Array, target: Array, target_rate: Array
 ) -> tuple[Array, Array, Array]:
-    """E = log(M_d⁻¹M), (6,); ∂e/∂q, (6, n); and ∂e/∂t, (6,).
+    """The error e = log(M_d⁻¹M), (6,); ∂e/∂q, (6, n); and ∂e/∂t, (6,).
 
     Args:
         position, rotation: of M.

@@ -59,6 +59,7 @@ def filter_setpoint(
             start = s
         if taken_over(s, start, q, v, JointLimits(lower, upper, speed, A), T):
             tight = change - 2.0 * ULP * (abs(v) + change)
+            # kept without the slack that `taken_over` grants to the rounding of (s − q)/T
             w = within((s - q) / T, max(-speed, v - tight), min(speed, v + tight))
             value[i], velocity[i] = s, w
         else:

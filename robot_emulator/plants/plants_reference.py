@@ -15,7 +15,7 @@ CREEP = 1e-3  # m/s: above it friction is Coulomb's
 
 
 def stopped(q: Array, dq: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
-    """Q at its mechanical stop where it is beyond it, and no velocity further out."""
+    """Give q at its mechanical stop where it is beyond it, and no velocity further out."""
     slower = np.where(q > upper, np.minimum(dq, 0.0), np.where(q < lower, np.maximum(dq, 0.0), dq))
     return np.clip(q, lower, upper), slower
 

@@ -171,19 +171,19 @@ def _deficient_inverse(R: Matrix, A: Matrix, first: int, last: int, target: Matr
 
     R: the task's rows; A: (rows or more, ·), its orthogonal ones with AᵀA = RᵀR, written.
     """
-    d, longest = R.shape[0], 0.0
-    for a in range(d):
+    count, longest = R.shape[0], 0.0
+    for a in range(count):
         for p in range(A.shape[1]):
             A[a, p] = R[a, p] if p < last else 0.0
-    orthogonalise(A, d)
-    for a in range(d):
+    orthogonalise(A, count)
+    for a in range(count):
         longest = max(longest, dot(A[a], A[a]))
         for p in range(first, last):
             target[a, p] = 0.0
-    for k in range(d):
+    for k in range(count):
         square = dot(A[k], A[k])
         if square > RANK * RANK * longest:
-            for a in range(d):
+            for a in range(count):
                 share = dot(A[k, :last], R[a, :last]) / (square * square)
                 add(target[a, first:last], share, A[k, first:last])
 
@@ -290,9 +290,10 @@ def solve_loop(
 ) -> bool:
     """Write x = L₀⁻¹ rates, L₀ = D⁻¹ L D, by Gauss's elimination; False where L is singular.
 
-    Without a choice of pivots: if any Λ has a certificate, LΛ + ΛLᵀ is positive definite, and so no
-    pivot is 0. Row k of the eliminated U ends with the block of its task, as that of L does: so
-    from its last row back each block is solved alone. The reference is `pivots` of
+    Without a choice of pivots: if any Λ has β > 0, LΛ + ΛLᵀ is positive definite, and with it that
+    of each leading block of L, which therefore is regular: no pivot is 0. Row k of the eliminated U
+    ends with the block of its task, as that of L does: so from its last row back each block is
+    solved alone. The reference is `pivots` of
     `constant_gains_reference`, and numpy's own elimination.
 
     Args:
@@ -342,7 +343,8 @@ def feed_forward(
         x = σ̇* + s (L₀⁻¹ σ̇* − σ̇*)
 
     with s = 1 if that keeps the limits, else the smallest s in [0, 1] that does, which is 0 unless
-    B σ̇* itself is outside, and 0 if none does. `constant_gains_reference` has it in plain numpy.
+    B σ̇* itself is outside, and 0 if none does. Joints that s does not move are not asked.
+    `constant_gains_reference` has it in plain numpy.
 
     Args:
         Bt: Bᵀ, (n, joints).

@@ -61,5 +61,5 @@ def stability_matrix(L: Array, gains: Array, beta: float, dt: float) -> Array:
 
 
 def certified(L: Array, gains: Array, dt: float) -> float:
-    """The largest β [1/s] with V⁺ ≤ (1 − β Δt) V for every e (12), (15): λ_min of C(λ, 0)."""
+    """The largest β [1/s] with V⁺ ≤ (1 − β Δt) V for every e (12), (20): λ_min of C(λ, 0)."""
     return float(np.linalg.eigvalsh(stability_matrix(L, gains, 0.0, dt))[0])

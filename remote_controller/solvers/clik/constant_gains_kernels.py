@@ -113,7 +113,7 @@ def constant_gains_kernel(  # noqa: PLR0912 - one step after the other
         for j in range(i):
             G[i, j] = G[j, i]
     stability_matrix(L, G, gains, 0.0, dt, C, V)
-    beta = least_eigenvalue(C, 0.0, ACCURACY, lines)  # (15)
+    beta = least_eigenvalue(C, 0.0, ACCURACY, lines)  # the largest β of (20)
     if not_finite(dq) or not abs(beta) <= MAX:
         for r in range(joints):
             dq[r], fed[r] = 0.0, 0.0

@@ -53,7 +53,7 @@ def feed_forward(
 def constant_gains(
     B: Array, wanted: Array, errors: Array, fed: Array, lower: Array, upper: Array
 ) -> tuple[Array, Array]:
-    """Dq = fed + B Λ e within its limits, (joints,), and λ, shortened alike where it needs it.
+    """Speeds dq = fed + B Λ e within limits, (joints,), and λ, shortened alike where it needs it.
 
     Where `fed` is outside and no shortened Λ e takes all joints back within, λ is 0.
     """

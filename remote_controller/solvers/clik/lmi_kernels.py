@@ -1,7 +1,7 @@
 """The matrix inequality that makes a Lyapunov function fall, and its least eigenvalue.
 
 Where the errors follow ė = −L Λ e, one step of Δt gives |e⁺|² = |(I − Δt L Λ) e|². So the Lyapunov
-function ½|e|² falls in each by the factor 1 − β Δt or more for every e if and only if (20)
+function V = ½|e|² has V⁺ ≤ (1 − β Δt) V after each, for every e, if and only if (20)
 
     C(λ, β) = L Λ + Λ Lᵀ − β I − Δt Λ LᵀL Λ ⪰ 0,
 

@@ -7,7 +7,10 @@ regularisation that weighs q̈′: with x_i = q̈′_i, P_i of (11) and w = ω_r
 
 leaves, but for a constant, with H_i = J_iᵀJ_i + wI and H_i⁻¹J_iᵀ = J_iᵀ (J_i J_iᵀ + wI)⁻¹,
 
-    ½ (q̈ − q₀)ᵀ S⁺ (q̈ − q₀),   S = Σ P_i H_i⁻¹ P_i,   q₀ = Σ P_i J_iᵀ (J_i J_iᵀ + wI)⁻¹ b_i.
+    ½ (q̈ − q₀)ᵀ S⁺ (q̈ − q₀),   S = Σ P_i H_i⁻¹ P_i,   q₀ = Σ P_i J_iᵀ (J_i J_iᵀ + wI)⁻¹ b_i,
+
+for q̈ − q₀ in the range of S, and others cannot be reached: with multipliers μ of the equation
+x_i = H_i⁻¹ (J_iᵀb_i + P_i μ), and so S μ = q̈ − q₀.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ def generalized_projector(
             above are below it, so that P is continuous in the Jacobian as
             well as in the priorities. 0 gives the paper's projector, which jumps where the rank
             changes. A smoothed P is the same wherever all singular values are s₀ or more; below,
-            rows of priority 1 feel up to 0.26·s₀ of what P lets through.
+            |J P x| ≤ 0.26·s₀·|x| in rows of priority 1.
 
     Returns:
         P, (n, n), symmetric, with eigenvalues from 0 to 1.

@@ -138,8 +138,8 @@ def _extend(row: Vector, B: Matrix, rank: int, along: Vector) -> bool:
 def sort_tasks(alpha: Vector, closes: Indices, rise: Vector, order: Indices) -> int:
     """Write the tasks of positive priority in descending order; returns how many there are.
 
-    Where priorities are equal, a task whose Jacobian is I comes first and then those that rise
-    higher: P is the same, but hierarchies have bases in common then.
+    Where priorities are equal, a task whose Jacobian is I comes first and then those of larger
+    `rise`, Σ_j α_ji of task i: P is the same, but hierarchies have bases in common then.
     """
     count = 0
     for j in range(alpha.size):
@@ -241,7 +241,11 @@ def _compress(B: Matrix, count: int, most: int) -> int:
 def smooth_basis(
     above: Above, count: int, width: float, basis: Basis, spectrum: Spectrum
 ) -> tuple[int, float]:
-    """As `exact_basis`, smoothed.
+    """As `exact_basis`, smoothed: P = cI − Σ_l (a_l − a_{l+1}) J_lᵀ g(J_l J_lᵀ) J_l.
+
+    With J_l J_lᵀ = Qᵀ diag(σ²) Q term l is BᵀB of the rows √((a_l − a_{l+1}) g(σ²))·qᵀJ_l, q the
+    rows of Q (`_fade`). Under those of the levels before they are made orthogonal (`_compress`); at
+    the end D = |row|², and the rows get length 1.
 
     Args:
         above, count: as there.

@@ -33,7 +33,10 @@ def projector(alpha: Array, J: Array, width: float = 0.0) -> Array:
 
 
 def null_space(J: Array, width: float = 0.0) -> Array:
-    """N_l = I − V diag(φ) Vᵀ, J_l = Q diag(σ) Vᵀ: φ = 1 of all σ > 0, or φ(σ/s₀) = 3t² − 2t³."""
+    """N_l = I − V diag(φ) Vᵀ, J_l = Q diag(σ) Vᵀ: φ = 1 of all σ > 0, or φ(σ/s₀) = 3t² − 2t³.
+
+    The kernels raise s₀ to 1e-5 |J_l|_F where it is less; here it is as given.
+    """
     n = J.shape[1]
     if width > 0.0:
         _, s, Vt = np.linalg.svd(J, full_matrices=False)

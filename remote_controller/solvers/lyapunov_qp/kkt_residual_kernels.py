@@ -51,7 +51,8 @@ def residual_kernel(  # noqa: PLR0912 - one branch for each kind and each side
 
     Args:
         y: (n,).
-        pull: y − ∂Φ/∂y of the smooth part, (n,); 0 for `NORM` and `MAXIMUM`.
+        pull: y − ∂φ/∂y, φ the smooth part of the objective, (n,); 0 for `NORM` and `MAXIMUM`, where
+            φ = ½|y|²: Φ of (26) is divided by 1 − γ, max|y| by 1e-6.
         multipliers: of the rows, (m + 1 + k,).
         rows: (m + 1 + k, n), of which row m is s.
         least: of y and the rows.
@@ -59,7 +60,7 @@ def residual_kernel(  # noqa: PLR0912 - one branch for each kind and each side
         m: number of inequality rows.
         target: of s·y.
         kind: of objective.
-        kappa: κ.
+        kappa: κ, the weight of |y|₁, γ/(1 − γ) (`NORM`), or of max|y|, 1e6 (`MAXIMUM`).
         equality: whether s·y must be equal to its target, or may be less.
         wanted: scratch, (n,).
     """

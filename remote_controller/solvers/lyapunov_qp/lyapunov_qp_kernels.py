@@ -3,8 +3,9 @@
     min  Φ(u)   subject to   ∇V·u + ∂V/∂t = −ρΨ,  A u ≤ b,  C u = c,  lower ≤ u ≤ upper
 
 Gonçalves et al., IEEE T-RO 2020. Everything is scaled to y = W u with W = diag(weights), the
-gradient to s = W⁻¹∇V/top with top = max|W⁻¹∇V|, and every row to length 1: y, right sides and
-multipliers are then all of the size of a weighted speed.
+gradient to s = W⁻¹∇V/top with top = max|W⁻¹∇V|, and every row of A W⁻¹ and C W⁻¹ to length 1.
+QP12's Φ is divided by 1 − γ, κ|y|₁ + ½|y|² with κ = γ/(1 − γ): y, right sides and multipliers are
+then all of the size of a weighted speed, or of κ.
 """
 
 from __future__ import annotations
@@ -53,6 +54,9 @@ def find_rho(decrease: float, psi: float, drift: float) -> float:
 @kernel()
 def rate_status(decrease: float, asked: float, drift: float, top: float, can_rest: bool) -> int:
     """What it means that V falls by `decrease` (without drift) instead of `asked`.
+
+    top is the size of the gradient that the rates belong to: max|∇V| here, 1 for rates that are
+    divided by max|W⁻¹∇V| already.
 
     Returns:
         `OK`: as asked, or more slowly; `DESCENDS_FASTER`: than asked, for the bounds leave no less;

@@ -11,8 +11,9 @@ is taken off the decrease, and the rest is solved again. A clamped joint deliver
 would have, so the multiplier of the equation can only rise: no clamp is ever taken back, and the
 set is exact after at most n rounds. The multiplier is guessed first, by Newton's method on
 what all joints deliver together. Who moves at the guess nearly always moves at the answer, which
-then takes no round at all but one exact sum over them, and a check of every joint. What is clamped
-for a guess is beyond its limit by more than rounding, so guessing costs no digit.
+then takes no round at all but one exact sum over them, and a check of every joint. The guess is
+never above the multiplier, and x rises with it: what is clamped for a guess, beyond its limit by
+more than rounding, is clamped in the answer, so guessing costs no digit.
 
 As a joint moves only down the gradient (Lemma 4; up for a negative decrease), only one of its
 limits counts. The most that the bounds allow is Σ |gradient_i|·limit_i, the closed form of (7).
@@ -68,6 +69,8 @@ def most_decrease(gradient: Vector, lower: Vector, upper: Vector, downhill: bool
 def _multiplier(a: Vector, limit: Vector, demand: float, kappa: float) -> float:
     """A little less than the λ for which Σ |a_i|·x_i is the demand, 0 ≤ x_i = λ|a_i| − κ ≤ limit_i.
 
+    It is λ_M/(1 − γ) of (28).
+
     The sum rises with λ, piecewise linearly. Where Newton's method does not find the place, it is
     the largest λ that was seen to deliver too little; not finite where the numbers are too extreme.
     """
@@ -76,7 +79,7 @@ def _multiplier(a: Vector, limit: Vector, demand: float, kappa: float) -> float:
         squares += a[i] * a[i]
         total += abs(a[i])
     below, above, aim = 0.0, math.inf, demand * (1.0 - SHORT)
-    trial = (aim + kappa * total) / squares  # there, where every joint is within its limits
+    trial = (aim + kappa * total) / squares  # the λ if all joints move and none is at its limit
     for _ in range(TRIALS):
         delivered, slope = 0.0, 0.0
         for i in range(a.size):

@@ -7,8 +7,9 @@ T-RO 2020, whose Table I compares them.
 
 J⁺ = Jᵀ (J Jᵀ)⁻¹ by a Cholesky factorisation of the m×m matrix, where the rows of J are well apart.
 That is judged without units: each pivot relative to its own diagonal entry is the squared sine of
-a row's angle to the rows before it, and their product bounds the condition of the row-scaled
-matrix from above by about e·m/product (van der Sluis: Cholesky's error knows only this one).
+a row's angle to the rows before it. Their product is det K, K = J Jᵀ for rows of length 1. As
+tr K = m, no eigenvalue is above m, and those but the least multiply to less than e (their mean is
+m/(m − 1) at most): cond K < e·m/product (van der Sluis: Cholesky's error knows only this one).
 
 Where that product is below ``WELL_APART``, or the rows' lengths are too unequal, the rows of
 [J | e] are rotated until those of J are orthogonal (one-sided Jacobi, Hestenes 1958): an
@@ -243,7 +244,7 @@ def _orthogonalise(work: Matrix, m: int, n: int) -> None:
 
 @inlined
 def _sum_orthogonal(work: Matrix, m: int, n: int, out: Vector) -> tuple[int, bool]:
-    """Add Σ row_i e_i / |row_i|² to out, over the rows that count; rank, and is |J J⁺ e| > 0?"""
+    """Add Σ row_i e_i/|row_i|² over the rows that count; rank, and if |J J⁺ e| is not rounding."""
     start = n + 1
     longest = 0.0
     for i in range(m):

@@ -20,7 +20,7 @@ RANK_TOLERANCE = 1e-12  # of the largest singular value
 
 
 def qp12(gradient: Sequence[Number], decrease: Number, gamma: Number) -> list[Number]:
-    """(26) by Algorithm 2: sort, canonical QP12, signs; u is odd in the decrease (Lemma 4).
+    """(26) by Algorithm 2: sort, canonical QP12, signs; u is odd in the decrease: Φ(−u) = Φ(u).
 
     Raises:
         ZeroDivisionError: the gradient is zero, the decrease is not.

@@ -80,7 +80,7 @@ def _change(V: Matrix, dx: Vector, D: Matrix) -> None:
 
 @inlined
 def _bend(G: Matrix, dx: Vector, dt: float, D: Matrix, out: Matrix) -> None:
-    """D less the curvature of C along dx: as far as a step of 1, C bends by no more than that."""
+    """Write D − Δt dλ dλᵀ∘G into out: C(x + a dx) ⪰ C + a·out for 0 ≤ a ≤ 1, as a² ≤ a."""
     n = G.shape[0]
     for i in range(n):
         for j in range(n):
@@ -89,7 +89,7 @@ def _bend(G: Matrix, dx: Vector, dt: float, D: Matrix, out: Matrix) -> None:
 
 @inlined
 def _dual_step(X: Matrix, Z: Matrix, step: Step) -> None:
-    """DZ = Q − Z − the symmetric part of X D Z: C Z = μI, linearised (HKM)."""
+    """Write dZ = Q − Z − the symmetric part of X D Z: C Z = μI, linearised (HKM)."""
     n, T, Q, dZ = X.shape[0], step.T, step.Q, step.Z_step
     times(X, step.D, step.W)
     times(step.W, Z, T)
@@ -322,7 +322,8 @@ def interior(  # noqa: PLR0912, PLR0915 - one iteration from its beginning to it
         least = min(primal, dual)
         mu = gap / count * max(CENTRED * (1.0 - least), LEAST_CENTRED)
 
-        # the corrector: with that, Q = μX − ½(X E + Eᵀ X), E = D dZ − Δt (dλ dλᵀ∘G) Z, aimed at μ
+        # the corrector: with that, Q = μX − ½(X E + Eᵀ X), E = D dZ − Δt (dλ dλᵀ∘G) Z, aimed at μ;
+        # in g, what dZ has with the change of ∂C/∂λ: −2Δt (G∘dZ) dλ for λ, and −tr Q for β
         times(D, dZ, W)
         for i in range(n):
             for k in range(n):
