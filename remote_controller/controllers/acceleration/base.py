@@ -61,6 +61,9 @@ CONDITIONS = (
 BITS = [1 << bit for bit in range(len(CONDITIONS))]
 NOT_FINITE, UNFIT, TOO_SMALL, UNSOLVED, HELD, HALF_A_TURN = BITS[:6]
 LOADED, MOVING, TOUCHES, IDLE, UNPROVED, OVERFLOWN, STOPS = BITS[6:]
+WHY = [0, UNFIT, UNFIT | TOO_SMALL, UNFIT | UNSOLVED, UNFIT]
+"""By what became of the tasks' problem, in the order of `fallback`."""
+UNCERTIFIED, INFEASIBLE = STATUS["uncertified"], STATUS["infeasible"]
 
 
 class HierarchyController(Controller):
@@ -457,21 +460,24 @@ class HierarchyController(Controller):
         touches = bool(tasks.presses) and any(each.touches for each in tasks.presses.values())
         loaded, idle = tasks.load > 1.0, self._idle
         solved = fallback == SOLVED
-        strained = fallback == STOPPED and command.extra[0] >= 1.0 - MARGIN_ROUNDING
         command.kkt_residual = self.residual if solved and self.proves else 0.0
-        command.solver_status = STATUS["uncertified" if solved else "infeasible"]
-        self.present = (
-            (UNFIT if first else 0)
-            | (TOO_SMALL if first == OVERLOADED_MOTORS or strained else 0)
-            | (UNSOLVED if first == GAVE_UP else 0)
-            | (HELD if held else 0)
-            | (HALF_A_TURN if tasks.opposite else 0)
-            | (LOADED if loaded else 0)
-            | (MOVING if self.importance.moving else 0)
-            | (TOUCHES if touches else 0)
-            | (IDLE if idle else 0)
-            | (0 if self.proves else UNPROVED)
-        )
+        command.solver_status = UNCERTIFIED if solved else INFEASIBLE
+        present = WHY[first] if self.proves else WHY[first] | UNPROVED
+        if fallback == STOPPED and command.extra[0] >= 1.0 - MARGIN_ROUNDING:
+            present |= TOO_SMALL
+        if held:
+            present |= HELD
+        if tasks.opposite:
+            present |= HALF_A_TURN
+        if loaded:
+            present |= LOADED
+        if self.importance.moving:
+            present |= MOVING
+        if touches:
+            present |= TOUCHES
+        if idle:
+            present |= IDLE
+        self.present = present
         kept = not self._keeps or self._judge_constraints(fallback)
         proved = solved and self.proves and self.residual <= CERTIFIED_RESIDUAL
         return proved and kept and self._viable and not (touches or loaded or idle)

@@ -95,16 +95,17 @@ class Ghc:
         m, k, c = sum(sizes), len(sizes), 2 * n + rows
         self.n, self.tasks, self.smoothing = n, k, number("smoothing", smoothing)
         self.offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
-        self._mode = REGULARISED[regularise]
         self._kernel = ghc_kernels.ghc_kernel
-        self._bounds = np.full((2, c), math.inf)
-        self._bounds[0] = -math.inf
-        self.qdd_lower, self.tau_lower, self.rows_lower = np.split(self._bounds[0], [n, 2 * n])
-        self.qdd_upper, self.tau_upper, self.rows_upper = np.split(self._bounds[1], [n, 2 * n])
+        bounds = np.full((2, c), math.inf)
+        bounds[0] = -math.inf
+        self.qdd_lower, self.tau_lower, self.rows_lower = np.split(bounds[0], [n, 2 * n])
+        self.qdd_upper, self.tau_upper, self.rows_upper = np.split(bounds[1], [n, 2 * n])
         self.rows = np.zeros((rows, n))
         numbers, integers = ghc_kernels.sizes_of(m, n, k, rows)
         out = np.zeros((2, c))
-        self._work = np.empty(numbers), np.empty(integers, np.int64), out
+        scratch = np.empty(numbers), np.empty(integers, np.int64)
+        mode = REGULARISED[regularise]
+        self._same = mode, self.smoothing, self.rows, bounds, *scratch, out  # in every call
         self.qdd, self.tau, _ = np.split(out[0], [n, 2 * n])
         self.qdd_multipliers, self.tau_multipliers, self.rows_multipliers = np.split(
             out[1], [n, 2 * n]
@@ -141,7 +142,7 @@ class Ghc:
             BadProblemError: wrong type of array.
         """
         try:
-            status, self.active, self.steps, self.kkt_residual = self._kernel(
+            found, self.active, self.steps, self.kkt_residual = self._kernel(
                 jacobian,
                 self.offsets,
                 targets,
@@ -149,16 +150,13 @@ class Ghc:
                 mass,
                 bias,
                 w_r,
-                self._mode,
-                self.smoothing,
-                self.rows,
-                self._bounds,
-                *self._work,
+                *self._same,
             )
         except TypeError as error:
             self.kkt_residual, self.active, self.steps = math.inf, 0, 0
             raise BadProblemError(f"GHC: wrong type of argument. {KERNEL_ARRAYS}") from error
-        return int(status)
+        status: int = found
+        return status
 
 
 def ghc(
