@@ -28,7 +28,6 @@ class Diagnostics:
 
     Attributes:
         names: of the conditions, by bit.
-        slowed: the bit of that.
     """
 
     def __init__(self, stack: ConstraintStack) -> None:
@@ -39,7 +38,7 @@ class Diagnostics:
         held = [f"held by {label}" for label in stack.labels]
         self.names = ("slowed", *solver, *task, BOUNDS, *held, *self._events.names)
         bit_of = dict(zip(self.names, bits(self.names), strict=True))
-        self.slowed, self._bounds = bit_of["slowed"], bit_of[BOUNDS]
+        self._slowed, self._bounds = bit_of["slowed"], bit_of[BOUNDS]
         self._solver = [bit_of.get(name, 0) for name in solver_status.NAMES]
         self._task = [bit_of.get(name, 0) for name in task_status.NAMES]
         self._before_events = len(self.names) - len(self._events.names)
@@ -61,8 +60,12 @@ class Diagnostics:
         present = self._solver[found] | self._task[task]
         present |= self._events.look() << self._before_events
         if rho < BELOW_ONE:
-            present |= self.slowed | self._holders(gradient, u)
+            present |= self._slowed | self._holders(gradient, u)
         return present
+
+    def held_along(self, direction: FloatArray, most: FloatArray) -> int:
+        """`slowed`, and by what: the u that goes furthest in a direction, (n,), is on its rows."""
+        return self._slowed | self._holders(-direction, most)
 
     def _holders(self, gradient: FloatArray, u: FloatArray) -> int:
         stack, present, start = self._stack, 0, 0

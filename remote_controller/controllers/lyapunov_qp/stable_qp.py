@@ -31,6 +31,7 @@ from hoap3.remote_controller.tasks.curve_following.curve_following import Persis
 PROVEN = (status.OK, status.STATIONARY)
 ANSWERED = (*PROVEN, status.CANNOT_DESCEND, status.DESCENDS_FASTER)
 HELD = (*ANSWERED, status.ZERO_GRADIENT)  # what the solver gives is followed; else the robot brakes
+NO_CHOICE = {status.INFEASIBLE_CONSTRAINTS, status.CANNOT_DESCEND, status.DESCENDS_FASTER}
 ROUNDING = 1e-9  # of V̇ relative to what is required, and of a speed [rad/s or m/s]
 SPARED = 0.1  # of the speeds along a curve that constraints leave, where ζ is none of them
 CURVATURE = 1e-6  # of a margin: what one Euler step of a curved constraint may overstep
@@ -133,7 +134,9 @@ class StableQpController(VelocityController):
         """The nearest constraint; where none has a margin, bounds or limits of speed."""
         if self.stack.margin() < math.inf:
             return self.stack.tightest_with_unit()
-        return "speeds of joints", ""
+        if len(self.stack.b):
+            return "bounds of joints, or rows", ""
+        return "speeds of joints", "rad/s or m/s"
 
     def task_errors(self) -> list[TaskError]:
         """Errors of the task."""
@@ -189,7 +192,7 @@ class StableQpController(VelocityController):
             self._y,
         )
         found, slower = solver.solve(*problem), False
-        if found == status.INFEASIBLE_CONSTRAINTS and self._curve is not None:
+        if self._curve is not None and found in NO_CHOICE and not self._stopping:
             slower = self._slow_down(self._curve)
             found = solver.solve(*problem) if slower else found
         if found not in HELD or self._stopping:
@@ -198,7 +201,8 @@ class StableQpController(VelocityController):
         self._certify(V, psi, drift, found, bool(rejected))
         share = solver.rho if self._equality else 1.0  # V̇ ≤ 0 asks for no share of Ψ
         self.present = self._watch.look(found, share, function.status, gradient, self.u)
-        self.present |= self._watch.slowed if slower else 0
+        if slower and self._curve is not None and self._c[-1] < self._curve.speed:
+            self.present |= self._watch.held_along(self._curve.motion_row, self._along.v)
         return self.u
 
     def _brake(self, found: int) -> int:
@@ -234,13 +238,14 @@ class StableQpController(VelocityController):
         """
         stack, along = self.stack, self._along
         along.fill(curve.motion_row, stack.A, stack.b, stack.C, stack.c, stack.lower, stack.upper)
-        (why, most), (_, least) = along.fall(-1.0), along.fall(1.0)
+        (_, fallen), (why, most) = along.fall(1.0), along.fall(-1.0)  # v stays that of the most
         if why not in {status.OK, status.UNBOUNDED}:
             return False
-        least, most = -least * along.top, most * along.top
-        spared = SPARED * max(min(most - least, 2.0 * most), 0.0)
+        least, most = -fallen * along.top, most * along.top
+        room = min(most - least, 2.0 * most, 2.0 * max(abs(least), curve.speed))
+        spared = SPARED * max(room, 0.0)
         self._c[-1] = min(max(curve.speed, least + spared), most - spared)
-        return True
+        return bool(self._c[-1] != curve.speed)
 
     def _squares(
         self, parameters: settings.Parameters

@@ -124,6 +124,17 @@ def test_a_curve_is_kept_where_its_speed_is_never_to_be_had():
     assert "infeasible" not in found.statuses
 
 
+def test_a_curve_is_kept_where_its_speed_is_only_just_to_be_had():
+    wish = {"joints": ["r_elbow", "l_elbow"], "radii_rad": [0.1, 0.1]}
+    task = {"task": "joint_curve", "parameters": {"curve_parameters": wish, "speed_rad_s": 0.2}}
+    slow = {"constraint": "joint_velocity", "parameters": {"limit_rad_s": 0.16}}
+    found = run(settings(task=task, constraints=[slow]), 2.5)
+    assert set(found.statuses) == {"certified"}
+    assert found.setpoints["v"].max() < 1e-8
+    assert found.began["slowed"] >= 2
+    assert found.began["held by bounds of joints"] >= 2
+
+
 @pytest.mark.parametrize("rho", ["damped", "largest"])
 def test_a_target_that_is_too_fast_leaves_rho_below_zero(rho):
     target = {"kind": "circle", "center_m": [0.0, 0.03, 0.28], "radius_m": 0.03, "period_s": 0.1}
