@@ -22,9 +22,12 @@ OF_BOUNDS = {
     "acceleration_max": ("brake_acceleration", HELD_BACK),
 }
 OF_CONSTRAINTS = {
-    "joint_velocity": ("limit_rad_s", "joints_rad_s", "velocity"),
-    "joint_acceleration": ("limit_rad_s2", "joints_rad_s2", "setpoint_acceleration_max"),
-    "joint_torque": ("limit_nm", "joints_nm", "effort"),
+    "joint_velocity": {"limit_rad_s": "velocity", "joints_rad_s": "velocity"},
+    "joint_acceleration": dict.fromkeys(
+        ("limit_rad_s2", "joints_rad_s2"), "setpoint_acceleration_max"
+    ),
+    "joint_torque": {"limit_nm": "effort", "joints_nm": "effort"},
+    "viability": {"limit_rad_s": "velocity", "limit_rad_s2": "setpoint_acceleration_max"},
 }
 
 
@@ -38,17 +41,25 @@ def warn_of_limits_above(robot: RobotDescription, parameters: Any, file: str) ->
         parameters: of the controller, with which it could be built.
         file: where they stand, under `parameters`.
     """
+    from hoap3.remote_controller.constraints.registry import ConstraintSettings
+    from hoap3.remote_controller.controllers.acceleration.joint_bounds import BoundSettings
+    from hoap3.remote_controller.controllers.velocity.velocity_task_stack_settings import (
+        VelocityBounds,
+    )
+
     bounds = getattr(parameters, "bounds", None)
+    if not isinstance(bounds, BoundSettings | VelocityBounds):
+        bounds = None  # somebody else's
     for key, (of_robot, instead) in OF_BOUNDS.items():
         given, own = getattr(bounds, key, None), np.array(getattr(robot, of_robot))
         if isinstance(given, tuple) and len(given) == 1:
             given = given[0]
         _warn(f"{file}: parameters.bounds.{key}", given, own, robot.joint_names, instead)
-    for place, entry in enumerate(getattr(parameters, "constraints", None) or ()):
-        if entry.constraint not in OF_CONSTRAINTS:
+    entries = getattr(parameters, "constraints", None)
+    for place, entry in enumerate(entries if isinstance(entries, tuple) else ()):
+        if not isinstance(entry, ConstraintSettings):
             continue
-        common, single, of_robot = OF_CONSTRAINTS[entry.constraint]
-        for key in (common, single):
+        for key, of_robot in OF_CONSTRAINTS.get(entry.constraint, {}).items():
             where = f"{file}: parameters.constraints.{place}.parameters.{key}"
             own = np.array(getattr(robot, of_robot))
             _warn(where, entry.parameters.get(key), own, robot.joint_names, CUT)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from hierarchy_runs import content, made, robot, state_of
 from hoap3.protocol.config.settings import parse
 from hoap3.protocol.errors import ConfigError, LimitWarning, RenamedWarning, UnknownNameError
 from hoap3.remote_controller.config import ControllerConfig, check_parameters
+from hoap3.remote_controller.limits_above import warn_of_limits_above
 
 POINT = {"kind": "point", "position_m": [0.0, 0.0, 0.0]}
 
@@ -244,6 +246,7 @@ ABOVE = [
         r"100000\.0",
     ),
     ({"constraints": [limit("joint_velocity", limit_rad_s=99.0)]}, f"{LIMIT}.limit_rad_s", "99"),
+    ({"constraints": [limit("viability", limit_rad_s=99.0)]}, f"{LIMIT}.limit_rad_s", "99"),
     (
         {"constraints": [limit("joint_torque", joints_nm={"joint_2": 1e4})]},
         f"{LIMIT}.joints_nm.joint_2",
@@ -264,6 +267,11 @@ def test_a_limit_that_some_joint_can_reach_is_not():
     with warnings.catch_warnings():
         warnings.simplefilter("error", LimitWarning)
         made("ghc", bounds=bounds, constraints=limits)
+
+
+@pytest.mark.parametrize("own", [{"constraints": 3}, {"constraints": ["a"]}, {"bounds": "wide"}])
+def test_somebody_else_may_use_these_words_otherwise(own):
+    warn_of_limits_above(robot(), SimpleNamespace(**own), "mine.yaml")
 
 
 @pytest.mark.parametrize("name", ["ghc", "ghc_humanoid", "ghc_torque", "hqp", "weighted"])
