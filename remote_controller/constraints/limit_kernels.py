@@ -147,9 +147,10 @@ def limit_accelerations(
     A_out: FloatArray,
     upper_out: FloatArray,
 ) -> tuple[float, int]:
-    """Write the right-hand sides 2ηṁ + η²(m − r) − Ȧ·q̇ of rows A·q̈, with A = −∇m.
+    """Write the right-hand sides 2ηṁ + η²·room − Ȧ·q̇ of rows A·q̈, with A = −∇m, ṁ = −A·q̇.
 
-    Rows that no joint can help are switched off; ṁ = −A·q̇.
+    room = max(m − r, 0) inside, m ≥ 0; room = max(m, −return_speed/η) < 0 outside. Rows that no
+    joint can help are switched off.
 
     Args:
         margins: (s,) m [m].

@@ -68,7 +68,9 @@ def _seen(
     scratch: FloatArray,
     out: FloatArray,
 ) -> None:
-    """Write p̈ of Sᵀ(p − o) in a reference S, o that moves with ν and its rate a, (3,).
+    """Write d²/dt² of Sᵀ(p − o), S and o of a reference that moves with ν and its rate a, (3,).
+
+    As ȯ = v + ω × o and Ṡᵀx = −Sᵀ(ω × x), d/dt Sᵀ(p − o) = Sᵀ(ṗ − v − ω × p), and of that
 
     d/dt Sᵀ(ṗ − v − ω × p) = Sᵀ(p̈ − a_v − a_ω × p − ω × ṗ − ω × (ṗ − v − ω × p))
 

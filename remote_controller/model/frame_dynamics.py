@@ -106,7 +106,8 @@ class FramesDynamics:
         self._crba(model, data, self._q, self._world)  # and the Jacobian of the joints
         self._nle(model, data, self._q, self._v)
         if self._compensated:
-            self._weigh(model, data, self._q).take(order, out=self.weight, mode="clip")  # as it lies
+            weight = self._weigh(model, data, self._q)
+            weight.take(order, out=self.weight, mode="clip")  # the other modes copy `out`
         self._gather(*self._rigid, *self._layout, dq, *self._out)
 
     def placement(self, q: FloatArray, frame: str) -> tuple[FloatArray, FloatArray]:

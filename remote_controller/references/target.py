@@ -40,12 +40,12 @@ class Target(ABC):
         self._begin = time_s
 
     def at(self, time_s: float, position_out: FloatArray, velocity_out: FloatArray) -> None:
-        """Write x_d and dx_d/dt at a time [s], both (m,); before the start it is the start."""
+        """Write x_d and dx_d/dt at a time [s], both (m,), contiguous; before the start as at it."""
         self.follow(max(0.0, time_s - self._begin), position_out, velocity_out)
 
     @abstractmethod
     def follow(self, elapsed_s: float, position_out: FloatArray, velocity_out: FloatArray) -> None:
-        """Write x_d and dx_d/dt for a time since the start [s], both (m,)."""
+        """Write x_d and dx_d/dt of a time after the start [s], both (m,), contiguous."""
 
 
 class Point(Target):

@@ -63,7 +63,7 @@ class FixedFrame(Constraint):
         self._position, self._rotation = np.zeros(3), np.zeros((3, 3))
         self._position_kept, self._rotation_kept = np.zeros(3), np.zeros((3, 3))
         self._jacobian, self._error = np.zeros((6, self.n)), np.zeros(6)
-        self._turns, self._turned, self._slope = self._jacobian[3:], np.eye(3), np.eye(3)
+        self._turns, self._turned, self._slope = self._jacobian[3:], *np.zeros((2, 3, 3))
         self._drift = 0.0
 
     def update(
@@ -133,7 +133,8 @@ def _slope(turned: FloatArray) -> FloatArray:
 
     For 2e is the vector of [ω]×R + Rᵀ[ω]×, and that is (tr R·I − R)·ω of any matrix R.
     """
-    found: FloatArray = 0.5 * (np.trace(turned) * np.eye(3) - turned)
+    found: FloatArray = -0.5 * turned
+    found.flat[::4] += 0.5 * (turned[0, 0] + turned[1, 1] + turned[2, 2])
     return found
 
 

@@ -31,7 +31,7 @@ class MinimumSpeed(Constraint):
 
     levels: ClassVar[tuple[Level, ...]] = ("velocity", "acceleration")
     guarantee: ClassVar[Guarantee] = "local linearisation"
-    margin_unit = "m/s"
+    margin_unit = "rad/s or m/s"
 
     class Parameters(Constraint.Parameters):
         """Direction and least speed; either `joints` or `frame` and `direction`."""

@@ -35,8 +35,8 @@ def residual_kernel(  # noqa: PLR0912 - one branch for each kind and each side
     With r = pull − rowsᵀ·multipliers, which would be y if there were no bounds and no kink in Φ,
 
         y_i = the point within its bounds nearest to sign(r_i)·max(0, |r_i| − κ)      (`NORM`)
-        y_i = the point within its bounds and ±max|y| nearest to r_i, where the |r_i| that max|y|
-              cuts off add up to κ                                                     (`MAXIMUM`)
+        y_i = the point within its bounds and ±max|y| nearest to r_i, where what max|y| cuts off,
+              |r_i| − max|y|, adds up to κ                                             (`MAXIMUM`)
         y_i = the point within its bounds nearest to r_i                               (`SQUARES`)
 
     an inequality has a multiplier ≥ 0, and it or the slack is 0: min(multiplier, slack) = 0; and

@@ -168,9 +168,9 @@ def active_set(  # noqa: PLR0912 - one loop inside the other, as in the paper
 ) -> tuple[int, int, int]:
     """Move the values until all are within their bounds; lower ≤ upper, which is not checked.
 
-    In every round, with the Z and v that were given, y = Σ share·sign·Z[:, active] (own·normal of
-    the added one too), values = v + Zᵀy, and Q·N = [Rᵀ; 0]. A value whose bounds are equal has one
-    of them active at a time, like any other.
+    In every round, with the Z and v that were given, y = Σ share·sign·Z[:, active] (and
+    own·side·Z[:, j] of the added one), values = v + Zᵀy, and Q·N = [Rᵀ; 0]. A value whose bounds
+    are equal has one of them active at a time, like any other.
 
     Args:
         bounded: Z is overwritten; the values by those of the answer; the multipliers are written,

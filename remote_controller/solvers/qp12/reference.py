@@ -68,7 +68,7 @@ def bounded_qp12(
 ) -> list[Number] | None:
     """(26) in W u, lower ≤ 0 ≤ upper: clamp who is beyond, take off what that delivers, repeat.
 
-    None where the bounds do not allow the decrease, Σ |∂V/∂u_i|·limit_i (the closed form of (7)).
+    None where the decrease is more than bounds allow, Σ |∂V/∂q_i|·limit_i (closed form of (7)).
     """
     down = [(slope > 0) == (decrease > 0) for slope in gradient]
     limit = [-lo if falls else up for lo, up, falls in zip(lower, upper, down, strict=True)]

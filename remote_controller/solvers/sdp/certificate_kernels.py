@@ -80,7 +80,7 @@ def _duality_gap(program: Program, gains: Vector, beta: float, dual: Dual, check
 
 @inlined
 def certified(program: Program, gains: Vector, check: Check) -> float:
-    """β(λ) = λ_min(C(λ, 0)), (15)."""
+    """The largest β of (20), β(λ) = λ_min(C(λ, 0))."""
     stability_matrix(program.L, program.G, gains, 0.0, program.dt, check.C, check.V)
     return least_eigenvalue(check.C, math.nan, 0.0, check.eigen)
 

@@ -8,7 +8,7 @@ columns y_k, one as a rule, those of the limits that hold are ν. Optimal is whe
     2δ λ_i − 2 Σ_k (v_iᵀ y_k) y_ki + (Sᵀν)_i = 0,   2(β − 1) + Σ |y_k|² = 0,
     C y_k = 0,   rows of S that hold a limit: S λ = limit,
 
-with C ⪰ 0, ν ≥ 0 and all limits kept. The Newton matrix, with the second line times −2, is
+with C ⪰ 0, ν ≥ 0 and all limits kept. The Newton matrix, with C y_k = 0 times −2, is
 symmetric and quasidefinite (Vanderbei, SIAM Journal on Optimization 5, 1995): its block of (λ, β)
 is positive definite, and what is left of the other one negative definite, so it has a factorisation
 without pivoting. A column of Y lies within one block of C. Two columns in one block may be rotated

@@ -83,7 +83,8 @@ class SdpGains:
         gains: λ [1/s], (n,).
         dq: joint speeds [rad/s], (joints,).
         beta: β [1/s] that the gains certify, where dq is not `cut`.
-        cut: whether dq = B(Λ e + …) was cut off at its limits, because of what is fed forward.
+        cut: whether dq = B(Λ e + …) was cut off at its limits, because of what is fed forward; for
+            who uses the solver alone: `clik_sdp` asks for more before it certifies.
         desired: β̃ that was asked for.
         path: index into `PATHS`.
         status: index into `status.NAMES`; `OK`, if the gains are proved to be optimal.

@@ -116,9 +116,10 @@ def curve_tangent(
 ) -> tuple[float, float]:
     """Find the unit tangent of a curve (22).
 
-    Without a last tangent its sign is such that the gradients and the tangent, in this order,
-    have a positive determinant. That is continuous for as long as the gradients are; next to a
-    last tangent, it is the sign of a turn below 90°, whatever becomes of the gradients' signs.
+    Without a last tangent its sign is such that the determinant of the gradients and the tangent,
+    in this order, has the sign of `direction`. That is continuous for as long as the gradients are;
+    next to a last tangent, it is the sign of a turn below 90°, whatever becomes of the gradients'
+    signs.
 
     Args:
         gradients: ∂α/∂x, (m − 1, m).

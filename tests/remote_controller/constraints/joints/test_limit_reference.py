@@ -93,6 +93,10 @@ def test_returns_are_slowed_and_rows_that_hold_are_named(seeds):
         sides[1, end == 0] = value[end == 0] + 1.0
         sides[:, end == 1] = value[end == 1]  # an equation
         sides[:, end == 2] = np.array([[-np.inf], [np.inf]])
+        edge = np.flatnonzero(end == 3)  # just within what counts as held, or just beyond
+        reach = kernels.AT_END * (1.0 + np.abs(A * x).sum(axis=1))
+        sides[0, edge] = (value - reach * rng.choice([0.9, 1.1], s))[edge]
+        sides[1, edge] = sides[0, edge] + 1.0
         owned = plain.held(A, x, (sides[0], sides[1]), owners, kernels.AT_END)
         assert kernels.held_rows(A, *sides, x, owners) == sum(1 << i for i in owned)
         named += len(owned)

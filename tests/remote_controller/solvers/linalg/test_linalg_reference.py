@@ -5,10 +5,14 @@ The rule: 1e-10, relative to 1 + the largest entry; matrices have a condition up
 
 from __future__ import annotations
 
+import math
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
 from hoap3.remote_controller.solvers.linalg import dense_kernels as dense
+from hoap3.remote_controller.solvers.linalg import scaling_kernels as scaling
 from hoap3.remote_controller.solvers.linalg import small_product_kernels as small
 from hoap3.remote_controller.solvers.linalg import tiled_product_kernels as tiled
 from hoap3.remote_controller.solvers.linalg.ldlt_kernels import solve_quasidefinite
@@ -109,3 +113,20 @@ def test_eigenvectors_and_orthogonal_rows(seeds):
         np.testing.assert_array_equal(turned[count:], rows[count:])
         lengths = np.sort(np.linalg.norm(turned[:count], axis=1))
         near(lengths, np.sort(np.linalg.svd(rows[:count], compute_uv=False)))
+
+
+@many
+def test_powers_of_two_round_nothing(seeds):
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        values = rng.normal(size=int(rng.integers(0, 13)))
+        assert scaling.largest(values) == np.abs(values).max(initial=0.0)
+        assert scaling.largest(np.append(values, rng.choice([np.nan, np.inf, -np.inf]))) == math.inf
+        exponent, value = int(rng.integers(-2000, 2001)), float(rng.normal())
+        low, high = scaling.power_halves(exponent)
+        assert Fraction(low) * Fraction(high) == Fraction(2) ** exponent
+        try:
+            expected = float(Fraction(value) * Fraction(2) ** exponent)
+        except OverflowError:
+            expected = math.copysign(math.inf, value)
+        assert scaling.times_power(value, exponent) == expected
