@@ -78,6 +78,12 @@ def test_answers_that_never_come_are_counted():
     assert found["rtt_us"]["one_cpu"]["n"] == 55
 
 
+def test_a_last_answer_that_is_late_is_no_lost_one():
+    found, _ = exchanged([10_000], [10_000] * 59 + [300_000_000], ticks=38)
+    assert found["lost"] == {"one_cpu": 0, "two_cpus": 0}
+    assert found["rtt_us"]["two_cpus"]["max"] == 300e3
+
+
 def figures(one: float, two: float | None = None, tails=(3.0, 3.0)) -> dict[str, dict[str, float]]:
     rtt = {"one_cpu": {"p50": one, "p99": tails[0] * one}}
     return rtt if two is None else {**rtt, "two_cpus": {"p50": two, "p99": tails[1] * two}}
