@@ -56,7 +56,8 @@ def condensed(
 ) -> tuple[Array, Array]:
     """S = Σ P_i H_i⁻¹ P_i and q₀ = Σ P_i H_i⁻¹ J_iᵀ b_i, H_i = J_iᵀJ_i + wI: (13a) and (13d).
 
-    Of min Σ |J_i x_i − b_i|² + w Σ |x_i|² with Σ P_i x_i = q̈ they leave ½ (q̈ − q₀)ᵀ S⁺ (q̈ − q₀).
+    Half of min Σ |J_i x_i − b_i|² + w Σ |x_i|² with Σ P_i x_i = q̈ leaves, but for a constant,
+    ½ (q̈ − q₀)ᵀ S⁺ (q̈ − q₀).
     """
     sizes, stack = [len(J) for J in jacobians], np.vstack(jacobians)
     n = stack.shape[1]

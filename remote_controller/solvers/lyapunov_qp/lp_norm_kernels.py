@@ -87,7 +87,8 @@ def lp_norm_residual(gradient: Vector, decrease: float, p: float, u: Vector) -> 
         1 − |decrease| / (|gradient|_q |u|_p),   1/p + 1/q = 1,   q = ∞ for p ≤ 1,
 
     which Hölder's inequality makes non-negative, and zero for an optimal u only. It is of second
-    order in an error of u where p > 1. inf where nothing can be judged, never NaN.
+    order in an error of u where 2 ≤ p < ∞, and for 1 < p < 2 where no gradient_i is 0; of first
+    order for p = ∞. inf where nothing can be judged, never NaN.
     """
     n = gradient.size
     top, span = largest(gradient), largest(u)

@@ -20,7 +20,7 @@ INTEGERS, ROWS, SQUARES, TALL, UNKNOWNS = 6, 11, 26, 21, 15
 
 
 class Program(NamedTuple):
-    """Min (β − 1)² + δ|λ|² subject to C(λ, β) ⪰ 0 (20) and lower ≤ S λ ≤ upper (23).
+    """Min (β − 1)² + δ|λ|² subject to C(λ, β) ⪰ 0 (20) and lower ≤ S λ ≤ upper (25).
 
     Attributes:
         L: (n, n), of ė = −L Λ e.
@@ -164,9 +164,10 @@ class Step(NamedTuple):
         g: (n + 1,), right-hand side without the limits.
         dx: (n + 1,), of λ and β.
         D: (n, n), ∂C/∂x·dx.
-        bent: (n, n), D less the curvature of C, −Δt dλ_i dλ_j G_ij.
+        bent: (n, n), D − Δt dλ dλᵀ∘G: D with the curvature of C.
         Z_step: (n, n), dZ = Q − Z − the symmetric part of X D Z.
-        Q: (n, n), μX less the symmetric part of what is of second order, X D_p dZ_p.
+        Q: (n, n), μX less the symmetric part of what is of second order, X E with
+            E = D_p dZ_p − Δt (dλ_p dλ_pᵀ∘G) Z, p: of the predictor.
         W, T: (n, n), products on the way to dZ and Q.
         scaled: (n, n), P bent Pᵀ and PZ dZ PZᵀ, whose least eigenvalues tell how far it may go.
         column: (n + 1 or joints,), a column or row of a factor at hand; weights z/s of the limits.

@@ -9,10 +9,11 @@ columns y_k, one as a rule, those of the limits that hold are ν. Optimal is whe
     C y_k = 0,   rows of S that hold a limit: S λ = limit,
 
 with C ⪰ 0, ν ≥ 0 and all limits kept. The Newton matrix, with C y_k = 0 times −2, is
-symmetric and quasidefinite (Vanderbei, SIAM Journal on Optimization 5, 1995): its block of (λ, β)
-is positive definite, and what is left of the other one negative definite, so it has a factorisation
-without pivoting. A column of Y lies within one block of C. Two columns in one block may be rotated
-without changing Z; a term along that rotation makes the answer unique.
+symmetric. Its block of (λ, β) is positive definite, and what is left of the other one, its Schur
+complement, is negative definite at an optimum that is not degenerate. So in this order it has a
+factorisation without pivoting, as a quasidefinite matrix has in any order (Vanderbei, SIAM Journal
+on Optimization 5, 1995). A column of Y lies within one block of C. Two columns in one block may be
+rotated without changing Z; a term along that rotation makes the answer unique.
 """
 
 from __future__ import annotations

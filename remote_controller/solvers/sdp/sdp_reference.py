@@ -16,7 +16,10 @@ Array = NDArray[np.float64]
 
 
 def inequality(L: Array, x: Array, dt: float) -> Array:
-    """The matrix of (21), (2n, 2n), linear in x = (λ, β); its Schur complement is C(λ, β)."""
+    """The matrix of (21), (2n, 2n), linear in x = (λ, β); its Schur complement is C(λ, β).
+
+    Beside the diagonal it has LΛ for A = −LΛ, which changes neither that nor definiteness.
+    """
     tall, n = L * x[:-1], len(L)
     root, top = np.sqrt(dt) * tall, tall + tall.T - x[-1] * np.eye(n)
     return np.block([[top, root.T], [root, np.eye(n)]])
