@@ -146,8 +146,8 @@ def _hint(model: type[BaseModel], path: Sequence[str], close: str | None) -> str
     """Where an unknown key belongs, or "" where nothing is known of it."""
     key, here = path[-1], _models_at(model, path[:-1])
     for inner in here:
-        if key in getattr(inner, "hints", {}):
-            return f"{inner.hints[key]}. "  # type: ignore[attr-defined]
+        if hint := getattr(inner, "hints", {}).get(key):
+            return f"{hint}. "
     own = [inner.model_fields["parameters"] for inner in here if "parameters" in inner.model_fields]
     if not own or (close and _alike(key, close) >= MISSPELT):
         return ""

@@ -238,8 +238,8 @@ class StableQpController(VelocityController):
         """
         stack, along = self.stack, self._along
         along.fill(curve.motion_row, stack.A, stack.b, stack.C, stack.c, stack.lower, stack.upper)
-        (_, fallen), (why, most) = along.fall(1.0), along.fall(-1.0)  # v stays that of the most
-        if why not in {status.OK, status.UNBOUNDED}:
+        (one, fallen), (other, most) = along.fall(1.0), along.fall(-1.0)  # v stays that of the most
+        if not {one, other} <= {status.OK, status.UNBOUNDED}:
             return False
         least, most = -fallen * along.top, most * along.top
         room = min(most - least, 2.0 * most, 2.0 * max(abs(least), curve.speed))
