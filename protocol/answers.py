@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Self, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import from_json
 
-from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.description import MAX_DELAY_TICKS, DeadlineRule, RobotDescription
 from hoap3.protocol.errors import DescriptionError, WireError
 
 MAX_ANSWER_BYTES = 4096  # of a robot; its description has a limit of its own
@@ -74,12 +74,15 @@ class GrantAnswer(Status):
     Attributes:
         granted: whether the client has authority now.
         epoch, from_tick: of a grant, None otherwise.
+        deadline, delay_ticks: as the robot's description has them; older robots leave them out.
         reason: of a refusal, in one word, or None.
     """
 
     granted: bool
     epoch: Annotated[int, Field(ge=1, le=2**64 - 1)] | None = None
     from_tick: Uint64 | None = None
+    deadline: DeadlineRule = "next_tick"
+    delay_ticks: Annotated[int, Field(ge=0, le=MAX_DELAY_TICKS)] = 0
     reason: Annotated[str, Field(max_length=64)] | None = None
 
     @model_validator(mode="after")

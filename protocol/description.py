@@ -18,21 +18,26 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 import pydantic_core
 from numpy.typing import NDArray
-from pydantic import StrictFloat, StrictStr
+from pydantic import StrictFloat, StrictInt, StrictStr
 
 from hoap3.protocol.description_parts import DefaultTask, Joint, Number, Part, Sole, refuse
 from hoap3.protocol.errors import DescriptionError, did_you_mean
 from hoap3.protocol.urdf import UrdfStructure, first_twice, read_urdf
 
-__all__ = ["COM", "CommandKind", "DefaultTask", "Gravity", "Joint", "RobotDescription", "Sole"]
+__all__ = [
+    "COM", "CommandKind", "DeadlineRule", "DefaultTask", "Gravity", "Joint", "RobotDescription",
+    "Sole",
+]  # fmt: skip
 
 MAX_BYTES = 1 << 20
 MAX_JOINTS = 128
+MAX_DELAY_TICKS = 100
 COM = "com"  # the centre of mass, as the point of a task
 
 Vector = NDArray[np.float64]
 CommandKind = Literal["position", "acceleration", "torque"]
 Gravity = Literal["full", "compensated", "none"]
+DeadlineRule = Literal["next_tick", "after_receipt"]
 
 _ROBOT_NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
 
@@ -71,6 +76,9 @@ class RobotDescription(Part):
         soles: the frames that can stand, with their support polygons.
         wrench_sensors: frames in which a wrench is measured.
         default_task: what a controller does whose config names no task; None: nothing is known.
+        deadline: from when an answer has its time: `next_tick`, from the intended start of its
+            tick, or `after_receipt`, from when its State was published.
+        delay_ticks: d; the answer to tick k is applied at tick k + 1 + d, and has 1 + d periods.
     """
 
     kind: ClassVar[str] = "robot"
@@ -88,6 +96,8 @@ class RobotDescription(Part):
     soles: tuple[Sole, ...] = ()
     wrench_sensors: tuple[StrictStr, ...] = ()
     default_task: DefaultTask | None = None
+    deadline: DeadlineRule = "next_tick"
+    delay_ticks: StrictInt = 0
 
     @classmethod
     def from_json(cls, raw: bytes) -> Self:
@@ -107,10 +117,11 @@ class RobotDescription(Part):
         return cls.model_validate(data)
 
     def to_json(self) -> bytes:
-        """Canonical JSON: sorted keys, no blanks, ASCII; no key for a default task of None."""
+        """Canonical JSON: sorted keys, no blanks, ASCII; no optional key that has its default."""
         fields = self.model_dump(mode="json")
-        if self.default_task is None:
-            del fields["default_task"]  # as in logs from before there was one
+        for key in ("default_task", "deadline", "delay_ticks"):
+            if fields[key] == type(self).model_fields[key].default:
+                del fields[key]  # as in logs from before there was one
         return json.dumps(fields, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
@@ -166,6 +177,11 @@ class RobotDescription(Part):
         "Inertias of the rotors as the joints feel them, (n,) [kg m²; prismatic kg]."
     )
 
+    @property
+    def due(self) -> int:
+        """How long an answer has, from where `deadline` counts [ns]."""
+        return (1 + self.delay_ticks) * round(self.period_s * 1e9)
+
     @cached_property
     def counts_per_rad(self) -> Vector | None:
         """Signed encoder scales, (n,) [1/rad]; None unless every joint has one."""
@@ -181,6 +197,8 @@ class RobotDescription(Part):
             refuse("joints", f"{self.n} joints", f"Give 1 to {MAX_JOINTS}.")
         if not 0.0 < self.period_s <= 1.0:
             refuse("period_s", self.period_s, "Write seconds, such as 0.001.")
+        if not 0 <= self.delay_ticks <= MAX_DELAY_TICKS:
+            refuse("delay_ticks", self.delay_ticks, f"Write 0 to {MAX_DELAY_TICKS}.")
         if not self.command_kinds:
             refuse("command_kinds", [], "Name at least one of position, acceleration, torque.")
         _unique("joints", self.joint_names)

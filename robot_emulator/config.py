@@ -17,7 +17,13 @@ from hoap3.protocol.config.settings import (
     Settings,
     load_yaml,
 )
-from hoap3.protocol.description import CommandKind, Gravity, RobotDescription
+from hoap3.protocol.description import (
+    MAX_DELAY_TICKS,
+    CommandKind,
+    DeadlineRule,
+    Gravity,
+    RobotDescription,
+)
 from hoap3.protocol.errors import ConfigError, UnknownNameError, one_of
 
 CONFIGS = Path(__file__).parent / "configs"
@@ -133,6 +139,17 @@ class EmulatorConfig(Settings):
         description="misses in a row in which an acceleration or torque is held; then it brakes",
     )
     misses_to_stop: int = Field(20, ge=1, description="consecutive misses that end in a safe stop")
+    deadline: DeadlineRule = Field(
+        "next_tick",
+        description="until when an answer is in time: until the intended start of the next tick; "
+        "after_receipt: for a period from when its State was published",
+    )
+    delay_ticks: int = Field(
+        0,
+        ge=0,
+        le=MAX_DELAY_TICKS,
+        description="ticks by which each answer is applied later, and by which it may come later",
+    )
     seed: int = Field(0, ge=0, lt=2**63, description="of everything random; names the session")
     link: EmulatorLink = EmulatorLink()
     realtime: EmulatorRealtime = EmulatorRealtime()

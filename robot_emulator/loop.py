@@ -11,6 +11,7 @@ the tick, and when that begins only the State is left to be sent.
 from __future__ import annotations
 
 import json
+from collections import deque
 from collections.abc import Callable
 from itertools import islice
 
@@ -91,7 +92,11 @@ class RobotLoop:
         self._epoch = 0
         self._stop_reason = 0
         self._stop_began = 0
-        self._asked_tick = self._first_active_tick = -1
+        self._first_active_tick = -1
+        self._pending = deque[tuple[int, int]]()  # ticks that asked, and at which each is judged
+        self._delay, self._due = description.delay_ticks, description.due
+        self._from_publication = description.deadline == "after_receipt"
+        self._terms = {"deadline": description.deadline, "delay_ticks": self._delay}
         self._clipped = False
         self._held = [0] * description.n  # periods, by the first joint held back in each
         self._held_first = (-1, -1)  # joint, tick
@@ -100,7 +105,10 @@ class RobotLoop:
         self.mode = State.IDLE
         self.safe_stops = self.skipped = 0
         self.validator = SetpointValidator(
-            description.n, session_id, COMMANDS[description.command_kinds[0]]
+            description.n,
+            session_id,
+            COMMANDS[description.command_kinds[0]],
+            delayed=self._delay > 0,
         )
         self._state = State(description.n, 6 * len(description.wrench_sensors))
         self._state.session_id = session_id
@@ -138,7 +146,8 @@ class RobotLoop:
                 ticker.wait()
                 heed(ticker.tick)
             self.step(ticker)
-            if self._stop_reason in _ENDING_REASONS and self.mode == State.STOPPED:
+            at_rest = self.mode == State.STOPPED and not self._pending
+            if at_rest and self._stop_reason in _ENDING_REASONS:
                 break
         self._record_state()
         self._tell_left_out(at_end=True)
@@ -181,10 +190,9 @@ class RobotLoop:
             self._act(ticker.tick)
         self._acted = False
         self.tick = self._published = ticker.tick
-        if self.mode == State.ACTIVE:
-            self._asked_tick = self.tick
-            self.validator.ask(self.tick, self._epoch, ticker.intended + self.period)
         self._publish(ticker)
+        if self.mode == State.ACTIVE:
+            self._ask(ticker)
 
     def _may_act_ahead(self, ticker: Ticker) -> bool:
         """Whether the next tick is still to come, and all is known that it depends on."""
@@ -193,8 +201,26 @@ class RobotLoop:
         self._clock.sleep_until(ticker.next - self._lead)
         self._record_state()
         self._receive(self._published)
-        known = self._asked_tick < 0 or self.validator.in_time(self._asked_tick)
-        return known and self._clock.now() < ticker.next
+        return self._knows(ticker.tick + 1) and self._clock.now() < ticker.next
+
+    def _knows(self, tick: int) -> bool:
+        """Whether no answer that is still to come can change what the robot does at a tick."""
+        newest = tick - 1 - self._delay  # the answer to it is applied then
+        for asked, judged in self._pending:
+            if (judged <= tick or asked <= newest) and not self.validator.in_time(asked):
+                return False
+        return not self._delay or self.mode != State.ACTIVE or self.validator.settled(newest)
+
+    def _ask(self, ticker: Ticker) -> None:
+        """Note until when the State just published can be answered, and when that is judged."""
+        tick, begin = ticker.tick, ticker.intended
+        judged = tick + 1 + self._delay
+        if self._from_publication:
+            late = self._state.stamp_published - begin
+            begin += late
+            judged += -(-late // self.period)
+        self._pending.append((tick, judged))
+        self.validator.ask(tick, self._epoch, begin + self._due)
 
     def _act(self, tick: int) -> None:
         """What the robot does for a tick before it measures."""
@@ -256,15 +282,14 @@ class RobotLoop:
             self._announce("CONFLICTING_SETPOINTS", self._conflicts_told)
 
     def _judge(self) -> None:
-        """Count the outcome of the last tick that asked, and stop after too many misses."""
-        if self._asked_tick < 0:
-            return
-        in_time = self.validator.count(self._asked_tick)
-        self._asked_tick = -1
-        if self.mode != State.ACTIVE:
-            return  # it was told to stop in this very tick
-        if not in_time and self.validator.deadlines.misses_in_a_row >= self._config.misses_to_stop:
-            self.stop("REASON_MISSES")
+        """Count the outcomes of ticks whose deadline has come, and stop after too many misses."""
+        pending, validator = self._pending, self.validator
+        while pending and pending[0][1] <= self.tick:
+            in_time = validator.count(pending.popleft()[0])
+            if self.mode != State.ACTIVE:
+                continue  # it was told to stop before
+            if not in_time and validator.deadlines.misses_in_a_row >= self._config.misses_to_stop:
+                self.stop("REASON_MISSES")
 
     def _obey_grant(self) -> None:
         """From its first tick on, a grant makes the robot active."""
@@ -280,6 +305,8 @@ class RobotLoop:
         """Decide what drives the body for one period."""
         setpoint_filter, validator = self._setpoint_filter, self.validator
         if self.mode == State.ACTIVE:
+            if self._delay:
+                validator.release(self.tick - 1 - self._delay)
             if validator.fresh:
                 validator.fresh = False
                 clipped = setpoint_filter.follow(validator.setpoint.values, validator.setpoint.tick)
@@ -380,7 +407,7 @@ class RobotLoop:
             self._link.look_again(request.who)
             self._refuse(request, "no_token", 0)
             return
-        grant = self._authority.acquire(request.who, self.tick + self._grace_ticks)
+        grant = self._authority.acquire(request.who, self._first_tick())
         if grant is None:
             self._look_tick = self.tick
             self._refuse(request, "held", in_force.epoch if in_force else 0)
@@ -389,7 +416,12 @@ class RobotLoop:
             self._look_tick = self.tick + self._lease_ticks
             self._announce("GRANTED", grant.epoch)
         terms = {"granted": True, "epoch": grant.epoch, "from_tick": grant.from_tick}
-        request.answer({**terms, **self._status()})
+        request.answer({**terms, **self._terms, **self._status()})
+
+    def _first_tick(self) -> int:
+        """Of a grant from now on: after all deadlines of an earlier one."""
+        first = self.tick + self._grace_ticks
+        return max(first, self._pending[-1][1]) if self._pending else first
 
     def _refuse(self, request: Request, reason: str, epoch: int) -> None:
         self._announce("REFUSED", epoch)
@@ -414,7 +446,7 @@ class RobotLoop:
         if self.mode != State.STOPPED:
             return False
         self.mode, self._stop_reason = State.IDLE, 0
-        self._authority.renew(self.tick + self._grace_ticks)
+        self._authority.renew(self._first_tick())
         self._announce("RECOVERED", 0)
         return True
 

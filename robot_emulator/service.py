@@ -58,7 +58,12 @@ def describe(
     _check_fit(config, kind, file)
     check_contacts(config, description, kind, file)
     return description.model_copy(
-        update={"command_kinds": (kind,), "gravity": config.plant.gravity}
+        update={
+            "command_kinds": (kind,),
+            "gravity": config.plant.gravity,
+            "deadline": config.deadline,
+            "delay_ticks": config.delay_ticks,
+        }
     )
 
 

@@ -6,6 +6,8 @@ for one named reason. A tick that asked for an answer got it in time, late, or n
 
 from __future__ import annotations
 
+from heapq import heappop, heappush
+
 import numpy as np
 
 from hoap3.protocol.errors import WireError
@@ -35,9 +37,10 @@ class SetpointValidator:
         joints: n.
         session_id: the robot's.
         command: command kind that the robot takes now.
+        delayed: whether answers wait until `release` lets them be followed.
 
     Attributes:
-        setpoint: the newest accepted one.
+        setpoint: the newest accepted one, or the last that was released.
         fresh: whether `setpoint` has not been taken by a tick yet.
         duplicate: setpoints for a tick that was answered before.
         conflicting: those of them whose values are not those of the first answer.
@@ -46,7 +49,9 @@ class SetpointValidator:
         deadlines: outcomes of ticks.
     """
 
-    def __init__(self, joints: int, session_id: int, command: int) -> None:
+    def __init__(
+        self, joints: int, session_id: int, command: int, *, delayed: bool = False
+    ) -> None:
         from hoap3.robot_emulator.plants.motion_kernels import all_finite
 
         self.setpoint = Setpoint(joints)
@@ -59,6 +64,9 @@ class SetpointValidator:
         self._arrival = [-1] * HISTORY
         self._values = np.zeros((HISTORY, joints))  # of the first answer
         self._counted_lost = [False] * HISTORY
+        self._delayed = delayed
+        self._waiting: list[int] = []  # ticks whose answers are here, a heap
+        self._released = -1  # tick of the last answer that was followed
         self.fresh = False
         self.newest_tick = -1
         self.duplicate = self.conflicting = self.out_of_order = self.rejected = 0
@@ -96,13 +104,31 @@ class SetpointValidator:
         self._values[place] = setpoint.values
         if self._counted_lost[place]:
             self.deadlines.lost_arrived()
+        if self._delayed and tick > self._released:
+            heappush(self._waiting, tick)
         if tick <= self.newest_tick:
             self.out_of_order += 1
             return None
         self.newest_tick = tick
-        self._incoming, self.setpoint = self.setpoint, setpoint
-        self.fresh = True
+        if not self._delayed:
+            self._incoming, self.setpoint = self.setpoint, setpoint
+            self.fresh = True
         return None
+
+    def release(self, tick: int) -> None:
+        """Let the newest of the answers that wait be followed, of those to ticks up to `tick`."""
+        waiting, newest = self._waiting, -1
+        while waiting and waiting[0] <= tick:
+            newest = heappop(waiting)
+        if newest >= 0:
+            self.setpoint.values[:] = self._values[newest % HISTORY]
+            self.setpoint.tick = self._released = newest
+            self.fresh = True
+
+    def settled(self, tick: int) -> bool:
+        """Whether nothing still to come can change what `release(tick)` lets be followed."""
+        place = tick % HISTORY
+        return tick <= self._released or (self._asked[place] == tick and self._arrival[place] >= 0)
 
     def in_time(self, tick: int) -> bool:
         """Whether the answer to `tick` is here, and came in time."""
@@ -123,7 +149,9 @@ class SetpointValidator:
     def start_anew(self, tick: int) -> None:
         """From `tick` on, follow no answer to an earlier tick, and let earlier misses not count."""
         self.fresh = False
+        self._waiting.clear()
         self.newest_tick = max(self.newest_tick, tick - 1)
+        self._released = max(self._released, tick - 1)
         self.deadlines.end_run()
 
     def _refusal(self, payload: bytes, last_tick: int) -> str | None:

@@ -36,6 +36,8 @@ class RobotSide:
 
     Attributes:
         period: T [ns].
+        due: how long an answer has [ns].
+        from_publication: it has it from the publication of its State, not from the intended start.
         states: one row per State, scalars only, sorted by tick.
         arrivals: when each of `setpoints` arrived, by the robot's clock [ns].
         setpoints: one row per Setpoint of any length, in the order of arrival.
@@ -47,6 +49,8 @@ class RobotSide:
     """
 
     period: int
+    due: int
+    from_publication: bool
     states: Rows
     arrivals: Stamps
     setpoints: Rows
@@ -79,6 +83,8 @@ class RobotSide:
         states = states[np.argsort(states["tick"], kind="stable")]
         return cls(
             period=round(description.period_s * 1e9),
+            due=description.due,
+            from_publication=description.deadline == "after_receipt",
             states=states,
             arrivals=told.stamps(Kind.SETPOINT),
             setpoints=told.rows(Kind.SETPOINT),

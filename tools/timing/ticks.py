@@ -42,11 +42,13 @@ _ROWS = ("tick", "intended", "actual", "published", "arrival", "refused", "outco
 class TickTable:
     """One entry for each tick that asked for an answer, and for each that was skipped meanwhile.
 
-    Stamps [ns] are the robot's; `NEVER` where there is none. The last tick of a log that ends in
-    motion is left out, unless its answer is there: nobody knows what became of it.
+    Stamps [ns] are the robot's; `NEVER` where there is none. Of a log that ends in
+    motion, ticks whose deadline is not past are left out, unless their answer is there: nobody
+    knows what became of them.
 
     Attributes:
         period: T [ns].
+        due: how long an answer has, from where the robot's rule counts [ns].
         tick: its number, ascending.
         intended: start on the schedule.
         actual, published: wake-up, and publication of the State; NEVER for skipped ticks.
@@ -64,6 +66,7 @@ class TickTable:
     """
 
     period: int
+    due: int
     tick: Stamps
     intended: Stamps
     actual: Stamps
@@ -99,9 +102,11 @@ class TickTable:
         ticks = number[active]
         arrival, refused = _arrivals(robot, ticks)
         intended = asked["stamp_intended"]
-        outcome = np.where(arrival <= intended + period, IN_TIME, LATE)
+        begin = asked["stamp_published"] if robot.from_publication else intended
+        deadline = begin + robot.due
+        outcome = np.where(arrival <= deadline, IN_TIME, LATE)
         outcome[arrival == NEVER] = LOST
-        known = (ticks != number[-1]) | (outcome == IN_TIME)
+        known = (deadline <= states["stamp_intended"][-1]) | (outcome == IN_TIME)
         rows = {
             "tick": ticks,
             "intended": intended,
@@ -110,7 +115,7 @@ class TickTable:
             "arrival": arrival,
             "refused": refused,
             "outcome": outcome,
-            "end": intended + period,
+            "end": deadline,
         }
         skipped, at, back = _skipped(number, states["skipped"], active)
         none = np.full(len(skipped), NEVER)
@@ -133,6 +138,7 @@ class TickTable:
         whole = {name: values[order] for name, values in whole.items()}
         return cls(
             period=period,
+            due=robot.due,
             **whole,
             cycles=cycles,
             cycle=_places(cycles.tick, whole["tick"]),

@@ -16,7 +16,7 @@ from support import HOUSE
 from support.small_arm import arm
 
 from hoap3.protocol.config.settings import LinkSettings
-from hoap3.protocol.description import CommandKind, DefaultTask, Gravity
+from hoap3.protocol.description import CommandKind, DeadlineRule, DefaultTask, Gravity
 from hoap3.protocol.link.base import LockstepLink
 from hoap3.protocol.link.zenoh_lockstep import ZenohLockstepLink
 from hoap3.protocol.messages import Event, Message, Setpoint, State
@@ -210,10 +210,11 @@ def test_requests_are_answered_as_the_table_says():
     keys = {*description, *description["joints"][0]}
     words = {*get_args(CommandKind), *get_args(Gravity)}
     words |= {"default_task", *DefaultTask.model_fields}  # which this robot does not have
+    words |= {"deadline", "delay_ticks", *get_args(DeadlineRule)}
     named = set(re.findall(r"`(\w+)`", section("Asking").split("The description is")[1]))
     assert keys <= named <= keys | words
     assert set(found[1]) == status
-    assert set(found[2]) == {"granted", "epoch", "from_tick"} | status
+    assert set(found[2]) == {"granted", "epoch", "from_tick", "deadline", "delay_ticks"} | status
     assert set(found[3]) == {"granted", "reason"} | status
     assert found[3]["reason"] == "held"
     assert (found[2]["granted"], found[3]["granted"], found[3]["holder"]) == (True, False, "a")
