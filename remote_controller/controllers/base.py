@@ -14,6 +14,7 @@ from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.description import CommandKind, RobotDescription
 from hoap3.protocol.errors import BadProblemError, DescriptionError, UsageError
 from hoap3.protocol.messages import COMMANDS, FloatArray, Setpoint, State, schema
+from hoap3.remote_controller.controllers.in_flight import InFlight
 from hoap3.remote_controller.tasks.accuracy import TaskError
 
 STATUS = {
@@ -54,6 +55,14 @@ def mismatch(commands: Sequence[CommandKind], description: RobotDescription) -> 
     return f"robot {description.name!r} takes {takes}, and the controller gives {gives}"
 
 
+def _delayed(description: RobotDescription, why: str) -> DescriptionError:
+    name, delay = description.name, description.delay_ticks
+    return DescriptionError(
+        f"robot {name!r} applies each answer {delay} ticks later, and {why}. Give the emulator "
+        "delay_ticks: 0, or take a controller of velocities that integrates from the reference"
+    )
+
+
 class Controller(ABC):
     """Answers each State with a Setpoint.
 
@@ -86,6 +95,8 @@ class Controller(ABC):
     extra_names: tuple[str, ...] = ()
     commands: ClassVar[tuple[CommandKind, ...]] = ("position",)
     """What it can give; the robot's description decides which of these its `command` is."""
+    follows_delay: ClassVar[bool] = False
+    """Whether it reckons with a robot that applies its answers `delay_ticks` later."""
     kernels: ClassVar[tuple[str, ...]] = ()
     """Modules that compile what it needs; a service has them ready before anything else."""
 
@@ -99,6 +110,8 @@ class Controller(ABC):
         self.command = Setpoint(description.n, len(self.extra_names))
         self.command.solver_status = STATUS["none"]
         self.kind = agreed(self.commands, description)
+        if description.delay_ticks and not self.follows_delay:
+            raise _delayed(description, f"{type(self).__name__} reckons without a delay")
         self.command.command = COMMANDS[self.kind]
 
     @classmethod
@@ -197,11 +210,18 @@ class VelocityController(Controller):
     the QP12 paper has the measured position there; `integrate_from: measured` does that, and
     stalls on coarse encoders).
 
+    A robot with `delay_ticks` d applies the answer to tick k at tick k + 1 + d. There `velocity` is
+    given a State whose `reference` is foreseen for tick k + d, when only this answer is still to
+    come; all else in it is as it was published. Where the robot applies something else than was
+    foreseen, that answer is not certified either.
+
     Where the robot would hold a joint back at a limit of position, speed or acceleration, nothing
     is certified, whatever `velocity` said. How fast the reference moves is known from two States
     in a row, and where the robot begins to follow: it is at rest then. After a State that was
     missed one answer is not certified, because nobody knows whether the robot can do it.
     """
+
+    follows_delay = True
 
     class Parameters(Controller.Parameters):
         """Settings that every velocity controller has."""
@@ -230,6 +250,9 @@ class VelocityController(Controller):
         self._earlier = np.zeros(description.n)  # reference
         self._periods = -1  # of the last State
         self._from_measured = getattr(parameters, "integrate_from", "reference") == "measured"
+        self._flight = InFlight(description) if description.delay_ticks else None
+        if self._flight is not None and self._from_measured:
+            raise _delayed(description, "integrate_from: measured starts from a position of before")
 
     @abstractmethod
     def velocity(self, state: State) -> FloatArray:
@@ -249,11 +272,15 @@ class VelocityController(Controller):
         Raises:
             BadProblemError: it is no array of float64 with as many values as the robot has joints.
         """
-        command = self.command
+        command, flight = self.command, self._flight
         command.stamp_kinematics = self.now()
+        if flight is not None:
+            state = flight.ahead(state)
         u = self.velocity(state)
         start = state.q if self._from_measured else state.reference
         history = self._history(state)
+        if flight is not None and not flight.foreseen:
+            history = self._histories[2]
         try:
             active, beyond = self._euler_step(
                 start,
@@ -277,6 +304,8 @@ class VelocityController(Controller):
         command.active_joints = active
         if beyond and command.solver_status == STATUS["certified"]:
             command.solver_status = STATUS["uncertified"]
+        if flight is not None:
+            flight.sent(state.tick, command.values)
         return command
 
     def _history(self, state: State) -> int:
