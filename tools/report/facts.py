@@ -10,6 +10,7 @@ from hoap3.tools.html.numbers import count, number, rate, seconds
 from hoap3.tools.logs.log import Log
 from hoap3.tools.machine.stalls import figures
 from hoap3.tools.report.content import Content
+from hoap3.tools.show.verdicts import deadline_words
 from hoap3.tools.timing.ticks import IN_TIME
 
 Tile = tuple[str, str, str, list[str]]
@@ -42,6 +43,9 @@ def _deadline_tiles(content: Content, given: dict[str, Any]) -> list[Tile]:
     worst = success["worst_window"]
     window = "fewer than 100 ticks" if worst is None else f"worst 100: {number(100.0 * worst)} %"
     ticks = [f"n {count(given['ticks'])} ticks", window]
+    late = deadline_words(given)
+    if late is not None:
+        ticks.append(f"in time: {late}")
     found: list[Tile] = [("word-success", "success rate, raw", rate(success["run"]), ticks)]
     if not content.sources.lockstep:  # nobody can take virtual time away
         outside = rate(success["outside_stalls"])

@@ -48,6 +48,8 @@ class RunStatistics:
         self._stalls.begin = FOREVER  # until it moves
         self._missed = 0
         self._intended: int | None = None  # of the last State, where that was an active one
+        self._last_intended: int | None = None  # of the last State
+        self._deadline, self._delay_ticks = "next_tick", 0
         self._state: tuple[Any, ...] = ()
         self._summary: dict[str, Any] | None = None
         self._v = math.nan
@@ -75,6 +77,8 @@ class RunStatistics:
             elif record.kind == Kind.DESCRIPTION:
                 robot = json.loads(record.payload)
                 self._takes = (COMMANDS[robot["command_kinds"][0]], len(robot["joints"]))
+                self._deadline = robot.get("deadline", self._deadline)
+                self._delay_ticks = robot.get("delay_ticks", 0)
         except WireError:
             return  # the robot refused it too, and counts it
 
@@ -109,6 +113,8 @@ class RunStatistics:
         interventions, limited = robot.get("interventions", 0), robot.get("torque_limited", 0)
         result: dict[str, Any] = {
             **judge(deadlines, interventions, limited, None, joints=robot.get("held_back_joints")),
+            "deadline": self._deadline,
+            "delay_ticks": self._delay_ticks,
             "ticks": robot.get("asked", 0),
             "skipped": skipped,
             "misses": {
@@ -159,15 +165,17 @@ class RunStatistics:
         late, lost = self._state[7:9]
         missed, before, period = late + lost - self._missed, self._intended, self._period_ns
         self._missed = late + lost
-        if before is not None:
-            if missed > 0:
-                self._stalls.failed(before, before + missed * period, missed)
-            if skipped > self._skipped and mode == State.ACTIVE:
-                more = skipped - self._skipped
-                for tick in range(1, more):
-                    self._stalls.failed(before + tick * period, before + (tick + 1) * period, 1)
-                self._stalls.failed(before + more * period, actual, 1)
+        lag = self._delay_ticks + (self._deadline == "after_receipt")  # until a tick is judged
+        asked = self._last_intended if lag else before
+        if asked is not None and missed > 0:
+            self._stalls.failed(asked - lag * period, asked + missed * period, missed)
+        if before is not None and skipped > self._skipped and mode == State.ACTIVE:
+            more = skipped - self._skipped
+            for tick in range(1, more):
+                self._stalls.failed(before + tick * period, before + (tick + 1) * period, 1)
+            self._stalls.failed(before + more * period, actual, 1)
         self._intended = intended if mode == State.ACTIVE else None
+        self._last_intended = intended
 
     def _note_motion(self, moves: bool, intended: int) -> None:
         """Let stalls count from the first active tick until the robot rests."""

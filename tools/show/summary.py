@@ -11,7 +11,7 @@ from rich.table import Table
 
 from hoap3.tools.show.certificate_count import in_a_line
 from hoap3.tools.show.output import Meter, notes, print_note, results, watched
-from hoap3.tools.show.verdicts import NAMES, NOT_JUDGED, in_words
+from hoap3.tools.show.verdicts import NAMES, NOT_JUDGED, deadline_words, in_words
 
 COLOURS = {
     "fit": "green",
@@ -172,6 +172,9 @@ def _add_verdicts(table: Table, summary: dict[str, Any]) -> None:
         )
     for key, name in NAMES.items():
         table.add_row(name, coloured_verdict(summary["verdicts"][key], words.get(key, "")))
+    late = deadline_words(summary)
+    if late is not None:
+        table.add_row("in time", late)
 
 
 def show_next(log: str | None) -> None:

@@ -203,3 +203,14 @@ def _size(value: float, unit: str) -> str:
     if unit == "m" and value < 0.1:
         return f"{1e3 * value:.3g} mm"
     return f"{value:.3g} {unit}"
+
+
+def deadline_words(figures: Mapping[str, Any]) -> str | None:
+    """Until when an answer was in time; None where that is the start of the next tick."""
+    delay, after_receipt = figures.get("delay_ticks", 0), figures.get("deadline") == "after_receipt"
+    if not delay and not after_receipt:
+        return None
+    begin = "the publication of its State" if after_receipt else "the begin of its tick"
+    periods = f"{1 + delay} periods" if delay else "a period"
+    later = f"; applied {delay} ticks later" if delay else ""
+    return f"{periods} after {begin}{later}"

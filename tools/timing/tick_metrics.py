@@ -47,6 +47,7 @@ def tick_figures(tables: Sequence[TickTable]) -> dict[str, Any]:
             "task": None,
             "limits_and_balance": None,
         },
+        **tables[0].rule,
         "ticks": ticks,
         "skipped": sum(table.count(SKIPPED) for table in tables),
         "misses": {

@@ -48,7 +48,8 @@ class TickTable:
 
     Attributes:
         period: T [ns].
-        due: how long an answer has, from where the robot's rule counts [ns].
+        due: how long an answer has [ns].
+        from_publication: it has it from the publication of its State, not from the intended start.
         tick: its number, ascending.
         intended: start on the schedule.
         actual, published: wake-up, and publication of the State; NEVER for skipped ticks.
@@ -67,6 +68,7 @@ class TickTable:
 
     period: int
     due: int
+    from_publication: bool
     tick: Stamps
     intended: Stamps
     actual: Stamps
@@ -139,6 +141,7 @@ class TickTable:
         return cls(
             period=period,
             due=robot.due,
+            from_publication=robot.from_publication,
             **whole,
             cycles=cycles,
             cycle=_places(cycles.tick, whole["tick"]),
@@ -181,6 +184,12 @@ class TickTable:
         """Which ticks are late, lost or skipped."""
         missed: Flags = self.outcome != IN_TIME
         return missed
+
+    @property
+    def rule(self) -> dict[str, Any]:
+        """What is late, as the robot's description says: `deadline` and `delay_ticks`."""
+        deadline = "after_receipt" if self.from_publication else "next_tick"
+        return {"deadline": deadline, "delay_ticks": self.due // self.period - 1}
 
     @property
     def misses(self) -> int:

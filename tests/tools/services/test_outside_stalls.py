@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from support.log_samples import describe
 
 from hoap3.protocol.messages import State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
@@ -96,6 +97,22 @@ class Robot:
         summary = self.statistics.summary()
         rate = summary["success_rate"]["outside_stalls"]
         return summary["misses_outside_stalls"], rate
+
+
+@pytest.mark.parametrize(("rule", "delay"), [("next_tick", 2), ("after_receipt", 1)])
+def test_with_a_delay_a_miss_belongs_to_the_time_until_it_was_judged(rule, delay):
+    stalls = watching((START + 5 * T + 200_000, START + 5 * T + 300_000))
+    stalls.take()
+    robot = Robot(stalls)
+    told = describe(1).model_copy(update={"deadline": rule, "delay_ticks": delay})
+    robot.statistics.add(Record(Kind.DESCRIPTION, 0, told.to_json()))
+    for tick in range(8):
+        robot.tick(tick)
+    robot.tick(8, lost=1, mode=State.STOPPING)  # tick 5: from 5 to 8 ms, in the stall
+    robot.tick(9, lost=1, mode=State.STOPPING)  # tick 6: from 6 to 9 ms, ours
+    assert robot.summary(in_time=2) == (1, pytest.approx(2 / 3))
+    found = robot.statistics.summary()
+    assert (found["deadline"], found["delay_ticks"]) == (rule, delay)
 
 
 def test_a_miss_belongs_to_the_time_of_the_tick_that_asked():

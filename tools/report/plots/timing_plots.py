@@ -45,7 +45,7 @@ def timing_drawings(timing: Timing) -> list[Drawing]:
 
 def _deadlines(timing: Timing) -> Drawing:
     table, seconds = timing.table, timing.seconds
-    period_us = table.period / 1e3
+    due_us = table.due / 1e3
     rtt = timing.us("rtt")
     middles, windows = _windows(seconds, rtt)
     with canvas("deadlines", 275) as drawing:
@@ -57,10 +57,10 @@ def _deadlines(timing: Timing) -> Drawing:
         greatest, median = ([_of(w, share) for w in windows] for share in (100.0, 50.0))
         axes.fill_between(middles, median, greatest, color=LIGHT["blue"], alpha=0.18, linewidth=0)
         axes.plot(middles, median, color=LIGHT["blue"])
-        drawing.threshold(period_us, "ink")
+        drawing.threshold(due_us, "ink")
         drawing.log_scale("y", numbers=True)
         low, high = axes.get_ylim()
-        high = max(high, 1.6 * period_us)
+        high = max(high, 1.6 * due_us)
         for row, (outcome, role) in enumerate(MISSED.values()):
             at = _apart(seconds[table.outcome == outcome], timing.duration_s)
             level = high * (high / low) ** (0.05 * (row + 1))
@@ -70,7 +70,7 @@ def _deadlines(timing: Timing) -> Drawing:
     keys = [
         Key("blue", f"median of {len(seconds) // max(len(windows), 1)} ticks"),
         Key("blue", "up to the longest of them", "area"),
-        _period_key(period_us),
+        _due_key(timing),
     ]
     misses = 0
     for name, (outcome, role) in MISSED.items():
@@ -185,10 +185,11 @@ def _of(window: FloatArray, share: float) -> float:
 
 def _histogram(timing: Timing, name: str, label: str, what: str) -> Drawing:
     """How often each length of a stage occurred, both axes logarithmic."""
-    period_us, values = timing.table.period / 1e3, timing.us(name)
+    line_us = (timing.table.due if name == "rtt" else timing.table.period) / 1e3
+    values = timing.us(name)
     known = values[np.isfinite(values)]
     figures = summary(known)
-    top = max(float(known.max(initial=0.0)), 1.3 * period_us)
+    top = max(float(known.max(initial=0.0)), 1.3 * line_us)
     floor = max(float(known.min(initial=top)), 0.1)
     edges = np.geomspace(0.8 * floor, 1.2 * top, BINS + 1)
     keys = [Key("blue", "ticks", "area")]
@@ -203,16 +204,25 @@ def _histogram(timing: Timing, name: str, label: str, what: str) -> Drawing:
             if key in figures:
                 drawing.axes.axvline(figures[key], color=LIGHT[role], linewidth=1.4)
                 keys.append(Key(role, f"{NAMES[key]} {number(figures[key])} µs"))
-        drawing.threshold(period_us, "ink", "x")
+        drawing.threshold(line_us, "ink", "x")
         drawing.axes.set_xlim(edges[0], edges[-1])
         drawing.label(label, "ticks, logarithmic")
     title = f"99 % {what} {number(figures['p99'])} µs" if figures["n"] else "Nothing to measure"
-    keys.append(_period_key(period_us))
+    keys.append(_due_key(timing) if name == "rtt" else _period_key(line_us))
     return Drawing(name, title, drawing.svg, tuple(keys), _spread_us(known))
 
 
 def _period_key(period_us: float) -> Key:
     return Key("ink", f"period T = {number(period_us)} µs", "dash")
+
+
+def _due_key(timing: Timing) -> Key:
+    """The time that an answer has: a period, unless the robot delays answers."""
+    table = timing.table
+    if table.due == table.period:
+        return _period_key(table.period / 1e3)
+    periods = table.due // table.period
+    return Key("ink", f"an answer has {periods} periods = {number(table.due / 1e3)} µs", "dash")
 
 
 def _spread_us(values: FloatArray) -> str:
