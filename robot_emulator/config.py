@@ -101,7 +101,7 @@ class LockstepSettings(Settings):
     compute_time_us: float = Field(
         200.0,
         ge=0,
-        description="from a State to its answer, in virtual time; above the period all are late",
+        description="from a State to its answer, in virtual time; beyond the deadline all are late",
     )
 
 

@@ -89,11 +89,25 @@ def test_a_missing_key_is_named(key):
         parse_answer(Status, json.dumps(content).encode(), "robot")
 
 
+GRANT = {**STATUS, "granted": True, "epoch": 1, "from_tick": 3}
+
+
+def test_a_grant_of_an_older_robot_has_the_usual_rule():
+    old = check_answer(GrantAnswer, GRANT, "robot")
+    assert (old.deadline, old.delay_ticks) == ("next_tick", 0)
+    new = check_answer(
+        GrantAnswer, {**GRANT, "deadline": "after_receipt", "delay_ticks": 3}, "robot"
+    )
+    assert (new.deadline, new.delay_ticks) == ("after_receipt", 3)
+
+
 @pytest.mark.parametrize(
     ("model", "content"),
     [
         (GrantAnswer, {**STATUS, "granted": True, "from_tick": 3}),
         (GrantAnswer, {**STATUS, "granted": True, "epoch": 0, "from_tick": 3}),
+        (GrantAnswer, {**GRANT, "deadline": "whenever"}),
+        (GrantAnswer, {**GRANT, "delay_ticks": 101}),
         (ControlAnswer, {"error": None, "now": None}),
         (ControlAnswer, {"error": "why", "now": {}}),
     ],

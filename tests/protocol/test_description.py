@@ -37,6 +37,22 @@ def test_round_trip_keeps_bytes_digest_and_equality():
     assert len(arm.digest) == 64
 
 
+def test_a_rule_for_what_is_late_travels_only_where_it_is_not_the_usual_one():
+    usual = describe(deadline="next_tick", delay_ticks=0)
+    assert usual.to_json() == describe().to_json()
+    assert not {"deadline", "delay_ticks"} & json.loads(usual.to_json()).keys()
+    arm = describe(deadline="after_receipt", delay_ticks=3)
+    twin = RobotDescription.from_json(arm.to_json())
+    assert (twin.deadline, twin.delay_ticks, twin.due) == ("after_receipt", 3, 4_000_000)
+    assert twin.digest == arm.digest != usual.digest
+
+
+@pytest.mark.parametrize("value", [-1, 101, 1.5, True, "1", None])
+def test_a_delay_is_a_whole_number_of_ticks_within_bounds(value):
+    with pytest.raises(DescriptionError, match="delay_ticks"):
+        RobotDescription.from_json(arm_json(delay_ticks=value))
+
+
 @given(
     angles=st.tuples(*[st.floats(-2.6, 2.6)] * 3),
     velocity=st.floats(1e-300, 1e300),
