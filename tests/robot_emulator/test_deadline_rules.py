@@ -261,3 +261,20 @@ def test_who_acts_ahead_counts_and_follows_the_same(case, script):
         made.robot.run(0, lambda: False, 50)
         found.append(([state.dump() for state in made.states()], made.robot.summary()))
     assert found[0] == found[1]
+
+
+@pytest.mark.slow
+@given(
+    st.sampled_from(CASES),
+    scripts,
+    st.dictionaries(st.integers(0, 50), st.integers(T, 4 * T), max_size=4),
+    st.sampled_from([0, T // 4]),
+)
+def test_skipped_ticks_change_no_outcome_of_others(tmp_path_factory, case, script, asleep, lead):
+    slept = Script(script.arrivals, {**script.late, **asleep})
+    made = bench(*case, slept, lead=lead, misses_to_stop=10_000)
+    made.robot.run(0, lambda: False, 60)
+    log = table(made, tmp_path_factory.mktemp("log"))
+    outcomes = [log.count(each) for each in (IN_TIME, LATE, LOST)]
+    assert counts(made) == (sum(outcomes), *outcomes)
+    assert longest_run(log) == made.robot.validator.deadlines.longest_run
