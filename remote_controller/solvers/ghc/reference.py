@@ -66,7 +66,7 @@ def condensed(
         P = projector(np.repeat(row, sizes), stack, width)
         PH = P @ np.linalg.inv(J.T @ J + w * np.eye(n))
         S += PH @ P
-        q0 += PH @ J.T @ b
+        q0 += P @ J.T @ np.linalg.solve(J @ J.T + w * np.eye(len(J)), b)  # H_i⁻¹ J_iᵀ b_i
     return S, q0
 
 
