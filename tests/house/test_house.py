@@ -54,7 +54,7 @@ PACKAGES = {
         ("machine", "logs", "html"),
         ("show", "timing"),
         ("services", "bench", "report"),
-        ("compare", "doctor", "latency", "reproduce", "robots"),
+        ("compare", "doctor", "latency", "reproduce", "robots", "verify"),
         ("cli",),
     ),
 }
@@ -140,6 +140,7 @@ def test_only_its_own_modules_import_zenoh_and_pinocchio():
                 "remote_controller/model/frame_dynamics.py",
                 "remote_controller/model/kinematics.py",
                 "remote_controller/service.py",
+                "tools/verify/robot.py",
             }
 
 

@@ -30,6 +30,7 @@ from hoap3.tools.cli.measure import bench_app, doctor
 from hoap3.tools.cli.options import ENDPOINT, AsJson, Connect, finite
 from hoap3.tools.cli.report import report
 from hoap3.tools.cli.reproduce import reproduce
+from hoap3.tools.cli.verify import verify
 from hoap3.tools.machine.processes import StopFlag, die_with_parent, to_people
 from hoap3.tools.machine.terminal import one_line
 from hoap3.tools.show.kernel_news import watch_compilation
@@ -40,7 +41,7 @@ app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_mar
 config_app = typer.Typer(no_args_is_help=True, help="Look at settings before anything runs.")
 app.add_typer(config_app, name="config")
 app.add_typer(bench_app, name="bench")
-for command in (change, compare, doctor, latency, limits, report, reproduce):
+for command in (change, compare, doctor, latency, limits, report, reproduce, verify):
     app.command()(command)
 _ANYTHING = {"ignore_unknown_options": True, "allow_extra_args": True}
 app.command(hidden=True, context_settings=_ANYTHING)(priorities)

@@ -1,0 +1,35 @@
+"""Whether the logs of a robot and of its controller tell the same story."""
+
+from __future__ import annotations
+
+from hoap3.protocol.errors import WireError
+from hoap3.protocol.messages import Setpoint, State
+from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.tools.logs.log import Log
+from hoap3.tools.verify.claims import Claims
+
+Messages = dict[tuple[int, int], set[bytes]]
+
+
+def check_both(robot: Log, controller: Log, claims: Claims) -> None:
+    """What both logs have of a tick is the same, byte by byte."""
+    for kind, name in ((Kind.STATE, "State"), (Kind.SETPOINT, "Setpoint")):
+        ours, theirs = _messages(robot, kind), _messages(controller, kind)
+        shared = [key for key in theirs if key in ours]
+        same = [float(theirs[key] <= ours[key]) for key in shared]
+        ticks = [tick for _, tick in shared]
+        claims.equal(f"{name} in both logs", ticks, same, [1.0] * len(same), 0.0)
+
+
+def _messages(log: Log, kind: Kind) -> Messages:
+    """The messages of a kind by session and tick."""
+    message = State if kind == Kind.STATE else Setpoint
+    found: Messages = {}
+    for record in log.records():
+        if record.kind == kind:
+            try:
+                key = message.scalars(record.payload, "session_id", "tick")
+            except WireError:
+                continue
+            found.setdefault((key[0], key[1]), set()).add(record.payload)
+    return found

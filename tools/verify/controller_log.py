@@ -1,0 +1,136 @@
+"""What a controller's log holds, as tables: each State that it processed, and its answers.
+
+A log may hold several engagements: each time the controller met a robot it recorded description
+and session anew. Each becomes a `ControllerRun`; nothing is carried from one to the next.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import WireError
+from hoap3.protocol.messages import Event, Setpoint, State
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+
+Rows = NDArray[Any]
+EVENTS = Event.schema.constants
+
+
+@dataclass
+class ControllerRun:
+    """One engagement of a controller with a robot.
+
+    Attributes:
+        description: of the robot.
+        session: what the controller recorded at its begin: `lockstep`, `extra` (names of the
+            columns of Setpoint.extra), `conditions`, …
+        changes: (how many States were processed before it, the request) of each change.
+        resets: how many States had been processed at each reset that is recorded, ascending: the
+            State with that place is the first after it.
+        gaps: places of States before which records are missing from the log.
+        overwritten: how many States the controller says it never saw, by the place of the next.
+        epochs: (how many States were processed before it, epoch) of each authority.
+        strange: messages that no State or Setpoint of this robot can be.
+    """
+
+    description: RobotDescription
+    session: dict[str, Any]
+    changes: list[tuple[int, dict[str, Any]]] = field(default_factory=list)
+    resets: list[int] = field(default_factory=list)
+    gaps: list[int] = field(default_factory=list)
+    overwritten: dict[int, int] = field(default_factory=dict)
+    epochs: list[tuple[int, int]] = field(default_factory=list)
+    strange: int = 0
+    _states: list[bytes] = field(default_factory=list)
+    _answers: list[bytes] = field(default_factory=list)
+    _answered: list[int] = field(default_factory=list)
+
+    @cached_property
+    def states(self) -> Rows:
+        """Every State that was processed, in that order, as a structured array."""
+        return as_table(State, self._states)
+
+    @cached_property
+    def answers(self) -> Rows:
+        """Every Setpoint that was sent, likewise; those of one layout."""
+        return as_table(Setpoint, self._answers)
+
+    @cached_property
+    def answered(self) -> NDArray[np.int64]:
+        """For each answer the place of its State in `states`, (N,)."""
+        return np.array(self._answered, np.int64)
+
+    def extra(self, name: str) -> NDArray[np.float64] | None:
+        """A named column of `extra`, (N,), or None where the controller has none of that name."""
+        names = self.session.get("extra", [])
+        if name not in names or not len(self.answers):
+            return None
+        column: NDArray[np.float64] = self.answers["extra"][:, names.index(name)]
+        return column
+
+
+def runs(records: Iterable[Record]) -> Iterator[ControllerRun]:
+    """The engagements in a controller's log, in their order."""
+    description: RobotDescription | None = None
+    run: ControllerRun | None = None
+    for kind, _, payload in records:
+        if kind == Kind.DESCRIPTION:
+            description = RobotDescription.from_json(payload)
+        elif kind == Kind.SESSION and description is not None:
+            if run is not None:
+                yield run
+            run = ControllerRun(description, json.loads(payload))
+        elif run is not None:
+            _add(run, kind, payload)
+    if run is not None:
+        yield run
+
+
+def _add(run: ControllerRun, kind: Kind, payload: bytes) -> None:
+    if kind == Kind.STATE:
+        if _fits(State, payload, q=run.description.n):
+            run._states.append(payload)
+        else:
+            run.strange += 1
+    elif kind == Kind.SETPOINT:
+        if _fits(Setpoint, payload, values=run.description.n) and run._states:
+            run._answers.append(payload)
+            run._answered.append(len(run._states) - 1)
+        else:
+            run.strange += 1
+    elif kind == Kind.EVENT:
+        event, detail = Event.scalars(payload, "kind", "detail")
+        if event == EVENTS["RESET"]:
+            run.resets.append(max(0, len(run._states) - 1))
+        elif event == EVENTS["OVERWRITTEN"]:
+            run.overwritten[len(run._states)] = detail
+    elif kind == Kind.AUTHORITY:
+        run.epochs.append((len(run._states), int(json.loads(payload)["epoch"])))
+    elif kind == Kind.CHANGE:
+        run.changes.append((len(run._states), json.loads(payload)))
+    elif kind == Kind.GAP:
+        run.gaps.append(len(run._states))
+
+
+def _fits(message: type[State] | type[Setpoint], payload: bytes, **lengths: int) -> bool:
+    try:
+        stated = message.schema.lengths_in(payload)
+    except WireError:
+        return False
+    return all(stated[name] == length for name, length in lengths.items())
+
+
+def as_table(message: type[State] | type[Setpoint], payloads: list[bytes]) -> Rows:
+    """Messages of one layout as a structured array."""
+    schema = message.schema
+    if not payloads:
+        return np.zeros(0, schema.dtype(dict.fromkeys(schema.arrays, 0)))
+    return np.frombuffer(b"".join(payloads), schema.dtype(schema.lengths_in(payloads[0])))

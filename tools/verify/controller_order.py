@@ -1,0 +1,58 @@
+"""Whether a controller's log is in order: no cycle missing or swapped, each answer to its State."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from hoap3.protocol.messages import State
+from hoap3.tools.verify.claims import Claims
+from hoap3.tools.verify.controller_log import ControllerRun
+
+STAMPS = ("received", "decoded", "solved", "encoded")
+
+
+def check_order(run: ControllerRun, claims: Claims) -> None:
+    """Ticks, echoes, epochs and stamps of one engagement."""
+    if run.strange:
+        claims.unverified("message", run.strange, "no State or Setpoint of this robot")
+    if len(run.states):
+        _check_states(run, claims)
+    if len(run.answers):
+        _check_answers(run, claims)
+
+
+def _check_states(run: ControllerRun, claims: Claims) -> None:
+    """Each State follows the last, but for those that the controller says it never saw."""
+    tick = run.states["tick"].astype(np.int64)
+    unseen = [run.overwritten.get(place, 0) for place in range(1, len(tick))]
+    known = np.array([place not in run.gaps for place in range(1, len(tick))], bool)
+    claims.equal(
+        "States between", tick[1:][known], np.diff(tick)[known] - 1, np.array(unseen)[known]
+    )
+    claims.unverified("States between", int((~known).sum()), "records are missing there")
+    same = run.states["session_id"] == np.uint64(run.session.get("session_id", 0))
+    claims.equal("session", tick, same, np.ones(len(tick)))
+
+
+def _check_answers(run: ControllerRun, claims: Claims) -> None:
+    """Each answer echoes its State, under the epoch in force, and States that ask are answered."""
+    answers, states = run.answers, run.states[run.answered]
+    tick = states["tick"].astype(np.int64)
+    for echo, of in (("tick", "tick"), ("stamp_state", "stamp_published"), ("epoch", "epoch")):
+        off = answers[echo].astype(np.int64) - states[of].astype(np.int64)
+        claims.equal(f"echoed {of}", tick, off, np.zeros(len(tick)), 0.0)
+    granted = [epoch for _, epoch in run.epochs]
+    places = np.array([place for place, _ in run.epochs], np.int64)
+    at = np.searchsorted(places, run.answered, "right") - 1
+    inside = at >= 0
+    in_force = np.array([*granted, 0])[at]
+    claims.equal("epoch", tick[inside], answers["epoch"][inside], in_force[inside], 0.0)
+    for before, after in pairwise(STAMPS):
+        early = (answers[f"stamp_{before}"] - answers[f"stamp_{after}"]).astype(float)
+        claims.at_most(f"{before} before {after}", tick, early, 0.0, 0.0)
+    again = np.diff(run.answered, prepend=-1) == 0
+    claims.equal("answered once", tick, again, np.zeros(len(tick)), 0.0)
+    asked = run.states["mode"] == State.ACTIVE
+    claims.equal("State asked", tick, asked[run.answered], np.ones(len(tick)), 0.0)

@@ -1,0 +1,1 @@
+"""What each family of controllers claims, recomputed in plain numpy; one family a file."""

@@ -1,0 +1,63 @@
+"""The point that a controller brings to a target: its error and Jacobian by Pinocchio."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.protocol.description import COM, RobotDescription
+from hoap3.tools.verify.robot import Robot
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PointTask:
+    """e = p(q) − p_d of the centre of mass, or of a frame's origin [m].
+
+    Attributes:
+        robot: its kinematics.
+        point: a frame, or `com`.
+        reference: the frame that it is seen from.
+        target: p_d, (3,) [m].
+    """
+
+    robot: Robot
+    point: str
+    reference: str
+    target: Array
+
+    @classmethod
+    def of(cls, description: RobotDescription, parameters: Mapping[str, Any]) -> PointTask | None:
+        """The task of a config: its `point`, `frame`, `target_m`, else the robot's default task.
+
+        Returns:
+            None where neither says what the target is.
+        """
+        default, robot = description.default_task, Robot(description)
+        reference = parameters.get("frame") or (default.reference if default else None)
+        point = parameters.get("point") or (COM if parameters.get("frame") else None)
+        point = point or (default.point if default else None)
+        if point is None or reference is None:
+            return None
+        target = parameters.get("target_m") or (default.target_m if default else None)
+        task = cls(robot, point, reference, np.zeros(3))
+        if target is None:
+            if default is None or default.move_m is None:
+                return None
+            start, _ = task.at(description.initial_position)
+            target = start + np.array(default.move_m)
+        return cls(robot, point, reference, np.array(target, float))
+
+    def at(self, q: Array) -> tuple[Array, Array]:
+        """Error e (3,) [m] and J (3, n) [m/rad] at joint positions q, (n,)."""
+        self.robot.place(q)
+        if self.point == COM:
+            p, J = self.robot.com(self.reference)
+        else:
+            p, _, J = self.robot.frame(self.point, self.reference)
+        return p - self.target, J[:3]

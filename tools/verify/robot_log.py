@@ -1,0 +1,112 @@
+"""What a robot's log claims of itself: its schedule, its counts, and whom it follows."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from hoap3.protocol.errors import LogError
+from hoap3.protocol.messages import Event, State
+from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.tools.logs.log import Log
+from hoap3.tools.verify.applied_motion import check_motion
+from hoap3.tools.verify.claims import Claims
+from hoap3.tools.verify.controller_log import as_table
+from hoap3.tools.verify.deadline_checker import COUNTED, Recount
+
+EVENTS = Event.schema.constants
+SUMMED = ("asked", "in_time", "longest_run")
+
+
+def check_robot(log: Log, misses_to_stop: int | None, claims: Claims) -> None:
+    """Everything that can be recounted from a robot's own log.
+
+    Args:
+        log: of the robot, written by itself.
+        misses_to_stop: misses in a row that end in a safe stop; None where nobody says.
+        claims: takes what was compared.
+
+    Raises:
+        LogError: a record that cannot be read.
+    """
+    if "recorded" in log.metadata.get("run", {}):
+        claims.unverified("deadlines", 1, "recorded from outside: arrivals are not the robot's")
+        return
+    try:
+        recount = Recount(log.description)
+    except LogError as error:
+        claims.unverified("deadlines", 1, f"no description: {error}")
+        return
+    rows: list[tuple[Any, ...]] = []
+    states: list[bytes] = []
+    epoch = 0
+    for kind, stamp, payload in log.records():
+        if kind == Kind.GAP:
+            claims.unverified("deadlines", 1, "records are missing; none after them is looked at")
+            break
+        if kind == Kind.SETPOINT:
+            recount.setpoint(stamp, payload)
+        elif kind == Kind.STATE:
+            recount.state(payload)
+            states.append(payload)
+            rows.append((epoch, stamp, *State.scalars(payload, *_SCHEDULE)))
+        elif kind == Kind.EVENT:
+            event, detail = Event.scalars(payload, "kind", "detail")
+            epoch = detail if event == EVENTS["GRANTED"] else epoch
+        elif kind == Kind.SUMMARY:
+            _check_summary(json.loads(payload), recount, claims)
+    if rows:
+        _check_counts(recount, misses_to_stop, claims)
+        _check_schedule(rows, round(log.description.period_s * 1e9), claims)
+        check_motion(as_table(State, states), log.description, claims)
+
+
+_SCHEDULE = (
+    "mode", "tick", "epoch", "stamp_intended", "stamp_actual", "stamp_published",
+    "stamp_sent_previous", "skipped",
+)  # fmt: skip
+
+
+def _check_schedule(rows: list[tuple[Any, ...]], period: int, claims: Claims) -> None:
+    """States lie on the absolute schedule, in order, and none is missing but those skipped."""
+    table = np.array(rows, dtype=object)
+    granted, stamp, mode, tick, epoch, intended, actual, published, sent, skipped = (
+        table[:, column].astype(np.int64) for column in range(table.shape[1])
+    )
+    zero, off = np.zeros(len(tick)), intended - intended[0] - (tick - tick[0]) * period
+    claims.equal("schedule", tick, off, zero, 0.0)
+    claims.equal("ticks between", tick[1:], np.diff(tick) - 1 - np.diff(skipped), zero[1:], 0.0)
+    claims.equal("log stamp", tick, stamp - published, zero, 0.0)
+    claims.at_most("intended before actual", tick, (intended - actual).astype(float), 0.0, 0.0)
+    claims.at_most("actual before published", tick, (actual - published).astype(float), 0.0, 0.0)
+    for before, after, name in (
+        (published[:-1], sent[1:], "published before sent"),
+        (sent[1:], actual[1:], "sent before the next tick"),
+    ):
+        claims.at_most(name, tick[1:], (before - after).astype(float), 0.0, 0.0)
+    follows = (mode == State.ACTIVE) | (mode == State.STOPPING)
+    active = mode == State.ACTIVE
+    claims.equal("epoch in force", tick[active], epoch[active], granted[active], 0.0)
+    claims.equal("epoch at rest", tick[~follows], epoch[~follows], zero[~follows], 0.0)
+
+
+def _check_counts(recount: Recount, misses_to_stop: int | None, claims: Claims) -> None:
+    ticks = [tick for tick, _, _ in recount.rows]
+    stated = np.array([row for _, row, _ in recount.rows], float)
+    found = np.array([row for _, _, row in recount.rows], float)
+    for place, name in enumerate(COUNTED):
+        claims.equal(f"count of {name}", ticks, stated[:, place], found[:, place])
+    if misses_to_stop is None:
+        claims.unverified("stop after misses", len(recount.runs), "no config says when")
+    elif recount.runs:
+        tick, run = zip(*recount.runs, strict=True)
+        claims.at_most("stop after misses", tick, np.array(run, float), misses_to_stop - 1, 0.0)
+
+
+def _check_summary(summary: dict[str, Any], recount: Recount, claims: Claims) -> None:
+    tick = recount.rows[-1][0] if recount.rows else 0
+    for name in SUMMED:
+        if name in summary:
+            claims.equal(f"summary: {name}", tick, float(summary[name]), getattr(recount, name))

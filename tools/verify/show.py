@@ -1,0 +1,29 @@
+"""What `hoap3 verify` prints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from hoap3.tools.verify.verify import Verification
+
+MOST_SHOWN = 10  # false claims that are printed one by one; --json has more
+
+
+def shown(found: Verification) -> Iterator[str]:
+    """A verdict, a table of claims, the first false ones, and what could not be verified."""
+    claims = found.claims
+    yield f"{found.verdict}: {claims.checked} numbers recomputed, {claims.false} are not true"
+    yield f"{'claim':<28}{'checked':>10}{'false':>8}{'first tick':>12}{'worst / tolerance':>20}"
+    for name, count in sorted(claims.counts.items()):
+        if count.checked:
+            first = "" if count.first_false is None else str(count.first_false)
+            worst = f"{count.largest:.2g}"
+            yield f"{name:<28}{count.checked:>10}{count.false:>8}{first:>12}{worst:>20}"
+    for one in claims.by_tick()[:MOST_SHOWN]:
+        yield (
+            f"tick {one.tick}: {one.claim} {one.stated:.17g} where {one.found:.17g} "
+            f"is found (tolerance {one.tolerance:.2g})"
+        )
+    for name, count in sorted(claims.counts.items()):
+        for reason, cycles in count.unverified.items():
+            yield f"not verified: {name}, {cycles} times: {reason}"

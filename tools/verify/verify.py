@@ -1,0 +1,119 @@
+"""`hoap3 verify`: recompute what a log claims, and list every cycle whose claim is not true."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from hoap3.protocol.config.settings import parse_yaml
+from hoap3.protocol.errors import ConfigError, LogError
+from hoap3.tools.logs.log import Log
+from hoap3.tools.logs.log_format import SIDES
+from hoap3.tools.verify.both_sides import check_both
+from hoap3.tools.verify.checkers import checker_of
+from hoap3.tools.verify.claims import Claims
+from hoap3.tools.verify.controller_log import runs
+from hoap3.tools.verify.controller_order import check_order
+from hoap3.tools.verify.robot_log import check_robot
+
+
+@dataclass
+class Verification:
+    """What came of it.
+
+    Attributes:
+        log: what was verified.
+        claims: all that was compared, and what could not be.
+        missing: what of the log is lost, in words, "" for nothing.
+    """
+
+    log: str
+    claims: Claims = field(default_factory=Claims)
+    missing: str = ""
+
+    @property
+    def true(self) -> bool:
+        """Whether all that the log claims was recomputed, and holds."""
+        return self.verdict == "true"
+
+    @property
+    def verdict(self) -> str:
+        """`false` where a claim does not hold, `not verified` where one could not be judged."""
+        if self.claims.false:
+            return "false"
+        whole = self.claims.checked and not self.claims.unverifiable and not self.missing
+        return "true" if whole else "not verified"
+
+    def as_json(self) -> dict[str, Any]:
+        """All of it."""
+        return {
+            "log": self.log,
+            "verdict": self.verdict,
+            "missing": self.missing,
+            **self.claims.as_json(),
+        }
+
+
+def verify(path: Path, say: Callable[[str], None] = lambda _: None) -> Verification:
+    """Verify the log of a controller, of a robot, or both in the folder of a run.
+
+    Args:
+        path: `*.mcap`, or a folder.
+        say: takes progress, for people.
+
+    Raises:
+        LogError: there is no log, or it cannot be read.
+    """
+    found, missing, logs = Verification(str(path)), [], {}
+    for side in _sides(path):
+        log = Log.open(path, side=side)
+        logs[log.side] = log
+        say(f"log of the {log.side}")
+        config = _config(log)
+        if log.side == "robot":
+            misses = config.get("misses_to_stop") if config else None
+            check_robot(log, misses if isinstance(misses, int) else None, found.claims)
+        else:
+            _check_controller(log, config, found.claims, say)
+        if log.missing:
+            missing.append(f"{log.side}: {log.missing}")
+    if len(logs) == len(SIDES):
+        check_both(logs["robot"], logs["controller"], found.claims)
+    else:
+        other = next(side for side in SIDES if side not in logs)
+        found.claims.unverified("both logs", 1, f"there is no log of the {other}")
+    found.missing = "; ".join(missing)
+    return found
+
+
+def _sides(path: Path) -> tuple[str | None, ...]:
+    """Which logs there are; None for the one that is named."""
+    if not path.is_dir():
+        return (None,)
+    there = tuple(side for side in SIDES if any(path.glob(f"{side}*.mcap")))
+    return there or ("controller",)
+
+
+def _config(log: Log) -> dict[str, Any] | None:
+    """The configuration in a log; None where there is none that can be read."""
+    try:
+        return parse_yaml(log.config, f"config.yaml of {log.paths[0]}")
+    except (LogError, ConfigError):
+        return None
+
+
+def _check_controller(
+    log: Log, config: dict[str, Any] | None, claims: Claims, say: Callable[[str], None]
+) -> None:
+    name = str((config or {}).get("controller", ""))
+    check = checker_of(name)
+    reason = "the log has no config" if config is None else f"controller {name!r:.60} is not known"
+    for run in runs(log.records()):
+        check_order(run, claims)
+        say(f"{len(run.answers)} answers")
+        if check is None:
+            claims.unverified("certificate", len(run.answers), reason)
+        elif len(run.answers):
+            check(run, (config or {}).get("parameters") or {}, claims)
