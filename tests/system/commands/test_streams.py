@@ -32,6 +32,7 @@ LOCAL: dict[str, tuple[object, ...]] = {
     "run": (*LOCKSTEP, "--out", "{out}"),
     "replay": ("replay", "{log}"),
     "report": ("report", "{log}"),
+    "verify": ("verify", "{log}"),
     "record": ("record", "--repair", "{log}/robot.mcap"),
     "limits": ("limits", "ur5", "--samples", 100),
     "doctor": ("doctor", "--no-measure"),
