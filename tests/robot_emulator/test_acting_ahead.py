@@ -44,15 +44,7 @@ def motion(lead: int, script: list[list[int]], late: dict[int, int], forged: set
     bench = Bench(fate, lead=lead, misses_to_stop=8)
     bench.speed[:] = 0.1
     bench.link.ask("acquire", "test")
-    waited = bench.clock.sleep_until
-
-    def sleep_until(deadline: int) -> None:
-        waited(deadline)
-        tick, rest = divmod(deadline, PERIOD_NS)
-        if not rest:
-            bench.clock.advance(late.pop(tick, 0))
-
-    bench.clock.sleep_until = sleep_until
+    bench.oversleep(late)
     bench.robot.run(0, lambda: False, TICKS - 10)
     return bench
 

@@ -45,15 +45,7 @@ def bench(rule: str, d: int, script: Script, lead: int = 0, **config: object) ->
     made = Bench(fate, description=robot, lead=lead, **config)
     made.speed[:] = 0.1
     made.link.ask("acquire", "test")
-    slept = made.clock.sleep_until
-
-    def sleep_until(until: int) -> None:
-        slept(until)
-        tick, rest = divmod(until, T)
-        if not rest:
-            made.clock.advance(script.late.get(tick, 0))
-
-    made.clock.sleep_until = sleep_until
+    made.oversleep(dict(script.late))
     return made
 
 

@@ -76,6 +76,18 @@ class Bench:
         self.changes: dict[str, object] = {}
         self._tick = 0
 
+    def oversleep(self, late: dict[int, int]) -> None:
+        """Let wake-ups come late: by tick [ns], each once."""
+        waited = self.clock.sleep_until
+
+        def sleep_until(deadline: int) -> None:
+            waited(deadline)
+            tick, rest = divmod(deadline, PERIOD_NS)
+            if not rest:
+                self.clock.advance(late.pop(tick, 0))
+
+        self.clock.sleep_until = sleep_until
+
     def run(self, ticks: int) -> State:
         """Step that many ticks; the newest State."""
         for _ in range(ticks):

@@ -58,6 +58,7 @@ class Log:
         metadata: facts by group; of several files, the last one that says something.
         attachments: enclosed files by name, likewise.
         truncated: it ends early.
+        from_begin: the first file that was written is there.
         damages: what cannot be read inside it, in words, "" for nothing.
         missing: what is lost, in words, "" for nothing.
     """
@@ -73,6 +74,7 @@ class Log:
         first = self._scans[0].metadata["log"]
         self.robot, self.side = first["robot"], first["side"]
         before = _lost_at_begin(self.paths[0], first, self.metadata["log"])
+        self.from_begin = before is None
         damages = [(scan, damage) for scan in self._scans for damage in scan.damages]
         repaired = [scan.metadata.get("repair", {}).get("damaged", "") for scan in self._scans]
         self.damages = "; ".join(filter(None, (*_told(damages, self._begin), *repaired)))

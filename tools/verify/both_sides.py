@@ -12,10 +12,14 @@ Messages = dict[tuple[int, int], set[bytes]]
 
 
 def check_both(robot: Log, controller: Log, claims: Claims) -> None:
-    """What both logs have of a tick is the same, byte by byte."""
+    """The robot's description, and what both logs have of a tick, are the same."""
+    same_robot = robot.description.digest == controller.description.digest
+    claims.equal("description in both logs", 0, float(same_robot), 1.0)
     for kind, name in ((Kind.STATE, "State"), (Kind.SETPOINT, "Setpoint")):
         ours, theirs = _messages(robot, kind), _messages(controller, kind)
         shared = [key for key in theirs if key in ours]
+        if not shared:
+            claims.unverified(f"{name} in both logs", len(theirs), "the logs share no tick")
         same = [float(theirs[key] <= ours[key]) for key in shared]
         ticks = [tick for _, tick in shared]
         claims.equal(f"{name} in both logs", ticks, same, [1.0] * len(same), 0.0)

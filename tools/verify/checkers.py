@@ -3,7 +3,7 @@
 A checker is a function `check(run, parameters, claims)`:
 
     run: a `ControllerRun`; its tables have one row for each cycle.
-    parameters: the controller's, as the log's configuration gives them, defaults filled in.
+    parameters: the controller's, as the log's configuration gives them; the rest has its default.
     claims: takes what was compared.
 
 It recomputes from `run.states`, `run.description` and `parameters` alone what `run.answers` claim.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -39,6 +39,7 @@ class ControllerRun:
         overwritten: how many States the controller says it never saw, by the place of the next.
         epochs: (how many States were processed before it, epoch) of each authority.
         strange: messages that no State or Setpoint of this robot can be.
+        orphans: answers to States that are missing from the log.
     """
 
     description: RobotDescription
@@ -49,6 +50,7 @@ class ControllerRun:
     overwritten: dict[int, int] = field(default_factory=dict)
     epochs: list[tuple[int, int]] = field(default_factory=list)
     strange: int = 0
+    orphans: int = 0
     _states: list[bytes] = field(default_factory=list)
     _answers: list[bytes] = field(default_factory=list)
     _answered: list[int] = field(default_factory=list)
@@ -68,13 +70,20 @@ class ControllerRun:
         """For each answer the place of its State in `states`, (N,)."""
         return np.array(self._answered, np.int64)
 
-    def extra(self, name: str) -> NDArray[np.float64] | None:
-        """A named column of `extra`, (N,), or None where the controller has none of that name."""
-        names = self.session.get("extra", [])
-        if name not in names or not len(self.answers):
-            return None
-        column: NDArray[np.float64] = self.answers["extra"][:, names.index(name)]
-        return column
+    @property
+    def remembered(self) -> NDArray[np.bool_]:
+        """For each answer whether the log has all since the controller last began anew, (N,)."""
+        reset, gap = (_last(places, self.answered) for places in (self.resets, self.gaps))
+        return (reset >= 0) & (reset >= gap)
+
+    def only(self, answers: NDArray[np.bool_]) -> ControllerRun:
+        """The same with some of its answers, (N,)."""
+        chosen = np.flatnonzero(answers).tolist()
+        return replace(
+            self,
+            _answers=[self._answers[place] for place in chosen],
+            _answered=[self._answered[place] for place in chosen],
+        )
 
 
 def runs(records: Iterable[Record]) -> Iterator[ControllerRun]:
@@ -96,16 +105,9 @@ def runs(records: Iterable[Record]) -> Iterator[ControllerRun]:
 
 def _add(run: ControllerRun, kind: Kind, payload: bytes) -> None:
     if kind == Kind.STATE:
-        if _fits(State, payload, q=run.description.n):
-            run._states.append(payload)
-        else:
-            run.strange += 1
+        _add_state(run, payload)
     elif kind == Kind.SETPOINT:
-        if _fits(Setpoint, payload, values=run.description.n) and run._states:
-            run._answers.append(payload)
-            run._answered.append(len(run._states) - 1)
-        else:
-            run.strange += 1
+        _add_answer(run, payload)
     elif kind == Kind.EVENT:
         event, detail = Event.scalars(payload, "kind", "detail")
         if event == EVENTS["RESET"]:
@@ -120,7 +122,35 @@ def _add(run: ControllerRun, kind: Kind, payload: bytes) -> None:
         run.gaps.append(len(run._states))
 
 
-def _fits(message: type[State] | type[Setpoint], payload: bytes, **lengths: int) -> bool:
+def _add_state(run: ControllerRun, payload: bytes) -> None:
+    if _fits(State, payload, run._states, q=run.description.n):
+        run._states.append(payload)
+    else:
+        run.strange += 1
+
+
+def _add_answer(run: ControllerRun, payload: bytes) -> None:
+    if run.gaps[-1:] == [len(run._states)]:
+        run.orphans += 1
+    elif _fits(Setpoint, payload, run._answers, values=run.description.n) and run._states:
+        run._answers.append(payload)
+        run._answered.append(len(run._states) - 1)
+    else:
+        run.strange += 1
+
+
+def _last(places: list[int], at: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The last of ascending places that is not behind each of `at`; -1 where there is none."""
+    known = np.array([-1, *places], np.int64)
+    return known[np.searchsorted(known, at, "right") - 1]
+
+
+def _fits(
+    message: type[State] | type[Setpoint], payload: bytes, like: list[bytes], **lengths: int
+) -> bool:
+    """Whether it is a message with these array lengths, and of the layout of those before it."""
+    if like and len(payload) != len(like[0]):
+        return False
     try:
         stated = message.schema.lengths_in(payload)
     except WireError:

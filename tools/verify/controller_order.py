@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hoap3.protocol.messages import State
 from hoap3.tools.verify.claims import Claims
@@ -17,8 +18,10 @@ def check_order(run: ControllerRun, claims: Claims) -> None:
     """Ticks, echoes, epochs and stamps of one engagement."""
     if run.strange:
         claims.unverified("message", run.strange, "no State or Setpoint of this robot")
+    claims.unverified("answer", run.orphans, "its State is missing")
     if len(run.states):
         _check_states(run, claims)
+        _check_silence(run, claims)
     if len(run.answers):
         _check_answers(run, claims)
 
@@ -37,18 +40,14 @@ def _check_states(run: ControllerRun, claims: Claims) -> None:
 
 
 def _check_answers(run: ControllerRun, claims: Claims) -> None:
-    """Each answer echoes its State, under the epoch in force, and States that ask are answered."""
+    """Each answer echoes its State, which asked for it, under the epoch in force."""
     answers, states = run.answers, run.states[run.answered]
     tick = states["tick"].astype(np.int64)
     for echo, of in (("tick", "tick"), ("stamp_state", "stamp_published"), ("epoch", "epoch")):
         off = answers[echo].astype(np.int64) - states[of].astype(np.int64)
         claims.equal(f"echoed {of}", tick, off, np.zeros(len(tick)), 0.0)
-    granted = [epoch for _, epoch in run.epochs]
-    places = np.array([place for place, _ in run.epochs], np.int64)
-    at = np.searchsorted(places, run.answered, "right") - 1
-    inside = at >= 0
-    in_force = np.array([*granted, 0])[at]
-    claims.equal("epoch", tick[inside], answers["epoch"][inside], in_force[inside], 0.0)
+    in_force = _epochs(run)[run.answered]
+    claims.equal("epoch", tick, answers["epoch"].astype(np.int64), in_force, 0.0)
     for before, after in pairwise(STAMPS):
         early = (answers[f"stamp_{before}"] - answers[f"stamp_{after}"]).astype(float)
         claims.at_most(f"{before} before {after}", tick, early, 0.0, 0.0)
@@ -56,3 +55,20 @@ def _check_answers(run: ControllerRun, claims: Claims) -> None:
     claims.equal("answered once", tick, again, np.zeros(len(tick)), 0.0)
     asked = run.states["mode"] == State.ACTIVE
     claims.equal("State asked", tick, asked[run.answered], np.ones(len(tick)), 0.0)
+
+
+def _check_silence(run: ControllerRun, claims: Claims) -> None:
+    """Each State that asks is answered; the last one may be what the controller failed on."""
+    states, answered = run.states, np.zeros(len(run.states), bool)
+    answered[run.answered] = True
+    asks = (states["mode"] == State.ACTIVE) & (states["epoch"].astype(np.int64) == _epochs(run))
+    before_gap = [place - 1 for place in run.gaps if place]
+    asks[[len(states) - 1, *before_gap]] = False
+    claims.equal("asked and answered", states["tick"][asks], answered[asks], np.ones(asks.sum()))
+
+
+def _epochs(run: ControllerRun) -> NDArray[np.int64]:
+    """The epoch under which the controller answers at each State; -1 before the first."""
+    places = np.array([place for place, _ in run.epochs], np.int64)
+    epochs = np.array([-1, *(epoch for _, epoch in run.epochs)], np.int64)
+    return epochs[np.searchsorted(places, np.arange(len(run.states)), "right")]

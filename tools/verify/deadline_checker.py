@@ -50,7 +50,7 @@ class Recount:
 
     def __post_init__(self) -> None:
         description = self.description
-        self._setpoint, self._state = Setpoint(description.n), State(description.n)
+        self._setpoint = Setpoint(description.n)
         self._period = round(description.period_s * 1e9)
         self._allowed = (1 + description.delay_ticks) * self._period
         self._from_publication = description.deadline == "after_receipt"

@@ -27,7 +27,6 @@ class Robot:
         self._built = build_model(description)
         self.model, self.data, self.order = self._built.model, self._built.data, self._built.order
         self.q = np.zeros(self.model.nq)
-        self.v = np.zeros(self.model.nv)
 
     def place(self, q: Array) -> None:
         """Take joint positions, (n,) [rad or m]."""

@@ -34,6 +34,9 @@ def check_robot(log: Log, misses_to_stop: int | None, claims: Claims) -> None:
     if "recorded" in log.metadata.get("run", {}):
         claims.unverified("deadlines", 1, "recorded from outside: arrivals are not the robot's")
         return
+    if not log.from_begin:
+        claims.unverified("deadlines", 1, "the begin of the log is missing")
+        return
     try:
         recount = Recount(log.description)
     except LogError as error:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hoap3.protocol.config.settings import parse_yaml
-from hoap3.protocol.errors import ConfigError, LogError
+from hoap3.protocol.errors import ConfigError, LogError, WireError
 from hoap3.tools.logs.log import Log
 from hoap3.tools.logs.log_format import SIDES
 from hoap3.tools.verify.both_sides import check_both
@@ -71,12 +71,11 @@ def verify(path: Path, say: Callable[[str], None] = lambda _: None) -> Verificat
         log = Log.open(path, side=side)
         logs[log.side] = log
         say(f"log of the {log.side}")
-        config = _config(log)
-        if log.side == "robot":
-            misses = config.get("misses_to_stop") if config else None
-            check_robot(log, misses if isinstance(misses, int) else None, found.claims)
-        else:
-            _check_controller(log, config, found.claims, say)
+        try:
+            _check_side(log, found.claims, say)
+        except (WireError, LookupError, TypeError, ValueError, ArithmeticError) as error:
+            reason = f"{type(error).__name__}: {error}"
+            raise LogError(f"{path}: holds what no service of ours writes ({reason})") from error
         if log.missing:
             missing.append(f"{log.side}: {log.missing}")
     if len(logs) == len(SIDES):
@@ -94,6 +93,15 @@ def _sides(path: Path) -> tuple[str | None, ...]:
         return (None,)
     there = tuple(side for side in SIDES if any(path.glob(f"{side}*.mcap")))
     return there or ("controller",)
+
+
+def _check_side(log: Log, claims: Claims, say: Callable[[str], None]) -> None:
+    config = _config(log)
+    if log.side == "robot":
+        misses = (config or {}).get("misses_to_stop")
+        check_robot(log, misses if isinstance(misses, int) else None, claims)
+    else:
+        _check_controller(log, config, claims, say)
 
 
 def _config(log: Log) -> dict[str, Any] | None:

@@ -19,6 +19,7 @@ from hoap3.tools.logs.log import Log
 from hoap3.tools.verify.verify import verify
 
 GOLDEN = HOUSE / "tests" / "tools" / "logs" / "golden_v1"
+SIDES = "emulator", "controller"
 PAIRS = [
     ("hoap3", "qp12"),
     ("hoap3", "qp12_paper"),
@@ -66,6 +67,88 @@ def test_each_deadline_rule_is_recounted(rule: str, delay: int, tmp_path: Path) 
     assert verify(tmp_path / "run").claims.by_tick() == []
 
 
+def test_answers_that_a_solver_gave_up_on_are_no_false_alarm(tmp_path: Path) -> None:
+    few = "controller.parameters.max_iterations=1", "controller.parameters.polish=false"
+    given = "--controller", "osqp", "--duration", "0.1", "--out", tmp_path / "run"
+    inside("run", "--lockstep", *given, *_sets(*few))
+
+    assert verify(tmp_path / "run").claims.by_tick() == []
+
+
+def test_kinematics_from_the_reference_are_followed_or_not_judged(tmp_path: Path) -> None:
+    for delay in (0, 3):
+        settings = (
+            "controller.parameters.kinematics_from=reference",
+            f"emulator.delay_ticks={delay}",
+        )
+        folder = tmp_path / str(delay)
+        inside("run", "--lockstep", "--duration", "0.1", "--out", folder, *_sets(*settings))
+
+        found = verify(folder)
+
+        assert found.claims.by_tick() == []
+        assert found.verdict == ("not verified" if delay else "true")
+
+
+def test_a_log_whose_first_files_are_gone_is_no_false_alarm(tmp_path: Path) -> None:
+    small = [f"{side}.log.{key}" for side in SIDES for key in ("file_mb=1", "cap_mb=2")]
+    inside("run", "--lockstep", "--duration", "5", "--out", tmp_path / "run", *_sets(*small))
+    for side in ("robot", "controller"):
+        first = tmp_path / "run" / f"{side}.mcap"
+        first.unlink(missing_ok=True)
+
+    found = verify(tmp_path / "run")
+
+    assert not Log.open(tmp_path / "run", side="controller").from_begin
+    assert found.claims.by_tick() == []
+    assert found.verdict == "not verified"
+
+
+def test_records_that_were_dropped_are_no_false_alarm(story: Path, tmp_path: Path) -> None:
+    def dropped(records: list[Record]) -> list[Record]:
+        at = len(records) // 2
+        gap = Record(Kind.GAP, records[at].stamp, b'{"dropped": 21, "damaged_bytes": 0}')
+        return [*records[:at], gap, *records[at + 21 :]]
+
+    for side in ("controller", "robot"):
+        found = verify(rewrite(story, side, tmp_path / side, dropped))
+        assert found.claims.by_tick() == []
+        assert found.verdict == "not verified"
+
+
+def test_logs_of_two_runs_are_not_passed_together(story: Path, tmp_path: Path) -> None:
+    both = tmp_path / "both"
+    inside("run", "--lockstep", "--duration", "0.1", "--seed", "9", "--out", both)
+    shutil.copy(story / "robot.mcap", both)
+
+    found = verify(both)
+
+    assert found.verdict == "not verified"
+
+
+@pytest.mark.parametrize("wrong", ["beta: [1]", "beta: .nan", "beta: yes", "psi_scale: none"])
+def test_a_parameter_that_is_none_is_not_reckoned_with(
+    wrong: str, story: Path, tmp_path: Path
+) -> None:
+    config = f"controller: qp12\nparameters:\n  {wrong}\n".encode()
+
+    found = verify(rewrite(story, "controller", tmp_path / "o", lambda all_: all_, config))
+
+    assert found.verdict == "not verified"
+    assert found.claims.counts["certificate"].checked == 0
+
+
+def test_what_no_service_writes_is_one_error(story: Path, tmp_path: Path) -> None:
+    def emptied(records: list[Record]) -> list[Record]:
+        return [r._replace(payload=b"{}") if r.kind == Kind.AUTHORITY else r for r in records]
+
+    done = inside("verify", rewrite(story, "controller", tmp_path / "o", emptied))
+
+    assert done.code in {1, 2}
+    assert "Traceback" not in done.stderr
+    assert "no service of ours" in done.stderr
+
+
 @pytest.mark.parametrize("run", ["qp12", "ghc", "clik_sdp"])
 def test_nothing_in_a_log_of_version_1_is_false(run: str) -> None:
     found = verify(GOLDEN / run)
@@ -91,6 +174,7 @@ CONTROLLERS = {
     "margin": lambda n: changed_field(SETPOINT, n, "margin", bigger),
     "residual": lambda n: changed_field(SETPOINT, n, "kkt_residual", lambda r: r + 1e-5),
     "removed State": lambda n: removed(STATE, n),
+    "removed answer": lambda n: removed(SETPOINT, n),
     "swapped States": lambda n: swapped(STATE, n),
     "swapped answers": lambda n: swapped(SETPOINT, n),
     "epoch": lambda n: changed_field(SETPOINT, n, "epoch", lambda epoch: epoch + 1),
@@ -98,6 +182,7 @@ CONTROLLERS = {
 }
 ROBOTS = {
     "removed State": lambda n: removed(STATE, n),
+    "removed answer": lambda n: removed(SETPOINT, n),
     "swapped States": lambda n: swapped(STATE, n),
     "lost": lambda n: changed_field(STATE, n, "lost", lambda count: count + 1),
     "epoch": lambda n: changed_field(STATE, n, "epoch", lambda epoch: epoch + 1),

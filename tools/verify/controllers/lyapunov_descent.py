@@ -33,6 +33,13 @@ DEFAULTS: dict[str, Any] = {
     "law": "lyapunov",
     "gain_per_s": 10.0,
 }
+CHOICES = {
+    "psi_scale": ("inverse_sqrt_n", "one", "max_norm"),
+    "kinematics_from": ("measured", "reference"),
+    "law": ("lyapunov", "plain"),
+    "adaptive_gamma": (False, True),
+}
+DELAYED = "answers are delayed: where u starts from is not in the log"
 CERTIFIED = schema("Setpoint").constants["STATUS_CERTIFIED"]
 OPTIMAL = 1e-9  # greatest residual of a certified answer
 
@@ -69,19 +76,26 @@ def check_pinv(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims
 def _check(
     run: ControllerRun, settings: Mapping[str, Any], claims: Claims, *, inverse: bool
 ) -> None:
-    task, answers, tick = PointTask.of(run.description, settings), run.answers, run.answers["tick"]
+    wrong = _unreadable(settings)
+    task = None if wrong else PointTask.of(run.description, settings)
     if task is None:
-        claims.unverified("certificate", len(answers), "the log names no target")
+        claims.unverified("certificate", len(run.answers), wrong or "the log names no target")
         return
-    if not len(answers):
+    delayed = run.description.delay_ticks > 0
+    if delayed and settings["kinematics_from"] == "reference":
+        claims.unverified("certificate", len(run.answers), DELAYED)
+        return
+    run = _judged(run, claims)
+    if not len(run.answers):
         return
     problem = _problems(run, task, settings, inverse=inverse)
+    answers, tick = run.answers, run.answers["tick"]
     plain = inverse and settings["law"] == "plain"
     claims.equal("V", tick, answers["v"], problem.V)
     required = np.zeros_like(problem.psi) if plain else -problem.psi
     claims.equal("required V rate", tick, answers["v_rate_required"], required)
-    if run.description.delay_ticks:
-        claims.unverified("u", len(answers), "answers are delayed: the log has no u")
+    if delayed:
+        claims.unverified("u", len(answers), DELAYED)
         return
     u, doubt = sent_velocity(run, settings)
     each = problem.gradient * u
@@ -90,6 +104,28 @@ def _check(
     claims.equal("rho", tick, answers["rho"], np.ones(len(tick)))
     check_values(run, settings, claims)
     _check_proof(problem, run, settings, claims, inverse=inverse)
+
+
+def _unreadable(settings: Mapping[str, Any]) -> str:
+    """Which parameter of the log's config is none that can be reckoned with; "" for none."""
+    for key, usual in DEFAULTS.items():
+        given = settings[key]
+        number = isinstance(given, int | float) and not isinstance(given, bool)
+        fits = (number and math.isfinite(given)) if isinstance(usual, float) else True
+        if not fits or (key in CHOICES and given not in CHOICES[key]):
+            return f"parameter {key} is {given!r:.40}"
+    return ""
+
+
+def _judged(run: ControllerRun, claims: Claims) -> ControllerRun:
+    """The answers whose cycles can be repeated, and that are answers: the rest is counted."""
+    states, answers = run.states[run.answered], run.answers
+    finite = np.isfinite(np.hstack([states["q"], states["reference"], answers["values"]])).all(1)
+    remembered = run.remembered
+    claims.unverified("certificate", int((~finite).sum()), "State or answer is not finite")
+    lost = int((finite & ~remembered).sum())
+    claims.unverified("certificate", lost, "the log lacks when the controller began")
+    return run.only(finite & remembered)
 
 
 def _check_proof(
@@ -137,8 +173,8 @@ def _problems(
 def _shares(run: ControllerRun, ramp_s: float) -> Array:
     """Share of Ψ at each answer: it grows with the periods since the last reset."""
     periods = (run.states["tick"] - run.states["skipped"]).astype(np.int64)
-    resets = np.array(run.resets or [0])
-    begun = periods[resets[np.maximum(np.searchsorted(resets, run.answered, "right") - 1, 0)]]
+    resets = np.array(run.resets)
+    begun = periods[resets[np.searchsorted(resets, run.answered, "right") - 1]]
     done, ticks = periods[run.answered] - begun + 1, ramp_s / run.description.period_s
     shares: Array = np.where(done >= ticks, 1.0, done / max(ticks, 1.0))
     return shares
@@ -167,7 +203,8 @@ def _residual(
         few = np.where(a == A, np.maximum(x, 0.0), 0.0)
         wanted = np.where(kappa < np.inf, np.maximum(0.0, (a * t - kappa * (A - a)) / A), few)
         span, power = np.abs(u).max(1), (a * np.abs(x)).sum(1) + b
-        primal, apart = np.abs((a * x).sum(1) - b) / power, np.abs(x - wanted).max(1) / span
+        primal = np.abs((a * x).sum(1) - b) / power
+        apart = np.where(span > 0.0, np.abs(x - wanted).max(1) / span, 0.0)
         # kappa amplifies the rounding of a and A where few joints move
         rounding = np.finfo(float).eps * (kappa[:, 0] * (kappa[:, 0] < np.inf)) / span
         exact = (a * doubt).sum(1) / power + 2.0 * doubt.max(1) / span + 64.0 * rounding
