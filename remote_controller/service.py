@@ -14,6 +14,7 @@ from hoap3.protocol.answers import GrantAnswer, Status, parse_answer, parse_desc
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import AuthorityError, LinkError, PortInUseError, UsageError, WireError
 from hoap3.protocol.link.base import Request
+from hoap3.protocol.link.hoap3_controller_link import Hoap3ControllerLink
 from hoap3.protocol.link.local_control import others_here
 from hoap3.protocol.link.zenoh_link import ZenohControllerLink
 from hoap3.protocol.messages import State
@@ -41,6 +42,8 @@ RETRY_S = 0.2
 SILENCE_S = 3.0
 """Without a State or an answer, after which a new Zenoh session is opened: three leases, in which
 Zenoh could have connected again by itself. A session that was cut in a flood may never do so."""
+
+Link = ZenohControllerLink | Hoap3ControllerLink
 
 KNOWN_NAMES = 64  # of our last sessions: a robot forgets those that have ended within a lease
 TOKEN_TRIES = 25  # how often authority is asked for while the robot does not see our token
@@ -91,7 +94,7 @@ def serve(request: Request, loop: ControllerLoop) -> None:
 
 
 class Service:
-    """Runs one configured controller against one robot over Zenoh.
+    """Runs one configured controller against one robot.
 
     Args:
         config, file: of the controller, and where it was read.
@@ -100,6 +103,7 @@ class Service:
         should_stop: asked at each sample.
         lockstep_recorder: where the log goes in lockstep, and nothing of it may be lost.
         on_stop: takes what is to be called when an end is asked for while no sample comes.
+        description: of the robot, for a link that does not tell it.
 
     Attributes:
         loop: of the newest session of the robot, or None.
@@ -116,11 +120,12 @@ class Service:
         file: str = "config",
         lockstep_recorder: Recorder | None = None,
         on_stop: Callable[[Callable[[], None]], None] | None = None,
+        description: RobotDescription | None = None,
     ) -> None:
         self._config, self._file = config, file
         self._recorder, self._report, self._should_stop = recorder, report, should_stop
         self._lockstep_recorder = lockstep_recorder or recorder
-        self._on_stop = on_stop
+        self._on_stop, self._description = on_stop, description
         self._digest = ""
         self._departures = 0
         self._controller: Controller | None = None
@@ -130,7 +135,7 @@ class Service:
         name = config.controller.replace(":", ".").rsplit(".", 1)[-1].lower()
         self._name = f"{name[:24]}-{os.getpid()}-{socket.gethostname()[:24]}".replace("/", "-")
         self._names: deque[str] = deque(maxlen=KNOWN_NAMES)  # of our sessions
-        self._link: ZenohControllerLink | None = None
+        self._link: Link | None = None
         self._stopping = threading.Event()
         self._unanswered_since = math.inf
         self._told: set[str] = set()  # since it last followed the robot
@@ -173,7 +178,7 @@ class Service:
     def _pause(self) -> None:
         self._stopping.wait(RETRY_S)
 
-    def _open(self) -> ZenohControllerLink | None:
+    def _open(self) -> Link | None:
         """A new session, under a name of its own: the robot may still know the last one.
 
         Returns:
@@ -184,14 +189,17 @@ class Service:
         who = self._name if self.sessions == 1 else f"{self._name}-{self.sessions}"
         self._names.append(who)
         try:
-            return ZenohControllerLink(self._config.robot, self._config.link, who)
+            settings = self._config.link
+            if self._description is not None:
+                return Hoap3ControllerLink(self._description, settings.hoap3_tcp, who)
+            return ZenohControllerLink(self._config.robot, settings, who)
         except (LinkError, PortInUseError) as error:
             if self.sessions == 1:
                 raise
             self._tell_once("closed", str(error))
             return None
 
-    def _use(self, link: ZenohControllerLink) -> None:
+    def _use(self, link: Link) -> None:
         """Join and follow the robot, again and again, until it falls silent or we shall stop."""
         while self._join(link) and self._follow(link):
             if self._should_stop():
@@ -199,14 +207,14 @@ class Service:
         if self._should_stop() and link.presence.is_set():
             link.ask("release")
 
-    def _join(self, link: ZenohControllerLink) -> bool:
+    def _join(self, link: Link) -> bool:
         """Wait for the robot, build the controller that it needs, get authority.
 
         Returns:
             False where the robot has been silent for too long, or we are told to stop.
         """
         self._departures = link.departures
-        endpoints = ", ".join(self._config.link.connect)
+        endpoints = ", ".join(self._config.link.places)
         while not self._should_stop():
             try:
                 if self._engage(link):
@@ -224,7 +232,7 @@ class Service:
             self._pause()
         return False
 
-    def _ask(self, link: ZenohControllerLink, verb: str) -> bytes | None:
+    def _ask(self, link: Link, verb: str) -> bytes | None:
         """Ask the robot, and note since when it has not answered."""
         asked = time.monotonic()
         answer = link.ask(verb)
@@ -249,7 +257,7 @@ class Service:
             self._told.add(what)
             self._report(text)
 
-    def _engage(self, link: ZenohControllerLink) -> bool:
+    def _engage(self, link: Link) -> bool:
         """One attempt to get what is needed from the robot.
 
         Raises:
@@ -290,7 +298,7 @@ class Service:
             self._report(Routine(f"following robot {link.robot!r} from tick {grant.from_tick}"))
         return True
 
-    def _acquire(self, link: ZenohControllerLink) -> GrantAnswer | None:
+    def _acquire(self, link: Link) -> GrantAnswer | None:
         """Ask for authority, again where the answer is unusable or the refusal will pass.
 
         It passes once the robot sees our token, or no longer that of our last session.
@@ -323,7 +331,7 @@ class Service:
             self._pause()
         return None
 
-    def _follow(self, link: ZenohControllerLink) -> bool:
+    def _follow(self, link: Link) -> bool:
         """Answer samples until the robot goes, starts anew, falls silent, or we shall stop.
 
         Returns:
@@ -368,8 +376,13 @@ class Service:
         self._report(note if silent else Routine(note))
         return not silent
 
-    def _stands_still(self, link: ZenohControllerLink) -> bool:
-        """Whether no State comes because virtual time stands still, as it may for any time."""
+    def _stands_still(self, link: Link) -> bool:
+        """Whether no State comes because the robot sends none: no new session would change that.
+
+        HOAP-3's protocol has none at rest, and in virtual time there may be none for any time.
+        """
+        if isinstance(link, Hoap3ControllerLink):
+            return True
         if not isinstance(self._clock, VirtualClock):
             return False
         raw = self._ask(link, "status")

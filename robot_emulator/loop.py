@@ -167,6 +167,7 @@ class RobotLoop:
             "conflicting": self.validator.conflicting,
             "rejections": {name: n for name, n in self.validator.rejections.items() if n},
             "realtime": self.realtime,
+            "link_counts": self._link.counts(),
         }
 
     def _held_back_joints(self) -> dict[str, object] | None:

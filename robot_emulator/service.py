@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
-from hoap3.protocol.link.base import RobotLink
+from hoap3.protocol.link.base import RemoteRobotLink, RobotLink
 from hoap3.protocol.link.local_control import LocalControl
 from hoap3.protocol.runtime.clock import Clock, MonotonicClock, VirtualClock
 from hoap3.protocol.runtime.notes import Detail, Routine, told
@@ -22,8 +22,7 @@ from hoap3.robot_emulator.loop import GRACE_TICKS, RobotLoop
 from hoap3.robot_emulator.robots import load
 
 if TYPE_CHECKING:
-    from hoap3.protocol.link.zenoh_link import ZenohRobotLink
-    from hoap3.protocol.link.zenoh_lockstep import ZenohLockstepLink
+    from hoap3.protocol.link.remote_lockstep import RemoteLockstepLink
 
 KERNELS = (
     "hoap3.robot_emulator.plants.motion_kernels",
@@ -71,6 +70,9 @@ def _check_fit(config: EmulatorConfig, kind: str, file: str) -> None:
     """Refuse settings of a body that the robot does not have."""
     if kind == "position":
         return
+    if config.link.kind == "hoap3_tcp":
+        problem = f"carries positions, and this robot takes {kind}"
+        raise ConfigError(file, "link.kind", config.link.kind, problem, "Write zenoh")
     for key, value, usual in (
         ("plant.servo", config.plant.servo, "ideal"),
         ("plant.encoder", config.plant.encoder, "ideal"),
@@ -115,7 +117,7 @@ def serve(
     should_stop: Callable[[], bool],
     ticks: int | None = None,
 ) -> RobotLoop:
-    """Run a robot in real time over Zenoh until told to stop, or for `ticks`.
+    """Run a robot in real time over its link until told to stop, or for `ticks`.
 
     Args:
         config, description: of the robot.
@@ -127,7 +129,6 @@ def serve(
     Raises:
         NameTakenError, PortInUseError, LinkError: it could not join the network.
     """
-    from hoap3.protocol.link.zenoh_link import ZenohRobotLink
     from hoap3.protocol.runtime.numba_jit import warm_up
 
     contact = CONTACT_KERNELS if config.plant.contacts else ()
@@ -136,7 +137,7 @@ def serve(
     for note in told(measures):
         report(note)
     clock = MonotonicClock()
-    with closing(ZenohRobotLink(description.name, config.link)) as link:
+    with closing(_open_link(config, description, report)) as link:
         loop = build_loop(config, description, clock, link, recorder, lockstep=False)
         loop.realtime = [str(measure) for measure in measures]
         with _local_control(link, config, description, report):
@@ -157,13 +158,12 @@ def serve_lockstep(
     Raises:
         LinkError: the controller did not answer for ten seconds; names the tick.
     """
-    from hoap3.protocol.link.zenoh_lockstep import ZenohLockstepLink
+    from hoap3.protocol.link.remote_lockstep import RemoteLockstepLink
 
     clock = VirtualClock()
     compute_time = round(config.lockstep.compute_time_us * 1e3)
-    link = ZenohLockstepLink(
-        description.name, config.link, clock, compute_time, should_stop, endless=ticks is None
-    )
+    inner = _open_link(config, description, report, blocking=True)
+    link = RemoteLockstepLink(inner, clock, compute_time, should_stop, endless=ticks is None)
     with closing(link):
         loop = build_loop(config, description, clock, link, recorder, lockstep=True)
         with _local_control(link, config, description, report, ", lockstep"):
@@ -171,21 +171,36 @@ def serve_lockstep(
     return loop
 
 
+def _open_link(
+    config: EmulatorConfig,
+    description: RobotDescription,
+    report: Callable[[str], None],
+    *,
+    blocking: bool = False,
+) -> RemoteRobotLink:
+    """The configured link to controllers; `blocking` for lockstep."""
+    if config.link.kind == "hoap3_tcp":
+        from hoap3.protocol.link.hoap3_robot_link import Hoap3RobotLink
+
+        return Hoap3RobotLink(description, config.link.hoap3_tcp, report, blocking=blocking)
+    from hoap3.protocol.link.zenoh_link import ZenohRobotLink
+
+    return ZenohRobotLink(description.name, config.link, blocking=blocking)
+
+
 @contextmanager
 def _local_control(
-    link: ZenohRobotLink | ZenohLockstepLink,
+    link: RemoteRobotLink | RemoteLockstepLink,
     config: EmulatorConfig,
     description: RobotDescription,
     report: Callable[[str], None],
     how: str = "",
 ) -> Iterator[None]:
     """Serve what `hoap3 stop` reaches on this machine even where the network does not answer."""
-    with closing(
-        LocalControl(description.name, config.link.listen or config.link.connect)
-    ) as local:
+    with closing(LocalControl(description.name, config.link.places)) as local:
         if local.path is None:
             report("local control: none, for want of a private directory; see HOAP3_RUNTIME_DIR")
         link.serve_also(local)
-        endpoints = ", ".join(config.link.listen)
+        endpoints = ", ".join(config.link.places)
         report(Routine(f"robot {description.name!r} is alive at {endpoints}{how}"))
         yield

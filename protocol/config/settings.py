@@ -71,6 +71,29 @@ class Settings(BaseModel):
         return {todays_name(key, cls.renamed, where): value for key, value in content.items()}
 
 
+Port = Annotated[int, Field(strict=True, ge=0, le=65_535)]
+
+
+class Hoap3TcpSettings(Settings):
+    """HOAP-3's own protocol, which tells neither a robot's name nor its description."""
+
+    host: str = Field("127.0.0.1", description="IPv4 address to listen at, or of the robot")
+    init_port: Port = Field(2600, description="where a client says how many exchanges it wants")
+    control_port: Port = Field(2200, description="where it then exchanges frames")
+    order: Literal["paper", "legacy"] = Field(
+        "paper", description="who sends first; paper: the robot, legacy: the client"
+    )
+    slots: Literal[21, 22] = Field(21, description="doubles in a frame; the 22nd means nothing")
+    check_s: int = Field(
+        86_400,
+        strict=True,
+        ge=1,
+        le=1_000_000,
+        description="of a controller: CHECK_TIME, after which it connects anew",
+    )
+    robot: str = Field("hoap3", description="of a controller: shipped robot, or a description")
+
+
 class LinkSettings(Settings):
     """How a service reaches the network.
 
@@ -78,6 +101,10 @@ class LinkSettings(Settings):
     an endpoint says so; nothing is discovered by itself.
     """
 
+    kind: Literal["zenoh", "hoap3_tcp"] = Field(
+        "zenoh", description="hoap3_tcp: HOAP-3's own protocol; the other keys are Zenoh's"
+    )
+    hoap3_tcp: Hoap3TcpSettings = Hoap3TcpSettings()
     listen: tuple[Endpoint, ...] = Field((), description="endpoints to listen on")
     connect: tuple[Endpoint, ...] = Field((), description="endpoints to connect to")
     mode: Literal["peer", "client"] = Field(
@@ -86,6 +113,13 @@ class LinkSettings(Settings):
     lease_ms: int = Field(
         1000, strict=True, ge=100, le=60_000, description="silence after which a peer is gone"
     )
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Where the service can be reached, or reaches others, in words."""
+        if self.kind == "hoap3_tcp":
+            return (f"hoap3_tcp/{self.hoap3_tcp.host}:{self.hoap3_tcp.init_port}",)
+        return self.listen or self.connect
 
 
 CpuNumber = Annotated[int, Field(strict=True, ge=0)]

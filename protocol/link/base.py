@@ -6,11 +6,15 @@ Both loops are given a link and never know which. `zenoh_link` has the real ones
 from __future__ import annotations
 
 import heapq
+import threading
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from hoap3.protocol.runtime.clock import Clock
+
+if TYPE_CHECKING:
+    from hoap3.protocol.link.local_control import LocalControl
 
 Arrival = tuple[int, bytes]
 """Arrival stamp on the receiver's clock [ns], and the payload."""
@@ -56,8 +60,24 @@ class RobotLink(Protocol):
     def look_again(self, who: str) -> None:
         """Check whether a client is alive; returns at once, and "gone" follows if it is not."""
 
+    def counts(self) -> dict[str, int]:
+        """What the link itself counts, by name."""
+
     def close(self) -> None:
         """Leave the network."""
+
+
+class RemoteRobotLink(RobotLink, Protocol):
+    """The robot's side towards other processes.
+
+    Attributes:
+        arrival: set when something has arrived, for those who wait.
+    """
+
+    arrival: threading.Event
+
+    def serve_also(self, local: LocalControl) -> None:
+        """Take requests of the robot's own machine, too; they come first."""
 
 
 class ControllerLink(Protocol):
@@ -143,6 +163,10 @@ class LockstepLink:
 
     def look_again(self, who: str) -> None:
         """Nothing to check: clients in this process vanish only when a test says so."""
+
+    def counts(self) -> dict[str, int]:
+        """Nothing: no link of its own."""
+        return {}
 
     def close(self) -> None:
         """Nothing to leave."""

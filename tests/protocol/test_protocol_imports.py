@@ -23,7 +23,6 @@ LIGHT_MODULES = (
 ALLOWED = {
     **{name: set() for name in LIGHT_MODULES},
     "link.zenoh_link": {"zenoh"},
-    "link.zenoh_lockstep": {"zenoh"},
 }
 
 

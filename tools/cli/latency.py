@@ -17,7 +17,7 @@ def latency(
         Path | None, typer.Option(help="Measure nothing: analyse the log of a run.")
     ] = None,
     link: Annotated[
-        Literal["tcp", "udp", "unixsock"], typer.Option(help="What to measure.")
+        Literal["tcp", "udp", "unixsock", "hoap3_tcp"], typer.Option(help="What to measure.")
     ] = "tcp",
     robot: Annotated[
         str, typer.Option(help="Robot or emulator config: a name or a path.")

@@ -21,6 +21,7 @@ import numpy as np
 from hoap3.protocol.config.settings import RealtimeSettings
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, LogError, UsageError
+from hoap3.protocol.link.hoap3_frames import Frames
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.remote_controller.config import ControllerConfig
 from hoap3.robot_emulator.config import EmulatorConfig
@@ -28,7 +29,7 @@ from hoap3.robot_emulator.service import describe
 from hoap3.tools.latency.echo import BareEcho, Exchanges
 from hoap3.tools.latency.nodes import NullController
 from hoap3.tools.logs.log import Log
-from hoap3.tools.machine.loopback_links import LinkPair, link
+from hoap3.tools.machine.loopback_links import ZENOH, LinkPair, link
 from hoap3.tools.machine.machine import machine_block
 from hoap3.tools.services.placement import placed
 from hoap3.tools.services.run import run_realtime
@@ -90,7 +91,7 @@ def measure_latency(
     ):
         folder = plan.out or Path(scratch)
         for block in range(plan.blocks):
-            progress(f"block {block + 1} of {plan.blocks}: zenoh over {plan.link}")
+            progress(f"block {block + 1} of {plan.blocks}: {transport(plan.link)}")
             try:
                 with link(plan.link) as pair:
                     one = folder / f"block{block}"
@@ -108,14 +109,14 @@ def measure_latency(
         **tick_figures(tables),
         **compare(tables, echoes),
         "link": plan.link,
-        "bytes": dict(zip(("state", "setpoint"), sizes(description), strict=True)),
+        "bytes": dict(zip(("state", "setpoint"), sizes(plan, description), strict=True)),
         "period_us": description.period_s * 1e6,
         "ticks_per_block": plan.ticks,
         "warm_up_ticks": WARM_UP,
         "final_error": None,
         "realtime": said,
         "machine": machine_block(),
-        "transport": f"zenoh {plan.link}, same host",
+        "transport": f"{transport(plan.link)}, same host",
         "log": str(plan.out) if plan.out else None,
     }
 
@@ -179,8 +180,16 @@ def compare(tables: Sequence[TickTable], echoes: Sequence[Exchanges]) -> dict[st
     }
 
 
-def sizes(description: RobotDescription) -> tuple[int, int]:
-    """Bytes of a State and of a Setpoint of this robot."""
+def transport(link: str) -> str:
+    """What carries the messages over a link of that name."""
+    return f"zenoh over {link}" if link in ZENOH else link
+
+
+def sizes(plan: Plan, description: RobotDescription) -> tuple[int, int]:
+    """Bytes that carry a State and a Setpoint of this robot."""
+    if plan.link not in ZENOH:
+        frame = Frames(description, plan.emulator.link.hoap3_tcp.slots).size
+        return frame, frame
     n = description.n
     return State(n, 6 * len(description.wrench_sensors)).size, Setpoint(n).size
 
@@ -199,7 +208,7 @@ def _block(
     law = ControllerConfig(controller=NULL_CONTROLLER, realtime=controller)
     ticks, period_s = plan.ticks + WARM_UP, description.period_s
     period_ns = round(period_s * 1e9)
-    order = {"ticks": ticks, "period_ns": period_ns, "sizes": sizes(description)}
+    order = {"ticks": ticks, "period_ns": period_ns, "sizes": sizes(plan, description)}
     with BareEcho(order, robot, controller) as echo:
 
         def begin_when_granted(news: dict[str, Any]) -> None:

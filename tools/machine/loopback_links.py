@@ -11,9 +11,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from hoap3.protocol.config.settings import Hoap3TcpSettings
 from hoap3.protocol.errors import UsageError
 
-LINKS = ("tcp", "udp", "unixsock")
+ZENOH = ("tcp", "udp", "unixsock")
+LINKS = (*ZENOH, "hoap3_tcp")
 LinkPair = tuple[dict[str, Any], dict[str, Any]]
 """Changes of `link` in the settings of a robot and of its controller."""
 
@@ -37,6 +39,10 @@ def link(name: str) -> Iterator[LinkPair]:
     """
     if name not in LINKS:
         raise UsageError(f"--link: no link is called {name!r}. Choose one of {', '.join(LINKS)}")
+    if name == "hoap3_tcp":
+        ports = Hoap3TcpSettings(init_port=free_port(), control_port=free_port())
+        yield {"kind": name, "hoap3_tcp": ports}, {"kind": name, "hoap3_tcp": ports}
+        return
     with tempfile.TemporaryDirectory(prefix="hoap3-") as folder:
         if name == "unixsock":
             endpoint = f"unixsock-stream/{folder}/link"

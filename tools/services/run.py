@@ -69,21 +69,22 @@ def run_realtime(
     def report(text: str) -> None:
         news({"news": text.news if isinstance(text, Note) else "said", "text": text})
 
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
-    here, there = links or ({"listen": (endpoint,)}, {"connect": (endpoint,)})
+    here, there = links or _meeting(emulator)
+    emulator = emulator.model_copy(update={"link": emulator.link.model_copy(update=here)})
+    if emulator.link.kind == "hoap3_tcp":  # which does not tell the robot's description
+        ports = emulator.link.hoap3_tcp.model_copy(update={"robot": emulator.robot})
+        there = {**there, "hoap3_tcp": ports}
     news(
         {
             "news": "begins",
             "robot": description.name,
-            "at": ", ".join(here.get("listen", ())),
+            "at": ", ".join(emulator.link.places),
             "log": str(folder) if folder else "none",
         }
     )
     ours, theirs, claims = placed(emulator.realtime, controller.realtime, report)
     ours, theirs = _watched(ours, theirs)
-    emulator = emulator.model_copy(
-        update={"link": emulator.link.model_copy(update=here), "realtime": ours}
-    )
+    emulator = emulator.model_copy(update={"realtime": ours})
     hint = of_another_robot(controller, description)
     controller = controller.model_copy(
         update={
@@ -108,7 +109,18 @@ def run_realtime(
             forget(work.finals.values(), folder, made=made)
         for claim in claims:
             claim.release()
-    return summary | told(f"zenoh {endpoint.partition('/')[0]}, same host", folder)
+    transport = "zenoh tcp" if emulator.link.kind == "zenoh" else emulator.link.kind
+    return summary | told(f"{transport}, same host", folder)
+
+
+def _meeting(emulator: EmulatorConfig) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Changes of both links, with which robot and controller meet at free ports."""
+    if emulator.link.kind == "zenoh":
+        endpoint = f"tcp/127.0.0.1:{free_port()}"
+        return {"listen": (endpoint,)}, {"connect": (endpoint,), "kind": "zenoh"}
+    ports = {"host": "127.0.0.1", "init_port": free_port(), "control_port": free_port()}
+    ours = emulator.link.hoap3_tcp.model_copy(update=ports)
+    return {"hoap3_tcp": ours}, {"kind": "hoap3_tcp"}
 
 
 def run_lockstep(

@@ -141,6 +141,7 @@ class RunStatistics:
             "certificates": self._certificates.figures(),
             "complete": self._summary is not None,
             "realtime": robot.get("realtime", []),
+            "link_counts": robot.get("link_counts", {}),
         }
         if self._timing:
             result["rtt_us"] = self.rtt.summary()
@@ -229,6 +230,8 @@ class RunStatistics:
         encoded = setpoint.stamp_encoded
         rtt = record.stamp - published
         self.rtt.add(rtt, tick)
+        if encoded == received:
+            return  # they are not the controller's: its link carries none
         self.stages["decode"].add(decoded - received, tick)
         self.stages["kinematics"].add(kinematics - decoded, tick)
         self.stages["solve"].add(solved - kinematics, tick)

@@ -21,12 +21,14 @@ from hoap3.protocol.config.settings import (
     parse,
     parse_yaml,
 )
+from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, Hoap3Error, UsageError
 from hoap3.protocol.runtime.notes import Note, Routine
 from hoap3.protocol.runtime.recorder import BlockingRecorder, Recorder, RingRecorder
 from hoap3.remote_controller.config import ControllerConfig, check_parameters
 from hoap3.remote_controller.config import read_config as read_controller_config
 from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.robots import load
 from hoap3.robot_emulator.service import describe, serve, serve_lockstep
 from hoap3.tools.logs.log_format import SIDES, file_name
 from hoap3.tools.machine.machine import machine_block
@@ -236,7 +238,7 @@ def run_emulator(
     summary = observer.final.get("summary")
     if summary is not None:
         summary["log_lost"] = [observer.lost] if observer.lost else []
-        summary |= told("zenoh, virtual time" if lockstep else "zenoh", folder)
+        summary |= told(config.link.kind + (", virtual time" if lockstep else ""), folder)
     bad = summary is not None and failed(summary["verdicts"])
     return 1 if loop.safe_stops or bad or observer.lost else 0, summary
 
@@ -261,11 +263,19 @@ def run_controller(
     try:
         with observed as (observer, folder, settled):
             one, other = (_recorder(observer, lockstep=lockstep) for lockstep in (False, True))
-            Service(settled, one, voice.say, should_stop, file, other, on_stop).run()
+            robot = _robot_of(settled) if settled.link.kind == "hoap3_tcp" else None
+            Service(settled, one, voice.say, should_stop, file, other, on_stop, robot).run()
     except Hoap3Error as error:
         return voice.fail(error)
     voice.result(f"log: {folder or 'none'}")
     return 1 if observer.lost else 0
+
+
+def _robot_of(config: ControllerConfig) -> RobotDescription:
+    """What HOAP-3's protocol does not tell of the robot: its description from a file."""
+    description = load(config.link.hoap3_tcp.robot)
+    changed = {"name": config.robot, "command_kinds": ("position",)}
+    return description.model_copy(update=changed)
 
 
 @contextmanager

@@ -47,6 +47,9 @@ class Stage(Settings):
     delta: float = 1.0
 
 
+LINK_KEYS = "connect, hoap3_tcp, kind, lease_ms, listen, mode"
+
+
 class Service(Settings):
     """One of everything."""
 
@@ -111,8 +114,18 @@ def test_what_is_right_is_taken():
         ({"either": {"zz": 1}}, "either.zz", 1, "Known keys: kind, rate, upper"),
         ({"int": 1}, "int", 1, "Known keys"),
         ({"a[0]": 1}, "a[0]", 1, "Known keys"),
-        ({"link": {"float": 1}}, "link.float", 1, "connect, lease_ms, listen, mode"),
-        ({"link": {"nested(x)": 1}}, "link.nested(x)", 1, "connect, lease_ms, listen, mode"),
+        (
+            {"link": {"float": 1}},
+            "link.float",
+            1,
+            LINK_KEYS,
+        ),
+        (
+            {"link": {"nested(x)": 1}},
+            "link.nested(x)",
+            1,
+            LINK_KEYS,
+        ),
     ],
 )
 def test_an_unknown_key_is_told_with_the_nearest_known_one(content, key, value, remedy):

@@ -18,7 +18,8 @@ from support.small_arm import arm
 from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.description import CommandKind, DeadlineRule, DefaultTask, Gravity
 from hoap3.protocol.link.base import LockstepLink
-from hoap3.protocol.link.zenoh_lockstep import ZenohLockstepLink
+from hoap3.protocol.link.remote_lockstep import RemoteLockstepLink
+from hoap3.protocol.link.zenoh_link import ZenohRobotLink
 from hoap3.protocol.messages import Event, Message, Setpoint, State
 from hoap3.protocol.runtime.clock import Clock, MonotonicClock, VirtualClock
 from hoap3.protocol.runtime.recorder import NoRecorder
@@ -241,7 +242,13 @@ def test_the_client_of_the_page_follows_a_robot(network, tmp_path, lockstep):
     if lockstep:
         clock = VirtualClock()
         link = network.keep(
-            ZenohLockstepLink("arm", settings, clock, 200_000, ended.is_set, endless=True)
+            RemoteLockstepLink(
+                ZenohRobotLink("arm", settings, blocking=True),
+                clock,
+                200_000,
+                ended.is_set,
+                endless=True,
+            )
         )
         robot = Robot(clock, link)
     else:  # in the process of the tests nothing is real time: misses are all right

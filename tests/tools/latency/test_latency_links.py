@@ -9,12 +9,12 @@ import pytest
 from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.errors import UsageError
 from hoap3.protocol.link.zenoh_link import ZenohControllerLink, ZenohRobotLink
-from hoap3.tools.machine.loopback_links import LINKS, link
+from hoap3.tools.machine.loopback_links import ZENOH, link
 
 PATIENCE_S = 60.0
 
 
-@pytest.mark.parametrize("name", LINKS)
+@pytest.mark.parametrize("name", ZENOH)
 def test_a_robot_and_its_controller_meet(name):
     with link(name) as (ours, theirs):
         for endpoint in (*ours["listen"], *theirs["connect"]):

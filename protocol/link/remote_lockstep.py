@@ -1,4 +1,4 @@
-"""Lockstep over Zenoh: the same messages on the same keys, but each State waits for its answer."""
+"""Lockstep over a network: the same messages, but each State waits for its answer."""
 
 from __future__ import annotations
 
@@ -8,19 +8,18 @@ from dataclasses import replace
 from itertools import islice
 from typing import Any
 
-from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.errors import LinkError, WireError
-from hoap3.protocol.link.base import LockstepLink, Request
+from hoap3.protocol.link.base import LockstepLink, RemoteRobotLink, Request
 from hoap3.protocol.link.local_control import LocalControl
-from hoap3.protocol.link.zenoh_link import WAITING_QUERIES, ZenohRobotLink
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.clock import VirtualClock
 
 REPEAT_S = 0.05
 GIVE_UP_S = 10.0
+WAITING = 64  # requests; of more only what ends the waiting is taken
 
 
-class ZenohLockstepLink(LockstepLink):
+class RemoteLockstepLink(LockstepLink):
     """The robot's side.
 
     A State that asks for an answer is repeated every 50 ms of wall time until it is answered, or
@@ -30,7 +29,7 @@ class ZenohLockstepLink(LockstepLink):
     to follow or to recover.
 
     Args:
-        robot, settings: as for `ZenohRobotLink`.
+        inner: what reaches the controller; it is closed with this one.
         clock, compute_time: as for `LockstepLink`.
         should_stop: asked while waiting.
         endless: no end is set to the robot's time.
@@ -41,16 +40,15 @@ class ZenohLockstepLink(LockstepLink):
 
     def __init__(
         self,
-        robot: str,
-        settings: LinkSettings,
+        inner: RemoteRobotLink,
         clock: VirtualClock,
         compute_time: int,
         should_stop: Callable[[], bool],
         *,
         endless: bool = False,
     ) -> None:
-        super().__init__(self._exchange_over_zenoh, clock, compute_time)
-        self._inner = ZenohRobotLink(robot, settings, blocking=True)
+        super().__init__(self._exchange_over_network, clock, compute_time)
+        self._inner = inner
         self._should_stop, self._endless = should_stop, endless
         self._waiting: list[Request] = []
         self._holder: str | None = None
@@ -80,11 +78,15 @@ class ZenohLockstepLink(LockstepLink):
         """Check whether a client is alive."""
         self._inner.look_again(who)
 
+    def counts(self) -> dict[str, int]:
+        """What the link itself counts."""
+        return self._inner.counts()
+
     def close(self) -> None:
         """Leave the network."""
         self._inner.close()
 
-    def _exchange_over_zenoh(self, payload: bytes) -> bytes | None:
+    def _exchange_over_network(self, payload: bytes) -> bytes | None:
         mode, tick = State.scalars(payload, "mode", "tick")
         inner = self._inner
         inner.publish(payload)
@@ -115,10 +117,10 @@ class ZenohLockstepLink(LockstepLink):
 
         What ends the waiting is always taken: news of clients, local requests, and a `stop`.
         """
-        for request in islice(self._inner.requests(), WAITING_QUERIES):
+        for request in islice(self._inner.requests(), WAITING):
             urgent = request.local or request.verb == "gone"
             stops = request.verb == "stop" and all(one.verb != "stop" for one in self._waiting)
-            if urgent or stops or len(self._waiting) < WAITING_QUERIES:
+            if urgent or stops or len(self._waiting) < WAITING:
                 self._waiting.append(request)
 
     def _leaves(self, request: Request) -> bool:

@@ -10,10 +10,10 @@ from loopback import PATIENCE_S, Network, eventually, free_endpoint, known, next
 
 from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.errors import LinkError
-from hoap3.protocol.link import zenoh_lockstep
+from hoap3.protocol.link import remote_lockstep
 from hoap3.protocol.link.local_control import LocalControl, local_robots
-from hoap3.protocol.link.zenoh_link import ZenohControllerLink, key
-from hoap3.protocol.link.zenoh_lockstep import ZenohLockstepLink
+from hoap3.protocol.link.remote_lockstep import RemoteLockstepLink
+from hoap3.protocol.link.zenoh_link import ZenohControllerLink, ZenohRobotLink, key
 from hoap3.protocol.messages import Event, Setpoint, State
 from hoap3.protocol.runtime.clock import VirtualClock
 
@@ -35,9 +35,8 @@ class Bench:
         self.stopped = False
         endpoint = free_endpoint()
         self.robot = network.keep(
-            ZenohLockstepLink(
-                "arm",
-                LinkSettings(listen=(endpoint,)),
+            RemoteLockstepLink(
+                ZenohRobotLink("arm", LinkSettings(listen=(endpoint,)), blocking=True),
                 self.clock,
                 COMPUTE_TIME,
                 lambda: self.stopped,
@@ -130,7 +129,7 @@ def test_a_state_that_does_not_ask_is_not_waited_for(bench, mode):
 
 
 def test_no_answer_at_all_is_an_error_that_names_the_tick(bench, monkeypatch):
-    monkeypatch.setattr(zenoh_lockstep, "GIVE_UP_S", 0.12)
+    monkeypatch.setattr(remote_lockstep, "GIVE_UP_S", 0.12)
     with pytest.raises(LinkError, match="no answer to tick 7"):
         bench.robot.publish(state(7))
 
@@ -200,7 +199,7 @@ def test_what_others_ask_meanwhile_waits_for_the_answer_with_the_state(bench, ne
 ANSWERS = {"acquire": {"granted": True}, "recover": {"recovered": True}}
 
 
-def served(robot: ZenohLockstepLink, answers: dict[str, dict] | None = None) -> list[str]:
+def served(robot: RemoteLockstepLink, answers: dict[str, dict] | None = None) -> list[str]:
     """Verbs of the requests of one tick, each answered."""
     verbs = []
     for request in robot.requests():

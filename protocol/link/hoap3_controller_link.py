@@ -1,0 +1,232 @@
+"""The controller's side of HOAP-3's own TCP protocol, in place of Zenoh.
+
+The wire has positions only. What else a State has is made here: its tick counts the frames, its
+velocities are differences, and its reference is what was commanded last, in double: rounding to
+counts never adds up.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import secrets
+import select
+import socket
+import threading
+import time
+
+import numpy as np
+
+from hoap3.protocol.config.settings import Hoap3TcpSettings
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.link.base import Arrival, Request
+from hoap3.protocol.link.hoap3_frames import BEGINNING, Frames, set_up
+from hoap3.protocol.messages import FloatArray, Setpoint, State
+
+CONNECT_S = 2.0  # for the port of the frames, which HOAP-3 opens after the beginning
+PAUSE_S = 0.05
+EPOCH = 1  # the protocol has none: who is connected is followed
+
+
+class Hoap3ControllerLink:
+    """A client of one robot.
+
+    Args:
+        description: of the robot, which the protocol does not tell.
+        settings: ports, order and size of frames.
+        who: name of the controller.
+
+    Attributes:
+        presence: set while it is connected.
+        departures: how often the robot went away.
+        linked: whether it was ever connected.
+
+    Raises:
+        DescriptionError: the robot's positions do not fit into frames.
+    """
+
+    def __init__(self, description: RobotDescription, settings: Hoap3TcpSettings, who: str) -> None:
+        self.robot, self.who = description.name, who
+        self.presence, self.departures, self.linked = threading.Event(), 0, False
+        self._description, self._settings = description, settings
+        self._frames, self._setpoint = Frames(description, settings.slots), Setpoint(description.n)
+        self._per_period = 1.0 / description.period_s
+        self._state = State(description.n, 6 * len(description.wrench_sensors))
+        self._woken, self._waker = socket.socketpair()
+        self._poll = select.poll()
+        self._poll.register(self._woken, select.POLLIN)
+        self._beginning: socket.socket | None = None  # the first connection, silent so far
+        self._connection: socket.socket | None = None
+        self._session = 0
+        self._part = b""
+        self._answered = True
+
+    def wait(self) -> Arrival | None:
+        """Block until a frame is there; None where the robot has gone, or when woken.
+
+        A frame that the controller was silent about is answered first: with the last reference.
+        """
+        connection = self._connection
+        if connection is not None and not self._answered:
+            self._send(self._state.reference)
+            connection = self._connection  # None where it has gone
+            if connection is None:
+                return None
+        woken, poll = self._woken.fileno(), self._poll.poll
+        while True:
+            ready = poll()
+            if ready[0][0] == woken or len(ready) > 1:
+                self._woken.recv(64)
+                return None
+            if connection is not None and not self._receive(connection):
+                self._lose()
+                return None
+            if len(self._part) == self._frames.size:
+                stamp = time.monotonic_ns()
+                return stamp, self._as_state(stamp)
+
+    def publish(self, setpoint: bytes) -> None:
+        """Send the positions of a Setpoint, and remember them as the reference."""
+        answer = self._setpoint
+        if len(setpoint) != answer.size:
+            extra = Setpoint.schema.lengths_in(setpoint)["extra"]
+            answer = self._setpoint = Setpoint(self._description.n, extra)
+        answer.load(setpoint)
+        self._state.reference[:] = answer.values
+        self._send(answer.values)
+
+    def wake(self) -> None:
+        """Make `wait` return None; from any thread."""
+        with contextlib.suppress(OSError):
+            self._waker.send(b"\0")
+
+    def ask(self, verb: str) -> bytes | None:
+        """What a robot would answer over Zenoh; None where it cannot be reached."""
+        if verb == "description":
+            return self._description.to_json() if self._reach() else None
+        if verb == "release":
+            self._disconnect()
+            return json.dumps({"released": True}).encode()
+        if verb == "acquire" and self._connection is None and not self._connect():
+            return None
+        if verb == "status" and self._connection is None:
+            self._session = secrets.randbits(63)
+        connected = self._connection is not None
+        status = {
+            "mode": "active" if connected else "idle",
+            "holder": self.who if connected else None,
+            "session_id": self._session,
+            "tick": 0,
+            "lockstep": False,
+        }
+        if verb == "acquire":
+            status |= {"granted": True, "epoch": EPOCH, "from_tick": 0}
+        return json.dumps(status).encode()
+
+    def request(self) -> Request | None:
+        """Nothing: nobody asks a controller over this protocol."""
+
+    def event(self) -> bytes | None:
+        """Nothing: the protocol has no events."""
+
+    def close(self) -> None:
+        """Leave the robot."""
+        self._disconnect()
+        if self._beginning is not None:
+            self._beginning.close()
+        self._woken.close()
+        self._waker.close()
+
+    def _reach(self) -> bool:
+        """Open the first connection: while it is silent, the robot waits for us."""
+        if self._beginning is None and self._connection is None:
+            address = self._settings.host, self._settings.init_port
+            with contextlib.suppress(OSError):
+                self._beginning = socket.create_connection(address, CONNECT_S)
+        return self._beginning is not None or self._connection is not None
+
+    def _connect(self) -> bool:
+        """Say how long, and open the second connection, which stays."""
+        self._reach()
+        settings, beginning, self._beginning = self._settings, self._beginning, None
+        if beginning is None:
+            return False
+        cycle_ms = max(1.0, round(self._description.period_s * 1e3))
+        try:
+            with beginning:
+                beginning.sendall(BEGINNING.pack(cycle_ms, float(settings.check_s)))
+                connection = self._follow(time.monotonic() + CONNECT_S)
+        except OSError:
+            return False
+        if connection is None:
+            return False
+        set_up(connection)
+        connection.settimeout(CONNECT_S)
+        self._connection, self._part, self._answered = connection, b"", True
+        self._poll.register(connection, select.POLLIN)
+        state, start = self._state, self._description.initial_position
+        state.session_id, state.tick = self._session, 0
+        state.mode, state.epoch = State.ACTIVE, EPOCH
+        state.stamp_published = state.stamp_sent_previous = 0
+        state.q[:], state.reference[:], state.dq[:] = start, start, 0.0
+        self.linked = True
+        self.presence.set()
+        if settings.order == "legacy":
+            self._send(start)
+        return self._connection is not None
+
+    def _follow(self, until: float) -> socket.socket | None:
+        """The connection for frames; HOAP-3 opens that port only when it has read the beginning."""
+        address = self._settings.host, self._settings.control_port
+        while time.monotonic() < until:
+            try:
+                return socket.create_connection(address, CONNECT_S)
+            except ConnectionRefusedError:
+                time.sleep(PAUSE_S)
+        return None
+
+    def _send(self, positions: FloatArray) -> None:
+        self._answered = True
+        if self._connection is not None:
+            try:
+                self._connection.sendall(self._frames.pack(positions))
+            except OSError:
+                self._lose()
+
+    def _receive(self, connection: socket.socket) -> bool:
+        """Take what has arrived of a frame; False where the robot has gone."""
+        try:
+            data = connection.recv(self._frames.size - len(self._part))
+        except OSError:
+            return False
+        self._part += data
+        return bool(data)
+
+    def _as_state(self, stamp: int) -> bytes:
+        """The frame that has arrived, as a State; of one that is no number, the last positions."""
+        state, before = self._state, self._state.stamp_published
+        positions = self._frames.unpack(self._part)
+        self._part, self._answered = b"", False
+        if positions is None:
+            positions = state.q.copy()
+        if before:
+            state.tick += 1
+            np.subtract(positions, state.q, out=state.dq)
+            np.multiply(state.dq, self._per_period, out=state.dq)
+        else:
+            state.reference[:] = positions
+        state.q[:] = positions
+        state.stamp_intended = state.stamp_actual = state.stamp_published = stamp
+        state.stamp_sent_previous = before
+        return state.dump()
+
+    def _lose(self) -> None:
+        self.departures += 1
+        self._disconnect()
+
+    def _disconnect(self) -> None:
+        connection, self._connection = self._connection, None
+        self.presence.clear()
+        if connection is not None:
+            self._poll.unregister(connection)
+            connection.close()

@@ -1,0 +1,373 @@
+"""The robot's side of HOAP-3's own TCP protocol, in place of Zenoh.
+
+A client that has connected is the holder of authority. While the robot follows it, each State is
+sent as a frame of encoder counts, and the client's frames answer them in the order in which they
+were sent: nothing else says which belongs to which.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import select
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+from hoap3.protocol.config.settings import Hoap3TcpSettings
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import LinkError, PortInUseError, WireError
+from hoap3.protocol.link.base import Arrival, Request
+from hoap3.protocol.link.hoap3_frames import BEGINNING, Frames, exchanges, set_up
+from hoap3.protocol.link.local_control import LocalControl
+from hoap3.protocol.messages import Setpoint, State, schema
+
+FIFO = 8  # States that wait for their answers; further ones are not sent: an overrun
+BACKLOG = 1024  # frames that the loop has not taken; of more the oldest are dropped
+LOOK_MS = 100  # how often the thread looks whether the link was closed
+PATIENCE_S = 10.0  # for the 16 bytes of the beginning, before which a controller is built
+CONNECT_S = 5.0  # from these to the connection on the other port
+
+NO_CERTIFICATE = schema("Setpoint").constants["STATUS_NONE"]
+
+
+class Hoap3RobotLink:
+    """A server with one client at a time. A thread receives; the loop sends, and never waits.
+
+    Args:
+        description: of the robot.
+        settings: ports, order and size of frames.
+        report: takes what people should know of clients.
+        blocking: for lockstep, in which no stamp is to come from the wall clock.
+
+    Attributes:
+        arrival: set when an answer has arrived, or a client came or went.
+        ports: on which it listens: for the beginning, and for frames.
+
+    Raises:
+        DescriptionError: the robot's positions do not fit into frames.
+        PortInUseError, LinkError: it cannot listen.
+    """
+
+    def __init__(
+        self,
+        description: RobotDescription,
+        settings: Hoap3TcpSettings,
+        report: Callable[[str], None],
+        *,
+        blocking: bool = False,
+    ) -> None:
+        self._frames = Frames(description, settings.slots)
+        self._settings, self._report, self._blocking = settings, report, blocking
+        self._stamp = 0  # of the answer before
+        self._room = FIFO + description.delay_ticks
+        self._state = State(description.n, 6 * len(description.wrench_sensors))
+        self._setpoint = Setpoint(description.n)
+        self._setpoint.solver_status = NO_CERTIFICATE
+        self._counts = {"clients": 0, "refused": 0, "overruns": 0, "unasked": 0, "not_finite": 0}
+        self._arrived: deque[Arrival] = deque(maxlen=BACKLOG)
+        self._requests: deque[Request] = deque()
+        self._client: _Client | None = None
+        self._local: LocalControl | None = None
+        self._closing = False
+        self.arrival = threading.Event()
+        self._beginnings = _listen(settings.host, settings.init_port)
+        try:
+            self._followers = _listen(settings.host, settings.control_port)
+        except LinkError:
+            self._beginnings.close()
+            raise
+        self.ports = (self._beginnings.getsockname()[1], self._followers.getsockname()[1])
+        self._thread = threading.Thread(target=self._serve, name="receive", daemon=True)
+        self._thread.start()
+
+    def publish(self, state: bytes) -> None:
+        """Send the positions of a State that asks for an answer; again is not sent again."""
+        client = self._client
+        if client is None:
+            return
+        self._state.load(state)
+        mode, tick = self._state.mode, self._state.tick
+        if mode != State.ACTIVE:
+            if client.newest_tick >= 0:  # the robot does not follow it any more
+                client.left = True
+                client.leave()
+            return
+        if tick <= client.newest_tick or not client.wants_state(self._settings.order):
+            return
+        if len(client.flying) >= self._room:
+            client.newest_tick = tick
+            self._counts["overruns"] += 1
+            return
+        asked = (self._state.session_id, tick, self._state.epoch, self._state.stamp_published)
+        client.send(self._frames.pack(self._state.q), asked)
+
+    def drain(self) -> Sequence[Arrival]:
+        """Answers that have arrived, as Setpoints without certificate."""
+        arrived = self._arrived
+        return [arrived.popleft() for _ in range(len(arrived))]
+
+    def requests(self) -> Iterable[Request]:
+        """Requests of this machine, and clients that came or went."""
+        if self._local is not None:
+            yield from self._local.requests()
+        while self._requests:
+            yield self._requests.popleft()
+
+    def announce(self, event: bytes) -> None:
+        """Nothing: the protocol has no events."""
+
+    def look_again(self, who: str) -> None:
+        """Say that a client has gone, unless it is connected."""
+        client = self._client
+        if client is None or client.who != who:
+            self._ask("gone", who)
+
+    def serve_also(self, local: LocalControl) -> None:
+        """Take requests of the robot's own machine, too; they come first."""
+        self._local = local
+
+    def counts(self) -> dict[str, int]:
+        """Clients that were served and refused, States not sent, and frames of no use."""
+        return dict(self._counts)
+
+    def close(self) -> None:
+        """Leave the client, and the network."""
+        self._closing = True
+        self._thread.join(timeout=2.0)
+        for listener in (self._beginnings, self._followers):
+            listener.close()
+
+    def _ask(self, verb: str, who: str, answer: Callable[[Any], None] = lambda _: None) -> None:
+        self._requests.append(Request(verb, who, answer))
+        self.arrival.set()
+
+    def _serve(self) -> None:
+        while not self._closing:
+            connection = self._accept(self._beginnings)
+            if connection is None:
+                continue
+            with connection:
+                client = self._begin(connection)
+            if client is not None:
+                with client.connection:
+                    self._follow(client)
+
+    def _begin(self, beginning: socket.socket) -> _Client | None:
+        """Read how many exchanges somebody wants, and wait for the connection that has them."""
+        try:
+            wanted = exchanges(self._first_bytes(beginning))
+        except (OSError, WireError) as error:
+            self._refuse(str(error))
+            return None
+        until = time.monotonic() + CONNECT_S
+        while not self._closing and time.monotonic() < until:
+            connection = self._accept(self._followers, besides=self._beginnings)
+            if connection is not None:
+                self._counts["clients"] += 1
+                who = f"hoap3_tcp-{self._counts['clients']}"
+                return _Client(who, connection, wanted)
+        if not self._closing:
+            self._refuse(f"did not connect to port {self.ports[1]} within {CONNECT_S:g} s")
+        return None
+
+    def _first_bytes(self, beginning: socket.socket) -> bytes:
+        """What a client sends first; others wait until it has.
+
+        Raises:
+            OSError: it has gone, or is too slow; or we end.
+        """
+        data, until = b"", time.monotonic() + PATIENCE_S
+        while len(data) < BEGINNING.size:
+            if self._closing or time.monotonic() > until:
+                raise TimeoutError(f"sent {len(data)} of 16 bytes within {PATIENCE_S:g} s")
+            if select.select((beginning,), (), (), LOOK_MS / 1e3)[0]:
+                more = beginning.recv(BEGINNING.size - len(data))
+                if not more:
+                    raise ConnectionError(f"has gone after {len(data)} of 16 bytes")
+                data += more
+        return data
+
+    def _follow(self, client: _Client) -> None:
+        """Receive a client's frames until it goes, or has exchanged what it wanted."""
+
+        def granted(answer: dict[str, Any] | bytes) -> None:
+            if not (isinstance(answer, dict) and answer.get("granted")):
+                client.left = True
+                client.leave()
+
+        poll = select.poll()
+        for each in (client.connection, self._beginnings, self._followers):
+            poll.register(each, select.POLLIN)
+        self._client = client
+        self._ask("acquire", client.who, granted)
+        try:
+            while not (self._closing or client.complete):
+                frame = self._receive(client, poll.poll)
+                if frame is not None:
+                    self._take(client, frame)
+            verb = "release"
+        except OSError as error:
+            verb = "release" if client.left else "gone"
+            if not client.left:
+                self._report(f"client {client.who} {error}")
+        finally:
+            self._client = None
+        self._ask(verb, client.who)
+
+    def _receive(
+        self, client: _Client, poll: Callable[[int], list[tuple[int, int]]]
+    ) -> bytes | None:
+        """The next whole frame; None where there is none yet. Further clients are sent away."""
+        ready = [number for number, _ in poll(LOOK_MS)]
+        for listener in (self._beginnings, self._followers):
+            if listener.fileno() in ready:
+                self._send_away(listener)
+        if client.connection.fileno() not in ready:
+            return None
+        return client.receive(self._frames.size)
+
+    def _take(self, client: _Client, frame: bytes) -> None:
+        stamp, positions = time.monotonic_ns(), self._frames.unpack(frame)
+        opens = client.received == 0 and self._settings.order == "legacy"
+        client.received += 1
+        asked = client.flying.popleft() if client.flying else None
+        if asked is None:
+            self._counts["unasked"] += not opens
+        elif positions is None:
+            self._counts["not_finite"] += 1
+        else:
+            answer = self._setpoint
+            answer.session_id, answer.tick, answer.epoch, answer.stamp_state = asked
+            self._set_stamps(stamp)
+            answer.values[:] = positions
+            self._arrived.append((stamp, answer.dump()))
+        self.arrival.set()
+
+    def _set_stamps(self, arrival: int) -> None:
+        """The client's stamps do not travel: all it did counts as done when its frame arrives."""
+        answer = self._setpoint
+        now = answer.stamp_state if self._blocking else arrival
+        answer.stamp_received = answer.stamp_decoded = answer.stamp_kinematics = now
+        answer.stamp_solved = answer.stamp_encoded = now
+        answer.stamp_sent_previous, self._stamp = self._stamp, now
+
+    def _accept(
+        self, listener: socket.socket, besides: socket.socket | None = None
+    ) -> socket.socket | None:
+        watched = [listener] if besides is None else [listener, besides]
+        readable, _, _ = select.select(watched, (), (), LOOK_MS / 1e3)
+        if besides in readable and besides is not None:
+            self._send_away(besides)
+        if listener not in readable:
+            return None
+        try:
+            connection, _ = listener.accept()
+        except OSError:  # it has gone again
+            return None
+        set_up(connection)
+        return connection
+
+    def _send_away(self, listener: socket.socket) -> None:
+        with contextlib.suppress(OSError):
+            listener.accept()[0].close()
+            self._counts["refused"] += 1
+
+    def _refuse(self, why: str) -> None:
+        self._counts["refused"] += 1
+        self._report(f"a client was refused: {why}")
+
+
+class _Client:
+    """One connection for frames.
+
+    Attributes:
+        who: its name as holder of authority.
+        flying: of each State that waits for an answer what the answer has to echo.
+        newest_tick: of the States that were sent or left out, -1 before the first.
+        received: frames from it.
+        left: whether the robot has ended it, which follows it no more.
+    """
+
+    def __init__(self, who: str, connection: socket.socket, wanted: int) -> None:
+        self.who, self.connection, self._wanted = who, connection, wanted
+        connection.setblocking(False)
+        self.flying: deque[tuple[int, int, int, int]] = deque()
+        self.newest_tick, self.received, self._sent = -1, 0, 0
+        self.left = False
+        self._part = b""
+
+    @property
+    def complete(self) -> bool:
+        """Whether each end has sent all its frames."""
+        return min(self.received, self._sent) >= self._wanted
+
+    def wants_state(self, order: str) -> bool:
+        """Whether it is the robot's turn: where the client speaks first, for each of its frames."""
+        turn = self._sent < self.received if order == "legacy" else True
+        return turn and self._sent < self._wanted
+
+    def send(self, frame: bytes, asked: tuple[int, int, int, int]) -> None:
+        """Send a frame; a client that takes none is left."""
+        self.flying.append(asked)
+        self.newest_tick = asked[1]
+        self._sent += 1
+        try:
+            whole = self.connection.send(frame) == len(frame)
+        except OSError:
+            whole = False
+        if not whole:
+            self.leave()
+
+    def receive(self, size: int) -> bytes | None:
+        """What has arrived, once it is a whole frame.
+
+        Raises:
+            OSError: it has gone; says whether within a frame.
+        """
+        try:
+            data = self.connection.recv(size - len(self._part))
+        except BlockingIOError:
+            return None
+        except ConnectionError:
+            data = b""
+        if not data:
+            raise ConnectionError(self._ended(size))
+        self._part += data
+        if len(self._part) < size:
+            return None
+        frame, self._part = self._part, b""
+        return frame
+
+    def leave(self) -> None:
+        """End the connection; from any thread."""
+        with contextlib.suppress(OSError):
+            self.connection.shutdown(socket.SHUT_RDWR)
+
+    def _ended(self, size: int) -> str:
+        if not self._part:
+            return f"has gone after {self.received} of {self._wanted} exchanges"
+        return (
+            f"has gone within a frame, {len(self._part)} of {size} bytes: do both ends have the "
+            "same link.hoap3_tcp.slots?"
+        )
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((host, port))
+        listener.listen()
+    except OSError as error:
+        listener.close()
+        if error.errno == errno.EADDRINUSE:
+            raise PortInUseError(
+                f"{host}:{port} is in use: another robot runs there. Stop it, or set "
+                "link.hoap3_tcp to free ports"
+            ) from error
+        raise LinkError(f"cannot listen at {host}:{port}: {error.strerror or error}") from error
+    return listener

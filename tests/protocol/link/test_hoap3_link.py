@@ -1,0 +1,364 @@
+"""HOAP-3's protocol on real sockets: clients that behave, and clients that do not."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import time
+from collections.abc import Iterator
+from contextlib import closing
+
+import numpy as np
+import pytest
+
+from hoap3.protocol.config.settings import Hoap3TcpSettings
+from hoap3.protocol.errors import PortInUseError
+from hoap3.protocol.link.base import Request
+from hoap3.protocol.link.hoap3_controller_link import Hoap3ControllerLink
+from hoap3.protocol.link.hoap3_frames import Frames
+from hoap3.protocol.link.hoap3_robot_link import FIFO, Hoap3RobotLink
+from hoap3.protocol.messages import Setpoint, State
+from hoap3.robot_emulator.robots import load
+
+HOAP3 = load("hoap3")
+PATIENCE_S = 20.0
+ORDERS = ("paper", "legacy")
+SLOTS = (21, 22)
+
+
+class Robot:
+    """A robot's link, and a loop that a test plays by hand."""
+
+    def __init__(self, order: str = "paper", slots: int = 21) -> None:
+        self.said: list[str] = []
+        self.settings = Hoap3TcpSettings(init_port=0, control_port=0, order=order, slots=slots)
+        self.link = Hoap3RobotLink(HOAP3, self.settings, self.said.append)
+        self.frames = Frames(HOAP3, slots)
+        self.state = State(HOAP3.n)
+        self.state.session_id, self.state.epoch, self.state.mode = 7, 3, State.ACTIVE
+        self.requests: list[Request] = []
+
+    def client(self, cycle: float = 1, check: float = 10) -> socket.socket:
+        """A client that has connected, and has been granted authority."""
+        made = self.begin(struct.pack("<2d", cycle, check))
+        made.settimeout(PATIENCE_S)
+        self.hear("acquire").answer({"granted": True})
+        return made
+
+    def begin(self, data: bytes) -> socket.socket:
+        """Send the beginning, and connect to the second port."""
+        with socket.create_connection(("127.0.0.1", self.link.ports[0])) as first:
+            first.sendall(data)
+            return socket.create_connection(("127.0.0.1", self.link.ports[1]))
+
+    def hear(self, verb: str) -> Request:
+        """The next request, which is of this kind."""
+
+        def heard() -> bool:
+            self.requests += self.link.requests()
+            return bool(self.requests)
+
+        self.until(heard)
+        request = self.requests.pop(0)
+        assert request.verb == verb
+        return request
+
+    def publish(self, tick: int, q: np.ndarray | None = None) -> None:
+        self.state.tick, self.state.stamp_published = tick, 1000 * tick
+        self.state.q[:] = 0.0 if q is None else q
+        self.link.publish(self.state.dump())
+
+    def answers(self, count: int) -> list[Setpoint]:
+        """So many answers, which arrive in time."""
+        found: list[Setpoint] = []
+
+        def came() -> bool:
+            for _, payload in self.link.drain():
+                answer = Setpoint(HOAP3.n)
+                answer.load(payload)
+                found.append(answer)
+            return len(found) >= count
+
+        self.until(came)
+        return found
+
+    def until(self, holds) -> None:
+        """Wait for what the link's thread does."""
+        end = time.monotonic() + PATIENCE_S
+        while not holds():
+            assert time.monotonic() < end
+            self.link.arrival.wait(0.01)
+            self.link.arrival.clear()
+
+
+@pytest.fixture(params=[(order, slots) for order in ORDERS for slots in SLOTS])
+def robot(request: pytest.FixtureRequest) -> Iterator[Robot]:
+    made = Robot(*request.param)
+    yield made
+    made.link.close()
+
+
+@pytest.fixture
+def paper() -> Iterator[Robot]:
+    made = Robot()
+    yield made
+    made.link.close()
+
+
+def read(client: socket.socket, size: int) -> bytes:
+    data = b""
+    while len(data) < size:
+        more = client.recv(size - len(data))
+        assert more
+        data += more
+    return data
+
+
+def test_each_frame_answers_the_state_that_was_sent_before_it(robot: Robot) -> None:
+    posture = HOAP3.initial_position
+    with robot.client() as client:
+        if robot.settings.order == "legacy":
+            client.sendall(robot.frames.pack(posture))
+            robot.until(lambda: robot.link._client.received == 1)
+        for tick in range(5, 15):
+            robot.publish(tick, posture + tick * 1e-3)
+            seen = read(client, robot.frames.size)
+            assert seen == robot.frames.pack(posture + tick * 1e-3)
+            client.sendall(robot.frames.pack(posture - tick * 1e-3))
+            (answer,) = robot.answers(1)
+            assert (answer.session_id, answer.tick, answer.epoch) == (7, tick, 3)
+            assert answer.stamp_state == 1000 * tick
+            asked = robot.frames.unpack(robot.frames.pack(posture - tick * 1e-3))
+            assert np.array_equal(answer.values, asked)
+    assert robot.link.counts()["overruns"] == robot.link.counts()["unasked"] == 0
+    robot.hear("gone")
+
+
+def test_a_client_that_speaks_first_is_sent_nothing_before() -> None:
+    robot = Robot("legacy")
+    with closing(robot.link), robot.client() as client:
+        robot.publish(1)
+        client.sendall(robot.frames.pack(HOAP3.initial_position))
+        robot.until(lambda: robot.link._client.received == 1)
+        robot.publish(2, HOAP3.initial_position)
+        assert read(client, robot.frames.size) == robot.frames.pack(HOAP3.initial_position)
+        client.sendall(robot.frames.pack(HOAP3.initial_position))
+        assert robot.answers(1)[0].tick == 2
+
+
+def test_states_for_which_the_fifo_has_no_room_are_counted_and_no_others(paper: Robot) -> None:
+    with paper.client() as client:
+        for tick in range(FIFO + 3):
+            paper.publish(tick)
+        for _ in range(FIFO):
+            read(client, paper.frames.size)
+        client.sendall(FIFO * paper.frames.pack(HOAP3.initial_position))
+        assert [answer.tick for answer in paper.answers(FIFO)] == list(range(FIFO))
+        paper.publish(20)
+        client.sendall(paper.frames.pack(HOAP3.initial_position))
+        assert [answer.tick for answer in paper.answers(1)] == [20]
+    assert paper.link.counts()["overruns"] == 3
+
+
+def test_a_client_that_never_reads_holds_nothing_up(paper: Robot) -> None:
+    with paper.client():
+        for tick in range(5000):
+            paper.publish(tick)
+        assert paper.link.counts()["overruns"] == 5000 - FIFO
+    paper.hear("gone")
+
+
+def test_the_same_state_is_sent_once(paper: Robot) -> None:
+    with paper.client() as client:
+        paper.publish(1)
+        paper.publish(1)
+        paper.publish(2)
+        client.sendall(2 * paper.frames.pack(HOAP3.initial_position))
+        assert [answer.tick for answer in paper.answers(2)] == [1, 2]
+
+
+def test_frames_of_no_use_are_counted(paper: Robot) -> None:
+    with paper.client() as client:
+        client.sendall(paper.frames.pack(HOAP3.initial_position))
+        paper.until(lambda: paper.link.counts()["unasked"] == 1)
+        paper.publish(1)
+        client.sendall(struct.pack("<21d", *[float("nan")] * 21))
+        paper.until(lambda: paper.link.counts()["not_finite"] == 1)
+        paper.publish(2)
+        client.sendall(paper.frames.pack(HOAP3.initial_position))
+        assert paper.answers(1)[0].tick == 2
+
+
+def test_a_second_client_is_sent_away_at_once(paper: Robot) -> None:
+    with paper.client() as client:
+        for port in paper.link.ports:
+            with socket.create_connection(("127.0.0.1", port)) as second:
+                second.settimeout(PATIENCE_S)
+                assert second.recv(1) == b""
+        paper.publish(1)
+        client.sendall(paper.frames.pack(HOAP3.initial_position))
+        assert paper.answers(1)[0].tick == 1
+    assert paper.link.counts()["refused"] == 2
+
+
+def test_who_has_exchanged_all_has_given_authority_back(robot: Robot) -> None:
+    with robot.client(100, 1) as client:  # ten exchanges
+        legacy = robot.settings.order == "legacy"
+        for tick in range(10):
+            if legacy:
+                client.sendall(robot.frames.pack(HOAP3.initial_position))
+                robot.until(lambda wanted=tick + 1: robot.link._client.received == wanted)
+            robot.publish(tick)
+            read(client, robot.frames.size)
+            if not legacy:
+                client.sendall(robot.frames.pack(HOAP3.initial_position))
+                robot.answers(1)
+        robot.hear("release")
+        assert client.recv(1) == b""
+
+
+@pytest.mark.parametrize("end", ["close", "reset", "half"])
+def test_a_connection_that_is_cut_anywhere_is_survived(end: str, paper: Robot) -> None:
+    """Each byte of the beginning, and of an exchange."""
+    for sent in range(16):
+        with socket.create_connection(("127.0.0.1", paper.link.ports[0])) as first:
+            first.sendall(bytes(sent))
+            cut(first, end)
+    for sent in range(paper.frames.size + 1):
+        with paper.client() as client:
+            paper.publish(sent)
+            client.sendall(paper.frames.pack(HOAP3.initial_position)[:sent])
+            cut(client, end)
+            assert paper.hear("gone").who == f"hoap3_tcp-{sent + 1}"
+    paper.link.drain()
+    with paper.client() as client:
+        paper.publish(1000)
+        client.sendall(paper.frames.pack(HOAP3.initial_position))
+        assert paper.answers(1)[-1].tick == 1000
+    assert paper.link.counts()["refused"] == 16
+
+
+def cut(connection: socket.socket, end: str) -> None:
+    if end == "reset":
+        linger = struct.pack("ii", 1, 0)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
+    if end == "half":
+        connection.shutdown(socket.SHUT_WR)
+    else:
+        connection.close()
+
+
+def test_another_size_of_frames_is_named_at_the_end(paper: Robot) -> None:
+    with paper.client() as client:
+        paper.publish(1)
+        client.sendall(bytes(176))
+        paper.answers(1)
+    paper.hear("gone")
+    paper.until(lambda: any("slots" in text for text in paper.said))
+
+
+def test_a_robot_that_follows_no_more_ends_the_connection(paper: Robot) -> None:
+    with paper.client() as client:
+        paper.publish(1)
+        read(client, paper.frames.size)
+        paper.state.mode = State.STOPPING
+        paper.publish(2)
+        assert client.recv(1) == b""
+    paper.hear("release")
+
+
+def test_a_client_that_is_refused_authority_is_left(paper: Robot) -> None:
+    with paper.begin(struct.pack("<2d", 1, 10)) as client:
+        client.settimeout(PATIENCE_S)
+        paper.hear("acquire").answer({"granted": False})
+        assert client.recv(1) == b""
+
+
+def test_a_port_in_use_is_named(paper: Robot) -> None:
+    taken = Hoap3TcpSettings(init_port=paper.link.ports[0], control_port=0)
+    with pytest.raises(PortInUseError, match="hoap3_tcp"):
+        Hoap3RobotLink(HOAP3, taken, paper.said.append)
+
+
+def engaged(robot: Robot) -> Hoap3ControllerLink:
+    """Our controller's end, connected and granted."""
+    ports = dict(zip(("init_port", "control_port"), robot.link.ports, strict=True))
+    link = Hoap3ControllerLink(HOAP3, robot.settings.model_copy(update=ports), "law")
+    assert link.ask("description") == HOAP3.to_json()
+    assert link.ask("status") is not None
+    assert link.ask("acquire") is not None
+    robot.hear("acquire").answer({"granted": True})
+    return link
+
+
+def taken(link: Hoap3ControllerLink) -> State:
+    arrival = link.wait()
+    assert arrival is not None
+    state = State(HOAP3.n)
+    state.load(arrival[1])
+    return state
+
+
+def test_our_controller_sees_positions_and_remembers_what_it_commanded(robot: Robot) -> None:
+    start = HOAP3.initial_position
+    with closing(engaged(robot)) as link:
+        wanted = start.copy()
+        for tick in range(20):
+            if robot.settings.order == "legacy":
+                robot.until(lambda count=tick + 1: robot.link._client.received == count)
+            robot.publish(tick, start)
+            state = taken(link)
+            assert state.tick == tick
+            assert state.mode == State.ACTIVE
+            shown = robot.frames.unpack(robot.frames.pack(start))
+            assert np.array_equal(state.q, shown)
+            if tick:
+                assert np.array_equal(state.reference, wanted)  # in double, not in counts
+                assert not state.dq.any()
+            wanted = state.reference + 1e-5  # less than half a count
+            answer = Setpoint(HOAP3.n, 4)
+            answer.values[:] = wanted
+            link.publish(answer.dump())
+            (came,) = robot.answers(1)
+            assert np.abs(came.values - wanted).max() < 0.6 / np.abs(HOAP3.counts_per_rad).min()
+    robot.hear("gone")
+
+
+def test_a_silent_controller_holds_the_reference(paper: Robot) -> None:
+    with closing(engaged(paper)) as link:
+        paper.publish(1, HOAP3.initial_position)
+        first = taken(link)
+        paper.publish(2, HOAP3.initial_position)
+        taken(link)  # without an answer to the first
+        (held,) = paper.answers(1)
+        assert held.tick == 1
+        assert np.allclose(held.values, first.reference, atol=1e-9)
+
+
+def test_our_controller_notices_when_the_robot_goes(paper: Robot) -> None:
+    with closing(engaged(paper)) as link:
+        paper.publish(1)
+        taken(link)
+        paper.state.mode = State.STOPPED
+        paper.publish(2)
+        assert link.wait() is None
+        assert link.departures == 1
+        assert not link.presence.is_set()
+
+
+def test_our_controller_can_be_woken(paper: Robot) -> None:
+    with closing(engaged(paper)) as link:
+        link.wake()
+        assert link.wait() is None
+        assert link.departures == 0
+
+
+def test_nobody_there_is_no_answer() -> None:
+    robot = Robot()
+    ports = dict(zip(("init_port", "control_port"), robot.link.ports, strict=True))
+    robot.link.close()
+    with closing(
+        Hoap3ControllerLink(HOAP3, robot.settings.model_copy(update=ports), "law")
+    ) as link:
+        assert link.ask("description") is None
+        assert link.ask("acquire") is None

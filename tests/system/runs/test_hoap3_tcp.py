@@ -1,0 +1,168 @@
+"""HOAP-3's own protocol between our services, and with a program that is not ours."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import socket
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.command_bench import (
+    Command,
+    assert_at_rest,
+    assert_no_traceback,
+    assert_ran,
+    events,
+    free_port,
+    inside,
+)
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.tools.logs.log import Log
+from hoap3.tools.verify.robot import Robot
+from hoap3.tools.verify.verify import verify
+
+HERE = Path(__file__).parent
+NEAR_M = 3e-5
+PAIRS = [(order, slots) for order in ("paper", "legacy") for slots in (21, 22)]
+COMPILERS = [None, *filter(None, [shutil.which("cc")])]  # None: in Python
+
+
+class Place:
+    """Two free ports, and how to name them."""
+
+    def __init__(self, order: str, slots: int) -> None:
+        self.ports = free_port(), free_port()
+        keys = {"init_port": self.ports[0], "control_port": self.ports[1]}
+        given = {**keys, "order": order, "slots": slots}
+        each = [f"link.hoap3_tcp.{key}={value}" for key, value in given.items()]
+        self.words = [word for text in ("link.kind=hoap3_tcp", *each) for word in ("--set", text)]
+
+
+def last_com(folder: Path) -> np.ndarray:
+    log = Log.open(folder, side="robot")
+    description: RobotDescription = log.description
+    robot = Robot(description)
+    robot.place(log.states()["q"][-1])
+    return robot.com(description.base_frame)[0]
+
+
+@pytest.fixture(scope="module")
+def over_zenoh(tmp_path_factory: pytest.TempPathFactory) -> np.ndarray:
+    """Where the CoM ends in the same run over Zenoh, with encoders that count."""
+    folder = tmp_path_factory.mktemp("zenoh") / "run"
+    counts = "--set", "emulator.plant.encoder=counts"
+    assert_ran(inside("run", "--lockstep", "--duration", "2", "--out", folder, *counts))
+    return last_com(folder)
+
+
+@pytest.mark.parametrize(("order", "slots"), PAIRS)
+def test_the_robot_ends_where_it_does_over_zenoh(
+    order: str, slots: int, over_zenoh: np.ndarray, tmp_path: Path
+) -> None:
+    place, folder = Place(order, slots), tmp_path / "run"
+    words = "hoap3", "--lockstep", "--duration", "2", "--out", folder, *place.words
+    with Command("emulator", *words) as robot:
+        robot.hear("is alive at")
+        with Command("controller", "qp12", "--out", folder, *place.words) as law:
+            assert robot.end() == 0, robot.stderr
+            law.hear("is gone")
+            assert law.end(15) == 0, law.stderr
+            assert_no_traceback(law)
+    assert_no_traceback(robot)
+
+    log = Log.open(folder, side="robot")
+    last = log.states()[-1]
+    assert len(log.setpoints()) == 2000
+    assert last["late"] == last["lost"] == last["rejected"] == last["duplicate"] == 0
+    (summary,) = (record for record in log.records() if record.kind == Kind.SUMMARY)
+    counts = json.loads(summary.payload)["link_counts"]
+    assert counts["overruns"] == counts["unasked"] == counts["not_finite"] == 0
+    assert_at_rest(log)
+    assert np.linalg.norm(last_com(folder) - over_zenoh) < NEAR_M
+    assert "identical" in inside("replay", folder).stdout
+    assert verify(folder).claims.by_tick() == []
+
+
+@pytest.mark.parametrize("order", ["paper", "legacy"])
+def test_a_run_in_real_time_is_answered_and_told(order: str, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    words = "emulator.link.kind=hoap3_tcp", f"emulator.link.hoap3_tcp.order={order}"
+    given = [word for text in (*words, "emulator.misses_to_stop=9999") for word in ("--set", text)]
+    with Command("run", "--duration", "1", "--out", folder, "--json", *given) as run:
+        assert run.end() in {0, 1}, run.stderr
+        told = run.json()
+    assert told["transport"].startswith("hoap3_tcp")
+    assert told["rtt_us"]["n"] > 100
+    assert told["stages_us"]["solve"]["n"] == 0  # the client's stamps do not travel
+    assert_at_rest(Log.open(folder, side="robot"))
+    assert verify(folder).claims.by_tick() == []
+
+
+@pytest.fixture(scope="module", params=COMPILERS)
+def driver(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """A client that has nothing of ours."""
+    if request.param is None:
+        return [sys.executable, str(HERE / "hoap3_client.py")]
+    made = tmp_path_factory.mktemp("driver") / "hoap3_client"
+    source = str(HERE / "hoap3_client.c")
+    subprocess.run([request.param, "-O1", "-Wall", "-Werror", "-o", made, source], check=True)
+    return [str(made)]
+
+
+@pytest.mark.parametrize("order", ["paper", "legacy"])
+@pytest.mark.parametrize("how", ["--lockstep", "--no-realtime"])
+def test_another_program_has_its_500_exchanges(
+    how: str, order: str, driver: list[str], tmp_path: Path
+) -> None:
+    place, folder = Place(order, 21), tmp_path / "run"
+    patient = "--set", "misses_to_stop=100000"
+    with Command("emulator", "hoap3", how, "--out", folder, *patient, *place.words) as robot:
+        robot.hear("is alive at")
+        ports = [str(port) for port in place.ports]
+        done = subprocess.run(
+            [*driver, *ports, order, "21", "1"],
+            check=False,
+            capture_output=True,
+            text=True,
+            timeout=120,
+        )
+        assert robot.end(15) in {0, 1}, robot.stderr
+    assert done.returncode == 0, done.stderr
+    exchanges, count = done.stdout.split()
+    assert int(exchanges) == 500
+    assert int(count) > 0
+
+    log = Log.open(folder, side="robot")
+    assert len(log.setpoints()) == (500 if order == "paper" else 499)  # the first one only opens
+    assert_at_rest(log)
+    assert verify(folder).claims.by_tick() == []
+
+
+@pytest.mark.parametrize("sent", [0, 1, 84, 167])
+def test_a_robot_whose_client_is_cut_off_within_an_exchange_comes_to_rest(
+    sent: int, tmp_path: Path
+) -> None:
+    place, folder, frame = Place("paper", 21), tmp_path / "run", struct.Struct("<21d")
+    with Command("emulator", "hoap3", "--lockstep", "--out", folder, *place.words) as robot:
+        robot.hear("is alive at")
+        with socket.create_connection(("127.0.0.1", place.ports[0])) as first:
+            first.sendall(struct.pack("<2d", 1, 100))
+            client = socket.create_connection(("127.0.0.1", place.ports[1]))
+        with client:
+            for _ in range(50):
+                counts = frame.unpack(client.recv(frame.size, socket.MSG_WAITALL))
+                client.sendall(frame.pack(counts[0] + 10, *counts[1:]))
+            client.recv(frame.size, socket.MSG_WAITALL)
+            client.sendall(frame.pack(*counts)[:sent])
+        robot.hear("AT_REST|at rest|has gone")
+        robot.end(15)
+    log = Log.open(folder, side="robot")
+    assert_at_rest(log)
+    assert "HOLDER_LOST" in [name for name, _ in events(log)]
