@@ -266,9 +266,9 @@ class Hoap3RobotLink:
             return None
         try:
             connection, _ = listener.accept()
+            set_up(connection)
         except OSError:  # it has gone again
             return None
-        set_up(connection)
         return connection
 
     def _send_away(self, listener: socket.socket) -> None:
@@ -362,6 +362,7 @@ def _listen(host: str, port: int) -> socket.socket:
     try:
         listener.bind((host, port))
         listener.listen()
+        listener.setblocking(False)  # who was waiting may be gone when it is accepted
     except OSError as error:
         listener.close()
         if error.errno == errno.EADDRINUSE:

@@ -274,8 +274,7 @@ def run_controller(
 def _robot_of(config: ControllerConfig) -> RobotDescription:
     """What HOAP-3's protocol does not tell of the robot: its description from a file."""
     description = load(config.link.hoap3_tcp.robot)
-    changed = {"name": config.robot, "command_kinds": ("position",)}
-    return description.model_copy(update=changed)
+    return description.model_copy(update={"command_kinds": ("position",)})
 
 
 @contextmanager

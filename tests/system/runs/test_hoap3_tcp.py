@@ -94,7 +94,8 @@ def test_the_robot_ends_where_it_does_over_zenoh(
 def test_a_run_in_real_time_is_answered_and_told(order: str, tmp_path: Path) -> None:
     folder = tmp_path / "run"
     words = "emulator.link.kind=hoap3_tcp", f"emulator.link.hoap3_tcp.order={order}"
-    given = [word for text in (*words, "emulator.misses_to_stop=9999") for word in ("--set", text)]
+    words = (*words, "emulator.misses_to_stop=9999", "emulator.name=other")
+    given = [word for text in words for word in ("--set", text)]
     with Command("run", "--duration", "1", "--out", folder, "--json", *given) as run:
         assert run.end() in {0, 1}, run.stderr
         told = run.json()
