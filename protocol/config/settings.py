@@ -9,7 +9,7 @@ import copy
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 import yaml
 from pydantic import (
@@ -92,6 +92,12 @@ class Hoap3TcpSettings(Settings):
         description="of a controller: CHECK_TIME, after which it connects anew",
     )
     robot: str = Field("hoap3", description="of a controller: shipped robot, or a description")
+
+    @model_validator(mode="after")
+    def _two_ports(self) -> Self:
+        if self.init_port == self.control_port != 0:
+            raise ValueError("init_port and control_port should differ")
+        return self
 
 
 class LinkSettings(Settings):

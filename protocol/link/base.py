@@ -1,6 +1,7 @@
 """What lies between a robot and its controller: the interface, and one that needs no network.
 
-Both loops are given a link and never know which. `zenoh_link` has the real ones.
+Both loops are given a link and never know which. The real ones are those over Zenoh and over
+HOAP-3's own protocol.
 """
 
 from __future__ import annotations

@@ -25,6 +25,7 @@ from hoap3.protocol.messages import FloatArray, Setpoint, State
 
 CONNECT_S = 2.0  # for the port of the frames, which HOAP-3 opens after the beginning
 PAUSE_S = 0.05
+SENT_AWAY_S = 0.1  # in which a robot that has another client closes the first connection
 EPOCH = 1  # the protocol has none: who is connected is followed
 
 
@@ -83,7 +84,11 @@ class Hoap3ControllerLink:
                 return None
             if len(self._part) == self._frames.size:
                 stamp = time.monotonic_ns()
-                return stamp, self._as_state(stamp)
+                state = self._as_state(stamp)
+                if state is None:  # without us the robot stops
+                    self._lose()
+                    return None
+                return stamp, state
 
     def publish(self, setpoint: bytes) -> None:
         """Send the positions of a Setpoint, and remember them as the reference."""
@@ -109,8 +114,13 @@ class Hoap3ControllerLink:
             return json.dumps({"released": True}).encode()
         if verb == "acquire" and self._connection is None and not self._connect():
             return None
+        if verb == "acquire":
+            return self._status(granted=True, epoch=EPOCH, from_tick=0)
         if verb == "status" and self._connection is None:
             self._session = secrets.randbits(63)
+        return self._status()
+
+    def _status(self, **more: object) -> bytes:
         connected = self._connection is not None
         status = {
             "mode": "active" if connected else "idle",
@@ -119,9 +129,7 @@ class Hoap3ControllerLink:
             "tick": 0,
             "lockstep": False,
         }
-        if verb == "acquire":
-            status |= {"granted": True, "epoch": EPOCH, "from_tick": 0}
-        return json.dumps(status).encode()
+        return json.dumps({**status, **more}).encode()
 
     def request(self) -> Request | None:
         """Nothing: nobody asks a controller over this protocol."""
@@ -138,11 +146,18 @@ class Hoap3ControllerLink:
         self._waker.close()
 
     def _reach(self) -> bool:
-        """Open the first connection: while it is silent, the robot waits for us."""
+        """Open the first connection: while it is silent, the robot waits for us.
+
+        A robot that has another client closes it at once.
+        """
         if self._beginning is None and self._connection is None:
             address = self._settings.host, self._settings.init_port
             with contextlib.suppress(OSError):
-                self._beginning = socket.create_connection(address, CONNECT_S)
+                beginning = socket.create_connection(address, CONNECT_S)
+                if select.select((beginning,), (), (), SENT_AWAY_S)[0]:
+                    beginning.close()
+                else:
+                    self._beginning = beginning
         return self._beginning is not None or self._connection is not None
 
     def _connect(self) -> bool:
@@ -202,13 +217,13 @@ class Hoap3ControllerLink:
         self._part += data
         return bool(data)
 
-    def _as_state(self, stamp: int) -> bytes:
-        """The frame that has arrived, as a State; of one that is no number, the last positions."""
+    def _as_state(self, stamp: int) -> bytes | None:
+        """The frame that has arrived, as a State; None where a position is no finite number."""
         state, before = self._state, self._state.stamp_published
         positions = self._frames.unpack(self._part)
         self._part, self._answered = b"", False
         if positions is None:
-            positions = state.q.copy()
+            return None
         if before:
             state.tick += 1
             np.subtract(positions, state.q, out=state.dq)

@@ -21,6 +21,7 @@ from hoap3.protocol.config.settings import Hoap3TcpSettings
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import LinkError, PortInUseError, WireError
 from hoap3.protocol.link.base import Arrival, Request
+from hoap3.protocol.link.hoap3_client_connection import ClientConnection
 from hoap3.protocol.link.hoap3_frames import BEGINNING, Frames, exchanges, set_up
 from hoap3.protocol.link.local_control import LocalControl
 from hoap3.protocol.messages import Setpoint, State, schema
@@ -70,7 +71,7 @@ class Hoap3RobotLink:
         self._counts = {"clients": 0, "refused": 0, "overruns": 0, "unasked": 0, "not_finite": 0}
         self._arrived: deque[Arrival] = deque(maxlen=BACKLOG)
         self._requests: deque[Request] = deque()
-        self._client: _Client | None = None
+        self._client: ClientConnection | None = None
         self._local: LocalControl | None = None
         self._closing = False
         self.arrival = threading.Event()
@@ -147,7 +148,7 @@ class Hoap3RobotLink:
 
     def _serve(self) -> None:
         while not self._closing:
-            connection = self._accept(self._beginnings)
+            connection = self._accept(self._beginnings, self._followers)
             if connection is None:
                 continue
             with connection:
@@ -156,7 +157,7 @@ class Hoap3RobotLink:
                 with client.connection:
                     self._follow(client)
 
-    def _begin(self, beginning: socket.socket) -> _Client | None:
+    def _begin(self, beginning: socket.socket) -> ClientConnection | None:
         """Read how many exchanges somebody wants, and wait for the connection that has them."""
         try:
             wanted = exchanges(self._first_bytes(beginning))
@@ -165,11 +166,11 @@ class Hoap3RobotLink:
             return None
         until = time.monotonic() + CONNECT_S
         while not self._closing and time.monotonic() < until:
-            connection = self._accept(self._followers, besides=self._beginnings)
-            if connection is not None:
+            connection = self._accept(self._followers, self._beginnings)
+            if connection is not None and _is_open(connection):
                 self._counts["clients"] += 1
                 who = f"hoap3_tcp-{self._counts['clients']}"
-                return _Client(who, connection, wanted)
+                return ClientConnection(who, connection, wanted)
         if not self._closing:
             self._refuse(f"did not connect to port {self.ports[1]} within {CONNECT_S:g} s")
         return None
@@ -191,7 +192,7 @@ class Hoap3RobotLink:
                 data += more
         return data
 
-    def _follow(self, client: _Client) -> None:
+    def _follow(self, client: ClientConnection) -> None:
         """Receive a client's frames until it goes, or has exchanged what it wanted."""
 
         def granted(answer: dict[str, Any] | bytes) -> None:
@@ -202,35 +203,37 @@ class Hoap3RobotLink:
         poll = select.poll()
         for each in (client.connection, self._beginnings, self._followers):
             poll.register(each, select.POLLIN)
-        self._client = client
+        self._client, end = client, "gone"
         self._ask("acquire", client.who, granted)
         try:
             while not (self._closing or client.complete):
                 frame = self._receive(client, poll.poll)
                 if frame is not None:
                     self._take(client, frame)
-            verb = "release"
+            end = "release"
         except OSError as error:
-            verb = "release" if client.left else "gone"
-            if not client.left:
+            if client.left:
+                end = "release"
+            else:
                 self._report(f"client {client.who} {error}")
         finally:
+            self._ask(end, client.who)
             self._client = None
-        self._ask(verb, client.who)
 
     def _receive(
-        self, client: _Client, poll: Callable[[int], list[tuple[int, int]]]
+        self, client: ClientConnection, poll: Callable[[int], list[tuple[int, int]]]
     ) -> bytes | None:
         """The next whole frame; None where there is none yet. Further clients are sent away."""
         ready = [number for number, _ in poll(LOOK_MS)]
+        # first, for where it has gone, who comes now is not a second one
+        here = client.connection.fileno() in ready
+        frame = client.receive(self._frames.size) if here else None
         for listener in (self._beginnings, self._followers):
             if listener.fileno() in ready:
                 self._send_away(listener)
-        if client.connection.fileno() not in ready:
-            return None
-        return client.receive(self._frames.size)
+        return frame
 
-    def _take(self, client: _Client, frame: bytes) -> None:
+    def _take(self, client: ClientConnection, frame: bytes) -> None:
         stamp, positions = time.monotonic_ns(), self._frames.unpack(frame)
         opens = client.received == 0 and self._settings.order == "legacy"
         client.received += 1
@@ -255,14 +258,12 @@ class Hoap3RobotLink:
         answer.stamp_solved = answer.stamp_encoded = now
         answer.stamp_sent_previous, self._stamp = self._stamp, now
 
-    def _accept(
-        self, listener: socket.socket, besides: socket.socket | None = None
-    ) -> socket.socket | None:
-        watched = [listener] if besides is None else [listener, besides]
-        readable, _, _ = select.select(watched, (), (), LOOK_MS / 1e3)
-        if besides in readable and besides is not None:
-            self._send_away(besides)
+    def _accept(self, listener: socket.socket, other: socket.socket) -> socket.socket | None:
+        """Who connects to one port; who connects to the other one meanwhile is sent away."""
+        readable, _, _ = select.select((listener, other), (), (), LOOK_MS / 1e3)
         if listener not in readable:
+            if readable:
+                self._send_away(other)
             return None
         try:
             connection, _ = listener.accept()
@@ -281,79 +282,14 @@ class Hoap3RobotLink:
         self._report(f"a client was refused: {why}")
 
 
-class _Client:
-    """One connection for frames.
-
-    Attributes:
-        who: its name as holder of authority.
-        flying: of each State that waits for an answer what the answer has to echo.
-        newest_tick: of the States that were sent or left out, -1 before the first.
-        received: frames from it.
-        left: whether the robot has ended it, which follows it no more.
-    """
-
-    def __init__(self, who: str, connection: socket.socket, wanted: int) -> None:
-        self.who, self.connection, self._wanted = who, connection, wanted
-        connection.setblocking(False)
-        self.flying: deque[tuple[int, int, int, int]] = deque()
-        self.newest_tick, self.received, self._sent = -1, 0, 0
-        self.left = False
-        self._part = b""
-
-    @property
-    def complete(self) -> bool:
-        """Whether each end has sent all its frames."""
-        return min(self.received, self._sent) >= self._wanted
-
-    def wants_state(self, order: str) -> bool:
-        """Whether it is the robot's turn: where the client speaks first, for each of its frames."""
-        turn = self._sent < self.received if order == "legacy" else True
-        return turn and self._sent < self._wanted
-
-    def send(self, frame: bytes, asked: tuple[int, int, int, int]) -> None:
-        """Send a frame; a client that takes none is left."""
-        self.flying.append(asked)
-        self.newest_tick = asked[1]
-        self._sent += 1
-        try:
-            whole = self.connection.send(frame) == len(frame)
-        except OSError:
-            whole = False
-        if not whole:
-            self.leave()
-
-    def receive(self, size: int) -> bytes | None:
-        """What has arrived, once it is a whole frame.
-
-        Raises:
-            OSError: it has gone; says whether within a frame.
-        """
-        try:
-            data = self.connection.recv(size - len(self._part))
-        except BlockingIOError:
-            return None
-        except ConnectionError:
-            data = b""
-        if not data:
-            raise ConnectionError(self._ended(size))
-        self._part += data
-        if len(self._part) < size:
-            return None
-        frame, self._part = self._part, b""
-        return frame
-
-    def leave(self) -> None:
-        """End the connection; from any thread."""
-        with contextlib.suppress(OSError):
-            self.connection.shutdown(socket.SHUT_RDWR)
-
-    def _ended(self, size: int) -> str:
-        if not self._part:
-            return f"has gone after {self.received} of {self._wanted} exchanges"
-        return (
-            f"has gone within a frame, {len(self._part)} of {size} bytes: do both ends have the "
-            "same link.hoap3_tcp.slots?"
-        )
+def _is_open(connection: socket.socket) -> bool:
+    """Whether who connected, maybe long ago, is still there."""
+    try:
+        return connection.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT) != b""
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
 
 
 def _listen(host: str, port: int) -> socket.socket:
@@ -370,5 +306,8 @@ def _listen(host: str, port: int) -> socket.socket:
                 f"{host}:{port} is in use: another robot runs there. Stop it, or set "
                 "link.hoap3_tcp to free ports"
             ) from error
-        raise LinkError(f"cannot listen at {host}:{port}: {error.strerror or error}") from error
+        raise LinkError(
+            f"cannot listen at {host}:{port}: {error.strerror or error}. Set link.hoap3_tcp.host "
+            "to an address of this machine"
+        ) from error
     return listener

@@ -23,10 +23,10 @@ class RemoteLockstepLink(LockstepLink):
     """The robot's side.
 
     A State that asks for an answer is repeated every 50 ms of wall time until it is answered, or
-    until the holder of authority leaves; the controller answers a repeated one with the bytes that
-    it has sent already. Before the first State, virtual time stands still until a controller has
-    authority; with an `endless` robot it does so again whenever that is at rest, until it is told
-    to follow or to recover.
+    until the holder of authority leaves; a controller over Zenoh answers a repeated one with the
+    bytes that it has sent already, and over HOAP-3's protocol none is sent twice. Before the first
+    State, virtual time stands still until a controller has authority; with an `endless` robot it
+    does so again whenever that is at rest, until it is told to follow or to recover.
 
     Args:
         inner: what reaches the controller; it is closed with this one.

@@ -362,3 +362,47 @@ def test_nobody_there_is_no_answer() -> None:
     ) as link:
         assert link.ask("description") is None
         assert link.ask("acquire") is None
+
+
+def test_who_knocks_at_the_second_port_alone_is_nobodys_client(paper: Robot) -> None:
+    with socket.create_connection(("127.0.0.1", paper.link.ports[1])) as stray:
+        stray.settimeout(PATIENCE_S)
+        assert stray.recv(1) == b""
+    with paper.client() as client:
+        paper.publish(1)
+        client.sendall(paper.frames.pack(HOAP3.initial_position))
+        assert paper.answers(1)[0].tick == 1
+    assert paper.link.counts()["clients"] == 1
+
+
+def test_a_connection_that_a_refused_client_left_is_not_the_next_ones(paper: Robot) -> None:
+    for _ in range(20):
+        paper.begin(struct.pack("<2d", 0, 0)).close()
+    with paper.client() as client:
+        paper.publish(1)
+        client.sendall(paper.frames.pack(HOAP3.initial_position))
+        assert paper.answers(1)[0].tick == 1
+    assert paper.hear("gone").who == "hoap3_tcp-1"
+
+
+def test_our_controller_waits_while_the_robot_has_another_client(paper: Robot) -> None:
+    ports = dict(zip(("init_port", "control_port"), paper.link.ports, strict=True))
+    settings = paper.settings.model_copy(update=ports)
+    with closing(Hoap3ControllerLink(HOAP3, settings, "law")) as link:
+        with paper.client():
+            assert link.ask("description") is None
+        paper.hear("gone")
+        assert link.ask("description") is not None
+
+
+def test_our_controller_leaves_a_robot_whose_positions_are_no_numbers(paper: Robot) -> None:
+    with closing(engaged(paper)) as link:
+        paper.link._client.connection.sendall(struct.pack("<21d", *[float("nan")] * 21))
+        assert link.wait() is None
+        assert link.departures == 1
+    paper.hear("gone")
+
+
+def test_two_ports_are_two() -> None:
+    with pytest.raises(ValueError, match="differ"):
+        Hoap3TcpSettings(init_port=2600, control_port=2600)

@@ -126,6 +126,17 @@ def test_logs_of_two_runs_are_not_passed_together(story: Path, tmp_path: Path) -
     assert found.verdict == "not verified"
 
 
+def test_the_description_of_another_robot_is_found(story: Path, tmp_path: Path) -> None:
+    both = tmp_path / "both"
+    other = "--set", "emulator.plant.gravity=compensated"
+    inside("run", "--lockstep", "--duration", "0.5", "--out", both, *other)
+    shutil.copy(story / "controller.mcap", both)
+
+    found = verify(both).claims.counts["description in both logs"]
+
+    assert (found.checked, found.false) == (1, 1)
+
+
 @pytest.mark.parametrize("wrong", ["beta: [1]", "beta: .nan", "beta: yes", "psi_scale: none"])
 def test_a_parameter_that_is_none_is_not_reckoned_with(
     wrong: str, story: Path, tmp_path: Path
