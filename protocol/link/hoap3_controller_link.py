@@ -21,7 +21,7 @@ from hoap3.protocol.config.settings import Hoap3TcpSettings
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.link.base import Arrival, Request
 from hoap3.protocol.link.hoap3_frames import BEGINNING, Frames, set_up
-from hoap3.protocol.messages import FloatArray, Setpoint, State
+from hoap3.protocol.messages import WIRE_VERSION, FloatArray, Setpoint, State
 
 CONNECT_S = 2.0  # for the port of the frames, which HOAP-3 opens after the beginning
 PAUSE_S = 0.05
@@ -41,6 +41,7 @@ class Hoap3ControllerLink:
         presence: set while it is connected.
         departures: how often the robot went away.
         linked: whether it was ever connected.
+        wire_version: of the messages that it gives and takes, which do not travel.
 
     Raises:
         DescriptionError: the robot's positions do not fit into frames.
@@ -49,10 +50,11 @@ class Hoap3ControllerLink:
     def __init__(self, description: RobotDescription, settings: Hoap3TcpSettings, who: str) -> None:
         self.robot, self.who = description.name, who
         self.presence, self.departures, self.linked = threading.Event(), 0, False
+        self.wire_version = WIRE_VERSION
         self._description, self._settings = description, settings
         self._frames, self._setpoint = Frames(description, settings.slots), Setpoint(description.n)
         self._per_period = 1.0 / description.period_s
-        self._state = State(description.n, 6 * len(description.wrench_sensors))
+        self._state = State.allocate(**description.state_lengths)
         self._woken, self._waker = socket.socketpair()
         self._poll = select.poll()
         self._poll.register(self._woken, select.POLLIN)
@@ -94,8 +96,7 @@ class Hoap3ControllerLink:
         """Send the positions of a Setpoint, and remember them as the reference."""
         answer = self._setpoint
         if len(setpoint) != answer.size:
-            extra = Setpoint.schema.lengths_in(setpoint)["extra"]
-            answer = self._setpoint = Setpoint(self._description.n, extra)
+            answer = self._setpoint = Setpoint.like(setpoint)
         answer.load(setpoint)
         self._state.reference[:] = answer.values
         self._send(answer.values)
@@ -105,8 +106,9 @@ class Hoap3ControllerLink:
         with contextlib.suppress(OSError):
             self._waker.send(b"\0")
 
-    def ask(self, verb: str) -> bytes | None:
+    def ask(self, verb: str, body: bytes = b"") -> bytes | None:
         """What a robot would answer over Zenoh; None where it cannot be reached."""
+        del body
         if verb == "description":
             return self._description.to_json() if self._reach() else None
         if verb == "release":

@@ -65,7 +65,7 @@ class Hoap3RobotLink:
         self._settings, self._report, self._blocking = settings, report, blocking
         self._stamp = 0  # of the answer before
         self._room = FIFO + description.delay_ticks
-        self._state = State(description.n, 6 * len(description.wrench_sensors))
+        self._state = State.allocate(**description.state_lengths)
         self._setpoint = Setpoint(description.n)
         self._setpoint.solver_status = NO_CERTIFICATE
         self._counts = {"clients": 0, "refused": 0, "overruns": 0, "unasked": 0, "not_finite": 0}
@@ -120,6 +120,10 @@ class Hoap3RobotLink:
 
     def announce(self, event: bytes) -> None:
         """Nothing: the protocol has no events."""
+
+    def tokens(self) -> Sequence[tuple[str, bool]]:
+        """None: the protocol has no tokens."""
+        return ()
 
     def look_again(self, who: str) -> None:
         """Say that a client has gone, unless it is connected."""

@@ -2,6 +2,9 @@
 
 A State and its Setpoint travel as samples with the highest priority, unbatched. Whatever is
 rare (description, authority, stop, recover) is a query, answered by the robot between two ticks.
+
+Peers of version 1 of the wire are spoken to in version 1, and their messages become ones of today
+here, so that nothing else knows of them. They use keys without the sender's name at their end.
 """
 
 from __future__ import annotations
@@ -33,6 +36,8 @@ from hoap3.protocol.link.base import Arrival, Request
 from hoap3.protocol.link.local_control import LocalControl
 from hoap3.protocol.link.session_limits import MAX_MESSAGE_BYTES, SIZE_FILTER, accept_limits
 from hoap3.protocol.link.zenoh_sockets import forbid_lingering
+from hoap3.protocol.messages import WIRE_VERSION, Setpoint, State
+from hoap3.protocol.wire_versions import OLDEST, downgraded, upgraded
 
 BACKLOG = 1024  # setpoints; of more the oldest are dropped
 WAITING_STOPS = 16  # queries; of more the oldest are dropped, which ends them without an answer
@@ -56,6 +61,11 @@ DROP_US = 100
 def key(robot: str, leaf: str) -> str:
     """Key expression of one of a robot's resources."""
     return f"robots/{robot}/{leaf}"
+
+
+def state_key(robot: str, version: int = WIRE_VERSION) -> str:
+    """Where a robot publishes its States in a version of the wire."""
+    return key(robot, "state" if version == OLDEST else f"state/{version}")
 
 
 def open_session(settings: LinkSettings) -> zenoh.Session:
@@ -120,6 +130,7 @@ class ZenohRobotLink:
         robot: name of the robot.
         settings: how it is reached.
         blocking: wait for the network rather than drop a State; for lockstep only.
+        report: is told of the first peer of version 1, in a thread.
 
     Attributes:
         arrival: set when a Setpoint has arrived, for those who wait.
@@ -128,8 +139,16 @@ class ZenohRobotLink:
         NameTakenError: a robot of that name is alive on this network.
     """
 
-    def __init__(self, robot: str, settings: LinkSettings, *, blocking: bool = False) -> None:
+    def __init__(
+        self,
+        robot: str,
+        settings: LinkSettings,
+        *,
+        blocking: bool = False,
+        report: Callable[[str], None] = lambda _: None,
+    ) -> None:
         self.arrival, self._blocking = threading.Event(), blocking
+        self._report, self._old_listens, self._told = report, False, False
         self._give_way = _way_to_sender()
         self._local: LocalControl | None = None
         self._session = session = open_session(settings)
@@ -139,12 +158,14 @@ class ZenohRobotLink:
                     f"a robot called {robot!r} is alive already; stop it, or give this one "
                     "another name"
                 )
-            self._state = _fast_publisher(session, key(robot, "state"), blocking)
+            self._state = _fast_publisher(session, state_key(robot), blocking)
+            self._old_state = _fast_publisher(session, state_key(robot, OLDEST), blocking)
+            self._old_state.declare_matching_listener(self._old_listens_now)
             self._events = session.declare_publisher(key(robot, "events"), express=True)
             self._queries = _Queries(session, robot)
             self._clients = _Clients(session, robot)
             self._setpoints = session.declare_subscriber(
-                key(robot, "setpoint"), zenoh.handlers.RingChannel(BACKLOG)
+                key(robot, "setpoint/**"), zenoh.handlers.RingChannel(BACKLOG)
             )
             self._token = session.liveliness().declare_token(key(robot, "alive"))
         except BaseException:
@@ -160,6 +181,8 @@ class ZenohRobotLink:
     def publish(self, state: bytes) -> None:
         """Send a State."""
         self._state.put(state)
+        if self._old_listens:
+            self._old_state.put(downgraded(State, state))
         self._give_way()
 
     def announce(self, event: bytes) -> None:
@@ -187,10 +210,14 @@ class ZenohRobotLink:
             if self._query is None:
                 return
             query, self._query = self._query, None
-            request = self._answers.request(query)
+            request = self._answers.request(query, "ask")
             if request.verb == "acquire":
                 request = replace(request, present=self._clients.asks(request.who))
             yield request
+
+    def tokens(self) -> Sequence[tuple[str, bool]]:
+        """Clients whose tokens have come (True) or gone since the last call."""
+        return self._clients.changes()
 
     def look_again(self, who: str) -> None:
         """Check whether a client is alive, in a thread."""
@@ -219,10 +246,20 @@ class ZenohRobotLink:
         try:
             while True:
                 sample = receive()
-                arrived((now(), sample.payload.to_bytes()))
+                arrived((now(), upgraded(Setpoint, sample.payload.to_bytes())))
                 signal()
         except zenoh.ZError:
             return  # the session was closed
+
+    def _old_listens_now(self, status: zenoh.MatchingStatus) -> None:
+        """In a thread of Zenoh's, where the first comes or the last goes."""
+        self._old_listens = status.matching
+        if status.matching and not self._told:
+            self._told = True
+            self._report(
+                f"a client speaks wire version {OLDEST}: it gets no rates of the reference and "
+                "tells nothing of what it decided"
+            )
 
 
 class _Queries:
@@ -232,16 +269,15 @@ class _Queries:
     """
 
     def __init__(self, session: zenoh.Session, robot: str) -> None:
-        stop, ring = key(robot, "ask/stop"), zenoh.handlers.RingChannel
-        self._stops = session.declare_queryable(stop, ring(WAITING_STOPS))
-        self._others = session.declare_queryable(key(robot, "ask/*"), ring(WAITING_QUERIES))
-        self._stop = stop
+        ring, self._stop = zenoh.handlers.RingChannel, key(robot, "ask/stop")
+        self._stops = session.declare_queryable(f"{self._stop}/**", ring(WAITING_STOPS))
+        self._others = session.declare_queryable(key(robot, "ask/**"), ring(WAITING_QUERIES))
 
     def try_recv(self) -> zenoh.Query | None:
         """The next query, if there is one; both queues get each `stop`, the first one counts."""
         for queue, stops in ((self._stops, True), (self._others, False)):
             while (query := queue.try_recv()) is not None:
-                if (str(query.key_expr) == self._stop) == stops:
+                if _of(query.key_expr, self._stop) == stops:
                     return query
         return None
 
@@ -264,6 +300,7 @@ class _Clients:
         )
         self._seen: dict[str, int] = {}  # after how many samples; the oldest first
         self._asked: dict[str, int] = {}  # for authority, likewise
+        self._changes = deque[tuple[str, bool]](maxlen=TOKENS)
         self._taken = self._deleted = 0  # samples, and that of the last token that went
         self._wanted: SimpleQueue[str | None] = SimpleQueue()
         self._found: SimpleQueue[tuple[str, bool, int]] = SimpleQueue()
@@ -279,6 +316,14 @@ class _Clients:
         _remember(self._asked, who, self._taken)
         return who in self._seen
 
+    def changes(self) -> Sequence[tuple[str, bool]]:
+        """Clients whose tokens have come (True) or gone since the last call."""
+        if not self._changes:
+            return ()
+        changes = tuple(self._changes)
+        self._changes.clear()
+        return changes
+
     def vanished(self) -> Iterator[str]:
         """Clients that asked for authority and whose tokens have gone.
 
@@ -289,8 +334,9 @@ class _Clients:
             if sample is None:
                 break
             self._taken += 1
-            who = _client(sample.key_expr)
-            if sample.kind == zenoh.SampleKind.PUT:
+            who, came = _client(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
+            self._changes.append((who, came))
+            if came:
                 _remember(self._seen, who, self._taken)
             else:
                 self._deleted = self._taken
@@ -351,6 +397,7 @@ class ZenohControllerLink:
         departures: how often it went away; it may be back before anybody has looked.
         linked: whether there has been a connection to anybody. A session that has had none is as
             good as new.
+        wire_version: that the robot speaks, as far as its answers tell.
     """
 
     def __init__(
@@ -359,24 +406,19 @@ class ZenohControllerLink:
         self.robot, self.who = robot, who
         self.presence, self.departures = threading.Event(), 0
         self._asked: deque[tuple[float, Request]] = deque(maxlen=PENDING)
-        self.linked = False
-        self._waking, self._closed = threading.Lock(), False
+        self.linked, self.wire_version = False, WIRE_VERSION
+        self._waking, self._closed, self._blocking = threading.Lock(), False, blocking
+        self._declared: list[Any] = []  # what is for one version of the wire
         self._give_way = _way_to_sender()
         self._session = session = open_session(settings)
         self._answers = _Answers()
         try:
             session.info.declare_link_events_listener(self._link_changed, history=True)
-            self._setpoint = _fast_publisher(session, key(robot, "setpoint"), blocking)
-            self._states = session.declare_subscriber(
-                key(robot, "state"), zenoh.handlers.RingChannel(1)
-            )
+            self._speak(WIRE_VERSION)
             self._events = session.declare_subscriber(
                 key(robot, "events"), zenoh.handlers.RingChannel(EVENTS)
             )
-            self._waker = session.declare_publisher(
-                key(robot, "state"), allowed_destination=zenoh.Locality.SESSION_LOCAL
-            )
-            self._queries = session.declare_queryable(key(robot, "control/*"), self._queried)
+            self._queries = session.declare_queryable(key(robot, "control/**"), self._queried)
             self._token = session.liveliness().declare_token(key(robot, f"clients/{who}"))
             self._presence = session.liveliness().declare_subscriber(
                 key(robot, "alive"), self._presence_changed, history=True
@@ -390,10 +432,12 @@ class ZenohControllerLink:
         """Block until a State is there; None when woken because the robot came or went."""
         payload = self._states.recv().payload.to_bytes()
         stamp = time.monotonic_ns()
-        return (stamp, payload) if payload else None
+        return (stamp, upgraded(State, payload)) if payload else None
 
     def publish(self, setpoint: bytes) -> None:
         """Send a Setpoint."""
+        if self.wire_version == OLDEST:
+            setpoint = downgraded(Setpoint, setpoint)
         self._setpoint.put(setpoint)
         self._give_way()
 
@@ -403,9 +447,30 @@ class ZenohControllerLink:
             if not self._closed:  # else nobody waits
                 self._waker.put(b"")
 
-    def ask(self, verb: str, timeout_s: float = QUERY_TIMEOUT_S) -> bytes | None:
-        """Ask the robot; its answer, or None where it gives none in time."""
-        return ask(self._session, self.robot, verb, self.who, timeout_s)
+    def ask(self, verb: str, timeout_s: float = QUERY_TIMEOUT_S, body: bytes = b"") -> bytes | None:
+        """Ask the robot; its answer, or None where it gives none in time.
+
+        Where it speaks another version of the wire than before, that is spoken from now on.
+        """
+        version, answer = ask_versions(self._session, self.robot, verb, self.who, body, timeout_s)
+        if answer is not None and version != self.wire_version:
+            self._speak(version)
+        return answer
+
+    def _speak(self, version: int) -> None:
+        """Listen to States, and send Setpoints, of a version of the wire."""
+        session, state = self._session, state_key(self.robot, version)
+        setpoint = key(self.robot, "setpoint" if version == OLDEST else f"setpoint/{self.who}")
+        with self._waking:
+            for declared in self._declared:
+                declared.undeclare()
+            self.wire_version = version
+            self._setpoint = _fast_publisher(session, setpoint, self._blocking)
+            self._states = session.declare_subscriber(state, zenoh.handlers.RingChannel(1))
+            self._waker = session.declare_publisher(
+                state, allowed_destination=zenoh.Locality.SESSION_LOCAL
+            )
+            self._declared = [self._setpoint, self._states, self._waker]
 
     def close(self) -> None:
         """Leave the network."""
@@ -435,7 +500,7 @@ class ZenohControllerLink:
         """In a thread of Zenoh's. Queued; served after the next State."""
         if self._answers.full():
             return  # who asked gets no answer
-        request = self._answers.request(query)
+        request = self._answers.request(query, "control")
         if request.verb in CONTROL:
             self._asked.append((time.monotonic(), request))
         else:
@@ -461,15 +526,21 @@ class _Answers:
         self._thread = threading.Thread(target=self._send, name="answer", daemon=True)
         self._thread.start()
 
-    def request(self, query: zenoh.Query) -> Request:
-        """A query as somebody's request, whose answer is sent from here."""
+    def request(self, query: zenoh.Query, whom: str) -> Request:
+        """A query to `…/<whom>/<verb>/<who>` as a request, whose answer is sent from here.
+
+        One of version 1 goes to `…/<whom>/<verb>`, and its payload is `<who>`.
+        """
 
         def answer(content: dict[str, Any] | bytes) -> None:
             payload = content if isinstance(content, bytes) else json.dumps(content).encode()
             self._due.put((query, payload))
 
         body = query.payload.to_bytes() if query.payload else b""
-        return Request(_leaf(query.key_expr), _identity(body), answer, body)
+        _, _, asked = str(query.key_expr).partition(f"/{whom}/")
+        verb, new, who = (asked or _leaf(query.key_expr)).partition("/")
+        version = WIRE_VERSION if new else OLDEST
+        return Request(verb, _identity(who.encode() or body), answer, body, version=version)
 
     def full(self) -> bool:
         """Whether so many answers wait to be sent that no further request is to be taken."""
@@ -499,8 +570,8 @@ def ask(
     session: zenoh.Session,
     robot: str,
     verb: str,
-    body: str,
-    timeout_s: float = QUERY_TIMEOUT_S,
+    who: str,
+    body: bytes = b"",
     whom: Literal["ask", "control"] = "ask",
 ) -> bytes | None:
     """Ask a robot ("ask"), or its controller ("control").
@@ -508,14 +579,41 @@ def ask(
     Args:
         session: that reaches it.
         robot: its name.
-        verb, body: see `hoap3.protocol.link.base.Request`; a robot is told the client's name.
-        timeout_s: patience [s].
+        verb, who, body: see `hoap3.protocol.link.base.Request`.
         whom: see above.
 
     Returns:
         The answer; None where nobody gives one in time.
     """
-    replies = session.get(key(robot, f"{whom}/{verb}"), payload=body.encode(), timeout=timeout_s)
+    return ask_versions(session, robot, verb, who, body, QUERY_TIMEOUT_S, whom)[1]
+
+
+def ask_versions(
+    session: zenoh.Session,
+    robot: str,
+    verb: str,
+    who: str,
+    body: bytes = b"",
+    timeout_s: float = QUERY_TIMEOUT_S,
+    whom: Literal["ask", "control"] = "ask",
+) -> tuple[int, bytes | None]:
+    """The same, and the version of the wire that the answer came in.
+
+    Where nobody takes the question of today, it is put as in version 1, without the client's name
+    in the key; whoever takes it and is silent is not asked twice.
+    """
+    asked = time.monotonic()
+    root = key(robot, f"{whom}/{verb}")
+    answer = _first(session.get(f"{root}/{who}", payload=body, timeout=timeout_s))
+    left_s = timeout_s - (time.monotonic() - asked)
+    if answer is not None or left_s <= 0.0:
+        return WIRE_VERSION, answer
+    old = body if whom == "control" else who.encode()
+    return OLDEST, _first(session.get(root, payload=old, timeout=left_s))
+
+
+def _first(replies: Iterable[zenoh.Reply]) -> bytes | None:
+    """The first answer of those that are one; None where there is none."""
     for reply in replies:
         if reply.ok is not None:
             return reply.ok.payload.to_bytes()
@@ -567,6 +665,12 @@ def _remember(clients: dict[str, int], who: str, taken: int) -> None:
 def _alive(session: zenoh.Session, robot: str) -> bool:
     replies = session.liveliness().get(key(robot, "alive"), timeout=0.5)
     return any(reply.ok is not None for reply in replies)
+
+
+def _of(expression: Any, root: str) -> bool:
+    """Whether a key is `root`, or below it."""
+    text = str(expression)
+    return text == root or text.startswith(f"{root}/")
 
 
 def _leaf(expression: Any) -> str:

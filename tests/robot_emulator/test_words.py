@@ -96,7 +96,7 @@ def test_out_of_order_setpoints_are_not_followed():
         ({"session_id": 8}, "session"),
         ({"epoch": 2}, "epoch"),
         ({"command": 2}, "command"),
-        ({"wire_version": 2}, "wire_version"),
+        ({"wire_version": 3}, "wire_version"),
     ],
 )
 def test_what_does_not_belong_here_is_rejected_by_kind(changes, reason):

@@ -191,7 +191,7 @@ def sizes(plan: Plan, description: RobotDescription) -> tuple[int, int]:
         frame = Frames(description, plan.emulator.link.hoap3_tcp.slots).size
         return frame, frame
     n = description.n
-    return State(n, 6 * len(description.wrench_sensors)).size, Setpoint(n).size
+    return State.allocate(**description.state_lengths).size, Setpoint(n).size
 
 
 def _block(

@@ -63,7 +63,7 @@ def change(robot: str, request: Mapping[str, Any] | None, endpoint: str) -> dict
             f"the change has {len(body.encode())} bytes; a robot takes {MAX_REQUEST_BYTES} at most"
         )
     with open_session(client_settings(endpoint)) as session:
-        reply = ask(session, robot, verb, body, whom="control")
+        reply = ask(session, robot, verb, f"tool-{os.getpid()}", body.encode(), whom="control")
     if reply is None:
         raise LinkError(
             f"no controller of a robot called {robot!r} answers at {endpoint}: `hoap3 status` says "
