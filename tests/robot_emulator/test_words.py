@@ -4,19 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.robot_bench import Bench
+from support.robot_bench import active
 from support.small_arm import PERIOD_NS
 
 from hoap3.protocol.messages import State
 
 US = 1000
-
-
-def active(**options) -> Bench:
-    """A robot that follows us from tick 0."""
-    bench = Bench(**options)
-    bench.link.ask("acquire", "test")
-    return bench
 
 
 @pytest.mark.parametrize(
