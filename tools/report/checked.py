@@ -35,10 +35,9 @@ class Checked:
             return []
         claims = self.found.claims
         first = claims.by_tick()[0]
-        return [
-            f"{count(claims.false)} of {count(claims.checked)} numbers that were recomputed are "
-            f"not what the logs claim; the first is {first.claim} at tick {first.tick}."
-        ]
+        wrong = f"{count(claims.false)} of {count(claims.checked)} numbers that were recomputed"
+        where = f"the first is {first.claim} at tick {first.tick}"
+        return [f"{wrong} are not what the logs claim; {where}."]
 
     @property
     def rows(self) -> list[list[object]]:

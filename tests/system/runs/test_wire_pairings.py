@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -38,7 +39,14 @@ def interpreters(tmp_path_factory: pytest.TempPathFactory) -> dict[int, list[str
     old = str(folder / "env" / "bin" / "python")
     given = {**os.environ, "PIP_CONSTRAINT": str(HOUSE / "constraints.txt")}
     subprocess.run([old, "-m", "pip", "install", "-q", folder / "source"], check=True, env=given)
-    return {1: [old], 2: [sys.executable]}
+    found = {1: [old], 2: [sys.executable]}
+    for python in found.values():  # kernels are compiled here, and not while the other side waits
+        first = start(
+            python, "run", "--lockstep", "--duration", "0.01", "--out", "first", cwd=folder
+        )
+        first.communicate(timeout=20 * PATIENCE_S)
+        shutil.rmtree(folder / "first")
+    return found
 
 
 def start(python: list[str], *words: str, cwd: Path) -> subprocess.Popen[str]:
