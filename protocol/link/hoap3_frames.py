@@ -18,6 +18,7 @@ from hoap3.protocol.errors import DescriptionError, WireError
 from hoap3.protocol.messages import FloatArray
 
 BEGINNING = struct.Struct("<2d")
+LOST_MS = 6000  # without a sign of life from the other machine
 LEAST, MOST = -32768.0, 32767.0  # of an int16
 
 
@@ -78,7 +79,8 @@ class Frames:
 def set_up(connection: socket.socket) -> None:
     """Send each frame at once, and notice within some seconds that the other machine has gone."""
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, LOST_MS)  # while we send
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)  # while we do not
     for option in (socket.TCP_KEEPIDLE, socket.TCP_KEEPINTVL, socket.TCP_KEEPCNT):
         connection.setsockopt(socket.IPPROTO_TCP, option, 2)
 
