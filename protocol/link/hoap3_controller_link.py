@@ -182,6 +182,7 @@ class Hoap3ControllerLink:
             except OSError:
                 return False
             undo.pop_all()
+        connection.setblocking(False)  # `wait` knows what is there, and there is room for an answer
         self._connection, self._part, self._answered = connection, b"", True
         self._poll.register(connection, select.POLLIN)
         state, start = self._state, self._description.initial_position
@@ -213,8 +214,10 @@ class Hoap3ControllerLink:
         self._answered = True
         if self._connection is not None:
             try:
-                self._connection.sendall(self._frames.pack(positions))
-            except OSError:
+                whole = self._connection.send(self._frames.pack(positions)) == self._frames.size
+            except OSError:  # such as of a robot that has not read for long
+                whole = False
+            if not whole:
                 self._lose()
 
     def _receive(self, connection: socket.socket) -> bool:
