@@ -205,6 +205,8 @@ class RobotLoop:
             self.tick = ticker.tick
             self.skipped += ticker.skipped
             self._announce("SKIPPED", ticker.skipped)
+            if self._acted:
+                self._judge()  # deadlines that came with the ticks skipped
         if not self._acted:
             self._act(ticker.tick)
         self._acted = False

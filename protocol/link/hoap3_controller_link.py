@@ -150,35 +150,41 @@ class Hoap3ControllerLink:
     def _reach(self) -> bool:
         """Open the first connection: while it is silent, the robot waits for us.
 
-        A robot that has another client closes it at once.
+        A robot that has another client closes it at once, and any after some seconds.
         """
-        if self._beginning is None and self._connection is None:
+        if self._connection is not None:
+            return True
+        if self._beginning is not None and _has_ended(self._beginning, 0.0):
+            self._beginning.close()
+            self._beginning = None
+        if self._beginning is None:
             address = self._settings.host, self._settings.init_port
             with contextlib.suppress(OSError):
                 beginning = socket.create_connection(address, CONNECT_S)
-                if select.select((beginning,), (), (), SENT_AWAY_S)[0]:
+                if _has_ended(beginning, SENT_AWAY_S):
                     beginning.close()
                 else:
                     self._beginning = beginning
-        return self._beginning is not None or self._connection is not None
+        return self._beginning is not None
 
     def _connect(self) -> bool:
         """Say how long, and open the second connection, which stays."""
         self._reach()
-        settings, beginning, self._beginning = self._settings, self._beginning, None
+        beginning, self._beginning = self._beginning, None
         if beginning is None:
             return False
         cycle_ms = max(1.0, round(self._description.period_s * 1e3))
-        try:
-            with beginning:
-                beginning.sendall(BEGINNING.pack(cycle_ms, float(settings.check_s)))
-                connection = self._follow(time.monotonic() + CONNECT_S)
-        except OSError:
-            return False
-        if connection is None:
-            return False
-        set_up(connection)
-        connection.settimeout(CONNECT_S)
+        with beginning, contextlib.ExitStack() as undo:
+            try:
+                beginning.sendall(BEGINNING.pack(cycle_ms, float(self._settings.check_s)))
+                connection = undo.enter_context(self._second_connection())
+                set_up(connection)
+                if self._settings.order == "legacy":
+                    connection.sendall(self._frames.pack(self._description.initial_position))
+            except OSError:
+                return False
+            undo.pop_all()
+        connection.setblocking(False)  # `wait` knows what is there, and there is room for an answer
         self._connection, self._part, self._answered = connection, b"", True
         self._poll.register(connection, select.POLLIN)
         state, start = self._state, self._description.initial_position
@@ -188,26 +194,32 @@ class Hoap3ControllerLink:
         state.q[:], state.reference[:], state.dq[:] = start, start, 0.0
         self.linked = True
         self.presence.set()
-        if settings.order == "legacy":
-            self._send(start)
-        return self._connection is not None
+        return True
 
-    def _follow(self, until: float) -> socket.socket | None:
-        """The connection for frames; HOAP-3 opens that port only when it has read the beginning."""
-        address = self._settings.host, self._settings.control_port
-        while time.monotonic() < until:
+    def _second_connection(self) -> socket.socket:
+        """The connection for frames; HOAP-3 opens that port only when it has read the beginning.
+
+        Raises:
+            OSError: there is none in time.
+        """
+        address, until = (self._settings.host, self._settings.control_port), time.monotonic()
+        until += CONNECT_S
+        while True:
             try:
                 return socket.create_connection(address, CONNECT_S)
             except ConnectionRefusedError:
+                if time.monotonic() > until:
+                    raise
                 time.sleep(PAUSE_S)
-        return None
 
     def _send(self, positions: FloatArray) -> None:
         self._answered = True
         if self._connection is not None:
             try:
-                self._connection.sendall(self._frames.pack(positions))
-            except OSError:
+                whole = self._connection.send(self._frames.pack(positions)) == self._frames.size
+            except OSError:  # such as of a robot that has not read for long
+                whole = False
+            if not whole:
                 self._lose()
 
     def _receive(self, connection: socket.socket) -> bool:
@@ -247,3 +259,8 @@ class Hoap3ControllerLink:
         if connection is not None:
             self._poll.unregister(connection)
             connection.close()
+
+
+def _has_ended(connection: socket.socket, seconds: float) -> bool:
+    """Whether a robot that says nothing there closes it within that time [s]."""
+    return bool(select.select((connection,), (), (), seconds)[0])
