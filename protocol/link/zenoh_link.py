@@ -1,4 +1,4 @@
-"""Links over Zenoh. Nothing else in the project imports zenoh.
+"""Links over Zenoh.
 
 A State and its Setpoint travel as samples with the highest priority, unbatched. Whatever is
 rare (description, authority, stop, recover) is a query, answered by the robot between two ticks.
@@ -15,108 +15,35 @@ import os
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from queue import SimpleQueue
-from typing import Any, Literal
-
-os.environ.setdefault(
-    # Read once, at import. Few threads cost least, but receiving may wait until something is sent,
-    # and closing many connections that never say a word would delay the data.
-    "ZENOH_RUNTIME",
-    "(rx:(handover:app),tx:(worker_threads:1),acc:(worker_threads:1),net:(handover:app),"
-    "app:(worker_threads:1))",
-)
-
-import zenoh
+from typing import Any
 
 from hoap3.protocol.config.settings import LinkSettings
-from hoap3.protocol.errors import LinkError, NameTakenError, PortInUseError
+from hoap3.protocol.errors import NameTakenError
 from hoap3.protocol.link.base import Arrival, Request
 from hoap3.protocol.link.local_control import LocalControl
-from hoap3.protocol.link.session_limits import MAX_MESSAGE_BYTES, SIZE_FILTER, accept_limits
-from hoap3.protocol.link.zenoh_sockets import forbid_lingering
+from hoap3.protocol.link.zenoh_clients import Clients, Queries, identity, leaf
+from hoap3.protocol.link.zenoh_session import (
+    QUERY_TIMEOUT_S,
+    ask_versions,
+    fast_publisher,
+    is_alive,
+    key,
+    open_session,
+    state_key,
+    zenoh,
+)
 from hoap3.protocol.messages import WIRE_VERSION, Setpoint, State
 from hoap3.protocol.wire_versions import OLDEST, downgraded, upgraded
 
 BACKLOG = 1024  # setpoints; of more the oldest are dropped
-WAITING_STOPS = 16  # queries; of more the oldest are dropped, which ends them without an answer
-WAITING_QUERIES = 64
 WAITING_ANSWERS = 256  # with as many no further request is taken: somebody takes none
 CONTROL = frozenset({"change", "show"})  # what a controller can be asked
 PENDING = 16  # requests to a controller; of more the oldest get no answer
-QUERY_TIMEOUT_S = 2.0
 FRESH_S = 0.75 * QUERY_TIMEOUT_S  # of a request to a controller: who asked still waits
-MAX_CLIENTS = 1024  # whose tokens a robot remembers; the oldest are forgotten first
-TOKENS = 256  # that came or went and wait for the loop; of more the oldest are lost
-TOKENS_AT_ONCE = 8  # that are taken before each request
 EVENTS = 16  # of the robot that a controller keeps; of more the oldest are lost
-LOOKS = 8  # clients whose tokens are looked up together
-LOOK_PAUSE_S = 0.05  # before each look-up: requests may come by the thousand
-CLOSE_US = 1_000_000  # a peer that takes no answer for so long is disconnected
-DROP_US = 100
-"""How long a State waits for room on its way to a peer that takes nothing: at each tick."""
-
-
-def key(robot: str, leaf: str) -> str:
-    """Key expression of one of a robot's resources."""
-    return f"robots/{robot}/{leaf}"
-
-
-def state_key(robot: str, version: int = WIRE_VERSION) -> str:
-    """Where a robot publishes its States in a version of the wire."""
-    return key(robot, "state" if version == OLDEST else f"state/{version}")
-
-
-def open_session(settings: LinkSettings) -> zenoh.Session:
-    """A session that listens, connects and discovers exactly what the settings say.
-
-    Raises:
-        PortInUseError: somebody listens on one of the endpoints.
-        LinkError: an endpoint that Zenoh cannot use.
-    """
-    congestion = {
-        "drop": {"wait_before_drop": DROP_US},
-        "block": {"wait_before_close": CLOSE_US},
-    }
-    config = {
-        "mode": settings.mode,
-        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
-        "listen": {"endpoints": list(settings.listen)},
-        "connect": {
-            "endpoints": list(settings.connect),
-            "timeout_ms": -1 if settings.mode == "peer" else 3000,
-            "exit_on_failure": settings.mode == "client",
-            "retry": {"period_init_ms": 100, "period_max_ms": 200, "period_increase_factor": 1.5},
-        },
-        "transport": {
-            "shared_memory": {"enabled": False},
-            "unicast": accept_limits(),
-            "link": {
-                "tx": {"lease": settings.lease_ms, "queue": {"congestion_control": congestion}},
-                "rx": {"max_message_size": MAX_MESSAGE_BYTES},
-            },
-        },
-        "low_pass_filter": [SIZE_FILTER],
-    }
-    try:
-        session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
-    except zenoh.ZError as error:
-        text = str(error)
-        endpoints = ", ".join(settings.listen or settings.connect)
-        if "in use" in text:
-            raise PortInUseError(
-                f"{endpoints} is in use: another robot runs there. Stop it, or set link.listen "
-                "to a free port"
-            ) from error
-        if settings.mode == "client":
-            raise LinkError(
-                f"nobody answers at {endpoints}: is the robot running, and is this its endpoint?"
-            ) from error
-        reason = text.partition(" at /")[0]  # without the place in Zenoh's source
-        raise LinkError(f"cannot open {endpoints}: {reason}") from error
-    session.info.declare_link_events_listener(_link_changed, history=True)
-    return session
 
 
 class ZenohRobotLink:
@@ -153,17 +80,17 @@ class ZenohRobotLink:
         self._local: LocalControl | None = None
         self._session = session = open_session(settings)
         try:
-            if _alive(session, robot):
+            if is_alive(session, robot):
                 raise NameTakenError(
                     f"a robot called {robot!r} is alive already; stop it, or give this one "
                     "another name"
                 )
-            self._state = _fast_publisher(session, state_key(robot), blocking)
-            self._old_state = _fast_publisher(session, state_key(robot, OLDEST), blocking)
+            self._state = fast_publisher(session, state_key(robot), blocking)
+            self._old_state = fast_publisher(session, state_key(robot, OLDEST), blocking)
             self._old_state.declare_matching_listener(self._old_listens_now)
             self._events = session.declare_publisher(key(robot, "events"), express=True)
-            self._queries = _Queries(session, robot)
-            self._clients = _Clients(session, robot)
+            self._queries = Queries(session, robot)
+            self._clients = Clients(session, robot)
             self._setpoints = session.declare_subscriber(
                 key(robot, "setpoint/**"), zenoh.handlers.RingChannel(BACKLOG)
             )
@@ -262,128 +189,6 @@ class ZenohRobotLink:
             )
 
 
-class _Queries:
-    """Queries to the robot, `stop` first. A full queue drops its oldest, whose client learns that.
-
-    Zenoh's thread never waits for room here: it also carries what the holder sends.
-    """
-
-    def __init__(self, session: zenoh.Session, robot: str) -> None:
-        ring, self._stop = zenoh.handlers.RingChannel, key(robot, "ask/stop")
-        self._stops = session.declare_queryable(f"{self._stop}/**", ring(WAITING_STOPS))
-        self._others = session.declare_queryable(key(robot, "ask/**"), ring(WAITING_QUERIES))
-
-    def try_recv(self) -> zenoh.Query | None:
-        """The next query, if there is one; both queues get each `stop`, the first one counts."""
-        for queue, stops in ((self._stops, True), (self._others, False)):
-            while (query := queue.try_recv()) is not None:
-                if _of(query.key_expr, self._stop) == stops:
-                    return query
-        return None
-
-
-class _Clients:
-    """The clients whose liveliness tokens are seen.
-
-    Tokens come and go as samples, which the robot's loop takes. A single client is looked up by a
-    thread, because that may block. All other methods belong to the loop, and never block. Under a
-    flood samples are lost rather than that they hold up setpoints; a look-up makes up for that.
-
-    Args:
-        session, robot: whose clients.
-    """
-
-    def __init__(self, session: zenoh.Session, robot: str) -> None:
-        self._liveliness, self._robot = session.liveliness(), robot
-        self._samples = self._liveliness.declare_subscriber(
-            key(robot, "clients/*"), zenoh.handlers.RingChannel(TOKENS), history=True
-        )
-        self._seen: dict[str, int] = {}  # after how many samples; the oldest first
-        self._asked: dict[str, int] = {}  # for authority, likewise
-        self._changes = deque[tuple[str, bool]](maxlen=TOKENS)
-        self._taken = self._deleted = 0  # samples, and that of the last token that went
-        self._wanted: SimpleQueue[str | None] = SimpleQueue()
-        self._found: SimpleQueue[tuple[str, bool, int]] = SimpleQueue()
-        self._closing = threading.Event()
-        self._thread = threading.Thread(target=self._look, name="clients", daemon=True)
-
-    def start(self) -> None:
-        """Start the thread."""
-        self._thread.start()
-
-    def asks(self, who: str) -> bool:
-        """Note that a client asks for authority; whether its token is seen."""
-        _remember(self._asked, who, self._taken)
-        return who in self._seen
-
-    def changes(self) -> Sequence[tuple[str, bool]]:
-        """Clients whose tokens have come (True) or gone since the last call."""
-        if not self._changes:
-            return ()
-        changes = tuple(self._changes)
-        self._changes.clear()
-        return changes
-
-    def vanished(self) -> Iterator[str]:
-        """Clients that asked for authority and whose tokens have gone.
-
-        Each is to be served before the next is taken.
-        """
-        for _ in range(TOKENS_AT_ONCE):
-            sample = self._samples.try_recv()
-            if sample is None:
-                break
-            self._taken += 1
-            who, came = _client(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
-            self._changes.append((who, came))
-            if came:
-                _remember(self._seen, who, self._taken)
-            else:
-                self._deleted = self._taken
-                self._seen.pop(who, None)
-                if self._asked.pop(who, None) is not None:
-                    yield who
-        while not self._found.empty():
-            who, alive, taken = self._found.get()
-            if alive and self._deleted <= taken:
-                _remember(self._seen, who, self._taken)
-            elif not alive and self._seen.get(who, 0) <= taken:
-                self._seen.pop(who, None)
-                yield who
-
-    def look_again(self, who: str) -> None:
-        """Have the thread look up a client; where many wait for that, it is not done."""
-        if self._wanted.qsize() < LOOKS:
-            self._wanted.put(who)
-
-    def finish(self) -> None:
-        """Look up nothing more; before the session is closed."""
-        self._closing.set()
-        self._wanted.put(None)
-
-    def join(self) -> None:
-        """Wait for the thread; after the session was closed."""
-        self._thread.join(timeout=2.0)
-
-    def _look(self) -> None:
-        while not self._closing.is_set():
-            wanted = {self._wanted.get()}
-            if self._closing.wait(LOOK_PAUSE_S):
-                return
-            wanted.update(self._wanted.get() for _ in range(self._wanted.qsize()))
-            for who in wanted - {None}:
-                with contextlib.suppress(zenoh.ZError):  # a name that no key can have, or closing
-                    self._look_up(str(who))
-
-    def _look_up(self, who: str) -> None:
-        taken = self._taken  # what comes or goes after this is newer than what is found
-        token = key(self._robot, f"clients/{who}")
-        replies = list(self._liveliness.get(token, timeout=QUERY_TIMEOUT_S))
-        if all(reply.ok for reply in replies):  # else it took too long
-            names = {_client(reply.ok.key_expr) for reply in replies if reply.ok}
-            self._found.put((who, who in names, taken))  # a wildcard finds others
-
-
 class ZenohControllerLink:
     """The controller's side: the newest State only, older ones are overwritten.
 
@@ -465,7 +270,7 @@ class ZenohControllerLink:
             for declared in self._declared:
                 declared.undeclare()
             self.wire_version = version
-            self._setpoint = _fast_publisher(session, setpoint, self._blocking)
+            self._setpoint = fast_publisher(session, setpoint, self._blocking)
             self._states = session.declare_subscriber(state, zenoh.handlers.RingChannel(1))
             self._waker = session.declare_publisher(
                 state, allowed_destination=zenoh.Locality.SESSION_LOCAL
@@ -538,9 +343,9 @@ class _Answers:
 
         body = query.payload.to_bytes() if query.payload else b""
         _, _, asked = str(query.key_expr).partition(f"/{whom}/")
-        verb, new, who = (asked or _leaf(query.key_expr)).partition("/")
+        verb, new, who = (asked or leaf(query.key_expr)).partition("/")
         version = WIRE_VERSION if new else OLDEST
-        return Request(verb, _identity(who.encode() or body), answer, body, version=version)
+        return Request(verb, identity(who.encode() or body), answer, body, version=version)
 
     def full(self) -> bool:
         """Whether so many answers wait to be sent that no further request is to be taken."""
@@ -566,83 +371,6 @@ def _reply(query: zenoh.Query, payload: bytes) -> None:
         query.reply(query.key_expr, payload)
 
 
-def ask(
-    session: zenoh.Session,
-    robot: str,
-    verb: str,
-    who: str,
-    body: bytes = b"",
-    whom: Literal["ask", "control"] = "ask",
-) -> bytes | None:
-    """Ask a robot ("ask"), or its controller ("control").
-
-    Args:
-        session: that reaches it.
-        robot: its name.
-        verb, who, body: see `hoap3.protocol.link.base.Request`.
-        whom: see above.
-
-    Returns:
-        The answer; None where nobody gives one in time.
-    """
-    return ask_versions(session, robot, verb, who, body, QUERY_TIMEOUT_S, whom)[1]
-
-
-def ask_versions(
-    session: zenoh.Session,
-    robot: str,
-    verb: str,
-    who: str,
-    body: bytes = b"",
-    timeout_s: float = QUERY_TIMEOUT_S,
-    whom: Literal["ask", "control"] = "ask",
-) -> tuple[int, bytes | None]:
-    """The same, and the version of the wire that the answer came in.
-
-    Where nobody takes the question of today, it is put as in version 1, without the client's name
-    in the key; whoever takes it and is silent is not asked twice.
-    """
-    asked = time.monotonic()
-    root = key(robot, f"{whom}/{verb}")
-    answer = _first(session.get(f"{root}/{who}", payload=body, timeout=timeout_s))
-    left_s = timeout_s - (time.monotonic() - asked)
-    if answer is not None or left_s <= 0.0:
-        return WIRE_VERSION, answer
-    old = body if whom == "control" else who.encode()
-    return OLDEST, _first(session.get(root, payload=old, timeout=left_s))
-
-
-def _first(replies: Iterable[zenoh.Reply]) -> bytes | None:
-    """The first answer of those that are one; None where there is none."""
-    for reply in replies:
-        if reply.ok is not None:
-            return reply.ok.payload.to_bytes()
-    return None
-
-
-def alive_robots(session: zenoh.Session) -> list[str]:
-    """Names of the robots that are alive where the session reaches."""
-    replies = session.liveliness().get(key("*", "alive"), timeout=QUERY_TIMEOUT_S)
-    return sorted(str(reply.ok.key_expr).split("/")[1] for reply in replies if reply.ok)
-
-
-def _fast_publisher(session: zenoh.Session, expression: str, blocking: bool) -> zenoh.Publisher:
-    """Publisher whose samples are neither batched nor queued behind others."""
-    control = zenoh.CongestionControl
-    return session.declare_publisher(
-        expression,
-        express=True,
-        priority=zenoh.Priority.REAL_TIME,
-        congestion_control=control.BLOCK if blocking else control.DROP,
-    )
-
-
-def _link_changed(event: zenoh.LinkEvent) -> None:
-    """For each new link, in a thread of Zenoh's."""
-    if event.kind == zenoh.SampleKind.PUT:
-        forbid_lingering()
-
-
 def _way_to_sender() -> Callable[[], None]:
     """What lets Zenoh's thread send at once.
 
@@ -654,35 +382,3 @@ def _way_to_sender() -> Callable[[], None]:
 
 def _nothing() -> None:
     """Nobody waits for an arrival in real time, nor for us to give way."""
-
-
-def _remember(clients: dict[str, int], who: str, taken: int) -> None:
-    clients[who] = taken
-    if len(clients) > MAX_CLIENTS:
-        del clients[next(iter(clients))]
-
-
-def _alive(session: zenoh.Session, robot: str) -> bool:
-    replies = session.liveliness().get(key(robot, "alive"), timeout=0.5)
-    return any(reply.ok is not None for reply in replies)
-
-
-def _of(expression: Any, root: str) -> bool:
-    """Whether a key is `root`, or below it."""
-    text = str(expression)
-    return text == root or text.startswith(f"{root}/")
-
-
-def _leaf(expression: Any) -> str:
-    """Last chunk of a key expression; a wildcard such as `**` may be all there is of it."""
-    return str(expression).rsplit("/", 1)[-1]
-
-
-def _client(token: Any) -> str:
-    """Name of the client that holds a token."""
-    return _identity(_leaf(token).encode())
-
-
-def _identity(name: bytes) -> str:
-    """Name of a client, cut alike wherever it comes from."""
-    return name[:64].decode("utf-8", "replace")

@@ -12,7 +12,7 @@ from typing import Any
 import zenoh
 
 from hoap3.protocol.config.settings import LinkSettings
-from hoap3.protocol.link.zenoh_link import key, open_session, state_key
+from hoap3.protocol.link.zenoh_session import key, open_session, state_key
 
 Script = Callable[[str, str], bytes | None]
 """Verb of a request and its client in, the answer out; None for no answer."""

@@ -86,7 +86,7 @@ def record_robot(
     """
     import zenoh
 
-    from hoap3.protocol.link.zenoh_link import ask_versions, key, open_session, state_key
+    from hoap3.protocol.link.zenoh_session import ask_versions, key, open_session, state_key
 
     check_name(robot)
     stop = StopFlag()

@@ -10,13 +10,8 @@ import zenoh
 from loopback import PATIENCE_S, Network, eventually, free_endpoint
 
 from hoap3.protocol.config.settings import LinkSettings
-from hoap3.protocol.link.zenoh_link import (
-    ZenohControllerLink,
-    ZenohRobotLink,
-    ask_versions,
-    key,
-    open_session,
-)
+from hoap3.protocol.link.zenoh_link import ZenohControllerLink, ZenohRobotLink
+from hoap3.protocol.link.zenoh_session import ask_versions, key, open_session
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.wire_versions import downgraded
 
