@@ -15,7 +15,7 @@ from hoap3.protocol.answers import GrantAnswer, Status, parse_answer, parse_desc
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import AuthorityError, LinkError, PortInUseError, UsageError, WireError
 from hoap3.protocol.link.base import Request
-from hoap3.protocol.link.hoap3_controller_link import Hoap3ControllerLink
+from hoap3.protocol.link.hoap3_tcp.controller_link import Hoap3ControllerLink
 from hoap3.protocol.link.local_control import others_here
 from hoap3.protocol.link.zenoh_link import ZenohControllerLink
 from hoap3.protocol.messages import WIRE_VERSION, State

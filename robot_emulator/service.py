@@ -185,7 +185,7 @@ def _open_link(
 ) -> RemoteRobotLink:
     """The configured link to controllers; `blocking` for lockstep."""
     if config.link.kind == "hoap3_tcp":
-        from hoap3.protocol.link.hoap3_robot_link import Hoap3RobotLink
+        from hoap3.protocol.link.hoap3_tcp.robot_link import Hoap3RobotLink
 
         return Hoap3RobotLink(description, config.link.hoap3_tcp, report, blocking=blocking)
     from hoap3.protocol.link.zenoh_link import ZenohRobotLink

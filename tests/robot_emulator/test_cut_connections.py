@@ -12,7 +12,7 @@ from contextlib import closing, contextmanager
 import pytest
 
 from hoap3.protocol.config.settings import Hoap3TcpSettings
-from hoap3.protocol.link.hoap3_robot_link import Hoap3RobotLink
+from hoap3.protocol.link.hoap3_tcp.robot_link import Hoap3RobotLink
 from hoap3.protocol.link.remote_lockstep import RemoteLockstepLink
 from hoap3.protocol.messages import Event, State
 from hoap3.protocol.runtime.clock import VirtualClock

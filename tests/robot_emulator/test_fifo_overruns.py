@@ -13,7 +13,7 @@ import pytest
 
 from hoap3.protocol.config.settings import Hoap3TcpSettings
 from hoap3.protocol.link.base import Arrival, Request
-from hoap3.protocol.link.hoap3_robot_link import FIFO, Hoap3RobotLink
+from hoap3.protocol.link.hoap3_tcp.robot_link import FIFO, Hoap3RobotLink
 from hoap3.protocol.messages import State
 from hoap3.protocol.runtime.clock import VirtualClock
 from hoap3.protocol.runtime.recorder import NoRecorder

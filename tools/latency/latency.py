@@ -21,7 +21,7 @@ import numpy as np
 from hoap3.protocol.config.settings import RealtimeSettings
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, LogError, UsageError
-from hoap3.protocol.link.hoap3_frames import Frames
+from hoap3.protocol.link.hoap3_tcp.frames import Frames
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.remote_controller.config import ControllerConfig
 from hoap3.robot_emulator.config import EmulatorConfig

@@ -23,7 +23,7 @@ from hoap3.protocol.config.settings import (
 )
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, Hoap3Error, UsageError
-from hoap3.protocol.link.hoap3_frames import Frames
+from hoap3.protocol.link.hoap3_tcp.frames import Frames
 from hoap3.protocol.runtime.notes import Note, Routine
 from hoap3.protocol.runtime.recorder import BlockingRecorder, Recorder, RingRecorder
 from hoap3.remote_controller.config import ControllerConfig, check_parameters

@@ -17,9 +17,9 @@ from typing import Any
 from hoap3.protocol.config.settings import Hoap3TcpSettings
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.link.base import Arrival, Request
-from hoap3.protocol.link.hoap3_client_connection import SAME, ClientConnection
-from hoap3.protocol.link.hoap3_frames import Frames
-from hoap3.protocol.link.hoap3_reception import LOOK_S, Hoap3Reception
+from hoap3.protocol.link.hoap3_tcp.client_connection import SAME, ClientConnection
+from hoap3.protocol.link.hoap3_tcp.frames import Frames
+from hoap3.protocol.link.hoap3_tcp.reception import LOOK_S, Hoap3Reception
 from hoap3.protocol.link.local_control import LocalControl
 from hoap3.protocol.messages import Setpoint, State, schema
 

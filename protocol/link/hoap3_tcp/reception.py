@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 from hoap3.protocol.config.settings import Hoap3TcpSettings
 from hoap3.protocol.errors import LinkError, PortInUseError, WireError
-from hoap3.protocol.link.hoap3_frames import BEGINNING, exchanges, set_up
+from hoap3.protocol.link.hoap3_tcp.frames import BEGINNING, exchanges, set_up
 
 LOOK_S = 0.1  # how often it is looked whether the link was closed
 PATIENCE_S = 10.0  # for the 16 bytes of the beginning, before which a controller is built

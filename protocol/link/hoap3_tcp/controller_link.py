@@ -20,7 +20,7 @@ import numpy as np
 from hoap3.protocol.config.settings import Hoap3TcpSettings
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.link.base import Arrival, Request
-from hoap3.protocol.link.hoap3_frames import BEGINNING, Frames, set_up
+from hoap3.protocol.link.hoap3_tcp.frames import BEGINNING, Frames, set_up
 from hoap3.protocol.messages import WIRE_VERSION, FloatArray, Setpoint, State
 
 CONNECT_S = 2.0  # for the port of the frames, which HOAP-3 opens after the beginning

@@ -14,11 +14,11 @@ import pytest
 
 from hoap3.protocol.config.settings import Hoap3TcpSettings
 from hoap3.protocol.errors import PortInUseError
-from hoap3.protocol.link import hoap3_client_connection
 from hoap3.protocol.link.base import Request
-from hoap3.protocol.link.hoap3_controller_link import Hoap3ControllerLink
-from hoap3.protocol.link.hoap3_frames import Frames
-from hoap3.protocol.link.hoap3_robot_link import FIFO, Hoap3RobotLink
+from hoap3.protocol.link.hoap3_tcp import client_connection
+from hoap3.protocol.link.hoap3_tcp.controller_link import Hoap3ControllerLink
+from hoap3.protocol.link.hoap3_tcp.frames import Frames
+from hoap3.protocol.link.hoap3_tcp.robot_link import FIFO, Hoap3RobotLink
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.robot_emulator.robots import load
 
@@ -318,7 +318,7 @@ def ended(client: socket.socket) -> bool:
 
 
 def test_frames_that_are_too_short_are_named(paper: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hoap3_client_connection, "DOUBT_S", 0.05)
+    monkeypatch.setattr(client_connection, "DOUBT_S", 0.05)
     with paper.client() as client:
         paper.publish(1)
         client.sendall(bytes(160))
@@ -327,7 +327,7 @@ def test_frames_that_are_too_short_are_named(paper: Robot, monkeypatch: pytest.M
 
 
 def test_two_ends_that_wait_for_each_other_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hoap3_client_connection, "DOUBT_S", 0.05)
+    monkeypatch.setattr(client_connection, "DOUBT_S", 0.05)
     robot = Robot("legacy")
     with closing(robot.link), robot.client():
         robot.publish(1)

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from hoap3.protocol.config.settings import Hoap3TcpSettings
-from hoap3.protocol.link import hoap3_controller_link
-from hoap3.protocol.link.hoap3_controller_link import Hoap3ControllerLink
-from hoap3.protocol.link.hoap3_frames import Frames
+from hoap3.protocol.link.hoap3_tcp import controller_link
+from hoap3.protocol.link.hoap3_tcp.controller_link import Hoap3ControllerLink
+from hoap3.protocol.link.hoap3_tcp.frames import Frames
 from hoap3.protocol.messages import State
 from hoap3.robot_emulator.robots import load
 
@@ -87,7 +87,7 @@ def seen(link: Hoap3ControllerLink) -> State:
 def test_it_survives_a_robot_that_is_cut_off_at_any_byte_of_a_frame(
     end: str, robot: OtherRobot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(hoap3_controller_link, "SENT_AWAY_S", 0.0)  # this robot sends nobody away
+    monkeypatch.setattr(controller_link, "SENT_AWAY_S", 0.0)  # this robot sends nobody away
     with closing(Hoap3ControllerLink(HOAP3, robot.settings, "law")) as link:
         for sent in range(robot.frames.size):
             with robot.follow(link) as client:
@@ -130,7 +130,7 @@ def test_a_connection_that_fails_at_once_is_no_departure(
     robot: OtherRobot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It would end the next engagement, too."""
-    monkeypatch.setattr(hoap3_controller_link, "CONNECT_S", 0.1)
+    monkeypatch.setattr(controller_link, "CONNECT_S", 0.1)
     with closing(Hoap3ControllerLink(HOAP3, robot.settings, "law")) as link:
         robot.listeners[1].close()
         link.ask("description")
