@@ -64,7 +64,13 @@ class Task(ABC):
     """
 
     def __init__(self, target: Target, weights: Array) -> None:
-        self.target, self.roots = target, np.sqrt(weights)
+        self.target = target
+        self.roots: Array = np.sqrt(weights)
+
+    @property
+    def size(self) -> int:
+        """How many components e has."""
+        return len(self.roots)
 
     def begin(self, robot: Robot, time_s: float) -> None:
         """Have the target set out from where the robot is, at a time [s]."""
@@ -204,6 +210,12 @@ class SumTask:
 
     def __init__(self, terms: Sequence[AnyTask], weights: Sequence[float]) -> None:
         self._terms, self._roots = terms, np.sqrt(weights)
+        self.roots: Array = self._joined([term.roots for term in terms])
+
+    @property
+    def size(self) -> int:
+        """How many components e has."""
+        return len(self.roots)
 
     def begin(self, robot: Robot, time_s: float) -> None:
         """All targets set out."""
