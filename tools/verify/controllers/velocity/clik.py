@@ -20,7 +20,13 @@ from hoap3.tools.verify.controllers.velocity.clik_law import Law, certified_rate
 from hoap3.tools.verify.controllers.velocity.gain_optimum import Gains
 from hoap3.tools.verify.controllers.velocity.joint_bounds import bounds_of
 from hoap3.tools.verify.controllers.velocity.settings import of_rows, settings_of
-from hoap3.tools.verify.controllers.velocity.task_stack import PLACE, Cycles, Tasks
+from hoap3.tools.verify.controllers.velocity.task_stack import (
+    PLACE,
+    Cycles,
+    Tasks,
+    check_errors,
+    check_margin,
+)
 from hoap3.tools.verify.sent_velocity import DELAYED, check_values, judged, sent_velocity
 from hoap3.tools.verify.tasks.targets import UnknownTaskError
 
@@ -123,14 +129,6 @@ def _check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims, *,
     certificate.check(settings["floor_tolerance"], claims)
 
 
-def check_errors(tasks: Tasks, cycles: Cycles, run: ControllerRun, claims: Claims) -> None:
-    """|e| of each task, the first columns."""
-    stated = run.answers["extra"][:, : len(tasks.labels)]
-    found = np.array([np.linalg.norm(cycles.e[:, rows], axis=1) for rows in tasks.rows]).T
-    near = np.array([np.linalg.norm(tasks.roots[rows]) for rows in tasks.rows]) * PLACE
-    claims.equal("error", run.answers["tick"], stated, found, RELATIVE * np.abs(found) + near)
-
-
 def _columns(tasks: Tasks) -> list[str]:
     """Names of the columns, as the tasks have them."""
     names = [f"error_{label}" for label in tasks.labels] + list(FIGURES)
@@ -204,9 +202,7 @@ def _check_law(
     tick, T, u = run.answers["tick"], run.description.period_s, sent[0]
     dq = np.clip(motion.fed + motion.way, motion.least, motion.most)
     claims.equal("u", tick, u, np.clip(dq, *bounds), motion.near)
-    margin = np.minimum(u - bounds[0], bounds[1] - u).min(1)
-    near = (RELATIVE * np.maximum(*np.abs(bounds)) + sent[1]).max(1)
-    claims.equal("margin", tick, run.answers["margin"], margin, near)
+    check_margin(run, sent, bounds, claims)
     beta, unsure = certified_rates(law, gains, T)
     claims.equal("beta", tick, columns["beta"], beta, RELATIVE * np.abs(beta) + unsure)
     stated = columns["task_rank"][law.sure]

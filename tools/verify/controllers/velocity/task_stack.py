@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
+from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.tasks.config import default_entry, task_of
@@ -128,6 +129,24 @@ class Tasks:
     def _errors(self, time_s: float, out: Array) -> None:
         for task, rows in zip(self.tasks, self.rows, strict=True):
             out[rows] = task.at(self.robot, time_s).error
+
+
+def check_errors(tasks: Tasks, cycles: Cycles, run: ControllerRun, claims: Claims) -> None:
+    """|e| of each task, the first columns."""
+    stated = run.answers["extra"][:, : len(tasks.labels)]
+    found = np.array([np.linalg.norm(cycles.e[:, rows], axis=1) for rows in tasks.rows]).T
+    near = np.array([np.linalg.norm(tasks.roots[rows]) for rows in tasks.rows]) * PLACE
+    claims.equal("error", run.answers["tick"], stated, found, RELATIVE * np.abs(found) + near)
+
+
+def check_margin(
+    run: ControllerRun, sent: tuple[Array, Array], bounds: tuple[Array, Array], claims: Claims
+) -> None:
+    """The least distance of u from a bound; `sent` has u and how exactly it is known, (N, n)."""
+    u, doubt = sent
+    margin = np.minimum(u - bounds[0], bounds[1] - u).min(1)
+    near = (RELATIVE * np.maximum(*np.abs(bounds)) + doubt).max(1)
+    claims.equal("margin", run.answers["tick"], run.answers["margin"], margin, near)
 
 
 def _starts(run: ControllerRun) -> list[int]:
