@@ -8,12 +8,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from driven import driven
 from support.command_bench import inside
 from tampering import Change, changed_field, rewrite
 
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.pairs import PAIRS, POSTURES
 from hoap3.tools.logs.log import Log
+from hoap3.tools.verify.checkers import checker_of
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import runs
 from hoap3.tools.verify.verify import verify
@@ -96,7 +98,8 @@ CLIK = {
 KINDS = {
     "clik": {**CLIK, "certified": field("solver_status", lambda _: 0)},
     "clik_sdp": CLIK,
-    "writing": CLIK,
+    # errors of some 1e-5 m: a gain that is 1e-6 larger moves no claim
+    "writing": {**CLIK, "gain of the hand": column("gain_hand_2", lambda gain: 1.1 * gain)},
     "ghc_velocity": {
         **EVERY,
         "error": column("error_com"),
@@ -105,16 +108,13 @@ KINDS = {
     },
 }
 SETTINGS = {
-    "clik": ["gain_per_s: 2.0 > gain_per_s: 2.00001", "acceleration_rad_s2: 200.0 > 200.001"],
-    "clik_sdp": [
-        "beta_per_s: 8.0 > beta_per_s: 8.00001",
-        "-0.4 > -0.400001",
-        "acceleration_rad_s2: 200.0 > acceleration_rad_s2: 200.001",
-    ],
-    "writing": ["half_width_m: 0.1 > half_width_m: 0.1000001", "period_s: 4.0 > period_s: 4.00001"],
+    "clik": ["gain_per_s: 2.0 > gain_per_s: 2.00001", "- -0.3 > - -0.300001"],
+    "clik_sdp": ["beta_per_s: 8.0 > beta_per_s: 8.01", "- -0.4 > - -0.400001"],
+    "writing": ["half_width_m: 0.1 > half_width_m: 0.1001", "period_s: 4.0 > period_s: 4.001"],
     "ghc_velocity": [
         "gain_per_s: 10.0 > gain_per_s: 10.0001",
-        "smoothing: 0.02 > smoothing: 0.0",
+        "speed_rad_s: 1.0 > speed_rad_s: 0.01",
+        "smoothing: 0.02 > smoothing: 0.9",
         "- com > - posture",
         "approach_s: 1.5 > approach_s: 1.50001",
     ],
@@ -195,7 +195,6 @@ def test_another_setting_in_the_config_is_found(
     found = found_in(run, tmp_path / "o", lambda all_: all_, text.replace(before, after).encode())
 
     assert found.false
-    assert found.by_tick()[0].tick <= 2
 
 
 @pytest.mark.slow
@@ -278,3 +277,63 @@ def test_a_setting_that_is_none_is_not_reckoned_with(
 
     assert found.verdict == "not verified"
     assert sum(found.claims.counts["certificate"].unverified.values()) == TICKS
+
+
+def judged(config: str, robot: str, ticks: int, **given: object) -> Claims:
+    """What is found of a controller that a made-up robot drives."""
+    run, parameters = driven(config, robot, ticks, **given)
+    claims = Claims()
+    known = "ghc_velocity", "clik_sdp", "clik"
+    check = checker_of(next(name for name in known if config.startswith(name)))
+    assert check is not None
+    check(run, parameters, claims)
+    return claims
+
+
+PRIORITIES = {
+    "order": ["com", "foot", "posture"],
+    "timeline": [
+        {"at_s": 0.02, "over_s": 0.01, "set": [["foot", "posture", 1.0]]},
+        {"at_s": 0.05, "remove": "foot"},
+        {"at_s": 0.07, "insert": "foot", "over_s": 0.02},
+    ],
+}
+LIVE = {
+    15: {"set": [["com", "posture", 0.5]], "over_s": 0.004},
+    41: {"order": ["posture", "com"]},
+    110: {"remove": ["posture"], "over_s": 0.01},
+    131: {"set": [["com", "foot", 0.25]]},
+}
+
+
+def test_priorities_that_change_while_it_runs_are_followed() -> None:
+    given = {"changes": LIVE, "pauses": (60, 61, 62), "priorities": PRIORITIES, "noise": 1e-6}
+
+    found = judged("ghc_velocity", "hoap3", 150, **given)
+
+    assert found.by_tick() == []
+    assert found.unverifiable == 0
+    assert found.counts["alpha"].checked == 147 * 9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    ("config", "robot", "posture"),
+    [
+        ("clik_ur5", "ur5", "outstretched"),
+        ("clik_sdp_ur5", "ur5", "outstretched"),
+        ("clik_sdp_writing", "ur5", "outstretched"),
+        ("clik_sdp_hoap3", "hoap3", None),
+        ("ghc_velocity", "hoap3", None),
+    ],
+)
+def test_lost_answers_unseen_states_and_noise_are_no_false_alarm(
+    config: str, robot: str, posture: str | None, seed: int
+) -> None:
+    given = {"lost": 0.1, "unseen": 0.05, "noise": 1e-4, "pauses": (50, 200), "seed": seed}
+
+    found = judged(config, robot, 400, posture=posture, **given)
+
+    assert found.by_tick() == []
+    assert found.unverifiable == 0

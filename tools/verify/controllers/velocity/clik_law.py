@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 EPS = float(np.finfo(float).eps)
 DEPENDENT = 1e-6  # of a row's length: with less of it outside the rows above, projectors are used
+SMALLEST = 1e-290  # 1/s: a β that near to 0 is 0
 ROUNDED = 64.0  # units of the last place, times the condition squared, by which B and L may differ
 
 
@@ -99,10 +100,8 @@ def stability(law: Law, gains: Array, dt: float) -> tuple[Array, Array]:
 def certified_rates(law: Law, gains: Array, dt: float) -> tuple[Array, Array]:
     """The β [1/s] that gains certify, λ_min(C(λ, 0)), and how exactly it is known, both (N,)."""
     C, step = stability(law, gains, dt)
-    size = 2.0 * np.linalg.norm(step, axis=(1, 2))
-    return np.asarray(np.linalg.eigvalsh(C)[:, 0], float), np.asarray(
-        size * (law.unsure + ROUNDED * EPS)
-    )
+    near = 2.0 * np.linalg.norm(step, axis=(1, 2)) * (law.unsure + ROUNDED * EPS) + SMALLEST
+    return np.asarray(np.linalg.eigvalsh(C)[:, 0], float), np.asarray(near)
 
 
 def fed(

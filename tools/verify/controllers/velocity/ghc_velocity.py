@@ -160,11 +160,11 @@ def _check_answer(
     mu = multipliers(problem, u, lower, upper)
     moved = (problem.S @ mu[:, :, None])[:, :, 0]
     size = np.linalg.norm(problem.S, axis=(1, 2)) * np.linalg.norm(mu, axis=1)
-    near = doubt + RELATIVE * (np.abs(problem.q0) + np.abs(moved)) + 8.0 * EPS * size[:, None]
+    span = np.maximum(np.abs(u), np.abs(problem.q0)).max(1).clip(SMALLEST)
+    near = doubt + (RELATIVE * span + 8.0 * EPS * size)[:, None]
     held = np.clip(0.0, *bounds)
     found = np.where(solved[:, None], problem.q0 + moved, held)
     claims.equal("u", tick, u, found, near)
-    span = np.maximum(np.abs(u), np.abs(problem.q0)).max(1).clip(SMALLEST)
     residual = np.where(solved, np.abs(u - found).max(1) / span, 0.0)
     exact = np.where(solved, (doubt.max(1) + 8.0 * EPS * size) / span + RELATIVE, 0.0)
     claims.equal("residual", tick, answers["kkt_residual"], residual, exact)
