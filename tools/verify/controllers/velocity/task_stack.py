@@ -112,7 +112,7 @@ class Tasks:
                 self._errors(now + T, found.along[k])
             else:
                 found.along[k] = found.e[k]
-            self.robot.place(base[place] + u[k] * T)
+            self.robot.place_only(base[place] + u[k] * T)
             self._errors(now + T, found.ahead[k])
         return found
 
@@ -128,7 +128,7 @@ class Tasks:
 
     def _errors(self, time_s: float, out: Array) -> None:
         for task, rows in zip(self.tasks, self.rows, strict=True):
-            out[rows] = task.at(self.robot, time_s).error
+            out[rows] = task.error_at(self.robot, time_s)
 
 
 def check_errors(tasks: Tasks, cycles: Cycles, run: ControllerRun, claims: Claims) -> None:
