@@ -227,16 +227,9 @@ def _check_optimum(
     claims.at_most("limits of dq", answers["tick"], motion.way / fast, most, limit)
     claims.at_most("limits of dq", answers["tick"], -motion.way / fast, -least, limit)
     stated, optimal = answers["kkt_residual"], answers["fallback"] == 0
-    unsure, delta = OPTIMAL, settings["delta"]
-    gaps = np.array(
-        [
-            Gains(law.L[k], S[k], least[k], most[k], fast * T, delta, gains[k] / fast).gap(
-                max(stated[k] + 0.5 * unsure, 0.5 * unsure)
-            )
-            for k in range(len(answers))
-        ]
-    )
-    claims.at_most("residual", answers["tick"], gaps, stated, unsure)
+    problems = Gains(law.L, S, least, most, fast * T, settings["delta"], gains / fast)
+    gaps = problems.gaps(np.maximum(stated, 0.0) + 0.5 * OPTIMAL)
+    claims.at_most("residual", answers["tick"], gaps, stated, OPTIMAL)
     ticks = answers["tick"][optimal]
     claims.at_most("optimal: residual", ticks, stated[optimal], OPTIMAL, 0.0)
     claims.at_most("residual, at least", answers["tick"], -stated, 0.0, 0.0)
