@@ -23,6 +23,9 @@ from hoap3.tools.verify.controller_log import ControllerRun
 Checker = Callable[[ControllerRun, Mapping[str, Any], Claims], None]
 
 FUNCTIONS = {
+    "clik": "velocity.clik:check",
+    "clik_sdp": "velocity.clik:check_sdp",
+    "ghc_velocity": "velocity.ghc_velocity:check",
     "osqp": "lyapunov_descent:check",
     "pinv": "lyapunov_descent:check_pinv",
     "qp12": "lyapunov_descent:check",
