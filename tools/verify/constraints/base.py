@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.tools.verify.cycles import Cycles
-from hoap3.tools.verify.parameters import UnverifiableError
+from hoap3.tools.verify.constraints.cycles import Cycles
+from hoap3.tools.verify.constraints.parameters import UnverifiableError
 from hoap3.tools.verify.robot import Robot
 
 Array = NDArray[np.float64]

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from hoap3.remote_controller.constraints import limit_reference
 from hoap3.tools.verify.constraints.base import Bounds, Constraint, States
-from hoap3.tools.verify.cycles import Cycles
-from hoap3.tools.verify.parameters import UnverifiableError
+from hoap3.tools.verify.constraints.cycles import Cycles
+from hoap3.tools.verify.constraints.parameters import UnverifiableError
 
 Array = NDArray[np.float64]
 SOURCES = ("reference", "measured")

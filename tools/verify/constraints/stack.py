@@ -12,7 +12,7 @@ from hoap3.tools.verify.constraints.joints import (
     JointVelocity,
     Viability,
 )
-from hoap3.tools.verify.parameters import UnverifiableError, complete
+from hoap3.tools.verify.constraints.parameters import UnverifiableError, complete
 from hoap3.tools.verify.robot import Robot
 
 KINDS: dict[str, type[Constraint]] = {

@@ -13,10 +13,10 @@ import numpy as np
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import FrameNotFoundError
 from hoap3.tools.verify.claims import Claims
+from hoap3.tools.verify.constraints.cycles import cycles_of
+from hoap3.tools.verify.constraints.parameters import UnverifiableError
 from hoap3.tools.verify.constraints.stack import constraints_of
 from hoap3.tools.verify.controller_log import ControllerRun
-from hoap3.tools.verify.cycles import cycles_of
-from hoap3.tools.verify.parameters import UnverifiableError
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.sent_velocity import check_values
 from hoap3.tools.verify.stable_qp.answers import Answers

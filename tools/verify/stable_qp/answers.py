@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hoap3.tools.verify.constraints.cycles import Cycles
+from hoap3.tools.verify.constraints.parameters import UnverifiableError
 from hoap3.tools.verify.controller_log import ControllerRun
-from hoap3.tools.verify.cycles import Cycles
-from hoap3.tools.verify.parameters import UnverifiableError
 from hoap3.tools.verify.sent_velocity import sent_velocity
 
 Array = NDArray[np.float64]

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from hoap3.protocol.description import RobotDescription
 from hoap3.remote_controller.solvers.lyapunov_qp.reference import adapted_gamma, descent_rate
 from hoap3.tools.verify.constraints.base import Bounds, Constraint
+from hoap3.tools.verify.constraints.cycles import Cycles
 from hoap3.tools.verify.controller_log import ControllerRun
-from hoap3.tools.verify.cycles import Cycles
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.stable_qp.settings import Settings
 from hoap3.tools.verify.tasks.tasks import AnyTask

@@ -14,7 +14,7 @@ from tampering import Change, changed_field, rewrite
 
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.logs.log import Log
-from hoap3.tools.verify.parameters import complete
+from hoap3.tools.verify.constraints.parameters import complete
 from hoap3.tools.verify.stable_qp import settings
 from hoap3.tools.verify.verify import verify
 
