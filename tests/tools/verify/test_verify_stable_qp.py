@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import random
 import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from support.command_bench import inside
 from tampering import Change, changed_field, rewrite
@@ -19,8 +21,27 @@ from hoap3.tools.verify.stable_qp import settings
 from hoap3.tools.verify.verify import verify
 
 PARAMETERS = "controller.parameters."
+
+
+def kept(**constraints: dict[str, Any]) -> str:
+    """The setting of a list of constraints, after a limit of speeds."""
+    entries = [{"constraint": name, "parameters": given} for name, given in constraints.items()]
+    speed = {"constraint": "joint_velocity", "parameters": {"limit_rad_s": 1.0}}
+    return "constraints=" + json.dumps([speed, *entries])
+
+
+TURN = {"frame": "r_forearm", "point_m": [0, 0.01, -0.05], "normal": [1, 0.2, 0.1]}
+KNEES = [1.0 if joint == 3 else -1.0 if joint == 14 else 0.0 for joint in range(21)]
 CASES: dict[str, tuple[str, ...]] = {
     "stable_qp": (),
+    "support": (kept(support_polygon={"margin_m": 0.02}),),
+    "two soles": (
+        kept(support_polygon={"soles": ["r_sole", "l_sole"]}, fixed_frame={"frame": "l_sole"}),
+    ),
+    "ground": (kept(zmp={}, friction_cone={"mu": 0.05}), "psi.ramp_s=0"),
+    "half space": (kept(half_space={**TURN, "reference": "pelvis"}),),
+    "pfaffian": (kept(pfaffian={"matrix": [KNEES]}),),
+    "minimum": (kept(minimum_speed={"speed": 0.01, "joints": {"l_elbow": 1.0}, "tolerance": 0.5}),),
     "largest": ("rho=largest", "constraints.0.parameters.limit_rad_s=0.02"),
     "max": ("objective={kind: lp, p: inf}", "constraints.0.parameters.limit_rad_s=0.02"),
     "squares": ("objective={kind: least_squares}",),
@@ -56,6 +77,28 @@ def test_a_true_log_is_true(case: str, tmp_path: Path) -> None:
     assert found.claims.by_tick() == []
     assert found.verdict == "true"
     assert found.claims.counts["residual"].checked == 200
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("controller", "changed"),
+    [
+        ("com_tracking", ()),
+        ("com_circulation", ()),
+        ("com_circulation", ("task.parameters.speed_m_s=0.3",)),  # more than the limits leave
+        (
+            "com_circulation",
+            ("task.parameters.direction=backward", "objective={kind: least_squares}"),
+        ),
+    ],
+)
+def test_logs_of_moving_targets_and_curves_are_true(
+    controller: str, changed: tuple[str, ...], tmp_path: Path
+) -> None:
+    found = verify(run_of(tmp_path / "run", *changed, controller=controller, s="0.5"))
+
+    assert found.claims.by_tick() == []
+    assert found.verdict == "true"
 
 
 def bigger(value: float) -> float:
@@ -135,15 +178,20 @@ def test_a_parameter_that_is_none_is_not_reckoned_with(
     assert found.claims.counts["certificate"].checked == 0
 
 
+def near_zero(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A user's function: |q|² ≤ 40."""
+    return np.array([40.0 - q @ q]), -2.0 * q[None]
+
+
 @pytest.mark.slow
 def test_a_constraint_that_is_not_recomputed_is_counted_by_name(tmp_path: Path) -> None:
-    mine = "constraints=[{constraint: friction_cone}]"
+    mine = kept(user_function={"function": f"{__name__}:near_zero"})
 
     found = verify(run_of(tmp_path / "run", mine))
 
     assert found.verdict == "not verified"
     assert found.claims.by_tick() == []
-    assert sum(found.claims.counts["constraint friction_cone"].unverified.values()) == 200
+    assert sum(found.claims.counts["constraint user_function"].unverified.values()) == 200
 
 
 def test_a_config_without_its_constraints_is_found(story: Path, tmp_path: Path) -> None:
@@ -183,7 +231,10 @@ def test_answers_to_a_robot_with_a_delay_are_judged_as_far_as_can_be(tmp_path: P
 def test_defaults_are_those_of_the_controller() -> None:
     from hoap3.remote_controller.constraints.registry import find as find_constraint
     from hoap3.remote_controller.controllers.lyapunov_qp import settings as product
+    from hoap3.remote_controller.tasks.curve_following.curve import JointEllipse, SpaceEllipse
+    from hoap3.remote_controller.tasks.curve_following.curve_following import JointCurve, TaskCurve
     from hoap3.tools.verify.constraints.stack import KINDS
+    from hoap3.tools.verify.stable_qp import curve
 
     tables: list[tuple[Mapping[str, Any], Any]] = [
         (settings.DEFAULTS, product.Parameters),
@@ -191,6 +242,10 @@ def test_defaults_are_those_of_the_controller() -> None:
         (settings.OBJECTIVES["qp12"], product.Qp12Objective),
         (settings.OBJECTIVES["least_squares"], product.LeastSquares),
         (settings.OBJECTIVES["lp"], product.Lp),
+        (curve.SPACE, TaskCurve.Parameters),
+        (curve.JOINTS, JointCurve.Parameters),
+        (curve.IN_SPACE, SpaceEllipse.Parameters),
+        (curve.IN_JOINTS, JointEllipse.Parameters),
         *((kind.defaults, find_constraint(name).Parameters) for name, kind in KINDS.items()),
     ]
     for ours, theirs in tables:

@@ -76,6 +76,16 @@ class Constraint:
     robot: Robot
     margins: Array = field(default_factory=lambda: np.zeros(0))
 
+    def __post_init__(self) -> None:
+        self.prepare()
+
+    def prepare(self) -> None:
+        """Read the settings.
+
+        Raises:
+            UnverifiableError, FrameNotFoundError: they cannot be reckoned with.
+        """
+
     def bound(self, states: States, cycles: Cycles, bounds: Bounds) -> None:
         """Narrow the bounds of all cycles, and write `margins`.
 

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from hoap3.protocol.errors import FrameNotFoundError
+from hoap3.tools.verify.constraints.barrier import HalfSpace, SupportPolygon
 from hoap3.tools.verify.constraints.base import Constraint
+from hoap3.tools.verify.constraints.com_motion import FrictionCone, Zmp
+from hoap3.tools.verify.constraints.frames import FixedFrame, MinimumSpeed, Pfaffian
 from hoap3.tools.verify.constraints.joints import (
     JointAcceleration,
     JointPosition,
@@ -16,10 +19,17 @@ from hoap3.tools.verify.constraints.parameters import UnverifiableError, complet
 from hoap3.tools.verify.robot import Robot
 
 KINDS: dict[str, type[Constraint]] = {
+    "fixed_frame": FixedFrame,
+    "friction_cone": FrictionCone,
+    "half_space": HalfSpace,
     "joint_acceleration": JointAcceleration,
     "joint_position": JointPosition,
     "joint_velocity": JointVelocity,
+    "minimum_speed": MinimumSpeed,
+    "pfaffian": Pfaffian,
+    "support_polygon": SupportPolygon,
     "viability": Viability,
+    "zmp": Zmp,
 }
 """Those that can be recomputed; others are counted as not verified, by name."""
 

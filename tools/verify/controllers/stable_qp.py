@@ -21,6 +21,7 @@ from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.sent_velocity import check_values
 from hoap3.tools.verify.stable_qp.answers import Answers
 from hoap3.tools.verify.stable_qp.certificate import check_certificate
+from hoap3.tools.verify.stable_qp.curve import Curve
 from hoap3.tools.verify.stable_qp.problem import CHUNK, Cycle, Problems
 from hoap3.tools.verify.stable_qp.proof import check_proof
 from hoap3.tools.verify.stable_qp.scaled import Objective
@@ -28,6 +29,7 @@ from hoap3.tools.verify.stable_qp.settings import Settings
 from hoap3.tools.verify.tasks.config import default_entry, task_of
 from hoap3.tools.verify.tasks.targets import UnknownTaskError
 
+CURVES = "task_curve", "joint_curve"
 DELAYED = "answers are delayed: where u starts from is not in the log"
 
 
@@ -43,8 +45,12 @@ def _check(run: ControllerRun, settings: Settings, claims: Claims) -> None:
     robot, delayed = Robot(run.description), run.description.delay_ticks > 0
     if delayed and settings.rest["kinematics_from"] == "reference":
         raise UnverifiableError(DELAYED)
-    task = task_of(settings.task or default_entry(run.description), robot)
-    objective = _objective(settings, run.description)
+    entry = settings.task or default_entry(run.description)
+    on_curve = entry["task"] in CURVES
+    task = Curve(entry, robot) if on_curve else task_of(entry, robot)
+    objective = _objective(
+        settings, run.description, constrained=bool(settings.constraints) or on_curve
+    )
     constraints, unknown = constraints_of(settings.constraints, robot)
     cycles = cycles_of(run)
     judged = cycles.answers >= 0
@@ -67,7 +73,16 @@ def _check(run: ControllerRun, settings: Settings, claims: Claims) -> None:
         check_certificate(chunk, sent, settings, claims, u_known=not delayed)
         if not delayed and not unknown:
             margins = problems.margins()
-            check_proof(chunk, sent, margins, settings, objective, run.description, claims)
+            check_proof(
+                chunk,
+                sent,
+                margins,
+                settings,
+                objective,
+                run.description,
+                claims,
+                on_curve=on_curve,
+            )
 
 
 def _chunks(problems: Problems) -> Iterator[list[Cycle]]:
@@ -81,9 +96,10 @@ def _chunks(problems: Problems) -> Iterator[list[Cycle]]:
         yield chunk
 
 
-def _objective(settings: Settings, description: RobotDescription) -> Objective:
+def _objective(
+    settings: Settings, description: RobotDescription, *, constrained: bool
+) -> Objective:
     try:
-        constrained = bool(settings.constraints)
         names = description.joint_names
         return Objective.of(settings.objective, names, constrained=constrained)
     except (TypeError, ValueError) as error:

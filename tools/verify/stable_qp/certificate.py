@@ -58,7 +58,7 @@ class Rates:
         off = np.array([cycle.gradient_doubt for cycle in chunk])
         with np.errstate(divide="ignore", invalid="ignore"):
             relative = PLACES / error + np.linalg.norm(off, axis=1) / np.abs(g).max(1)
-        psi_off = np.where(psi > 0.0, psi * (RELATIVE + relative), 0.0)
+            psi_off = np.where(psi > 0.0, psi * (RELATIVE + relative), 0.0)
         drift_off = RELATIVE * error * rate + PLACES * rate
         V_rate_off = RELATIVE * np.abs(g * u).sum(1) + (np.abs(g) * doubt + off * np.abs(u)).sum(1)
         return cls(
@@ -105,7 +105,7 @@ def check_certificate(
     V_rate = np.where(answered, found.V_rate, 0.0)
     claims.equal("predicted V rate", tick, stated["v_rate_predicted"], V_rate, found.V_rate_off)
     _check_share(found, stated["rho"], tick, answered, sent.ceiling[at], claims)
-    _check_words(found, sent, at, equality, claims)
+    _check_words(chunk, found, sent, at, equality, claims)
 
 
 def _check_share(
@@ -129,7 +129,14 @@ def _check_share(
     claims.equal("rho", tick[answered], rho[answered], share[answered], off[answered])
 
 
-def _check_words(found: Rates, sent: Answers, at: Array, equality: bool, claims: Claims) -> None:
+def _check_words(
+    chunk: Sequence[Cycle],
+    found: Rates,
+    sent: Answers,
+    at: NDArray[np.int64],
+    equality: bool,
+    claims: Claims,
+) -> None:
     """What `certified` and `at target` say of V."""
     tick, verdict = sent.tick[at], sent.stated["solver_status"][at]
     rho = sent.stated["rho"][at]
@@ -139,6 +146,8 @@ def _check_words(found: Rates, sent: Answers, at: Array, equality: bool, claims:
     off = np.abs(short) if equality else short
     allowed = KEPT_RATE * np.abs(required) + found.V_rate_off + np.abs(rho) * found.psi_off
     claims.at_most("certified: V rate", tick[proven], off[proven], allowed[proven], 0.0)
+    left_out = np.array([cycle.rejected for cycle in chunk], float)
+    claims.at_most("certified: rows left out", tick[proven], left_out[proven], 0.0, 0.0)
     claims.at_most("certified: rho", tick[proven], -rho[proven], 0.0, 0.0)
     claims.equal(
         "certified: solved",

@@ -1,10 +1,12 @@
-"""The most that V can fall within the constraints, proved by multipliers: (7) and Farkas' lemma.
+"""The most that something can be within the constraints, proved by multipliers: Farkas' lemma.
 
-Whatever λ ≥ 0 and μ are, −s·y ≤ λ·b + μ·c + Σ max over the bounds of −(s + Aᵀλ + Cᵀμ)_i·y_i. The
+Whatever λ ≥ 0 and μ are, g·y ≤ λ·b + μ·c + Σ max over the bounds of (g − Aᵀλ − Cᵀμ)_i·y_i. The
 multipliers come from scipy's linprog; the bound holds even where they are not the best.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,36 +16,63 @@ from hoap3.tools.verify.stable_qp.scaled import Scaled
 
 Array = NDArray[np.float64]
 
+CLOSE = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+INFEASIBLE, UNBOUNDED = 2, 3  # scipy's words
 
-def most_fall(p: Scaled, direction: float = 1.0) -> float:
-    """What −s·y within all constraints does not exceed; for direction −1, s·y.
 
-    A joint without bounds counts as if it had those of the fastest that was found. inf: nothing is
-    proved; −inf: nothing keeps the constraints.
+@dataclass(frozen=True)
+class Sides:
+    """A y ≤ b, C y = c, lower ≤ y ≤ upper."""
+
+    A: Array
+    b: Array
+    C: Array
+    c: Array
+    lower: Array
+    upper: Array
+
+    @classmethod
+    def of(cls, p: Scaled) -> Sides:
+        """Those of a problem."""
+        return cls(p.rows, p.sides, p.equations, p.values, p.lower, p.upper)
+
+
+def most(g: Array, sides: Sides) -> float:
+    """What g·y within all sides does not exceed.
+
+    A joint without bounds counts as if it had those of the fastest that was found.
+
+    Args:
+        g: (n,), of the size of 1.
+        sides: of y.
+
+    Returns:
+        inf: nothing is proved, or there is no end; −inf: nothing keeps the sides.
     """
-    slope = direction * p.slope
+    bounds = np.stack([sides.lower, sides.upper], axis=1)
     found = linprog(
-        slope, p.rows, p.sides, p.equations, p.values,
-        np.stack([p.lower, p.upper], axis=1), method="highs",
+        -g, sides.A, sides.b, sides.C, sides.c, bounds, method="highs", options=CLOSE
     )  # fmt: skip
-    if found.status == 2:  # infeasible
-        return -np.inf
-    if found.status != 0:
-        return np.inf
+    if found.status:
+        return -np.inf if found.status == INFEASIBLE else np.inf
     held, tied = np.maximum(-found.ineqlin.marginals, 0.0), -found.eqlin.marginals
-    rest = slope + held @ p.rows + tied @ p.equations
+    rest = g - held @ sides.A - tied @ sides.C
     span = 1.0 + np.abs(found.x).max()
-    low, high = np.maximum(p.lower, -span), np.minimum(p.upper, span)
-    return float(held @ p.sides + tied @ p.values + np.maximum(-rest * low, -rest * high).sum())
+    low, high = np.maximum(sides.lower, -span), np.minimum(sides.upper, span)
+    return float(held @ sides.b + tied @ sides.c + np.maximum(rest * low, rest * high).sum())
+
+
+def most_fall(p: Scaled) -> float:
+    """What −s·y within all constraints does not exceed."""
+    return most(-p.slope, Sides.of(p))
 
 
 def broken(p: Scaled) -> float:
     """By how much every y within its bounds breaks some row, at the least; 0 or less: none."""
-    n = p.slope.size
     A = np.vstack([p.rows, p.equations, -p.equations])
     sides = np.concatenate([p.sides, p.values, -p.values])
     A = np.hstack([A, -np.ones((len(A), 1))])
-    cost = np.append(np.zeros(n), 1.0)
+    cost = np.append(np.zeros(p.slope.size), 1.0)
     bounds = [*zip(p.lower, p.upper, strict=True), (-1.0, None)]
-    found = linprog(cost, A, sides, bounds=bounds, method="highs")
+    found = linprog(cost, A, sides, bounds=bounds, method="highs", options=CLOSE)
     return float(found.fun) if found.status == 0 else np.inf

@@ -21,6 +21,7 @@ from hoap3.tools.verify.constraints.base import Bounds, Constraint
 from hoap3.tools.verify.constraints.cycles import Cycles
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.robot import Robot
+from hoap3.tools.verify.stable_qp.curve import Curve
 from hoap3.tools.verify.stable_qp.settings import Settings
 from hoap3.tools.verify.tasks.tasks import AnyTask
 
@@ -90,7 +91,7 @@ class Problems:
         self,
         run: ControllerRun,
         cycles: Cycles,
-        task: AnyTask,
+        task: AnyTask | Curve,
         constraints: Sequence[Constraint],
         settings: Settings,
         robot: Robot,
@@ -148,6 +149,10 @@ class Problems:
         M, y = np.zeros((0, n)), np.zeros(0)
         if objective["kind"] == "least_squares":
             M, y = task.jacobian, -objective["gain_per_s"] * task.error
+        if isinstance(self._task, Curve):
+            C.append(self._task.motion_row[None])
+            c.append(np.array([self._task.speed]))
+            M, y = np.sqrt(self._task.weights)[:, None] * task.jacobian, np.zeros(task.error.size)
         return Cycle(
             number, V, psi, task.value_rate, gradient, gamma, error,
             float(np.linalg.norm(task.rate)), np.linalg.norm(task.jacobian, axis=0), lower, upper,

@@ -22,11 +22,13 @@ from hoap3.tools.verify.stable_qp.judge import LARGEST, Judge
 from hoap3.tools.verify.stable_qp.problem import PLACES, Cycle
 from hoap3.tools.verify.stable_qp.scaled import Objective, Stacked
 from hoap3.tools.verify.stable_qp.settings import Settings
+from hoap3.tools.verify.stable_qp.slower import with_speeds
 
 Array = NDArray[np.float64]
 
 OPTIMAL = 1e-9  # greatest residual of a certified answer
 KEPT = 1e-9  # rad/s or m/s: what a certified answer may be beyond a row or a bound
+NEARLY = 1e-3  # likewise of LARGEST, for answers that are not certified
 CURVATURE = 1e-6  # of a margin: what a certified answer may find it below 0
 
 
@@ -38,6 +40,8 @@ def check_proof(
     objective: Objective,
     robot: RobotDescription,
     claims: Claims,
+    *,
+    on_curve: bool,
 ) -> None:
     """Compare margins and residuals with what was recomputed, and prove what is claimed of ρ.
 
@@ -48,12 +52,15 @@ def check_proof(
         settings, objective: of the controller.
         robot: description of it.
         claims: takes what was compared.
+        on_curve: whether the last equation is the motion along a curve.
     """
     chunk = [cycle for cycle in chunk if sent.there[cycle.number]]
     if not chunk:
         return
     at = np.array([cycle.number for cycle in chunk])
     _check_margins(chunk, sent, at, margins[at], robot.velocity, claims)
+    if on_curve:
+        chunk = with_speeds(chunk, sent.u[at], sent.doubt[at], sent.tick[at], claims)
     asked = np.array([cycle.drift for cycle in chunk])
     if settings.rest["lyapunov"] == "equality":
         asked += sent.ceiling[at] * np.array([cycle.psi for cycle in chunk])
@@ -160,9 +167,9 @@ def _check_optimum(
         enough = float(most[i] + off[i])
         found[i], gap[i] = judge(stack[i], float(found[i]), enough, short=bool(short[i]))
     claims.at_most("residual", tick[answered], found[answered], most[answered], off[answered])
-    exact = np.maximum(LARGEST, 10.0 * stated)  # where nothing is certified, as is stated
+    proven = sent.stated["solver_status"][at] == CERTIFIED
+    exact = np.where(proven, LARGEST, np.maximum(NEARLY, 10.0 * stated))
     fall = -(stack.slope * stack.y).sum(1)
     near = exact * (1.0 + np.abs(fall)) + (np.abs(stack.slope) * stack.doubt).sum(1)
     claims.at_most("largest rho", tick[short], gap[short], 0.0, near[short])
-    proven = sent.stated["solver_status"][at] == CERTIFIED
     claims.at_most("certified: residual", tick[proven], stated[proven], OPTIMAL, 0.0)
