@@ -41,6 +41,10 @@ CASES: dict[str, tuple[str, ...]] = {
     "ground": (kept(zmp={}, friction_cone={"mu": 0.05}), "psi.ramp_s=0"),
     "half space": (kept(half_space={**TURN, "reference": "pelvis"}),),
     "pfaffian": (kept(pfaffian={"matrix": [KNEES]}),),
+    "near itself": (
+        kept(distance={"clearance_m": 0.03, "contact_m": 0.03, "pairs": [["r_foot", "l_foot"]]}),
+        "objective.gamma=0",
+    ),
     "minimum": (kept(minimum_speed={"speed": 0.01, "joints": {"l_elbow": 1.0}, "tolerance": 0.5}),),
     "largest": ("rho=largest", "constraints.0.parameters.limit_rad_s=0.02"),
     "max": ("objective={kind: lp, p: inf}", "constraints.0.parameters.limit_rad_s=0.02"),
@@ -84,6 +88,8 @@ def test_a_true_log_is_true(case: str, tmp_path: Path) -> None:
     ("controller", "changed"),
     [
         ("com_tracking", ()),
+        ("stable_qp_hoap3", ()),
+        ("obstacle", ()),
         ("com_circulation", ()),
         ("com_circulation", ("task.parameters.speed_m_s=0.3",)),  # more than the limits leave
         (
@@ -92,7 +98,7 @@ def test_a_true_log_is_true(case: str, tmp_path: Path) -> None:
         ),
     ],
 )
-def test_logs_of_moving_targets_and_curves_are_true(
+def test_logs_of_other_configs_are_true(
     controller: str, changed: tuple[str, ...], tmp_path: Path
 ) -> None:
     found = verify(run_of(tmp_path / "run", *changed, controller=controller, s="0.5"))

@@ -8,6 +8,7 @@ from hoap3.protocol.errors import FrameNotFoundError
 from hoap3.tools.verify.constraints.barrier import HalfSpace, SupportPolygon
 from hoap3.tools.verify.constraints.base import Constraint
 from hoap3.tools.verify.constraints.com_motion import FrictionCone, Zmp
+from hoap3.tools.verify.constraints.distance import Distance
 from hoap3.tools.verify.constraints.frames import FixedFrame, MinimumSpeed, Pfaffian
 from hoap3.tools.verify.constraints.joints import (
     JointAcceleration,
@@ -19,6 +20,7 @@ from hoap3.tools.verify.constraints.parameters import UnverifiableError, complet
 from hoap3.tools.verify.robot import Robot
 
 KINDS: dict[str, type[Constraint]] = {
+    "distance": Distance,
     "fixed_frame": FixedFrame,
     "friction_cone": FrictionCone,
     "half_space": HalfSpace,
