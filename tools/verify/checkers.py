@@ -29,6 +29,7 @@ FUNCTIONS = {
     "osqp": "lyapunov_descent:check",
     "pinv": "lyapunov_descent:check_pinv",
     "qp12": "lyapunov_descent:check",
+    "stable_qp": "stable_qp:check",
 }
 """Module and function in `controllers`, by the controller's registered name."""
 

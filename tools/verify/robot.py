@@ -84,6 +84,11 @@ class Robot:
         turning = axes @ (J[3:] - J_reference[3:])[:, self.order]
         return p, axes @ placement.rotation, np.vstack([J_p, turning])
 
+    def in_root(self, frame: str) -> tuple[Array, Array, Array]:
+        """Origin (3,) [m], axes (3, 3) and Jacobian (6, n) of a frame, in the root's axes."""
+        placement, J = self._moving(frame)
+        return placement.translation.copy(), placement.rotation.copy(), J[:, self.order]
+
     def move(self, dq: Array) -> None:
         """Take joint velocities as well, (n,) [rad/s or m/s], after `place`: for what drifts."""
         self._v[self.order] = dq
