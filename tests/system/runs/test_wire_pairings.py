@@ -39,7 +39,7 @@ def interpreters(tmp_path_factory: pytest.TempPathFactory) -> dict[int, list[str
     old = str(folder / "env" / "bin" / "python")
     given = {**os.environ, "PIP_CONSTRAINT": str(HOUSE / "constraints.txt")}
     subprocess.run([old, "-m", "pip", "install", "-q", folder / "source"], check=True, env=given)
-    found = {1: [old], 2: [sys.executable]}
+    found = {1: [old, "-I"], 2: [sys.executable]}  # -I: whatever PYTHONPATH says
     for python in found.values():  # kernels are compiled here, and not while the other side waits
         first = start(
             python, "run", "--lockstep", "--duration", "0.01", "--out", "first", cwd=folder
