@@ -23,6 +23,7 @@ from hoap3.tools.verify.controller_log import ControllerRun
 Checker = Callable[[ControllerRun, Mapping[str, Any], Claims], None]
 
 FUNCTIONS = {
+    "joint_acceleration": "acceleration.joint_acceleration:check",
     "osqp": "lyapunov_descent:check",
     "pinv": "lyapunov_descent:check_pinv",
     "qp12": "lyapunov_descent:check",
