@@ -19,17 +19,30 @@ class Robot:
         description: of the robot.
 
     Attributes:
+        description: what it was made from.
         model, data: Pinocchio's.
         order: (n,) place of each joint of the wire in Pinocchio's q and v.
+        positions: joint positions, (n,) [rad or m], in wire order.
     """
 
     def __init__(self, description: RobotDescription) -> None:
-        self._built = build_model(description)
+        self.description, self._built = description, build_model(description)
         self.model, self.data, self.order = self._built.model, self._built.data, self._built.order
-        self.q = np.zeros(self.model.nq)
+        self.q, self.positions = np.zeros(self.model.nq), np.zeros(description.n)
+        self._v = np.zeros(self.model.nv)
+
+    def known(self, frame: str) -> str:
+        """The name of a frame, if the robot has it.
+
+        Raises:
+            FrameNotFoundError: it has not.
+        """
+        self._built.frame_id(frame)
+        return frame
 
     def place(self, q: Array) -> None:
         """Take joint positions, (n,) [rad or m]."""
+        self.positions = np.array(q, float)
         self.q[self.order] = q
         pin.computeJointJacobians(self.model, self.data, self.q)
         pin.updateFramePlacements(self.model, self.data)
@@ -50,6 +63,60 @@ class Robot:
         axes = seen_from.rotation.T
         turning = axes @ (J[3:] - J_reference[3:])[:, self.order]
         return p, axes @ placement.rotation, np.vstack([J_p, turning])
+
+    def move(self, dq: Array) -> None:
+        """Take joint velocities as well, (n,) [rad/s or m/s], after `place`: for what drifts."""
+        self._v[self.order] = dq
+        still = np.zeros_like(self._v)
+        pin.forwardKinematics(self.model, self.data, self.q, self._v, still)
+        pin.centerOfMass(self.model, self.data, self.q, self._v, still, False)
+        pin.updateFramePlacements(self.model, self.data)
+
+    def com_drift(self, reference: str) -> Array:
+        """J̇·dq (3,) [m/s²] of the centre of mass as seen from a frame, J as of `com`."""
+        built = self._built
+        root = built.root_mass / built.total_mass
+        place = (1.0 - root) * self.data.com[0] + root * built.root_com
+        velocity, drift = (1.0 - root) * self.data.vcom[0], (1.0 - root) * self.data.acom[0]
+        return self._relative(place, velocity, drift, reference)
+
+    def frame_drift(self, frame: str, reference: str) -> Array:
+        """J̇·dq (6,) of a frame as seen from another, J as of `frame`: d²p/dt² over dω/dt."""
+        place, velocity, drift = self._motion(frame)
+        _, carried, bent = self._motion(reference)
+        axes = self.data.oMf[self._built.frame_id(reference)].rotation.T
+        point = self._relative(place, velocity[:3], drift[:3], reference)
+        spin = velocity[3:] - carried[3:]
+        turning = drift[3:] - bent[3:] - np.cross(carried[3:], spin)
+        return np.concatenate([point, axes @ turning])
+
+    def frame_motion(self, frame: str, *, own_axes: bool) -> tuple[Array, Array, Array]:
+        """J (6, n), ν = J·dq and J̇·dq of a frame against the root, after `move`.
+
+        In the frame's own axes, where J̇·dq is the rate of the twist ν in them; or in the root's,
+        where it is what the frame's origin accelerates by.
+        """
+        number = self._built.frame_id(frame)
+        axes = pin.LOCAL if own_axes else pin.LOCAL_WORLD_ALIGNED
+        accelerate = pin.getFrameAcceleration if own_axes else pin.getFrameClassicalAcceleration
+        J = pin.getFrameJacobian(self.model, self.data, number, axes)[:, self.order]
+        twist = pin.getFrameVelocity(self.model, self.data, number, axes).vector
+        return J, twist, accelerate(self.model, self.data, number, axes).vector
+
+    def _motion(self, frame: str) -> tuple[Array, Array, Array]:
+        """Origin (3,), twist (6,) and its rate (6,) of a frame, in the root's axes."""
+        _, twist, drift = self.frame_motion(frame, own_axes=False)
+        return self.data.oMf[self._built.frame_id(frame)].translation, twist, drift
+
+    def _relative(self, point: Array, velocity: Array, drift: Array, reference: str) -> Array:
+        """Acceleration (3,) of a point as seen from a frame that turns and accelerates itself."""
+        origin, twist, bent = self._motion(reference)
+        arm, omega = point - origin, twist[3:]
+        carried = np.cross(omega, arm)
+        seen = velocity - twist[:3] - carried
+        found = drift - bent[:3] - np.cross(bent[3:], arm) - np.cross(omega, carried)
+        axes = self.data.oMf[self._built.frame_id(reference)].rotation.T
+        return np.asarray(axes @ (found - 2.0 * np.cross(omega, seen)), float)
 
     def _seen(self, point: Array, J: Array, reference: str) -> tuple[Array, Array]:
         """A point of the root's axes and its Jacobian as seen from a frame that moves itself."""

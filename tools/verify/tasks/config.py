@@ -1,0 +1,184 @@
+"""Tasks as a log's config has them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.protocol.description import COM, DefaultTask, RobotDescription
+from hoap3.protocol.errors import FrameNotFoundError
+from hoap3.tools.verify.robot import Robot
+from hoap3.tools.verify.tasks.logarithm import nearer, rotation_vector
+from hoap3.tools.verify.tasks.targets import (
+    Hold,
+    Joined,
+    Point,
+    Target,
+    UnknownTaskError,
+    target_of,
+)
+from hoap3.tools.verify.tasks.tasks import (
+    AXES,
+    AnyTask,
+    PlaceTask,
+    PoseTask,
+    PostureTask,
+    SumTask,
+)
+
+Array = NDArray[np.float64]
+Settings = Mapping[str, Any]
+
+FORMER_KINDS = {"position": "frame_position", "pose": "frame_pose", "posture": "posture"}
+"""Tasks by what `kind` called them before 0.2; their settings stood beside the gains then."""
+
+HOAP3S = DefaultTask(point=COM, reference="r_sole", target_m=(0.01, 0.025, 0.2869))
+"""What HOAP-3 did before descriptions had a default task."""
+
+
+def task_of(entry: Settings, robot: Robot) -> AnyTask:
+    """The task of an entry `{task: …, parameters: …}`, or of the form before 0.2.
+
+    Args:
+        entry: of the config; further keys, such as gains, are left alone.
+        robot: that it is for; left at any joint positions.
+
+    Raises:
+        UnknownTaskError: what cannot be recomputed, with the reason.
+    """
+    entry = in_todays_words(entry)
+    name, parameters = entry.get("task"), entry.get("parameters") or {}
+    if name not in BUILDERS:
+        raise UnknownTaskError(f"task {name!r:.60} is not known")
+    try:
+        return BUILDERS[name](parameters, robot)
+    except UnknownTaskError:
+        raise
+    except (KeyError, TypeError, ValueError, FrameNotFoundError) as error:
+        raise UnknownTaskError(f"task {name} cannot be read: {error!r:.80}") from error
+
+
+def default_entry(description: RobotDescription) -> Settings:
+    """The robot's default task as an entry.
+
+    Raises:
+        UnknownTaskError: it has none.
+    """
+    task = description.default_task
+    if task is None and description.name == "hoap3" and HOAP3S.reference in description.frames:
+        task = HOAP3S
+    if task is None:
+        raise UnknownTaskError("the log names no task")
+    place = task.target_m
+    if place is None:
+        robot = Robot(description)
+        robot.place(description.initial_position)
+        at_start = PlaceTask(Hold(3), np.ones(3), task.point, task.reference, AXES)
+        place = (at_start.present(robot, np.zeros(3)) + np.array(task.move_m)).tolist()
+    target = {"kind": "point", "position_m": list(place)}
+    if task.point == COM:
+        return {"task": "com", "parameters": {"frame": task.reference, "target": target}}
+    frames = {"frame": task.point, "reference": task.reference}
+    return {"task": "frame_position", "parameters": {**frames, "target": target}}
+
+
+def in_todays_words(entry: Settings) -> Settings:
+    """An entry with `kind`, of before 0.2, as it is written today; others as they are."""
+    if "kind" not in entry:
+        return entry
+    kept = {key: entry[key] for key in ("name", "kp", "kd") if key in entry}
+    given = {key: value for key, value in entry.items() if key not in {*kept, "kind"}}
+    goal = dict(given.pop("goal", None) or {})
+    if "position_m" in goal:
+        goal["target"] = {"kind": "point", "position_m": goal.pop("position_m")}
+    given |= goal
+    kind = entry["kind"]
+    if kind == "posture" and "posture_rad" in given:
+        given["target_rad"] = given.pop("posture_rad")
+    return {**kept, "task": FORMER_KINDS.get(kind, kind), "parameters": given}
+
+
+def posture_of(description: RobotDescription, name: str | None, values: Sequence[float]) -> Array:
+    """Joint positions (n,): the values, else the posture of that name, else the initial one."""
+    if len(values):
+        return np.array(values, float)
+    return np.array(description.postures[name or description.initial_posture], float)
+
+
+def _weights(given: Settings, dimension: int) -> Array:
+    weights = np.array(given.get("weights") or (1.0,), float)
+    if not (np.isfinite(weights).all() and (weights >= 0.0).all()):
+        raise ValueError("weights")
+    return np.broadcast_to(weights, (dimension,)).copy()
+
+
+def _com(given: Settings, robot: Robot) -> PlaceTask:
+    reference = given.get("frame", "r_sole")
+    target = target_of(given.get("target"))
+    return PlaceTask(target, _weights(given, 3), COM, robot.known(reference), AXES)
+
+
+def _frame_position(given: Settings, robot: Robot) -> PlaceTask:
+    axes = list(given.get("axes") or AXES)
+    target, weights = target_of(given.get("target")), _weights(given, len(axes))
+    return PlaceTask(target, weights, *_frames(given, robot), axes)
+
+
+def _frame_orientation(given: Settings, robot: Robot) -> PoseTask:
+    aim: Target = Hold(3) if given.get("rotation_rad") is None else _turn(given)
+    return PoseTask(aim, _weights(given, 3), *_frames(given, robot))
+
+
+def _frame_pose(given: Settings, robot: Robot) -> PoseTask:
+    frame, reference = _frames(given, robot)
+    aim: Target = Hold(6)
+    if given.get("target") is not None:
+        aim = Joined(target_of(given["target"]), _turn(given))
+    elif given.get("posture") is not None or given.get("posture_rad"):
+        wanted = given.get("posture"), given.get("posture_rad") or ()
+        robot.place(posture_of(robot.description, *wanted))
+        p, R, _ = robot.frame(frame, reference)
+        aim = Point(np.concatenate([p, nearer(rotation_vector(R), np.zeros(3))]))
+    return PoseTask(aim, _weights(given, 6), frame, reference)
+
+
+def _posture(given: Settings, robot: Robot) -> PostureTask:
+    known = list(robot.description.joint_names)
+    joints = [known.index(name) for name in given.get("joints") or known]
+    values = given.get("target_rad") or ()
+    if len(values) == len(joints):
+        target = np.array(values, float)
+    else:
+        target = posture_of(robot.description, given.get("posture"), values)[joints]
+    aim = Point(target, float(given.get("approach_s", 0.0)))
+    return PostureTask(aim, _weights(given, len(joints)), joints)
+
+
+def _weighted_sum(given: Settings, robot: Robot) -> SumTask:
+    terms = given["terms"]
+    weights = [float(term.get("weight", 1.0)) for term in terms]
+    return SumTask([task_of(term, robot) for term in terms], weights)
+
+
+def _frames(given: Settings, robot: Robot) -> tuple[str, str]:
+    reference = given.get("reference") or robot.description.base_frame
+    return robot.known(given["frame"]), robot.known(reference)
+
+
+def _turn(given: Settings) -> Point:
+    turn = np.array(given.get("rotation_rad") or np.zeros(3), float)
+    return Point(turn, float(given.get("turn_s", 0.0)))
+
+
+BUILDERS: dict[str, Callable[[Settings, Robot], AnyTask]] = {
+    "com": _com,
+    "frame_orientation": _frame_orientation,
+    "frame_pose": _frame_pose,
+    "frame_position": _frame_position,
+    "posture": _posture,
+    "weighted_sum": _weighted_sum,
+}
+"""What makes a task, by its registered name; others cannot be recomputed."""
