@@ -27,6 +27,11 @@ FUNCTIONS = {
     "osqp": "lyapunov_descent:check",
     "pinv": "lyapunov_descent:check_pinv",
     "qp12": "lyapunov_descent:check",
+    "tsid": "acceleration.tsid:check",
+    "weighted": "acceleration.weighted:check",
+    "ghc": "acceleration.ghc:check",
+    "ghc_torque": "acceleration.ghc:check_torque",
+    "hqp": "acceleration.hqp:check",
 }
 """Module and function in `controllers`, by the controller's registered name."""
 

@@ -21,7 +21,15 @@ from hoap3.tools.verify.verify import verify
 
 STATE, SETPOINT = Kind.STATE, Kind.SETPOINT
 Story = Callable[[str], Path]
-ROBOTS = {"joint_acceleration": "hoap3"}
+ROBOTS = {
+    "joint_acceleration": "hoap3",
+    "tsid_baxter": "baxter",
+    "tsid": "ur5",
+    "ghc": "lwr_weightless",
+    "ghc_torque": "lwr_weightless",
+    "hqp": "lwr_weightless",
+    "weighted": "lwr_weightless",
+}
 
 
 def ran(folder: Path, controller: str, *settings: str, seconds: float = 0.5) -> Path:
@@ -101,12 +109,19 @@ CHANGES: dict[str, Callable[[int], Change]] = {
     "status": lambda n: changed_field(SETPOINT, n, "solver_status", lambda s: s + 1),
     "path": lambda n: changed_field(SETPOINT, n, "solver_path", lambda p: p + 1),
     "fallback": lambda n: changed_field(SETPOINT, n, "fallback", lambda f: f + 1),
+    "q": lambda n: changed_field(STATE, n, "q", bigger, joint=3),
+    "dq": lambda n: changed_field(STATE, n, "dq", lambda v: v + 1e-6, joint=3),
+    "torque share": lambda n: changed_field(SETPOINT, n, "extra", bigger, joint=0),
+    "error": lambda n: changed_field(SETPOINT, n, "extra", bigger, joint=1),
+    "importance": lambda n: changed_field(SETPOINT, n, "extra", lambda a: a + 1e-6, joint=-1),
 }
 
 
 def applies(kind: str, controller: str) -> bool:
     """Whether a controller claims such a thing."""
-    return kind != "reference" or controller == "joint_acceleration"
+    if controller == "joint_acceleration":  # which starts from the reference, and has no columns
+        return kind not in {"q", "dq", "torque share", "error", "importance"}
+    return kind != "reference"
 
 
 @pytest.mark.parametrize("controller", ROBOTS)
