@@ -18,6 +18,7 @@ from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.answers import ACTIVE, INFEASIBLE
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy
+from hoap3.tools.verify.controllers.acceleration.press import Press, columns_of
 from hoap3.tools.verify.controllers.acceleration.wanted import ROUNDING
 
 Array = NDArray[np.float64]
@@ -90,6 +91,11 @@ def check_columns(
         off = RELATIVE * error + np.linalg.norm(e_exact[:, span], axis=1)
         stated = answers["extra"][:, columns[f"error_{name}"]]
         claims.equal("error", tick, stated, error, off)
+    pressing = [(name, task) for name, task in zip(names, hierarchy.tasks, strict=True)]
+    felt = [c for name, task in pressing if isinstance(task, Press) for c in columns_of(task, name)]
+    for label, found in zip(felt, cycles.measured.T, strict=True):
+        off = RELATIVE * (1.0 + np.abs(found))
+        claims.equal("wrench", tick, answers["extra"][:, columns[label]], found, off)
     square = cycles.numbers.ndim == 3
     labels = [f"alpha_{a}_{b}" for a in names for b in names] if square else []
     labels = labels if square else [f"weight_{name}" for name in names]
@@ -145,7 +151,7 @@ def check_proof(
     bound = OPTIMAL + solution.exact[proven]
     claims.at_most("certified: residual", tick[proven], residual[proven], bound, 0.0)
     load = (np.abs(cycles.bias) / hierarchy.torque_max).max(1)
-    may = solved & ~cycles.moved & tops.any(1) & (stated <= OPTIMAL)
+    may = solved & ~cycles.moved & ~cycles.touches & tops.any(1) & (stated <= OPTIMAL)
     may &= solution.proves and hierarchy.bounds.kind == "viability"
     near = np.abs(load - 1.0) <= ROUNDING * np.maximum(load, 1.0)
     may &= (load <= 1.0) | (near & proven)

@@ -21,6 +21,7 @@ from hoap3.tools.verify.controllers.acceleration.certificate import (
     check_proof,
     unfit,
 )
+from hoap3.tools.verify.controllers.acceleration.fallbacks import Soft, check_fallback
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy
 from hoap3.tools.verify.controllers.acceleration.parameters import filled
 from hoap3.tools.verify.controllers.acceleration.schedule import Schedule
@@ -54,6 +55,10 @@ class Family(ABC):
     def solution(self, cycles: Cycles, hierarchy: Hierarchy, settings: Settings) -> Solution:
         """Whether the answers are the optimum."""
 
+    @abstractmethod
+    def soft(self, cycles: Cycles, hierarchy: Hierarchy, settings: Settings) -> list[Soft]:
+        """What stands in for the optimum in each of some cycles."""
+
 
 def check_family(family: Family, run: ControllerRun, parameters: Settings, claims: Claims) -> None:
     """Everything that is claimed of a controller's answers."""
@@ -69,6 +74,8 @@ def check_family(family: Family, run: ControllerRun, parameters: Settings, claim
         return
     states = run.states[run.answered]
     finite = np.isfinite(states["q"]).all(1) & np.isfinite(states["dq"]).all(1)
+    if hierarchy.presses:
+        finite &= np.isfinite(states["wrench"]).all(1)
     claims.unverified("certificate", int((~run.remembered).sum()), NOT_REMEMBERED)
     check_refused(run.only(run.remembered & ~finite), claims)
     run = run.only(run.remembered & finite)
@@ -81,6 +88,10 @@ def check_family(family: Family, run: ControllerRun, parameters: Settings, claim
         check_bounds(part, cycles, hierarchy, claims)
         solution = family.solution(cycles, hierarchy, settings)
         check_proof(part, cycles, hierarchy, solution, tops, claims)
+        instead = part.answers["fallback"] != 0
+        soft = family.soft(cycles.part(instead), hierarchy, settings) if instead.any() else []
+        places = np.flatnonzero(instead).tolist()
+        check_fallback(part, cycles, hierarchy, dict(zip(places, soft, strict=True)), claims)
 
 
 def _built(

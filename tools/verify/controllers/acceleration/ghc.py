@@ -14,10 +14,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hoap3.remote_controller.solvers.ghc.reference import optimum
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration import bounds
 from hoap3.tools.verify.controllers.acceleration.certificate import Solution
+from hoap3.tools.verify.controllers.acceleration.fallbacks import (
+    BRAKE_PER_S,
+    Soft,
+    nearest_to,
+)
 from hoap3.tools.verify.controllers.acceleration.family import Family, braking, check_family
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy
 from hoap3.tools.verify.controllers.acceleration.projectors import Projectors
@@ -86,6 +92,20 @@ class Ghc(Ranked):
         pull = weight * (cycles.mass @ effort[..., None])[..., 0]
         return Solution(*optimum_of(found, pull, weight, ddq, tau, cycles.mass), self.proves)
 
+    def soft(self, cycles: Cycles, hierarchy: Hierarchy, settings: Settings) -> list[Soft]:
+        """What is nearest to the optimum with strong motors."""
+        J, b, b_exact = with_rest(cycles, braking(cycles, settings, hierarchy))
+        found = condensed(J, b, b_exact, cycles.numbers, hierarchy.sizes, settings)
+        form, w = settings["regularise"], settings["w_r"]
+        offset = cycles.bias * (form == "torque")
+        rows, soft = np.vstack([np.eye(J.shape[2]), -np.eye(J.shape[2])]), []
+        for i, dq in enumerate(cycles.dq):
+            sides = np.concatenate([cycles.lower[i], -cycles.upper[i]])
+            given = 0.0 if form == "none" else w, cycles.mass[i], offset[i]
+            wish = optimum(found.S[i], found.q0[i], *given, rows, sides)
+            soft.append(_nearest(wish, dq))
+        return soft
+
 
 class GhcTorque(Ranked):
     """Torques as the tasks' variables."""
@@ -103,6 +123,20 @@ class GhcTorque(Ranked):
         free = Values(tau.found - h, tau.exact, tau.lower - h, tau.upper - h)
         nothing = np.zeros_like(ddq.found)
         return Solution(*optimum_of(found, nothing, 0.0, free, ddq, inverse), self.proves)
+
+    def soft(self, cycles: Cycles, hierarchy: Hierarchy, settings: Settings) -> list[Soft]:
+        """What is nearest to the optimum with strong motors."""
+        J, b, b_exact = with_rest(cycles, braking(cycles, settings, hierarchy))
+        inverse, soft = np.linalg.inv(cycles.mass), []
+        found = condensed(J @ inverse, b, b_exact, cycles.numbers, hierarchy.sizes, settings)
+        for i, dq in enumerate(cycles.dq):
+            size = np.linalg.norm(inverse[i], axis=1)
+            rows = np.vstack([inverse[i], -inverse[i]]) / np.tile(size, 2)[:, None]
+            sides = np.concatenate([cycles.lower[i], -cycles.upper[i]]) / np.tile(size, 2)
+            given = 0.0, inverse[i], np.zeros_like(dq)
+            wish = optimum(found.S[i], found.q0[i], *given, rows, sides)
+            soft.append(_nearest(wish, dq, inverse[i]))
+        return soft
 
 
 def check(run: ControllerRun, parameters: Settings, claims: Claims) -> None:
@@ -177,6 +211,14 @@ def optimum_of(
     exact = x.exact + q0_exact + (np.abs(S) @ doubt[..., None])[..., 0]
     off = exact.max(1) / span + _relative(x) + _relative(y)
     return np.maximum(np.abs(left).max(1) / span, beyond), off
+
+
+def _nearest(found: tuple[Array, float] | None, dq: Array, M: Array | None = None) -> Soft:
+    """Of M·x of an optimum x and its condition, or of braking where there is none."""
+    if found is None:
+        return nearest_to(-BRAKE_PER_S * dq)
+    x, condition = found
+    return nearest_to(x if M is None else M @ x, ROUNDING * condition)
 
 
 def _beyond(values: Values) -> Array:

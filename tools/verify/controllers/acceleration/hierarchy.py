@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Any
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from hoap3.protocol.description import RobotDescription
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.bounds import Bounds
+from hoap3.tools.verify.controllers.acceleration.press import Press
 from hoap3.tools.verify.controllers.acceleration.rigid_body import RigidBody
 from hoap3.tools.verify.controllers.acceleration.schedule import Schedule
 from hoap3.tools.verify.controllers.acceleration.wanted import (
@@ -23,6 +24,7 @@ from hoap3.tools.verify.controllers.acceleration.wanted import (
     wanted_of,
 )
 from hoap3.tools.verify.robot import Robot
+from hoap3.tools.verify.tasks.config import in_todays_words
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -42,6 +44,8 @@ class Cycles:
         lower, upper: of q̈, (N, n).
         numbers: weights (N, k) or priorities (N, k, k).
         moved: whether they are others in the next tick, (N,).
+        measured: wrenches along the directions in which tasks keep one, (N, w) [N, N m].
+        touches: whether some such task does, (N,).
         ddq, tau: of the answer, and how exactly they are known, (N, n).
     """
 
@@ -56,10 +60,18 @@ class Cycles:
     upper: Array
     numbers: Array
     moved: Flags
+    measured: Array
+    touches: Flags
     ddq: Array
     ddq_exact: Array
     tau: Array
     tau_exact: Array
+
+    def part(self, which: Flags) -> Cycles:
+        """Some of the cycles, (N,)."""
+        found = {each.name: getattr(self, each.name) for each in fields(self)}
+        found["rows"] = Rows(*(part[which] for part in self.rows))
+        return Cycles(**{k: v if k == "rows" else v[which] for k, v in found.items()})
 
 
 class Hierarchy:
@@ -91,8 +103,17 @@ class Hierarchy:
     ) -> None:
         self.description, self.torques = description, torques
         self.robot = robot = Robot(description)
-        self.tasks: list[Wanted] = [wanted_of(entry, robot) for entry in entries]
+        entries = [in_todays_words(entry) for entry in entries]
+        self.tasks: list[Wanted] = [
+            Press(entry["parameters"], robot)
+            if entry["task"] == "wrench"
+            else wanted_of(entry, robot)
+            for entry in entries
+        ]
         self.gains = [gains_of(entry) for entry in entries]
+        self.presses = [task for task in self.tasks if isinstance(task, Press)]
+        places = {sensor: i for i, sensor in enumerate(description.wrench_sensors)}
+        self._felt = {press.sensor: places[press.sensor] for press in self.presses}
         self.bounds = Bounds.of(description, settings["bounds"])
         given = settings["bounds"]["torque_max"] or (np.inf,)
         self.torque_max = np.minimum(description.effort, given)
@@ -123,11 +144,11 @@ class Hierarchy:
         for start in range(0, len(places), CHUNK):
             chosen = (places >= start) & (places < start + CHUNK)
             part, seen = run.only(chosen), []
-            for at in part.answered.tolist():
+            for at, present in zip(part.answered.tolist(), numbers[chosen], strict=True):
                 if reset_of(run, at) != begun:
                     begun = reset_of(run, at)
                     self._begin(run, begun)
-                seen.append(self._look(run.states[at]))
+                seen.append(self._look(run.states[at], absent_in(present)))
             found = [np.array(each) for each in zip(*seen, strict=True)]
             limits = lower[chosen], upper[chosen], numbers[chosen], moved[chosen]
             yield part, self._cycles(part, found, *limits)
@@ -153,15 +174,33 @@ class Hierarchy:
         for task in self.tasks:
             task.begin(self.robot, int(state["tick"]) * self.description.period_s)
 
-    def _look(self, state: Any) -> tuple[Array, ...]:
-        """M, h, the robot's own torques, and the rows of all tasks, at a State."""
+    def _look(self, state: Any, absent: Array) -> tuple[Array, ...]:
+        """What is wanted, M, h, the robot's own torques, wrenches, and all rows, at a State."""
         q, dq, T = state["q"], state["dq"], self.description.period_s
         self.robot.place(q)
         self.robot.move(dq)
         time_s = int(state["tick"]) * T
-        rows = [task.at(self.robot, dq, time_s, T) for task in self.tasks]
-        stacked = [np.concatenate(part) for part in list(zip(*rows, strict=True))[:5]]
-        return (*self._body.at(q, dq), *stacked, np.hstack([each.exact for each in rows]))
+        M, h, weight = self._body.at(q, dq)
+        M, h = M + T * np.diag(self._friction), h + self._friction * dq
+        for sensor, place in self._felt.items():
+            J, _, _ = self.robot.frame_motion(sensor, own_axes=True)
+            h -= J.T @ state["wrench"][6 * place : 6 * place + 6]
+        seen, asked = [], []
+        for task, (kp, kd), out in zip(self.tasks, self.gains, absent, strict=True):
+            rows = task.at(self.robot, dq, time_s, T)
+            wanted = kp * rows.error - kd * rows.motion - rows.rate
+            if isinstance(task, Press):
+                place = self._felt[task.sensor]
+                task.feel(self.robot, state["wrench"][6 * place : 6 * place + 6], float(out))
+                if task.touches:
+                    rows, wanted = task.press(rows, wanted, M, T)
+            seen.append(rows)
+            asked.append(wanted)
+        stacked = [np.concatenate(part) for part in list(zip(*seen, strict=True))[:5]]
+        measured = np.concatenate([np.zeros(0), *(press.measured for press in self.presses)])
+        touches = np.array(any(press.touches for press in self.presses))
+        exact = np.hstack([each.exact for each in seen])
+        return (np.concatenate(asked), M, h, weight, measured, touches, *stacked, exact)
 
     def _cycles(
         self,
@@ -172,20 +211,17 @@ class Hierarchy:
         numbers: Array,
         moved: Flags,
     ) -> Cycles:
-        states, T = run.states[run.answered], self.description.period_s
-        mass, bias, weight, rows = *found[:3], Rows(*found[3:])
+        states = run.states[run.answered]
+        wanted, mass, bias, weight, measured, touches = found[:6]
+        rows = Rows(*found[6:])
         kp, kd = np.repeat(np.array(self.gains), self.sizes, axis=0).T
-        wanted = kp * rows.error - kd * rows.motion - rows.rate
         e, nu, rate = np.moveaxis(rows.exact, 1, 0)
         exact = kp * e + kd * nu + rate
-        exact += ROUNDING * (kp * np.abs(rows.error) + kd * np.abs(rows.motion))
-        mass = mass + T * np.diag(self._friction)
-        bias = bias + self._friction * states["dq"]
+        exact += ROUNDING * (kp * np.abs(rows.error) + kd * np.abs(rows.motion) + np.abs(wanted))
         motion = self._motion(run, mass, bias, weight)
-        q, dq = states["q"], states["dq"]
-        return Cycles(
-            *(q, dq, rows, wanted, exact, mass, bias, lower, upper, numbers, moved, *motion)
-        )
+        felt = measured, touches
+        given = states["q"], states["dq"], rows, wanted, exact, mass, bias
+        return Cycles(*given, lower, upper, numbers, moved, *felt, *motion)
 
     def _motion(
         self, run: ControllerRun, M: Array, h: Array, weight: Array
@@ -205,6 +241,13 @@ class Hierarchy:
         moves = (np.abs(M) @ np.abs(ddq)[..., None])[..., 0]
         exact = ROUNDING * (np.abs(values) + np.abs(weight) + size + moves)
         return ddq, (np.abs(inverse) @ exact[..., None])[..., 0], tau, exact
+
+
+def absent_in(numbers: Array) -> Array:
+    """How far each task is out, (k,) from 0 to 1, by priorities (k, k) or weights (k,)."""
+    if numbers.ndim == 2:
+        return numbers.diagonal()
+    return np.asarray(numbers <= 0.0, float)
 
 
 def reset_of(run: ControllerRun, at: int) -> int:

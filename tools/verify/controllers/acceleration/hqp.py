@@ -17,6 +17,11 @@ from hoap3.remote_controller.solvers.qp.reference import solve_qp
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.certificate import Solution
+from hoap3.tools.verify.controllers.acceleration.fallbacks import (
+    BRAKE_PER_S,
+    Soft,
+    nearest_to,
+)
 from hoap3.tools.verify.controllers.acceleration.family import braking, check_family
 from hoap3.tools.verify.controllers.acceleration.ghc import DEFAULTS as RANKED
 from hoap3.tools.verify.controllers.acceleration.ghc import Ranked, with_rest
@@ -130,33 +135,44 @@ class Hqp(Ranked):
 
     def solution(self, cycles: Cycles, hierarchy: Hierarchy, settings: Settings) -> Solution:
         """How far the answer is from the cascade's, relative to the largest acceleration."""
-        J, b, b_exact = with_rest(cycles, braking(cycles, settings, hierarchy))
-        N, _, n = J.shape
-        one = np.broadcast_to(np.eye(n), (N, n, n))
-        most = hierarchy.torque_max
-        sides = [
-            np.hstack([side, sign * most - cycles.bias])
-            for side, sign in ((cycles.lower, -1.0), (cycles.upper, 1.0))
-        ]
-        values = np.hstack([one, cycles.mass])
-        still = np.zeros((N, n))
-        lower, upper = sides
-        free = np.zeros(N, bool)
-        whole = Cascade(J, b, b_exact, values, lower, upper, still, still.copy(), free)
-        owner = np.repeat(np.arange(len(hierarchy.sizes) + 1), [*hierarchy.sizes, n])
-        kinds = _by_cycle(cycles.numbers)
-        for levels in {*kinds}:
-            mine = np.array([each == levels for each in kinds])
-            part = whole.part(mine)
-            rows = [np.isin(owner, level) for level in (*levels, (len(hierarchy.sizes),))]
-            part.solve(rows, settings["w_r"], one[mine])
-            whole.ddq[mine], whole.exact[mine] = part.ddq, part.exact
-            whole.bounded[mine] = part.bounded
-        size = np.maximum(np.abs(whole.ddq), np.abs(cycles.ddq)).max(1)
-        span = np.maximum(TINY, size)
+        whole = _cascade(cycles, hierarchy, settings, hierarchy.torque_max)
+        span = np.maximum(TINY, np.maximum(np.abs(whole.ddq), np.abs(cycles.ddq)).max(1))
         off = np.abs(cycles.ddq - whole.ddq).max(1) / span
         exact = (whole.exact + cycles.ddq_exact).max(1) / span + BOUNDED * whole.bounded
         return Solution(off, exact, self.proves)
+
+    def soft(self, cycles: Cycles, hierarchy: Hierarchy, settings: Settings) -> list[Soft]:
+        """What is nearest to the cascade's answer with strong motors."""
+        strong = np.full_like(hierarchy.torque_max, np.inf)
+        found = _cascade(cycles, hierarchy, settings, strong).ddq
+        wishes = np.where(np.isfinite(found), found, -BRAKE_PER_S * cycles.dq)
+        return [nearest_to(wish) for wish in wishes]
+
+
+def _cascade(cycles: Cycles, hierarchy: Hierarchy, settings: Settings, most: Array) -> Cascade:
+    """The answers with torques up to `most`, (n,)."""
+    J, b, b_exact = with_rest(cycles, braking(cycles, settings, hierarchy))
+    N, _, n = J.shape
+    one = np.broadcast_to(np.eye(n), (N, n, n))
+    sides = [
+        np.hstack([side, sign * most - cycles.bias])
+        for side, sign in ((cycles.lower, -1.0), (cycles.upper, 1.0))
+    ]
+    values = np.hstack([one, cycles.mass])
+    still = np.zeros((N, n))
+    lower, upper = sides
+    free = np.zeros(N, bool)
+    whole = Cascade(J, b, b_exact, values, lower, upper, still, still.copy(), free)
+    owner = np.repeat(np.arange(len(hierarchy.sizes) + 1), [*hierarchy.sizes, n])
+    kinds = _by_cycle(cycles.numbers)
+    for levels in {*kinds}:
+        mine = np.array([each == levels for each in kinds])
+        part = whole.part(mine)
+        rows = [np.isin(owner, level) for level in (*levels, (len(hierarchy.sizes),))]
+        part.solve(rows, settings["w_r"], one[mine])
+        whole.ddq[mine], whole.exact[mine] = part.ddq, part.exact
+        whole.bounded[mine] = part.bounded
+    return whole
 
 
 def check(run: ControllerRun, parameters: Settings, claims: Claims) -> None:

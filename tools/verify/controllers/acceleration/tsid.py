@@ -16,6 +16,7 @@ from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration import bounds
 from hoap3.tools.verify.controllers.acceleration.certificate import Solution
+from hoap3.tools.verify.controllers.acceleration.fallbacks import Soft
 from hoap3.tools.verify.controllers.acceleration.family import Family, check_family
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy
 from hoap3.tools.verify.controllers.acceleration.quadratic import optimum_of
@@ -76,16 +77,28 @@ class Tsid(Family):
     def solution(self, cycles: Cycles, hierarchy: Hierarchy, settings: Settings) -> Solution:
         """The largest deviation: of q̈ relative to its span, of τ to the greatest torque."""
         del settings
-        weights = cycles.numbers.copy()
-        weights[:, -1] = np.maximum(weights[:, -1], LEAST_WEIGHT)
-        each = np.repeat(weights, hierarchy.sizes, axis=1)
-        J, y = cycles.rows.jacobian, cycles.wanted
-        weighted = np.swapaxes(each[..., None] * J, 1, 2)
-        f = -(weighted @ y[..., None])[..., 0]
-        doubt = cycles.wanted_exact + ROUNDING * np.abs(y)
-        f_exact = (np.abs(weighted) @ doubt[..., None])[..., 0]
-        found = optimum_of(weighted @ J, f, f_exact, cycles, hierarchy.torque_max)
-        return Solution(*found, self.proves)
+        problem = _problem(cycles, hierarchy)
+        return Solution(*optimum_of(*problem, cycles, hierarchy.torque_max), self.proves)
+
+    def soft(self, cycles: Cycles, hierarchy: Hierarchy, settings: Settings) -> list[Soft]:
+        """The same QP; the wish is that of the posture."""
+        del settings
+        H, f, _ = _problem(cycles, hierarchy)
+        wishes = cycles.wanted[:, hierarchy.spans[-1]]
+        return [Soft(*each) for each in zip(H, f, wishes, strict=True)]
+
+
+def _problem(cycles: Cycles, hierarchy: Hierarchy) -> tuple[Array, Array, Array]:
+    """H (N, n, n), f (N, n), and how exactly that is known."""
+    weights = cycles.numbers.copy()
+    weights[:, -1] = np.maximum(weights[:, -1], LEAST_WEIGHT)
+    each = np.repeat(weights, hierarchy.sizes, axis=1)
+    J, y = cycles.rows.jacobian, cycles.wanted
+    weighted = np.swapaxes(each[..., None] * J, 1, 2)
+    f = -(weighted @ y[..., None])[..., 0]
+    doubt = cycles.wanted_exact + ROUNDING * np.abs(y)
+    f_exact = (np.abs(weighted) @ doubt[..., None])[..., 0]
+    return weighted @ J, f, f_exact
 
 
 def check(run: ControllerRun, parameters: Settings, claims: Claims) -> None:

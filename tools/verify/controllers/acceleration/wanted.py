@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.tools.verify.robot import Robot
-from hoap3.tools.verify.tasks.config import in_todays_words, posture_of, task_of
+from hoap3.tools.verify.tasks.config import posture_of, task_of
 from hoap3.tools.verify.tasks.logarithm import pose_logarithm, rotation_of
-from hoap3.tools.verify.tasks.targets import Target, UnknownTaskError, target_of
+from hoap3.tools.verify.tasks.targets import Target, target_of
 from hoap3.tools.verify.tasks.tasks import AnyTask
 
 Array = NDArray[np.float64]
@@ -73,6 +73,8 @@ class Place(Wanted):
         self._target, self._frame = target, frame
         robot.place(robot.description.initial_position)
         self._origin, self._axes = root_pose(robot, reference)
+        self.acceleration = np.zeros(3)
+        """Of the target in this period, in the root's axes, [m/s²]."""
 
     def begin(self, robot: Robot, time_s: float) -> None:
         """From the frame's origin."""
@@ -84,6 +86,7 @@ class Place(Wanted):
         J, twist, drift = (each[:3] for each in robot.frame_motion(self._frame, own_axes=False))
         p, _ = root_pose(robot, self._frame)
         moves = [self._axes @ each for each in self._target.over(time_s, period_s)]
+        self.acceleration = moves[2]
         wanted, error = self._origin + moves[0], self._origin + moves[0] - p
         size = np.abs(wanted).max() + np.abs(p).max()
         speed, gains = np.abs(J) @ np.abs(dq) + np.abs(moves[1]), np.abs(moves[2])
@@ -164,10 +167,7 @@ def wanted_of(entry: Settings, robot: Robot) -> Wanted:
     Raises:
         UnknownTaskError: what cannot be recomputed, with the reason.
     """
-    entry = in_todays_words(entry)
     name, given, n = entry.get("task"), entry.get("parameters") or {}, robot.description.n
-    if name == "wrench":
-        raise UnknownTaskError("task wrench is not recomputed")
     task = task_of(entry, robot)  # which refuses what is wrong
     if given.get("weights"):
         return Given(task)
