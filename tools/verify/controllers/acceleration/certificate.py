@@ -6,9 +6,8 @@ by within the period; errors, weights or priorities; and the distance from all b
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,14 +157,3 @@ def check_proof(
     status = np.where(may, STATUS["STATUS_CERTIFIED"], STATUS["STATUS_UNCERTIFIED"])
     status[~solved] = INFEASIBLE
     claims.equal("status", tick, answers["solver_status"], status, 0.0)
-
-
-def unfit(settings: Mapping[str, Any], run: ControllerRun) -> str:
-    """Why answers cannot be judged at all; "" for no reason."""
-    if not {"torque", "acceleration"} & {*run.description.command_kinds}:
-        return "the robot takes neither torques nor accelerations"
-    if run.description.delay_ticks:
-        return "answers are delayed, and this controller takes no delay"
-    for constraint in settings["constraints"] or ():
-        return f"constraint {constraint.get('constraint')!r:.40} of accelerations is not recomputed"
-    return ""

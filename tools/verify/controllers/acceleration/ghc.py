@@ -40,7 +40,7 @@ Flags = NDArray[np.bool_]
 Settings = Mapping[str, Any]
 
 DEFAULTS: dict[str, Any] = {
-    "constraints": (),
+    "constraints": None,
     "bounds": bounds.HIERARCHY_DEFAULTS,
     "compensate_friction": True,
     "w_r": 0.01,
@@ -174,9 +174,9 @@ def condensed(
     for i in range(k + 1):
         Ji, bi = J[:, edges[i] : edges[i + 1]], b[:, edges[i] : edges[i + 1]]
         P = projectors.of(whole[:, i])
-        U, s, Vt = np.linalg.svd(Ji)
+        U, s, Vt = np.linalg.svd(Ji[:1] if (Ji == Ji[0]).all() else Ji)
         V, few = np.swapaxes(Vt, 1, 2), s.shape[1]
-        square = np.zeros((N, n))
+        square = np.zeros((len(s), n))
         square[:, :few] = s**2
         root = P @ V / np.sqrt(square + w)[:, None, :]
         S += root @ np.swapaxes(root, 1, 2)

@@ -21,6 +21,7 @@ from hoap3.tools.verify.controllers.acceleration.wanted import (
     Rows,
     Wanted,
     gains_of,
+    stacked,
     wanted_of,
 )
 from hoap3.tools.verify.robot import Robot
@@ -196,11 +197,9 @@ class Hierarchy:
                     rows, wanted = task.press(rows, wanted, M, T)
             seen.append(rows)
             asked.append(wanted)
-        stacked = [np.concatenate(part) for part in list(zip(*seen, strict=True))[:5]]
         measured = np.concatenate([np.zeros(0), *(press.measured for press in self.presses)])
         touches = np.array(any(press.touches for press in self.presses))
-        exact = np.hstack([each.exact for each in seen])
-        return (np.concatenate(asked), M, h, weight, measured, touches, *stacked, exact)
+        return (np.concatenate(asked), M, h, weight, measured, touches, *stacked(seen))
 
     def _cycles(
         self,
@@ -219,9 +218,9 @@ class Hierarchy:
         exact = kp * e + kd * nu + rate
         exact += ROUNDING * (kp * np.abs(rows.error) + kd * np.abs(rows.motion) + np.abs(wanted))
         motion = self._motion(run, mass, bias, weight)
-        felt = measured, touches
         given = states["q"], states["dq"], rows, wanted, exact, mass, bias
-        return Cycles(*given, lower, upper, numbers, moved, *felt, *motion)
+        present = lower, upper, numbers, moved, measured, touches.astype(bool)
+        return Cycles(*given, *present, *motion)
 
     def _motion(
         self, run: ControllerRun, M: Array, h: Array, weight: Array

@@ -19,6 +19,7 @@ from hoap3.tools.verify.controllers.acceleration.wanted import (
     Rows,
     Wanted,
     root_pose,
+    stacked,
 )
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.tasks.logarithm import rotation_of, rotation_vector
@@ -103,8 +104,7 @@ class Press(Wanted):
         phi, speed = rotation_vector(self._turn @ R.T), np.abs(J) @ np.abs(dq)
         off = np.array([np.full(3, 4.0), speed, np.abs(dq).max() * speed])
         below = Rows(J, phi, twist, drift, -phi, ROUNDING * off)
-        joined = [np.concatenate([a, b]) for a, b in zip(place[:5], below[:5], strict=True)]
-        return Rows(*joined, np.hstack([place.exact, below.exact]))
+        return stacked([place, below])
 
     def feel(self, robot: Robot, wrench: Array, absent: float) -> None:
         """Take what the sensor measures, (6,); absent: how far the task is out, α_ii."""

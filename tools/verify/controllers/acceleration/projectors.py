@@ -35,6 +35,8 @@ class Projectors:
         self._J, self._edges, self._width = J, edges, width
         self._known: dict[tuple[bool, ...], Array] = {}
         self.amplify = np.ones(len(J))
+        parts = [J[:, start:end] for start, end in pairwise(edges)]
+        self._whole = [_is_identity(part) for part in parts]  # which leave nothing free
 
     def of(self, alpha: Array) -> Array:
         """P (N, n, n) for priorities of all tasks over one, (N, k)."""
@@ -52,9 +54,12 @@ class Projectors:
     def _free(self, tasks: tuple[bool, ...]) -> Array:
         """N_l of some tasks in all cycles."""
         if tasks not in self._known:
-            sizes = np.diff(self._edges)
-            rows = self._J[:, np.repeat(np.array(tasks), sizes)]
-            self._known[tasks] = self._projector(rows)
+            n = self._J.shape[2]
+            if any(self._whole[place] for place in np.flatnonzero(tasks)):
+                self._known[tasks] = np.zeros((len(self._J), n, n))
+            else:
+                rows = self._J[:, np.repeat(np.array(tasks), np.diff(self._edges))]
+                self._known[tasks] = self._projector(rows)
         return self._known[tasks]
 
     def _projector(self, rows: Array) -> Array:
@@ -74,3 +79,9 @@ class Projectors:
             least = np.where(s > RANK, s, np.inf).min(1)
             np.maximum(self.amplify, 1.0 / least, out=self.amplify)
         return np.asarray(np.eye(n) - np.swapaxes(Vt, 1, 2) * shares[:, None, :] @ Vt)
+
+
+def _is_identity(J: Array) -> bool:
+    """Whether a task's rows are I in all cycles, as those of all joints are."""
+    n = J.shape[2]
+    return J.shape[1] == n and bool((np.eye(n) == J).all())

@@ -17,6 +17,7 @@ from hoap3.tools.verify.controllers.acceleration.wanted import ROUNDING
 
 Array = NDArray[np.float64]
 
+MOST_STEPS = 10_000  # of non-negative least squares; some ten are usual
 TINY = 1e-9  # rad/s²: accelerations below it count as that much
 
 
@@ -88,5 +89,5 @@ def away(pull: Array, rows: Array, mass: Array, active: NDArray[np.bool_]) -> Ar
         columns = S @ normals.T
         length = np.linalg.norm(columns, axis=0)
         columns = columns / np.where(length > 0.0, length, 1.0)
-        left[i] += columns @ nnls(columns, -left[i])[0]
+        left[i] += columns @ nnls(columns, -left[i], maxiter=MOST_STEPS)[0]
     return left

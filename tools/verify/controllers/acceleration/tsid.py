@@ -33,7 +33,7 @@ Settings = Mapping[str, Any]
 
 DEFAULTS: dict[str, Any] = {
     "tasks": None,
-    "constraints": (),
+    "constraints": None,
     "bounds": bounds.HIERARCHY_DEFAULTS,
     "compensate_friction": True,
     "frame": None,

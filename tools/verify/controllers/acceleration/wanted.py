@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,10 +16,11 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
+from hoap3.tools.verify.controllers.acceleration.parameters import is_number
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.tasks.config import posture_of, task_of
 from hoap3.tools.verify.tasks.logarithm import pose_logarithm, rotation_of
-from hoap3.tools.verify.tasks.targets import Target, target_of
+from hoap3.tools.verify.tasks.targets import Target, UnknownTaskError, target_of
 from hoap3.tools.verify.tasks.tasks import AnyTask
 
 Array = NDArray[np.float64]
@@ -161,6 +162,14 @@ class Given(Wanted):
         return Rows(rows.jacobian, -rows.error, motion, rate, rows.error, exact)
 
 
+def stacked(rows: Sequence[Rows]) -> Rows:
+    """Rows below each other."""
+    whole = [np.concatenate(part) for part in zip(*(each[:5] for each in rows), strict=True)]
+    jacobian, error, motion, rate, slope = whole
+    exact = np.hstack([each.exact for each in rows])
+    return Rows(jacobian, error, motion, rate, slope, exact)
+
+
 def wanted_of(entry: Settings, robot: Robot) -> Wanted:
     """A task of a config.
 
@@ -227,8 +236,10 @@ def _goal(given: Settings, reference: str, robot: Robot) -> tuple[Array, Array] 
 
 def gains_of(entry: Settings) -> tuple[float, float]:
     """Gains kp [1/s²] and kd [1/s], by default critical damping."""
-    kp, kd = float(entry.get("kp", 10.0)), entry.get("kd")
-    return kp, 2.0 * math.sqrt(kp) if kd is None else float(kd)
+    kp, kd = entry.get("kp", 10.0), entry.get("kd")
+    if not is_number(kp) or kp < 0.0 or not (kd is None or is_number(kd)):
+        raise UnknownTaskError(f"gains are {kp!r:.40} and {kd!r:.40}")
+    return float(kp), 2.0 * math.sqrt(kp) if kd is None else float(kd)
 
 
 def _exact(size: Any, speed: Array, acceleration: Array) -> Array:

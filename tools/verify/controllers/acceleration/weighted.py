@@ -32,7 +32,7 @@ Flags = NDArray[np.bool_]
 Settings = Mapping[str, Any]
 
 DEFAULTS: dict[str, Any] = {
-    "constraints": (),
+    "constraints": None,
     "bounds": bounds.HIERARCHY_DEFAULTS,
     "compensate_friction": True,
     "w_r": 0.01,
