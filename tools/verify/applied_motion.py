@@ -60,10 +60,14 @@ def _check_rest(states: Rows, claims: Claims) -> None:
 def _check_torques(states: Rows, robot: RobotDescription, claims: Claims) -> None:
     """Torques within the efforts, and positions within the mechanical stops.
 
-    Where efforts are too small for what moves, no robot keeps more than these.
+    Where efforts are too small for what moves, no robot keeps more than these. Brakes, that hold
+    it at rest, carry what there is.
     """
     tick, q = states["tick"], states["reference"]
-    effort = np.broadcast_to(robot.effort, q.shape)
-    claims.at_most("applied torque", tick, np.abs(states["tau"]), effort, RELATIVE * effort)
+    moves = np.isin(states["mode"], (State.ACTIVE, State.STOPPING))
+    moves[1:] &= moves[:-1]  # the torques are those of the period before
+    tau = np.abs(states["tau"][moves])
+    effort = np.broadcast_to(robot.effort, tau.shape)
+    claims.at_most("applied torque", tick[moves], tau, effort, RELATIVE * effort)
     claims.at_most("applied position, upper", tick, q, np.maximum(robot.upper_hard, q[0]), 0.0)
     claims.at_most("applied position, lower", tick, -q, -np.minimum(robot.lower_hard, q[0]), 0.0)
