@@ -16,7 +16,7 @@ from hoap3.protocol.messages import COMMANDS, schema
 from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.answers import ACTIVE, INFEASIBLE
-from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy
+from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy, has_decision
 from hoap3.tools.verify.controllers.acceleration.press import Press, columns_of
 from hoap3.tools.verify.controllers.acceleration.wanted import ROUNDING
 
@@ -110,6 +110,8 @@ def check_bounds(run: ControllerRun, cycles: Cycles, hierarchy: Hierarchy, claim
     answers, tick = run.answers, run.answers["tick"]
     kind = COMMANDS["torque" if hierarchy.torques else "acceleration"]
     claims.equal("command", tick, answers["command"], np.full(len(tick), kind))
+    if has_decision(run, 2 * hierarchy.description.n):
+        _check_decision(run, cycles, hierarchy, claims)
     greatest, most = hierarchy.bounds.scale, hierarchy.torque_max
     share = (np.abs(cycles.tau) / most).max(1)
     off = RELATIVE * share + (cycles.tau_exact / most).max(1)
@@ -121,6 +123,19 @@ def check_bounds(run: ControllerRun, cycles: Cycles, hierarchy: Hierarchy, claim
     off += (cycles.ddq_exact / greatest).max(1) + RELATIVE * np.maximum(1.0, size.max(1))
     margin = np.minimum(np.minimum(1.0, room.min(1)), 1.0 - share)
     claims.equal("margin", tick, answers["margin"], margin, off)
+
+
+def _check_decision(
+    run: ControllerRun, cycles: Cycles, hierarchy: Hierarchy, claims: Claims
+) -> None:
+    """Of a log that has q̈ and τ themselves: τ = M·q̈ + h, and the setpoint is one of them."""
+    answers, tick, ddq, h = run.answers, run.answers["tick"], cycles.ddq, cycles.bias
+    each = cycles.mass * ddq[:, None, :]
+    off = ROUNDING * (np.abs(each).sum(2) + np.abs(h).max(1, keepdims=True))
+    claims.equal("torques", tick, cycles.tau, each.sum(2) + h, off)
+    sent = cycles.tau - cycles.weight if hierarchy.torques else ddq
+    size = np.abs(cycles.tau) + np.abs(cycles.weight) if hierarchy.torques else np.abs(ddq)
+    claims.equal("setpoint", tick, answers["values"], sent, ROUNDING * size)
 
 
 def check_proof(

@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 NEAREST, OVERLOADED, GAVE_UP = 1, 2, 3
 WEIGHTS = 1e4, 1e2, 1.0  # P; the next one where the solver gives up
+UNREPEATED = "that a solver finds none, though there may be one, is not repeated"
 BRAKE_PER_S = 10.0  # of −q̇, the wish where the tasks have no answer even with strong motors
 SOFT = 1e-8  # of the largest acceleration: how near a solver comes to a soft optimum
 
@@ -51,9 +52,11 @@ def check_fallback(
     """That there was need of one, and that it is what it should be; soft: by cycle."""
     fallback, tick = run.answers["fallback"], run.answers["tick"]
     for i, problem in soft.items():
-        least = least_excess(cycles, hierarchy.torque_max, i)
         if fallback[i] == OVERLOADED:
+            least = least_excess(cycles, hierarchy.torque_max, i)
             claims.at_most("fallback: none is within all", tick[i], -least, 0.0, RELATIVE)
+        else:
+            claims.unverified("fallback: no answer", 1, UNREPEATED)
         off = _distance(cycles, hierarchy.torque_max, i, problem, int(fallback[i]))
         exact = SOFT + problem.exact + cycles.ddq_exact[i].max() / _span(cycles.ddq[i], problem)
         claims.at_most("fallback: optimum", tick[i], off, exact, 0.0)

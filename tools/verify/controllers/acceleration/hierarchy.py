@@ -42,6 +42,7 @@ class Cycles:
         rows: of all tasks below each other: J (N, m, n), and the rest (N, m); exact (N, 3, m).
         wanted: J·q̈ that is asked for, (N, m), and how exactly it is known.
         mass, bias: M (N, n, n) and h (N, n), viscous friction at the end of the period included.
+        weight: torques that the robot adds to a command by itself, (N, n).
         lower, upper: of q̈, (N, n).
         numbers: weights (N, k) or priorities (N, k, k).
         moved: whether they are others in the next tick, (N,).
@@ -57,6 +58,7 @@ class Cycles:
     wanted_exact: Array
     mass: Array
     bias: Array
+    weight: Array
     lower: Array
     upper: Array
     numbers: Array
@@ -218,7 +220,7 @@ class Hierarchy:
         exact = kp * e + kd * nu + rate
         exact += ROUNDING * (kp * np.abs(rows.error) + kd * np.abs(rows.motion) + np.abs(wanted))
         motion = self._motion(run, mass, bias, weight)
-        given = states["q"], states["dq"], rows, wanted, exact, mass, bias
+        given = states["q"], states["dq"], rows, wanted, exact, mass, bias, weight
         present = lower, upper, numbers, moved, measured, touches.astype(bool)
         return Cycles(*given, *present, *motion)
 
@@ -228,7 +230,7 @@ class Hierarchy:
         """q̈ and τ of the answers, and how exactly each is known, (N, n)."""
         answers, n = run.answers, self.description.n
         values, size = answers["values"], np.abs(h).max(1, keepdims=True)
-        if "decision" in (answers.dtype.names or ()) and answers["decision"].shape[1] == 2 * n:
+        if has_decision(run, 2 * n):
             ddq, tau = np.split(answers["decision"].astype(float), 2, axis=1)
             return ddq, np.zeros_like(ddq), tau, np.zeros_like(tau)
         if not self.torques:
@@ -240,6 +242,12 @@ class Hierarchy:
         moves = (np.abs(M) @ np.abs(ddq)[..., None])[..., 0]
         exact = ROUNDING * (np.abs(values) + np.abs(weight) + size + moves)
         return ddq, (np.abs(inverse) @ exact[..., None])[..., 0], tau, exact
+
+
+def has_decision(run: ControllerRun, size: int) -> bool:
+    """Whether the answers hold so many numbers of what was solved for."""
+    answers = run.answers
+    return "decision" in (answers.dtype.names or ()) and answers["decision"].shape[1] == size
 
 
 def absent_in(numbers: Array) -> Array:

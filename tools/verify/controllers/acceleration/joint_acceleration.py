@@ -29,6 +29,7 @@ from hoap3.tools.verify.controllers.acceleration.answers import (
     is_posture,
     posture,
 )
+from hoap3.tools.verify.controllers.acceleration.hierarchy import has_decision
 from hoap3.tools.verify.controllers.acceleration.parameters import filled, is_number
 
 Array = NDArray[np.float64]
@@ -180,7 +181,7 @@ def _check_answers(run: ControllerRun, motion: Motion, law: Law, claims: Claims)
     else:
         off = RELATIVE * np.maximum(np.abs(motion.ddq), law.bounds.scale)
         claims.equal("setpoint", tick, answers["values"], motion.ddq, off)
-    if "decision" in (answers.dtype.names or ()) and answers["decision"].shape == last.shape:
+    if has_decision(run, run.description.n):
         off = RELATIVE * np.broadcast_to(law.bounds.scale, last.shape)
         claims.equal("decision", tick, answers["decision"], motion.ddq, off)
     speed = np.abs(motion.dq + T * motion.ddq)
