@@ -75,6 +75,7 @@ class GrantAnswer(Status):
         granted: whether the client has authority now.
         epoch, from_tick: of a grant, None otherwise.
         deadline, delay_ticks: as the robot's description has them; older robots leave them out.
+        setpoint_arrays: how long arrays of a Setpoint may be, by name; of older robots empty.
         reason: of a refusal, in one word, or None.
     """
 
@@ -83,6 +84,7 @@ class GrantAnswer(Status):
     from_tick: Uint64 | None = None
     deadline: DeadlineRule = "next_tick"
     delay_ticks: Annotated[int, Field(ge=0, le=MAX_DELAY_TICKS)] = 0
+    setpoint_arrays: dict[str, Annotated[int, Field(ge=0)]] = {}
     reason: Annotated[str, Field(max_length=64)] | None = None
 
     @model_validator(mode="after")

@@ -79,6 +79,8 @@ class RobotDescription(Part):
         deadline: from when an answer has its time: `next_tick`, from the intended start of its
             tick, or `after_receipt`, from when its State was published.
         delay_ticks: d; the answer to tick k is applied at tick k + 1 + d, and has 1 + d periods.
+        state_arrays: lengths of the arrays of its States that version 1 of the wire does not have,
+            by name; those that are not named are empty.
     """
 
     kind: ClassVar[str] = "robot"
@@ -98,6 +100,7 @@ class RobotDescription(Part):
     default_task: DefaultTask | None = None
     deadline: DeadlineRule = "next_tick"
     delay_ticks: StrictInt = 0
+    state_arrays: dict[StrictStr, StrictInt] = {}  # noqa: RUF012 - pydantic copies it
 
     @classmethod
     def from_json(cls, raw: bytes) -> Self:
@@ -119,7 +122,7 @@ class RobotDescription(Part):
     def to_json(self) -> bytes:
         """Canonical JSON: sorted keys, no blanks, ASCII; no optional key that has its default."""
         fields = self.model_dump(mode="json")
-        for key in ("default_task", "deadline", "delay_ticks"):
+        for key in ("default_task", "deadline", "delay_ticks", "state_arrays"):
             if fields[key] == type(self).model_fields[key].default:
                 del fields[key]  # as in logs from before there was one
         return json.dumps(fields, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
@@ -182,6 +185,12 @@ class RobotDescription(Part):
         """How long an answer has, from where `deadline` counts [ns]."""
         return (1 + self.delay_ticks) * round(self.period_s * 1e9)
 
+    @property
+    def state_lengths(self) -> dict[str, int]:
+        """Lengths of all arrays of its States, by name."""
+        per_joint = dict.fromkeys(("q", "dq", "tau", "reference"), self.n)
+        return {**per_joint, "wrench": 6 * len(self.wrench_sensors), **self.state_arrays}
+
     @cached_property
     def counts_per_rad(self) -> Vector | None:
         """Signed encoder scales, (n,) [1/rad]; None unless every joint has one."""
@@ -199,6 +208,7 @@ class RobotDescription(Part):
             refuse("period_s", self.period_s, "Write seconds, such as 0.001.")
         if not 0 <= self.delay_ticks <= MAX_DELAY_TICKS:
             refuse("delay_ticks", self.delay_ticks, f"Write 0 to {MAX_DELAY_TICKS}.")
+        self._check_state_arrays()
         if not self.command_kinds:
             refuse("command_kinds", [], "Name at least one of position, acceleration, torque.")
         _unique("joints", self.joint_names)
@@ -210,6 +220,23 @@ class RobotDescription(Part):
         self._check_frames()
         if len(self.to_json()) > MAX_BYTES:
             refuse("description", f"{len(self.to_json())} bytes", f"At most {MAX_BYTES}.")
+
+    def _check_state_arrays(self) -> None:
+        known = {
+            **dict.fromkeys(("reference_rate", "reference_acceleration"), (self.n, self.n)),
+            "followed": (1, 1),
+            "base": (13, 13),
+            "contact": (6, 384),
+            "imu": (10, 160),
+        }
+        for name, length in self.state_arrays.items():
+            if name not in known:
+                remedy = did_you_mean(name, known, "Leave it out.")
+                refuse("state_arrays", name, remedy)
+            one, most = known[name]
+            if length % one or not 0 <= length <= most:
+                allowed = f"0 or {one}" if one == most else f"multiples of {one} up to {most}"
+                refuse(f"state_arrays.{name}", length, f"It must be {allowed}.")
 
     def _check_joints(self) -> None:
         movable = self.structure.movable

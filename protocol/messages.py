@@ -1,9 +1,9 @@
 """The only module that knows the bytes of the wire: messages as ROS 2 CDR, little endian.
 
-The `.msg` files in `msg/` are the schema. For given array lengths the layout of a message is
-fixed, so a message owns one aligned buffer: arrays are views into it, scalars are packed and
-unpacked in one call. The same bytes travel over the link and go into the log.
-docs/wire.md gives the offsets.
+The `.msg` files in `msg/` are the schema; those of earlier versions lie in folders of their own.
+For given array lengths the layout of a message is fixed, so a message owns one aligned buffer:
+arrays are views into it, scalars are packed and unpacked in one call. The same bytes travel over
+the link and go into the log. docs/wire.md gives the offsets.
 """
 
 from __future__ import annotations
@@ -24,9 +24,10 @@ from hoap3.protocol.errors import WireError
 
 FloatArray = npt.NDArray[np.float64]
 
-WIRE_VERSION = 1
+WIRE_VERSION = 2
 CDR_HEADER = b"\x00\x01\x00\x00"  # plain CDR, little endian, no options
 MAX_JOINTS = 128
+MAX_ELEMENTS = 1024  # of an array
 SCALAR_FORMATS = {"uint32": "I", "uint64": "Q", "int64": "q", "float64": "d"}
 _FIELD = re.compile(r"^(?P<type>\w+)(?P<array>\[\])?\s+(?P<name>[a-z]\w*)\s*(?:#.*)?$")
 _CONSTANT = re.compile(r"^\w+\s+(?P<name>[A-Z]\w*)=(?P<value>-?\d+)\s*(?:#.*)?$")
@@ -47,6 +48,11 @@ class Schema:
         """Name of the type as ROS 2 readers know it."""
         return f"hoap3_msgs/msg/{self.name}"
 
+    @property
+    def version(self) -> int:
+        """What `wire_version` of such a message is; an Event is as in version 1."""
+        return self.constants.get("WIRE_VERSION", 1)
+
     @cached_property
     def scalar_struct(self) -> struct.Struct:
         """Every scalar, without padding: the schemas keep each at its natural alignment."""
@@ -62,15 +68,15 @@ class Schema:
         """Byte offsets behind the CDR header: of each array's length, and of the end.
 
         A sequence is its length as uint32, then its elements aligned to 8 bytes. An empty one
-        has no elements and therefore no padding.
+        has no elements and therefore no padding. Arrays that `lengths` does not name are empty.
         """
         places: dict[str, int] = {}
         end = self.scalar_struct.size
         for array in self.arrays:
             places[array] = end = -(-end // 4) * 4
             end += 4
-            if lengths[array]:
-                end = -(-end // 8) * 8 + 8 * lengths[array]
+            if count := lengths.get(array, 0):
+                end = -(-end // 8) * 8 + 8 * count
         return places, end
 
     def dtype(self, lengths: dict[str, int]) -> np.dtype[Any]:
@@ -78,7 +84,7 @@ class Schema:
         places, end = self.offsets(lengths)
         packed = [(name, "<" + SCALAR_FORMATS[kind]) for name, kind in self.scalars.items()]
         fields: dict[str, Any] = dict(np.dtype(packed).fields or {})
-        for name, count in ((name, lengths[name]) for name in self.arrays):
+        for name, count in ((name, lengths.get(name, 0)) for name in self.arrays):
             fields[name] = ("<f8", (count,)), _first_element(places[name], count)
         formats, offsets = zip(*fields.values(), strict=True)
         layout: Any = {
@@ -92,27 +98,42 @@ class Schema:
 
     def lengths_in(self, payload: bytes) -> dict[str, int]:
         """Array lengths that one message states; WireError where they disagree with its size."""
-        lengths: dict[str, int] = {}
-        for name in self.arrays:
-            known = {other: lengths.get(other, 0) for other in self.arrays}
-            at = len(CDR_HEADER) + self.offsets(known)[0][name]
-            if at + 4 > len(payload):
-                raise WireError("size", f"{self.name}: {len(payload)} bytes end before {name!r}")
-            (lengths[name],) = struct.unpack_from("<I", payload, at)
-            if lengths[name] > 8 * MAX_JOINTS:
-                raise WireError("size", f"{self.name}: {name!r} claims {lengths[name]} elements")
-        expected = len(CDR_HEADER) + self.offsets(lengths)[1]
+        lengths, expected = self.measure(payload)
         if len(payload) != expected:
             raise WireError(
                 "size", f"{self.name}: {len(payload)} bytes where {expected} are expected"
             )
         return lengths
 
+    def measure(self, payload: bytes) -> tuple[dict[str, int], int]:
+        """Array lengths that the begin of `payload` states, and the size of such a message.
+
+        Raises:
+            WireError: it ends before the last length, or one is too large.
+        """
+        lengths: dict[str, int] = {}
+        at = len(CDR_HEADER) + self.scalar_struct.size  # a multiple of four
+        for name in self.arrays:
+            if at + 4 > len(payload):
+                raise WireError("size", f"{self.name}: {len(payload)} bytes end before {name!r}")
+            (count,) = struct.unpack_from("<I", payload, at)
+            if count > MAX_ELEMENTS:
+                raise WireError("size", f"{self.name}: {name!r} claims {count} elements")
+            lengths[name] = count
+            at = len(CDR_HEADER) + _first_element(at - len(CDR_HEADER), count) + 8 * count
+        return lengths, at
+
 
 @cache
-def schema(name: str) -> Schema:
-    """The schema of `State`, `Setpoint` or `Event`, read from its `.msg` file."""
-    text = (resources.files("hoap3.protocol") / "msg" / f"{name}.msg").read_text(encoding="utf-8")
+def schema(name: str, folder: str = "") -> Schema:
+    """The schema of `State`, `Setpoint`, `Event` or `Target`, read from its `.msg` file.
+
+    Args:
+        name: of the message.
+        folder: "v1" for that of an earlier version.
+    """
+    files = resources.files("hoap3.protocol") / "msg" / folder
+    text = (files / f"{name}.msg").read_text(encoding="utf-8")
     scalars: dict[str, str] = {}
     arrays: list[str] = []
     constants: dict[str, int] = {}
@@ -146,7 +167,14 @@ class Message(ctypes.LittleEndianStructure):
 
     @classmethod
     def allocate(cls, **lengths: int) -> Self:
-        """A message of zeros whose arrays have these lengths."""
+        """A message of zeros whose arrays have these lengths; others are empty.
+
+        Raises:
+            TypeError: it has no such array.
+        """
+        if unknown := lengths.keys() - set(cls.schema.arrays):
+            raise TypeError(f"{cls.schema.name} has no array {', '.join(sorted(unknown))}")
+        lengths = {name: lengths.get(name, 0) for name in cls.schema.arrays}
         places, end = cls.schema.offsets(lengths)
         words = np.zeros(1 + -(-end // 8))
         whole = words.data.cast("B")
@@ -154,7 +182,7 @@ class Message(ctypes.LittleEndianStructure):
         message._words = words
         message._bytes = whole[8 - len(CDR_HEADER) : 8 + end]
         message._bytes[: len(CDR_HEADER)] = CDR_HEADER
-        message.wire_version = WIRE_VERSION
+        message.wire_version = cls.schema.version
         frame, at = "<4sI", 4
         for name, place in places.items():
             count = lengths[name]
@@ -168,6 +196,15 @@ class Message(ctypes.LittleEndianStructure):
 
     def __init__(self, *_: int, **__: int) -> None:  # done; ctypes would take them for scalars
         super().__init__()
+
+    @classmethod
+    def like(cls, payload: bytes) -> Self:
+        """A message of zeros whose arrays are as long as `payload` states.
+
+        Raises:
+            WireError: the lengths disagree with its size.
+        """
+        return cls.allocate(**cls.schema.lengths_in(payload))
 
     @property
     def size(self) -> int:
@@ -195,9 +232,8 @@ class Message(ctypes.LittleEndianStructure):
                 f"{name}: header {header.hex()} and arrays of {counts} elements where "
                 f"{CDR_HEADER.hex()} and {list(self._expected[2:])} are expected",
             )
-        return WireError(
-            "wire_version", f"{name}: wire version {version} where {WIRE_VERSION} is spoken"
-        )
+        spoken = self.schema.version
+        return WireError("wire_version", f"{name}: wire version {version} where {spoken} is spoken")
 
     @classmethod
     def scalars(cls, payload: bytes, *names: str) -> tuple[Any, ...]:
@@ -240,10 +276,24 @@ class State(Message):
     tau: FloatArray
     reference: FloatArray
     wrench: FloatArray
+    reference_rate: FloatArray
+    reference_acceleration: FloatArray
+    followed: FloatArray
+    base: FloatArray
+    contact: FloatArray
+    imu: FloatArray
 
-    def __new__(cls, joints: int, wrench: int = 0) -> Self:
-        """Of a robot with `joints` joints, and `wrench` figures from its force sensors."""
-        return cls.allocate(q=joints, dq=joints, tau=joints, reference=joints, wrench=wrench)
+    def __new__(cls, joints: int, wrench: int = 0, **arrays: int) -> Self:
+        """Of a robot with `joints` joints, and `wrench` figures from its force sensors.
+
+        Args:
+            joints, wrench: see above.
+            arrays: lengths of further arrays, by name.
+        """
+        per_joint = dict.fromkeys(("q", "dq", "tau", "reference"), joints)
+        message = cls.allocate(**per_joint, wrench=wrench, **arrays)
+        message.followed[:] = -1.0
+        return message
 
 
 class Setpoint(Message):
@@ -282,11 +332,25 @@ class Setpoint(Message):
     fallback: int
     values: FloatArray
     extra: FloatArray
+    decision: FloatArray
+    slacks: FloatArray
+    gains: FloatArray
+    next: FloatArray
     certificate: FloatArray
 
-    def __new__(cls, joints: int, extra: int = 0) -> Self:
-        """For `joints` joints, with `extra` figures that the controller declares."""
-        message = cls.allocate(values=joints, extra=extra)
+    def __new__(cls, joints: int, extra: int = 0, **arrays: int) -> Self:
+        """For `joints` joints, with `extra` figures that the controller declares.
+
+        Args:
+            joints, extra: see above.
+            arrays: lengths of further arrays, by name.
+        """
+        return cls.allocate(values=joints, extra=extra, **arrays)
+
+    @classmethod
+    def allocate(cls, **lengths: int) -> Self:
+        """A message of zeros whose arrays have these lengths; others are empty."""
+        message = super().allocate(**lengths)
         first, last = ((8 + getattr(cls, name).offset) // 8 for name in ("v", "kkt_residual"))
         message.certificate = message._words[first : last + 1]
         return message
@@ -320,6 +384,29 @@ class Event(Message):
     def __new__(cls) -> Self:
         """Always of one size."""
         return cls.allocate()
+
+
+class Target(Message):
+    """Where a task shall go; see `msg/Target.msg`."""
+
+    schema = schema("Target")
+    _fields_ = schema.c_fields
+
+    points: int
+    dimension: int
+    tick_step: int
+    session_id: int
+    epoch: int
+    first_tick: int
+    values: FloatArray
+    rates: FloatArray
+
+    def __new__(cls, points: int, dimension: int, *, rates: bool = False) -> Self:
+        """Of so many points with `dimension` numbers each, with or without their rates."""
+        length = points * dimension
+        message = cls.allocate(values=length, rates=length if rates else 0)
+        message.points, message.dimension = points, dimension
+        return message
 
 
 @cache

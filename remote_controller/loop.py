@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from math import isfinite
 from typing import Any
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, UsageError, WireError
+from hoap3.protocol.link.base import Request
 from hoap3.protocol.messages import Event, FloatArray, State
 from hoap3.protocol.runtime.clock import Clock, VirtualClock
 from hoap3.protocol.runtime.recorder import Recorder
@@ -72,8 +74,7 @@ class ControllerLoop:
     ) -> None:
         self._controller, self._clock, self._recorder = controller, clock, recorder
         controller.now = clock.now
-        n = controller.description.n
-        self._state = State(n, 6 * len(controller.description.wrench_sensors))
+        self._state = State.allocate(**controller.description.state_lengths)
         self._lockstep = isinstance(clock, VirtualClock)
         self._session_id = session_id
         self._event = Event()
@@ -105,14 +106,29 @@ class ControllerLoop:
             "extra": self._controller.extra_names,
             "conditions": self._controller.conditions,
         }
-        self._recorder.record_large(Kind.DESCRIPTION, now, description.to_json())
-        self._recorder.record_large(Kind.SESSION, now, json.dumps(session).encode())
+        self._recorder.record(Kind.DESCRIPTION, now, description.to_json())
+        self._recorder.record(Kind.SESSION, now, json.dumps(session).encode())
+
+    def note_config(self, config: bytes) -> None:
+        """Record the configuration of the robot, a JSON object."""
+        body = b'{"side": "robot", "config": %s}' % config
+        self._recorder.record(Kind.CONFIG, self._clock.now(), body)
+
+    def note_token(self, who: str, *, present: bool) -> None:
+        """Record that a liveliness token is seen, or has gone."""
+        body = json.dumps({"who": who, "present": present}).encode()
+        self._recorder.record(Kind.TOKEN, self._clock.now(), body)
+
+    def note_request(self, request: Request, answer: dict[str, Any]) -> None:
+        """Record what somebody asked of the controller, and the answer."""
+        asked = {"who": request.who, "verb": request.verb, "answer": answer}
+        self._recorder.record(Kind.REQUEST, self._clock.now(), json.dumps(asked).encode())
 
     def grant(self, epoch: int) -> None:
         """Answer under this authority from now on; 0 for none."""
         self.epoch = epoch
         body = json.dumps({"epoch": epoch}).encode()
-        self._recorder.record_large(Kind.AUTHORITY, self._clock.now(), body)
+        self._recorder.record(Kind.AUTHORITY, self._clock.now(), body)
 
     def answer(self, received: int, payload: bytes) -> bytes | None:
         """Answer a State that arrived at `received` [ns]; None where no answer is asked for.
@@ -152,9 +168,10 @@ class ControllerLoop:
         try:
             if not self._started or asked != self._engaged:
                 self.sum_up()
-                self._reset(state)
+                last = self._reset(state)
                 self._engaged = asked
                 self._note("RESET", tick)
+                self._note_reset(tick, last)
             elif not asked and self._runs_up(state):
                 self._reset(state)
             command = controller.step(state)
@@ -243,7 +260,7 @@ class ControllerLoop:
         except (Exception, SystemExit) as error:
             what = "failed to tell the errors of its tasks"
             raise failure(self._controller, what, error) from error
-        self._recorder.record_large(Kind.SUMMARY, self._clock.now(), payload)
+        self._recorder.record(Kind.SUMMARY, self._clock.now(), payload)
 
     def change(self, payload: bytes) -> None:
         """Have the controller take over a change, a JSON object, and record it.
@@ -270,7 +287,7 @@ class ControllerLoop:
             self._controller.change(request)
         except (Exception, SystemExit) as error:
             raise failure(self._controller, "failed on a change", error) from error
-        self._recorder.record_large(Kind.CHANGE, self._clock.now(), payload)
+        self._recorder.record(Kind.CHANGE, self._clock.now(), payload)
         self.announce("CHANGED", self.last_tick)
 
     def changeable(self) -> dict[str, Any]:
@@ -308,6 +325,12 @@ class ControllerLoop:
         event.stamp = self._clock.now()
         self._unrecorded.append((Kind.EVENT, event.stamp, event.dump()))
 
+    def _note_reset(self, tick: int, last: FloatArray | None) -> None:
+        """Record from what the controller begins anew: all that it remembers."""
+        command = None if last is None else [x if isfinite(x) else None for x in last.tolist()]
+        memory = json.dumps({"tick": tick, "last_command": command}).encode()
+        self._unrecorded.append((Kind.RESET, self._event.stamp, memory))
+
     def _note_conditions(self, present: int) -> None:
         for number in range(len(self._controller.conditions)):
             now, before = present >> number & 1, self._present >> number & 1
@@ -322,8 +345,10 @@ class ControllerLoop:
             self.overwritten += missed
             self._note("OVERWRITTEN", missed)
 
-    def _reset(self, state: State) -> None:
+    def _reset(self, state: State) -> FloatArray | None:
+        """Have the controller begin anew; what it last sent, or None."""
         command = self._controller.command
         last: FloatArray | None = command.values.copy() if self._last_answer else None
         self._controller.reset(state, last)
         self._started = True
+        return last

@@ -9,15 +9,16 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from hoap3.protocol.answers import GrantAnswer, Status, parse_answer, parse_description
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import AuthorityError, LinkError, PortInUseError, UsageError, WireError
 from hoap3.protocol.link.base import Request
-from hoap3.protocol.link.hoap3_controller_link import Hoap3ControllerLink
+from hoap3.protocol.link.hoap3_tcp.controller_link import Hoap3ControllerLink
 from hoap3.protocol.link.local_control import others_here
 from hoap3.protocol.link.zenoh_link import ZenohControllerLink
-from hoap3.protocol.messages import State
+from hoap3.protocol.messages import WIRE_VERSION, State
 from hoap3.protocol.runtime.clock import Clock, MonotonicClock, VirtualClock
 from hoap3.protocol.runtime.notes import Detail, Routine, told
 from hoap3.protocol.runtime.numba_jit import warm_up
@@ -25,6 +26,7 @@ from hoap3.protocol.runtime.realtime import prepare_process
 from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.stop_reasons import recovery_words, stop_words, waits_for_recovery
 from hoap3.remote_controller.config import ControllerConfig, build
+from hoap3.remote_controller.config_exchange import is_config, own_config
 from hoap3.remote_controller.controllers.base import Controller
 from hoap3.remote_controller.loop import ControllerLoop, failure
 from hoap3.remote_controller.outcome import Outcome
@@ -67,7 +69,7 @@ def rehearse(controller: Controller, description: RobotDescription) -> None:
     Raises:
         Hoap3Error: the controller failed.
     """
-    state = State(description.n, 6 * len(description.wrench_sensors))
+    state = State.allocate(**description.state_lengths)
     state.q[:] = state.reference[:] = description.initial_position
     try:
         controller.reset(state, None)
@@ -88,9 +90,11 @@ def serve(request: Request, loop: ControllerLoop) -> None:
     try:
         if request.verb == "change":
             loop.change(request.body)
-        request.answer({"error": None, "now": loop.changeable()})
+        answer: dict[str, Any] = {"error": None, "now": loop.changeable()}
     except UsageError as error:
-        request.answer({"error": str(error), "now": None})
+        answer = {"error": str(error), "now": None}
+    request.answer(answer)
+    loop.note_request(request, answer)
 
 
 class Service:
@@ -232,10 +236,10 @@ class Service:
             self._pause()
         return False
 
-    def _ask(self, link: Link, verb: str) -> bytes | None:
+    def _ask(self, link: Link, verb: str, body: bytes = b"") -> bytes | None:
         """Ask the robot, and note since when it has not answered."""
         asked = time.monotonic()
-        answer = link.ask(verb)
+        answer = link.ask(verb, body=body)
         self._unanswered_since = min(self._unanswered_since, asked) if answer is None else math.inf
         return answer
 
@@ -267,6 +271,12 @@ class Service:
         if data is None:
             return False
         description = parse_description(data, link.robot)
+        if link.wire_version < WIRE_VERSION:
+            self._tell_once(
+                "old",
+                f"robot {link.robot!r} speaks wire version {link.wire_version}: its log will lack "
+                "decisions, gains and this configuration, and ours the rates of its reference",
+            )
         raw = self._ask(link, "status")
         if raw is None:
             return False
@@ -284,10 +294,15 @@ class Service:
             self._controller, self._clock, recorder, status.session_id, self._outcome
         )
         loop.begin(description, lockstep=status.lockstep)
+        loop.note_token(link.robot, present=True)
+        config = self._ask_config(link)
+        if config is not None:
+            loop.note_config(config)
         self.loop = loop
         grant = self._acquire(link)
         if grant is None or grant.epoch is None or grant.session_id != status.session_id:
             return False
+        self._check_lengths(grant)
         loop.grant(grant.epoch)
         loop.announce("ROBOT_FOUND", grant.epoch)
         if waits_for_recovery(grant.mode, grant.stop_reason):
@@ -297,6 +312,28 @@ class Service:
         else:
             self._report(Routine(f"following robot {link.robot!r} from tick {grant.from_tick}"))
         return True
+
+    def _ask_config(self, link: Link) -> bytes | None:
+        """The robot's configuration, a JSON object; None where it does not tell."""
+        if isinstance(link, Hoap3ControllerLink) or link.wire_version < WIRE_VERSION:
+            return None
+        raw = self._ask(link, "config")
+        return raw if raw is not None and is_config(raw) else None
+
+    def _check_lengths(self, grant: GrantAnswer) -> None:
+        """Refuse a controller whose setpoints the robot has no room for.
+
+        Raises:
+            UsageError: names the array, its length, and what the robot takes.
+        """
+        command = None if self._controller is None else self._controller.command
+        for name, most in grant.setpoint_arrays.items():
+            length = len(getattr(command, name, ()))
+            if length > most:
+                raise UsageError(
+                    f"controller {self._config.controller!r} sends {length} numbers as {name!r}, "
+                    f"and robot {self._config.robot!r} takes {most}. Send fewer"
+                )
 
     def _acquire(self, link: Link) -> GrantAnswer | None:
         """Ask for authority, again where the answer is unusable or the refusal will pass.
@@ -311,7 +348,7 @@ class Service:
         """
         unseen = 0
         while not self._should_stop():
-            raw = self._ask(link, "acquire")
+            raw = self._ask(link, "acquire", own_config(self._config))
             if raw is None:
                 return None
             try:
@@ -371,6 +408,7 @@ class Service:
                 return True
         loop.sum_up()
         loop.announce("ROBOT_LOST", loop.last_tick)
+        loop.note_token(link.robot, present=link.presence.is_set())
         gone = "is silent" if silent else "no longer follows us" if loop.stale else "is gone"
         note = f"robot {link.robot!r} {gone}"
         self._report(note if silent else Routine(note))

@@ -12,14 +12,14 @@ from __future__ import annotations
 
 import json
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from itertools import islice
 
 import numpy as np
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.link.base import Request, RobotLink
-from hoap3.protocol.messages import COMMANDS, Event, State
+from hoap3.protocol.messages import COMMANDS, WIRE_VERSION, Event, State
 from hoap3.protocol.runtime.clock import Clock, VirtualClock
 from hoap3.protocol.runtime.realtime import Ticker
 from hoap3.protocol.runtime.recorder import Recorder
@@ -29,7 +29,15 @@ from hoap3.robot_emulator.authority import Authority
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.event_limit import EventLimit
 from hoap3.robot_emulator.plant_factory import build_body
-from hoap3.robot_emulator.setpoint_validator import REJECTION_KINDS, SetpointValidator
+from hoap3.robot_emulator.setpoint_validator import (
+    MAX_LENGTHS,
+    REJECTION_KINDS,
+    SetpointValidator,
+)
+
+VERBS = ("description", "config", "status", "acquire", "release", "gone", "stop", "recover")
+OTHER, TOKEN = "other", "token"  # requests of no such verb, and clients' tokens
+LONGEST_NAME = 64  # of a verb or a client, in the log
 
 GRACE_TICKS = 20
 """Ticks between a grant and the first answer that is asked for, in real time."""
@@ -75,6 +83,8 @@ class RobotLoop:
     ) -> None:
         self._description, self._config = description, config
         self._description_json = description.to_json()
+        self._old_description = description.model_copy(update={"state_arrays": {}}).to_json()
+        self._config_json = config.model_dump_json().encode()
         lockstep = isinstance(clock, VirtualClock)
         self._requests_per_tick = None if lockstep else REQUESTS_PER_TICK
         self._clock, self._link, self._recorder = clock, link, recorder
@@ -96,7 +106,11 @@ class RobotLoop:
         self._pending = deque[tuple[int, int]]()  # ticks that asked, and at which each is judged
         self._delay, self._due = description.delay_ticks, description.due
         self._from_publication = description.deadline == "after_receipt"
-        self._terms = {"deadline": description.deadline, "delay_ticks": self._delay}
+        self._terms = {
+            "deadline": description.deadline,
+            "delay_ticks": self._delay,
+            "setpoint_arrays": MAX_LENGTHS,
+        }
         self._clipped = False
         self._held = [0] * description.n  # periods, by the first joint held back in each
         self._held_first = (-1, -1)  # joint, tick
@@ -110,11 +124,15 @@ class RobotLoop:
             COMMANDS[description.command_kinds[0]],
             delayed=self._delay > 0,
         )
-        self._state = State(description.n, 6 * len(description.wrench_sensors))
+        self._state = State.allocate(**description.state_lengths)
         self._state.session_id = session_id
         self._event = Event()
         self._event.session_id = session_id
         self._event_limit = EventLimit()
+        self._request_limit = EventLimit((*VERBS, OTHER, TOKEN))
+        self._tells_motion = bool(description.state_arrays)
+        self._followed = -1  # tick of the setpoint in use
+        self._earlier_rate = np.zeros(description.n)
         self.tick = self._published = -1
         self._unrecorded = b""  # State
         self.realtime: list[str] = []
@@ -153,7 +171,7 @@ class RobotLoop:
         self._tell_left_out(at_end=True)
         self._announce("ENDED", 0)
         summary = json.dumps(self.summary()).encode()
-        self._recorder.record_large(Kind.SUMMARY, self._clock.now(), summary)
+        self._recorder.record(Kind.SUMMARY, self._clock.now(), summary)
 
     def summary(self) -> dict[str, object]:
         """What the robot counted; docs/concepts.md defines each figure."""
@@ -187,6 +205,8 @@ class RobotLoop:
             self.tick = ticker.tick
             self.skipped += ticker.skipped
             self._announce("SKIPPED", ticker.skipped)
+            if self._acted:
+                self._judge()  # deadlines that came with the ticks skipped
         if not self._acted:
             self._act(ticker.tick)
         self._acted = False
@@ -229,7 +249,9 @@ class RobotLoop:
         for request in islice(self._link.requests(), self._requests_per_tick):
             self._serve(request)
         self._look_after_holder()
-        if self._event_limit.any_left_out:
+        for who, present in self._link.tokens():
+            self._record_fact(Kind.TOKEN, TOKEN, {"who": who, "present": present})
+        if self._event_limit.any_left_out or self._request_limit.any_left_out:
             self._tell_left_out()
         self._receive(self._published)
         self._judge()
@@ -298,6 +320,7 @@ class RobotLoop:
         if self.mode == State.IDLE and grant is not None and self.tick >= grant.from_tick:
             self.mode, self._epoch = State.ACTIVE, grant.epoch
             self._setpoint_filter.forget()
+            self._followed = -1
             self.validator.start_anew(self.tick)
             if self._first_active_tick < 0:
                 self._first_active_tick = self.tick
@@ -310,6 +333,7 @@ class RobotLoop:
                 validator.release(self.tick - 1 - self._delay)
             if validator.fresh:
                 validator.fresh = False
+                self._followed = validator.setpoint.tick
                 clipped = setpoint_filter.follow(validator.setpoint.values, validator.setpoint.tick)
             elif self._config.loss_policy == "extrapolate":
                 clipped = setpoint_filter.extrapolate()
@@ -353,6 +377,8 @@ class RobotLoop:
         state.rejected, state.success_rate = validator.rejected, deadlines.success_rate
         state.q[:], state.dq[:], state.tau[:] = self._plant.q, self._plant.dq, self._plant.tau
         state.reference[:], state.wrench[:] = self._setpoint_filter.reference, self._plant.wrench
+        if self._tells_motion:
+            self._tell_motion()
         state.stamp_published = self._clock.now()
         payload = state.dump()
         self._link.publish(payload)
@@ -361,6 +387,15 @@ class RobotLoop:
         if not self._lead:
             self._record_state()
 
+    def _tell_motion(self) -> None:
+        """How the reference moved in the last period, and which setpoint it follows."""
+        state, earlier = self._state, self._earlier_rate
+        state.reference_rate[:] = rate = self._setpoint_filter.rate
+        np.subtract(rate, earlier, out=state.reference_acceleration)
+        state.reference_acceleration /= self._description.period_s
+        earlier[:] = rate
+        state.followed[0] = self._followed if self.mode == State.ACTIVE else -1.0
+
     def _record_state(self) -> None:
         """Record the newest State: in real time after a sleep, in which the answer is made."""
         if self._unrecorded:
@@ -368,28 +403,46 @@ class RobotLoop:
             self._unrecorded = b""
 
     def _serve(self, request: Request) -> None:
-        """Answer a request; docs/wire.md has the answers."""
+        """Answer a request, and record it; docs/wire.md has the answers."""
+        answer = self._answer(request)
+        request.answer(answer)
+        verb = request.verb if request.verb in VERBS else OTHER
+        known = {"bytes": len(answer)} if isinstance(answer, bytes) else answer
+        asked = {"who": request.who, "verb": request.verb[:LONGEST_NAME], "answer": known}
+        self._record_fact(Kind.REQUEST, verb, asked)
+
+    def _answer(self, request: Request) -> dict[str, object] | bytes:
         match request.verb:
             case "description":
-                request.answer(self._description_json)
+                old = request.version < WIRE_VERSION
+                return self._old_description if old else self._description_json
+            case "config":
+                return self._config_json
             case "acquire":
-                self._grant(request)
+                return self._grant(request)
             case "release":
                 grant = self._authority.grant  # its own machine's user may take it from anybody
                 who = grant.holder if request.local and grant is not None else request.who
-                request.answer({"released": self._release(who, "RELEASED")})
+                return {"released": self._release(who, "RELEASED")}
             case "gone":
-                self._release(request.who, "HOLDER_LOST")
+                return {"released": self._release(request.who, "HOLDER_LOST")}
             case "stop":
                 self.stop("REASON_COMMAND")
-                request.answer(self._status())
+                return self._status()
             case "recover":
-                request.answer({"recovered": self._recover(), **self._status()})
+                recovered = {"recovered": self._recover(), **self._status()}
                 self._look_tick = self.tick
+                return recovered
             case "status":
-                request.answer(self._status())
+                return self._status()
             case other:
-                request.answer({"error": f"unknown request {other!r}"})
+                return {"error": f"unknown request {other!r}"}
+
+    def _record_fact(self, kind: Kind, limited: str, fact: Mapping[str, object]) -> None:
+        """Record what others did, unless they do it too often; it is counted then."""
+        now = self._clock.now()
+        if self._request_limit.passes(limited, now):
+            self._recorder.record(kind, now, json.dumps(fact).encode())
 
     def _status(self) -> dict[str, object]:
         grant = self._authority.grant
@@ -402,31 +455,37 @@ class RobotLoop:
             "stop_reason": STOP_REASONS.get(self._stop_reason),
         }
 
-    def _grant(self, request: Request) -> None:
+    def _grant(self, request: Request) -> dict[str, object]:
         in_force = self._authority.grant
         if not request.present and (in_force is None or in_force.holder == request.who):
             self._link.look_again(request.who)
-            self._refuse(request, "no_token", 0)
-            return
+            return self._refusal("no_token", 0)
         grant = self._authority.acquire(request.who, self._first_tick())
         if grant is None:
             self._look_tick = self.tick
-            self._refuse(request, "held", in_force.epoch if in_force else 0)
-            return
+            return self._refusal("held", in_force.epoch if in_force else 0)
         if in_force is None:
             self._look_tick = self.tick + self._lease_ticks
             self._announce("GRANTED", grant.epoch)
+            self._record_config(request)
         terms = {"granted": True, "epoch": grant.epoch, "from_tick": grant.from_tick}
-        request.answer({**terms, **self._terms, **self._status()})
+        return {**terms, **self._terms, **self._status()}
+
+    def _record_config(self, request: Request) -> None:
+        """Record the configuration that a controller sent with its request, as it came."""
+        if request.version == WIRE_VERSION and request.body:
+            who = json.dumps(request.who).encode()
+            body = b'{"side": "controller", "who": %s, "config": %s}' % (who, request.body)
+            self._recorder.record(Kind.CONFIG, self._clock.now(), body)
 
     def _first_tick(self) -> int:
         """Of a grant from now on: after all deadlines of an earlier one."""
         first = self.tick + self._grace_ticks
         return max(first, self._pending[-1][1]) if self._pending else first
 
-    def _refuse(self, request: Request, reason: str, epoch: int) -> None:
+    def _refusal(self, reason: str, epoch: int) -> dict[str, object]:
         self._announce("REFUSED", epoch)
-        request.answer({"granted": False, "reason": reason, **self._status()})
+        return {"granted": False, "reason": reason, **self._status()}
 
     def _look_after_holder(self) -> None:
         """Have the holder looked up once each lease, and after a refusal or a recovery."""
@@ -452,9 +511,13 @@ class RobotLoop:
         return True
 
     def _tell_left_out(self, *, at_end: bool = False) -> None:
-        """Announce how many events were left out, at most once a second for each kind."""
-        for kind, count in self._event_limit.left_out(self._clock.now(), at_end=at_end):
+        """Tell how many events and requests were left out, at most once a second for each kind."""
+        now = self._clock.now()
+        for kind, count in self._event_limit.left_out(now, at_end=at_end):
             self._announce("SUPPRESSED", count << 8 | EVENTS[kind])
+        for verb, count in self._request_limit.left_out(now, at_end=at_end):
+            fact = json.dumps({"verb": verb, "left_out": count}).encode()
+            self._recorder.record(Kind.REQUEST, now, fact)
 
     def _announce(self, kind: str, detail: int) -> None:
         if not self._event_limit.passes(kind, self._clock.now()):

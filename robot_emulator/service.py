@@ -62,6 +62,11 @@ def describe(
             "gravity": config.plant.gravity,
             "deadline": config.deadline,
             "delay_ticks": config.delay_ticks,
+            "state_arrays": {
+                "reference_rate": description.n,
+                "reference_acceleration": description.n,
+                "followed": 1,
+            },
         }
     )
 
@@ -95,8 +100,8 @@ def build_loop(
     """A robot that is ready to run, and the first records of its log."""
     session_id = config.seed if lockstep else secrets.randbits(63)
     session = {"side": "robot", "session_id": session_id, "lockstep": lockstep}
-    recorder.record_large(Kind.DESCRIPTION, clock.now(), description.to_json())
-    recorder.record_large(Kind.SESSION, clock.now(), json.dumps(session).encode())
+    recorder.record(Kind.DESCRIPTION, clock.now(), description.to_json())
+    recorder.record(Kind.SESSION, clock.now(), json.dumps(session).encode())
     return RobotLoop(
         description,
         config,
@@ -180,12 +185,12 @@ def _open_link(
 ) -> RemoteRobotLink:
     """The configured link to controllers; `blocking` for lockstep."""
     if config.link.kind == "hoap3_tcp":
-        from hoap3.protocol.link.hoap3_robot_link import Hoap3RobotLink
+        from hoap3.protocol.link.hoap3_tcp.robot_link import Hoap3RobotLink
 
         return Hoap3RobotLink(description, config.link.hoap3_tcp, report, blocking=blocking)
     from hoap3.protocol.link.zenoh_link import ZenohRobotLink
 
-    return ZenohRobotLink(description.name, config.link, blocking=blocking)
+    return ZenohRobotLink(description.name, config.link, blocking=blocking, report=report)
 
 
 @contextmanager

@@ -15,7 +15,9 @@ from hoap3.protocol.messages import Setpoint
 from hoap3.protocol.runtime.deadlines import Deadlines
 
 HISTORY = 1024
-MAX_EXTRAS = 256
+MAX_LENGTHS = {"extra": 256, "decision": 512, "slacks": 256, "gains": 256, "next": 1024}
+"""How long the arrays of a setpoint may be; `values` has one for each joint."""
+
 REJECTION_KINDS = (
     "size",
     "layout",
@@ -155,14 +157,16 @@ class SetpointValidator:
         self.deadlines.end_run()
 
     def _refusal(self, payload: bytes, last_tick: int) -> str | None:
-        setpoint = self._incoming
         try:
-            if len(payload) != setpoint.size:  # as many extras as the controller likes
-                extra = Setpoint.schema.lengths_in(payload)["extra"]
-                self._incoming = setpoint = Setpoint(self._joints, min(extra, MAX_EXTRAS))
-            setpoint.load(payload)
+            try:
+                self._incoming.load(payload)
+            except WireError as error:
+                if error.kind == "wire_version":
+                    raise
+                self._learn(payload)
         except WireError as error:
             return error.kind
+        setpoint = self._incoming
         tick = setpoint.tick
         place = tick % HISTORY
         if setpoint.session_id != self._session_id:
@@ -178,3 +182,19 @@ class SetpointValidator:
         if not self._all_finite(setpoint.values):
             return "not_finite"
         return None
+
+    def _learn(self, payload: bytes) -> None:
+        """Take a setpoint whose arrays have other lengths than the last one's.
+
+        Raises:
+            WireError: they are not what it has room for, or too long, or it is none.
+        """
+        lengths = Setpoint.schema.lengths_in(payload)
+        if lengths["values"] != self._joints:
+            raise WireError("size", f"Setpoint: {lengths['values']} values")
+        for name, most in MAX_LENGTHS.items():
+            if lengths[name] > most:
+                raise WireError("size", f"Setpoint: {name!r} has {lengths[name]} elements")
+        incoming = Setpoint.allocate(**lengths)
+        incoming.load(payload)
+        self._incoming = incoming

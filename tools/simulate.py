@@ -69,8 +69,9 @@ class Lockstep:
             self.controller, clock, controller_recorder, emulator.seed
         )
         self.controller_loop.begin(description, lockstep=True)
+        self.controller_loop.note_config(emulator.model_dump_json().encode())
         self._failure: Hoap3Error | None = None
-        self._grants = self.link.ask("acquire", "lockstep")
+        self._grants = self.link.ask("acquire", "lockstep", controller.model_dump_json().encode())
 
     def run(
         self,
@@ -262,6 +263,6 @@ def controller_file(controller: str | Mapping[str, Any] | ControllerConfig) -> s
 def _table(payloads: list[bytes], message: type[State] | type[Setpoint]) -> np.ndarray[Any, Any]:
     schema = message.schema
     if not payloads:
-        return np.zeros(0, schema.dtype(dict.fromkeys(schema.arrays, 0)))
+        return np.zeros(0, schema.dtype({}))
     dtype = schema.dtype(schema.lengths_in(payloads[0]))
     return np.frombuffer(b"".join(payloads), dtype)

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
+from hoap3.protocol.messages import WIRE_VERSION
 from hoap3.protocol.runtime.clock import Clock
 
 if TYPE_CHECKING:
@@ -26,13 +27,14 @@ class Request:
     """Something that somebody asks of a robot, or of its controller.
 
     Attributes:
-        verb: of a robot "description", "status", "acquire", "release", "stop", "recover", or "gone"
-            for a client that vanished; of a controller "change" or "show".
-        who: identity of the client.
+        verb: of a robot "description", "config", "status", "acquire", "release", "stop", "recover",
+            or "gone" for a client that vanished; of a controller "change" or "show".
+        who: identity of the client, "" where it is not known.
         answer: takes the answer, a JSON object or bytes; for "gone" it does nothing.
         body: what came with it.
         local: whether it came from the robot's own machine and user, not over the network.
         present: whether the client's liveliness token is seen; counts for "acquire" only.
+        version: of the wire, that the client speaks.
     """
 
     verb: str
@@ -41,6 +43,7 @@ class Request:
     body: bytes = b""
     local: bool = False
     present: bool = True
+    version: int = WIRE_VERSION
 
 
 class RobotLink(Protocol):
@@ -57,6 +60,9 @@ class RobotLink(Protocol):
 
     def announce(self, event: bytes) -> None:
         """Send an Event to whoever listens."""
+
+    def tokens(self) -> Sequence[tuple[str, bool]]:
+        """Clients whose liveliness tokens have come (True) or gone since the last call."""
 
     def look_again(self, who: str) -> None:
         """Check whether a client is alive; returns at once, and "gone" follows if it is not."""
@@ -144,11 +150,16 @@ class LockstepLink:
         return landed
 
     def ask(
-        self, verb: str, who: str = "in process", *, local: bool = False
+        self, verb: str, who: str = "in process", body: bytes = b"", **given: Any
     ) -> list[dict[str, Any] | bytes]:
-        """Queue a request for the robot's next tick; its answer appears in the returned list."""
+        """Queue a request for the robot's next tick; its answer appears in the returned list.
+
+        Args:
+            verb, who, body: of the `Request`.
+            given: its `local`, `present` or `version`.
+        """
         answers: list[dict[str, Any] | bytes] = []
-        self._requests.append(Request(verb, who, answers.append, local=local))
+        self._requests.append(Request(verb, who, answers.append, body, **given))
         return answers
 
     def requests(self) -> Iterable[Request]:
@@ -161,6 +172,10 @@ class LockstepLink:
     def announce(self, event: bytes) -> None:
         """Keep the Event for whoever looks."""
         self.announced.append(event)
+
+    def tokens(self) -> Sequence[tuple[str, bool]]:
+        """None: clients in this process have no tokens."""
+        return ()
 
     def look_again(self, who: str) -> None:
         """Nothing to check: clients in this process vanish only when a test says so."""

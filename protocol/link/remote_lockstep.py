@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import islice
 from typing import Any
@@ -73,6 +73,10 @@ class RemoteLockstepLink(LockstepLink):
     def serve_also(self, local: LocalControl) -> None:
         """Take requests of the robot's own machine, too; they come first."""
         self._inner.serve_also(local)
+
+    def tokens(self) -> Sequence[tuple[str, bool]]:
+        """Clients whose tokens have come or gone."""
+        return self._inner.tokens()
 
     def look_again(self, who: str) -> None:
         """Check whether a client is alive."""

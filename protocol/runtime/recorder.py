@@ -11,13 +11,10 @@ from hoap3.protocol.runtime.shm_ring import Kind, Record, Ring
 
 
 class Recorder(Protocol):
-    """What loops call. Neither call may block a loop in real time."""
+    """What loops call. It may not block a loop in real time."""
 
     def record(self, kind: Kind, stamp: int, payload: bytes) -> None:
         """Keep a message with the monotonic stamp [ns] that belongs to it."""
-
-    def record_large(self, kind: Kind, stamp: int, payload: bytes) -> None:
-        """The same for a payload of any size, outside the loop."""
 
 
 class NoRecorder:
@@ -25,8 +22,6 @@ class NoRecorder:
 
     def record(self, kind: Kind, stamp: int, payload: bytes) -> None:
         """Forget it."""
-
-    record_large = record
 
 
 class MemoryRecorder:
@@ -49,8 +44,6 @@ class MemoryRecorder:
         """Append it."""
         self._kept += (kind, stamp, payload)
 
-    record_large = record
-
 
 class RingRecorder:
     """Hands everything to the observer process and never waits for it."""
@@ -59,12 +52,8 @@ class RingRecorder:
         self._ring = ring
 
     def record(self, kind: Kind, stamp: int, payload: bytes) -> None:
-        """Write a slot; a full ring counts a drop."""
+        """Write slots; a full ring counts a drop."""
         self._ring.write(kind, stamp, payload)
-
-    def record_large(self, kind: Kind, stamp: int, payload: bytes) -> None:
-        """Write several slots."""
-        self._ring.write_large(kind, stamp, payload)
 
 
 class BlockingRecorder:
@@ -82,15 +71,11 @@ class BlockingRecorder:
         self._ring, self._reader_alive = ring, reader_alive
 
     def record(self, kind: Kind, stamp: int, payload: bytes) -> None:
-        """Write a slot, when there is one."""
-        if self._ring.free < 1:
-            self._wait(1)
+        """Write slots, when there are enough."""
+        slots = min(self._ring.slots_for(len(payload)), self._ring.slots)
+        if self._ring.free < slots:
+            self._wait(slots)
         self._ring.write(kind, stamp, payload)
-
-    def record_large(self, kind: Kind, stamp: int, payload: bytes) -> None:
-        """Write several slots, when there are enough."""
-        self._wait(min(512, 1 + len(payload) // 4096))
-        self._ring.write_large(kind, stamp, payload)
 
     def _wait(self, slots: int) -> None:
         while self._ring.free < slots:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 from hoap3.protocol.errors import Hoap3Error
 
 SLOTS = 4096
-SLOT_BYTES = 6144  # holds the largest State: 128 joints
+SLOT_BYTES = 6144  # holds what most robots send; what is larger takes several slots
 _MAGIC = 0x484F41503352494E
 _HEADER_BYTES = 4096
 _WORDS = {  # eight to a cache line
@@ -45,6 +45,11 @@ class Kind(IntEnum):
     SUMMARY = 7  # JSON: what the robot counted, or the controller, at its end
     GAP = 8  # JSON: how many records were dropped here, since the observer fell behind
     CHANGE = 9  # JSON: what somebody changed in the controller while it ran
+    RESET = 10  # JSON: what the controller remembers where it begins anew
+    REQUEST = 11  # JSON: what somebody asked, and the answer
+    TOKEN = 12  # JSON: a liveliness token came or went
+    CONFIG = 13  # JSON: the other side's configuration
+    TARGET = 14
 
 
 _KINDS = {int(kind): kind for kind in Kind}
@@ -64,6 +69,9 @@ class Ring:
     Args:
         fd: shared memory to attach to, or None to create it.
         slots, slot_bytes: size where it is created.
+
+    Attributes:
+        slots: how many it has.
     """
 
     def __init__(self, fd: int | None = None, slots: int = SLOTS, slot_bytes: int = SLOT_BYTES):
@@ -81,32 +89,33 @@ class Ring:
             self._set("magic", _MAGIC)
         elif self._get("magic") != _MAGIC:
             raise Hoap3Error(f"file descriptor {fd} is not a ring of ours")
-        self._slots, self._slot_bytes = self._get("slots"), self._get("slot_bytes")
+        self.slots, self._slot_bytes = self._get("slots"), self._get("slot_bytes")
         self._capacity = self._slot_bytes - _SLOT.size
         self._head, self._tail = self._get("head"), self._get("tail")
         self._dropped, self._gaps = self._get("dropped"), self._get("noticed")
 
     def write(self, kind: Kind, stamp: int, payload: bytes) -> bool:
-        """Append a record of at most one slot; False where it was dropped."""
-        return self._put(kind, stamp, payload, more=0)
-
-    def write_large(self, kind: Kind, stamp: int, payload: bytes) -> bool:
-        """Append a record of any size; for use outside the loop. All of it, or nothing."""
-        pieces = range(0, max(len(payload), 1), self._capacity)
-        if self._head + len(pieces) - self._get("tail") > self._slots:
+        """Append a record, in as many slots as it needs: all of it, or False and nothing."""
+        if len(payload) <= self._capacity:
+            return self._put(kind, stamp, payload, more=0)
+        if self.slots_for(len(payload)) > self.free:
             self._drop()
             return False
-        for at in pieces:
+        for at in range(0, len(payload), self._capacity):
             piece = payload[at : at + self._capacity]
             self._put(kind, stamp, piece, more=int(at + self._capacity < len(payload)))
         return True
+
+    def slots_for(self, size: int) -> int:
+        """How many slots a record of so many bytes takes."""
+        return max(1, -(-size // self._capacity))
 
     def read(self) -> Iterator[Record]:
         """Every record written since the last call, oldest first; a GAP where some were lost."""
         parts: list[bytes] = []
         tail = self._tail
         while tail < self._get("head"):
-            at = _HEADER_BYTES + tail % self._slots * self._slot_bytes
+            at = _HEADER_BYTES + tail % self.slots * self._slot_bytes
             sequence, stamp, dropped, length, kind, more = _SLOT.unpack_from(self._memory, at)
             if sequence != tail + 1:  # not visible to this CPU yet
                 return
@@ -141,14 +150,14 @@ class Ring:
     @property
     def free(self) -> int:
         """Slots that can be written before records are dropped."""
-        return self._slots - (self._head - self._get("tail"))
+        return self.slots - (self._head - self._get("tail"))
 
     def _put(self, kind: Kind, stamp: int, payload: bytes, more: int) -> bool:
         head, length = self._head, len(payload)
-        if head - self._get("tail") >= self._slots or length > self._capacity:
+        if head - self._get("tail") >= self.slots:
             self._drop()
             return False
-        at = _HEADER_BYTES + head % self._slots * self._slot_bytes
+        at = _HEADER_BYTES + head % self.slots * self._slot_bytes
         _SLOT.pack_into(self._memory, at, head + 1, stamp, self._dropped, length, kind, more)
         at += _SLOT.size
         self._memory[at : at + length] = payload

@@ -46,7 +46,7 @@ def check_first_update(
     if len(constraint.names) != rows:
         remedy = "Give each row a name, in __init__"
         raise refuse(f"rows is {rows}, but names has {len(constraint.names)} entries", remedy)
-    state = State(n, 6 * len(description.wrench_sensors))
+    state = State.allocate(**description.state_lengths)
     state.q[:] = state.reference[:] = description.initial_position
     kinematics.update(state.q)
     A, b = np.zeros((rows, n)), np.full(rows, 0.0 if constraint.equality else np.inf)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -67,8 +68,8 @@ class Controller(ABC):
     """Answers each State with a Setpoint.
 
     A subclass names its settings in a nested `Parameters` model and its additional log columns
-    in `extra_names`, writes into `self.command` and returns it. Where the columns depend on the
-    parameters, it sets `self.extra_names` before it calls this `__init__`. Nothing may be
+    in `extra_names`, writes into `self.command` and returns it. Where the columns, or `arrays`,
+    depend on the parameters, it sets them before it calls this `__init__`. Nothing may be
     allocated in `step` that can be allocated in `__init__`.
 
     Args:
@@ -93,6 +94,8 @@ class Controller(ABC):
         """Settings of this controller; none here."""
 
     extra_names: tuple[str, ...] = ()
+    arrays: Mapping[str, int] = MappingProxyType({})
+    """Lengths of `decision`, `slacks`, `gains` and `next` of its commands, where it writes them."""
     commands: ClassVar[tuple[CommandKind, ...]] = ("position",)
     """What it can give; the robot's description decides which of these its `command` is."""
     follows_delay: ClassVar[bool] = False
@@ -107,7 +110,7 @@ class Controller(ABC):
         self.margin_tolerance: float | None = None
         self.description, self.parameters = description, parameters
         self.now: Callable[[], int] = time.monotonic_ns
-        self.command = Setpoint(description.n, len(self.extra_names))
+        self.command = Setpoint(description.n, len(self.extra_names), **self.arrays)
         self.command.solver_status = STATUS["none"]
         self.kind = agreed(self.commands, description)
         if description.delay_ticks and not self.follows_delay:
@@ -161,7 +164,8 @@ class Controller(ABC):
         command.values[:] = np.nan
         command.v = command.v_rate_required = command.v_rate_predicted = command.rho = 0.0
         command.margin = command.kkt_residual = 0.0
-        command.extra[:] = 0.0
+        command.extra[:] = command.slacks[:] = command.gains[:] = 0.0
+        command.decision[:] = command.next[:] = np.nan
         command.active_joints = command.solver_path = command.fallback = 0
         command.solver_status = STATUS["infeasible"]
         return command
@@ -233,6 +237,7 @@ class VelocityController(Controller):
     def __init__(self, description: RobotDescription, parameters: Settings) -> None:
         from hoap3.remote_controller.model import kinematics_kernels as kernels
 
+        self.arrays = {"decision": description.n, **self.arrays}
         super().__init__(description, parameters)
         self._euler_step = kernels.euler_step
         self._histories = kernels.AT_REST, kernels.FOLLOWED, kernels.UNKNOWN
@@ -302,6 +307,8 @@ class VelocityController(Controller):
             name, n = type(self).__name__, self.description.n
             raise BadProblemError(f"{name}.velocity gave {u.size} values for {n} joints")
         command.active_joints = active
+        if command.decision.size:  # a command of somebody's own may be without
+            command.decision[:] = u
         if beyond and command.solver_status == STATUS["certified"]:
             command.solver_status = STATUS["uncertified"]
         if flight is not None:

@@ -26,7 +26,7 @@ class InFlight:
         n, self._delay = description.n, description.delay_ticks
         self._range = description.lower, description.upper
         self._reach = description.velocity * description.period_s
-        self._ahead = State(n, 6 * len(description.wrench_sensors))
+        self._ahead = State.allocate(**description.state_lengths)
         self._sent_ticks = [-1] * self._delay  # the tick that uses this place
         self._sent = np.zeros((self._delay, n))
         self._foreseen_ticks = [-1] * self._delay

@@ -55,6 +55,7 @@ class AccelerationFilter:
     Attributes:
         value: command that is given to the plant, (n,) [rad/s² or m/s²].
         reference: where the commanded motion is, (n,) [rad or m]: where the body is.
+        rate: how fast, (n,) [rad/s or m/s]: as fast as the body.
         interventions: periods in which some joint was held back.
         held_back: the first joint held back in the last period, or -1.
         overloaded: the first joint whose effort is too small for the bounds in this period, or -1.
@@ -81,7 +82,7 @@ class AccelerationFilter:
         self._brake = np.minimum(
             description.brake_acceleration, description.setpoint_acceleration_max
         )
-        self.reference = plant.q
+        self.reference, self.rate = plant.q, plant.dq
         self.value = np.zeros(n)
         self.interventions = self.torque_limited = 0
         self.held_back = self.overloaded = -1

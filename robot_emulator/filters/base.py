@@ -13,6 +13,7 @@ class SetpointFilter(Protocol):
     Attributes:
         value: command for the plant, (n,): rad, rad/s² or N m; m, m/s² or N for prismatic joints.
         reference: where the commanded motion is, (n,) [rad or m].
+        rate: its velocity over the last period, (n,) [rad/s or m/s].
         interventions: periods in which some joint was held back.
         held_back: the first joint held back in the last period, or -1.
         overloaded: the first joint whose effort is too small for the limits in this period, or -1.
@@ -21,6 +22,7 @@ class SetpointFilter(Protocol):
 
     value: FloatArray
     reference: FloatArray
+    rate: FloatArray
     interventions: int
     held_back: int
     overloaded: int

@@ -199,6 +199,6 @@ def test_logs_name_every_topic_and_every_input():
     text = prose("logs.md")
     for topic in TOPICS:
         assert f"| `/robots/<name>/{topic.leaf}` | `{topic.schema_name}` |" in text
-    logged = {Kind.STATE, Kind.SETPOINT, Kind.EVENT}
+    logged = {Kind.STATE, Kind.SETPOINT, Kind.EVENT, Kind.TARGET}
     for kind in set(Kind) - logged:
         assert f"`{kind.name.lower()}`" in text

@@ -31,6 +31,12 @@ FIELDS = {
         ("tau", "d[]"),
         ("reference", "d[]"),
         ("wrench", "d[]"),
+        ("reference_rate", "d[]"),
+        ("reference_acceleration", "d[]"),
+        ("followed", "d[]"),
+        ("base", "d[]"),
+        ("contact", "d[]"),
+        ("imu", "d[]"),
     ),
     "Setpoint": (
         ("wire_version", "I"),
@@ -57,6 +63,21 @@ FIELDS = {
         ("fallback", "I"),
         ("values", "d[]"),
         ("extra", "d[]"),
+        ("decision", "d[]"),
+        ("slacks", "d[]"),
+        ("gains", "d[]"),
+        ("next", "d[]"),
+    ),
+    "Target": (
+        ("wire_version", "I"),
+        ("points", "I"),
+        ("dimension", "I"),
+        ("tick_step", "I"),
+        ("session_id", "Q"),
+        ("epoch", "Q"),
+        ("first_tick", "Q"),
+        ("values", "d[]"),
+        ("rates", "d[]"),
     ),
     "Event": (
         ("wire_version", "I"),
@@ -68,8 +89,11 @@ FIELDS = {
     ),
 }
 
+OLD_FIELDS = {"State": FIELDS["State"][:22], "Setpoint": FIELDS["Setpoint"][:24]}
+"""The same in version 1 of the wire."""
+
 _STATE = {
-    "wire_version": 1,
+    "wire_version": 2,
     "mode": 2,
     "session_id": 0x0123456789ABCDEF,
     "tick": 1234567,
@@ -91,9 +115,15 @@ _STATE = {
     "tau": (3.25, -4.75),
     "reference": (0.125, -0.25),
     "wrench": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0),
+    "reference_rate": (0.5, -0.625),
+    "reference_acceleration": (7.5, -8.5),
+    "followed": (1234566.0,),
+    "base": (),
+    "contact": (),
+    "imu": (),
 }
 _SETPOINT = {
-    "wire_version": 1,
+    "wire_version": 2,
     "command": 1,
     "session_id": 0xFEDCBA9876543210,
     "tick": 7654321,
@@ -117,12 +147,57 @@ _SETPOINT = {
     "fallback": 8,
     "values": (0.1, -0.2, 0.3),
     "extra": (46.0,),
+    "decision": (0.75, -0.5, 0.25),
+    "slacks": (),
+    "gains": (10.0, 20.0),
+    "next": (),
 }
 EXAMPLES = {
     "state": ("State", _STATE),
     "state_without_sensors": ("State", {**_STATE, "wrench": ()}),
+    "state_of_a_free_base": (
+        "State",
+        {
+            **_STATE,
+            "base": tuple(range(13)),
+            "contact": tuple(range(20, 32)),
+            "imu": tuple(range(40, 50)),
+        },
+    ),
     "setpoint": ("Setpoint", _SETPOINT),
     "setpoint_without_extras": ("Setpoint", {**_SETPOINT, "extra": ()}),
+    "setpoint_with_all_arrays": (
+        "Setpoint",
+        {**_SETPOINT, "slacks": (1e-3,), "next": tuple(range(100, 106))},
+    ),
+    "target": (
+        "Target",
+        {
+            "wire_version": 2,
+            "points": 2,
+            "dimension": 3,
+            "tick_step": 50,
+            "session_id": 0x0123456789ABCDEF,
+            "epoch": 5,
+            "first_tick": 1234600,
+            "values": (0.1, 0.2, 0.3, 0.4, 0.5, 0.6),
+            "rates": (),
+        },
+    ),
+    "target_with_rates": (
+        "Target",
+        {
+            "wire_version": 2,
+            "points": 1,
+            "dimension": 3,
+            "tick_step": 1,
+            "session_id": 42,
+            "epoch": 6,
+            "first_tick": 7,
+            "values": (0.1, 0.2, 0.3),
+            "rates": (1.5, 2.5, 3.5),
+        },
+    ),
     "event": (
         "Event",
         {
@@ -138,6 +213,14 @@ EXAMPLES = {
 """By name of the golden file: type of the message, and its values; no two fields are alike."""
 
 
+OLD_EXAMPLES = {
+    name: (kind, {field: values[field] for field, _ in OLD_FIELDS[kind]} | {"wire_version": 1})
+    for name, (kind, values) in EXAMPLES.items()
+    if name in {"state", "state_without_sensors", "setpoint", "setpoint_without_extras"}
+}
+"""Likewise of version 1, in the folder v1."""
+
+
 def write(kind: str, values: dict) -> bytes:
     """Plain CDR, little endian: each field at its natural alignment behind the header."""
     body = bytearray()
@@ -148,6 +231,8 @@ def write(kind: str, values: dict) -> bytes:
         body.extend(item)
 
     for name, code in FIELDS[kind]:
+        if name not in values:
+            continue  # of a later version
         if code.endswith("[]"):
             put("I", len(values[name]))
             for element in values[name]:

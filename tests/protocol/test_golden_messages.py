@@ -7,16 +7,23 @@ import struct
 
 import numpy as np
 import pytest
-from cdr_by_hand import EXAMPLES, FIELDS, golden, write
+from cdr_by_hand import EXAMPLES, FIELDS, OLD_EXAMPLES, golden, write
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from hoap3.protocol.messages import Event, Message, Setpoint, State
+from hoap3.protocol.errors import WireError
+from hoap3.protocol.messages import Event, Message, Setpoint, State, Target
+from hoap3.protocol.wire_versions import downgraded, upgraded
 
-CLASSES: dict[str, type[Message]] = {"State": State, "Setpoint": Setpoint, "Event": Event}
+CLASSES: dict[str, type[Message]] = {
+    "State": State,
+    "Setpoint": Setpoint,
+    "Event": Event,
+    "Target": Target,
+}
 DOUBLES = st.floats(width=64)
 SCALARS = {
     "I": st.integers(0, 2**32 - 1),
@@ -37,22 +44,22 @@ def contents(draw, kind: str) -> dict:
     """Any value of every field of a message."""
     joints = draw(st.integers(0, 128))
     own = {"wrench": draw(st.sampled_from([0, 6])), "extra": draw(st.integers(0, 10))}
+    if kind != "Target":
+        trailing = ("followed", "base", "contact", "imu", "decision", "slacks", "gains", "next")
+        own |= {name: draw(st.sampled_from([0, 1, 2, 7])) for name in trailing}
     values = {}
     for name, code in FIELDS[kind]:
         if code.endswith("[]"):
             values[name] = draw(arrays(own.get(name, joints)))
         else:
             values[name] = draw(SCALARS[code])
-    return {**values, "wire_version": 1}
+    return {**values, "wire_version": CLASSES[kind].schema.version}
 
 
 def empty(kind: str, values: dict) -> Message:
     """A message of ours, of the lengths that `values` have."""
-    if kind == "State":
-        return State(len(values["q"]), len(values["wrench"]))
-    if kind == "Setpoint":
-        return Setpoint(len(values["values"]), len(values["extra"]))
-    return Event()
+    lengths = {name: len(values[name]) for name, code in FIELDS[kind] if code.endswith("[]")}
+    return CLASSES[kind].allocate(**lengths)
 
 
 def filled(kind: str, values: dict) -> Message:
@@ -135,3 +142,43 @@ def test_whatever_the_values_all_readers_and_writers_agree(kind, readers, data):
         for field, value in values.items():
             assert same(getattr(message, field), value), (type(message), field)
     assert loaded.dump() == payload
+
+
+@pytest.mark.parametrize("name", OLD_EXAMPLES)
+def test_golden_bytes_of_version_1_are_the_begin_of_a_message_of_today(name):
+    kind, values = OLD_EXAMPLES[name]
+    old = golden(f"v1/{name}")
+    new = upgraded(CLASSES[kind], old)
+    message = CLASSES[kind].like(new)
+    message.load(new)
+    assert old == write(kind, values)
+    for field, _ in FIELDS[kind]:
+        expected = values.get(field, ()) if field != "wire_version" else 2
+        assert same(getattr(message, field), expected), field
+    assert downgraded(CLASSES[kind], new) == old
+
+
+@pytest.mark.parametrize("kind", ["State", "Setpoint"])
+@given(data=st.data())
+def test_to_version_1_and_back_loses_the_new_arrays_and_nothing_else(kind, data):
+    cls = CLASSES[kind]
+    message = filled(kind, data.draw(contents(kind)))
+    again = upgraded(cls, downgraded(cls, message.dump()))
+    short = cls.like(again)
+    short.load(again)
+    for field in cls.schema.arrays:
+        kept = field in cls.schema.arrays[: {"State": 5, "Setpoint": 2}[kind]]
+        assert same(getattr(short, field), list(getattr(message, field)) if kept else [])
+    names = list(cls.schema.scalars)
+    assert cls.scalars(again, *names)[1:] == pytest.approx(
+        cls.scalars(message.dump(), *names)[1:], rel=0, abs=0, nan_ok=True
+    )
+
+
+@pytest.mark.parametrize("cut", [1, 4, 8, 100])
+@pytest.mark.parametrize("name", OLD_EXAMPLES)
+def test_what_is_malformed_stays_so(name, cut):
+    kind, _ = OLD_EXAMPLES[name]
+    for spoilt in (golden(f"v1/{name}")[:-cut], golden(f"v1/{name}") + bytes(cut)):
+        with pytest.raises(WireError):
+            CLASSES[kind].schema.lengths_in(upgraded(CLASSES[kind], spoilt))

@@ -14,24 +14,26 @@ from hypothesis import strategies as st
 
 from hoap3.protocol import messages
 from hoap3.protocol.errors import WireError
-from hoap3.protocol.messages import Event, Message, Setpoint, State
+from hoap3.protocol.messages import Event, Message, Setpoint, State, Target
 
 MAKERS = {
-    "State": lambda n: State(n, 6),
-    "Setpoint": lambda n: Setpoint(n, 3),
+    "State": lambda n: State(n, 6, reference_rate=n, followed=1, base=13),
+    "Setpoint": lambda n: Setpoint(n, 3, decision=n, gains=2),
     "Event": lambda n: Event(),
+    "Target": lambda n: Target(n, 3, rates=True),
 }
 PYTHON_TYPES = {"I": int, "Q": int, "q": int, "d": float, "d[]": messages.FloatArray}
 KINDS = pytest.mark.parametrize("kind", MAKERS)
 
 
 def numbered(kind: str, n: int = 3) -> Message:
-    """A message whose scalars are 1, 2, 3 …, and whose arrays go on counting."""
+    """A message whose scalars behind the version are 2, 3 …, and whose arrays go on counting."""
     message = MAKERS[kind](n)
     count = 0
     for name, scalar in message.schema.scalars.items():
         count += 1
         setattr(message, name, float(count) if scalar == "float64" else count)
+    message.wire_version = message.schema.version
     for name in message.schema.arrays:
         array = getattr(message, name)
         array[:] = np.arange(count, count + len(array))
@@ -71,8 +73,9 @@ def test_the_constants_of_the_classes_are_those_of_the_schemas():
         (Setpoint, ("POSITION", "ACCELERATION", "TORQUE")),
     ):
         assert {name: getattr(cls, name) for name in names}.items() <= cls.schema.constants.items()
-    for cls in (State, Setpoint):
+    for cls in (State, Setpoint, Target):
         assert cls.schema.constants["WIRE_VERSION"] == messages.WIRE_VERSION
+    assert Event.schema.version == 1  # as peers of version 1 read it
 
 
 def test_no_two_events_and_no_two_reasons_have_the_same_number():
@@ -149,7 +152,7 @@ REFUSED = [
     ("State", lambda data: b"\0\x03\0\0" + data[4:], "layout"),  # parameter list
     ("State", lambda data: _spoilt(data, 132, 2), "layout"),  # q
     ("State", lambda data: _spoilt(data, 164 + 32 * 3, 5), "layout"),  # wrench
-    ("State", lambda data: _spoilt(data, 4, 2), "wire_version"),
+    ("State", lambda data: _spoilt(data, 4, 1), "wire_version"),
     ("Setpoint", lambda data: data[:100], "size"),
     ("Setpoint", lambda data: _spoilt(data, 156, 4), "layout"),
     ("Setpoint", lambda data: _spoilt(data, 164 + 8 * 3, 2), "layout"),
@@ -163,7 +166,6 @@ REFUSED = [
 @pytest.mark.parametrize(("kind", "spoil", "reason"), REFUSED)
 def test_load_refuses_and_leaves_the_message_unchanged(kind, spoil, reason):
     message = numbered(kind)
-    message.wire_version = 1
     before = {name: np.copy(getattr(message, name)) for name, _ in FIELDS[kind]}
     payload = spoil(MAKERS[kind](3).dump())
     with pytest.raises(WireError, match=kind) as caught:
@@ -183,9 +185,18 @@ def test_lengths_are_read_from_a_payload(name):
 
 @pytest.mark.parametrize("n", [0, 1, 21, 128])
 def test_lengths_are_found_behind_arrays_of_any_length(n):
-    assert Setpoint.schema.lengths_in(Setpoint(n, 2).dump()) == {"values": n, "extra": 2}
-    lengths = State.schema.lengths_in(State(n).dump())
-    assert lengths == {"q": n, "dq": n, "tau": n, "reference": n, "wrench": 0}
+    setpoint = Setpoint(n, 2, decision=n, next=2 * n)
+    new = {"decision": n, "slacks": 0, "gains": 0, "next": 2 * n}
+    assert Setpoint.schema.lengths_in(setpoint.dump()) == {"values": n, "extra": 2, **new}
+    lengths = State.schema.lengths_in(State(n, base=13).dump())
+    new = {"reference_rate": 0, "reference_acceleration": 0, "followed": 0, "contact": 0, "imu": 0}
+    old = {"q": n, "dq": n, "tau": n, "reference": n, "wrench": 0}
+    assert lengths == {**old, **new, "base": 13}
+
+
+def test_an_array_that_a_message_does_not_have_is_refused():
+    with pytest.raises(TypeError, match="Setpoint has no array imu"):
+        Setpoint(3, imu=10)
 
 
 @pytest.mark.parametrize(
@@ -194,7 +205,8 @@ def test_lengths_are_found_behind_arrays_of_any_length(n):
         (Setpoint(3).dump()[:-1], "expected|end before"),
         (Setpoint(3).dump() + b"\0", "expected"),
         (Setpoint(3).dump()[:158], "end before 'values'"),
-        (Setpoint(3).dump()[:170], "end before 'extra'"),
+        (Setpoint(3).dump()[:190], "end before 'extra'"),
+        (Setpoint(3).dump()[:-1], "end before 'next'"),
         (_spoilt(Setpoint(3).dump(), 156, 1025), "claims 1025"),
         (b"", "end before"),
     ],
@@ -222,7 +234,7 @@ def test_scalars_of_a_payload_that_is_too_short_are_refused():
     with pytest.raises(WireError, match="too few") as caught:
         State.scalars(State(3).dump()[:131], "tick")
     assert caught.value.kind == "size"
-    assert State.scalars(State(3).dump()[:132], "wire_version") == (1,)
+    assert State.scalars(State(3).dump()[:132], "wire_version") == (2,)
 
 
 def _mutations() -> st.SearchStrategy[bytes]:

@@ -22,7 +22,7 @@ LIGHT_MODULES = (
 )
 ALLOWED = {
     **{name: set() for name in LIGHT_MODULES},
-    "link.zenoh_link": {"zenoh"},
+    "link.zenoh_session": {"zenoh"},
 }
 
 

@@ -175,6 +175,7 @@ def test_it_records_in_the_order_in_which_it_processed():
         Kind.AUTHORITY,
         Kind.STATE,
         Kind.EVENT,
+        Kind.RESET,
         Kind.SETPOINT,
         Kind.STATE,
         Kind.SETPOINT,
@@ -192,7 +193,7 @@ def test_nothing_is_recorded_before_the_answer_is_on_its_way():
     bench.loop.answer(0, bench.state(0))
     assert len(bench.recorder.records) == before
     bench.loop.sent()
-    assert len(bench.recorder.records) == before + 3
+    assert len(bench.recorder.records) == before + 4
 
 
 def test_the_controller_gets_the_clock_of_the_loop():

@@ -39,7 +39,7 @@ def run(controller: Any, duration: float, robot: str = "hoap3") -> tuple[Told, l
     for record in robot_log.records:
         if record.kind == Kind.STATE:
             description = lockstep.controller.description
-            state = State(description.n, 6 * len(description.wrench_sensors))
+            state = State.allocate(**description.state_lengths)
             state.load(record.payload)
             states.append(state)
     told = lockstep.controller_loop.summary
@@ -175,8 +175,9 @@ class Link:
 
     robot = "hoap3"
     session_id = 7
+    wire_version = 1
 
-    def ask(self, verb: str) -> bytes:
+    def ask(self, verb: str, *, body: bytes) -> bytes:
         status = {"mode": "idle", "holder": None, "session_id": self.session_id, "tick": 3}
         status["lockstep"] = False
         if verb == "acquire":
@@ -192,7 +193,7 @@ def test_what_was_before_the_last_engagement_counts_too():
     def engage(q: np.ndarray, tick: int) -> Told:
         """What is told of an engagement with one answer."""
         assert service._engage(link)
-        state = State(HOAP3.n, 6 * len(HOAP3.wrench_sensors))
+        state = State.allocate(**HOAP3.state_lengths)
         state.session_id, state.tick, state.epoch = link.session_id, tick, 1
         state.mode, state.q[:], state.reference[:] = State.ACTIVE, q, q
         assert service.loop.answer(0, state.dump()) is not None

@@ -18,6 +18,7 @@ from hoap3.protocol.messages import State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.timing.tick_metrics import longest_run
 from hoap3.tools.timing.ticks import IN_TIME, LATE, LOST, TickTable
+from hoap3.tools.verify.deadline_checker import Recount
 
 RULES = ("next_tick", "after_receipt")
 CASES = [(rule, d) for rule in RULES for d in (0, 1, 3)]
@@ -270,3 +271,28 @@ def test_skipped_ticks_change_no_outcome_of_others(tmp_path_factory, case, scrip
     outcomes = [log.count(each) for each in (IN_TIME, LATE, LOST)]
     assert counts(made) == (sum(outcomes), *outcomes)
     assert longest_run(log) == made.robot.validator.deadlines.longest_run
+    assert_counted_by_tick(made)
+
+
+def assert_counted_by_tick(made: Bench) -> None:
+    """Each State has the counts of the deadlines that have passed by its intended start."""
+    recount = Recount(made.description)
+    for record in made.recorder.records:
+        if record.kind == Kind.SETPOINT:
+            recount.setpoint(record.stamp, record.payload)
+        elif record.kind == Kind.STATE:
+            recount.state(record.payload)
+    assert recount.rows
+    for _, stated, found in recount.rows:
+        assert stated == pytest.approx(found, abs=1e-12)
+
+
+@both
+@pytest.mark.parametrize("lead", [0, T // 4])
+def test_who_skips_ticks_has_counted_what_came_due_in_them(rule, d, lead):
+    """Also where it had acted for the first of them already."""
+    silent = {tick: [] for tick in range(8, 12)}
+    made = bench(rule, d, Script(silent, {8 + d: 3 * T, 20: T + T // 2}), lead=lead)
+    made.robot.run(0, lambda: False, 40)
+    assert made.robot.skipped == 4
+    assert_counted_by_tick(made)

@@ -4,19 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.robot_bench import Bench
+from support.robot_bench import active
 from support.small_arm import PERIOD_NS
 
 from hoap3.protocol.messages import State
 
 US = 1000
-
-
-def active(**options) -> Bench:
-    """A robot that follows us from tick 0."""
-    bench = Bench(**options)
-    bench.link.ask("acquire", "test")
-    return bench
 
 
 @pytest.mark.parametrize(
@@ -96,7 +89,7 @@ def test_out_of_order_setpoints_are_not_followed():
         ({"session_id": 8}, "session"),
         ({"epoch": 2}, "epoch"),
         ({"command": 2}, "command"),
-        ({"wire_version": 2}, "wire_version"),
+        ({"wire_version": 3}, "wire_version"),
     ],
 )
 def test_what_does_not_belong_here_is_rejected_by_kind(changes, reason):

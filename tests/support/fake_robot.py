@@ -12,10 +12,10 @@ from typing import Any
 import zenoh
 
 from hoap3.protocol.config.settings import LinkSettings
-from hoap3.protocol.link.zenoh_link import key, open_session
+from hoap3.protocol.link.zenoh_session import key, open_session, state_key
 
 Script = Callable[[str, str], bytes | None]
-"""Verb and payload of a request in, the answer out; None for no answer."""
+"""Verb of a request and its client in, the answer out; None for no answer."""
 
 STATUS = {"mode": "idle", "holder": None, "session_id": 7, "tick": 3, "lockstep": False}
 GOOD: dict[str, Any] = {
@@ -53,12 +53,12 @@ class FakeRobot:
         self._script = script
         self._session = session = open_session(LinkSettings(listen=(endpoint,)))
         self._states = session.declare_publisher(
-            key(name, "state"), express=True, priority=zenoh.Priority.REAL_TIME
+            state_key(name), express=True, priority=zenoh.Priority.REAL_TIME
         )
-        session.declare_subscriber(key(name, "setpoint"), lambda _: self.setpoint.set())
+        session.declare_subscriber(key(name, "setpoint/*"), lambda _: self.setpoint.set())
         session.liveliness().declare_subscriber(key(name, "clients/*"), self._came, history=True)
         for whom in ("ask", "control"):
-            session.declare_queryable(key(name, f"{whom}/*"), self._answer)
+            session.declare_queryable(key(name, f"{whom}/*/*"), self._answer)
         self._token = session.liveliness().declare_token(key(name, "alive"))
 
     def publish(self, state: bytes) -> None:
@@ -74,9 +74,8 @@ class FakeRobot:
             self.clients.append(str(sample.key_expr).rsplit("/", 1)[-1])
 
     def _answer(self, query: zenoh.Query) -> None:
-        verb = str(query.key_expr).rsplit("/", 1)[-1]
+        verb, who = str(query.key_expr).split("/")[-2:]
         self.asked[verb] += 1
-        who = query.payload.to_bytes().decode() if query.payload else ""
         answer = self._script(verb, who)
         with query:
             if answer is not None:
@@ -84,7 +83,9 @@ class FakeRobot:
 
 
 def good(verb: str, description: bytes) -> bytes:
-    """What an honest robot answers."""
+    """What an honest robot answers; of its configuration nothing."""
+    if verb == "config":
+        return b"{}"
     return description if verb == "description" else json.dumps(GOOD[verb]).encode()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 
@@ -99,7 +100,7 @@ class Bench:
         found = []
         for record in self.recorder.records:
             if record.kind == Kind.STATE:
-                state = State(self.n)
+                state = State.allocate(**self.description.state_lengths)
                 state.load(record.payload)
                 found.append(state)
         return found
@@ -114,7 +115,7 @@ class Bench:
         return found
 
     def _answer(self, payload: bytes) -> bytes | None:
-        state = State(self.n)
+        state = State.allocate(**self.description.state_lengths)
         state.load(payload)
         self._tick = state.tick
         if state.mode != State.ACTIVE:
@@ -135,3 +136,10 @@ class Bench:
 
     def _fates(self, answer: bytes) -> Iterable[tuple[int, bytes]]:
         return self.fate(self._tick, answer)
+
+
+def active(**options: Any) -> Bench:
+    """A robot that follows us from tick 0."""
+    bench = Bench(**options)
+    bench.link.ask("acquire", "test")
+    return bench

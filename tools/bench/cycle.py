@@ -62,7 +62,7 @@ def _step(
     law = build(config, description)
     states = []
     for payload in payloads[:: max(1, len(payloads) // STATES)]:
-        state = State(description.n, 6 * len(description.wrench_sensors))
+        state = State.allocate(**description.state_lengths)
         state.load(payload)
         states.append((state,))
     law.reset(states[0][0], None)
@@ -72,7 +72,7 @@ def _step(
 def _answer(
     name: str, config: ControllerConfig, description: RobotDescription, payloads: list[bytes]
 ) -> Contender:
-    state = State(description.n, 6 * len(description.wrench_sensors))
+    state = State.allocate(**description.state_lengths)
     state.load(payloads[0])
     loop = ControllerLoop(
         build(config, description), MonotonicClock(), NoRecorder(), state.session_id

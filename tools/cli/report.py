@@ -40,6 +40,9 @@ def report(
         unproved = in_a_line(figures["certificates"])
         if unproved is not None:
             print_line(f"certificates: {unproved}")
+        verified = figures["verified"]
+        if verified["verdict"] == "false":
+            print_line(f"claims: {verified['false']} of {verified['checked']} are not true")
         if figures["replaced"]:
             print_note("written in place of an earlier report")
     for side, why in figures["unreadable"].items():
@@ -54,4 +57,5 @@ def report(
             f"`hoap3 record --repair {log}` makes a whole file of the rest, to be named by itself"
         )
     incomplete = figures["damaged"] or figures["unreadable"]
-    raise typer.Exit(1 if incomplete or failed(figures["verdicts"]) else 0)
+    untrue = figures["verified"]["verdict"] == "false"
+    raise typer.Exit(1 if incomplete or untrue or failed(figures["verdicts"]) else 0)

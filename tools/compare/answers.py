@@ -64,5 +64,5 @@ def table(payloads: list[bytes], message: type[State] | type[Setpoint]) -> Rows:
     """Messages of one layout as a structured array."""
     schema = message.schema
     if not payloads:
-        return np.zeros(0, schema.dtype(dict.fromkeys(schema.arrays, 0)))
+        return np.zeros(0, schema.dtype({}))
     return np.frombuffer(b"".join(payloads), schema.dtype(schema.lengths_in(payloads[0])))

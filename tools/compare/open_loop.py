@@ -102,7 +102,7 @@ class OpenLoop:
 
 def state_for(description: RobotDescription) -> State:
     """An empty State of a robot."""
-    return State(description.n, 6 * len(description.wrench_sensors))
+    return State.allocate(**description.state_lengths)
 
 
 def _asked(log: Log) -> list[bytes]:

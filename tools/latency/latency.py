@@ -21,7 +21,7 @@ import numpy as np
 from hoap3.protocol.config.settings import RealtimeSettings
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, LogError, UsageError
-from hoap3.protocol.link.hoap3_frames import Frames
+from hoap3.protocol.link.hoap3_tcp.frames import Frames
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.remote_controller.config import ControllerConfig
 from hoap3.robot_emulator.config import EmulatorConfig
@@ -191,7 +191,7 @@ def sizes(plan: Plan, description: RobotDescription) -> tuple[int, int]:
         frame = Frames(description, plan.emulator.link.hoap3_tcp.slots).size
         return frame, frame
     n = description.n
-    return State(n, 6 * len(description.wrench_sensors)).size, Setpoint(n).size
+    return State.allocate(**description.state_lengths).size, Setpoint(n).size
 
 
 def _block(

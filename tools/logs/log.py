@@ -1,6 +1,7 @@
 """Reads a log: whole or cut off, one file or several, as the records that were written.
 
-What a log says about files or code is never followed; names in it are keys, no more.
+A log of an earlier wire version is read as one of today whose new arrays are empty. What a log
+says about files or code is never followed; names in it are keys, no more.
 """
 
 from __future__ import annotations
@@ -20,12 +21,15 @@ import numpy.typing as npt
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError, LogError, WireError
-from hoap3.protocol.messages import CDR_HEADER, WIRE_VERSION, Schema
+from hoap3.protocol.messages import CDR_HEADER, WIRE_VERSION, Message, Schema, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.protocol.wire_versions import OLDEST, upgraded
 from hoap3.tools.logs.log_format import (
     CHANNELS,
     FORMAT,
     KIND_CHANNELS,
+    LEAST_TOPICS,
+    OF_OTHERS,
     PROFILE,
     SCHEMAS,
     SIDES,
@@ -42,6 +46,9 @@ Stamps = npt.NDArray[np.int64]
 MOST_TOLD = 5  # damaged places that are named one by one
 LONGEST_PART = 9  # digits of a file's number
 MOST_LAYOUTS = 32  # of messages of one size that are told apart
+VERSIONS = tuple(str(version) for version in range(OLDEST, WIRE_VERSION + 1))  # that are read
+GROWN: dict[Kind, type[Message]] = {Kind.STATE: State, Kind.SETPOINT: Setpoint}
+"""Messages that have got arrays since the oldest version."""
 
 _NAME = re.compile(r"(robot|controller)(?:\.(\d{4,}))?\.mcap")
 
@@ -55,6 +62,7 @@ class Log:
     Attributes:
         paths: the files, oldest first.
         robot, side: whose log it is.
+        wire_version: of its messages, as they were written.
         metadata: facts by group; of several files, the last one that says something.
         attachments: enclosed files by name, likewise.
         truncated: it ends early.
@@ -73,6 +81,8 @@ class Log:
         }
         first = self._scans[0].metadata["log"]
         self.robot, self.side = first["robot"], first["side"]
+        self.wire_version = int(first["wire_version"])
+        self._grown = GROWN if self.wire_version < WIRE_VERSION else {}
         before = _lost_at_begin(self.paths[0], first, self.metadata["log"])
         self.from_begin = before is None
         damages = [(scan, damage) for scan in self._scans for damage in scan.damages]
@@ -152,6 +162,8 @@ class Log:
             for channel, _, stamp, _, payload in _with_gaps(scan):
                 kind = kinds.get(channel)
                 if kind is not None:
+                    if kind in self._grown:
+                        payload = upgraded(self._grown[kind], payload)  # noqa: PLW2901
                     yield Record(kind, stamp, payload)
                 elif channel == inputs:
                     try:
@@ -182,6 +194,8 @@ class Log:
             for message in scan.messages():
                 if message[0] == channel:
                     payload = message[4]
+                    if kind in self._grown:
+                        payload = upgraded(self._grown[kind], payload)
                     found = by_size.get(len(payload))
                     if found is None:
                         found = by_size[len(payload)] = (array("q"), bytearray())
@@ -189,7 +203,7 @@ class Log:
                     found[1].extend(payload)
         schema = SCHEMAS[kind]
         if not by_size:
-            return np.empty(0, np.int64), np.empty(0, _empty(schema))
+            return np.empty(0, np.int64), np.empty(0, schema.dtype({}))
         stamps, data = max(by_size.values(), key=lambda found: len(found[0]))
         try:
             return _of_one_layout(schema, np.frombuffer(stamps, np.int64), data)
@@ -221,9 +235,15 @@ class Log:
 
 
 def payload_hash(log: Log) -> str:
-    """SHA-256 over kind, stamp and bytes of every record: equal for equal runs in lockstep."""
+    """SHA-256 over kind, stamp and bytes of every record: equal for equal runs in lockstep.
+
+    Without what others did, and where: requests, tokens and the other side's configuration bear
+    names that are new at each start.
+    """
     digest = hashlib.sha256()
     for record in log.records():
+        if record.kind in OF_OTHERS:
+            continue
         digest.update(struct.pack("<Iqq", record.kind, record.stamp, len(record.payload)))
         digest.update(record.payload)
     return digest.hexdigest()
@@ -312,19 +332,20 @@ def _read_ours(file: Path) -> McapScan:
     scan = McapScan.of(file)
     facts = scan.metadata.get("log", {})
     ours = {"format", "wire_version", "robot", "side", "part"} <= facts.keys()
-    if not scan.whole and scan.profile in {"", PROFILE} and len(scan.channels) < len(TOPICS):
+    if not scan.whole and scan.profile in {"", PROFILE} and len(scan.channels) < LEAST_TOPICS:
         raise LogError(f"{file}: {scan.problem}, before any record. Nothing can be saved")
     if not ours or facts["side"] not in SIDES or not _is_part(facts["part"]):
         raise LogError(f"{file}: is an MCAP file, but none of ours. Name a log of `hoap3`")
-    if (facts["format"], facts["wire_version"]) != (FORMAT, str(WIRE_VERSION)):
+    if facts["format"] != FORMAT or facts["wire_version"] not in VERSIONS:
         raise LogError(
             f"{file}: has format {facts['format']}, wire version {facts['wire_version']}; this "
-            f"version reads format {FORMAT}, wire version {WIRE_VERSION}. "
+            f"version reads format {FORMAT}, wire version {' or '.join(VERSIONS)}. "
             "Read it with the version that wrote it"
         )
-    expected = {place: topic_name(facts["robot"], t.leaf) for place, t in enumerate(TOPICS, 1)}
+    known = {place: topic_name(facts["robot"], t.leaf) for place, t in enumerate(TOPICS, 1)}
     topics = {place: channel.topic for place, channel in scan.channels.items()}
-    if scan.profile != PROFILE or topics != expected:
+    ours = len(topics) >= LEAST_TOPICS and topics.items() <= known.items()
+    if scan.profile != PROFILE or not ours:
         raise LogError(f"{file}: its topics are not those of our logs. Name a log of `hoap3`")
     return scan
 
@@ -349,10 +370,6 @@ def _lost_at_end(scan: McapScan) -> str | None:
     return None
 
 
-def _empty(schema: Schema) -> np.dtype[Any]:
-    return schema.dtype(dict.fromkeys(schema.arrays, 0))
-
-
 def _of_one_layout(schema: Schema, stamps: Stamps, data: bytearray) -> tuple[Stamps, Rows]:
     """Those of equally long messages whose arrays are as long as in most of them.
 
@@ -360,7 +377,7 @@ def _of_one_layout(schema: Schema, stamps: Stamps, data: bytearray) -> tuple[Sta
     """
     raw = np.frombuffer(data, np.uint8).reshape(len(stamps), -1)
     left = np.ones(len(stamps), bool)
-    best, dtype = np.zeros(len(stamps), bool), _empty(schema)
+    best, dtype = np.zeros(len(stamps), bool), schema.dtype({})
     for _ in range(MOST_LAYOUTS):
         if left.sum() <= best.sum():
             break

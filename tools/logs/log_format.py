@@ -1,8 +1,8 @@
 """What a log holds: its topics, their schemas, and the few messages that are not of our wire.
 
-Every channel is CDR with a `ros2msg` schema, so any ROS 2 reader opens a log. State, Setpoint and
-Event are logged as they were sent. All that came in as JSON goes to the topic `inputs`, as a
-`std_msgs/msg/String` with the text
+Every channel is CDR with a `ros2msg` schema, so any ROS 2 reader opens a log. State, Setpoint,
+Event and Target are logged as they were sent. All that came in as JSON goes to the topic `inputs`,
+as a `std_msgs/msg/String` with the text
 
     {"kind": "session", "stamp": 123, "repeated": false, "body": {...}}
 
@@ -23,18 +23,27 @@ from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.messages import CDR_HEADER, Event, Setpoint, State
+from hoap3.protocol.messages import CDR_HEADER, Event, Setpoint, State, Target
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 
 PROFILE = "ros2"
 FORMAT = "1"  # of what this module lays down
 SIDES = ("robot", "controller")
-REPEATED = frozenset({Kind.DESCRIPTION, Kind.SESSION, Kind.AUTHORITY})
+REPEATED = frozenset({Kind.DESCRIPTION, Kind.SESSION, Kind.AUTHORITY, Kind.CONFIG})
 """Kinds of which each file of a log holds the last one of the files before it."""
-SCHEMAS = {Kind.STATE: State.schema, Kind.SETPOINT: Setpoint.schema, Kind.EVENT: Event.schema}
+OF_OTHERS = frozenset({Kind.REQUEST, Kind.TOKEN, Kind.CONFIG})
+"""Kinds that tell what others did or are; no loop depends on them."""
+SCHEMAS = {
+    Kind.STATE: State.schema,
+    Kind.SETPOINT: Setpoint.schema,
+    Kind.EVENT: Event.schema,
+    Kind.TARGET: Target.schema,
+}
 """Kinds that are logged as they were sent."""
+TICK = {Kind.STATE: "tick", Kind.SETPOINT: "tick", Kind.EVENT: "tick", Kind.TARGET: "first_tick"}
+"""The field of a message that says where in the robot's schedule it belongs."""
 SENT_STAMP = {Kind.STATE: "stamp_published", Kind.SETPOINT: "stamp_encoded", Kind.EVENT: "stamp"}
-"""The field of a message that holds the sender's stamp."""
+"""The field of a message that holds the sender's stamp, where there is one."""
 
 LATEST_STAMP = 2**31 * 1_000_000_000  # a ROS time has 32 bits of seconds
 STRING = "string data\n"
@@ -86,12 +95,15 @@ TOPICS = (
     Topic("events", Event.schema.ros_name, Event.schema.text),
     Topic("inputs", "std_msgs/msg/String", STRING, latched=True),
     Topic("joint_states", "sensor_msgs/msg/JointState", JOINT_STATE),
+    Topic("targets", Target.schema.ros_name, Target.schema.text),
 )
+LEAST_TOPICS = 5  # as many have logs of wire version 1
 CHANNELS = {topic.leaf: place for place, topic in enumerate(TOPICS, 1)}
 KIND_CHANNELS = {
     Kind.STATE: CHANNELS["state"],
     Kind.SETPOINT: CHANNELS["setpoint"],
     Kind.EVENT: CHANNELS["events"],
+    Kind.TARGET: CHANNELS["targets"],
 }
 
 

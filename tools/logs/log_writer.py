@@ -29,6 +29,7 @@ from hoap3.tools.logs.log_format import (
     REPEATED,
     SCHEMAS,
     SENT_STAMP,
+    TICK,
     TOPICS,
     JointStates,
     file_name,
@@ -123,7 +124,8 @@ class LogWriter:
         if lane is None or not (lane.fits(payload) or self._learn(lane, payload)):
             self._add_input(record)
             return
-        tick, sent = lane.fields(payload)
+        tick, *told = lane.fields(payload)
+        sent = told[0] if told else stamp
         self._file.message(lane.channel, tick, stamp, sent, payload)
         if lane is self._state_lane and sent // JOINT_STATE_NS != self._joint_tick:
             self._add_joint_state(stamp, tick, sent, payload)
@@ -271,13 +273,13 @@ class _Lane:
 
     Attributes:
         size: bytes of the messages that the last one learnt is like; -1 for none.
-        fields: message → tick (its lower 32 bits), the sender's stamp.
+        fields: message → tick (its lower 32 bits), and the sender's stamp if it has one.
     """
 
     def __init__(self, kind: Kind, channel: int) -> None:
         self.channel = channel
         self.schema = SCHEMAS[kind]
-        self._sent = SENT_STAMP[kind]
+        self._tick, self._sent = TICK[kind], SENT_STAMP.get(kind)
         self.size = -1
         self.fields: Callable[[bytes], tuple[Any, ...]] = tuple
         self._guards: Callable[[bytes], tuple[Any, ...]] = tuple
@@ -299,7 +301,10 @@ class _Lane:
         self.size = len(payload)
         fields: Any = self.schema.dtype(lengths).fields
         counts, _ = self.schema.offsets(lengths)
-        self.fields = self._reader({int(fields["tick"][1]): "I", int(fields[self._sent][1]): "Q"})
+        told = {int(fields[self._tick][1]): "I"}
+        if self._sent is not None:
+            told[int(fields[self._sent][1])] = "Q"
+        self.fields = self._reader(told)
         places = {len(CDR_HEADER) + at: "I" for at in counts.values()}
         self._guards = self._reader({0: "4s", **places})
         self._expected = (CDR_HEADER, *lengths.values())

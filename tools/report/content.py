@@ -12,6 +12,7 @@ from typing import Any
 from hoap3.protocol.errors import LogError
 from hoap3.tools.html.drawing import Drawing
 from hoap3.tools.report.certificates import Certificates
+from hoap3.tools.report.checked import Checked, check
 from hoap3.tools.report.conditions import Condition, read_conditions
 from hoap3.tools.report.happenings import Happening, read_happenings
 from hoap3.tools.report.motion import Motion, read_motion
@@ -42,6 +43,16 @@ class Content:
     happenings: tuple[Happening, ...]
     conditions: tuple[Condition, ...] | None
     gaps: tuple[str, ...]
+
+    @cached_property
+    def checked(self) -> Checked:
+        """What of the logs was recomputed, and holds; it is done when somebody asks."""
+        return check(self.sources.path)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What stands above everything else: false claims, then the gaps."""
+        return [*self.checked.gaps, *self.gaps]
 
     @cached_property
     def motion_drawings(self) -> tuple[Drawing, ...]:
@@ -146,9 +157,10 @@ class Content:
             "torque_limited": self.sources.torque_limited,
             "final_error": _final_error(self.motion),
             "certificates": self.certificates.as_json() if self.certificates else None,
+            "verified": self.checked.as_json(),
             "conditions": None if held is None else [asdict(each) for each in held],
             "figures": [drawing.name for drawing in drawings],
-            "gaps": list(self.gaps),
+            "gaps": self.warnings,
             "damaged": dict(self.sources.damaged),
             "unreadable": dict(self.sources.unreadable),
             "repairable": sorted(self.sources.repairable),

@@ -24,6 +24,7 @@ __all__ = ["POLICY", "SECTIONS", "page"]
 SECTIONS = {
     "motion": "Motion",
     "certificates": "Certificates",
+    "checked": "Checked",
     "conditions": "Conditions",
     "time": "Deadlines and time",
     "ticks": "Worst ticks",

@@ -27,7 +27,7 @@ def tell(robot: str, verb: str, endpoint: str) -> dict[str, Any]:
         LinkError: it cannot be reached.
         WireError: its answer makes no sense.
     """
-    from hoap3.protocol.link.zenoh_link import ask, open_session
+    from hoap3.protocol.link.zenoh_session import ask, open_session
 
     check_name(robot)
     with open_session(client_settings(endpoint)) as session:
@@ -54,7 +54,7 @@ def change(robot: str, request: Mapping[str, Any] | None, endpoint: str) -> dict
         LinkError: the robot cannot be reached, or follows no controller.
         WireError: the controller's answer makes no sense.
     """
-    from hoap3.protocol.link.zenoh_link import ask, open_session
+    from hoap3.protocol.link.zenoh_session import ask, open_session
 
     check_name(robot)
     verb, body = ("show", "") if request is None else ("change", json.dumps(request))
@@ -63,7 +63,7 @@ def change(robot: str, request: Mapping[str, Any] | None, endpoint: str) -> dict
             f"the change has {len(body.encode())} bytes; a robot takes {MAX_REQUEST_BYTES} at most"
         )
     with open_session(client_settings(endpoint)) as session:
-        reply = ask(session, robot, verb, body, whom="control")
+        reply = ask(session, robot, verb, f"tool-{os.getpid()}", body.encode(), whom="control")
     if reply is None:
         raise LinkError(
             f"no controller of a robot called {robot!r} answers at {endpoint}: `hoap3 status` says "
@@ -109,7 +109,7 @@ def alive(endpoint: str) -> list[str]:
         UsageError: that cannot be an endpoint.
         LinkError: it cannot be reached.
     """
-    from hoap3.protocol.link.zenoh_link import alive_robots, open_session
+    from hoap3.protocol.link.zenoh_session import alive_robots, open_session
 
     with open_session(client_settings(endpoint)) as session:
         return [name for name in alive_robots(session) if re.fullmatch(NAME_PATTERN, name)]

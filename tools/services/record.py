@@ -13,7 +13,9 @@ from typing import Any
 from hoap3.protocol.answers import parse_description
 from hoap3.protocol.config.settings import LogSettings
 from hoap3.protocol.errors import Hoap3Error, LinkError
+from hoap3.protocol.messages import Message, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.protocol.wire_versions import upgraded
 from hoap3.tools.logs.log_writer import LogWriter
 from hoap3.tools.machine.machine import versions
 from hoap3.tools.machine.processes import StopFlag
@@ -21,6 +23,7 @@ from hoap3.tools.services.client import check_name, client_settings
 from hoap3.tools.services.observer import REPAIR
 from hoap3.tools.services.services import run_folder
 
+MESSAGES: dict[Kind, type[Message]] = {Kind.STATE: State, Kind.SETPOINT: Setpoint}
 POLL_S = 0.005
 BACKLOG = 4096  # records heard and not yet written: 2 s of a robot and its controller at 1 kHz
 
@@ -83,7 +86,7 @@ def record_robot(
     """
     import zenoh
 
-    from hoap3.protocol.link.zenoh_link import ask, key, open_session
+    from hoap3.protocol.link.zenoh_session import ask_versions, key, open_session, state_key
 
     check_name(robot)
     stop = StopFlag()
@@ -92,12 +95,15 @@ def record_robot(
 
     def listener(kind: Kind) -> Any:
         def note(sample: zenoh.Sample) -> None:
-            heard.put(Record(kind, time.monotonic_ns(), sample.payload.to_bytes()))
+            payload = sample.payload.to_bytes()
+            if kind in MESSAGES:
+                payload = upgraded(MESSAGES[kind], payload)
+            heard.put(Record(kind, time.monotonic_ns(), payload))
 
         return note
 
     with open_session(client_settings(endpoint)) as session:
-        data = ask(session, robot, "description", f"recorder-{os.getpid()}")
+        version, data = ask_versions(session, robot, "description", f"recorder-{os.getpid()}")
         if data is None:
             raise LinkError(f"no robot called {robot!r} answers at {endpoint}")
         description = parse_description(data, robot)
@@ -111,11 +117,11 @@ def record_robot(
         )
         writer.add(Record(Kind.DESCRIPTION, time.monotonic_ns(), description.to_json()))
         subscribers = [
-            session.declare_subscriber(key(robot, leaf), listener(kind))
-            for leaf, kind in (
-                ("state", Kind.STATE),
-                ("setpoint", Kind.SETPOINT),
-                ("events", Kind.EVENT),
+            session.declare_subscriber(expression, listener(kind))
+            for expression, kind in (
+                (state_key(robot, version), Kind.STATE),
+                (key(robot, "setpoint/**"), Kind.SETPOINT),
+                (key(robot, "events"), Kind.EVENT),
             )
         ]
         report(f"recording robot {robot!r} into {folder}")

@@ -12,7 +12,7 @@ from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import COMMANDS, Setpoint, State
 from hoap3.protocol.runtime.deadlines import Durations, Jitter, verdict
 from hoap3.protocol.runtime.shm_ring import Kind, Record
-from hoap3.robot_emulator.setpoint_validator import HISTORY, MAX_EXTRAS
+from hoap3.robot_emulator.setpoint_validator import HISTORY
 from hoap3.tools.services.stall_attribution import FOREVER, OutsideStalls
 from hoap3.tools.show.certificate_count import CertificateCount, reasons_on_wire
 from hoap3.tools.show.verdicts import judge
@@ -243,11 +243,15 @@ class RunStatistics:
         self._encoded = (tick, encoded)
 
     def _load(self, payload: bytes) -> Setpoint:
-        """Read a setpoint with as many extras as it has."""
+        """Read a setpoint, however long its arrays are."""
         setpoint = self._setpoint
-        if setpoint is None or len(payload) != setpoint.size:
-            lengths = Setpoint.schema.lengths_in(payload)
-            setpoint = Setpoint(lengths["values"], min(lengths["extra"], MAX_EXTRAS))
-            self._setpoint = setpoint
+        if setpoint is not None and len(payload) == setpoint.size:
+            try:
+                setpoint.load(payload)
+            except WireError:
+                setpoint = None  # as long, and divided otherwise, or none at all
+            else:
+                return setpoint
+        self._setpoint = setpoint = Setpoint.like(payload)
         setpoint.load(payload)
         return setpoint

@@ -23,6 +23,7 @@ from hoap3.protocol.config.settings import (
 )
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, Hoap3Error, UsageError
+from hoap3.protocol.link.hoap3_tcp.frames import Frames
 from hoap3.protocol.runtime.notes import Note, Routine
 from hoap3.protocol.runtime.recorder import BlockingRecorder, Recorder, RingRecorder
 from hoap3.remote_controller.config import ControllerConfig, check_parameters
@@ -263,7 +264,7 @@ def run_controller(
     try:
         with observed as (observer, folder, settled):
             one, other = (_recorder(observer, lockstep=lockstep) for lockstep in (False, True))
-            robot = _robot_of(settled) if settled.link.kind == "hoap3_tcp" else None
+            robot = _robot_of(settled, file) if settled.link.kind == "hoap3_tcp" else None
             Service(settled, one, voice.say, should_stop, file, other, on_stop, robot).run()
     except Hoap3Error as error:
         return voice.fail(error)
@@ -271,9 +272,28 @@ def run_controller(
     return 1 if observer.lost else 0
 
 
-def _robot_of(config: ControllerConfig) -> RobotDescription:
-    """What HOAP-3's protocol does not tell of the robot: its description from a file."""
-    description = load(config.link.hoap3_tcp.robot)
+def _robot_of(config: ControllerConfig, file: str) -> RobotDescription:
+    """What HOAP-3's protocol does not tell of the robot: its description from a file.
+
+    Raises:
+        ConfigError: it cannot be read, or does not fit the protocol.
+    """
+    settings, key = config.link.hoap3_tcp, "link.hoap3_tcp"
+    for port in ("init_port", "control_port"):
+        if not getattr(settings, port):
+            raise ConfigError(
+                file, f"{key}.{port}", 0, "is no port of a robot", "Write the robot's"
+            )
+    remedy = "Name the robot that is there"
+    try:
+        description = load(settings.robot)
+        Frames(description, settings.slots)
+    except UsageError as error:
+        raise ConfigError(file, f"{key}.robot", settings.robot, str(error), remedy) from error
+    if "position" not in description.command_kinds:
+        takes = " or ".join(description.command_kinds)
+        problem = f"carries positions, and this robot takes {takes}"
+        raise ConfigError(file, f"{key}.robot", settings.robot, problem, remedy)
     return description.model_copy(update={"command_kinds": ("position",)})
 
 

@@ -9,13 +9,12 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from hoap3.protocol.errors import LogError
-from hoap3.protocol.messages import COMMANDS, WIRE_VERSION, Event, Schema, Setpoint, State
+from hoap3.protocol.messages import COMMANDS, Event, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.log import Log, Rows
 from hoap3.tools.machine.stalls import Stall
@@ -252,9 +251,9 @@ class _Told:
 
     def __init__(self, log: Log, joints: int) -> None:
         self._types = {
-            Kind.STATE: _dtype(State.schema, {}),
-            Kind.SETPOINT: _dtype(Setpoint.schema, {"values": joints}),
-            Kind.EVENT: _dtype(Event.schema, {}),
+            Kind.STATE: State.schema.dtype({}),
+            Kind.SETPOINT: Setpoint.schema.dtype({"values": joints}),
+            Kind.EVENT: Event.schema.dtype({}),
         }
         sizes = {kind: dtype.itemsize for kind, dtype in self._types.items()}
         data = {kind: bytearray() for kind in _KEPT}
@@ -279,14 +278,10 @@ class _Told:
         return self._stamps[kind]
 
 
-def _dtype(schema: Schema, lengths: dict[str, int]) -> np.dtype[Any]:
-    return schema.dtype({name: lengths.get(name, 0) for name in schema.arrays})
-
-
 def answers(robot: RobotSide) -> Flags:
     """Which setpoints the robot took for an answer to one of its States, in time or not."""
     setpoints = robot.setpoints
-    fits = setpoints["wire_version"] == WIRE_VERSION
+    fits = setpoints["wire_version"] == Setpoint.schema.version
     fits &= setpoints["session_id"] == robot.states["session_id"][0]
     fits &= np.isin(setpoints["command"], robot.commands)
     fits &= np.isfinite(setpoints["values"]).all(axis=1)

@@ -50,7 +50,7 @@ class Recount:
 
     def __post_init__(self) -> None:
         description = self.description
-        self._setpoint = Setpoint(description.n)
+        self._setpoint, self._lengths = Setpoint(description.n), dict[str, int]()
         self._period = round(description.period_s * 1e9)
         self._allowed = (1 + description.delay_ticks) * self._period
         self._from_publication = description.deadline == "after_receipt"
@@ -102,8 +102,10 @@ class Recount:
         """The Setpoint, if it can be one for this robot."""
         try:
             lengths = Setpoint.schema.lengths_in(payload)
-            if len(payload) != self._setpoint.size:
-                self._setpoint = Setpoint(self.description.n, lengths["extra"])
+            if lengths["values"] != self.description.n:
+                return None
+            if lengths != self._lengths:
+                self._setpoint, self._lengths = Setpoint.allocate(**lengths), lengths
             self._setpoint.load(payload)
         except WireError:
             return None

@@ -47,6 +47,26 @@ class Robot:
         pin.computeJointJacobians(self.model, self.data, self.q)
         pin.updateFramePlacements(self.model, self.data)
 
+    def place_only(self, q: Array) -> None:
+        """Take joint positions for `com_point` and `pose` alone, which need no Jacobians."""
+        self.positions = np.array(q, float)
+        self.q[self.order] = q
+        pin.framesForwardKinematics(self.model, self.data, self.q)
+
+    def com_point(self, reference: str) -> Array:
+        """Centre of mass (3,) [m], the root's mass included."""
+        built, root = self._built, self._built.root_mass / self._built.total_mass
+        own = pin.centerOfMass(self.model, self.data, self.q, False)
+        seen_from = self.data.oMf[built.frame_id(reference)]
+        found = (1.0 - root) * own + root * built.root_com - seen_from.translation
+        return np.asarray(seen_from.rotation.T @ found, float)
+
+    def pose(self, frame: str, reference: str) -> tuple[Array, Array]:
+        """Origin p (3,) [m] and axes R (3, 3) of a frame."""
+        seen, seen_from = (self.data.oMf[self._built.frame_id(name)] for name in (frame, reference))
+        axes = seen_from.rotation.T
+        return axes @ (seen.translation - seen_from.translation), axes @ seen.rotation
+
     def com(self, reference: str) -> tuple[Array, Array]:
         """Centre of mass (3,) [m] and its Jacobian (3, n) [m/rad], the root's mass included."""
         built, root = self._built, self._built.root_mass
@@ -63,6 +83,11 @@ class Robot:
         axes = seen_from.rotation.T
         turning = axes @ (J[3:] - J_reference[3:])[:, self.order]
         return p, axes @ placement.rotation, np.vstack([J_p, turning])
+
+    def in_root(self, frame: str) -> tuple[Array, Array, Array]:
+        """Origin (3,) [m], axes (3, 3) and Jacobian (6, n) of a frame, in the root's axes."""
+        placement, J = self._moving(frame)
+        return placement.translation.copy(), placement.rotation.copy(), J[:, self.order]
 
     def move(self, dq: Array) -> None:
         """Take joint velocities as well, (n,) [rad/s or m/s], after `place`: for what drifts."""

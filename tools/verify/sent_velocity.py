@@ -15,6 +15,18 @@ Array = NDArray[np.float64]
 
 ROUNDINGS = 8  # ulp of the reference that an answer may be off, per period
 ACTIVE = 1e-3  # rad/s: from which on a joint counts as active
+DELAYED = "answers are delayed: where u starts from is not in the log"
+
+
+def judged(run: ControllerRun, claims: Claims) -> ControllerRun:
+    """The answers whose cycles can be repeated, and that are answers: the rest is counted."""
+    states, answers = run.states[run.answered], run.answers
+    finite = np.isfinite(np.hstack([states["q"], states["reference"], answers["values"]])).all(1)
+    remembered = run.remembered
+    claims.unverified("certificate", int((~finite).sum()), "State or answer is not finite")
+    lost = int((finite & ~remembered).sum())
+    claims.unverified("certificate", lost, "the log lacks when the controller began")
+    return run.only(finite & remembered)
 
 
 def start_positions(run: ControllerRun, parameters: Mapping[str, Any]) -> Array:

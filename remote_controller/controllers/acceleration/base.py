@@ -200,6 +200,7 @@ class HierarchyController(Controller):
             ),
             *self.columns(names),
         )
+        self.arrays = {"decision": 2 * n}
         super().__init__(description, parameters)
         self._check_finite = check_finite  # 0 where both arrays are finite
         self._predict_lyapunov, self._distances = kernels.predict_lyapunov, kernels.distances
@@ -354,6 +355,8 @@ class HierarchyController(Controller):
             fallback = self._stop(dq)
         if not self._give(self._given, self._less, self.ddq, command.values):
             return self.refuse(OVERFLOWN)
+        n = len(command.values)
+        command.decision[:n], command.decision[n:] = self.ddq, self.tau
         for column, measured in self._wrenches:
             column[:] = measured
         self._counts[:] = self._present_counts

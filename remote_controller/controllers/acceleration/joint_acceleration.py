@@ -73,6 +73,7 @@ class JointAccelerationController(Controller):
             joint_acceleration_kernels as kernels,
         )
 
+        self.arrays = {"decision": description.n}
         super().__init__(description, parameters)
         self._follow_reference = kernels.follow_reference
         self._accelerate_to = kernels.accelerate_to
@@ -144,6 +145,7 @@ class JointAccelerationController(Controller):
         if self._positions:
             self._sent[:] = self._next
         command.values[:] = self._next if self._positions else self._ddq
+        command.decision[:] = self._ddq
         command.v, command.v_rate_predicted = V, rate
         command.v_rate_required = 0.0 if resting else max(growth, 0.0)
         command.rho, command.kkt_residual, command.margin = 1.0, 0.0, margin

@@ -218,6 +218,7 @@ class _Clik(LabelledTasksController):
         command.extra[self._figures] = figures
         if self._has_gains:
             command.extra[self._gains_logged] = solver.gains
+        command.gains[:] = solver.gains
 
     def _look_along(self, now: float) -> None:
         """Let `rates` be the mean ones of the next period, for the joints as they are."""

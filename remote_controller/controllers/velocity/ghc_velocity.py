@@ -163,6 +163,7 @@ class GhcVelocityController(LabelledTasksController):
             self._stale = False
         if len(command.extra) > len(self.functions):
             command.extra[len(self.functions) :] = priorities.alpha.ravel()
+        command.gains[:] = self._gains
         np.multiply(self._gains, self.errors, out=self._wanted)
         self._wanted += self.rates
         command.stamp_kinematics = self.now()

@@ -75,8 +75,9 @@ class LabelledTasksController(VelocityController):
         ]
         self.sizes = [len(function.followed[0]) for function in self.functions]
         self.extra_names = (*(f"error_{label}" for label in self.labels), *self.columns())
-        super().__init__(description, parameters)
         n, m = description.n, sum(self.sizes)
+        self.arrays = {"gains": m}
+        super().__init__(description, parameters)
         self.offsets = np.concatenate([[0], np.cumsum(self.sizes)]).astype(np.int64)
         self.jacobian, self.errors, self.rates = np.zeros((m, n)), np.zeros(m), np.zeros(m)
         self._rows = [

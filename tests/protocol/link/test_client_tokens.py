@@ -18,8 +18,9 @@ from loopback import Network, eventually, free_endpoint
 from support.small_arm import arm
 
 from hoap3.protocol.config.settings import LinkSettings
-from hoap3.protocol.link import zenoh_link
-from hoap3.protocol.link.zenoh_link import MAX_CLIENTS, key, open_session
+from hoap3.protocol.link import zenoh_clients
+from hoap3.protocol.link.zenoh_clients import MAX_CLIENTS
+from hoap3.protocol.link.zenoh_session import key, open_session
 from hoap3.protocol.messages import Event
 from hoap3.protocol.runtime.clock import VirtualClock
 from hoap3.protocol.runtime.realtime import Ticker
@@ -34,7 +35,7 @@ WAITING = 40  # requests in front of another; the robot's queue takes 64
 
 @pytest.fixture(autouse=True)
 def _hurry(monkeypatch):
-    monkeypatch.setattr(zenoh_link, "LOOK_PAUSE_S", 0.0)
+    monkeypatch.setattr(zenoh_clients, "LOOK_PAUSE_S", 0.0)
 
 
 class Client:

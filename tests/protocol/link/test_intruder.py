@@ -10,7 +10,7 @@ from loopback import Network, eventually, known, next_state
 from support.small_arm import arm
 
 from hoap3.protocol.config.settings import LinkSettings
-from hoap3.protocol.link.zenoh_link import key, open_session
+from hoap3.protocol.link.zenoh_session import key, open_session
 from hoap3.protocol.messages import Event, Setpoint, State
 from hoap3.protocol.runtime.clock import VirtualClock
 from hoap3.protocol.runtime.realtime import Ticker

@@ -18,7 +18,7 @@ from loopback import PATIENCE_S, Network, eventually
 from hoap3.protocol.errors import LinkError
 from hoap3.protocol.link import local_control
 from hoap3.protocol.link.local_control import LocalControl, LocalRobot, local_robots
-from hoap3.protocol.link.zenoh_link import key
+from hoap3.protocol.link.zenoh_session import key
 
 ENDPOINTS = ("tcp/127.0.0.1:7447",)
 

@@ -19,13 +19,9 @@ from hoap3.protocol.link.session_limits import (
     connection_limits,
     raise_file_limit,
 )
-from hoap3.protocol.link.zenoh_link import (
-    WAITING_ANSWERS,
-    WAITING_QUERIES,
-    alive_robots,
-    key,
-    open_session,
-)
+from hoap3.protocol.link.zenoh_clients import WAITING_QUERIES
+from hoap3.protocol.link.zenoh_link import WAITING_ANSWERS
+from hoap3.protocol.link.zenoh_session import alive_robots, key, open_session
 
 BLOCK = zenoh.CongestionControl.BLOCK
 

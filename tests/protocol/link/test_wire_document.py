@@ -20,12 +20,12 @@ from hoap3.protocol.description import CommandKind, DeadlineRule, DefaultTask, G
 from hoap3.protocol.link.base import LockstepLink
 from hoap3.protocol.link.remote_lockstep import RemoteLockstepLink
 from hoap3.protocol.link.zenoh_link import ZenohRobotLink
-from hoap3.protocol.messages import Event, Message, Setpoint, State
+from hoap3.protocol.messages import Event, Message, Setpoint, State, Target
 from hoap3.protocol.runtime.clock import Clock, MonotonicClock, VirtualClock
 from hoap3.protocol.runtime.recorder import NoRecorder
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.loop import EVENTS, GRACE_TICKS, RobotLoop
-from hoap3.robot_emulator.setpoint_validator import HISTORY, MAX_EXTRAS, REJECTION_KINDS
+from hoap3.robot_emulator.setpoint_validator import HISTORY, MAX_LENGTHS, REJECTION_KINDS
 
 PAGE = (HOUSE / "docs" / "wire.md").read_text(encoding="utf-8")
 
@@ -46,12 +46,12 @@ def table(text: str, head: str) -> list[dict[str, str]]:
     return [dict(zip(rows[0], row, strict=True)) for row in rows[2:]]
 
 
-def offset(text: str, n: int, w: int = 0, m: int = 0) -> int:
-    """Value of a formula such as `164 + 8n`, for n joints, w sensors and m extras."""
+def offset(text: str, n: int) -> int:
+    """Value of a formula such as `164 + 8n` for n joints, or of `52 + 8pd` for n = p · d."""
     total = 0
     for term in text.split("+"):
-        number, symbol = re.fullmatch(r"(\d+)([nwm]?)", term.strip()).groups()
-        total += int(number) * {"": 1, "n": n, "w": w, "m": m}[symbol]
+        number, symbol = re.fullmatch(r"(\d+)(n|pd)?", term.strip()).groups()
+        total += int(number) * (n if symbol else 1)
     return total
 
 
@@ -82,26 +82,53 @@ def found_offset(message: Message, row: dict[str, str]) -> int | None:
     return place - (7 if row["type"] == "float64" else 0)  # 2.0 is 00 00 00 00 00 00 00 40
 
 
-MAKERS = {"State": State, "Setpoint": Setpoint, "Event": lambda n, more: Event()}
+def usual_state(n: int) -> State:
+    """As a robot of ours without sensors sends it; all of it 0."""
+    state = State(n, reference_rate=n, reference_acceleration=n, followed=1)
+    state.followed[:] = 0.0
+    return state
+
+
+MAKERS = {
+    "State": usual_state,
+    "Setpoint": lambda n: Setpoint(n, decision=n),
+    "Event": lambda n: Event(),
+    "Target": lambda n: Target(n, 1, rates=True),
+}
 
 
 @pytest.mark.parametrize("kind", MAKERS)
-@pytest.mark.parametrize(("n", "more"), [(1, 1), (3, 2), (21, 0), (21, 1), (128, 4)])
-def test_the_offsets_of_the_tables_are_those_of_the_code(kind, n, more):
+@pytest.mark.parametrize("n", [1, 3, 21, 128])
+def test_the_offsets_of_the_tables_are_those_of_the_code(kind, n):
     rows = table(section(kind), "field")
-    message = MAKERS[kind](n, 6 * more if kind == "State" else more)
+    message = MAKERS[kind](n)
     for row in rows:
-        expected = found_offset(message, row)
-        if expected is not None:
-            assert offset(row["offset"], n) == expected, row["field"]
-            assert n != 21 or int(row["n = 21"]) == expected, row["field"]
-        else:
-            assert int(row["n = 21"]) == offset(row["offset"], 21)
+        stated, expected = offset(row["offset"], n), found_offset(message, row)
+        if expected is None:  # where it would begin, if it were the only one behind
+            name = row["field"]
+            expected = found_offset(type(message).allocate(**lengths_with(message, name)), row)
+        assert stated == expected, row["field"]
+        assert n != 21 or "n = 21" not in row or int(row["n = 21"]) == expected, row["field"]
+
+
+def lengths_with(message: Message, name: str) -> dict[str, int]:
+    """Lengths of the message's arrays, with one number in the array called `name`."""
+    return {**message.schema.lengths_in(message.dump()), name: 1}
+
+
+@pytest.mark.parametrize(("sensors", "extras"), [(1, 1), (2, 5)])
+def test_sensors_and_extras_begin_where_the_tables_say(sensors, extras):
+    for kind, message, name in (
+        ("State", State(3, 6 * sensors), "wrench"),
+        ("Setpoint", Setpoint(3, extras), "extra"),
+    ):
+        (row,) = [row for row in table(section(kind), "field") if row["field"] == name]
+        assert offset(row["offset"], 3) == found_offset(message, row)
 
 
 @pytest.mark.parametrize("kind", MAKERS)
 def test_the_tables_name_every_field_with_its_type_in_order(kind):
-    schema = MAKERS[kind](1, 0).schema
+    schema = MAKERS[kind](1).schema
     expected = list(schema.scalars.items())
     for name in schema.arrays:
         expected += [(f"length of {name}", "uint32"), (name, "float64[]")]
@@ -111,7 +138,7 @@ def test_the_tables_name_every_field_with_its_type_in_order(kind):
 @pytest.mark.parametrize("kind", MAKERS)
 def test_units_are_those_of_the_schema(kind):
     """Each unit word of a table stands in the comment of the field, or stamps are in ns."""
-    text = MAKERS[kind](1, 0).schema.text
+    text = MAKERS[kind](1).schema.text
     plain = text.replace("s2", "s²")
     for row in table(section(kind), "field"):
         if not row["unit"]:
@@ -125,19 +152,20 @@ def test_units_are_those_of_the_schema(kind):
 
 
 def test_the_sizes_of_the_text_are_those_of_the_code():
-    state, setpoint, event = (section(kind) for kind in MAKERS)
-    for text, message, more in (
-        (state, State(7, 12), {"w": 2}),
-        (setpoint, Setpoint(7, 5), {"m": 5}),
-        (state, State(7), {}),
-        (setpoint, Setpoint(7), {}),
-    ):
-        sized = re.search(r"has\s+(\S+ \+ \S+ \+ \w+) bytes, or (\S+ \+ \w+) without", text)
-        formula = sized[1] if more else sized[2]
-        assert offset(formula, 7, **more) == message.size
-    assert f"{State(21).size} for n = 21" in state
-    assert f"{Setpoint(21).size} for n = 21" in setpoint
-    assert event.strip().startswith(f"{Event().size} bytes")
+    for kind in ("State", "Setpoint"):
+        formula, of_21 = re.search(
+            r"(\d+ \+ \d+n) bytes[,:] (\d+) for n = 21", section(kind)
+        ).groups()
+        for n in (1, 21, 128):
+            assert offset(formula, n) == MAKERS[kind](n).size
+        assert int(of_21) == MAKERS[kind](21).size
+    assert section("Event").strip().startswith(f"{Event().size} bytes")
+    assert f"{Target(0, 3).size} bytes and 8pd" in section("Target")
+
+
+def test_the_longest_arrays_are_those_of_the_code():
+    found = {row["array"]: int(row["numbers"]) for row in table(section("Setpoint"), "array")}
+    assert found == MAX_LENGTHS
 
 
 def test_modes_events_and_reasons_have_the_numbers_of_the_code():
@@ -162,7 +190,6 @@ def test_the_reasons_of_refusals_are_numbered_as_in_the_code():
 
 def test_figures_in_the_text_are_those_of_the_code():
     text = " ".join(PAGE.split())
-    assert f"more than {MAX_EXTRAS} extras" in text
     assert f"more than {HISTORY} ticks ago" in text
     assert f"{GRACE_TICKS} ticks later in real time" in text
     assert f"after {EmulatorConfig().misses_to_stop} consecutive misses" in text
@@ -193,6 +220,7 @@ def test_requests_are_answered_as_the_table_says():
     robot = Robot(clock, link)
     asked = [
         ("description", "a"),
+        ("config", "a"),
         ("status", "a"),
         ("acquire", "a"),
         ("acquire", "b"),
@@ -206,16 +234,19 @@ def test_requests_are_answered_as_the_table_says():
     answers = [link.ask(*each) for each in asked]
     robot.loop.run(0, lambda: clock.now() > 5_000_000)
     found = [answer for (answer,) in answers]
+    assert EmulatorConfig.model_validate_json(found.pop(1)).robot == "arm"
     status = set(json.loads(re.search(r"```json\n(.*?)```", PAGE, re.DOTALL)[1]))
     description = json.loads(found[0])
     keys = {*description, *description["joints"][0]}
     words = {*get_args(CommandKind), *get_args(Gravity)}
     words |= {"default_task", *DefaultTask.model_fields}  # which this robot does not have
     words |= {"deadline", "delay_ticks", *get_args(DeadlineRule)}
+    words |= {"state_arrays", "wrench"}
     named = set(re.findall(r"`(\w+)`", section("Asking").split("The description is")[1]))
     assert keys <= named <= keys | words
     assert set(found[1]) == status
-    assert set(found[2]) == {"granted", "epoch", "from_tick", "deadline", "delay_ticks"} | status
+    terms = {"deadline", "delay_ticks", "setpoint_arrays"}
+    assert set(found[2]) == {"granted", "epoch", "from_tick"} | terms | status
     assert set(found[3]) == {"granted", "reason"} | status
     assert found[3]["reason"] == "held"
     assert (found[2]["granted"], found[3]["granted"], found[3]["holder"]) == (True, False, "a")

@@ -30,14 +30,8 @@ from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.errors import LinkError, NameTakenError, PortInUseError
 from hoap3.protocol.link import zenoh_link
 from hoap3.protocol.link.base import Request
-from hoap3.protocol.link.zenoh_link import (
-    FRESH_S,
-    ZenohControllerLink,
-    ZenohRobotLink,
-    alive_robots,
-    key,
-    open_session,
-)
+from hoap3.protocol.link.zenoh_link import FRESH_S, ZenohControllerLink, ZenohRobotLink
+from hoap3.protocol.link.zenoh_session import alive_robots, key, open_session
 
 HERE = Path(__file__).parent
 

@@ -43,13 +43,13 @@ class Reader:
 def test_no_recorder_takes_everything_and_keeps_nothing():
     recorder = NoRecorder()
     assert recorder.record(Kind.STATE, 1, b"x") is None
-    assert recorder.record_large(Kind.DESCRIPTION, 1, b"x") is None
+    assert recorder.record(Kind.DESCRIPTION, 1, b"x") is None
 
 
 def test_a_memory_recorder_keeps_everything_in_order():
     recorder = MemoryRecorder()
     recorder.record(Kind.STATE, 1, b"a")
-    recorder.record_large(Kind.DESCRIPTION, 2, bytes(100_000))
+    recorder.record(Kind.DESCRIPTION, 2, bytes(100_000))
     assert recorder.records == [
         Record(Kind.STATE, 1, b"a"),
         Record(Kind.DESCRIPTION, 2, bytes(100_000)),
@@ -58,7 +58,7 @@ def test_a_memory_recorder_keeps_everything_in_order():
 
 def test_a_ring_recorder_writes_and_never_waits(ring):
     recorder = RingRecorder(ring)
-    recorder.record_large(Kind.DESCRIPTION, 0, bytes(10_000))
+    recorder.record(Kind.DESCRIPTION, 0, bytes(10_000))
     for stamp in range(1, 6):
         recorder.record(Kind.STATE, stamp, b"x")
     assert [record.stamp for record in Ring(ring.fd).read()] == [0, 1]
@@ -89,19 +89,19 @@ def test_a_patient_recorder_waits_for_room_for_the_whole_of_a_large_record(ring)
     recorder = BlockingRecorder(ring, reader.alive)
     recorder.record(Kind.STATE, 0, b"x")
     recorder.record(Kind.STATE, 1, b"x")
-    recorder.record_large(Kind.DESCRIPTION, 2, bytes(12_000))
+    recorder.record(Kind.DESCRIPTION, 2, bytes(12_000))
     reader.records += reader.ring.read()
     assert [len(record.payload) for record in reader.records] == [1, 1, 12_000]
     assert ring.dropped == 0
 
 
 @pytest.mark.parametrize("dies_after", [0, 3])
-@pytest.mark.parametrize(("method", "payload"), [("record", b"x"), ("record_large", bytes(5000))])
-def test_a_patient_recorder_says_so_when_its_reader_has_died(ring, dies_after, method, payload):
+@pytest.mark.parametrize("payload", [b"x", bytes(5000)])
+def test_a_patient_recorder_says_so_when_its_reader_has_died(ring, dies_after, payload):
     reader = Reader(ring, dies_after=dies_after)
     recorder = BlockingRecorder(ring, reader.alive)
     for stamp in range(4):
         recorder.record(Kind.STATE, stamp, b"x")
     with pytest.raises(Hoap3Error, match="not whole"):
-        getattr(recorder, method)(Kind.STATE, 5, payload)
+        recorder.record(Kind.STATE, 5, payload)
     assert reader.asked == dies_after + 1

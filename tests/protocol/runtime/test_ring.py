@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hoap3.protocol.errors import Hoap3Error
-from hoap3.protocol.messages import Event, Setpoint, State
+from hoap3.protocol.messages import Event, Setpoint, State, Target
 from hoap3.protocol.runtime.shm_ring import Kind, Record, Ring
+from hoap3.robot_emulator.setpoint_validator import MAX_LENGTHS
 
 SLOTS, SLOT_BYTES = 5, 64
 CAPACITY = SLOT_BYTES - 32  # bytes of payload that a slot holds
@@ -54,7 +55,7 @@ class Model:
 
 
 WRITES = st.tuples(st.just("write"), st.binary(max_size=CAPACITY + 2))
-LARGE_WRITES = st.tuples(st.just("write_large"), st.binary(max_size=CAPACITY * (SLOTS + 1)))
+LARGE_WRITES = st.tuples(st.just("write"), st.binary(max_size=CAPACITY * (SLOTS + 1)))
 READS = st.tuples(st.just("read"), st.sampled_from([None, None, 1, 2]))
 
 
@@ -70,9 +71,7 @@ def test_any_interleaving_of_writes_and_reads_does_what_a_list_does(actions):
                 assert found == model.read(argument)
             else:
                 slots = -(-max(len(argument), 1) // CAPACITY)
-                if action == "write" and slots > 1:
-                    slots = SLOTS + 1  # does not fit into the one slot that it may take
-                done = getattr(writer, action)(Kind.EVENT, stamp, argument)
+                done = writer.write(Kind.EVENT, stamp, argument)
                 assert done == model.write(stamp, argument, slots)
             assert writer.free == model.free
             assert writer.dropped == reader.dropped == model.dropped
@@ -120,11 +119,11 @@ def test_a_large_record_wraps_around_the_end_and_is_all_or_nothing(pair):
     for _ in range(SLOTS - 1):
         writer.write(Kind.EVENT, 0, b"")
     list(reader.read())
-    assert writer.write_large(Kind.DESCRIPTION, 7, large)  # slots 4, 0 and 1
-    assert not writer.write_large(Kind.DESCRIPTION, 8, large)
+    assert writer.write(Kind.DESCRIPTION, 7, large)  # slots 4, 0 and 1
+    assert not writer.write(Kind.DESCRIPTION, 8, large)
     assert list(reader.read()) == [Record(Kind.DESCRIPTION, 7, large)]
-    assert not writer.write_large(Kind.DESCRIPTION, 9, bytes(SLOTS * CAPACITY + 1))
-    assert writer.write_large(Kind.DESCRIPTION, 10, bytes(SLOTS * CAPACITY))
+    assert not writer.write(Kind.DESCRIPTION, 9, bytes(SLOTS * CAPACITY + 1))
+    assert writer.write(Kind.DESCRIPTION, 10, bytes(SLOTS * CAPACITY))
     assert [record.kind for record in reader.read()] == [Kind.GAP, Kind.DESCRIPTION]
 
 
@@ -139,7 +138,7 @@ def test_half_a_large_record_is_not_read(pair, monkeypatch):
 
     writer.write(Kind.EVENT, 1, b"before")
     monkeypatch.setattr(Ring, "_put", reading_in_between)
-    writer.write_large(Kind.SESSION, 2, bytes(3 * CAPACITY))
+    writer.write(Kind.SESSION, 2, bytes(3 * CAPACITY))
     assert [[record.payload for record in step] for step in seen] == [[b"before"], [], []]
     assert list(reader.read()) == [Record(Kind.SESSION, 2, bytes(3 * CAPACITY))]
 
@@ -204,10 +203,13 @@ def test_memory_that_is_not_a_ring_is_refused():
         os.close(fd)
 
 
-def test_the_largest_messages_fit_into_a_slot():
-    ring = Ring(slots=3)
+def test_the_largest_messages_pass_through_a_ring_of_the_usual_slots():
+    state = State(128, 192, reference_rate=128, reference_acceleration=128, contact=384, imu=160)
+    setpoint = Setpoint(128, **MAX_LENGTHS)
+    ring = Ring(slots=8)
     try:
-        for message in (State(128, 6 * 32), Setpoint(128, 256), Event()):
+        for message in (state, setpoint, Event(), Target(1, 1024, rates=True)):
             assert ring.write(Kind.STATE, 0, message.dump())
+            assert [record.payload for record in ring.read()] == [message.dump()]
     finally:
         os.close(ring.fd)

@@ -61,8 +61,7 @@ def test_a_reader_in_another_process_loses_nothing_and_sees_whole_payloads(ring,
         while ring.free < slots:
             assert reader.poll() is None
             os.sched_yield()
-        write = ring.write if slots == 1 else ring.write_large
-        assert write(Kind.STATE, number, body(number, size))
+        assert ring.write(Kind.STATE, number, body(number, size))
     ring.close()
     report = json.loads(reader.stdout.read())
     assert report == {"found": count, "gaps": 0, "broken": 0}

@@ -12,7 +12,7 @@ import time
 import zenoh
 
 from hoap3.protocol.config.settings import LinkSettings
-from hoap3.protocol.link.zenoh_link import key, open_session
+from hoap3.protocol.link.zenoh_session import key, open_session
 
 ON_ITS_WAY_S = 0.01  # until the request has certainly left this process
 

@@ -20,7 +20,7 @@ from support import HOUSE
 from support.command_bench import PATIENT, QUIET, Command, emulator, endpoint
 
 from hoap3.protocol.config.settings import LinkSettings
-from hoap3.protocol.link.zenoh_link import ask, key, open_session
+from hoap3.protocol.link.zenoh_session import ask, key, open_session
 
 CLIENT = Path(__file__).parent / "dying_client.py"
 LEASE_S = LinkSettings().lease_ms / 1e3

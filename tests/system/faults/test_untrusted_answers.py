@@ -251,7 +251,7 @@ def test_what_is_no_endpoint_is_one_error_with_the_remedy(words, name):
 def test_a_silent_robot_is_followed_again_in_a_new_session(robots, monkeypatch):
     """It stays connected, but neither publishes nor answers until a new session has come."""
     monkeypatch.setattr(service, "SILENCE_S", 0.1)
-    monkeypatch.setattr("hoap3.protocol.link.zenoh_link.QUERY_TIMEOUT_S", 0.2)
+    monkeypatch.setattr("hoap3.protocol.link.zenoh_clients.QUERY_TIMEOUT_S", 0.2)
     silent_to: list[str] = []
 
     def script(verb: str, who: str) -> bytes | None:

@@ -90,6 +90,29 @@ def test_the_robot_ends_where_it_does_over_zenoh(
     assert verify(folder).claims.by_tick() == []
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("order", "slots"), PAIRS)
+def test_in_real_time_it_ends_there_too(order: str, slots: int, tmp_path: Path) -> None:
+    """After 6 s the CoM has come to its target, so that a tick that was missed is made up for."""
+    over_zenoh, folder = tmp_path / "zenoh", tmp_path / "run"
+    time, counts = ("--duration", "6"), ("--set", "emulator.plant.encoder=counts")
+    assert_ran(inside("run", "--lockstep", *time, "--out", over_zenoh, *counts))
+    keys = f"order={order}", f"slots={slots}"
+    each = ["link.kind=hoap3_tcp", *(f"link.hoap3_tcp.{key}" for key in keys)]
+    words = [f"emulator.{text}" for text in (*each, "misses_to_stop=9999")]
+    given = [word for text in words for word in ("--set", text)]
+    done = inside("run", *time, "--out", folder, "--json", *given)
+    assert done.code in {0, 1}, done.stderr
+    told = done.json()
+    assert np.linalg.norm(last_com(folder) - last_com(over_zenoh)) < NEAR_M
+    link, misses, outside = told["link_counts"], told["misses"], told["misses_outside_stalls"]
+    assert link["unasked"] == link["not_finite"] == link["refused"] == 0
+    if outside is not None:  # stalls of the host are known: each overrun, a miss, is within one
+        assert link["overruns"] <= misses["late"] + misses["lost"] - outside
+    assert_at_rest(Log.open(folder, side="robot"))
+    assert verify(folder).claims.by_tick() == []
+
+
 @pytest.mark.parametrize("order", ["paper", "legacy"])
 def test_a_run_in_real_time_is_answered_and_told(order: str, tmp_path: Path) -> None:
     folder = tmp_path / "run"
@@ -142,6 +165,7 @@ def test_another_program_has_its_500_exchanges(
 
     log = Log.open(folder, side="robot")
     assert len(log.setpoints()) == (500 if order == "paper" else 499)  # the first one only opens
+    assert "HOLDER_LOST" not in [name for name, _ in events(log)]
     assert_at_rest(log)
     assert verify(folder).claims.by_tick() == []
 

@@ -119,7 +119,7 @@ def test_an_mcap_of_somebody_else(tmp_path: Path, profile: str, topic: str) -> N
 @pytest.mark.parametrize(
     ("facts", "match"),
     [
-        ({"wire_version": "2"}, "wire version 2; this version reads"),
+        ({"wire_version": "3"}, "wire version 3; this version reads"),
         ({"format": "9"}, "has format 9"),
         ({"robot": "other"}, "its topics are not those"),
         ({"topic": "/robots/sample/else"}, "its topics are not those"),

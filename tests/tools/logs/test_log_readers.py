@@ -22,7 +22,7 @@ from rosbags.highlevel import AnyReader
 from support.log_samples import MS, START, describe, inputs, ticks, write
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.messages import Event, Message, Setpoint, State
+from hoap3.protocol.messages import Event, Message, Setpoint, State, Target
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.logs.log import Log
 
@@ -139,7 +139,7 @@ def test_the_file_has_all_that_the_librarys_has(path: Path, records: list[Record
     assert statistics.chunk_count == len(summary.chunk_indexes) > 2
     assert statistics.attachment_count == len(attachments) == found.count("Attachment") == 3
     assert statistics.metadata_count == len(metadata) == found.count("Metadata") == 4
-    assert statistics.channel_count == statistics.schema_count == 5
+    assert statistics.channel_count == statistics.schema_count == 6
     assert statistics.message_start_time == min(record.stamp for record in records)
     assert statistics.message_end_time == max(record.stamp for record in records)
     assert statistics.channel_message_counts[1] == 1200
@@ -209,7 +209,7 @@ def test_latched_topics_say_so(path: Path) -> None:
         }
     assert durability.pop("inputs") == "TRANSIENT_LOCAL"
     assert set(durability.values()) == {"VOLATILE"}
-    assert set(durability) == {"state", "setpoint", "events", "joint_states"}
+    assert set(durability) == {"state", "setpoint", "events", "joint_states", "targets"}
 
 
 @pytest.mark.parametrize("read", [by_mcap_ros2, by_rosbags])
@@ -228,6 +228,22 @@ def test_what_a_stranger_sends_does_not_break_readers(
     topics = [topic.rsplit("/", 1)[1] for topic, _, _ in read(path)]
     assert topics.count("setpoint") == 4 + 2
     assert topics.count("inputs") == 3 + 2
+    assert list(Log.open(path).records()) == records
+
+
+@pytest.mark.parametrize("read", [by_mcap_ros2, by_rosbags])
+def test_targets_are_logged_as_they_were_sent(
+    tmp_path: Path, read: Callable[[Path], Iterator[tuple[str, int, Any]]]
+) -> None:
+    target = Target(2, 3, rates=True)
+    target.first_tick, target.tick_step, target.epoch = 120, 50, 3
+    target.values[:], target.rates[:] = range(6), range(10, 16)
+    records = [*inputs(describe(2)), Record(Kind.TARGET, START + 1, target.dump())]
+    path = write(tmp_path, records).paths[0]
+    (found,) = [message for topic, _, message in read(path) if topic.endswith("targets")]
+    assert (found.first_tick, found.tick_step, found.points, found.dimension) == (120, 50, 2, 3)
+    assert list(found.values) == list(target.values)
+    assert list(found.rates) == list(target.rates)
     assert list(Log.open(path).records()) == records
 
 

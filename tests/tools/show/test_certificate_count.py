@@ -148,7 +148,7 @@ def test_where_all_is_proved_there_is_nothing_to_say():
 
 def test_a_recorder_counts_what_it_is_given():
     recorder = CountingRecorder()
-    recorder.record_large(*session())
+    recorder.record(*session())
     recorder.record(*answer(UNCERTIFIED))
     assert recorder.count.figures()["uncertified"] == 1
 

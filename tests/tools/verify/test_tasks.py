@@ -112,6 +112,8 @@ def test_a_task_is_that_of_the_product(case: str) -> None:
         for found, wanted in zip(rows, theirs.followed, strict=False):
             size = max(1.0, np.abs(wanted).max())
             np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-11 * size)
+        robot.place_only(q)
+        np.testing.assert_allclose(ours.error_at(robot, time_s), rows.error, rtol=0, atol=1e-14)
         assert rows.value == pytest.approx(theirs.value, rel=1e-11)
         assert rows.value_rate == pytest.approx(theirs.rate, rel=1e-10, abs=1e-13)
         np.testing.assert_allclose(rows.gradient, theirs.gradient, rtol=0, atol=1e-10)

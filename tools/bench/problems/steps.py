@@ -37,7 +37,7 @@ def motion(
     states = []
     stride = 1 if every else max(1, len(payloads) // STATES)
     for payload in payloads[FIRST::stride]:
-        state = State(description.n, 6 * len(description.wrench_sensors))
+        state = State.allocate(**description.state_lengths)
         state.load(payload)
         states.append(state)
     law = build(config, description)

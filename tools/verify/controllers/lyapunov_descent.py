@@ -18,7 +18,7 @@ from hoap3.remote_controller.solvers.lyapunov_qp.reference import descent_rate
 from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.point_task import PointTask
-from hoap3.tools.verify.sent_velocity import check_values, sent_velocity
+from hoap3.tools.verify.sent_velocity import DELAYED, check_values, judged, sent_velocity
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,6 @@ CHOICES = {
     "law": ("lyapunov", "plain"),
     "adaptive_gamma": (False, True),
 }
-DELAYED = "answers are delayed: where u starts from is not in the log"
 CERTIFIED = schema("Setpoint").constants["STATUS_CERTIFIED"]
 OPTIMAL = 1e-9  # greatest residual of a certified answer
 
@@ -85,7 +84,7 @@ def _check(
     if delayed and settings["kinematics_from"] == "reference":
         claims.unverified("certificate", len(run.answers), DELAYED)
         return
-    run = _judged(run, claims)
+    run = judged(run, claims)
     if not len(run.answers):
         return
     problem = _problems(run, task, settings, inverse=inverse)
@@ -115,17 +114,6 @@ def _unreadable(settings: Mapping[str, Any]) -> str:
         if not fits or (key in CHOICES and given not in CHOICES[key]):
             return f"parameter {key} is {given!r:.40}"
     return ""
-
-
-def _judged(run: ControllerRun, claims: Claims) -> ControllerRun:
-    """The answers whose cycles can be repeated, and that are answers: the rest is counted."""
-    states, answers = run.states[run.answered], run.answers
-    finite = np.isfinite(np.hstack([states["q"], states["reference"], answers["values"]])).all(1)
-    remembered = run.remembered
-    claims.unverified("certificate", int((~finite).sum()), "State or answer is not finite")
-    lost = int((finite & ~remembered).sum())
-    claims.unverified("certificate", lost, "the log lacks when the controller began")
-    return run.only(finite & remembered)
 
 
 def _check_proof(

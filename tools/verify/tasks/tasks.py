@@ -7,12 +7,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from hoap3.protocol.description import COM
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.tasks.logarithm import (
     angular_velocity,
+    inverse_left,
     nearer,
     pose_logarithm,
     rotation_of,
@@ -64,7 +66,13 @@ class Task(ABC):
     """
 
     def __init__(self, target: Target, weights: Array) -> None:
-        self.target, self.roots = target, np.sqrt(weights)
+        self.target = target
+        self.roots: Array = np.sqrt(weights)
+
+    @property
+    def size(self) -> int:
+        """How many components e has."""
+        return len(self.roots)
 
     def begin(self, robot: Robot, time_s: float) -> None:
         """Have the target set out from where the robot is, at a time [s]."""
@@ -76,6 +84,10 @@ class Task(ABC):
         """e, J and ∂e/∂t at a time [s]."""
         error, jacobian, rate = self.plain(robot, *self.target.at(time_s))
         return Rows(self.roots * error, self.roots[:, None] * jacobian, self.roots * rate)
+
+    def error_at(self, robot: Robot, time_s: float) -> Array:
+        """E alone, (m,); `robot` may be placed without Jacobians."""
+        return self.roots * self.error(robot, self.target.at(time_s)[0])
 
     def motion(
         self, robot: Robot, q: Array, dq: Array, time_s: float, period_s: float
@@ -105,6 +117,10 @@ class Task(ABC):
         """Where the robot is, as the target counts; `aim` is where that is at the start."""
 
     @abstractmethod
+    def error(self, robot: Robot, aim: Array) -> Array:
+        """E without weights, for a target."""
+
+    @abstractmethod
     def plain(self, robot: Robot, aim: Array, rate: Array) -> tuple[Array, Array, Array]:
         """e, ∂e/∂q and ∂e/∂t without weights, for a target and its velocity."""
 
@@ -122,7 +138,11 @@ class PlaceTask(Task):
     def present(self, robot: Robot, aim: Array) -> Array:
         """p, (3,) [m]."""
         del aim
-        return self._see(robot)[0]
+        return self._point_of(robot)
+
+    def error(self, robot: Robot, aim: Array) -> Array:
+        """The components of p − p_d."""
+        return (self._point_of(robot) - aim)[self._axes]
 
     def plain(self, robot: Robot, aim: Array, rate: Array) -> tuple[Array, Array, Array]:
         """The components of p − p_d."""
@@ -145,6 +165,11 @@ class PlaceTask(Task):
         now, rate = J @ dq - velocity, drift - acceleration
         return self.roots * now[self._axes], self.roots * rate[self._axes]
 
+    def _point_of(self, robot: Robot) -> Array:
+        if self._point == COM:
+            return robot.com_point(self._reference)
+        return robot.pose(self._point, self._reference)[0]
+
     def _see(self, robot: Robot) -> tuple[Array, Array]:
         if self._point == COM:
             return robot.com(self._reference)
@@ -162,8 +187,17 @@ class PoseTask(Task):
 
     def present(self, robot: Robot, aim: Array) -> Array:
         """P and a rotation vector, or the latter alone."""
-        p, R, _ = robot.frame(self._frame, self._reference)
+        p, R = robot.pose(self._frame, self._reference)
         return np.concatenate([p, nearer(rotation_vector(R), aim[-3:])])[self._rows]
+
+    def error(self, robot: Robot, aim: Array) -> Array:
+        """The logarithm, in the target's axes."""
+        p, R = robot.pose(self._frame, self._reference)
+        axes = rotation_of(aim[-3:]).T
+        phi = rotation_vector(axes @ R)
+        if len(aim) == 3:
+            return phi
+        return np.concatenate([inverse_left(phi)[0] @ axes @ (p - aim[:3]), phi])
 
     def plain(self, robot: Robot, aim: Array, rate: Array) -> tuple[Array, Array, Array]:
         """The logarithm, in the target's axes, and its derivatives."""
@@ -176,7 +210,7 @@ class PoseTask(Task):
         t, turning = axes @ (p - wanted[:3]), angular_velocity(wanted[3:], wanted_rate[3:])
         e, rates = pose_logarithm(t, axes @ R)
         twist = np.vstack([axes @ J[:3], axes @ J[3:]])
-        away = np.concatenate([axes @ wanted_rate[:3] + np.cross(turning, t), turning])
+        away = np.concatenate([axes @ wanted_rate[:3] + pin.skew(turning) @ t, turning])
         rows = self._rows
         return e[rows], (rates @ twist)[rows], (-rates @ away)[rows]
 
@@ -193,6 +227,10 @@ class PostureTask(Task):
         del aim
         return robot.positions[self._joints]
 
+    def error(self, robot: Robot, aim: Array) -> Array:
+        """Q − q_d."""
+        return robot.positions[self._joints] - aim
+
     def plain(self, robot: Robot, aim: Array, rate: Array) -> tuple[Array, Array, Array]:
         """Their errors; J has a 1 in each row."""
         q = robot.positions
@@ -204,6 +242,12 @@ class SumTask:
 
     def __init__(self, terms: Sequence[AnyTask], weights: Sequence[float]) -> None:
         self._terms, self._roots = terms, np.sqrt(weights)
+        self.roots: Array = self._joined([term.roots for term in terms])
+
+    @property
+    def size(self) -> int:
+        """How many components e has."""
+        return len(self.roots)
 
     def begin(self, robot: Robot, time_s: float) -> None:
         """All targets set out."""
@@ -214,6 +258,10 @@ class SumTask:
         """e, J and ∂e/∂t of all."""
         found = [term.at(robot, time_s) for term in self._terms]
         return Rows(*(self._joined([rows[part] for rows in found]) for part in range(3)))
+
+    def error_at(self, robot: Robot, time_s: float) -> Array:
+        """E alone, (m,)."""
+        return self._joined([term.error_at(robot, time_s) for term in self._terms])
 
     def motion(
         self, robot: Robot, q: Array, dq: Array, time_s: float, period_s: float

@@ -7,10 +7,7 @@ were sent: nothing else says which belongs to which.
 
 from __future__ import annotations
 
-import contextlib
-import errno
 import select
-import socket
 import threading
 import time
 from collections import deque
@@ -19,18 +16,16 @@ from typing import Any
 
 from hoap3.protocol.config.settings import Hoap3TcpSettings
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import LinkError, PortInUseError, WireError
 from hoap3.protocol.link.base import Arrival, Request
-from hoap3.protocol.link.hoap3_client_connection import ClientConnection
-from hoap3.protocol.link.hoap3_frames import BEGINNING, Frames, exchanges, set_up
+from hoap3.protocol.link.hoap3_tcp.client_connection import SAME, ClientConnection
+from hoap3.protocol.link.hoap3_tcp.frames import Frames
+from hoap3.protocol.link.hoap3_tcp.reception import LOOK_S, Hoap3Reception
 from hoap3.protocol.link.local_control import LocalControl
 from hoap3.protocol.messages import Setpoint, State, schema
 
 FIFO = 8  # States that wait for their answers; further ones are not sent: an overrun
-BACKLOG = 1024  # frames that the loop has not taken; of more the oldest are dropped
-LOOK_MS = 100  # how often the thread looks whether the link was closed
-PATIENCE_S = 10.0  # for the 16 bytes of the beginning, before which a controller is built
-CONNECT_S = 5.0  # from these to the connection on the other port
+PAUSE_S = 0.001  # until the loop has heard of the last client
+MOST_REPORTS, REPORTS_S = 10, 10.0  # so many in that time at most: clients may come and go
 
 NO_CERTIFICATE = schema("Setpoint").constants["STATUS_NONE"]
 
@@ -62,26 +57,23 @@ class Hoap3RobotLink:
         blocking: bool = False,
     ) -> None:
         self._frames = Frames(description, settings.slots)
-        self._settings, self._report, self._blocking = settings, report, blocking
+        self._report, self._blocking = report, blocking
+        self._legacy = settings.order == "legacy"
         self._stamp = 0  # of the answer before
         self._room = FIFO + description.delay_ticks
-        self._state = State(description.n, 6 * len(description.wrench_sensors))
+        self._state = State.allocate(**description.state_lengths)
         self._setpoint = Setpoint(description.n)
         self._setpoint.solver_status = NO_CERTIFICATE
-        self._counts = {"clients": 0, "refused": 0, "overruns": 0, "unasked": 0, "not_finite": 0}
-        self._arrived: deque[Arrival] = deque(maxlen=BACKLOG)
+        self._counts = {"clients": 0, "overruns": 0, "unasked": 0, "not_finite": 0}
+        self._arrived: deque[Arrival] = deque()  # no more than were in flight
+        self._reported: deque[float] = deque(maxlen=MOST_REPORTS)
         self._requests: deque[Request] = deque()
         self._client: ClientConnection | None = None
         self._local: LocalControl | None = None
         self._closing = False
         self.arrival = threading.Event()
-        self._beginnings = _listen(settings.host, settings.init_port)
-        try:
-            self._followers = _listen(settings.host, settings.control_port)
-        except LinkError:
-            self._beginnings.close()
-            raise
-        self.ports = (self._beginnings.getsockname()[1], self._followers.getsockname()[1])
+        self._reception = Hoap3Reception(settings, lambda: self._closing, self._say)
+        self.ports = self._reception.ports
         self._thread = threading.Thread(target=self._serve, name="receive", daemon=True)
         self._thread.start()
 
@@ -97,7 +89,7 @@ class Hoap3RobotLink:
                 client.left = True
                 client.leave()
             return
-        if tick <= client.newest_tick or not client.wants_state(self._settings.order):
+        if tick <= client.newest_tick or not client.wants_state:
             return
         if len(client.flying) >= self._room:
             client.newest_tick = tick
@@ -121,6 +113,10 @@ class Hoap3RobotLink:
     def announce(self, event: bytes) -> None:
         """Nothing: the protocol has no events."""
 
+    def tokens(self) -> Sequence[tuple[str, bool]]:
+        """None: the protocol has no tokens."""
+        return ()
+
     def look_again(self, who: str) -> None:
         """Say that a client has gone, unless it is connected."""
         client = self._client
@@ -133,64 +129,37 @@ class Hoap3RobotLink:
 
     def counts(self) -> dict[str, int]:
         """Clients that were served and refused, States not sent, and frames of no use."""
-        return dict(self._counts)
+        return {**self._counts, "refused": self._reception.refused}
 
     def close(self) -> None:
         """Leave the client, and the network."""
         self._closing = True
         self._thread.join(timeout=2.0)
-        for listener in (self._beginnings, self._followers):
-            listener.close()
+        self._reception.close()
 
     def _ask(self, verb: str, who: str, answer: Callable[[Any], None] = lambda _: None) -> None:
         self._requests.append(Request(verb, who, answer))
         self.arrival.set()
 
+    def _say(self, text: str) -> None:
+        now, said = time.monotonic(), self._reported
+        if len(said) < MOST_REPORTS or now - said[0] > REPORTS_S:
+            said.append(now)
+            self._report(text)
+
     def _serve(self) -> None:
         while not self._closing:
-            connection = self._accept(self._beginnings, self._followers)
-            if connection is None:
+            if self._requests:
+                time.sleep(PAUSE_S)
                 continue
-            with connection:
-                client = self._begin(connection)
-            if client is not None:
-                with client.connection:
-                    self._follow(client)
-
-    def _begin(self, beginning: socket.socket) -> ClientConnection | None:
-        """Read how many exchanges somebody wants, and wait for the connection that has them."""
-        try:
-            wanted = exchanges(self._first_bytes(beginning))
-        except (OSError, WireError) as error:
-            self._refuse(str(error))
-            return None
-        until = time.monotonic() + CONNECT_S
-        while not self._closing and time.monotonic() < until:
-            connection = self._accept(self._followers, self._beginnings)
-            if connection is not None and _is_open(connection):
-                self._counts["clients"] += 1
-                who = f"hoap3_tcp-{self._counts['clients']}"
-                return ClientConnection(who, connection, wanted)
-        if not self._closing:
-            self._refuse(f"did not connect to port {self.ports[1]} within {CONNECT_S:g} s")
-        return None
-
-    def _first_bytes(self, beginning: socket.socket) -> bytes:
-        """What a client sends first; others wait until it has.
-
-        Raises:
-            OSError: it has gone, or is too slow; or we end.
-        """
-        data, until = b"", time.monotonic() + PATIENCE_S
-        while len(data) < BEGINNING.size:
-            if self._closing or time.monotonic() > until:
-                raise TimeoutError(f"sent {len(data)} of 16 bytes within {PATIENCE_S:g} s")
-            if select.select((beginning,), (), (), LOOK_MS / 1e3)[0]:
-                more = beginning.recv(BEGINNING.size - len(data))
-                if not more:
-                    raise ConnectionError(f"has gone after {len(data)} of 16 bytes")
-                data += more
-        return data
+            found = self._reception.next_client()
+            if found is not None:
+                connection, wanted = found
+                with connection:
+                    self._counts["clients"] += 1
+                    who, legacy = f"hoap3_tcp-{self._counts['clients']}", self._legacy
+                    size = self._frames.size
+                    self._follow(ClientConnection(who, connection, wanted, size, legacy=legacy))
 
     def _follow(self, client: ClientConnection) -> None:
         """Receive a client's frames until it goes, or has exchanged what it wanted."""
@@ -201,45 +170,46 @@ class Hoap3RobotLink:
                 client.leave()
 
         poll = select.poll()
-        for each in (client.connection, self._beginnings, self._followers):
+        for each in (client.connection, *self._reception.listeners):
             poll.register(each, select.POLLIN)
-        self._client, end = client, "gone"
+        self._client, end = client, "release"
         self._ask("acquire", client.who, granted)
         try:
             while not (self._closing or client.complete):
-                frame = self._receive(client, poll.poll)
+                frame = self._receive(client, poll)
                 if frame is not None:
                     self._take(client, frame)
-            end = "release"
-        except OSError as error:
-            if client.left:
-                end = "release"
-            else:
-                self._report(f"client {client.who} {error}")
+        except ConnectionError as error:
+            in_order = client.left or client.served
+            end = "release" if in_order else "gone"
+            if not in_order or client.within_frame:
+                self._say(f"client {client.who} {error}")
         finally:
             self._ask(end, client.who)
             self._client = None
 
-    def _receive(
-        self, client: ClientConnection, poll: Callable[[int], list[tuple[int, int]]]
-    ) -> bytes | None:
+    def _receive(self, client: ClientConnection, poll: select.poll) -> bytes | None:
         """The next whole frame; None where there is none yet. Further clients are sent away."""
-        ready = [number for number, _ in poll(LOOK_MS)]
+        ready = [number for number, _ in poll.poll(LOOK_S * 1e3)]
         # first, for where it has gone, who comes now is not a second one
-        here = client.connection.fileno() in ready
-        frame = client.receive(self._frames.size) if here else None
-        for listener in (self._beginnings, self._followers):
+        frame = client.receive() if client.connection.fileno() in ready else None
+        for listener in self._reception.listeners:
             if listener.fileno() in ready:
-                self._send_away(listener)
+                self._reception.send_away(listener)
+        doubt = client.doubt() if frame is None else ""
+        if doubt:
+            self._say(f"client {client.who} {doubt}")
         return frame
 
     def _take(self, client: ClientConnection, frame: bytes) -> None:
         stamp, positions = time.monotonic_ns(), self._frames.unpack(frame)
-        opens = client.received == 0 and self._settings.order == "legacy"
+        opens = client.received == 0 and self._legacy
         client.received += 1
         asked = client.flying.popleft() if client.flying else None
         if asked is None:
             self._counts["unasked"] += not opens
+            if not opens and client.newest_tick < 0:
+                self._say(f"client {client.who} speaks first: {SAME}.order?")
         elif positions is None:
             self._counts["not_finite"] += 1
         else:
@@ -257,57 +227,3 @@ class Hoap3RobotLink:
         answer.stamp_received = answer.stamp_decoded = answer.stamp_kinematics = now
         answer.stamp_solved = answer.stamp_encoded = now
         answer.stamp_sent_previous, self._stamp = self._stamp, now
-
-    def _accept(self, listener: socket.socket, other: socket.socket) -> socket.socket | None:
-        """Who connects to one port; who connects to the other one meanwhile is sent away."""
-        readable, _, _ = select.select((listener, other), (), (), LOOK_MS / 1e3)
-        if listener not in readable:
-            if readable:
-                self._send_away(other)
-            return None
-        try:
-            connection, _ = listener.accept()
-            set_up(connection)
-        except OSError:  # it has gone again
-            return None
-        return connection
-
-    def _send_away(self, listener: socket.socket) -> None:
-        with contextlib.suppress(OSError):
-            listener.accept()[0].close()
-            self._counts["refused"] += 1
-
-    def _refuse(self, why: str) -> None:
-        self._counts["refused"] += 1
-        self._report(f"a client was refused: {why}")
-
-
-def _is_open(connection: socket.socket) -> bool:
-    """Whether who connected, maybe long ago, is still there."""
-    try:
-        return connection.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT) != b""
-    except BlockingIOError:
-        return True
-    except OSError:
-        return False
-
-
-def _listen(host: str, port: int) -> socket.socket:
-    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listener.bind((host, port))
-        listener.listen()
-        listener.setblocking(False)  # who was waiting may be gone when it is accepted
-    except OSError as error:
-        listener.close()
-        if error.errno == errno.EADDRINUSE:
-            raise PortInUseError(
-                f"{host}:{port} is in use: another robot runs there. Stop it, or set "
-                "link.hoap3_tcp to free ports"
-            ) from error
-        raise LinkError(
-            f"cannot listen at {host}:{port}: {error.strerror or error}. Set link.hoap3_tcp.host "
-            "to an address of this machine"
-        ) from error
-    return listener

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hoap3.protocol.errors import DescriptionError, WireError
-from hoap3.protocol.link.hoap3_frames import Frames, exchanges
+from hoap3.protocol.link.hoap3_tcp.frames import Frames, exchanges
 from hoap3.robot_emulator.robots import load
 
 HOAP3 = load("hoap3")

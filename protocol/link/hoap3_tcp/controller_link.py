@@ -20,8 +20,8 @@ import numpy as np
 from hoap3.protocol.config.settings import Hoap3TcpSettings
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.link.base import Arrival, Request
-from hoap3.protocol.link.hoap3_frames import BEGINNING, Frames, set_up
-from hoap3.protocol.messages import FloatArray, Setpoint, State
+from hoap3.protocol.link.hoap3_tcp.frames import BEGINNING, Frames, set_up
+from hoap3.protocol.messages import WIRE_VERSION, FloatArray, Setpoint, State
 
 CONNECT_S = 2.0  # for the port of the frames, which HOAP-3 opens after the beginning
 PAUSE_S = 0.05
@@ -41,6 +41,7 @@ class Hoap3ControllerLink:
         presence: set while it is connected.
         departures: how often the robot went away.
         linked: whether it was ever connected.
+        wire_version: of the messages that it gives and takes, which do not travel.
 
     Raises:
         DescriptionError: the robot's positions do not fit into frames.
@@ -49,10 +50,11 @@ class Hoap3ControllerLink:
     def __init__(self, description: RobotDescription, settings: Hoap3TcpSettings, who: str) -> None:
         self.robot, self.who = description.name, who
         self.presence, self.departures, self.linked = threading.Event(), 0, False
+        self.wire_version = WIRE_VERSION
         self._description, self._settings = description, settings
         self._frames, self._setpoint = Frames(description, settings.slots), Setpoint(description.n)
         self._per_period = 1.0 / description.period_s
-        self._state = State(description.n, 6 * len(description.wrench_sensors))
+        self._state = State.allocate(**description.state_lengths)
         self._woken, self._waker = socket.socketpair()
         self._poll = select.poll()
         self._poll.register(self._woken, select.POLLIN)
@@ -94,8 +96,7 @@ class Hoap3ControllerLink:
         """Send the positions of a Setpoint, and remember them as the reference."""
         answer = self._setpoint
         if len(setpoint) != answer.size:
-            extra = Setpoint.schema.lengths_in(setpoint)["extra"]
-            answer = self._setpoint = Setpoint(self._description.n, extra)
+            answer = self._setpoint = Setpoint.like(setpoint)
         answer.load(setpoint)
         self._state.reference[:] = answer.values
         self._send(answer.values)
@@ -105,8 +106,9 @@ class Hoap3ControllerLink:
         with contextlib.suppress(OSError):
             self._waker.send(b"\0")
 
-    def ask(self, verb: str) -> bytes | None:
+    def ask(self, verb: str, body: bytes = b"") -> bytes | None:
         """What a robot would answer over Zenoh; None where it cannot be reached."""
+        del body
         if verb == "description":
             return self._description.to_json() if self._reach() else None
         if verb == "release":
@@ -148,35 +150,41 @@ class Hoap3ControllerLink:
     def _reach(self) -> bool:
         """Open the first connection: while it is silent, the robot waits for us.
 
-        A robot that has another client closes it at once.
+        A robot that has another client closes it at once, and any after some seconds.
         """
-        if self._beginning is None and self._connection is None:
+        if self._connection is not None:
+            return True
+        if self._beginning is not None and _has_ended(self._beginning, 0.0):
+            self._beginning.close()
+            self._beginning = None
+        if self._beginning is None:
             address = self._settings.host, self._settings.init_port
             with contextlib.suppress(OSError):
                 beginning = socket.create_connection(address, CONNECT_S)
-                if select.select((beginning,), (), (), SENT_AWAY_S)[0]:
+                if _has_ended(beginning, SENT_AWAY_S):
                     beginning.close()
                 else:
                     self._beginning = beginning
-        return self._beginning is not None or self._connection is not None
+        return self._beginning is not None
 
     def _connect(self) -> bool:
         """Say how long, and open the second connection, which stays."""
         self._reach()
-        settings, beginning, self._beginning = self._settings, self._beginning, None
+        beginning, self._beginning = self._beginning, None
         if beginning is None:
             return False
         cycle_ms = max(1.0, round(self._description.period_s * 1e3))
-        try:
-            with beginning:
-                beginning.sendall(BEGINNING.pack(cycle_ms, float(settings.check_s)))
-                connection = self._follow(time.monotonic() + CONNECT_S)
-        except OSError:
-            return False
-        if connection is None:
-            return False
-        set_up(connection)
-        connection.settimeout(CONNECT_S)
+        with beginning, contextlib.ExitStack() as undo:
+            try:
+                beginning.sendall(BEGINNING.pack(cycle_ms, float(self._settings.check_s)))
+                connection = undo.enter_context(self._second_connection())
+                set_up(connection)
+                if self._settings.order == "legacy":
+                    connection.sendall(self._frames.pack(self._description.initial_position))
+            except OSError:
+                return False
+            undo.pop_all()
+        connection.setblocking(False)  # `wait` knows what is there, and there is room for an answer
         self._connection, self._part, self._answered = connection, b"", True
         self._poll.register(connection, select.POLLIN)
         state, start = self._state, self._description.initial_position
@@ -186,26 +194,32 @@ class Hoap3ControllerLink:
         state.q[:], state.reference[:], state.dq[:] = start, start, 0.0
         self.linked = True
         self.presence.set()
-        if settings.order == "legacy":
-            self._send(start)
-        return self._connection is not None
+        return True
 
-    def _follow(self, until: float) -> socket.socket | None:
-        """The connection for frames; HOAP-3 opens that port only when it has read the beginning."""
-        address = self._settings.host, self._settings.control_port
-        while time.monotonic() < until:
+    def _second_connection(self) -> socket.socket:
+        """The connection for frames; HOAP-3 opens that port only when it has read the beginning.
+
+        Raises:
+            OSError: there is none in time.
+        """
+        address, until = (self._settings.host, self._settings.control_port), time.monotonic()
+        until += CONNECT_S
+        while True:
             try:
                 return socket.create_connection(address, CONNECT_S)
             except ConnectionRefusedError:
+                if time.monotonic() > until:
+                    raise
                 time.sleep(PAUSE_S)
-        return None
 
     def _send(self, positions: FloatArray) -> None:
         self._answered = True
         if self._connection is not None:
             try:
-                self._connection.sendall(self._frames.pack(positions))
-            except OSError:
+                whole = self._connection.send(self._frames.pack(positions)) == self._frames.size
+            except OSError:  # such as of a robot that has not read for long
+                whole = False
+            if not whole:
                 self._lose()
 
     def _receive(self, connection: socket.socket) -> bool:
@@ -245,3 +259,8 @@ class Hoap3ControllerLink:
         if connection is not None:
             self._poll.unregister(connection)
             connection.close()
+
+
+def _has_ended(connection: socket.socket, seconds: float) -> bool:
+    """Whether a robot that says nothing there closes it within that time [s]."""
+    return bool(select.select((connection,), (), (), seconds)[0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
 import struct
 import time
@@ -14,9 +15,10 @@ import pytest
 from hoap3.protocol.config.settings import Hoap3TcpSettings
 from hoap3.protocol.errors import PortInUseError
 from hoap3.protocol.link.base import Request
-from hoap3.protocol.link.hoap3_controller_link import Hoap3ControllerLink
-from hoap3.protocol.link.hoap3_frames import Frames
-from hoap3.protocol.link.hoap3_robot_link import FIFO, Hoap3RobotLink
+from hoap3.protocol.link.hoap3_tcp import client_connection
+from hoap3.protocol.link.hoap3_tcp.controller_link import Hoap3ControllerLink
+from hoap3.protocol.link.hoap3_tcp.frames import Frames
+from hoap3.protocol.link.hoap3_tcp.robot_link import FIFO, Hoap3RobotLink
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.robot_emulator.robots import load
 
@@ -38,18 +40,22 @@ class Robot:
         self.state.session_id, self.state.epoch, self.state.mode = 7, 3, State.ACTIVE
         self.requests: list[Request] = []
 
-    def client(self, cycle: float = 1, check: float = 10) -> socket.socket:
-        """A client that has connected, and has been granted authority."""
-        made = self.begin(struct.pack("<2d", cycle, check))
+    def client(self, cycle: float = 1, check: float = 10, room: int = 0) -> socket.socket:
+        """A client that is followed; `room` [bytes] is for what it has not read."""
+        made = self.begin(struct.pack("<2d", cycle, check), room)
         made.settimeout(PATIENCE_S)
         self.hear("acquire").answer({"granted": True})
         return made
 
-    def begin(self, data: bytes) -> socket.socket:
+    def begin(self, data: bytes, room: int = 0) -> socket.socket:
         """Send the beginning, and connect to the second port."""
+        made = socket.socket()
+        if room:
+            made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, room)
         with socket.create_connection(("127.0.0.1", self.link.ports[0])) as first:
             first.sendall(data)
-            return socket.create_connection(("127.0.0.1", self.link.ports[1]))
+            made.connect(("127.0.0.1", self.link.ports[1]))
+        return made
 
     def hear(self, verb: str) -> Request:
         """The next request, which is of this kind."""
@@ -168,6 +174,26 @@ def test_a_client_that_never_reads_holds_nothing_up(paper: Robot) -> None:
     paper.hear("gone")
 
 
+def test_a_client_that_answers_without_reading_is_left(robot: Robot) -> None:
+    """It fills what the system keeps for it; nothing waits, and nothing else grows."""
+    frame, legacy = robot.frames.pack(HOAP3.initial_position), robot.settings.order == "legacy"
+    with robot.client(1, 1000, room=4096) as client:
+        served, tick = robot.link._client, 0
+        served.connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+        with contextlib.suppress(ConnectionError):
+            while robot.link._client and tick < 100_000:
+                tick += 1
+                if not legacy:
+                    robot.publish(tick)
+                client.sendall(frame)
+                robot.until(lambda sent=tick: served.received >= sent or not robot.link._client)
+                if legacy:
+                    robot.publish(tick)
+        robot.hear("gone")
+    (said,) = robot.said
+    assert "takes no frames" in said
+
+
 def test_the_same_state_is_sent_once(paper: Robot) -> None:
     with paper.client() as client:
         paper.publish(1)
@@ -248,13 +274,73 @@ def cut(connection: socket.socket, end: str) -> None:
         connection.close()
 
 
-def test_another_size_of_frames_is_named_at_the_end(paper: Robot) -> None:
+@pytest.mark.parametrize("end", ["close", "wait"])
+def test_who_goes_after_its_last_exchange_has_given_authority_back(end: str, robot: Robot) -> None:
+    for _ in range(10):
+        robot.state.tick += 1
+        exchanged(robot, end)
+        robot.hear("release")
+    assert robot.said == []
+
+
+def exchanged(robot: Robot, end: str) -> None:
+    """One exchange of one; in each order, the end comes right after the last frame."""
+    with robot.client(1000, 1) as client:
+        if robot.settings.order == "legacy":
+            client.sendall(robot.frames.pack(HOAP3.initial_position))
+            robot.until(lambda: robot.link._client.received == 1)
+        robot.publish(robot.state.tick)
+        read(client, robot.frames.size)
+        if robot.settings.order == "paper":
+            client.sendall(robot.frames.pack(HOAP3.initial_position))
+        if end == "wait":
+            assert client.recv(1) == b""
+
+
+def test_frames_that_are_too_long_are_not_followed(paper: Robot) -> None:
     with paper.client() as client:
         paper.publish(1)
         client.sendall(bytes(176))
         paper.answers(1)
+        read(client, paper.frames.size)
+        assert ended(client)
+        paper.hear("gone")
+    (said,) = paper.said
+    assert "link.hoap3_tcp.slots" in said
+
+
+def ended(client: socket.socket) -> bool:
+    """Whether the robot ends the connection, by which means ever."""
+    try:
+        return client.recv(1) == b""
+    except ConnectionResetError:
+        return True
+
+
+def test_frames_that_are_too_short_are_named(paper: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client_connection, "DOUBT_S", 0.05)
+    with paper.client() as client:
+        paper.publish(1)
+        client.sendall(bytes(160))
+        paper.until(lambda: any("link.hoap3_tcp.slots" in text for text in paper.said))
     paper.hear("gone")
-    paper.until(lambda: any("slots" in text for text in paper.said))
+
+
+def test_two_ends_that_wait_for_each_other_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client_connection, "DOUBT_S", 0.05)
+    robot = Robot("legacy")
+    with closing(robot.link), robot.client():
+        robot.publish(1)
+        robot.until(lambda: any("link.hoap3_tcp.order" in text for text in robot.said))
+
+
+def test_a_client_that_speaks_first_where_it_should_not_is_named(paper: Robot) -> None:
+    with paper.client() as client:
+        client.sendall(paper.frames.pack(HOAP3.initial_position))
+        paper.until(lambda: any("link.hoap3_tcp.order" in text for text in paper.said))
+        paper.publish(1)
+        client.sendall(paper.frames.pack(HOAP3.initial_position))
+        assert paper.answers(1)[0].tick == 1
 
 
 def test_a_robot_that_follows_no_more_ends_the_connection(paper: Robot) -> None:
@@ -373,6 +459,38 @@ def test_who_knocks_at_the_second_port_alone_is_nobodys_client(paper: Robot) -> 
         client.sendall(paper.frames.pack(HOAP3.initial_position))
         assert paper.answers(1)[0].tick == 1
     assert paper.link.counts()["clients"] == 1
+
+
+def test_who_knocks_there_while_another_one_begins_is_not_taken_for_it(paper: Robot) -> None:
+    with socket.create_connection(("127.0.0.1", paper.link.ports[0])) as first:
+        with socket.create_connection(("127.0.0.1", paper.link.ports[1])) as stray:
+            stray.settimeout(PATIENCE_S)
+            assert stray.recv(1) == b""
+        first.sendall(struct.pack("<2d", 1, 10))
+        with socket.create_connection(("127.0.0.1", paper.link.ports[1])) as client:
+            client.settimeout(PATIENCE_S)
+            paper.hear("acquire").answer({"granted": True})
+            paper.publish(1, HOAP3.initial_position)
+            assert read(client, paper.frames.size) == paper.frames.pack(HOAP3.initial_position)
+
+
+def test_the_next_client_waits_until_the_loop_has_heard_of_the_last_one(paper: Robot) -> None:
+    """So news of clients that come and go cannot pile up."""
+    unheard, reception = [], paper.link._reception
+    next_client = reception.next_client
+
+    def noted() -> tuple[socket.socket, int] | None:
+        unheard.append(len(paper.link._requests))
+        return next_client()
+
+    reception.next_client = noted
+    for _ in range(20):
+        with paper.begin(struct.pack("<2d", 1, 10)):
+            paper.hear("acquire").answer({"granted": True})
+        paper.hear("gone")
+    assert len(unheard) >= 19
+    assert not any(unheard)
+    assert len(paper.said) < 20
 
 
 def test_a_connection_that_a_refused_client_left_is_not_the_next_ones(paper: Robot) -> None:

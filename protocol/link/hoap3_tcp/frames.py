@@ -18,6 +18,7 @@ from hoap3.protocol.errors import DescriptionError, WireError
 from hoap3.protocol.messages import FloatArray
 
 BEGINNING = struct.Struct("<2d")
+LOST_MS = 6000  # without a sign of life from the other machine
 LEAST, MOST = -32768.0, 32767.0  # of an int16
 
 
@@ -50,7 +51,8 @@ class Frames:
         self._scales = scales
         self._slots = np.zeros(slots, "<f8")  # of the frame to be sent
         self._out, self._in = self._slots[: description.n], np.zeros(description.n)
-        self._finite = np.zeros(description.n, bool)
+        # as arrays, which a ufunc takes sooner than numbers
+        self._least, self._most = np.full((2, description.n), [[LEAST], [MOST]])
         self.size = self._slots.nbytes
 
     def pack(self, positions: FloatArray) -> bytes:
@@ -58,7 +60,8 @@ class Frames:
         out = self._out
         np.multiply(positions, self._scales, out=out)
         np.rint(out, out=out)
-        np.minimum(np.maximum(out, LEAST, out=out), MOST, out=out)
+        np.maximum(out, self._least, out=out)
+        np.minimum(out, self._most, out=out)
         return self._slots.tobytes()
 
     def unpack(self, frame: bytes) -> FloatArray | None:
@@ -68,17 +71,19 @@ class Frames:
             None where a joint's slot is no finite number. The array is used again by the next call.
         """
         counts, positions = np.frombuffer(frame, "<f8", len(self._in)), self._in
-        if not np.isfinite(counts, out=self._finite).all():
+        if not all(map(math.isfinite, counts.tolist())):  # for so few faster than by numpy
             return None
         np.trunc(counts, out=positions)
-        np.minimum(np.maximum(positions, LEAST, out=positions), MOST, out=positions)
+        np.maximum(positions, self._least, out=positions)
+        np.minimum(positions, self._most, out=positions)
         return np.divide(positions, self._scales, out=positions)
 
 
 def set_up(connection: socket.socket) -> None:
     """Send each frame at once, and notice within some seconds that the other machine has gone."""
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, LOST_MS)  # while we send
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)  # while we do not
     for option in (socket.TCP_KEEPIDLE, socket.TCP_KEEPINTVL, socket.TCP_KEEPCNT):
         connection.setsockopt(socket.IPPROTO_TCP, option, 2)
 

@@ -1,0 +1,183 @@
+"""A Zenoh session as this project uses it: its settings, keys, and questions to others.
+
+Whoever needs zenoh takes it from here, so that its environment is set before it is imported.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Iterable
+from typing import Literal
+
+os.environ.setdefault(
+    # Read once, at import. Few threads cost least, but receiving may wait until something is sent,
+    # and closing many connections that never say a word would delay the data.
+    "ZENOH_RUNTIME",
+    "(rx:(handover:app),tx:(worker_threads:1),acc:(worker_threads:1),net:(handover:app),"
+    "app:(worker_threads:1))",
+)
+
+import zenoh
+
+from hoap3.protocol.config.settings import LinkSettings
+from hoap3.protocol.errors import LinkError, PortInUseError
+from hoap3.protocol.link.session_limits import MAX_MESSAGE_BYTES, SIZE_FILTER, accept_limits
+from hoap3.protocol.link.zenoh_sockets import forbid_lingering
+from hoap3.protocol.messages import WIRE_VERSION
+from hoap3.protocol.wire_versions import OLDEST
+
+__all__ = [
+    "QUERY_TIMEOUT_S", "alive_robots", "ask", "ask_versions", "fast_publisher", "is_alive", "key",
+    "open_session", "state_key", "zenoh",
+]  # fmt: skip
+
+QUERY_TIMEOUT_S = 2.0
+CLOSE_US = 1_000_000  # a peer that takes no answer for so long is disconnected
+DROP_US = 100
+"""How long a State waits for room on its way to a peer that takes nothing: at each tick."""
+
+
+def key(robot: str, leaf: str) -> str:
+    """Key expression of one of a robot's resources."""
+    return f"robots/{robot}/{leaf}"
+
+
+def state_key(robot: str, version: int = WIRE_VERSION) -> str:
+    """Where a robot publishes its States in a version of the wire."""
+    return key(robot, "state" if version == OLDEST else f"state/{version}")
+
+
+def open_session(settings: LinkSettings) -> zenoh.Session:
+    """A session that listens, connects and discovers exactly what the settings say.
+
+    Raises:
+        PortInUseError: somebody listens on one of the endpoints.
+        LinkError: an endpoint that Zenoh cannot use.
+    """
+    congestion = {
+        "drop": {"wait_before_drop": DROP_US},
+        "block": {"wait_before_close": CLOSE_US},
+    }
+    config = {
+        "mode": settings.mode,
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "listen": {"endpoints": list(settings.listen)},
+        "connect": {
+            "endpoints": list(settings.connect),
+            "timeout_ms": -1 if settings.mode == "peer" else 3000,
+            "exit_on_failure": settings.mode == "client",
+            "retry": {"period_init_ms": 100, "period_max_ms": 200, "period_increase_factor": 1.5},
+        },
+        "transport": {
+            "shared_memory": {"enabled": False},
+            "unicast": accept_limits(),
+            "link": {
+                "tx": {"lease": settings.lease_ms, "queue": {"congestion_control": congestion}},
+                "rx": {"max_message_size": MAX_MESSAGE_BYTES},
+            },
+        },
+        "low_pass_filter": [SIZE_FILTER],
+    }
+    try:
+        session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+    except zenoh.ZError as error:
+        text = str(error)
+        endpoints = ", ".join(settings.listen or settings.connect)
+        if "in use" in text:
+            raise PortInUseError(
+                f"{endpoints} is in use: another robot runs there. Stop it, or set link.listen "
+                "to a free port"
+            ) from error
+        if settings.mode == "client":
+            raise LinkError(
+                f"nobody answers at {endpoints}: is the robot running, and is this its endpoint?"
+            ) from error
+        reason = text.partition(" at /")[0]  # without the place in Zenoh's source
+        raise LinkError(f"cannot open {endpoints}: {reason}") from error
+    session.info.declare_link_events_listener(_forbid_lingering, history=True)
+    return session
+
+
+def _forbid_lingering(event: zenoh.LinkEvent) -> None:
+    """For each new link, in a thread of Zenoh's."""
+    if event.kind == zenoh.SampleKind.PUT:
+        forbid_lingering()
+
+
+def ask(
+    session: zenoh.Session,
+    robot: str,
+    verb: str,
+    who: str,
+    body: bytes = b"",
+    whom: Literal["ask", "control"] = "ask",
+) -> bytes | None:
+    """Ask a robot ("ask"), or its controller ("control").
+
+    Args:
+        session: that reaches it.
+        robot: its name.
+        verb, who, body: see `hoap3.protocol.link.base.Request`.
+        whom: see above.
+
+    Returns:
+        The answer; None where nobody gives one in time.
+    """
+    return ask_versions(session, robot, verb, who, body, QUERY_TIMEOUT_S, whom)[1]
+
+
+def ask_versions(
+    session: zenoh.Session,
+    robot: str,
+    verb: str,
+    who: str,
+    body: bytes = b"",
+    timeout_s: float = QUERY_TIMEOUT_S,
+    whom: Literal["ask", "control"] = "ask",
+) -> tuple[int, bytes | None]:
+    """The same, and the version of the wire that the answer came in.
+
+    Where nobody takes the question of today, it is put as in version 1, without the client's name
+    in the key; whoever takes it and is silent is not asked twice.
+    """
+    asked = time.monotonic()
+    root = key(robot, f"{whom}/{verb}")
+    answer = _first(session.get(f"{root}/{who}", payload=body, timeout=timeout_s))
+    left_s = timeout_s - (time.monotonic() - asked)
+    if answer is not None or left_s <= 0.0:
+        return WIRE_VERSION, answer
+    old = body if whom == "control" else who.encode()
+    return OLDEST, _first(session.get(root, payload=old, timeout=left_s))
+
+
+def _first(replies: Iterable[zenoh.Reply]) -> bytes | None:
+    """The first answer of those that are one; None where there is none."""
+    for reply in replies:
+        if reply.ok is not None:
+            return reply.ok.payload.to_bytes()
+    return None
+
+
+def alive_robots(session: zenoh.Session) -> list[str]:
+    """Names of the robots that are alive where the session reaches."""
+    replies = session.liveliness().get(key("*", "alive"), timeout=QUERY_TIMEOUT_S)
+    return sorted(str(reply.ok.key_expr).split("/")[1] for reply in replies if reply.ok)
+
+
+def is_alive(session: zenoh.Session, robot: str) -> bool:
+    """Whether a robot of that name holds its token."""
+    replies = session.liveliness().get(key(robot, "alive"), timeout=0.5)
+    return any(reply.ok is not None for reply in replies)
+
+
+def fast_publisher(session: zenoh.Session, expression: str, blocking: bool) -> zenoh.Publisher:
+    """Publisher whose samples are neither batched nor queued behind others."""
+    control = zenoh.CongestionControl
+    return session.declare_publisher(
+        expression,
+        express=True,
+        priority=zenoh.Priority.REAL_TIME,
+        congestion_control=control.BLOCK if blocking else control.DROP,
+    )

@@ -1,0 +1,86 @@
+"""What clients do stands in the robot's log: requests, tokens, their configuration."""
+
+from __future__ import annotations
+
+import json
+
+from support.robot_bench import Bench, active
+
+from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.robot_emulator.event_limit import BURST
+
+
+def told(bench: Bench, kind: Kind) -> list[dict[str, object]]:
+    """Records of a kind, as JSON."""
+    return [json.loads(payload) for payload in bench.recorder.payloads(kind)]
+
+
+def test_a_request_is_recorded_with_who_verb_and_answer():
+    bench = active()
+    stop, status = bench.link.ask("stop", "somebody"), bench.link.ask("status", "other")
+    bench.run(1)
+    asked = {fact["verb"]: fact for fact in told(bench, Kind.REQUEST)}
+    assert asked["stop"]["who"] == "somebody"
+    assert asked["stop"]["answer"] == stop[0]
+    assert asked["status"]["answer"] == status[0]
+    assert asked["acquire"]["answer"]["granted"] is True
+
+
+def test_what_is_long_is_recorded_by_its_size():
+    bench = active()
+    answers = bench.link.ask("description", "other")
+    bench.run(1)
+    (asked,) = [fact for fact in told(bench, Kind.REQUEST) if fact["verb"] == "description"]
+    assert asked["answer"] == {"bytes": len(answers[0])}
+
+
+def test_a_description_without_what_version_1_does_not_know_is_given_to_who_speaks_it():
+    bench = active()
+    new, old = bench.link.ask("description"), bench.link.ask("description", version=1)
+    bench.run(1)
+    assert "state_arrays" not in json.loads(old[0])
+    assert json.loads(new[0]).keys() >= json.loads(old[0]).keys()
+
+
+def test_many_requests_of_one_kind_are_counted_and_left_out():
+    bench = active()
+    for _ in range(3 * BURST):
+        bench.link.ask("status", "poller")
+    bench.run(1500)
+    facts = [fact for fact in told(bench, Kind.REQUEST) if fact["verb"] == "status"]
+    recorded = [fact for fact in facts if "left_out" not in fact]
+    assert len(recorded) == BURST
+    assert sum(fact.get("left_out", 0) for fact in facts) == 2 * BURST
+
+
+def test_an_unknown_verb_is_recorded_cut_short():
+    bench = active()
+    bench.link.ask("x" * 1000, "somebody")
+    bench.run(1)
+    assert {"verb": "x" * 64, "who": "somebody"}.items() <= told(bench, Kind.REQUEST)[-1].items()
+
+
+def test_tokens_are_recorded_as_they_come_and_go(monkeypatch):
+    bench = active()
+    monkeypatch.setattr(bench.link, "tokens", lambda: (("a", True), ("b", False)))
+    bench.run(1)
+    found = [(fact["who"], fact["present"]) for fact in told(bench, Kind.TOKEN)]
+    assert found == [("a", True), ("b", False)]
+
+
+def test_the_holders_configuration_is_recorded_once_as_it_came():
+    bench = Bench()
+    bench.link.ask("acquire", "me", b'{"controller": "qp12"}')
+    bench.link.ask("acquire", "me", b'{"controller": "qp12"}')
+    bench.link.ask("acquire", "other", b'{"controller": "pinv"}')
+    bench.run(2)
+    assert told(bench, Kind.CONFIG) == [
+        {"side": "controller", "who": "me", "config": {"controller": "qp12"}}
+    ]
+
+
+def test_what_a_client_of_version_1_sends_is_no_configuration():
+    bench = Bench()
+    bench.link.ask("acquire", "me", b"me", version=1)
+    bench.run(2)
+    assert told(bench, Kind.CONFIG) == []

@@ -1,0 +1,243 @@
+"""The mathematics of velocity controllers in `verify`, beside the product's own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from hoap3.protocol.config.settings import parse
+from hoap3.remote_controller.constraints.joints.viability_kernels import velocity_bounds as kernel
+from hoap3.remote_controller.registry import find
+from hoap3.remote_controller.scheduling import priorities as scheduling
+from hoap3.remote_controller.scheduling.priority_matrix import top_level
+from hoap3.remote_controller.scheduling.settings import PrioritySettings
+from hoap3.remote_controller.solvers.clik.clik_reference import prioritised
+from hoap3.remote_controller.solvers.ghc import reference as ghc_reference
+from hoap3.remote_controller.solvers.sdp.sdp_reference import optimum
+from hoap3.tools.verify.controllers.velocity import clik, ghc_velocity, joint_bounds, settings
+from hoap3.tools.verify.controllers.velocity.clik_law import certified_rates, law_of
+from hoap3.tools.verify.controllers.velocity.gain_optimum import Gains
+from hoap3.tools.verify.controllers.velocity.hierarchy import condensed, multipliers, projectors
+from hoap3.tools.verify.tasks.priorities import Priorities, top_tasks
+from hoap3.tools.verify.tasks.targets import UnknownTaskError
+
+SIZES, WEIGHTS = [3, 2], np.array([4.0, 4.0, 4.0, 1.0, 1.0])
+ROWS = [slice(0, 3), slice(3, 5)]
+DT, DELTA = 0.01, 5e-5
+
+
+def jacobians(number: int = 6, n: int = 7, seed: int = 1) -> np.ndarray:
+    """Some of them with a task that depends on another."""
+    J = np.random.default_rng(seed).normal(size=(number, 5, n))
+    J[1, 4] = J[1, 0] + J[1, 3]
+    J[2, 3] = J[2, 1]
+    return J
+
+
+def test_bounds_of_velocities_are_those_of_the_product() -> None:
+    random = np.random.default_rng(4)
+    limits = np.array([[-1.0] * 5, [1.0] * 4 + [np.inf], [3.0] * 5, [40.0] * 5])
+    q = random.uniform(-1.0, 1.0, (400, 5))
+    q[:50, 0] = 1.0 - 10.0 ** random.uniform(-12, -1, 50)
+    q[50:60, 1] = [1.0] * 10
+    v = random.uniform(-4.0, 4.0, (400, 5))
+
+    found = joint_bounds.velocity_bounds(q, v, limits, 1e-3)
+
+    for k in range(400):
+        lower, upper = np.zeros((2, 5))
+        kernel(q[k].copy(), v[k].copy(), limits, 1e-3, lower, upper)
+        np.testing.assert_allclose([found[0][k], found[1][k]], [lower, upper], rtol=1e-12)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.2])
+def test_the_law_is_that_with_projectors(damping: float) -> None:
+    J = jacobians()
+
+    law = law_of(J, SIZES, WEIGHTS, damping)
+
+    for k in range(len(J)):
+        _, L = prioritised(SIZES, J[k], WEIGHTS, damping)
+        B, _ = prioritised(SIZES, J[k], np.ones(5), damping)
+        np.testing.assert_allclose(law.B[k], B, atol=1e-9)
+        np.testing.assert_allclose(law.L[k], L, atol=1e-8)
+    assert law.rank.tolist() == [5, 4, 4, 5, 5, 5]
+
+
+def test_gains_certify_how_fast_v_falls() -> None:
+    law, random = law_of(jacobians(), SIZES, WEIGHTS, 0.0), np.random.default_rng(2)
+    gains = random.uniform(0.1, 5.0, (6, 5))
+    beta, _ = certified_rates(law, gains, DT)
+    for k in range(6):
+        shrink = np.eye(5) - DT * law.L[k] * gains[k]
+        assert beta[k] == pytest.approx((1.0 - np.linalg.norm(shrink, 2) ** 2) / DT, abs=1e-9)
+
+
+@cache
+def programs() -> tuple[Gains, np.ndarray]:
+    """Programs with their best gains, and what these certify; half of them have narrow limits."""
+    law, random = law_of(jacobians()[[0, 3, 4]], SIZES, WEIGHTS, 0.0), np.random.default_rng(3)
+    found: list[tuple[np.ndarray, ...]] = []
+    for L, B in zip(law.L, law.B, strict=True):
+        for limit in (9.0, 0.05):
+            S, most = B * random.normal(size=5), limit * np.ones(7)
+            gains, beta, proved = optimum(L, S, -most, most, DT, DELTA)
+            if proved:
+                found.append((L, S, -most, most, gains, np.array(beta)))
+    L, S, least, most, gains, beta = (np.array(part) for part in zip(*found, strict=True))
+    return Gains(L, S, least, most, DT, DELTA, gains), beta
+
+
+def test_the_best_gains_are_proved_to_be_the_best() -> None:
+    problems, beta = programs()
+    assert len(beta) >= 5
+    assert problems.gaps(np.full(len(beta), 1e-12)).max() < 1e-9
+
+
+def test_of_other_gains_the_gap_says_how_much_better_the_best_ones_are() -> None:
+    problems, beta = programs()
+    best = (beta - 1.0) ** 2 + DELTA * (problems.gains**2).sum(1)
+    for share in (0.999, 0.7):
+        other = replace(problems, gains=share * problems.gains)
+        step = other.L * other.gains[:, None, :]
+        turned = step.transpose(0, 2, 1)
+        rate = np.linalg.eigvalsh(step + turned - DT * turned @ step)[:, 0]
+        worse = (rate - 1.0) ** 2 + DELTA * (other.gains**2).sum(1) - best
+        gaps = other.gaps(np.full(len(beta), 1e-10))
+        assert (gaps >= worse - 1e-10).all()
+        assert (gaps <= 1.1 * worse + 1e-9).all()
+
+
+@pytest.mark.parametrize("width", [0.0, 0.3])
+def test_the_hierarchy_is_condensed_as_by_the_reference(width: float) -> None:
+    J, random = jacobians(), np.random.default_rng(5)
+    b = random.normal(size=(6, 5))
+    alpha = np.array([np.array([[0.0, a], [1.0, 0.0]]) for a in (0.0, 0.2, 1.0, 0.5, 0.0, 0.0)])
+
+    found = condensed(J, b, ROWS, alpha, 1e-3, width)
+
+    for k in range(6):
+        parts = [J[k, rows] for rows in ROWS], [b[k, rows] for rows in ROWS]
+        S, q0 = ghc_reference.condensed(*parts, alpha[k], 1e-3, width)
+        np.testing.assert_allclose(found.S[k], S, rtol=1e-9, atol=1e-9 * np.abs(S).max())
+        np.testing.assert_allclose(found.q0[k], q0, atol=1e-9)
+        for i in range(2):
+            P = ghc_reference.projector(np.repeat(alpha[k, i], SIZES), J[k], width)
+            np.testing.assert_allclose(projectors(J, ROWS, alpha[:, i], width)[k], P, atol=1e-9)
+
+
+def test_multipliers_prove_the_optimum_of_the_reference_and_no_other_point() -> None:
+    J, b = jacobians()[3:], np.random.default_rng(6).normal(size=(3, 5))
+    alpha = np.array([[[0.0, 0.0], [1.0, 0.0]]] * 3)
+    problem = condensed(J, b, ROWS, alpha, 1e-2, 0.0)
+    none, I7 = np.zeros((7, 7)), np.eye(7)
+    limit = 0.5 * np.abs(problem.q0).max()
+    G, h = np.vstack([I7, -I7]), -limit * np.ones(14)
+    best = [ghc_reference.optimum(problem.S[k], problem.q0[k], 0.0, none, 0.0 * b[k, :1], G, h)
+            for k in range(3)]  # fmt: skip
+    u = np.array([each[0] for each in best])
+
+    def off(u: np.ndarray) -> np.ndarray:
+        mu = multipliers(problem, u, u <= -limit + 1e-9, u >= limit - 1e-9)
+        return np.abs(u - problem.q0 - (problem.S @ mu[:, :, None])[:, :, 0]).max(1)
+
+    assert off(u).max() < 1e-9
+    free = (np.abs(np.abs(u) - limit) > 1e-9).argmax(1)
+    u[range(3), free] += 1e-6
+    assert off(u).min() > 1e-8
+
+
+TIMELINE = [
+    {"at_s": 0.1, "over_s": 0.2, "order": ["c", "a"]},
+    {"at_s": 0.4, "remove": "b", "over_s": 0.1},
+    {"at_s": 0.6, "set": [["a", "c", 0.25]]},
+    {"at_s": 0.7, "insert": ["b"], "over_s": 0.05},
+]
+LIVE = {250: {"set": [["a", "b", 0.3], ["b", "a", 0.9]], "over_s": 0.07}, 820: {"remove": "c"}}
+
+
+@pytest.mark.parametrize(
+    "start",
+    [
+        {"order": ["a", ["b", "c"]]},
+        {"matrix": [[0.0, 0.5, 1.0], [0.25, 0.0, 0.0], [1.0, 1.0, 0.0]], "inactive": []},
+    ],
+)
+@pytest.mark.parametrize("live", [{}, LIVE])
+def test_priorities_move_as_those_of_the_product(start: dict, live: dict) -> None:
+    content = {**start, "timeline": TIMELINE}
+    parsed = parse(PrioritySettings, content, "x.yaml", "priorities")
+    theirs = scheduling.Priorities.configured(("a", "b", "c"), parsed)
+    ours = Priorities(["a", "b", "c"], content)
+    now = 0.0
+    for tick in range(1000):
+        if tick in live:
+            theirs.change(live[tick], now)
+            ours.change(live[tick], now)
+        now = tick * 1e-3
+        changed = theirs.update(now)
+        ours.at(now)
+        np.testing.assert_allclose(ours.alpha, theirs.alpha, rtol=0, atol=1e-14)
+        assert (ours.changed, ours.moving) == (changed, theirs.moving), tick
+        assert top_tasks(ours.alpha).tolist() == top_level(theirs.alpha).tolist()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"order": ["a", "nobody"]},
+        {"matrix": [[0.0, 2.0], [0.0, 0.0]]},
+        {"matrix": [[0.0]]},
+        {"timeline": [{"order": ["a", "b"]}]},
+    ],
+)
+def test_priorities_that_cannot_be_read_say_so(wrong: dict) -> None:
+    with pytest.raises(UnknownTaskError):
+        Priorities(["a", "b"], wrong)
+
+
+def test_defaults_are_those_of_the_controllers() -> None:
+    ours = {
+        "clik": (clik.STEADY, {"weight": clik.WEIGHT, "gain_per_s": clik.GAIN_PER_S}),
+        "clik_sdp": (clik.SDP, {"weight": clik.WEIGHT}),
+        "ghc_velocity": (ghc_velocity.DEFAULTS, {"gain_per_s": ghc_velocity.GAIN_PER_S}),
+    }
+    for name, (own, of_tasks) in ours.items():
+        fields = find(name).Parameters.model_fields
+        for key, usual in {**settings.DEFAULTS, **own}.items():
+            if key in {"bounds", "priorities"}:
+                assert usual == {}
+            elif fields[key].is_required():
+                assert key == "tasks"
+            else:
+                assert fields[key].default == usual, (name, key)
+        assert fields["bounds"].default.margin_rad == joint_bounds.MARGIN_RAD
+        task = fields["tasks"].annotation
+        while not hasattr(task, "model_fields"):
+            task = task.__args__[0]
+        for key, usual in of_tasks.items():
+            assert task.model_fields[key].default == usual, (name, key)
+
+
+def test_each_setting_of_a_controller_is_known_to_verify_or_changes_no_claim() -> None:
+    no_claim = {"budget"}
+    for name, own in (
+        ("clik", clik.STEADY),
+        ("clik_sdp", clik.SDP),
+        ("ghc_velocity", ghc_velocity.DEFAULTS),
+    ):
+        known = {*settings.DEFAULTS, *own, *no_claim}
+        assert set(find(name).Parameters.model_fields) <= known, name
+
+
+def test_a_stopping_speed_comes_to_rest_within_the_room() -> None:
+    A, T = 40.0, 1e-3
+    for room in (1e-9, 3e-5, 0.01, 0.7):
+        w = float(joint_bounds.stopping_speed(np.array(room), np.array(A), T))
+        steps = np.maximum(w - A * T * np.arange(10_000), 0.0)
+        assert steps.sum() * T == pytest.approx(room, rel=1e-9)
+        assert all(a - b <= A * T * (1 + 1e-9) for a, b in pairwise(steps))

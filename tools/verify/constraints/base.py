@@ -1,0 +1,129 @@
+"""What every constraint says of a cycle: bounds on the joints, rows, and how far inside it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.tools.verify.constraints.cycles import Cycles
+from hoap3.tools.verify.constraints.parameters import UnverifiableError
+from hoap3.tools.verify.robot import Robot
+
+Array = NDArray[np.float64]
+States = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """A u ≤ b of one cycle, or A u = b.
+
+    Attributes:
+        A: (s, n).
+        b: (s,); inf where a row is off.
+        asked: (s,) whether the controller is known to have kept the row. Of some constraints
+            others are possible: they may hold u, and need not.
+    """
+
+    A: Array
+    b: Array
+    asked: NDArray[np.bool_]
+
+
+@dataclass
+class Bounds:
+    """Of the joints' velocities, cycle by cycle.
+
+    Attributes:
+        lower, upper: (N, n) [rad/s or m/s].
+    """
+
+    lower: Array
+    upper: Array
+
+    def narrow(self, lower: Array, upper: Array) -> None:
+        """Keep what is in both; where nothing is, what of these is nearest to the others."""
+        low = np.clip(lower, self.lower, self.upper)
+        self.upper = np.clip(upper, self.lower, self.upper)
+        self.lower = low
+
+
+@dataclass
+class Constraint:
+    """One constraint of a config; a subclass knows what it means.
+
+    Args:
+        settings: of the constraint, complete.
+        description: of the robot.
+        robot: its kinematics.
+
+    Attributes:
+        margins: of the cycles, (N,); inf where it has none.
+    """
+
+    defaults: ClassVar[Mapping[str, Any]] = {}
+    equality: ClassVar[bool] = False
+    yields: ClassVar[bool] = False
+    has_rows: ClassVar[bool] = False
+    limits_speed: ClassVar[bool] = False
+
+    settings: Mapping[str, Any]
+    description: RobotDescription
+    robot: Robot
+    margins: Array = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        self.prepare()
+
+    def prepare(self) -> None:
+        """Read the settings.
+
+        Raises:
+            UnverifiableError, FrameNotFoundError: they cannot be reckoned with.
+        """
+
+    def bound(self, states: States, cycles: Cycles, bounds: Bounds) -> None:
+        """Narrow the bounds of all cycles, and write `margins`.
+
+        Args:
+            states: of the cycles, (N,).
+            cycles: which they are.
+            bounds: changed.
+        """
+        self.margins = np.full(len(states), np.inf)
+
+    def begin(self, state: Any) -> None:
+        """Forget everything; `robot` is placed where it is at this State."""
+
+    def rows(self, state: Any, number: int) -> Rows:
+        """Rows of a cycle; `robot` is placed.
+
+        Args:
+            state: of the cycle.
+            number: of the cycle; its margin is written.
+        """
+        raise NotImplementedError
+
+    def accepts(self, gradient: Array) -> bool:
+        """Whether the rows of the last cycle count for this ∇V, (n,)."""
+        return True
+
+    def positions(self, states: States) -> Array:
+        """Joint positions that the settings name, (N, n) or (n,)."""
+        measured = self.settings["positions_from"] == "measured"
+        return np.asarray(states["q" if measured else "reference"])
+
+    def joints(self, names: object) -> list[int]:
+        """Places of named joints.
+
+        Raises:
+            UnverifiableError: the robot has no such joint.
+        """
+        known = list(self.description.joint_names)
+        if not isinstance(names, list | tuple) or any(name not in known for name in names):
+            raise UnverifiableError(f"a constraint names joints {names!r:.60}")
+        return [known.index(name) for name in names]

@@ -1,0 +1,127 @@
+"""Frames that stay or keep moving, and equations between the joints' velocities."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.tools.verify.constraints.barrier import direction
+from hoap3.tools.verify.constraints.base import Constraint, Rows
+from hoap3.tools.verify.constraints.joints import SOURCES
+from hoap3.tools.verify.constraints.parameters import UnverifiableError, numbers
+
+Array = NDArray[np.float64]
+
+AXES = ("x", "y", "z", "rx", "ry", "rz")
+NO_DIRECTION = 1e-9  # of a: no joint moves it
+ROUNDING = 1e-12  # of a cosine
+
+
+class FixedFrame(Constraint):
+    """J·u = −η·e: a frame keeps its first pose; of the turn by θ about a, e is sin θ·a."""
+
+    defaults: ClassVar[Mapping[str, Any]] = {
+        "frame": str,
+        "reference": None,
+        "axes": None,
+        "eta_per_s": 10.0,
+    }
+    equality: ClassVar[bool] = True
+    has_rows: ClassVar[bool] = True
+
+    def prepare(self) -> None:
+        """Find the frames and the axes."""
+        given, base = self.settings, self.description.base_frame
+        self._frames = tuple(map(self.robot.known, (given["frame"], given["reference"] or base)))
+        names = list(dict.fromkeys(given["axes"] or AXES))
+        if any(name not in AXES for name in names):
+            raise UnverifiableError(f"axes are {names!r:.60}")
+        self._axes = [AXES.index(name) for name in names]
+
+    def begin(self, state: Any) -> None:
+        """Take the pose."""
+        p, R, _ = self.robot.frame(*self._frames)
+        self._kept = p.copy(), R.copy()
+
+    def rows(self, state: Any, number: int) -> Rows:
+        """One equation for each axis."""
+        p, R, J = self.robot.frame(*self._frames)
+        turned = R @ self._kept[1].T
+        skew = (turned - turned.T) / 2.0
+        e = np.concatenate([p - self._kept[0], [skew[2, 1], skew[0, 2], skew[1, 0]]])
+        slope = (np.trace(turned) * np.eye(3) - turned) / 2.0  # ė = slope·ω
+        rates = np.vstack([J[:3], slope @ J[3:]])[self._axes]
+        b = -self.settings["eta_per_s"] * e[self._axes]
+        return Rows(rates, b, np.ones(len(b), bool))
+
+
+class MinimumSpeed(Constraint):
+    """a·u ≥ s of weighted joints, or of a frame's origin; left out unless a is orthogonal to ∇V."""
+
+    defaults: ClassVar[Mapping[str, Any]] = {
+        "speed": float,
+        "joints": None,
+        "frame": None,
+        "reference": None,
+        "direction": None,
+        "eta_per_s": 10.0,
+        "tolerance": 1e-6,
+    }
+    has_rows: ClassVar[bool] = True
+
+    def prepare(self) -> None:
+        """Find the direction."""
+        given, base = self.settings, self.description.base_frame
+        self._a = np.zeros(self.description.n)
+        self._frames: tuple[str, ...] = ()
+        if given["frame"] is None:
+            weights = given["joints"] or {}
+            self._a[self.joints(list(weights))] = numbers(
+                list(weights.values()), len(weights), "joints"
+            )
+        else:
+            frames = given["frame"], given["reference"] or base
+            self._frames = tuple(map(self.robot.known, frames))
+            self._direction = direction(given["direction"])
+
+    def rows(self, state: Any, number: int) -> Rows:
+        """−a·u ≤ −s, where a is not 0."""
+        if self._frames:
+            _, _, J = self.robot.frame(*self._frames)
+            self._a = self._direction @ J[:3]
+        moves = bool(np.abs(self._a).max() >= NO_DIRECTION)
+        side = -self.settings["speed"] if moves else np.inf
+        return Rows(-self._a[None], np.array([side]), np.ones(1, bool))
+
+    def accepts(self, gradient: Array) -> bool:
+        """Whether |cos(a, ∇V)| is within the tolerance."""
+        lengths = float(np.linalg.norm(self._a) * np.linalg.norm(gradient))
+        most = max(self.settings["tolerance"], ROUNDING) * lengths
+        return bool(abs(float(self._a @ gradient)) <= most)
+
+
+class Pfaffian(Constraint):
+    """C·u = 0 with a C from the config."""
+
+    defaults: ClassVar[Mapping[str, Any]] = {
+        "matrix": None,
+        "function": None,
+        "positions_from": SOURCES,
+        "eta_per_s": 10.0,
+    }
+    equality: ClassVar[bool] = True
+    has_rows: ClassVar[bool] = True
+
+    def prepare(self) -> None:
+        """Read C."""
+        if self.settings["function"] is not None:
+            raise UnverifiableError("the function that gives C is not in the log")
+        rows, n = self.settings["matrix"] or (), self.description.n
+        self._C = np.array([numbers(row, n, "matrix") for row in rows]).reshape(-1, n)
+
+    def rows(self, state: Any, number: int) -> Rows:
+        """C·u = 0."""
+        return Rows(self._C, np.zeros(len(self._C)), np.ones(len(self._C), bool))

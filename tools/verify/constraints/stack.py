@@ -1,0 +1,59 @@
+"""The constraints of a config, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from hoap3.protocol.errors import FrameNotFoundError
+from hoap3.tools.verify.constraints.barrier import HalfSpace, SupportPolygon
+from hoap3.tools.verify.constraints.base import Constraint
+from hoap3.tools.verify.constraints.com_motion import FrictionCone, Zmp
+from hoap3.tools.verify.constraints.distance import Distance
+from hoap3.tools.verify.constraints.frames import FixedFrame, MinimumSpeed, Pfaffian
+from hoap3.tools.verify.constraints.joints import (
+    JointAcceleration,
+    JointPosition,
+    JointVelocity,
+    Viability,
+)
+from hoap3.tools.verify.constraints.parameters import UnverifiableError, complete
+from hoap3.tools.verify.robot import Robot
+
+KINDS: dict[str, type[Constraint]] = {
+    "distance": Distance,
+    "fixed_frame": FixedFrame,
+    "friction_cone": FrictionCone,
+    "half_space": HalfSpace,
+    "joint_acceleration": JointAcceleration,
+    "joint_position": JointPosition,
+    "joint_velocity": JointVelocity,
+    "minimum_speed": MinimumSpeed,
+    "pfaffian": Pfaffian,
+    "support_polygon": SupportPolygon,
+    "viability": Viability,
+    "zmp": Zmp,
+}
+"""Those that can be recomputed; others are counted as not verified, by name."""
+
+
+def constraints_of(
+    entries: Iterable[tuple[str, object]], robot: Robot
+) -> tuple[list[Constraint], dict[str, str]]:
+    """The constraints of a config's entries, and why others cannot be recomputed, by name.
+
+    Args:
+        entries: names and parameters.
+        robot: that they look at.
+    """
+    known: list[Constraint] = []
+    unknown: dict[str, str] = {}
+    for name, given in entries:
+        if name not in KINDS:
+            unknown[name] = "it is not recomputed here"
+            continue
+        try:
+            settings = complete(given, KINDS[name].defaults, name)
+            known.append(KINDS[name](settings, robot.description, robot))
+        except (UnverifiableError, FrameNotFoundError, ValueError, KeyError, TypeError) as error:
+            unknown[name] = f"{error!s:.100}"
+    return known, unknown

@@ -1,0 +1,106 @@
+"""`stable_qp`: V, V̇, ρ, margin and optimality of problem (3), whatever its task and constraints.
+
+Gonçalves et al., IEEE T-RO 2020, sections II and III.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import FrameNotFoundError
+from hoap3.tools.verify.claims import Claims
+from hoap3.tools.verify.constraints.cycles import cycles_of
+from hoap3.tools.verify.constraints.parameters import UnverifiableError
+from hoap3.tools.verify.constraints.stack import constraints_of
+from hoap3.tools.verify.controller_log import ControllerRun
+from hoap3.tools.verify.robot import Robot
+from hoap3.tools.verify.sent_velocity import check_values
+from hoap3.tools.verify.stable_qp.answers import Answers
+from hoap3.tools.verify.stable_qp.certificate import check_certificate
+from hoap3.tools.verify.stable_qp.curve import Curve
+from hoap3.tools.verify.stable_qp.problem import CHUNK, Cycle, Problems
+from hoap3.tools.verify.stable_qp.proof import check_proof
+from hoap3.tools.verify.stable_qp.scaled import Objective
+from hoap3.tools.verify.stable_qp.settings import Settings
+from hoap3.tools.verify.tasks.config import default_entry, task_of
+from hoap3.tools.verify.tasks.targets import UnknownTaskError
+
+CURVES = "task_curve", "joint_curve"
+DELAYED = "answers are delayed: where u starts from is not in the log"
+
+
+def check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims) -> None:
+    """Everything that the certificate of `stable_qp` says."""
+    try:
+        _check(run, Settings.of(parameters), claims)
+    except (UnverifiableError, UnknownTaskError, FrameNotFoundError) as error:
+        claims.unverified("certificate", len(run.answers), f"{error!s:.120}")
+
+
+def _check(run: ControllerRun, settings: Settings, claims: Claims) -> None:
+    robot, delayed = Robot(run.description), run.description.delay_ticks > 0
+    if delayed and settings.rest["kinematics_from"] == "reference":
+        raise UnverifiableError(DELAYED)
+    entry = settings.task or default_entry(run.description)
+    on_curve = entry["task"] in CURVES
+    task = Curve(entry, robot) if on_curve else task_of(entry, robot)
+    objective = _objective(
+        settings, run.description, constrained=bool(settings.constraints) or on_curve
+    )
+    constraints, unknown = constraints_of(settings.constraints, robot)
+    cycles = cycles_of(run)
+    judged = cycles.answers >= 0
+    lost = len(run.answers) - int(judged.sum())
+    reason = "not finite, or the log lacks when the controller began"
+    claims.unverified("certificate", lost, reason)
+    if not judged.any():
+        return
+    problems = Problems(run, cycles, task, constraints, settings, robot)
+    sent = Answers.of(run, cycles, settings.rest)
+    for name, why in unknown.items():
+        claims.unverified(f"constraint {name}", int(judged.sum()), why)
+    if delayed:
+        claims.unverified("u", int(judged.sum()), DELAYED)
+    else:
+        kept = np.zeros(len(run.answers), bool)
+        kept[cycles.answers[judged]] = True
+        check_values(run.only(kept), settings.rest, claims)
+    for chunk in _chunks(problems):
+        check_certificate(chunk, sent, settings, claims, u_known=not delayed)
+        if not delayed and not unknown:
+            margins = problems.margins()
+            check_proof(
+                chunk,
+                sent,
+                margins,
+                settings,
+                objective,
+                run.description,
+                claims,
+                on_curve=on_curve,
+            )
+
+
+def _chunks(problems: Problems) -> Iterator[list[Cycle]]:
+    chunk: list[Cycle] = []
+    for cycle in problems:
+        chunk.append(cycle)
+        if len(chunk) == CHUNK:
+            yield chunk
+            chunk = []
+    if chunk:
+        yield chunk
+
+
+def _objective(
+    settings: Settings, description: RobotDescription, *, constrained: bool
+) -> Objective:
+    try:
+        names = description.joint_names
+        return Objective.of(settings.objective, names, constrained=constrained)
+    except (TypeError, ValueError) as error:
+        raise UnverifiableError(f"objective: {error!s:.80}") from error

@@ -1,0 +1,1 @@
+"""Controllers of joint velocities with several tasks: `clik`, `clik_sdp`, `ghc_velocity`."""

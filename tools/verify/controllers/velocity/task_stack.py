@@ -1,0 +1,159 @@
+"""The tasks of a controller over all its cycles: errors, Jacobians, and where u leads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.tools.verify.claims import RELATIVE, Claims
+from hoap3.tools.verify.controller_log import ControllerRun
+from hoap3.tools.verify.robot import Robot
+from hoap3.tools.verify.tasks.config import default_entry, task_of
+from hoap3.tools.verify.tasks.tasks import AnyTask
+
+Array = NDArray[np.float64]
+
+PLACE = 64.0 * np.finfo(float).eps
+"""How exactly a place of some metres is known from joint positions, or an angle [m or rad]: each
+of up to ten joints rounds it by a few units of the last place."""
+
+
+@dataclass(frozen=True)
+class Cycles:
+    """All tasks under each other, m rows, for each of N answers.
+
+    Attributes:
+        e: errors, (N, m).
+        J: ∂e/∂q, (N, m, n).
+        rate: ∂e/∂t, (N, m).
+        along: e a period later if no joint moves, (N, m).
+        ahead: e a period later where u leads, (N, m).
+    """
+
+    e: Array
+    J: Array
+    rate: Array
+    along: Array
+    ahead: Array
+
+    def squares(self, weights: Array) -> tuple[Array, Array]:
+        """V = ½ Σ w e² now and where u leads, both (N,); weights: w of each row, (m,)."""
+        return 0.5 * (self.e**2 @ weights), 0.5 * (self.ahead**2 @ weights)
+
+
+@dataclass(frozen=True)
+class Tasks:
+    """The tasks of a config.
+
+    Attributes:
+        robot: its kinematics.
+        labels: their names.
+        entries: as the config has them.
+        tasks: what is to vanish.
+    """
+
+    robot: Robot
+    labels: list[str]
+    entries: list[Mapping[str, Any]]
+    tasks: list[AnyTask]
+
+    @classmethod
+    def of(cls, description: RobotDescription, given: Sequence[Mapping[str, Any]] | None) -> Tasks:
+        """Those of `parameters.tasks`; without any, the robot's default task.
+
+        Raises:
+            UnknownTaskError: one that cannot be recomputed.
+        """
+        entries = [default_entry(description)] if given is None else list(given)
+        robot = Robot(description)
+        labels = [str(entry.get("name") or entry.get("task")) for entry in entries]
+        return cls(robot, labels, entries, [task_of(entry, robot) for entry in entries])
+
+    @property
+    def sizes(self) -> list[int]:
+        """How many rows each has."""
+        return [task.size for task in self.tasks]
+
+    @property
+    def roots(self) -> Array:
+        """By what the tasks' own weights multiply each row of e, (m,)."""
+        return np.concatenate([task.roots for task in self.tasks])
+
+    @property
+    def rows(self) -> list[slice]:
+        """Where the rows of each are."""
+        return [slice(*ends) for ends in pairwise(np.cumsum([0, *self.sizes]).tolist())]
+
+    def over(self, run: ControllerRun, base: Array, u: Array) -> Cycles:
+        """All cycles of a run.
+
+        Args:
+            run: each answer of which is to a State that is finite.
+            base: (S, n) joint positions of each State that kinematics are computed from.
+            u: (N, n) velocity of each answer.
+        """
+        T, starts, begun = run.description.period_s, _starts(run), -1
+        N, m, n = len(run.answers), sum(self.sizes), run.description.n
+        e, rate, along, ahead = np.zeros((4, N, m))
+        found = Cycles(e, np.zeros((N, m, n)), rate, along, ahead)
+        for k, place in enumerate(run.answered.tolist()):
+            if starts[k] != begun:
+                begun = starts[k]
+                self._begin(base[begun], float(run.states["tick"][begun]) * T)
+            now = float(run.states["tick"][place]) * T
+            self._look(found, k, base[place], now)
+            if found.rate[k].any():
+                self._errors(now + T, found.along[k])
+            else:
+                found.along[k] = found.e[k]
+            self.robot.place_only(base[place] + u[k] * T)
+            self._errors(now + T, found.ahead[k])
+        return found
+
+    def _begin(self, q: Array, time_s: float) -> None:
+        self.robot.place(q)
+        for task in self.tasks:
+            task.begin(self.robot, time_s)
+
+    def _look(self, found: Cycles, k: int, q: Array, time_s: float) -> None:
+        self.robot.place(q)
+        for task, rows in zip(self.tasks, self.rows, strict=True):
+            found.e[k, rows], found.J[k, rows], found.rate[k, rows] = task.at(self.robot, time_s)
+
+    def _errors(self, time_s: float, out: Array) -> None:
+        for task, rows in zip(self.tasks, self.rows, strict=True):
+            out[rows] = task.error_at(self.robot, time_s)
+
+
+def check_errors(tasks: Tasks, cycles: Cycles, run: ControllerRun, claims: Claims) -> None:
+    """|e| of each task, the first columns."""
+    stated = run.answers["extra"][:, : len(tasks.labels)]
+    found = np.array([np.linalg.norm(cycles.e[:, rows], axis=1) for rows in tasks.rows]).T
+    near = np.array([np.linalg.norm(tasks.roots[rows]) for rows in tasks.rows]) * PLACE
+    claims.equal("error", run.answers["tick"], stated, found, RELATIVE * np.abs(found) + near)
+
+
+def check_margin(
+    run: ControllerRun, sent: tuple[Array, Array], bounds: tuple[Array, Array], claims: Claims
+) -> None:
+    """The least distance of u from a bound; `sent` has u and how exactly it is known, (N, n)."""
+    u, doubt = sent
+    margin = np.minimum(u - bounds[0], bounds[1] - u).min(1)
+    near = (RELATIVE * np.maximum(*np.abs(bounds)) + doubt).max(1)
+    claims.equal("margin", run.answers["tick"], run.answers["margin"], margin, near)
+
+
+def _starts(run: ControllerRun) -> list[int]:
+    """For each answer the place of the State at which its tasks began: finite, after a reset."""
+    states = run.states
+    finite = np.flatnonzero(np.isfinite(np.hstack([states["q"], states["reference"]])).all(1))
+    resets = np.array([0, *run.resets])
+    begun = resets[np.searchsorted(resets, run.answered, "right") - 1]
+    found: list[int] = finite[np.searchsorted(finite, begun)].tolist()
+    return found

@@ -1,0 +1,85 @@
+"""How far an answer is from the optimum, and from the largest ρ that it must have."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.tools.verify.stable_qp import box, farkas, optimality
+from hoap3.tools.verify.stable_qp.norms import holder_gap
+from hoap3.tools.verify.stable_qp.scaled import Objective, Scaled, Stacked
+from hoap3.tools.verify.stable_qp.settings import Settings
+
+Array = NDArray[np.float64]
+
+LARGEST = 1e-8  # of 1 + the fall of V: how near the most it must be
+
+
+class Judge:
+    """Judges answers by the settings of a controller.
+
+    Where V falls as asked, an answer is optimal for any multiplier of V's rate. Where it falls
+    less, that is as much as the constraints allow, by Farkas' lemma; or, where ρ is damped, the
+    multiplier is the price of a faster fall: more is not worth its speed.
+
+    Attributes:
+        equality: whether V̇ is given.
+        always: whether answers cannot be judged many at a time.
+    """
+
+    def __init__(self, settings: Settings, objective: Objective) -> None:
+        self._kind, self._objective = objective.kind, objective
+        self._ratio = float(settings.rest["max_speed_ratio"])
+        self.equality, self.always = settings.rest["lyapunov"] == "equality", objective.alone
+        self._damped = self.equality and settings.rest["rho"] == "damped"
+        self._rate = optimality.FREE if self.equality else optimality.FALLING
+
+    def alone(self, stack: Stacked, equations: bool) -> Array:
+        """Residuals as if there were bounds alone, (N,); inf where that says nothing."""
+        if self._kind != "norm" or equations:
+            return np.full(len(stack.y), np.inf)
+        parts = stack.y, stack.slope, stack.kappa, stack.lower, stack.upper
+        return np.asarray(box.deviation(*parts) / stack.scale)
+
+    def __call__(
+        self, p: Scaled, alone: float, enough: float, *, short: bool
+    ) -> tuple[float, float]:
+        """Residual of an answer, and by how much its fall of V is below what it must be.
+
+        Args:
+            p: the problem with its answer.
+            alone: its residual as if there were bounds alone.
+            enough: a residual that counts as optimal.
+            short: whether V falls less than asked.
+        """
+        if self._objective.alone:
+            return holder_gap(p.slope, p.y, float(self._objective.exponent or 0.0)), 0.0
+        if alone <= enough:
+            return alone, self._missing(p, enough) if short else 0.0
+        if short and self._damped:
+            price = p.price(self._ratio, self._kind)
+            found = optimality.residual(p, self._kind, enough, optimality.FIXED, price)
+            if found <= enough:
+                return found, 0.0
+        found = optimality.residual(p, self._kind, enough, self._rate)
+        return found, farkas.most_fall(p) - p.fall if short else 0.0
+
+    def _missing(self, p: Scaled, enough: float) -> float:
+        """What V's fall lacks where no row is in its way."""
+        gap = most_by_bounds(p) - p.fall
+        if gap <= LARGEST * (1.0 + abs(p.fall)):
+            return gap
+        if self._damped:
+            y, s, low, high = (part[None] for part in (p.y, p.slope, p.lower, p.upper))
+            off = np.array([enough * p.scale])
+            least, most = box.multipliers(y, s, np.array([p.kappa]), low, high, off)
+            if least[0] <= p.price(self._ratio, self._kind) <= most[0]:
+                return 0.0
+        return farkas.most_fall(p) - p.fall
+
+
+def most_by_bounds(p: Scaled) -> float:
+    """The most that −s·y can be within the bounds."""
+    moves = p.slope != 0.0
+    s = p.slope[moves]
+    return float(np.maximum(-s * p.lower[moves], -s * p.upper[moves]).sum())

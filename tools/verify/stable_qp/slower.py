@@ -1,0 +1,57 @@
+"""Where the constraints leave less than ζ along a curve: the speed that is taken instead of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.tools.verify.claims import Claims
+from hoap3.tools.verify.stable_qp import farkas
+from hoap3.tools.verify.stable_qp.problem import Cycle
+
+Array = NDArray[np.float64]
+
+SPARED = 0.1  # of the speeds that constraints leave, at each end where ζ is beyond it
+AS_CONFIGURED = 1e-9  # of the row's length: what misses ζ by less keeps it [rad/s or m/s]
+NEARLY = 1e-5  # of the speeds that constraints leave: an LP whose rows are nearly parallel
+
+
+def with_speeds(
+    chunk: Sequence[Cycle], u: Array, doubt: Array, tick: NDArray[np.int64], claims: Claims
+) -> list[Cycle]:
+    """The cycles of a curve, with the speed that they took where they are slower than ζ.
+
+    Args:
+        chunk: cycles; the last of their equations is the motion along the curve.
+        u, doubt: their answers, and how exactly they are known, (N, n).
+        tick: of the cycles, (N,).
+        claims: takes whether it is the speed that constraints leave.
+    """
+    found = []
+    for i, cycle in enumerate(chunk):
+        row, speed = cycle.C[-1], float(cycle.c[-1])
+        size, taken = float(np.linalg.norm(row)), float(row @ u[i])
+        near = AS_CONFIGURED * size + float(np.abs(row) @ doubt[i])
+        if abs(taken - speed) > near:
+            left, room = _left(cycle, size or 1.0)
+            claims.equal("speed along the curve", tick[i], taken, left, near + NEARLY * room)
+            found.append(replace(cycle, c=np.append(cycle.c[:-1], taken)))
+        else:
+            found.append(cycle)
+    return found
+
+
+def _left(cycle: Cycle, size: float) -> tuple[float, float]:
+    """The speed next to ζ of those that the constraints leave, but for some at an end; how many."""
+    row, speed = cycle.C[-1] / size, float(cycle.c[-1])
+    A, b, C, c = cycle.A, cycle.b, cycle.C[:-1], cycle.c[:-1]
+    sides = farkas.Sides(A, b, C, c, cycle.lower, cycle.upper)
+    least, most = -size * farkas.most(-row, sides), size * farkas.most(row, sides)
+    if most == -np.inf:
+        return speed, 0.0
+    room = min(most - least, 2.0 * most, 2.0 * max(abs(least), speed))
+    spared = SPARED * max(room, 0.0)
+    return min(max(speed, least + spared), most - spared), max(room, 0.0)
