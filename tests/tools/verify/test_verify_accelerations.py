@@ -175,6 +175,7 @@ CHANGES: dict[str, Callable[[int], Change]] = {
     "q": lambda n: changed_field(STATE, n, "q", bigger, joint=3),
     "dq": lambda n: changed_field(STATE, n, "dq", lambda v: v + 1e-6, joint=3),
     "setpoint": lambda n: changed_field(SETPOINT, n, "values", bigger, joint=3),
+    "decision": lambda n: changed_field(SETPOINT, n, "decision", bigger, joint=3),
     "V": lambda n: changed_field(SETPOINT, n, "v", bigger),
     "V rate": lambda n: changed_field(SETPOINT, n, "v_rate_predicted", bigger),
     "required V rate": lambda n: changed_field(SETPOINT, n, "v_rate_required", lambda r: r + 1e-6),
