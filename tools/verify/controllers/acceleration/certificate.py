@@ -18,6 +18,7 @@ from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.answers import ACTIVE, INFEASIBLE
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy, has_decision
 from hoap3.tools.verify.controllers.acceleration.press import Press, columns_of
+from hoap3.tools.verify.controllers.acceleration.rigid_body import rounding_of
 from hoap3.tools.verify.controllers.acceleration.wanted import ROUNDING
 
 Array = NDArray[np.float64]
@@ -130,9 +131,9 @@ def _check_decision(
 ) -> None:
     """Of a log that has q̈ and τ themselves: τ = M·q̈ + h, and the setpoint is one of them."""
     answers, tick, ddq, h = run.answers, run.answers["tick"], cycles.ddq, cycles.bias
-    each = cycles.mass * ddq[:, None, :]
-    off = ROUNDING * (np.abs(each).sum(2) + np.abs(h).max(1, keepdims=True))
-    claims.equal("torques", tick, cycles.tau, each.sum(2) + h, off)
+    tau = (cycles.mass @ ddq[..., None])[..., 0] + h
+    off = np.broadcast_to(rounding_of(cycles.mass, h, cycles.dq, ddq), tau.shape)
+    claims.equal("torques", tick, cycles.tau, tau, off)
     sent = cycles.tau - cycles.weight if hierarchy.torques else ddq
     size = np.abs(cycles.tau) + np.abs(cycles.weight) if hierarchy.torques else np.abs(ddq)
     claims.equal("setpoint", tick, answers["values"], sent, ROUNDING * size)

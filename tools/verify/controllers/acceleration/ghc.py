@@ -32,6 +32,7 @@ from hoap3.tools.verify.controllers.acceleration.quadratic import (
     away,
     motion_and_torques,
 )
+from hoap3.tools.verify.controllers.acceleration.rigid_body import rounding_of
 from hoap3.tools.verify.controllers.acceleration.schedule import Priorities, leaders
 from hoap3.tools.verify.controllers.acceleration.wanted import ROUNDING
 
@@ -120,7 +121,8 @@ class GhcTorque(Ranked):
         found = condensed(J @ inverse, b, b_exact, cycles.numbers, hierarchy.sizes, settings)
         ddq, tau = motion_and_torques(cycles, hierarchy.torque_max)
         h = cycles.bias
-        free = Values(tau.found - h, tau.exact, tau.lower - h, tau.upper - h)
+        exact = tau.exact + rounding_of(cycles.mass, h, cycles.dq, 0.0 * h)
+        free = Values(tau.found - h, exact, tau.lower - h, tau.upper - h)
         nothing = np.zeros_like(ddq.found)
         return Solution(*optimum_of(found, nothing, 0.0, free, ddq, inverse), self.proves)
 

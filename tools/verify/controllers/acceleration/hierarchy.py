@@ -14,7 +14,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.bounds import Bounds
 from hoap3.tools.verify.controllers.acceleration.press import Press
-from hoap3.tools.verify.controllers.acceleration.rigid_body import RigidBody
+from hoap3.tools.verify.controllers.acceleration.rigid_body import RigidBody, rounding_of
 from hoap3.tools.verify.controllers.acceleration.schedule import Schedule
 from hoap3.tools.verify.controllers.acceleration.wanted import (
     ROUNDING,
@@ -219,28 +219,26 @@ class Hierarchy:
         e, nu, rate = np.moveaxis(rows.exact, 1, 0)
         exact = kp * e + kd * nu + rate
         exact += ROUNDING * (kp * np.abs(rows.error) + kd * np.abs(rows.motion) + np.abs(wanted))
-        motion = self._motion(run, mass, bias, weight)
+        motion = self._motion(run, mass, bias, weight, states["dq"])
         given = states["q"], states["dq"], rows, wanted, exact, mass, bias, weight
         present = lower, upper, numbers, moved, measured, touches.astype(bool)
         return Cycles(*given, *present, *motion)
 
     def _motion(
-        self, run: ControllerRun, M: Array, h: Array, weight: Array
+        self, run: ControllerRun, M: Array, h: Array, weight: Array, dq: Array
     ) -> tuple[Array, Array, Array, Array]:
         """q̈ and τ of the answers, and how exactly each is known, (N, n)."""
         answers, n = run.answers, self.description.n
-        values, size = answers["values"], np.abs(h).max(1, keepdims=True)
+        values, still = answers["values"].astype(float), np.zeros(h.shape)
         if has_decision(run, 2 * n):
             ddq, tau = np.split(answers["decision"].astype(float), 2, axis=1)
-            return ddq, np.zeros_like(ddq), tau, np.zeros_like(tau)
+            return ddq, still, tau, still
         if not self.torques:
-            moves = np.abs(M) @ np.abs(values)[..., None]
             tau = (M @ values[..., None])[..., 0] + h
-            return values, np.zeros_like(values), tau, ROUNDING * (moves[..., 0] + size)
+            return values, still, tau, still + rounding_of(M, h, dq, values)
         tau, inverse = values + weight, np.linalg.inv(M)
         ddq = (inverse @ (tau - h)[..., None])[..., 0]
-        moves = (np.abs(M) @ np.abs(ddq)[..., None])[..., 0]
-        exact = ROUNDING * (np.abs(values) + np.abs(weight) + size + moves)
+        exact = ROUNDING * (np.abs(values) + np.abs(weight)) + rounding_of(M, h, dq, ddq)
         return ddq, (np.abs(inverse) @ exact[..., None])[..., 0], tau, exact
 
 

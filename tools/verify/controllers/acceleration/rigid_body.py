@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from hoap3.tools.verify.controllers.acceleration.wanted import ROUNDING
 from hoap3.tools.verify.robot import Robot
 
 Array = NDArray[np.float64]
@@ -39,3 +40,14 @@ class RigidBody:
         if not self._adds_gravity:
             return M, h, np.zeros(len(q))
         return M, h, pin.computeGeneralizedGravity(model, data, self._q)[order].copy()
+
+
+def rounding_of(M: Array, h: Array, dq: Array, ddq: Array) -> Array:
+    """How exactly M·q̈ + h is known, (N, 1), of M (N, n, n) and the rest (N, n).
+
+    Inertias of light links are differences of what they are about the root, so each entry of M has
+    the rounding of the largest.
+    """
+    motion = np.abs(ddq).sum(1) + np.abs(dq).sum(1) ** 2
+    found = np.abs(M).max((1, 2)) * motion + np.abs(h).max(1)
+    return np.asarray(ROUNDING * found[:, None])
