@@ -17,17 +17,22 @@ ROUNDINGS = 8  # ulp of a position, per difference
 def check_motion(states: Rows, robot: RobotDescription, claims: Claims) -> None:
     """Position, speed and acceleration of the applied reference, by its differences.
 
-    Each State is one period of the body after the last: it does not move in skipped periods.
+    Each State is one period of the body after the last: it does not move in skipped periods. Of a
+    robot that takes accelerations or torques the reference is where its body is.
 
     Args:
         states: of one session, in the order of their ticks, without a gap.
         robot: whose limits count.
         claims: takes what was compared.
     """
-    if robot.command_kinds[0] != "position":
-        claims.unverified("applied motion", len(states), "the robot takes no positions")
+    kind, tick = robot.command_kinds[0], states["tick"]
+    _check_rest(states, claims)
+    if kind == "torque":
+        _check_torques(states, robot, claims)
         return
-    s, tick, T = states["reference"], states["tick"], robot.period_s
+    if kind == "acceleration":
+        claims.equal("reference is the body", tick, states["reference"], states["q"], 0.0)
+    s, T = states["reference"], robot.period_s
     ulp = np.spacing(np.abs(s).max(0))
     start = s[0]  # a joint that starts beyond its range may come back, and go no further
     most, least = np.maximum(robot.upper, start), np.minimum(robot.lower, start)
@@ -42,6 +47,27 @@ def check_motion(states: Rows, robot: RobotDescription, claims: Claims) -> None:
     greatest = np.broadcast_to(robot.setpoint_acceleration_max, change.shape)
     off = RELATIVE * greatest + ROUNDINGS * ulp / T**2
     claims.at_most("applied acceleration", tick[1:], change, greatest, off)
+
+
+def _check_rest(states: Rows, claims: Claims) -> None:
+    """Nothing moves while the robot is at rest."""
     resting = np.isin(states["mode"], (State.IDLE, State.STOPPED))
     at_rest = resting[1:] & resting[:-1]
-    claims.equal("reference at rest", tick[1:][at_rest], v[at_rest], 0.0 * v[at_rest], 0.0)
+    moved = np.diff(states["reference"], axis=0)[at_rest]
+    claims.equal("reference at rest", states["tick"][1:][at_rest], moved, 0.0 * moved, 0.0)
+
+
+def _check_torques(states: Rows, robot: RobotDescription, claims: Claims) -> None:
+    """Torques within the efforts, and positions within the mechanical stops.
+
+    Where efforts are too small for what moves, no robot keeps more than these. Brakes, that hold
+    it at rest, carry what there is.
+    """
+    tick, q = states["tick"], states["reference"]
+    moves = np.isin(states["mode"], (State.ACTIVE, State.STOPPING))
+    moves[1:] &= moves[:-1]  # the torques are those of the period before
+    tau = np.abs(states["tau"][moves])
+    effort = np.broadcast_to(robot.effort, tau.shape)
+    claims.at_most("applied torque", tick[moves], tau, effort, RELATIVE * effort)
+    claims.at_most("applied position, upper", tick, q, np.maximum(robot.upper_hard, q[0]), 0.0)
+    claims.at_most("applied position, lower", tick, -q, -np.minimum(robot.lower_hard, q[0]), 0.0)

@@ -25,11 +25,17 @@ Checker = Callable[[ControllerRun, Mapping[str, Any], Claims], None]
 FUNCTIONS = {
     "clik": "velocity.clik:check",
     "clik_sdp": "velocity.clik:check_sdp",
+    "ghc": "acceleration.ghc:check",
+    "ghc_torque": "acceleration.ghc:check_torque",
     "ghc_velocity": "velocity.ghc_velocity:check",
+    "hqp": "acceleration.hqp:check",
+    "joint_acceleration": "acceleration.joint_acceleration:check",
     "osqp": "lyapunov_descent:check",
     "pinv": "lyapunov_descent:check_pinv",
     "qp12": "lyapunov_descent:check",
     "stable_qp": "stable_qp:check",
+    "tsid": "acceleration.tsid:check",
+    "weighted": "acceleration.weighted:check",
 }
 """Module and function in `controllers`, by the controller's registered name."""
 

@@ -20,6 +20,7 @@ from support.command_bench import (
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.log import Log
 from hoap3.tools.replay import replay
+from hoap3.tools.verify.verify import verify
 
 pytestmark = pytest.mark.slow
 
@@ -123,3 +124,9 @@ def test_the_change_is_logged_and_a_replay_repeats_it(told):
     ]
     again = replay(told[0], [])
     assert again.identical, str(again)
+
+
+def test_all_that_the_log_claims_is_true(told):
+    found = verify(told[0])
+    assert found.claims.by_tick() == []
+    assert found.claims.counts["alpha"].checked > 1000

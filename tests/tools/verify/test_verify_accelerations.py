@@ -1,0 +1,383 @@
+"""`hoap3 verify` of controllers that command accelerations and torques."""
+
+from __future__ import annotations
+
+import json
+import random
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import BaseModel
+from support.command_bench import inside
+from tampering import Change, changed_field, rewrite
+
+from hoap3.protocol.config.settings import parse_yaml
+from hoap3.protocol.robot import viability_bounds_reference as reference
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.remote_controller.registry import find
+from hoap3.remote_controller.scheduling.priorities import Priorities
+from hoap3.remote_controller.scheduling.settings import PrioritySettings
+from hoap3.remote_controller.scheduling.weights import Weights, WeightSettings
+from hoap3.tools.logs.log import Log
+from hoap3.tools.verify.controllers.acceleration import (
+    bounds,
+    ghc,
+    hqp,
+    joint_acceleration,
+    schedule,
+    tsid,
+    weighted,
+)
+from hoap3.tools.verify.verify import verify
+
+STATE, SETPOINT = Kind.STATE, Kind.SETPOINT
+Story = Callable[[str], Path]
+OWN = "controller.parameters."
+ORDER = f"{OWN}priorities.order=[hand, elbow, posture]"
+HANDS = f"{OWN}priorities.order=[[right_hand, left_hand], head, left_foot, posture]"
+SOON = (
+    f"{OWN}priorities.timeline=[{{at_s: 0.1, order: [elbow, hand], over_s: 0.05}}, "
+    "{at_s: 0.2, remove: elbow}]"
+)
+JOINTS, TSID = "joint_acceleration", "tsid_baxter"
+STORIES: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    JOINTS: ("hoap3", JOINTS, ()),
+    TSID: ("baxter", "tsid_baxter", ()),
+    "tsid of accelerations": ("ur5", "tsid", ("emulator.command=acceleration",)),
+    "ghc": ("lwr_weightless", "ghc", (ORDER, SOON)),
+    "ghc_torque": ("lwr_weightless", "ghc_torque", (ORDER, SOON)),
+    "hqp": ("lwr_weightless", "hqp", (ORDER, SOON)),
+    "weighted": (
+        "lwr_weightless",
+        "weighted",
+        (f"{OWN}priorities.timeline=[{{at_s: 0.1, weights: {{hand: 0.1}}, over_s: 0.1}}]",),
+    ),
+    "force": ("lwr_with_table", "ghc_force", ()),
+    "humanoid": ("humanoid32_torque", "ghc_humanoid", (f"{OWN}priorities.timeline=[]", HANDS)),
+}
+"""Robot, controller and settings by name."""
+SECONDS = 0.3
+
+
+def marked_slow(names: Iterable[str], *quick: str) -> list[Any]:
+    """All names as parameters; those that are not `quick` are slow."""
+    return [pytest.param(name, marks=() if name in quick else pytest.mark.slow) for name in names]
+
+
+def ran(folder: Path, robot: str, controller: str, *settings: str, seconds: float) -> Path:
+    """A run in lockstep with settings."""
+    given = "--robot", robot, "--controller", controller, "--duration", seconds
+    sets = [word for setting in settings for word in ("--set", setting)]
+    done = inside("run", "--lockstep", *given, "--out", folder, *sets)
+    assert done.code in {0, 1}, done.stderr
+    return folder
+
+
+@pytest.fixture(scope="module")
+def story(tmp_path_factory: pytest.TempPathFactory) -> Story:
+    """The log of a story, made once."""
+    found: dict[str, Path] = {}
+
+    def get(name: str) -> Path:
+        if name not in found:
+            robot, controller, settings = STORIES[name]
+            folder = tmp_path_factory.mktemp("story") / "run"
+            found[name] = ran(folder, robot, controller, *settings, seconds=SECONDS)
+        return found[name]
+
+    return get
+
+
+@pytest.mark.parametrize("name", marked_slow(STORIES, JOINTS, TSID, "ghc", "force"))
+def test_a_true_log_is_true(name: str, story: Story) -> None:
+    found = verify(story(name))
+
+    assert found.claims.by_tick() == []
+    assert found.verdict == "true"
+
+
+BOUNDS = f"{OWN}bounds."
+LWR, FULL = "lwr_weightless", "emulator.plant.gravity=full"
+SETTINGS: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    "naive bounds": ("hoap3", JOINTS, (f"{BOUNDS}kind=naive",)),
+    "no bounds": ("hoap3", JOINTS, (f"{BOUNDS}kind=none",)),
+    "less acceleration": (
+        "hoap3",
+        JOINTS,
+        (f"{BOUNDS}shrink=true", f"{BOUNDS}acceleration_max=[1000]"),
+    ),
+    "lost answers": (
+        "hoap3",
+        JOINTS,
+        ("emulator.lockstep.compute_time_us=1500", "emulator.misses_to_stop=600"),
+    ),
+    "a wall": ("hoap3", JOINTS, (f"{OWN}posture=null", f"{OWN}posture_rad={[-3.0] * 21}")),
+    "accelerations": (
+        "ur5",
+        JOINTS,
+        ("emulator.command=acceleration", f"{OWN}posture=null", f"{OWN}posture_rad={[0.5] * 6}"),
+    ),
+    "tsid with weak motors": ("baxter", TSID, (f"{BOUNDS}torque_max=[8]",)),
+    "tsid with naive bounds": ("baxter", TSID, (f"{BOUNDS}kind=naive", f"{OWN}task.kp=400")),
+    "ghc with weak motors": ("lwr", "ghc", (FULL, f"{BOUNDS}torque_max=[20]")),
+    "ghc_torque with weak motors": ("lwr", "ghc_torque", (FULL, f"{BOUNDS}torque_max=[20]")),
+    "hqp with weak motors": ("lwr", "hqp", (FULL, f"{BOUNDS}torque_max=[20]")),
+    "ghc at bounds": (LWR, "ghc", (ORDER, f"{BOUNDS}acceleration_max=[3]")),
+    "hqp at bounds": (LWR, "hqp", (ORDER, f"{BOUNDS}torque_max=[5]")),
+    "ghc without damping": (LWR, "ghc", (ORDER, SOON, f"{OWN}null_damping_per_s=0")),
+    "ghc that smooths": (LWR, "ghc", (ORDER, f"{OWN}smoothing=0.05")),
+    "ghc without regularisation": (LWR, "ghc", (ORDER, f"{OWN}regularise=none")),
+    "weighted, otherwise": (
+        LWR,
+        "weighted",
+        (f"{OWN}regularise=gravity_compensated", f"{BOUNDS}kind=none"),
+    ),
+    "the robot carries itself": ("lwr", "ghc", ("emulator.plant.gravity=compensated", ORDER)),
+    "without friction": ("lwr", "ghc", (FULL, f"{OWN}compensate_friction=false", ORDER)),
+}
+
+
+@pytest.mark.parametrize("name", marked_slow(SETTINGS, "lost answers", "ghc with weak motors"))
+def test_other_settings_raise_no_false_alarm(name: str, tmp_path: Path) -> None:
+    robot, controller, settings = SETTINGS[name]
+
+    found = verify(ran(tmp_path / "run", robot, controller, *settings, seconds=0.4))
+
+    assert found.claims.by_tick() == []
+    assert found.verdict == "true"
+    if "weak" in name:
+        assert found.claims.counts["fallback: optimum"].checked > 10
+
+
+def test_constraints_of_accelerations_are_counted_by_name(tmp_path: Path) -> None:
+    constraint = f"{OWN}constraints=[{{constraint: joint_torque}}]"
+
+    found = verify(ran(tmp_path / "run", LWR, "ghc", constraint, seconds=0.05))
+
+    assert found.claims.by_tick() == []
+    assert found.verdict == "not verified"
+    assert found.claims.counts["V"].checked == 50
+    (reason,) = found.claims.counts["bounds and optimum"].unverified
+    assert "joint_torque" in reason
+
+
+def bigger(value: float) -> float:
+    """By the least that must be found."""
+    return value * (1.0 + 1e-6)
+
+
+CHANGES: dict[str, Callable[[int], Change]] = {
+    "reference": lambda n: changed_field(STATE, n, "reference", bigger, joint=3),
+    "q": lambda n: changed_field(STATE, n, "q", bigger, joint=3),
+    "dq": lambda n: changed_field(STATE, n, "dq", lambda v: v + 1e-6, joint=3),
+    "setpoint": lambda n: changed_field(SETPOINT, n, "values", bigger, joint=3),
+    "decision": lambda n: changed_field(SETPOINT, n, "decision", bigger, joint=3),
+    "V": lambda n: changed_field(SETPOINT, n, "v", bigger),
+    "V rate": lambda n: changed_field(SETPOINT, n, "v_rate_predicted", bigger),
+    "required V rate": lambda n: changed_field(SETPOINT, n, "v_rate_required", lambda r: r + 1e-6),
+    "rho": lambda n: changed_field(SETPOINT, n, "rho", lambda rho: rho * (1 - 1e-6)),
+    "margin": lambda n: changed_field(SETPOINT, n, "margin", lambda m: m + 1e-6),
+    "residual": lambda n: changed_field(SETPOINT, n, "kkt_residual", lambda r: r + 1e-5),
+    "active joints": lambda n: changed_field(SETPOINT, n, "active_joints", lambda a: a + 1),
+    "status": lambda n: changed_field(SETPOINT, n, "solver_status", lambda s: s + 1),
+    "path": lambda n: changed_field(SETPOINT, n, "solver_path", lambda p: p + 1),
+    "fallback": lambda n: changed_field(SETPOINT, n, "fallback", lambda f: f + 1),
+    "torque share": lambda n: changed_field(SETPOINT, n, "extra", bigger, joint=0),
+    "error": lambda n: changed_field(SETPOINT, n, "extra", bigger, joint=1),
+    "importance": lambda n: changed_field(SETPOINT, n, "extra", lambda a: a + 1e-6, joint=-1),
+}
+MEASURED, COLUMNS = {"q", "dq"}, {"torque share", "error", "importance"}
+
+
+def changes_of(name: str) -> list[str]:
+    """The kinds of change that move what a controller claims."""
+    if name == JOINTS:  # which starts from the reference, and has no columns
+        return [kind for kind in CHANGES if kind not in MEASURED | COLUMNS]
+    return [kind for kind in CHANGES if kind != "reference"]
+
+
+@pytest.mark.parametrize("name", marked_slow(STORIES, JOINTS))
+def test_what_is_changed_is_found(name: str, story: Story, tmp_path: Path) -> None:
+    for kind in changes_of(name):
+        _find_all(kind, story(name), 1, tmp_path / kind)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", STORIES)
+def test_what_is_changed_is_found_at_a_hundred_places(
+    name: str, story: Story, tmp_path: Path
+) -> None:
+    for kind in changes_of(name):
+        _find_all(kind, story(name), 100, tmp_path / kind)
+
+
+PARAMETERS: dict[str, tuple[str, ...]] = {
+    JOINTS: ("kp",),
+    TSID: ("task.kp", "posture.kp", "posture.weight"),
+    "ghc": ("w_r", "tasks.0.kp", "tasks.1.parameters.target.position_m.2"),
+    "ghc_torque": ("tasks.0.kp", "tasks.0.kd"),
+    "hqp": ("w_r", "tasks.1.kp"),
+    "weighted": ("w_r", "priorities.weights.elbow"),
+    "force": ("tasks.1.kp", "priorities.timeline.0.over_s"),
+}
+
+
+@pytest.mark.parametrize("name", marked_slow(PARAMETERS, JOINTS, TSID))
+def test_another_parameter_in_the_config_is_found(name: str, story: Story, tmp_path: Path) -> None:
+    for key in PARAMETERS[name]:
+        config = parse_yaml(Log.open(story(name), side="controller").config, "config")
+        parent, last = config["parameters"], key.rsplit(".")[-1]
+        for part in key.split(".")[:-1]:
+            parent = parent[int(part) if part.isdigit() else part]
+        place = int(last) if last.isdigit() else last
+        parent[place] = bigger(parent[place])
+        text = json.dumps(config).encode()
+
+        path = rewrite(story(name), "controller", tmp_path / key, list, text)
+
+        assert verify(path).claims.false, key
+
+
+def test_a_changed_schedule_is_found(story: Story, tmp_path: Path) -> None:
+    config = parse_yaml(Log.open(story("ghc"), side="controller").config, "config")
+    config["parameters"]["priorities"]["timeline"][1]["at_s"] = 0.201
+
+    path = rewrite(story("ghc"), "controller", tmp_path, list, json.dumps(config).encode())
+
+    assert verify(path).claims.counts["alpha"].first_false == 200
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        "joint_acceleration: {kp: .nan}",
+        "joint_acceleration: {kp: yes}",
+        "joint_acceleration: {posture: [1]}",
+        "joint_acceleration: {bounds: {kind: some}}",
+        "tsid: {bounds: 3}",
+        "tsid: {task: {kp: .inf}}",
+        "ghc: {tasks: []}",
+        "ghc: {tasks: [{task: nothing}]}",
+        "ghc: {tasks: [{task: frame_pose, kp: x, parameters: {frame: trunk}}]}",
+        "ghc: {tasks: [{task: wrench, parameters: {frame: trunk}}]}",
+        "hqp: {tasks: [{task: posture}], priorities: {order: [none]}}",
+        "weighted: {tasks: [{task: posture}], priorities: {weights: {posture: [1]}}}",
+        "weighted: {}",
+    ],
+)
+def test_a_config_that_is_none_is_not_reckoned_with(
+    wrong: str, story: Story, tmp_path: Path
+) -> None:
+    controller, parameters = wrong.split(": ", 1)
+    config = f"controller: {controller}\nparameters: {parameters}\n".encode()
+
+    found = verify(rewrite(story(JOINTS), "controller", tmp_path, list, config))
+
+    assert found.verdict == "not verified"
+    assert found.claims.counts["certificate"].checked == 0
+
+
+def test_states_that_are_not_finite_are_refused_and_no_false_alarm(
+    story: Story, tmp_path: Path
+) -> None:
+    change = changed_field(STATE, 20, "q", lambda _: float("nan"), joint=2)
+
+    found = verify(rewrite(story(TSID), "controller", tmp_path, change)).claims
+
+    assert found.counts["refused: values"].first_false == 20
+
+
+def test_bounds_are_those_that_their_meaning_gives() -> None:
+    rng = np.random.default_rng(5)
+    n, T = 4000, 0.002
+    speed, up, down = (rng.uniform(low, 2 * low, n) for low in (1.0, 20.0, 20.0))
+    found = bounds.Bounds(
+        "viability", np.full(n, -1.0), np.full(n, 1.0), speed, up, down, up, T, 0.8, 0.0
+    )
+    room = 10.0 ** rng.uniform(-5.0, -1.5, n)  # of the upper limit
+    fastest = np.minimum(speed, np.sqrt(2 * 0.8 * down * room))
+    q, v = 1.0 - room, fastest * rng.uniform(0.97, 1.0, n)
+
+    lower, upper = found.at(q, v)
+
+    stops = reference.bounds(1.0 - q, q + 1.0, v, speed, up, 0.8 * down, T)
+    held = (np.abs(stops[1]) < 0.7 * up) & (np.abs(stops[1]) < 0.7 * down)
+    assert held.sum() > n / 10
+    assert np.abs(upper - stops[1])[held].max() < 1e-9 * up.max()
+    mirrored = found.at(-q, -v)[0]
+    assert np.array_equal(replace(found, up=down, down=up).at(q, v)[1], -mirrored)
+    assert (lower <= upper).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_priorities_and_weights_move_as_the_products_do(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    names = ["a", "b", "c"]
+    timeline = [
+        {"at_s": 0.0105, "order": ["c", ["a", "b"]], "over_s": 0.02},
+        {"at_s": 0.04, "remove": "b", "over_s": 0.015},
+        {"at_s": 0.07, "insert": ["b"], "over_s": 0.0},
+        {"at_s": 0.0701, "set": [["a", "a", 0.3]], "over_s": 0.004},
+    ]
+    order = {"order": ["b", "a", "c"], "inactive": [], "timeline": timeline}
+    moves = [{"at_s": 0.02, "weights": {"a": 0.0, "c": 3.0}, "over_s": 0.03}]
+    weights = {"weights": {"b": 0.2}, "timeline": moves}
+    ours = schedule.Priorities(names, order), schedule.Weights(names, weights)
+    theirs = (
+        Priorities.configured(names, PrioritySettings.model_validate(order)),
+        Weights(names, WeightSettings.model_validate(weights)),
+    )
+    live = rng.uniform(0.0, 0.1)
+    for tick in range(100):
+        time = 1e-3 * tick
+        if time <= live < time + 1e-3:
+            ours[0].change({"set": [["a", "b", 0.25]], "over_s": 0.01}, time)
+            theirs[0].change({"set": [["a", "b", 0.25]], "over_s": 0.01}, time)
+        for product in theirs:
+            product.update(time)
+        assert np.allclose(ours[0].at(time), theirs[0].alpha, rtol=0, atol=1e-15), tick
+        assert np.allclose(ours[1].at(time), theirs[1].value, rtol=0, atol=1e-15), tick
+
+
+def test_defaults_are_those_of_the_controllers() -> None:
+    tables = {
+        "joint_acceleration": joint_acceleration.DEFAULTS,
+        "tsid": tsid.DEFAULTS,
+        "weighted": weighted.DEFAULTS,
+        "ghc": ghc.DEFAULTS,
+        "ghc_torque": {k: v for k, v in ghc.TORQUE_DEFAULTS.items() if k != "regularise"},
+        "hqp": hqp.DEFAULTS,
+    }
+    for name, table in tables.items():
+        _assert_defaults(find(name).Parameters, table)
+
+
+def _assert_defaults(model: type[BaseModel], table: Mapping[str, Any]) -> None:
+    fields = model.model_fields
+    for key, value in table.items():
+        default = fields[key].default
+        if isinstance(value, dict):
+            _assert_defaults(type(default), value)
+            given = {field: getattr(default, field) for field in value}
+            assert given == {field: given[field] if v is None else v for field, v in value.items()}
+        else:
+            assert (default or None) == (value or None), key
+
+
+def _find_all(kind: str, run: Path, count: int, folder: Path) -> None:
+    """A change is found at so many random places, unless it changes nothing there."""
+    before: list[Record] = list(Log.open(run, side="controller").records())
+    places = range(10, round(1000 * SECONDS) - 10)
+    for number in random.Random(kind).sample(places, count):
+        change = CHANGES[kind](number)
+        if change(list(before)) == before:
+            continue
+        path = rewrite(run, "controller", folder / str(number), change)
+        found = verify(path).claims
+        assert found.false, (kind, number)
+        first = min(one.tick for one in found.by_tick())
+        assert abs(first - number) <= 1, (kind, number, found.by_tick()[:5])

@@ -1,0 +1,1 @@
+"""What controllers that command accelerations and torques claim, recomputed in plain numpy."""

@@ -1,0 +1,59 @@
+"""What the checkers of accelerations and torques ask of every answer."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import schema
+from hoap3.tools.verify.claims import RELATIVE, Claims
+from hoap3.tools.verify.controller_log import ControllerRun
+
+Array = NDArray[np.float64]
+
+ACTIVE = 1e-3  # rad/s or m/s: from which on a joint counts as active
+INFEASIBLE = schema("Setpoint").constants["STATUS_INFEASIBLE"]
+NOT_REMEMBERED = "the log lacks what the controller remembers"
+ZERO = (
+    "v", "v_rate_required", "v_rate_predicted", "rho", "margin", "kkt_residual", "active_joints",
+    "solver_path", "fallback",
+)  # fmt: skip
+
+
+def is_posture(robot: RobotDescription, name: Any, values: Any) -> bool:
+    """Whether a config names one of the robot, or writes one out."""
+    if values:
+        return len(values) == robot.n
+    return name is None or (isinstance(name, str) and name in robot.postures)
+
+
+def posture(robot: RobotDescription, name: str | None, values: Any) -> Array:
+    """Joint positions, (n,) [rad or m], that a config names; where the robot starts for none."""
+    return np.array(values or robot.postures[name or robot.initial_posture], float)
+
+
+def check_refused(run: ControllerRun, claims: Claims) -> None:
+    """Answers to States that are not finite: nothing to follow, and nothing claimed."""
+    if not len(run.answers):
+        return
+    answers, tick = run.answers, run.answers["tick"]
+    nothing = np.full(answers["values"].shape, np.nan)
+    claims.equal("refused: values", tick, answers["values"], nothing)
+    for name in ZERO:
+        claims.equal("refused: claims", tick, answers[name], np.zeros(len(tick)), 0.0)
+    claims.equal("refused: extra", tick, answers["extra"], np.zeros(answers["extra"].shape), 0.0)
+    status = np.full(len(tick), INFEASIBLE)
+    claims.equal("status", tick, answers["solver_status"], status, 0.0)
+
+
+def check_between(
+    claim: str, tick: Any, stated: Array, values: Array, threshold: float, claims: Claims
+) -> None:
+    """A count of values that reach a threshold, (N, n); those within rounding of it may or not."""
+    least = (values >= threshold * (1.0 + RELATIVE)).sum(1)
+    most = (values >= threshold * (1.0 - RELATIVE)).sum(1)
+    count = stated.astype(float)
+    claims.equal(claim, tick, count, np.clip(count, least, most), 0.0)

@@ -1,0 +1,230 @@
+"""`joint_acceleration`: each joint to its target as its bounds allow (Del Prete, RA-L 2018).
+
+q̈ is kp·(q_r − q) − kd·q̇ of (31) and (32), cut to the bounds. A robot that takes positions gets
+q + T·q̇ + T²/2·q̈ of the commanded motion. Its position is the applied reference; its velocity is
+what the answers before led to, from the reset on, or that of the reference where the robot applied
+something else. It is followed here likewise, and damped by the law itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import COMMANDS, schema
+from hoap3.tools.verify.claims import RELATIVE, Claims
+from hoap3.tools.verify.controller_log import ControllerRun
+from hoap3.tools.verify.controllers.acceleration import bounds
+from hoap3.tools.verify.controllers.acceleration.answers import (
+    ACTIVE,
+    NOT_REMEMBERED,
+    check_between,
+    check_refused,
+    is_posture,
+    posture,
+)
+from hoap3.tools.verify.controllers.acceleration.hierarchy import has_decision
+from hoap3.tools.verify.controllers.acceleration.parameters import filled, is_number
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+DEFAULTS: dict[str, Any] = {
+    "posture": None,
+    "posture_rad": (),
+    "kp": 100.0,
+    "kd": None,
+    "bounds": bounds.DEFAULTS,
+}
+STATUS = schema("Setpoint").constants
+RESTING = 1e-9  # rad and rad/s, or m and m/s: nothing is left to do
+ROUNDINGS = 8  # ulp of a position
+HELD = 1  # solver_path where a joint is at a bound
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Of each answer, from the State before it; all but `known` and `finite` are (N, n).
+
+    Attributes:
+        known: whether the log has what the controller remembers, (N,).
+        finite: whether the State is, (N,).
+        q, dq: where the motion is.
+        ddq: what the answer must ask for.
+        lower, upper: its bounds.
+    """
+
+    known: Flags
+    finite: Flags
+    q: Array
+    dq: Array
+    ddq: Array
+    lower: Array
+    upper: Array
+
+
+@dataclass(frozen=True)
+class Law:
+    """(31) and (32) of one robot, within its bounds.
+
+    Attributes:
+        positions: whether the robot takes positions.
+        target: q_r, (n,).
+        kp, kd: gains [1/s², 1/s].
+        bounds: of a robot that begins within its ranges.
+        T: period [s].
+    """
+
+    positions: bool
+    target: Array
+    kp: float
+    kd: float
+    bounds: bounds.Bounds
+    T: float
+
+
+def check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims) -> None:
+    """All that an answer says: the motion itself, V, V̇, margin, path and status."""
+    settings, wrong = filled(parameters, DEFAULTS)
+    wrong = wrong or _unfit(settings, run.description)
+    if wrong:
+        claims.unverified("certificate", len(run.answers), wrong)
+        return
+    law = _law(run.description, settings)
+    motion = _motion(run, law)
+    claims.unverified("certificate", int((~motion.known).sum()), NOT_REMEMBERED)
+    check_refused(run.only(motion.known & ~motion.finite), claims)
+    judged = motion.known & motion.finite
+    if judged.any():
+        _check_answers(run.only(judged), _of(motion, judged), law, claims)
+
+
+def _unfit(settings: Mapping[str, Any], robot: RobotDescription) -> str:
+    kinds = {"position", "acceleration"}
+    if not kinds & {*robot.command_kinds}:
+        return "the robot takes neither positions nor accelerations"
+    if robot.delay_ticks:
+        return "answers are delayed, and this controller takes no delay"
+    if not is_posture(robot, settings["posture"], settings["posture_rad"]):
+        return "the config names no posture of the robot"
+    if not (settings["kd"] is None or is_number(settings["kd"])) or settings["kp"] < 0.0:
+        return f"gains are {settings['kp']} and {settings['kd']!r:.40}"
+    return bounds.unfit(settings["bounds"], robot.n)
+
+
+def _law(robot: RobotDescription, settings: Mapping[str, Any]) -> Law:
+    kp, kd = settings["kp"], settings["kd"]
+    kind = next(kind for kind in robot.command_kinds if kind != "torque")
+    return Law(
+        kind == "position",
+        posture(robot, settings["posture"], settings["posture_rad"]),
+        kp,
+        2.0 * math.sqrt(kp) if kd is None else kd,
+        bounds.Bounds.of(robot, settings["bounds"]),
+        robot.period_s,
+    )
+
+
+def _motion(run: ControllerRun, law: Law) -> Motion:
+    rows = list(_motions(run, law))
+    known, finite = (np.array([row[place] for row in rows], bool) for place in (0, 1))
+    return Motion(known, finite, *np.moveaxis(np.array([row[2] for row in rows]), 1, 0))
+
+
+def _motions(run: ControllerRun, law: Law) -> Iterator[tuple[bool, bool, Array]]:
+    """Row by row: known, finite, and q, q̇, q̈ with its bounds, (5, n)."""
+    states, values = run.states, run.answers["values"]
+    resets, remembered = np.array([*run.resets, len(states)]), run.remembered
+    limits, begun, last, lost = law.bounds, -1, -1, False
+    led_to, follows = np.zeros(run.description.n), False
+    for i, at in enumerate(run.answered.tolist()):
+        reset = int(resets[np.searchsorted(resets, at, "right") - 1])
+        if reset != begun:
+            begun, lost, follows = reset, False, False
+            limits = law.bounds.begun(states["reference"][reset % len(states)])
+        elif at > last + 1:
+            lost = True  # an answer between them, and what it led to, is missing
+        q, v = states["reference" if law.positions else "q"][at], states["dq"][at]
+        if law.positions and follows:
+            v = led_to
+            if (q != values[i - 1]).any():
+                ticks = int(states["tick"][at]) - int(states["tick"][last])
+                v = (q - states["reference"][last]) / (ticks * law.T)
+        finite = bool(np.isfinite(q).all() and np.isfinite(v).all())
+        last, follows = at, finite
+        with np.errstate(invalid="ignore", over="ignore"):
+            lower, upper = limits.at(q, v)
+            a = np.clip(-law.kp * (q - law.target) - law.kd * v, lower, upper)
+            led_to = v + law.T * a
+        yield bool(remembered[i]) and not lost, finite, np.array([q, v, a, lower, upper])
+
+
+def _of(motion: Motion, rows: Flags) -> Motion:
+    return Motion(*(getattr(motion, name)[rows] for name in Motion.__dataclass_fields__))
+
+
+def _check_answers(run: ControllerRun, motion: Motion, law: Law, claims: Claims) -> None:
+    answers, tick, T = run.answers, run.answers["tick"], law.T
+    kind = COMMANDS["position" if law.positions else "acceleration"]
+    claims.equal("command", tick, answers["command"], np.full(len(tick), kind))
+    step = T * motion.dq + 0.5 * T * T * motion.ddq
+    last = motion.q + step
+    exact = ROUNDINGS * _rounding(motion, law)  # of a position that the motion leads to
+    if law.positions:
+        claims.equal("setpoint", tick, answers["values"], last, exact)
+    else:
+        off = RELATIVE * np.maximum(np.abs(motion.ddq), law.bounds.scale)
+        claims.equal("setpoint", tick, answers["values"], motion.ddq, off)
+    if has_decision(run, run.description.n):
+        off = RELATIVE * np.broadcast_to(law.bounds.scale, last.shape)
+        claims.equal("decision", tick, answers["decision"], motion.ddq, off)
+    speed = np.abs(motion.dq + T * motion.ddq)
+    check_between("active joints", tick, answers["active_joints"], speed, ACTIVE, claims)
+    for name, wanted in (("rho", 1.0), ("kkt_residual", 0.0), ("fallback", 0.0)):
+        claims.equal(name.removeprefix("kkt_"), tick, answers[name], np.full(len(tick), wanted))
+    _check_certificate(run, motion, step, exact, law, claims)
+
+
+def _rounding(motion: Motion, law: Law) -> Array:
+    """Unit of the last place of the largest number that adds to a position, (N, n).
+
+    The velocity is followed from cycle to cycle: it has the rounding of the greatest so far.
+    """
+    size = law.kp * np.abs(motion.q - law.target) + law.kd * np.abs(motion.dq)
+    gained = law.T * np.abs(motion.dq).max(0) + 0.5 * law.T**2 * size
+    rounding: Array = np.spacing(np.abs(motion.q) + gained)
+    return rounding
+
+
+def _check_certificate(
+    run: ControllerRun, motion: Motion, step: Array, exact: Array, law: Law, claims: Claims
+) -> None:
+    answers, tick, T = run.answers, run.answers["tick"], law.T
+    e, v = motion.q - law.target, motion.dq
+    claims.equal("V", tick, answers["v"], 0.5 * (e * e).sum(1))
+    doubt = (exact + RELATIVE * np.abs(step)) / T
+    rate, off = (e * step).sum(1) / T, (np.abs(e) * doubt).sum(1)
+    claims.equal("predicted V rate", tick, answers["v_rate_predicted"], rate, off)
+    resting = ((np.abs(e) <= RESTING) & (np.abs(v) <= RESTING)).all(1)
+    growth = ((e + 0.5 * step) * step).sum(1) / T
+    off = off + (np.abs(step) * doubt).sum(1)
+    rise = np.where(resting, 0.0, np.maximum(growth, 0.0))
+    claims.equal("required V rate", tick, answers["v_rate_required"], rise, off)
+    room = np.minimum(motion.ddq - motion.lower, motion.upper - motion.ddq)
+    margin = np.minimum(1.0, (room / law.bounds.scale).min(1))
+    size = np.maximum(1.0, (np.abs(motion.ddq) / law.bounds.scale).max(1))
+    claims.equal("margin", tick, answers["margin"], margin, RELATIVE * size)
+    sure = np.abs(margin) > RELATIVE * size
+    stated, held = answers["solver_path"], np.where(margin <= 0.0, HELD, 0)
+    held = np.where(sure | (stated > HELD), held, stated)
+    claims.equal("held by a bound", tick, stated, held, 0.0)
+    proven = np.where(resting, STATUS["STATUS_AT_TARGET"], STATUS["STATUS_CERTIFIED"])
+    if law.bounds.kind != "viability":
+        proven[:] = STATUS["STATUS_UNCERTIFIED"]
+    claims.equal("status", tick, answers["solver_status"], proven, 0.0)

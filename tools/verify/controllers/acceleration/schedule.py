@@ -1,0 +1,147 @@
+"""Weights and priorities of tasks over time: their start, the timeline, and live changes.
+
+Liu, Tan and Padois, Autonomous Robots 2015, (11) and (15). α_ij is the priority of task j over
+task i. A task that is out heeds everybody, itself included, and nobody heeds it.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Settings = Mapping[str, Any]
+
+
+class Schedule(ABC):
+    """Numbers at each time since the reset [s], asked for in ascending order.
+
+    Args:
+        names: of the tasks.
+        start: the numbers, of any shape.
+        events: changes of the timeline; each has `at_s`.
+    """
+
+    def __init__(self, names: Sequence[str], start: Array, events: Sequence[Settings]) -> None:
+        self.names, self._later = list(names), sorted(events, key=lambda event: event["at_s"])
+        self.goal = start.copy()
+        self._from, self._to = start.copy(), start.copy()
+        self._begin, self._over = np.zeros(start.shape), np.zeros(start.shape)
+        self._asked = -math.inf
+
+    @property
+    def moving(self) -> bool:
+        """Whether some number was on its way when last asked for, or is to set out."""
+        return bool(self._later) or self._asked < float((self._begin + self._over).max())
+
+    def at(self, time_s: float) -> Array:
+        """The numbers."""
+        self._asked = time_s
+        while self._later and self._later[0]["at_s"] <= time_s:
+            event = self._later.pop(0)
+            self._take(event, event["at_s"])
+        return self._value(time_s)
+
+    def change(self, request: Settings, time_s: float) -> None:
+        """Somebody asks for a change, at a time since the reset [s]."""
+        self.at(time_s)
+        self._take(request, time_s)
+        self._asked = -math.inf
+
+    @abstractmethod
+    def head(self, event: Settings) -> Flags:
+        """Write into `goal` where an event sends the numbers; which set out."""
+
+    def _take(self, event: Settings, time_s: float) -> None:
+        present = self._value(time_s)
+        which = self.head(event)
+        self._from[which], self._to[which] = present[which], self.goal[which]
+        self._begin[which], self._over[which] = time_s, event.get("over_s", 0.0)
+
+    def _value(self, time_s: float) -> Array:
+        """(15): each number on half a cosine from where it was to where it goes."""
+        done = np.clip((time_s - self._begin) / np.where(self._over > 0.0, self._over, 1.0), 0, 1)
+        way = (0.5 - 0.5 * np.cos(np.pi * done)) * (self._to - self._from)
+        arrived = time_s >= self._begin + self._over
+        return np.where(arrived, self._to, self._from + way)
+
+
+class Weights(Schedule):
+    """ω_i of each task, (k,); 1 where a config says nothing."""
+
+    def __init__(self, names: Sequence[str], settings: Settings) -> None:
+        given = settings.get("weights") or {}
+        start = np.array([float(given.get(name, 1.0)) for name in names])
+        super().__init__(names, start, settings.get("timeline") or ())
+
+    def head(self, event: Settings) -> Flags:
+        """Those that it names."""
+        for name, weight in event["weights"].items():
+            self.goal[self.names.index(name)] = weight
+        return np.array([name in event["weights"] for name in self.names])
+
+
+class Priorities(Schedule):
+    """α, (k, k)."""
+
+    def __init__(self, names: Sequence[str], settings: Settings) -> None:
+        k, names = len(names), list(names)
+        self._wanted = np.zeros((k, k))
+        if settings.get("matrix"):
+            self._wanted[:] = settings["matrix"]
+        elif settings.get("order"):
+            for i, j, value in _ordered(settings["order"], names):
+                self._wanted[i, j] = value
+        self._out = np.zeros(k, bool)
+        self._out[_places(settings.get("inactive") or (), names)] = True
+        super().__init__(names, self._without(), settings.get("timeline") or ())
+
+    def head(self, event: Settings) -> Flags:
+        """Those whose goal becomes another, and those of pairs that it names and that take part."""
+        entries = [*_set(event.get("set") or (), self.names)]
+        entries += _ordered(event.get("order") or (), self.names)
+        for i, j, value in entries:
+            self._wanted[i, j] = value
+        self._out[_places(event.get("insert") or (), self.names)] = False
+        self._out[_places(event.get("remove") or (), self.names)] = True
+        before, self.goal = self.goal, self._without()
+        which = np.asarray(self.goal != before)
+        for i, j, _ in entries:
+            which[i, j] |= not (self._out[i] or self._out[j])
+        return which
+
+    def _without(self) -> Array:
+        found = self._wanted.copy()
+        found[:, self._out], found[self._out, :] = 0.0, 1.0
+        return found
+
+
+def leaders(alpha: Array) -> Flags:
+    """Which tasks take part and heed no other, (k,); all that take part where there is none."""
+    part = alpha.diagonal() < 1.0
+    heeds = (alpha - np.diag(alpha.diagonal())).any(1)
+    first = part & ~heeds
+    return first if first.any() else part
+
+
+def _places(given: str | Sequence[str], names: Sequence[str]) -> list[int]:
+    return [names.index(name) for name in ([given] if isinstance(given, str) else given)]
+
+
+def _ordered(order: Sequence[Any], names: Sequence[str]) -> list[tuple[int, int, float]]:
+    """Every pair among the tasks of an order: 1 for who stands above."""
+    ranks = {i: rank for rank, level in enumerate(order) for i in _places(level, names)}
+    return [(i, j, float(ranks[j] < ranks[i])) for i in ranks for j in ranks if i != j]
+
+
+def _set(given: Sequence[Any], names: Sequence[str]) -> list[tuple[int, int, float]]:
+    """[A, B, α] and, of pairs that are not given both ways, B over A with 1 − α."""
+    found = {(names.index(a), names.index(b)): float(value) for a, b, value in given}
+    other = {(j, i): 1.0 - value for (i, j), value in found.items() if i != j}
+    return [(i, j, value) for (i, j), value in {**other, **found}.items()]

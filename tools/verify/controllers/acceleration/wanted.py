@@ -1,0 +1,247 @@
+"""What tasks ask of the accelerations (Del Prete, IEEE RA-L 2018, (34)).
+
+A task's error e moves by −ν, its motion against its target, and ν by J·q̈ + ν̇₀. It asks for
+J·q̈ = kp·e − kd·ν − ν̇₀. Places and wrenches have rows in the root's axes, poses in the frame's own.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.tools.verify.controllers.acceleration.parameters import is_number
+from hoap3.tools.verify.robot import Robot
+from hoap3.tools.verify.tasks.config import posture_of, task_of
+from hoap3.tools.verify.tasks.logarithm import pose_logarithm, rotation_of
+from hoap3.tools.verify.tasks.targets import Target, UnknownTaskError, target_of
+from hoap3.tools.verify.tasks.tasks import AnyTask
+
+Array = NDArray[np.float64]
+Settings = Mapping[str, Any]
+
+AXES = ["x", "y", "z"]
+ROUNDING = 64 * np.finfo(float).eps
+"""Of a place that is the sum of some ten products, relative to the largest number in it."""
+BY_DIFFERENCES = 1e-10  # of a drift that is a difference quotient, relative to what it is of
+
+
+class Rows(NamedTuple):
+    """A task in one cycle, (m,) but for J; and how exactly e, ν and ν̇₀ are known, (3, m).
+
+    Attributes:
+        jacobian: J, (m, n).
+        error: e.
+        motion: ν.
+        rate: ν̇₀, of ν where q̈ = 0.
+        slope: V̇ = slope·ν of V = ½|e|².
+        exact: (3, m).
+    """
+
+    jacobian: Array
+    error: Array
+    motion: Array
+    rate: Array
+    slope: Array
+    exact: Array
+
+
+class Wanted(ABC):
+    """A task; `robot` is at q and moves with dq in every call."""
+
+    held = False
+    """Whether it stays where the robot is at the start."""
+
+    @abstractmethod
+    def begin(self, robot: Robot, time_s: float) -> None:
+        """Set out from where the robot is, at a time [s]."""
+
+    @abstractmethod
+    def at(self, robot: Robot, dq: Array, time_s: float, period_s: float) -> Rows:
+        """Its rows at a time [s]."""
+
+
+class Place(Wanted):
+    """The origin of a frame to a target that is given in a frame that stands."""
+
+    def __init__(self, target: Target, frame: str, reference: str, robot: Robot) -> None:
+        self._target, self._frame = target, frame
+        robot.place(robot.description.initial_position)
+        self._origin, self._axes = root_pose(robot, reference)
+        self.acceleration = np.zeros(3)
+        """Of the target in this period, in the root's axes, [m/s²]."""
+
+    def begin(self, robot: Robot, time_s: float) -> None:
+        """From the frame's origin."""
+        p, _ = root_pose(robot, self._frame)
+        self._target.start(self._axes.T @ (p - self._origin), time_s)
+
+    def at(self, robot: Robot, dq: Array, time_s: float, period_s: float) -> Rows:
+        """With e = x_d − x."""
+        J, twist, drift = (each[:3] for each in robot.frame_motion(self._frame, own_axes=False))
+        p, _ = root_pose(robot, self._frame)
+        moves = [self._axes @ each for each in self._target.over(time_s, period_s)]
+        self.acceleration = moves[2]
+        wanted, error = self._origin + moves[0], self._origin + moves[0] - p
+        size = np.abs(wanted).max() + np.abs(p).max()
+        speed, gains = np.abs(J) @ np.abs(dq) + np.abs(moves[1]), np.abs(moves[2])
+        exact = _exact(size, speed, gains + np.abs(dq).max() * speed + 4.0 * speed * time_s)
+        return Rows(J, error, twist - moves[1], drift - moves[2], -error, exact)
+
+
+class Pose(Wanted):
+    """A frame to a pose that stays: e = log(H⁻¹H_d), in the frame's own axes."""
+
+    def __init__(self, frame: str, goal: tuple[Array, Array] | None) -> None:
+        self._frame, self._goal, self.held = frame, goal, goal is None
+
+    def begin(self, robot: Robot, time_s: float) -> None:
+        """Hold where the frame is, where nothing else is said."""
+        del time_s
+        if self.held:
+            self._goal = root_pose(robot, self._frame)
+
+    def at(self, robot: Robot, dq: Array, time_s: float, period_s: float) -> Rows:
+        """ė = A·(−v − ω × t, −ω), A of the logarithm at t = Rᵀ(p_d − p) and RᵀR_d."""
+        del time_s, period_s
+        J, twist, drift = robot.frame_motion(self._frame, own_axes=True)
+        p, R = root_pose(robot, self._frame)
+        place, turn = self._goal or (p, R)
+        t = R.T @ (place - p)
+        e, rates = pose_logarithm(t, R.T @ turn)
+        away = -np.eye(6)
+        away[:3, 3:] = pin.skew(t)
+        speed = np.abs(J) @ np.abs(dq)
+        stiff = 1.0 + np.abs(rates).max()
+        size = stiff * (np.abs(place).max() + np.abs(p).max() + 1.0)
+        exact = _exact(size, speed, np.abs(dq).max() * speed)
+        return Rows(J, e, twist, drift, e @ rates @ away, exact)
+
+
+class Posture(Wanted):
+    """Some joints to positions that stay."""
+
+    def __init__(self, joints: list[int], target: Array, n: int) -> None:
+        self._joints, self._target, self._J = joints, target, np.eye(n)[joints]
+
+    def begin(self, robot: Robot, time_s: float) -> None:
+        """Nothing to do."""
+
+    def at(self, robot: Robot, dq: Array, time_s: float, period_s: float) -> Rows:
+        """With e = q_r − q."""
+        del time_s, period_s
+        q = robot.positions[self._joints]
+        e, none = self._target - q, np.zeros(len(q))
+        exact = np.array([np.spacing(np.abs(q) + np.abs(self._target)), none, none])
+        return Rows(self._J, e, dq[self._joints], none, -e, exact)
+
+
+class Given(Wanted):
+    """Any other task, by difference quotients along the motion."""
+
+    def __init__(self, task: AnyTask) -> None:
+        self._task = task
+
+    def begin(self, robot: Robot, time_s: float) -> None:
+        """From where the robot is."""
+        self._task.begin(robot, time_s)
+
+    def at(self, robot: Robot, dq: Array, time_s: float, period_s: float) -> Rows:
+        """ë = J·q̈ + ν̇₀ with ν = ė; the task's e is ours with the other sign."""
+        motion, rate = self._task.motion(robot, robot.positions, dq, time_s, period_s)
+        rows = self._task.at(robot, time_s)
+        speed = np.abs(rows.jacobian) @ np.abs(dq) + np.abs(rows.rate)
+        exact = _exact(1.0 + np.abs(rows.error), speed, np.abs(dq).max() * speed)
+        exact[2] += BY_DIFFERENCES * (speed + np.abs(rate) + ROUNDING * speed / period_s)
+        return Rows(rows.jacobian, -rows.error, motion, rate, rows.error, exact)
+
+
+def stacked(rows: Sequence[Rows]) -> Rows:
+    """Rows below each other."""
+    whole = [np.concatenate(part) for part in zip(*(each[:5] for each in rows), strict=True)]
+    jacobian, error, motion, rate, slope = whole
+    exact = np.hstack([each.exact for each in rows])
+    return Rows(jacobian, error, motion, rate, slope, exact)
+
+
+def wanted_of(entry: Settings, robot: Robot) -> Wanted:
+    """A task of a config.
+
+    Raises:
+        UnknownTaskError: what cannot be recomputed, with the reason.
+    """
+    name, given, n = entry.get("task"), entry.get("parameters") or {}, robot.description.n
+    task = task_of(entry, robot)  # which refuses what is wrong
+    if given.get("weights"):
+        return Given(task)
+    if name == "posture" and not given.get("approach_s"):
+        joints = [*robot.description.joint_names]
+        named = [joints.index(joint) for joint in given.get("joints") or joints]
+        values = given.get("target_rad") or ()
+        if len(values) != len(named):
+            values = posture_of(robot.description, given.get("posture"), values)[named]
+        return Posture(named, np.array(values, float), n)
+    reference = given.get("reference") or robot.description.base_frame
+    if name not in {"frame_position", "frame_pose"} or not stands(robot.description, reference):
+        return Given(task)
+    if name == "frame_position":
+        whole = list(given.get("axes") or AXES) == AXES
+        target = target_of(given.get("target"))
+        return Place(target, given["frame"], reference, robot) if whole else Given(task)
+    if given.get("turn_s") or not _still(given.get("target")):
+        return Given(task)
+    return Pose(given["frame"], _goal(given, reference, robot))
+
+
+def stands(description: RobotDescription, frame: str) -> bool:
+    """Whether no joint moves a frame."""
+    parents = {joint.child: joint for joint in description.structure.joints}
+    while frame in parents and parents[frame].name not in description.structure.movable:
+        frame = parents[frame].parent
+    return frame not in parents
+
+
+def root_pose(robot: Robot, frame: str) -> tuple[Array, Array]:
+    """Origin (3,) and axes (3, 3) of a frame in the root's, copies."""
+    placed = robot.data.oMf[robot.model.getFrameId(robot.known(frame), pin.FrameType.BODY)]
+    return placed.translation.copy(), placed.rotation.copy()
+
+
+def _still(target: Settings | None) -> bool:
+    return target is None or (
+        target.get("kind", "point") == "point" and not target.get("approach_s")
+    )
+
+
+def _goal(given: Settings, reference: str, robot: Robot) -> tuple[Array, Array] | None:
+    """Where a pose is in the root's axes; None where it stays as it is at the start."""
+    target = given.get("target")
+    if target is not None:
+        robot.place(robot.description.initial_position)
+        origin, axes = root_pose(robot, reference)
+        turn = np.array(given.get("rotation_rad") or np.zeros(3), float)
+        return origin + axes @ np.array(target["position_m"]), axes @ rotation_of(turn)
+    if given.get("posture") is None and not given.get("posture_rad"):
+        return None
+    wanted = given.get("posture"), given.get("posture_rad") or ()
+    robot.place(posture_of(robot.description, *wanted))
+    return root_pose(robot, given["frame"])
+
+
+def gains_of(entry: Settings) -> tuple[float, float]:
+    """Gains kp [1/s²] and kd [1/s], by default critical damping."""
+    kp, kd = entry.get("kp", 10.0), entry.get("kd")
+    if not is_number(kp) or kp < 0.0 or not (kd is None or is_number(kd)):
+        raise UnknownTaskError(f"gains are {kp!r:.40} and {kd!r:.40}")
+    return float(kp), 2.0 * math.sqrt(kp) if kd is None else float(kd)
+
+
+def _exact(size: Any, speed: Array, acceleration: Array) -> Array:
+    """How exactly e, ν and ν̇₀ are known, (3, m), of numbers so large."""
+    return ROUNDING * np.array([np.broadcast_to(size, speed.shape), speed, acceleration])
