@@ -39,7 +39,7 @@ def interpreters(tmp_path_factory: pytest.TempPathFactory) -> dict[int, list[str
     old = str(folder / "env" / "bin" / "python")
     given = {**os.environ, "PIP_CONSTRAINT": str(HOUSE / "constraints.txt")}
     subprocess.run([old, "-m", "pip", "install", "-q", folder / "source"], check=True, env=given)
-    found = {1: [old, "-I"], 2: [sys.executable]}  # -I: whatever PYTHONPATH says
+    found = {1: [old], 2: [sys.executable]}
     for python in found.values():  # kernels are compiled here, and not while the other side waits
         first = start(
             python, "run", "--lockstep", "--duration", "0.01", "--out", "first", cwd=folder
@@ -52,12 +52,15 @@ def interpreters(tmp_path_factory: pytest.TempPathFactory) -> dict[int, list[str
 def start(python: list[str], *words: str, cwd: Path) -> subprocess.Popen[str]:
     """A command of ours, by an interpreter, outside the checkout."""
     code = "import sys; from hoap3.tools.cli.app import main; sys.exit(main())"
+    ours = python[0] == sys.executable
+    env = {name: value for name, value in os.environ.items() if ours or name != "PYTHONPATH"}
     return subprocess.Popen(
         [*python, "-c", code, *words],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         cwd=cwd,
+        env=env,
     )
 
 
