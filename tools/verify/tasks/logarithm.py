@@ -57,7 +57,7 @@ def inverse_left(phi: Array) -> tuple[Array, float, float]:
 
 
 def curvature(square: float) -> tuple[float, float]:
-    """C and dc/dθ over θ, for θ²."""
+    """Give c and dc/dθ over θ, for θ²."""
     if square < NEAR**2:
         powers = square ** np.arange(TERMS)
         terms, slopes = _series()
