@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from hoap3.protocol.description import COM
@@ -19,6 +18,7 @@ from hoap3.tools.verify.tasks.logarithm import (
     pose_logarithm,
     rotation_of,
     rotation_vector,
+    skew,
 )
 from hoap3.tools.verify.tasks.targets import Target
 
@@ -225,7 +225,7 @@ class PoseTask(Task):
         t, turning = axes @ (p - wanted[:3]), angular_velocity(wanted[3:], wanted_rate[3:])
         e, rates = pose_logarithm(t, axes @ R)
         twist = np.vstack([axes @ J[:3], axes @ J[3:]])
-        away = np.concatenate([axes @ wanted_rate[:3] + pin.skew(turning) @ t, turning])
+        away = np.concatenate([axes @ wanted_rate[:3] + skew(turning) @ t, turning])
         rows = self._rows
         return e[rows], (rates @ twist)[rows], (-rates @ away)[rows]
 
