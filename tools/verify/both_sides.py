@@ -1,10 +1,15 @@
-"""Whether the logs of a robot and of its controller tell the same story."""
+"""Whether the logs of a robot and of its controller tell the same story.
+
+Where one side is of version 1 of the wire, they can agree only in what that version has.
+"""
 
 from __future__ import annotations
 
+from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.protocol.wire_versions import OLDEST, downgraded
 from hoap3.tools.logs.log import Log
 from hoap3.tools.verify.claims import Claims
 
@@ -13,9 +18,9 @@ Messages = dict[tuple[int, int], set[bytes]]
 
 def check_both(robot: Log, controller: Log, claims: Claims) -> None:
     """The robot's description, and what both logs have of a tick, are the same."""
-    together = False
+    together, old = False, OLDEST in {robot.wire_version, controller.wire_version}
     for kind, name in ((Kind.STATE, "State"), (Kind.SETPOINT, "Setpoint")):
-        ours, theirs = _messages(robot, kind), _messages(controller, kind)
+        ours, theirs = (_messages(log, kind, old=old) for log in (robot, controller))
         shared = [key for key in theirs if key in ours]
         together |= bool(shared)
         if not shared:
@@ -24,21 +29,28 @@ def check_both(robot: Log, controller: Log, claims: Claims) -> None:
         ticks = [tick for _, tick in shared]
         claims.equal(f"{name} in both logs", ticks, same, [1.0] * len(same), 0.0)
     if together:
-        same_robot = robot.description.digest == controller.description.digest
-        claims.equal("description in both logs", 0, float(same_robot), 1.0)
+        ours_said, theirs_said = (_said(log.description, old=old) for log in (robot, controller))
+        claims.equal("description in both logs", 0, float(ours_said == theirs_said), 1.0)
     else:
         claims.unverified("description in both logs", 1, "the logs share no tick")
 
 
-def _messages(log: Log, kind: Kind) -> Messages:
-    """The messages of a kind by session and tick."""
+def _said(description: RobotDescription, *, old: bool) -> str:
+    """What tells descriptions apart; of an `old` side, without what version 1 does not know."""
+    known = description.model_copy(update={"state_arrays": {}}) if old else description
+    return known.digest
+
+
+def _messages(log: Log, kind: Kind, *, old: bool) -> Messages:
+    """The messages of a kind by session and tick, as version 1 has them where one side is old."""
     message = State if kind == Kind.STATE else Setpoint
     found: Messages = {}
     for record in log.records():
         if record.kind == kind:
             try:
                 key = message.scalars(record.payload, "session_id", "tick")
+                payload = downgraded(message, record.payload) if old else record.payload
             except WireError:
                 continue
-            found.setdefault((key[0], key[1]), set()).add(record.payload)
+            found.setdefault((key[0], key[1]), set()).add(payload)
     return found

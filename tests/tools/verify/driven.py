@@ -58,7 +58,7 @@ def driven(
     loop.grant(1)
     place = description.initial_posture if posture is None else posture
     reference = np.array(description.postures[place])
-    state, answer = State(description.n), Setpoint(description.n, len(controller.extra_names))
+    state, answer = State(description.n), Setpoint.like(controller.command.dump())
     for tick in range(ticks):
         state.session_id, state.tick, state.epoch = SESSION, tick, 1
         state.mode = State.IDLE if tick in pauses else State.ACTIVE

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -51,6 +52,20 @@ def changed_field(
             values = getattr(message, field)
             values[joint] = to(values[joint])
         records[place] = records[place]._replace(payload=message.dump())
+        return records
+
+    return change
+
+
+def changed_limit(joint: int, key: str) -> Change:
+    """A limit of a joint in the description becomes another by 1e-6 of it."""
+
+    def change(records: list[Record]) -> list[Record]:
+        place = nth(records, Kind.DESCRIPTION, 0)
+        description = json.loads(records[place].payload)
+        description["joints"][joint][key] *= 1.0 - 1e-6  # stays within what is allowed
+        payload = json.dumps(description).encode()
+        records[place] = records[place]._replace(payload=payload)
         return records
 
     return change

@@ -76,6 +76,7 @@ def column(name: str, to: Callable[[float], float] = bigger) -> Callable[[Path, 
 EVERY: dict[str, Callable[[Path, int], Change]] = {
     "q": lambda _, number: changed_field(STATE, number, "q", bigger, joint=2),
     "setpoint": lambda _, number: changed_field(SETPOINT, number, "values", bigger, joint=2),
+    "decision": lambda _, number: changed_field(SETPOINT, number, "decision", bigger, joint=2),
     "V": field("v"),
     "V rate": field("v_rate_predicted"),
     "required V rate": field("v_rate_required", lambda rate: bigger(rate) or 1e-6),
@@ -90,6 +91,9 @@ CLIK = {
     "beta_actual": column("beta_actual"),
     "gain of the hand": column("gain_hand_2"),
     "gain of the wrist": column("gain_wrist"),
+    "gain in the array": lambda _, number: changed_field(
+        SETPOINT, number, "gains", bigger, joint=1
+    ),
     "task_rank": column("task_rank", lambda rank: rank - 1),
     "remainder": column("remainder", lambda r: r + 1e-9),
     "floor": column("floor", lambda floor: bigger(floor) or 1e-6),
@@ -104,6 +108,7 @@ KINDS = {
         **EVERY,
         "error": column("error_com"),
         "alpha": column("alpha_posture_foot"),
+        "gain": lambda _, number: changed_field(SETPOINT, number, "gains", bigger, joint=0),
         "solver_status": field("solver_status", lambda status: 1 if status == 0 else 0),
     },
 }

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from support import HOUSE
 from support.command_bench import inside
-from tampering import Change, changed_field, removed, rewrite, swapped
+from tampering import Change, changed_field, changed_limit, removed, rewrite, swapped
 
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.logs.log import Log
@@ -137,6 +137,25 @@ def test_the_description_of_another_robot_is_found(story: Path, tmp_path: Path) 
     assert (found.checked, found.false) == (1, 1)
 
 
+LIMITS = ("lower", "upper", "velocity", "setpoint_acceleration_max", "brake_acceleration", "effort")
+
+
+@pytest.mark.parametrize("places", [5, pytest.param(100, marks=pytest.mark.long)])
+@pytest.mark.parametrize("side", ["robot", "controller"])
+def test_a_bound_that_is_another_in_one_log_is_found(
+    side: str, places: int, story: Path, tmp_path: Path
+) -> None:
+    joints = Log.open(story, side=side).description.joints
+    known = [(n, key) for n, joint in enumerate(joints) for key in LIMITS if getattr(joint, key)]
+    for number, (joint, key) in enumerate(random.Random(side).sample(known, places)):
+        folder = tmp_path / str(number)
+        rewrite(story, side, folder, changed_limit(joint, key))
+        other = "robot" if side == "controller" else "controller"
+        shutil.copy(story / f"{other}.mcap", folder)
+        assert verify(folder).claims.counts["description in both logs"].false == 1, (key, joint)
+        shutil.rmtree(folder)
+
+
 @pytest.mark.parametrize("wrong", ["beta: [1]", "beta: .nan", "beta: yes", "psi_scale: none"])
 def test_a_parameter_that_is_none_is_not_reckoned_with(
     wrong: str, story: Path, tmp_path: Path
@@ -178,6 +197,7 @@ STATE, SETPOINT = Kind.STATE, Kind.SETPOINT
 CONTROLLERS = {
     "q": lambda n: changed_field(STATE, n, "q", bigger, joint=3),
     "setpoint": lambda n: changed_field(SETPOINT, n, "values", bigger, joint=4),
+    "decision": lambda n: changed_field(SETPOINT, n, "decision", bigger, joint=4),
     "V": lambda n: changed_field(SETPOINT, n, "v", bigger),
     "V rate": lambda n: changed_field(SETPOINT, n, "v_rate_predicted", bigger),
     "required V rate": lambda n: changed_field(SETPOINT, n, "v_rate_required", bigger),
@@ -191,6 +211,7 @@ CONTROLLERS = {
     "epoch": lambda n: changed_field(SETPOINT, n, "epoch", lambda epoch: epoch + 1),
     "stamp": lambda n: changed_field(SETPOINT, n, "stamp_state", lambda t: t + HALF_PERIOD),
 }
+MAY_STAY = {"q", "setpoint", "decision"}  # where the number is 0
 ROBOTS = {
     "removed State": lambda n: removed(STATE, n),
     "removed answer": lambda n: removed(SETPOINT, n),
@@ -231,7 +252,9 @@ def test_each_kind_of_change_is_found_at_a_hundred_places(
             for number in random.Random(kind).sample(range(10, 450), 100):
                 folder = tmp_path / f"{side} {kind} {number}"
                 change = made(number)
-                if kind in {"q", "setpoint"} and not _moves(change, tmp_path / "run", number):
+                if kind in {"q", "setpoint", "decision"} and not _moves(
+                    change, tmp_path / "run", number
+                ):
                     continue
                 _assert_found(change, tmp_path / "run", side, number, folder)
                 shutil.rmtree(folder)

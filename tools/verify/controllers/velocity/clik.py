@@ -121,7 +121,7 @@ def _check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims, *,
         answers, law = answers.only(~unclear), law.only(~unclear)
     if not len(answers.tick):
         return
-    gains = _gains(answers.run, named, sum(tasks.sizes))
+    gains = _gains(answers.run, named, claims)
     if sdp and gains is None:
         claims.unverified("certificate", len(answers.tick), "the log has no gains")
         return
@@ -180,14 +180,19 @@ def _columns(tasks: Tasks) -> list[str]:
     return names
 
 
-def _gains(run: ControllerRun, named: list[str], rows: int) -> Array | None:
-    """All gains λ [1/s] of each answer, (N, m); None where the log has not all of them."""
-    answers = run.answers
-    if "gains" in (answers.dtype.names or ()) and answers["gains"].shape[1] == rows:
-        return np.asarray(answers["gains"], float)
-    if sum(name.startswith("gain_") for name in named) >= rows:
-        return np.asarray(answers["extra"][:, -rows:], float)
-    return None
+def _gains(run: ControllerRun, named: list[str], claims: Claims) -> Array | None:
+    """All gains λ [1/s] of each answer, (N, m); None where the log has not all of them.
+
+    Where it has them twice, as an array and as columns, they must agree.
+    """
+    array: Array = run.answers["gains"].astype(float)
+    shown = sum(name.startswith("gain_") for name in named)
+    columns: Array = run.answers["extra"][:, len(named) - shown :].astype(float)
+    if not array.shape[1]:  # of version 1 of the wire
+        return columns if shown else None
+    if shown:
+        claims.equal("gain in a column", run.answers["tick"], columns, array, 0.0)
+    return array
 
 
 def _motion(answers: Answers, law: Law, damping: float) -> _Motion:

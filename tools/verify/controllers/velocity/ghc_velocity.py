@@ -80,6 +80,9 @@ def check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims) -> 
     if answers.delayed:
         claims.unverified("u", len(answers.tick), DELAYED)
         return
+    told = answers.run.answers["gains"]
+    if told.shape[1]:
+        claims.equal("gain", answers.tick, told, np.tile(gains, (len(told), 1)), 0.0)
     answers.check_margin(claims)
     check_values(answers.run, settings, claims)
     wanted = -gains * answers.cycles.e - answers.cycles.rate
