@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import shutil
 from collections.abc import Callable
@@ -101,7 +102,7 @@ CLIK = {
 }
 KINDS = {
     "clik": {**CLIK, "certified": field("solver_status", lambda _: 0)},
-    "clik_sdp": CLIK,
+    "clik_sdp": {**CLIK, "a gain that is none": column("gain_hand_1", lambda _: math.nan)},
     # errors of some 1e-5 m: a gain that is 1e-6 larger moves no claim
     "writing": {**CLIK, "gain of the hand": column("gain_hand_2", lambda gain: 1.1 * gain)},
     "ghc_velocity": {

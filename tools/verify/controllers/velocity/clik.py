@@ -119,15 +119,19 @@ def _check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims, *,
     if unclear.any():
         claims.unverified("u", int(unclear.sum()), UNCLEAR)
         answers, law = answers.only(~unclear), law.only(~unclear)
-    if not len(answers.tick):
-        return
     gains = _gains(answers.run, named, claims)
     if sdp and gains is None:
         claims.unverified("certificate", len(answers.tick), "the log has no gains")
         return
+    if sdp and gains is not None:
+        finite: Flags = np.asarray(np.isfinite(gains).all(1))
+        claims.at_most("gains are no numbers", answers.tick, ~finite, 0.0, 0.0)
+        answers, law, gains = answers.only(finite), law.only(finite), gains[finite]
     motion = _motion(answers, law, settings["damping"])
     if not sdp:
         gains = _check_steady(answers, law, motion, wanted, gains, claims)
+    if not len(answers.tick):
+        return
     columns = dict(zip(named, answers.run.answers["extra"].T, strict=True))
     problem = _Problem(answers, law, np.asarray(gains), columns, motion)
     _check_answers(problem, tasks, weights, settings, claims, sdp=sdp)
