@@ -153,6 +153,65 @@ def test_other_settings_raise_no_false_alarm(name: str, tmp_path: Path) -> None:
         assert found.claims.counts["fallback: optimum"].checked > 10
 
 
+MANY = """
+controller: ghc
+robot: humanoid32
+parameters:
+  w_r: 1.0e-3
+  tasks:
+    - {name: com, task: com, kp: 50.0,
+       parameters: {frame: l_sole, target: {kind: circle, center_m: [0.0, -0.1, 0.8],
+                    radius_m: 0.02, period_s: 2.0, approach_s: 0.5}}}
+    - {name: turn, task: frame_orientation, kp: 40.0,
+       parameters: {frame: head, rotation_rad: [0.1, 0.0, 0.2], turn_s: 1.0}}
+    - {name: hand, task: frame_pose, kp: 60.0, kd: 12.0,
+       parameters: {frame: r_palm, reference: head, rotation_rad: [0.0, 0.3, 0.0], turn_s: 0.7,
+                    target: {kind: point, position_m: [0.3, -0.3, -0.3], approach_s: 1.0}}}
+    - {name: left, task: frame_position, kp: 30.0,
+       parameters: {frame: l_palm, axes: [x, z], weights: [1.0, 2.0],
+                    target: {kind: waypoints, speed_m_s: 0.4,
+                             points_m: [[0.4, 0.2, 0.2], [0.3, 0.3, 0.3]]}}}
+    - {name: held, task: frame_pose, kp: 30.0, parameters: {frame: r_sole}}
+    - {name: posture, task: posture, kp: 30.0, parameters: {approach_s: 0.5}}
+  priorities: {order: [com, [turn, hand], left, held, posture]}
+"""
+WRENCH = """
+controller: ghc
+robot: lwr
+parameters:
+  tasks:
+    - {name: hand, task: wrench, kp: 30.0, kd: 20.0,
+       parameters: {frame: ee, rotation_rad: hold, axes: [z, rx], wrench: [12.0, 0.0],
+                    target: {kind: point, position_m: [-0.5, -0.25, 0.49], approach_s: 0.3},
+                    force_kp: 0.2, force_ki_per_s: 4.0, force_kd: 3.0, integral_max: [5.0, 0.5]}}
+    - {name: posture, task: posture, kp: 30.0, kd: 20.0, parameters: {posture: bent}}
+  priorities:
+    order: [hand, posture]
+    timeline:
+      - {at_s: 1.2, remove: hand, over_s: 0.1}
+      - {at_s: 1.6, insert: hand, over_s: 0.1}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("robot", "config", "seconds"),
+    [("humanoid32_torque", MANY, 0.5), ("lwr_with_table", WRENCH, 2)],
+)
+def test_tasks_of_all_kinds_raise_no_false_alarm(
+    robot: str, config: str, seconds: float, tmp_path: Path
+) -> None:
+    file = tmp_path / "many.yaml"
+    file.write_text(config, "utf-8")
+
+    found = verify(ran(tmp_path / "run", robot, str(file), seconds=seconds))
+
+    assert found.claims.by_tick() == []
+    assert found.verdict == "true"
+    if robot == "lwr_with_table":
+        assert found.claims.counts["wrench"].checked == 4000
+
+
 def test_constraints_of_accelerations_are_counted_by_name(tmp_path: Path) -> None:
     constraint = f"{OWN}constraints=[{{constraint: joint_torque}}]"
 
@@ -175,7 +234,8 @@ CHANGES: dict[str, Callable[[int], Change]] = {
     "q": lambda n: changed_field(STATE, n, "q", bigger, joint=3),
     "dq": lambda n: changed_field(STATE, n, "dq", lambda v: v + 1e-6, joint=3),
     "setpoint": lambda n: changed_field(SETPOINT, n, "values", bigger, joint=3),
-    "decision": lambda n: changed_field(SETPOINT, n, "decision", bigger, joint=3),
+    "decision": lambda n: changed_field(SETPOINT, n, "decision", lambda a: a + 1e-5, joint=3),
+    "torque": lambda n: changed_field(SETPOINT, n, "decision", lambda t: t + 1e-6, joint=-1),
     "V": lambda n: changed_field(SETPOINT, n, "v", bigger),
     "V rate": lambda n: changed_field(SETPOINT, n, "v_rate_predicted", bigger),
     "required V rate": lambda n: changed_field(SETPOINT, n, "v_rate_required", lambda r: r + 1e-6),
