@@ -16,14 +16,13 @@ from hoap3.remote_controller.scheduling.priorities import Priorities
 from hoap3.remote_controller.scheduling.settings import PrioritySettings
 from hoap3.remote_controller.scheduling.weights import Weights, WeightSettings
 from hoap3.tools.verify.controllers.acceleration import (
-    bounds,
     ghc,
     hqp,
     joint_acceleration,
-    schedule,
     tsid,
     weighted,
 )
+from hoap3.tools.verify.controllers.acceleration.model import bounds, schedule
 
 
 def test_bounds_are_those_that_their_meaning_gives() -> None:

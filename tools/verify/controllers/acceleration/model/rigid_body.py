@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from hoap3.tools.verify.controllers.acceleration.wanted import ROUNDING
+from hoap3.tools.verify.controllers.acceleration.model.wanted import ROUNDING
 from hoap3.tools.verify.robot import Robot
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.tools.verify.controllers.acceleration.parameters import is_number
+from hoap3.tools.verify.controllers.acceleration.model.parameters import is_number
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.tasks.config import posture_of, task_of
 from hoap3.tools.verify.tasks.logarithm import pose_logarithm, rotation_of
