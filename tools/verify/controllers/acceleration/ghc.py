@@ -26,7 +26,7 @@ from hoap3.tools.verify.controllers.acceleration.fallbacks import (
 from hoap3.tools.verify.controllers.acceleration.family import Family, braking, check_family
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy
 from hoap3.tools.verify.controllers.acceleration.model import bounds
-from hoap3.tools.verify.controllers.acceleration.model.rigid_body import rounding_of
+from hoap3.tools.verify.controllers.acceleration.model.rounding import rounding_of
 from hoap3.tools.verify.controllers.acceleration.model.schedule import Priorities, leaders
 from hoap3.tools.verify.controllers.acceleration.model.wanted import ROUNDING
 from hoap3.tools.verify.controllers.acceleration.projectors import Projectors
