@@ -40,6 +40,15 @@ class Robot:
         self._built.frame_id(frame)
         return frame
 
+    def moves(self, frame: str, reference: str) -> NDArray[np.bool_]:
+        """Whether each joint moves a frame as seen from another, (n,), by how they are linked."""
+        found = np.zeros(self.model.nv, bool)
+        for name in (frame, reference):
+            joint = self.model.frames[self._built.frame_id(name)].parentJoint
+            above = [each for each in self.model.supports[joint] if each > 0]  # 0 is the world
+            found[[self.model.joints[each].idx_v for each in above]] ^= True
+        return found[self.order]
+
     def place(self, q: Array) -> None:
         """Take joint positions, (n,) [rad or m]."""
         self.positions = np.array(q, float)

@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 
 INFEASIBLE, BOUNDLESS, TIRED = -1, -3, -4  # flags of daqp
 STEPS = 1000  # of daqp: ten times what a vertex takes
+SETTLED = 1e-10  # of W u: daqp stops where its proximal steps move by less; by default at 1e-6
 BROKEN = 1e-9  # by so much a point may be beyond its limits and count as within
 TOLERANCES = (1e-11, 1e-8)  # of daqp, in units of W u; the second where rounding misleads the first
 
@@ -140,7 +141,7 @@ class MaxDescentLp:
         for tolerance in TOLERANCES:
             x, _, flag, info = self._solve(
                 None, slope, self.rows, self.most, self.least, self.sense,
-                primal_tol=tolerance, iter_limit=STEPS,
+                primal_tol=tolerance, iter_limit=STEPS, eta_prox=SETTLED,
             )  # fmt: skip
             if flag == 1 or (flag == TIRED and self.keeps(x, BROKEN)):
                 self.sure = flag == 1

@@ -52,12 +52,15 @@ def interpreters(tmp_path_factory: pytest.TempPathFactory) -> dict[int, list[str
 def start(python: list[str], *words: str, cwd: Path) -> subprocess.Popen[str]:
     """A command of ours, by an interpreter, outside the checkout."""
     code = "import sys; from hoap3.tools.cli.app import main; sys.exit(main())"
+    ours = python[0] == sys.executable
+    env = {name: value for name, value in os.environ.items() if ours or name != "PYTHONPATH"}
     return subprocess.Popen(
         [*python, "-c", code, *words],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         cwd=cwd,
+        env=env,
     )
 
 

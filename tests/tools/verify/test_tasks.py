@@ -16,7 +16,12 @@ from hoap3.remote_controller.tasks.registry import TaskSettings, build
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.tasks.config import UnknownTaskError, default_entry, task_of
-from hoap3.tools.verify.tasks.logarithm import pose_logarithm, rotation_of, rotation_vector
+from hoap3.tools.verify.tasks.logarithm import (
+    angular_velocity,
+    pose_logarithm,
+    rotation_of,
+    rotation_vector,
+)
 
 T = 1e-3
 EIGHT = {
@@ -195,6 +200,18 @@ def test_the_logarithm_is_exact_at_every_angle(angle: float) -> None:
         both = np.real(logm(np.block([[pose, rate], [np.zeros((4, 4)), pose]])))[:4, 4:]
         wanted = np.r_[both[:3, 3], both[2, 1], both[0, 2], both[1, 0]]
         np.testing.assert_allclose(rates @ motion, wanted, atol=1e-7)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-6, 0.099, 0.101, 2.0, 3.1])
+def test_a_rotation_and_its_angular_velocity_are_those_of_the_exponential(angle: float) -> None:
+    from scipy.linalg import expm, expm_frechet
+
+    phi, rate = angle * np.array([0.6, -0.64, 0.48]), np.array([0.3, 0.5, -0.2])
+    R, turning = expm_frechet(cross_matrix(phi), cross_matrix(rate))
+    np.testing.assert_allclose(rotation_of(phi), expm(cross_matrix(phi)), atol=1e-14)
+    omega = R.T @ turning
+    wanted = [omega[2, 1], omega[0, 2], omega[1, 0]]
+    np.testing.assert_allclose(angular_velocity(phi, rate), wanted, atol=1e-13)
 
 
 def test_a_rotation_vector_is_that_of_its_rotation_near_half_a_turn() -> None:

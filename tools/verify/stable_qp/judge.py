@@ -12,7 +12,8 @@ from hoap3.tools.verify.stable_qp.settings import Settings
 
 Array = NDArray[np.float64]
 
-LARGEST = 1e-8  # of 1 + the fall of V: how near the most it must be
+LARGEST = 1e-8  # of 1 + the fall of V: how near the most it must be,
+INSIDE = 1e-3  # and of the fall itself, where an answer is not certified
 
 
 class Judge:
@@ -57,8 +58,7 @@ class Judge:
         if alone <= enough:
             return alone, self._missing(p, enough) if short else 0.0
         if short and self._damped:
-            price = p.price(self._ratio, self._kind)
-            found = optimality.residual(p, self._kind, enough, optimality.FIXED, price)
+            found = self._priced(p, enough)
             if found <= enough:
                 return found, 0.0
         found = optimality.residual(p, self._kind, enough, self._rate)
@@ -69,13 +69,14 @@ class Judge:
         gap = most_by_bounds(p) - p.fall
         if gap <= LARGEST * (1.0 + abs(p.fall)):
             return gap
-        if self._damped:
-            y, s, low, high = (part[None] for part in (p.y, p.slope, p.lower, p.upper))
-            off = np.array([enough * p.scale])
-            least, most = box.multipliers(y, s, np.array([p.kappa]), low, high, off)
-            if least[0] <= p.price(self._ratio, self._kind) <= most[0]:
-                return 0.0
+        if self._damped and self._priced(p, enough) <= enough:
+            return 0.0
         return farkas.most_fall(p) - p.fall
+
+    def _priced(self, p: Scaled, enough: float) -> float:
+        """Residual where the multiplier of V's rate is the price of a faster fall."""
+        price = p.price(self._ratio, self._kind)
+        return optimality.residual(p, self._kind, enough, optimality.FIXED, price)
 
 
 def most_by_bounds(p: Scaled) -> float:

@@ -18,7 +18,7 @@ from hoap3.tools.verify.stable_qp.answers import (
     Answers,
 )
 from hoap3.tools.verify.stable_qp.certificate import CERTIFIED
-from hoap3.tools.verify.stable_qp.judge import LARGEST, Judge
+from hoap3.tools.verify.stable_qp.judge import INSIDE, LARGEST, Judge
 from hoap3.tools.verify.stable_qp.problem import PLACES, Cycle
 from hoap3.tools.verify.stable_qp.scaled import Objective, Stacked
 from hoap3.tools.verify.stable_qp.settings import Settings
@@ -28,7 +28,6 @@ Array = NDArray[np.float64]
 
 OPTIMAL = 1e-9  # greatest residual of a certified answer
 KEPT = 1e-9  # rad/s or m/s: what a certified answer may be beyond a row or a bound
-NEARLY = 1e-3  # likewise of LARGEST, for answers that are not certified
 CURVATURE = 1e-6  # of a margin: what a certified answer may find it below 0
 
 
@@ -168,8 +167,8 @@ def _check_optimum(
         found[i], gap[i] = judge(stack[i], float(found[i]), enough, short=bool(short[i]))
     claims.at_most("residual", tick[answered], found[answered], most[answered], off[answered])
     proven = sent.stated["solver_status"][at] == CERTIFIED
-    exact = np.where(proven, LARGEST, np.maximum(NEARLY, 10.0 * stated))
     fall = -(stack.slope * stack.y).sum(1)
-    near = exact * (1.0 + np.abs(fall)) + (np.abs(stack.slope) * stack.doubt).sum(1)
+    inside = LARGEST + np.where(proven, 0.0, INSIDE)
+    near = LARGEST + inside * np.abs(fall) + (np.abs(stack.slope) * stack.doubt).sum(1)
     claims.at_most("largest rho", tick[short], gap[short], 0.0, near[short])
     claims.at_most("certified: residual", tick[proven], stated[proven], OPTIMAL, 0.0)

@@ -10,24 +10,35 @@ import math
 from functools import cache
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 from scipy.special import bernoulli, factorial
 
 Array = NDArray[np.float64]
 
+FLAT = 0.1  # rad: below, a series for (θ − sin θ)/θ³
 NEAR = 1.0  # rad: below, series
 TERMS = 12  # of which the last is below (NEAR/2π)²⁴ of the first
 
 
+def skew(a: Array) -> Array:
+    """The matrix of a × …, (3, 3)."""
+    x, y, z = a.tolist()
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
 def rotation_vector(R: Array) -> Array:
-    """φ (3,) [rad] of a rotation (3, 3), |φ| ≤ π."""
-    q = pin.Quaternion(R).normalized().coeffs()
-    w, length = float(q[3]), math.sqrt(float(q[:3] @ q[:3]))
+    """φ (3,) [rad] of a rotation (3, 3), |φ| ≤ π, by its quaternion (v, w) of any length."""
+    own = R.diagonal()
+    trace, i = float(own.sum()), int(own.argmax())
+    turned = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    v, w = turned, 1.0 + trace
+    if trace < own[i]:
+        v, w = R[i] + R[:, i], float(turned[i])
+        v[i] = 1.0 + 2.0 * own[i] - trace
+    length = math.sqrt(float(v @ v))
     if length == 0.0:
         return np.zeros(3)
-    angle = 2.0 * math.atan2(length, abs(w))
-    return np.asarray(math.copysign(angle / length, w) * q[:3], float)
+    return math.copysign(2.0 * math.atan2(length, abs(w)) / length, w) * v
 
 
 def nearer(phi: Array, to: Array) -> Array:
@@ -40,24 +51,41 @@ def nearer(phi: Array, to: Array) -> Array:
 
 
 def rotation_of(phi: Array) -> Array:
-    """exp[φ], (3, 3)."""
-    return np.asarray(pin.exp3(phi), float)
+    """exp[φ], (3, 3) (Rodrigues)."""
+    cross, angle = skew(phi), math.sqrt(float(phi @ phi))
+    return np.eye(3) + _sinc(angle) * cross + 0.5 * _sinc(0.5 * angle) ** 2 * (cross @ cross)
 
 
 def angular_velocity(phi: Array, rate: Array) -> Array:
-    """ω (3,) of a rotation exp[φ] in its own axes, where φ changes at a rate (3,) [rad/s]."""
-    return np.asarray(pin.Jexp3(phi) @ rate, float)
+    """ω (3,) of a rotation exp[φ] in its own axes, where φ changes at a rate (3,) [rad/s].
+
+    (I − (1 − cos θ)/θ² [φ] + (θ − sin θ)/θ³ [φ]²) dφ/dt.
+    """
+    square = float(phi @ phi)
+    if square < FLAT**2:
+        rest = 1.0 / 6.0 - square / 120.0 + square**2 / 5040.0 - square**3 / 362880.0
+    else:
+        rest = (1.0 - _sinc(math.sqrt(square))) / square
+    cross = skew(phi)
+    once = cross @ rate
+    bent = 0.5 * _sinc(0.5 * math.sqrt(square)) ** 2
+    return np.asarray(rate - bent * once + rest * (cross @ once), float)
+
+
+def _sinc(x: float) -> float:
+    """Give sin x/x."""
+    return math.sin(x) / x if x else 1.0
 
 
 def inverse_left(phi: Array) -> tuple[Array, float, float]:
     """Jl⁻¹(φ), (3, 3), c, and dc/dθ over θ."""
     c, slope = curvature(float(phi @ phi))
-    cross = pin.skew(phi)
+    cross = skew(phi)
     return np.eye(3) - 0.5 * cross + c * cross @ cross, c, slope
 
 
 def curvature(square: float) -> tuple[float, float]:
-    """C and dc/dθ over θ, for θ²."""
+    """Give c and dc/dθ over θ, for θ²."""
     if square < NEAR**2:
         powers = square ** np.arange(TERMS)
         terms, slopes = _series()
@@ -85,10 +113,10 @@ def pose_logarithm(t: Array, R: Array) -> tuple[Array, Array]:
     """
     phi = rotation_vector(R)
     inverse, c, slope = inverse_left(phi)
-    cross = pin.skew(phi)
+    cross = skew(phi)
     turned = cross @ t
     # of φ̇: −½φ̇ × t + c(φ̇ × (φ × t) + φ × (φ̇ × t)) + (dc/dt)·φ × (φ × t)
-    bent = 0.5 * pin.skew(t) - c * (pin.skew(turned) + cross @ pin.skew(t))
+    bent = 0.5 * skew(t) - c * (skew(turned) + cross @ skew(t))
     bent += slope * np.outer(cross @ turned, phi)
     rates = np.zeros((6, 6))
     rates[:3, :3], rates[:3, 3:], rates[3:, 3:] = inverse, bent @ inverse, inverse

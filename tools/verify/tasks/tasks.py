@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from hoap3.protocol.description import COM
@@ -19,10 +18,12 @@ from hoap3.tools.verify.tasks.logarithm import (
     pose_logarithm,
     rotation_of,
     rotation_vector,
+    skew,
 )
 from hoap3.tools.verify.tasks.targets import Target
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 AXES = "xyz"
 STEP_S = 1e-5  # along the motion: what a difference quotient rounds and bends is below 1e-10 then
@@ -113,6 +114,10 @@ class Task(ABC):
         return now, ahead / (2.0 * STEP_S) + (later - now) / period_s
 
     @abstractmethod
+    def moved(self, robot: Robot) -> Flags:
+        """Joints, (n,), whose column of J need not be 0 to the bit."""
+
+    @abstractmethod
     def present(self, robot: Robot, aim: Array) -> Array:
         """Where the robot is, as the target counts; `aim` is where that is at the start."""
 
@@ -134,6 +139,12 @@ class PlaceTask(Task):
         super().__init__(target, weights)
         self._point, self._reference = point, reference
         self._axes = [AXES.index(axis) for axis in axes]
+
+    def moved(self, robot: Robot) -> Flags:
+        """All for the centre of mass, else those between both frames."""
+        if self._point == COM:
+            return np.ones(robot.description.n, bool)
+        return robot.moves(self._point, self._reference)
 
     def present(self, robot: Robot, aim: Array) -> Array:
         """p, (3,) [m]."""
@@ -185,8 +196,12 @@ class PoseTask(Task):
         self._frame, self._reference = frame, reference
         self._rows = slice(6 - target.dimension, 6)  # of an orientation the lower half
 
+    def moved(self, robot: Robot) -> Flags:
+        """Those between both frames."""
+        return robot.moves(self._frame, self._reference)
+
     def present(self, robot: Robot, aim: Array) -> Array:
-        """P and a rotation vector, or the latter alone."""
+        """Give p and a rotation vector, or the latter alone."""
         p, R = robot.pose(self._frame, self._reference)
         return np.concatenate([p, nearer(rotation_vector(R), aim[-3:])])[self._rows]
 
@@ -210,7 +225,7 @@ class PoseTask(Task):
         t, turning = axes @ (p - wanted[:3]), angular_velocity(wanted[3:], wanted_rate[3:])
         e, rates = pose_logarithm(t, axes @ R)
         twist = np.vstack([axes @ J[:3], axes @ J[3:]])
-        away = np.concatenate([axes @ wanted_rate[:3] + pin.skew(turning) @ t, turning])
+        away = np.concatenate([axes @ wanted_rate[:3] + skew(turning) @ t, turning])
         rows = self._rows
         return e[rows], (rates @ twist)[rows], (-rates @ away)[rows]
 
@@ -222,8 +237,12 @@ class PostureTask(Task):
         super().__init__(target, weights)
         self._joints = list(joints)
 
+    def moved(self, robot: Robot) -> Flags:
+        """Those of the posture."""
+        return np.isin(np.arange(robot.description.n), self._joints)
+
     def present(self, robot: Robot, aim: Array) -> Array:
-        """Q of these joints."""
+        """Joint positions q of these joints."""
         del aim
         return robot.positions[self._joints]
 
@@ -248,6 +267,11 @@ class SumTask:
     def size(self) -> int:
         """How many components e has."""
         return len(self.roots)
+
+    def moved(self, robot: Robot) -> Flags:
+        """Those of any term."""
+        found = [term.moved(robot) for term in self._terms]
+        return np.asarray(np.logical_or.reduce(found))
 
     def begin(self, robot: Robot, time_s: float) -> None:
         """All targets set out."""

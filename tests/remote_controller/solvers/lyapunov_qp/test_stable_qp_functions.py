@@ -33,6 +33,15 @@ class TestFunctions:
             assert rho == pytest.approx(0.5, rel=1e-9)
             assert feasible_rate(each.gradient, most / 2, *rest) == 1.0
 
+    @pytest.mark.parametrize("tilt", [1e-7, 5e-7, 1e-6])
+    def test_feasible_rate_finds_what_a_row_leaves_that_is_nearly_parallel(
+        self, tilt: float
+    ) -> None:
+        row, ends = [[-1.0, -1.0 - tilt]], [1.0, 0.6]
+        rho = feasible_rate([1.0, 1.0], 1.0, row, [1e-5], [-1.0, -0.6], ends)
+
+        assert rho == pytest.approx(1e-5 + 0.6 * tilt, rel=1e-8)
+
     def test_feasible_rate_at_its_ends(self) -> None:
         assert feasible_rate([1.0, 2.0], 5.0) == 1.0  # unbounded but for ρ ≤ 1
         assert feasible_rate([1.0, 2.0], 0.0, lower=[0, 0], upper=[0, 0]) == 1.0

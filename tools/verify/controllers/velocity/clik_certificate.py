@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.messages import schema
 from hoap3.tools.verify.claims import RELATIVE, Claims
-from hoap3.tools.verify.controller_log import ControllerRun
-from hoap3.tools.verify.controllers.velocity.task_stack import PLACE, Cycles, Tasks
+from hoap3.tools.verify.controllers.velocity.answers import Answers
+from hoap3.tools.verify.controllers.velocity.task_stack import PLACE, Tasks
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -25,19 +25,16 @@ FIRST_ORDER = 0.01  # of β: by how much V may fall slower
 
 @dataclass(frozen=True)
 class Claimed:
-    """What is stated of each answer, and known of its u.
+    """What is stated of each answer, and known of how it came about.
 
     Attributes:
         columns: by name, (N,).
-        u, doubt: velocity and how exactly it is known, (N, n).
         fed_back: what of u is not fed forward, (N, n).
         unsure: share of B that rounding may change, (N,).
         exact, sure: whether u is what optimal gains ask for, and where that is beyond doubt, (N,).
     """
 
     columns: Mapping[str, Array]
-    u: Array
-    doubt: Array
     fed_back: Array
     unsure: Array
     exact: Flags
@@ -48,16 +45,16 @@ class Certificate:
     """V = ½ Σ w e² of each cycle, and how exactly it is known.
 
     Args:
-        run, tasks, cycles: what is judged.
+        answers, tasks: what is judged.
         weights: w of each row, (m,).
         claimed: of each answer.
     """
 
-    def __init__(
-        self, run: ControllerRun, tasks: Tasks, cycles: Cycles, weights: Array, claimed: Claimed
-    ) -> None:
+    def __init__(self, answers: Answers, tasks: Tasks, weights: Array, claimed: Claimed) -> None:
+        run, cycles = answers.run, answers.cycles
         self._answers, self._T, self._cycles = run.answers, run.description.period_s, cycles
-        self._tick, self._claimed, self._weights = run.answers["tick"], claimed, weights
+        self._tick, self._claimed, self._weights = answers.tick, claimed, weights
+        self._u, self._doubt = answers.u, answers.doubt
         self._errors = len(tasks.labels)
         self.moving: Flags = np.asarray(cycles.rate.any(1))
         self.V, self.end = cycles.squares(weights)
@@ -65,7 +62,7 @@ class Certificate:
         e, ahead = np.abs(cycles.e), np.abs(cycles.ahead)
         self._near = RELATIVE * self.V + (e * place + place**2) @ weights
         slope = np.abs(np.einsum("nm,nmj->nj", weights * cycles.e, cycles.J))
-        led = (slope * claimed.doubt).sum(1)
+        led = (slope * self._doubt).sum(1)
         rounded = 8.0 * EPS * (self.V + self.end) + ((e + ahead) * place + 2.0 * place**2) @ weights
         self._fall = rounded / self._T + led  # of (V − end)/T
         self._place = float(np.sqrt(0.5 * (place**2 @ weights)))
@@ -98,12 +95,12 @@ class Certificate:
             self._cycles,
         )
         weighted = self._weights * cycles.e[at]
-        moved = cycles.J[at] @ claimed.u[at][:, :, None]
-        size = np.abs(cycles.J[at]) @ np.abs(claimed.u[at])[:, :, None]
+        moved = cycles.J[at] @ self._u[at][:, :, None]
+        size = np.abs(cycles.J[at]) @ np.abs(self._u[at])[:, :, None]
         slope = np.abs(np.einsum("nm,nmj->nj", weighted, cycles.J[at]))
         found = (weighted * moved[:, :, 0]).sum(1)
         exact = (RELATIVE * np.abs(weighted) + PLACE * self._weights) * size[:, :, 0]
-        exact = exact.sum(1) + (slope * claimed.doubt[at]).sum(1)
+        exact = exact.sum(1) + (slope * self._doubt[at]).sum(1)
         claims.equal("predicted V rate", tick, answers["v_rate_predicted"], found, exact)
         status, beta = answers["solver_status"], claimed.columns["beta"][at]
         length = np.linalg.norm(answers["extra"][:, : self._errors], axis=1)

@@ -43,6 +43,10 @@ class Law:
     rank: Array
     sure: NDArray[np.bool_]
 
+    def only(self, at: NDArray[np.bool_]) -> Law:
+        """That of some cycles, (N,)."""
+        return Law(self.B[at], self.L[at], self.unsure[at], self.rank[at], self.sure[at])
+
     def unsure_of(self, x: Array) -> Array:
         """By how much rounding may change any joint of B x, (N, 1), for x (N, m).
 

@@ -27,7 +27,7 @@ Indices = NDArray[np.intp]
 
 ACTIVE = 1e-6  # of the largest eigenvalue, or of 1 + |limit|: what may have a multiplier
 RAYS = 200  # y of Z that are tried
-LITTLE = 1e-2  # M, see there
+NEXT_TO_NOTHING = 1e-5  # M²c² is 1e-10
 
 
 @dataclass(frozen=True)
@@ -144,17 +144,19 @@ class Gains:
         """Z = Σ x yyᵀ and z with the least gap, of one cycle: more y while one makes it less.
 
         The gap, with 2δ for H, is a sum of squares and what is linear in x, z ≥ 0. The latter is
-        made a square as well: c = (Mc + 1/2M)² − M²c² − 1/4M², where M²c² is next to nothing.
+        made a square as well: c = (Mc + 1/2M)² − M²c² − 1/4M², where M²c² is next to nothing: c is
+        part of the gap.
         """
         (values,), (vectors,) = self._eigen
         terms = self._terms(np.zeros(1, np.intp), vectors[None], self._sides)
         of_W, of_z, wanted = (term[0] for term in terms)
         cost, rays = np.diag(values - values[0]), np.eye(len(values))
+        M = min(1.0, max(NEXT_TO_NOTHING / enough, NEXT_TO_NOTHING))
         for _ in range(RAYS):
             of_rays = np.einsum("kab,la,lb->kl", of_W, rays, rays)
             paid = np.append(np.einsum("ab,la,lb->l", cost, rays, rays), self._rooms[0])
-            A = np.vstack([np.hstack([of_rays, of_z]), LITTLE * paid])
-            x = _non_negative(A, np.append(wanted, -0.5 / LITTLE))
+            A = np.vstack([np.hstack([of_rays, of_z]), M * paid])
+            x = _non_negative(A, np.append(wanted, -0.5 / M))
             share, z = x[: len(rays)], x[len(rays) :]
             Z = vectors @ (rays.T * share) @ rays @ vectors.T
             rest = of_rays @ share + of_z @ z - wanted

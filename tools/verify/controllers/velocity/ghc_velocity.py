@@ -16,17 +16,11 @@ from scipy.optimize import linprog
 from hoap3.protocol.messages import schema
 from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controller_log import ControllerRun
+from hoap3.tools.verify.controllers.velocity.answers import Answers, answers_of
 from hoap3.tools.verify.controllers.velocity.hierarchy import Condensed, condensed, multipliers
-from hoap3.tools.verify.controllers.velocity.joint_bounds import Bounds, bounds_of
 from hoap3.tools.verify.controllers.velocity.settings import of_rows, settings_of
-from hoap3.tools.verify.controllers.velocity.task_stack import (
-    PLACE,
-    Cycles,
-    Tasks,
-    check_errors,
-    check_margin,
-)
-from hoap3.tools.verify.sent_velocity import DELAYED, check_values, judged, sent_velocity
+from hoap3.tools.verify.controllers.velocity.task_stack import PLACE, Tasks
+from hoap3.tools.verify.sent_velocity import DELAYED, check_values
 from hoap3.tools.verify.tasks.priorities import Priorities, top_tasks
 from hoap3.tools.verify.tasks.targets import UnknownTaskError
 
@@ -71,37 +65,28 @@ def check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims) -> 
     except UnknownTaskError as error:
         claims.unverified("certificate", len(run.answers), str(error))
         return
-    if list(run.session.get("extra", ())) != _columns(tasks):
-        claims.unverified("certificate", len(run.answers), "the columns are not its tasks'")
+    answers = answers_of(run, settings, tasks, _columns(tasks), claims)
+    if answers is None:
         return
-    delayed = run.description.delay_ticks > 0
-    if delayed and settings["kinematics_from"] == "reference":
-        claims.unverified("certificate", len(run.answers), DELAYED)
-        return
-    run = judged(run, claims)
-    if not len(run.answers):
-        return
-    u, doubt = sent_velocity(run, settings)
-    base = run.states["q" if settings["kinematics_from"] == "measured" else "reference"]
-    cycles = tasks.over(run, base, u)
-    check_errors(tasks, cycles, run, claims)
     try:
-        ranks = _ranks(run, priorities)
+        ranks = _ranks(answers.run, priorities)
     except UnknownTaskError as error:
-        claims.unverified("certificate", len(run.answers), str(error))
+        claims.unverified("certificate", len(answers.tick), str(error))
         return
-    _check_priorities(run, tasks, ranks, claims)
-    if delayed:
-        claims.unverified("u", len(run.answers), DELAYED)
+    k = len(tasks.labels)
+    if k <= MOST_LOGGED:
+        stated = answers.run.answers["extra"][:, k:]
+        claims.equal("alpha", answers.tick, stated, ranks.alpha.reshape(stated.shape))
+    if answers.delayed:
+        claims.unverified("u", len(answers.tick), DELAYED)
         return
-    bounds = bounds_of(run, settings["bounds"])
-    check_margin(run, (u, doubt), bounds, claims)
-    check_values(run, settings, claims)
-    wanted = -gains * cycles.e - cycles.rate
+    answers.check_margin(claims)
+    check_values(answers.run, settings, claims)
+    wanted = -gains * answers.cycles.e - answers.cycles.rate
     weight, width = settings["regularisation"], settings["smoothing"]
-    problem = condensed(cycles.J, wanted, tasks.rows, ranks.alpha, weight, width)
-    _check_answer(run, problem, (u, doubt), bounds, claims)
-    _check_certificate(run, tasks, cycles, ranks, (u, doubt), claims)
+    problem = condensed(answers.cycles.J, wanted, tasks.rows, ranks.alpha, weight, width)
+    _check_answer(answers, problem, claims)
+    _check_certificate(answers, tasks, ranks, claims)
 
 
 def _columns(tasks: Tasks) -> list[str]:
@@ -139,30 +124,18 @@ def _ranks(run: ControllerRun, priorities: Priorities) -> _Ranks:
     return found
 
 
-def _check_priorities(run: ControllerRun, tasks: Tasks, ranks: _Ranks, claims: Claims) -> None:
-    k = len(tasks.labels)
-    if k <= MOST_LOGGED:
-        stated = run.answers["extra"][:, k:]
-        claims.equal("alpha", run.answers["tick"], stated, ranks.alpha.reshape(len(stated), -1))
-
-
-def _check_answer(
-    run: ControllerRun,
-    problem: Condensed,
-    sent: tuple[Array, Array],
-    bounds: Bounds,
-    claims: Claims,
-) -> None:
+def _check_answer(given: Answers, problem: Condensed, claims: Claims) -> None:
     """That u is the optimum within its bounds; where there is none, that joints brake."""
-    answers, tick, (u, doubt) = run.answers, run.answers["tick"], sent
+    answers, tick, u, doubt = given.run.answers, given.tick, given.u, given.doubt
     solved = answers["fallback"] == 0
-    lower, upper = u - bounds[0] <= doubt + AT_BOUND, bounds[1] - u <= doubt + AT_BOUND
+    near = doubt + AT_BOUND
+    lower, upper = u - given.lower <= near, given.upper - u <= near
     mu = multipliers(problem, u, lower, upper)
     moved = (problem.S @ mu[:, :, None])[:, :, 0]
     size = np.linalg.norm(problem.S, axis=(1, 2)) * np.linalg.norm(mu, axis=1)
     span = np.maximum(np.abs(u), np.abs(problem.q0)).max(1).clip(SMALLEST)
     near = doubt + (RELATIVE * span + 8.0 * EPS * size)[:, None]
-    held = np.clip(0.0, *bounds)
+    held = np.clip(0.0, given.lower, given.upper)
     found = np.where(solved[:, None], problem.q0 + moved, held)
     claims.equal("u", tick, u, found, near)
     residual = np.where(solved, np.abs(u - found).max(1) / span, 0.0)
@@ -172,7 +145,7 @@ def _check_answer(
     infeasible = answers["solver_status"] == STATUS["STATUS_INFEASIBLE"]
     claims.equal("infeasible", tick, infeasible, ~solved)
     for k in np.flatnonzero(answers["fallback"] == 1):
-        possible = _reaches(problem.S[k], problem.q0[k], bounds[0][k], bounds[1][k])
+        possible = _reaches(problem.S[k], problem.q0[k], given.lower[k], given.upper[k])
         claims.equal("no velocity within the bounds", tick[k], float(possible), 0.0)
 
 
@@ -190,16 +163,10 @@ def _reaches(S: Array, q0: Array, lower: Array, upper: Array) -> bool:
     return bool(found.success and found.x[-1] > OPTIMAL * (1.0 + np.abs(ends).max()))
 
 
-def _check_certificate(
-    run: ControllerRun,
-    tasks: Tasks,
-    cycles: Cycles,
-    ranks: _Ranks,
-    sent: tuple[Array, Array],
-    claims: Claims,
-) -> None:
+def _check_certificate(given: Answers, tasks: Tasks, ranks: _Ranks, claims: Claims) -> None:
     """V of the top tasks, its rate, and what makes an answer certified."""
-    answers, tick, T, (u, doubt) = run.answers, run.answers["tick"], run.description.period_s, sent
+    answers, tick, cycles = given.run.answers, given.tick, given.cycles
+    T, u, doubt = given.run.description.period_s, given.u, given.doubt
     on = np.repeat(ranks.top, tasks.sizes, axis=1).astype(float)  # rows of the top tasks
     place = PLACE * tasks.roots
     V, end = 0.5 * (on * cycles.e**2).sum(1), 0.5 * (on * cycles.ahead**2).sum(1)

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.tasks.config import default_entry, task_of
@@ -41,6 +40,10 @@ class Cycles:
     rate: Array
     along: Array
     ahead: Array
+
+    def only(self, at: NDArray[np.bool_]) -> Cycles:
+        """Those of some answers, (N,)."""
+        return Cycles(self.e[at], self.J[at], self.rate[at], self.along[at], self.ahead[at])
 
     def squares(self, weights: Array) -> tuple[Array, Array]:
         """V = ½ Σ w e² now and where u leads, both (N,); weights: w of each row, (m,)."""
@@ -90,6 +93,11 @@ class Tasks:
         """Where the rows of each are."""
         return [slice(*ends) for ends in pairwise(np.cumsum([0, *self.sizes]).tolist())]
 
+    def moved(self) -> NDArray[np.bool_]:
+        """Joints that any of them may move, (n,)."""
+        found = [task.moved(self.robot) for task in self.tasks]
+        return np.asarray(np.logical_or.reduce(found))
+
     def over(self, run: ControllerRun, base: Array, u: Array) -> Cycles:
         """All cycles of a run.
 
@@ -129,24 +137,6 @@ class Tasks:
     def _errors(self, time_s: float, out: Array) -> None:
         for task, rows in zip(self.tasks, self.rows, strict=True):
             out[rows] = task.error_at(self.robot, time_s)
-
-
-def check_errors(tasks: Tasks, cycles: Cycles, run: ControllerRun, claims: Claims) -> None:
-    """|e| of each task, the first columns."""
-    stated = run.answers["extra"][:, : len(tasks.labels)]
-    found = np.array([np.linalg.norm(cycles.e[:, rows], axis=1) for rows in tasks.rows]).T
-    near = np.array([np.linalg.norm(tasks.roots[rows]) for rows in tasks.rows]) * PLACE
-    claims.equal("error", run.answers["tick"], stated, found, RELATIVE * np.abs(found) + near)
-
-
-def check_margin(
-    run: ControllerRun, sent: tuple[Array, Array], bounds: tuple[Array, Array], claims: Claims
-) -> None:
-    """The least distance of u from a bound; `sent` has u and how exactly it is known, (N, n)."""
-    u, doubt = sent
-    margin = np.minimum(u - bounds[0], bounds[1] - u).min(1)
-    near = (RELATIVE * np.maximum(*np.abs(bounds)) + doubt).max(1)
-    claims.equal("margin", run.answers["tick"], run.answers["margin"], margin, near)
 
 
 def _starts(run: ControllerRun) -> list[int]:
