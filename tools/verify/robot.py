@@ -165,3 +165,33 @@ class Robot:
         number = self._built.frame_id(frame)
         J = pin.getFrameJacobian(self.model, self.data, number, pin.LOCAL_WORLD_ALIGNED)
         return self.data.oMf[number], J
+
+
+class RigidBody:
+    """M and h of M·q̈ + h = τ, and what gravity takes, all in wire order.
+
+    Args:
+        robot: whose model is used; its data stay as they are.
+
+    Attributes:
+        damping: viscous friction of the URDF, (n,) [N m s/rad or N s/m].
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self._model, self._order = robot.model.copy(), robot.order
+        if robot.description.gravity == "none":
+            self._model.gravity.setZero()
+        self._adds_gravity = robot.description.gravity == "compensated"
+        self._data, self.damping = self._model.createData(), self._model.damping[robot.order].copy()
+        self._q, self._v = np.zeros((2, self._model.nv))
+
+    def at(self, q: Array, dq: Array) -> tuple[Array, Array, Array]:
+        """M (n, n), h (n,), and the torques that the robot itself adds to commands, (n,)."""
+        model, data, order = self._model, self._data, self._order
+        self._q[order], self._v[order] = q, dq
+        M = np.triu(pin.crba(model, data, self._q))
+        M = (M + np.triu(M, 1).T)[np.ix_(order, order)]
+        h = pin.nonLinearEffects(model, data, self._q, self._v)[order].copy()
+        if not self._adds_gravity:
+            return M, h, np.zeros(len(q))
+        return M, h, pin.computeGeneralizedGravity(model, data, self._q)[order].copy()

@@ -4,34 +4,17 @@ from __future__ import annotations
 
 import json
 import random
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from pydantic import BaseModel
 from support.command_bench import inside
 from tampering import Change, changed_field, rewrite
 
 from hoap3.protocol.config.settings import parse_yaml
-from hoap3.protocol.robot import viability_bounds_reference as reference
 from hoap3.protocol.runtime.shm_ring import Kind, Record
-from hoap3.remote_controller.registry import find
-from hoap3.remote_controller.scheduling.priorities import Priorities
-from hoap3.remote_controller.scheduling.settings import PrioritySettings
-from hoap3.remote_controller.scheduling.weights import Weights, WeightSettings
 from hoap3.tools.logs.log import Log
-from hoap3.tools.verify.controllers.acceleration import (
-    bounds,
-    ghc,
-    hqp,
-    joint_acceleration,
-    schedule,
-    tsid,
-    weighted,
-)
 from hoap3.tools.verify.verify import verify
 
 STATE, SETPOINT = Kind.STATE, Kind.SETPOINT
@@ -153,6 +136,65 @@ def test_other_settings_raise_no_false_alarm(name: str, tmp_path: Path) -> None:
         assert found.claims.counts["fallback: optimum"].checked > 10
 
 
+MANY = """
+controller: ghc
+robot: humanoid32
+parameters:
+  w_r: 1.0e-3
+  tasks:
+    - {name: com, task: com, kp: 50.0,
+       parameters: {frame: l_sole, target: {kind: circle, center_m: [0.0, -0.1, 0.8],
+                    radius_m: 0.02, period_s: 2.0, approach_s: 0.5}}}
+    - {name: turn, task: frame_orientation, kp: 40.0,
+       parameters: {frame: head, rotation_rad: [0.1, 0.0, 0.2], turn_s: 1.0}}
+    - {name: hand, task: frame_pose, kp: 60.0, kd: 12.0,
+       parameters: {frame: r_palm, reference: head, rotation_rad: [0.0, 0.3, 0.0], turn_s: 0.7,
+                    target: {kind: point, position_m: [0.3, -0.3, -0.3], approach_s: 1.0}}}
+    - {name: left, task: frame_position, kp: 30.0,
+       parameters: {frame: l_palm, axes: [x, z], weights: [1.0, 2.0],
+                    target: {kind: waypoints, speed_m_s: 0.4,
+                             points_m: [[0.4, 0.2, 0.2], [0.3, 0.3, 0.3]]}}}
+    - {name: held, task: frame_pose, kp: 30.0, parameters: {frame: r_sole}}
+    - {name: posture, task: posture, kp: 30.0, parameters: {approach_s: 0.5}}
+  priorities: {order: [com, [turn, hand], left, held, posture]}
+"""
+WRENCH = """
+controller: ghc
+robot: lwr
+parameters:
+  tasks:
+    - {name: hand, task: wrench, kp: 30.0, kd: 20.0,
+       parameters: {frame: ee, rotation_rad: hold, axes: [z, rx], wrench: [12.0, 0.0],
+                    target: {kind: point, position_m: [-0.5, -0.25, 0.49], approach_s: 0.3},
+                    force_kp: 0.2, force_ki_per_s: 4.0, force_kd: 3.0, integral_max: [5.0, 0.5]}}
+    - {name: posture, task: posture, kp: 30.0, kd: 20.0, parameters: {posture: bent}}
+  priorities:
+    order: [hand, posture]
+    timeline:
+      - {at_s: 1.2, remove: hand, over_s: 0.1}
+      - {at_s: 1.6, insert: hand, over_s: 0.1}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("robot", "config", "seconds"),
+    [("humanoid32_torque", MANY, 0.5), ("lwr_with_table", WRENCH, 2)],
+)
+def test_tasks_of_all_kinds_raise_no_false_alarm(
+    robot: str, config: str, seconds: float, tmp_path: Path
+) -> None:
+    file = tmp_path / "many.yaml"
+    file.write_text(config, "utf-8")
+
+    found = verify(ran(tmp_path / "run", robot, str(file), seconds=seconds))
+
+    assert found.claims.by_tick() == []
+    assert found.verdict == "true"
+    if robot == "lwr_with_table":
+        assert found.claims.counts["wrench"].checked == 4000
+
+
 def test_constraints_of_accelerations_are_counted_by_name(tmp_path: Path) -> None:
     constraint = f"{OWN}constraints=[{{constraint: joint_torque}}]"
 
@@ -175,7 +217,8 @@ CHANGES: dict[str, Callable[[int], Change]] = {
     "q": lambda n: changed_field(STATE, n, "q", bigger, joint=3),
     "dq": lambda n: changed_field(STATE, n, "dq", lambda v: v + 1e-6, joint=3),
     "setpoint": lambda n: changed_field(SETPOINT, n, "values", bigger, joint=3),
-    "decision": lambda n: changed_field(SETPOINT, n, "decision", bigger, joint=3),
+    "decision": lambda n: changed_field(SETPOINT, n, "decision", lambda a: a + 1e-5, joint=3),
+    "torque": lambda n: changed_field(SETPOINT, n, "decision", lambda t: t + 1e-6, joint=-1),
     "V": lambda n: changed_field(SETPOINT, n, "v", bigger),
     "V rate": lambda n: changed_field(SETPOINT, n, "v_rate_predicted", bigger),
     "required V rate": lambda n: changed_field(SETPOINT, n, "v_rate_required", lambda r: r + 1e-6),
@@ -289,83 +332,6 @@ def test_states_that_are_not_finite_are_refused_and_no_false_alarm(
     found = verify(rewrite(story(TSID), "controller", tmp_path, change)).claims
 
     assert found.counts["refused: values"].first_false == 20
-
-
-def test_bounds_are_those_that_their_meaning_gives() -> None:
-    rng = np.random.default_rng(5)
-    n, T = 4000, 0.002
-    speed, up, down = (rng.uniform(low, 2 * low, n) for low in (1.0, 20.0, 20.0))
-    found = bounds.Bounds(
-        "viability", np.full(n, -1.0), np.full(n, 1.0), speed, up, down, up, T, 0.8, 0.0
-    )
-    room = 10.0 ** rng.uniform(-5.0, -1.5, n)  # of the upper limit
-    fastest = np.minimum(speed, np.sqrt(2 * 0.8 * down * room))
-    q, v = 1.0 - room, fastest * rng.uniform(0.97, 1.0, n)
-
-    lower, upper = found.at(q, v)
-
-    stops = reference.bounds(1.0 - q, q + 1.0, v, speed, up, 0.8 * down, T)
-    held = (np.abs(stops[1]) < 0.7 * up) & (np.abs(stops[1]) < 0.7 * down)
-    assert held.sum() > n / 10
-    assert np.abs(upper - stops[1])[held].max() < 1e-9 * up.max()
-    mirrored = found.at(-q, -v)[0]
-    assert np.array_equal(replace(found, up=down, down=up).at(q, v)[1], -mirrored)
-    assert (lower <= upper).all()
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_priorities_and_weights_move_as_the_products_do(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    names = ["a", "b", "c"]
-    timeline = [
-        {"at_s": 0.0105, "order": ["c", ["a", "b"]], "over_s": 0.02},
-        {"at_s": 0.04, "remove": "b", "over_s": 0.015},
-        {"at_s": 0.07, "insert": ["b"], "over_s": 0.0},
-        {"at_s": 0.0701, "set": [["a", "a", 0.3]], "over_s": 0.004},
-    ]
-    order = {"order": ["b", "a", "c"], "inactive": [], "timeline": timeline}
-    moves = [{"at_s": 0.02, "weights": {"a": 0.0, "c": 3.0}, "over_s": 0.03}]
-    weights = {"weights": {"b": 0.2}, "timeline": moves}
-    ours = schedule.Priorities(names, order), schedule.Weights(names, weights)
-    theirs = (
-        Priorities.configured(names, PrioritySettings.model_validate(order)),
-        Weights(names, WeightSettings.model_validate(weights)),
-    )
-    live = rng.uniform(0.0, 0.1)
-    for tick in range(100):
-        time = 1e-3 * tick
-        if time <= live < time + 1e-3:
-            ours[0].change({"set": [["a", "b", 0.25]], "over_s": 0.01}, time)
-            theirs[0].change({"set": [["a", "b", 0.25]], "over_s": 0.01}, time)
-        for product in theirs:
-            product.update(time)
-        assert np.allclose(ours[0].at(time), theirs[0].alpha, rtol=0, atol=1e-15), tick
-        assert np.allclose(ours[1].at(time), theirs[1].value, rtol=0, atol=1e-15), tick
-
-
-def test_defaults_are_those_of_the_controllers() -> None:
-    tables = {
-        "joint_acceleration": joint_acceleration.DEFAULTS,
-        "tsid": tsid.DEFAULTS,
-        "weighted": weighted.DEFAULTS,
-        "ghc": ghc.DEFAULTS,
-        "ghc_torque": {k: v for k, v in ghc.TORQUE_DEFAULTS.items() if k != "regularise"},
-        "hqp": hqp.DEFAULTS,
-    }
-    for name, table in tables.items():
-        _assert_defaults(find(name).Parameters, table)
-
-
-def _assert_defaults(model: type[BaseModel], table: Mapping[str, Any]) -> None:
-    fields = model.model_fields
-    for key, value in table.items():
-        default = fields[key].default
-        if isinstance(value, dict):
-            _assert_defaults(type(default), value)
-            given = {field: getattr(default, field) for field in value}
-            assert given == {field: given[field] if v is None else v for field, v in value.items()}
-        else:
-            assert (default or None) == (value or None), key
 
 
 def _find_all(kind: str, run: Path, count: int, folder: Path) -> None:

@@ -17,9 +17,9 @@ from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.acceleration.answers import ACTIVE, INFEASIBLE
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy, has_decision
-from hoap3.tools.verify.controllers.acceleration.press import Press, columns_of
-from hoap3.tools.verify.controllers.acceleration.rigid_body import rounding_of
-from hoap3.tools.verify.controllers.acceleration.wanted import ROUNDING
+from hoap3.tools.verify.controllers.acceleration.model.press import Press, columns_of
+from hoap3.tools.verify.controllers.acceleration.model.rounding import rounding_of
+from hoap3.tools.verify.controllers.acceleration.model.wanted import ROUNDING
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

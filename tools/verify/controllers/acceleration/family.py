@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import ControllerRun
-from hoap3.tools.verify.controllers.acceleration import bounds
 from hoap3.tools.verify.controllers.acceleration.answers import NOT_REMEMBERED, check_refused
 from hoap3.tools.verify.controllers.acceleration.certificate import (
     Solution,
@@ -22,8 +21,9 @@ from hoap3.tools.verify.controllers.acceleration.certificate import (
 )
 from hoap3.tools.verify.controllers.acceleration.fallbacks import Soft, check_fallback
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy
-from hoap3.tools.verify.controllers.acceleration.parameters import filled
-from hoap3.tools.verify.controllers.acceleration.schedule import Schedule
+from hoap3.tools.verify.controllers.acceleration.model import bounds
+from hoap3.tools.verify.controllers.acceleration.model.parameters import filled
+from hoap3.tools.verify.controllers.acceleration.model.schedule import Schedule
 from hoap3.tools.verify.tasks.targets import UnknownTaskError
 
 Array = NDArray[np.float64]

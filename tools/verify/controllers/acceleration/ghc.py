@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from hoap3.remote_controller.solvers.ghc.reference import optimum
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import ControllerRun
-from hoap3.tools.verify.controllers.acceleration import bounds
 from hoap3.tools.verify.controllers.acceleration.certificate import Solution
 from hoap3.tools.verify.controllers.acceleration.fallbacks import (
     BRAKE_PER_S,
@@ -26,15 +25,16 @@ from hoap3.tools.verify.controllers.acceleration.fallbacks import (
 )
 from hoap3.tools.verify.controllers.acceleration.family import Family, braking, check_family
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy
+from hoap3.tools.verify.controllers.acceleration.model import bounds
+from hoap3.tools.verify.controllers.acceleration.model.rounding import rounding_of
+from hoap3.tools.verify.controllers.acceleration.model.schedule import Priorities, leaders
+from hoap3.tools.verify.controllers.acceleration.model.wanted import ROUNDING
 from hoap3.tools.verify.controllers.acceleration.projectors import Projectors
 from hoap3.tools.verify.controllers.acceleration.quadratic import (
     Values,
     away,
     motion_and_torques,
 )
-from hoap3.tools.verify.controllers.acceleration.rigid_body import rounding_of
-from hoap3.tools.verify.controllers.acceleration.schedule import Priorities, leaders
-from hoap3.tools.verify.controllers.acceleration.wanted import ROUNDING
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.tools.verify.controller_log import ControllerRun
-from hoap3.tools.verify.controllers.acceleration.bounds import Bounds
-from hoap3.tools.verify.controllers.acceleration.press import Press
-from hoap3.tools.verify.controllers.acceleration.rigid_body import RigidBody, rounding_of
-from hoap3.tools.verify.controllers.acceleration.schedule import Schedule
-from hoap3.tools.verify.controllers.acceleration.wanted import (
+from hoap3.tools.verify.controllers.acceleration.model.bounds import Bounds
+from hoap3.tools.verify.controllers.acceleration.model.press import Press
+from hoap3.tools.verify.controllers.acceleration.model.rounding import rounding_of
+from hoap3.tools.verify.controllers.acceleration.model.schedule import Schedule
+from hoap3.tools.verify.controllers.acceleration.model.wanted import (
     ROUNDING,
     Rows,
     Wanted,
@@ -24,7 +24,7 @@ from hoap3.tools.verify.controllers.acceleration.wanted import (
     stacked,
     wanted_of,
 )
-from hoap3.tools.verify.robot import Robot
+from hoap3.tools.verify.robot import RigidBody, Robot
 from hoap3.tools.verify.tasks.config import in_todays_words
 
 Array = NDArray[np.float64]

@@ -26,8 +26,8 @@ from hoap3.tools.verify.controllers.acceleration.family import braking, check_fa
 from hoap3.tools.verify.controllers.acceleration.ghc import DEFAULTS as RANKED
 from hoap3.tools.verify.controllers.acceleration.ghc import Ranked, with_rest
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy
+from hoap3.tools.verify.controllers.acceleration.model.wanted import ROUNDING
 from hoap3.tools.verify.controllers.acceleration.quadratic import TINY
-from hoap3.tools.verify.controllers.acceleration.wanted import ROUNDING
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -20,7 +20,6 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import COMMANDS, schema
 from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controller_log import ControllerRun
-from hoap3.tools.verify.controllers.acceleration import bounds
 from hoap3.tools.verify.controllers.acceleration.answers import (
     ACTIVE,
     NOT_REMEMBERED,
@@ -30,7 +29,8 @@ from hoap3.tools.verify.controllers.acceleration.answers import (
     posture,
 )
 from hoap3.tools.verify.controllers.acceleration.hierarchy import has_decision
-from hoap3.tools.verify.controllers.acceleration.parameters import filled, is_number
+from hoap3.tools.verify.controllers.acceleration.model import bounds
+from hoap3.tools.verify.controllers.acceleration.model.parameters import filled, is_number
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -13,7 +13,7 @@ from scipy.optimize import nnls
 
 from hoap3.tools.verify.claims import RELATIVE
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles
-from hoap3.tools.verify.controllers.acceleration.wanted import ROUNDING
+from hoap3.tools.verify.controllers.acceleration.model.wanted import ROUNDING
 
 Array = NDArray[np.float64]
 

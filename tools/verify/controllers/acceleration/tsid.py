@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from hoap3.protocol.description import COM
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import ControllerRun
-from hoap3.tools.verify.controllers.acceleration import bounds
 from hoap3.tools.verify.controllers.acceleration.certificate import Solution
 from hoap3.tools.verify.controllers.acceleration.fallbacks import Soft
 from hoap3.tools.verify.controllers.acceleration.family import Family, check_family
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy
+from hoap3.tools.verify.controllers.acceleration.model import bounds
+from hoap3.tools.verify.controllers.acceleration.model.schedule import Weights
+from hoap3.tools.verify.controllers.acceleration.model.wanted import ROUNDING, root_pose
 from hoap3.tools.verify.controllers.acceleration.quadratic import optimum_of
-from hoap3.tools.verify.controllers.acceleration.schedule import Weights
-from hoap3.tools.verify.controllers.acceleration.wanted import ROUNDING, root_pose
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.tasks.config import default_entry, posture_of
 from hoap3.tools.verify.tasks.logarithm import rotation_vector

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from hoap3.remote_controller.solvers.qp.reference import solve_qp
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import ControllerRun
-from hoap3.tools.verify.controllers.acceleration import bounds
 from hoap3.tools.verify.controllers.acceleration.certificate import Solution
 from hoap3.tools.verify.controllers.acceleration.fallbacks import (
     BRAKE_PER_S,
@@ -23,9 +22,10 @@ from hoap3.tools.verify.controllers.acceleration.fallbacks import (
 )
 from hoap3.tools.verify.controllers.acceleration.family import Family, braking, check_family
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy
+from hoap3.tools.verify.controllers.acceleration.model import bounds
+from hoap3.tools.verify.controllers.acceleration.model.schedule import Weights
+from hoap3.tools.verify.controllers.acceleration.model.wanted import ROUNDING
 from hoap3.tools.verify.controllers.acceleration.quadratic import optimum_of
-from hoap3.tools.verify.controllers.acceleration.schedule import Weights
-from hoap3.tools.verify.controllers.acceleration.wanted import ROUNDING
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.remote_controller.tasks.accelerations import wrench_reference as reference
-from hoap3.tools.verify.controllers.acceleration.wanted import (
+from hoap3.tools.verify.controllers.acceleration.model.wanted import (
     ROUNDING,
     Place,
     Rows,

@@ -12,11 +12,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.tools.verify.controllers.acceleration.parameters import is_number
+from hoap3.tools.verify.controllers.acceleration.model.parameters import is_number
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.tasks.config import posture_of, task_of
 from hoap3.tools.verify.tasks.logarithm import pose_logarithm, rotation_of
@@ -116,7 +115,7 @@ class Pose(Wanted):
         t = R.T @ (place - p)
         e, rates = pose_logarithm(t, R.T @ turn)
         away = -np.eye(6)
-        away[:3, 3:] = pin.skew(t)
+        away[:3, 3:] = np.cross(np.eye(3), t)  # [t]×
         speed = np.abs(J) @ np.abs(dq)
         stiff = 1.0 + np.abs(rates).max()
         size = stiff * (np.abs(place).max() + np.abs(p).max() + 1.0)
@@ -209,8 +208,8 @@ def stands(description: RobotDescription, frame: str) -> bool:
 
 def root_pose(robot: Robot, frame: str) -> tuple[Array, Array]:
     """Origin (3,) and axes (3, 3) of a frame in the root's, copies."""
-    placed = robot.data.oMf[robot.model.getFrameId(robot.known(frame), pin.FrameType.BODY)]
-    return placed.translation.copy(), placed.rotation.copy()
+    p, R, _ = robot.in_root(frame)
+    return p.copy(), R.copy()
 
 
 def _still(target: Settings | None) -> bool:

@@ -1,0 +1,1 @@
+"""What a cycle of controllers of accelerations is made of: tasks, bounds, dynamics, priorities."""
