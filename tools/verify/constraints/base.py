@@ -63,6 +63,7 @@ class Constraint:
 
     Attributes:
         margins: of the cycles, (N,); inf where it has none.
+        amplifies: what a margin makes of an error in a place, in its unit per m or rad.
     """
 
     defaults: ClassVar[Mapping[str, Any]] = {}
@@ -75,6 +76,7 @@ class Constraint:
     description: RobotDescription
     robot: Robot
     margins: Array = field(default_factory=lambda: np.zeros(0))
+    amplifies: float = 1.0
 
     def __post_init__(self) -> None:
         self.prepare()

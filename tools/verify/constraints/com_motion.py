@@ -75,6 +75,8 @@ class Zmp(ComMotion):
         """Find the soles."""
         self._area = Area(self)
         self.frame = self._area.frame
+        period, g = self.description.period_s, self.settings["gravity_m_s2"]
+        self.amplifies = 1.0 + 4.0 / (g * period)  # (z/g)·ċ/T at 1 rad/s and z = 1 m, four J
 
     def begin(self, state: Any) -> None:
         """Lay out the area where the soles are."""
@@ -109,6 +111,7 @@ class FrictionCone(ComMotion):
         share = given["mu"] * np.cos(np.pi / k)
         turns = np.exp(2j * np.pi * np.arange(k) / k)
         self._faces = np.stack([turns.real, turns.imag, np.full(k, -share)], axis=1)
+        self.amplifies = 4.0 / self.description.period_s
         self._weight = np.full(k, share * given["gravity_m_s2"])
 
     def limit(self, c: Array) -> tuple[Array, Array]:

@@ -20,6 +20,7 @@ CONSTANTS = schema("Setpoint").constants
 CERTIFIED, AT_TARGET = CONSTANTS["STATUS_CERTIFIED"], CONSTANTS["STATUS_AT_TARGET"]
 NO_ANSWER = CONSTANTS["STATUS_INFEASIBLE"]
 AS_ASKED = 1e-9  # speed by which V's rate may miss what is asked for and counts as that [rad/s]
+SUMMED = 1e-12  # of what is summed up, relative to the sizes of its terms: rounding
 LARGEST_RHO = 1e9  # stands for infinity
 KEPT_RATE = 1e-9  # of the required V̇: what a certified one may be off
 FIELDS = "V", "psi", "drift", "error", "rate"
@@ -59,11 +60,13 @@ class Rates:
         with np.errstate(divide="ignore", invalid="ignore"):
             relative = PLACES / error + np.linalg.norm(off, axis=1) / np.abs(g).max(1)
             psi_off = np.where(psi > 0.0, psi * (RELATIVE + relative), 0.0)
-        drift_off = RELATIVE * error * rate + PLACES * rate
-        V_rate_off = RELATIVE * np.abs(g * u).sum(1) + (np.abs(g) * doubt + off * np.abs(u)).sum(1)
+        V_rate = (g * u).sum(1) + drift
+        drift_off = RELATIVE * np.abs(drift) + SUMMED * error * rate + PLACES * rate
+        V_rate_off = RELATIVE * np.abs(V_rate) + SUMMED * np.abs(g * u).sum(1)
+        V_rate_off += (np.abs(g) * doubt + off * np.abs(u)).sum(1) + SUMMED * error * rate
         return cls(
             V, psi, drift, error, rate, g, off, psi_off, drift_off,
-            (g * u).sum(1) + drift, V_rate_off + drift_off,
+            V_rate, V_rate_off + PLACES * rate,
         )  # fmt: skip
 
 

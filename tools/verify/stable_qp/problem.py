@@ -28,7 +28,7 @@ from hoap3.tools.verify.tasks.tasks import AnyTask
 Array = NDArray[np.float64]
 
 CHUNK = 2000  # cycles whose rows are kept at a time
-PLACES = 32.0 * np.finfo(float).eps  # m or rad: how exactly two ways to sum up a robot agree
+PLACES = 8.0 * np.finfo(float).eps  # m or rad: how exactly two ways to sum up a robot agree
 
 
 @dataclass(frozen=True)
@@ -114,10 +114,17 @@ class Problems:
                     constraint.begin(states[number])
             yield self._cycle(number)
 
-    def margins(self) -> Array:
-        """Smallest margin of the constraints, (N,); inf where there is none."""
-        found = [each.margins for each in self._constraints if each.margins.size]
-        return np.asarray(np.min([np.full(len(self._states), np.inf), *found], axis=0))
+    def margins(self) -> tuple[Array, Array]:
+        """Smallest margin of the constraints, and how exactly it is known, (N,) and (N,).
+
+        inf where there is none.
+        """
+        least, off = np.full(len(self._states), np.inf), np.zeros(len(self._states))
+        for each in self._constraints:
+            smaller = each.margins < least
+            least = np.where(smaller, each.margins, least)
+            off = np.where(smaller, PLACES * each.amplifies, off)
+        return least, off
 
     def _cycle(self, number: int) -> Cycle:
         task, settings = self._task.at(self._robot, self._time(number)), self._settings

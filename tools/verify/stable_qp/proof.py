@@ -19,7 +19,7 @@ from hoap3.tools.verify.stable_qp.answers import (
 )
 from hoap3.tools.verify.stable_qp.certificate import CERTIFIED
 from hoap3.tools.verify.stable_qp.judge import INSIDE, LARGEST, Judge
-from hoap3.tools.verify.stable_qp.problem import PLACES, Cycle
+from hoap3.tools.verify.stable_qp.problem import Cycle
 from hoap3.tools.verify.stable_qp.scaled import Objective, Stacked
 from hoap3.tools.verify.stable_qp.settings import Settings
 from hoap3.tools.verify.stable_qp.slower import with_speeds
@@ -34,7 +34,7 @@ CURVATURE = 1e-6  # of a margin: what a certified answer may find it below 0
 def check_proof(
     chunk: Sequence[Cycle],
     sent: Answers,
-    margins: Array,
+    margins: tuple[Array, Array],
     settings: Settings,
     objective: Objective,
     robot: RobotDescription,
@@ -47,7 +47,7 @@ def check_proof(
     Args:
         chunk: cycles in a row.
         sent: all answers.
-        margins: of the constraints in all cycles so far, (at least as many,).
+        margins: of the constraints in all cycles so far, and how exactly they are known.
         settings, objective: of the controller.
         robot: description of it.
         claims: takes what was compared.
@@ -57,7 +57,8 @@ def check_proof(
     if not chunk:
         return
     at = np.array([cycle.number for cycle in chunk])
-    _check_margins(chunk, sent, at, margins[at], robot.velocity, claims)
+    nearest = margins[0][at], margins[1][at]
+    _check_margins(chunk, sent, at, nearest, robot.velocity, claims)
     if on_curve:
         chunk = with_speeds(chunk, sent.u[at], sent.doubt[at], sent.tick[at], claims)
     asked = np.array([cycle.drift for cycle in chunk])
@@ -77,12 +78,13 @@ def _check_margins(
     chunk: Sequence[Cycle],
     sent: Answers,
     at: NDArray[np.int64],
-    nearest: Array,
+    constraints: tuple[Array, Array],
     fastest: Array,
     claims: Claims,
 ) -> None:
     """Smallest margin: of the constraints, else of rows and bounds, else of the robot's speeds."""
     tick, u, doubt = sent.tick[at], sent.u[at], sent.doubt[at]
+    nearest, exact = constraints
     lower, upper = (
         np.array([getattr(cycle, end) for cycle in chunk]) for end in ("lower", "upper")
     )
@@ -95,13 +97,10 @@ def _check_margins(
             sides[i] = room.min()
             sides_off[i] = max(size.max(initial=0.0), sides_off[i])
     free = fastest - np.abs(u)
-    found = np.where(
-        np.isfinite(nearest), nearest, np.where(np.isfinite(sides), sides, free.min(1))
-    )
-    off = np.where(
-        np.isfinite(nearest), RELATIVE * np.abs(nearest) + PLACES, sides_off + doubt.max(1)
-    ) + RELATIVE * np.abs(found)
-    answered = np.isin(sent.status[at], ANSWERED) | np.isfinite(nearest)
+    known = np.isfinite(nearest)
+    found = np.where(known, nearest, np.where(np.isfinite(sides), sides, free.min(1)))
+    off = np.where(known, exact, sides_off + doubt.max(1)) + RELATIVE * np.abs(found)
+    answered = np.isin(sent.status[at], ANSWERED) | known
     claims.equal(
         "margin",
         tick[answered],
