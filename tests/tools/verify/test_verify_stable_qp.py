@@ -17,7 +17,7 @@ from tampering import Change, changed_field, rewrite
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.logs.log import Log
 from hoap3.tools.verify.constraints.parameters import complete
-from hoap3.tools.verify.stable_qp import settings
+from hoap3.tools.verify.controllers.stable_qp import settings
 from hoap3.tools.verify.verify import verify
 
 PARAMETERS = "controller.parameters."
@@ -240,7 +240,7 @@ def test_defaults_are_those_of_the_controller() -> None:
     from hoap3.remote_controller.tasks.curve_following.curve import JointEllipse, SpaceEllipse
     from hoap3.remote_controller.tasks.curve_following.curve_following import JointCurve, TaskCurve
     from hoap3.tools.verify.constraints.stack import KINDS
-    from hoap3.tools.verify.stable_qp import curve
+    from hoap3.tools.verify.controllers.stable_qp import curve
 
     tables: list[tuple[Mapping[str, Any], Any]] = [
         (settings.DEFAULTS, product.Parameters),

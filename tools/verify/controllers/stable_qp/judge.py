@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.tools.verify.stable_qp import box, farkas, optimality
-from hoap3.tools.verify.stable_qp.norms import holder_gap
-from hoap3.tools.verify.stable_qp.scaled import Objective, Scaled, Stacked
-from hoap3.tools.verify.stable_qp.settings import Settings
+from hoap3.tools.verify.controllers.stable_qp import box, farkas, optimality
+from hoap3.tools.verify.controllers.stable_qp.norms import holder_gap
+from hoap3.tools.verify.controllers.stable_qp.scaled import Objective, Scaled, Stacked
+from hoap3.tools.verify.controllers.stable_qp.settings import Settings
 
 Array = NDArray[np.float64]
 

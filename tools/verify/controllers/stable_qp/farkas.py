@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from hoap3.tools.verify.stable_qp.scaled import Scaled
+from hoap3.tools.verify.controllers.stable_qp.scaled import Scaled
 
 Array = NDArray[np.float64]
 

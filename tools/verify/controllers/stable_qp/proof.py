@@ -9,20 +9,20 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.tools.verify.claims import RELATIVE, Claims
-from hoap3.tools.verify.stable_qp import farkas
-from hoap3.tools.verify.stable_qp.answers import (
+from hoap3.tools.verify.controllers.stable_qp import farkas
+from hoap3.tools.verify.controllers.stable_qp.answers import (
     ANSWERED,
     FOLLOWED,
     INFEASIBLE,
     STATIONARY,
     Answers,
 )
-from hoap3.tools.verify.stable_qp.certificate import CERTIFIED
-from hoap3.tools.verify.stable_qp.judge import INSIDE, LARGEST, Judge
-from hoap3.tools.verify.stable_qp.problem import Cycle
-from hoap3.tools.verify.stable_qp.scaled import Objective, Stacked
-from hoap3.tools.verify.stable_qp.settings import Settings
-from hoap3.tools.verify.stable_qp.slower import with_speeds
+from hoap3.tools.verify.controllers.stable_qp.certificate import CERTIFIED
+from hoap3.tools.verify.controllers.stable_qp.judge import INSIDE, LARGEST, Judge
+from hoap3.tools.verify.controllers.stable_qp.problem import Cycle
+from hoap3.tools.verify.controllers.stable_qp.scaled import Objective, Stacked
+from hoap3.tools.verify.controllers.stable_qp.settings import Settings
+from hoap3.tools.verify.controllers.stable_qp.slower import with_speeds
 
 Array = NDArray[np.float64]
 

@@ -20,9 +20,9 @@ from hoap3.remote_controller.solvers.lyapunov_qp.reference import adapted_gamma,
 from hoap3.tools.verify.constraints.base import Bounds, Constraint
 from hoap3.tools.verify.constraints.cycles import Cycles
 from hoap3.tools.verify.controller_log import ControllerRun
+from hoap3.tools.verify.controllers.stable_qp.curve import Curve
+from hoap3.tools.verify.controllers.stable_qp.settings import Settings
 from hoap3.tools.verify.robot import Robot
-from hoap3.tools.verify.stable_qp.curve import Curve
-from hoap3.tools.verify.stable_qp.settings import Settings
 from hoap3.tools.verify.tasks.tasks import AnyTask
 
 Array = NDArray[np.float64]

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.messages import schema
 from hoap3.tools.verify.claims import RELATIVE, Claims
-from hoap3.tools.verify.stable_qp.answers import ANSWERED, PROVEN, Answers
-from hoap3.tools.verify.stable_qp.problem import PLACES, Cycle
-from hoap3.tools.verify.stable_qp.settings import Settings
+from hoap3.tools.verify.controllers.stable_qp.answers import ANSWERED, PROVEN, Answers
+from hoap3.tools.verify.controllers.stable_qp.problem import PLACES, Cycle
+from hoap3.tools.verify.controllers.stable_qp.settings import Settings
 
 Array = NDArray[np.float64]
 

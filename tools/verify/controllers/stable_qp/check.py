@@ -17,15 +17,15 @@ from hoap3.tools.verify.constraints.cycles import cycles_of
 from hoap3.tools.verify.constraints.parameters import UnverifiableError
 from hoap3.tools.verify.constraints.stack import constraints_of
 from hoap3.tools.verify.controller_log import ControllerRun
+from hoap3.tools.verify.controllers.stable_qp.answers import Answers
+from hoap3.tools.verify.controllers.stable_qp.certificate import check_certificate
+from hoap3.tools.verify.controllers.stable_qp.curve import Curve
+from hoap3.tools.verify.controllers.stable_qp.problem import CHUNK, Cycle, Problems
+from hoap3.tools.verify.controllers.stable_qp.proof import check_proof
+from hoap3.tools.verify.controllers.stable_qp.scaled import Objective
+from hoap3.tools.verify.controllers.stable_qp.settings import Settings
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.sent_velocity import check_values
-from hoap3.tools.verify.stable_qp.answers import Answers
-from hoap3.tools.verify.stable_qp.certificate import check_certificate
-from hoap3.tools.verify.stable_qp.curve import Curve
-from hoap3.tools.verify.stable_qp.problem import CHUNK, Cycle, Problems
-from hoap3.tools.verify.stable_qp.proof import check_proof
-from hoap3.tools.verify.stable_qp.scaled import Objective
-from hoap3.tools.verify.stable_qp.settings import Settings
 from hoap3.tools.verify.tasks.config import default_entry, task_of
 from hoap3.tools.verify.tasks.targets import UnknownTaskError
 
