@@ -27,6 +27,8 @@ def check_motion(states: Rows, robot: RobotDescription, claims: Claims) -> None:
     """
     kind, tick = robot.command_kinds[0], states["tick"]
     _check_rest(states, claims)
+    if states["reference_rate"].shape[1] == robot.n:
+        _check_told(states, robot, claims)
     if kind == "torque":
         _check_torques(states, robot, claims)
         return
@@ -55,6 +57,25 @@ def _check_rest(states: Rows, claims: Claims) -> None:
     at_rest = resting[1:] & resting[:-1]
     moved = np.diff(states["reference"], axis=0)[at_rest]
     claims.equal("reference at rest", states["tick"][1:][at_rest], moved, 0.0 * moved, 0.0)
+
+
+def _check_told(states: Rows, robot: RobotDescription, claims: Claims) -> None:
+    """The velocity and acceleration of the reference that the robot tells, of wire version 2.
+
+    Of a robot that takes positions they are differences of its reference, of others those of its
+    body.
+    """
+    tick, T, told = states["tick"], robot.period_s, states["reference_rate"]
+    if robot.command_kinds[0] == "position":
+        moved = np.diff(states["reference"], axis=0) / T
+        ulp = np.spacing(np.abs(states["reference"]).max(0))
+        claims.equal("told rate", tick[1:], told[1:], moved, 0.0 * moved + ROUNDINGS * ulp / T)
+    else:
+        claims.equal("told rate", tick, told, states["dq"], 0.0)
+    change = np.diff(told, axis=0) / T
+    off = RELATIVE * np.maximum(np.abs(told[1:]), np.abs(told[:-1])) / T
+    stated = states["reference_acceleration"][1:]
+    claims.equal("told acceleration", tick[1:], stated, change, off)
 
 
 def _check_torques(states: Rows, robot: RobotDescription, claims: Claims) -> None:

@@ -221,6 +221,10 @@ ROBOTS = {
     "stamp": lambda n: changed_field(STATE, n, "stamp_intended", lambda t: t + HALF_PERIOD),
     "published": lambda n: changed_field(STATE, n, "stamp_published", lambda t: t + HALF_PERIOD),
     "reference": lambda n: changed_field(STATE, n, "reference", lambda s: s + 0.05, joint=2),
+    "rate": lambda n: changed_field(STATE, n, "reference_rate", lambda v: v + 1e-6, joint=2),
+    "acceleration": lambda n: changed_field(
+        STATE, n, "reference_acceleration", lambda a: a + 1e-3, joint=2
+    ),
 }
 
 
