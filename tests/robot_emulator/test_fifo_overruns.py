@@ -78,6 +78,9 @@ class PausingClient:
     def announce(self, event: bytes) -> None:
         self._inner.announce(event)
 
+    def tokens(self) -> Sequence[tuple[str, bool]]:
+        return self._inner.tokens()
+
     def look_again(self, who: str) -> None:
         self._inner.look_again(who)
 

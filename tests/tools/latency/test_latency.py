@@ -52,13 +52,14 @@ def measured(tmp_path_factory):
 
 
 def test_a_measurement_has_every_promised_figure(measured):
-    found, folder, told = measured
+    found, folder, said = measured
     assert found.keys() >= PROMISED
     assert json.loads(json.dumps(found)) == found
-    assert found["bytes"] == {"state": State(21).size, "setpoint": Setpoint(21).size}
+    told = {"reference_rate": 21, "reference_acceleration": 21, "followed": 1}
+    assert found["bytes"] == {"state": State(21, **told).size, "setpoint": Setpoint(21).size}
     assert (found["link"], found["warm_up_ticks"], found["period_us"]) == ("tcp", WARM_UP, 1000.0)
     assert found["log"] == str(folder)
-    assert len(told) == 1
+    assert len(said) == 1
     assert 0 < found["echo_rtt_us"]["n"] <= 150
 
 
