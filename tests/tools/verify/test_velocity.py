@@ -187,6 +187,15 @@ def test_each_kind_of_change_is_found_at_a_hundred_places(
 
 
 @pytest.mark.slow
+def test_near_the_target_the_rounding_of_errors_is_no_false_alarm(tmp_path: Path) -> None:
+    """There |e| is so small that what is known of a place is more than 1e-9 of it."""
+    given = "--robot", "hoap3", "--controller", "clik_sdp", "--duration", "6"
+    inside("run", "--lockstep", *given, "--out", tmp_path / "run")
+
+    assert verify(tmp_path / "run").claims.by_tick() == []
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "setting"), [(name, each) for name, all_ in SETTINGS.items() for each in all_]
 )

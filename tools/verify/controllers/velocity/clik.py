@@ -78,12 +78,14 @@ class _Problem:
 
     Attributes:
         answers, law, motion: of each cycle.
+        place: how exactly each error is known, (m,).
         gains: λ [1/s], (N, m).
         columns: of `extra`, by name, (N,).
     """
 
     answers: Answers
     law: Law
+    place: Array
     gains: Array
     columns: Mapping[str, Array]
     motion: _Motion
@@ -93,6 +95,7 @@ class _Problem:
         asked, B = self.gains * -self.answers.cycles.e, self.law.B
         size = (np.abs(B) @ np.abs(asked)[:, :, None])[:, :, 0]
         near = self.motion.near + RELATIVE * size + self.law.unsure_of(asked) + self.answers.doubt
+        near += (np.abs(B) @ (np.abs(self.gains) * self.place)[:, :, None])[:, :, 0]
         return (B @ asked[:, :, None])[:, :, 0], near
 
 
@@ -127,13 +130,14 @@ def _check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims, *,
         finite: Flags = np.asarray(np.isfinite(gains).all(1))
         claims.at_most("gains are no numbers", answers.tick, ~finite, 0.0, 0.0)
         answers, law, gains = answers.only(finite), law.only(finite), gains[finite]
-    motion = _motion(answers, law, settings["damping"])
+    place = PLACE * tasks.roots
+    motion = _motion(answers, law, settings["damping"], place)
     if not sdp:
         gains = _check_steady(answers, law, motion, wanted, gains, claims)
     if not len(answers.tick):
         return
     columns = dict(zip(named, answers.run.answers["extra"].T, strict=True))
-    problem = _Problem(answers, law, np.asarray(gains), columns, motion)
+    problem = _Problem(answers, law, place, np.asarray(gains), columns, motion)
     _check_answers(problem, tasks, weights, settings, claims, sdp=sdp)
 
 
@@ -199,14 +203,15 @@ def _gains(run: ControllerRun, named: list[str], claims: Claims) -> Array | None
     return array
 
 
-def _motion(answers: Answers, law: Law, damping: float) -> _Motion:
-    """What is fed forward within the limits."""
+def _motion(answers: Answers, law: Law, damping: float, place: Array) -> _Motion:
+    """What is fed forward within the limits; `place` is how exactly each error is known, (m,)."""
     cycles, T = answers.cycles, answers.run.description.period_s
     least, most = np.minimum(answers.lower, 0.0), np.maximum(answers.upper, 0.0)
     moving: Flags = np.asarray(cycles.rate.any(1))
     rates = np.where(moving[:, None], (cycles.e - cycles.along) / T, 0.0)
     given, share = fed(law, cycles.J, rates, least, most, damping)
     near = RELATIVE * np.abs(given) + law.unsure_of(rates)
+    near += moving[:, None] * (np.abs(law.B) @ (2.0 * place / T))
     room = np.minimum(given - least, most - given)
     within = (room >= 0.0).all(1) & (share == 1.0)
     sure = (np.abs(room) > near).all(1) & ((share == 1.0) | (share < 1.0 - RELATIVE)) | ~moving
