@@ -207,6 +207,11 @@ class Message(ctypes.LittleEndianStructure):
         return cls.allocate(**cls.schema.lengths_in(payload))
 
     @property
+    def lengths(self) -> dict[str, int]:
+        """Of its arrays, by name."""
+        return {name: len(getattr(self, name)) for name in self.schema.arrays}
+
+    @property
     def size(self) -> int:
         """Bytes on the wire, CDR header included."""
         return self._frame.size

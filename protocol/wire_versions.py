@@ -14,7 +14,8 @@ from hoap3.protocol.messages import CDR_HEADER, Message, Setpoint, State, schema
 OLDEST = 1
 """The earliest version that is still read."""
 
-_EARLIER = {cls: schema(cls.schema.name, f"v{OLDEST}") for cls in (State, Setpoint)}
+EARLIER = {cls: schema(cls.schema.name, f"v{OLDEST}") for cls in (State, Setpoint)}
+"""Schemas of version 1, by the message of today."""
 _BEHIND_VERSION = len(CDR_HEADER) + 4
 
 
@@ -23,9 +24,9 @@ def _head(version: int) -> bytes:
 
 
 _OLD = _head(OLDEST)
-_NEW = {cls: _head(cls.schema.version) for cls in _EARLIER}
+_NEW = {cls: _head(cls.schema.version) for cls in EARLIER}
 _EMPTY = {
-    cls: bytes(4 * (len(cls.schema.arrays) - len(old.arrays))) for cls, old in _EARLIER.items()
+    cls: bytes(4 * (len(cls.schema.arrays) - len(old.arrays))) for cls, old in EARLIER.items()
 }
 
 
@@ -34,7 +35,7 @@ def upgraded(message: type[Message], payload: bytes) -> bytes:
 
     What is malformed stays so.
     """
-    if payload[:_BEHIND_VERSION] != _OLD or message not in _EARLIER:
+    if payload[:_BEHIND_VERSION] != _OLD or message not in EARLIER:
         return payload
     return _NEW[message] + payload[_BEHIND_VERSION:] + _EMPTY[message]
 
@@ -45,7 +46,7 @@ def downgraded(message: type[Message], payload: bytes) -> bytes:
     Raises:
         WireError: it ends before the last array of version 1.
     """
-    if message not in _EARLIER:
+    if message not in EARLIER:
         return payload
-    _, end = _EARLIER[message].measure(payload)
+    _, end = EARLIER[message].measure(payload)
     return _OLD + payload[_BEHIND_VERSION:end]

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import json
 
-from hoap3.protocol.link.session_limits import MAX_REQUEST_BYTES
+from hoap3.protocol.link.session_limits import MAX_CONFIG_BYTES
 from hoap3.remote_controller.config import ControllerConfig
 
 
 def own_config(config: ControllerConfig) -> bytes:
     """The settings of a controller as JSON for a robot's log; b"" where they are too long."""
     raw = config.model_dump_json().encode()
-    return raw if len(raw) < MAX_REQUEST_BYTES else b""
+    return raw if len(raw) <= MAX_CONFIG_BYTES else b""
 
 
 def is_config(raw: bytes) -> bool:
-    """Whether it is a JSON object, no longer than a request may be."""
-    if len(raw) > MAX_REQUEST_BYTES:
+    """Whether it is a JSON object, and not too long."""
+    if len(raw) > MAX_CONFIG_BYTES:
         return False
     try:
         found = json.loads(raw)

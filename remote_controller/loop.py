@@ -11,6 +11,7 @@ from hoap3.protocol.errors import Hoap3Error, UsageError, WireError
 from hoap3.protocol.link.base import Request
 from hoap3.protocol.messages import Event, FloatArray, State
 from hoap3.protocol.runtime.clock import Clock, VirtualClock
+from hoap3.protocol.runtime.event_limit import EventLimit
 from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.protocol.stop_reasons import LATCHING, STOP_REASONS
@@ -79,6 +80,7 @@ class ControllerLoop:
         self._session_id = session_id
         self._event = Event()
         self._event.session_id = session_id
+        self._request_limit = EventLimit(("change", "show"))
         self.epoch = 0
         self.steps = self.answered = self.overwritten = self.repeated = self.rejected = 0
         self.stale = False
@@ -110,19 +112,27 @@ class ControllerLoop:
         self._recorder.record(Kind.SESSION, now, json.dumps(session).encode())
 
     def note_config(self, config: bytes) -> None:
-        """Record the configuration of the robot, a JSON object."""
-        body = b'{"side": "robot", "config": %s}' % config
-        self._recorder.record(Kind.CONFIG, self._clock.now(), body)
+        """Record the configuration of the robot, JSON, as it came."""
+        said = {"side": "robot", "config": config.decode("utf-8", "replace")}
+        self._recorder.record(Kind.CONFIG, self._clock.now(), json.dumps(said).encode())
 
-    def note_token(self, who: str, *, present: bool) -> None:
-        """Record that a liveliness token is seen, or has gone."""
-        body = json.dumps({"who": who, "present": present}).encode()
+    def note_token(self, *, present: bool) -> None:
+        """Record that the robot's liveliness token is seen, or has gone."""
+        body = json.dumps({"who": "robot", "present": present}).encode()
         self._recorder.record(Kind.TOKEN, self._clock.now(), body)
 
-    def note_request(self, request: Request, answer: dict[str, Any]) -> None:
-        """Record what somebody asked of the controller, and the answer."""
-        asked = {"who": request.who, "verb": request.verb, "answer": answer}
-        self._recorder.record(Kind.REQUEST, self._clock.now(), json.dumps(asked).encode())
+    def note_request(self, request: Request, error: str | None) -> None:
+        """Record what somebody asked of the controller, and whether it was refused, and why.
+
+        Unless they ask too often; it is counted then.
+        """
+        now, limit = self._clock.now(), self._request_limit
+        for verb, count in limit.left_out(now):
+            fact = {"verb": verb, "left_out": count}
+            self._recorder.record(Kind.REQUEST, now, json.dumps(fact).encode())
+        if limit.passes(request.verb, now):
+            fact = {"who": request.who, "verb": request.verb, "answer": {"error": error}}
+            self._recorder.record(Kind.REQUEST, now, json.dumps(fact).encode())
 
     def grant(self, epoch: int) -> None:
         """Answer under this authority from now on; 0 for none."""

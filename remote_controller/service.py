@@ -18,7 +18,7 @@ from hoap3.protocol.link.base import Request
 from hoap3.protocol.link.hoap3_tcp.controller_link import Hoap3ControllerLink
 from hoap3.protocol.link.local_control import others_here
 from hoap3.protocol.link.zenoh_link import ZenohControllerLink
-from hoap3.protocol.messages import WIRE_VERSION, State
+from hoap3.protocol.messages import WIRE_VERSION, Setpoint, State
 from hoap3.protocol.runtime.clock import Clock, MonotonicClock, VirtualClock
 from hoap3.protocol.runtime.notes import Detail, Routine, told
 from hoap3.protocol.runtime.numba_jit import warm_up
@@ -94,7 +94,7 @@ def serve(request: Request, loop: ControllerLoop) -> None:
     except UsageError as error:
         answer = {"error": str(error), "now": None}
     request.answer(answer)
-    loop.note_request(request, answer)
+    loop.note_request(request, answer["error"])
 
 
 class Service:
@@ -294,7 +294,8 @@ class Service:
             self._controller, self._clock, recorder, status.session_id, self._outcome
         )
         loop.begin(description, lockstep=status.lockstep)
-        loop.note_token(link.robot, present=True)
+        if not isinstance(link, Hoap3ControllerLink):
+            loop.note_token(present=True)
         config = self._ask_config(link)
         if config is not None:
             loop.note_config(config)
@@ -302,7 +303,7 @@ class Service:
         grant = self._acquire(link)
         if grant is None or grant.epoch is None or grant.session_id != status.session_id:
             return False
-        self._check_lengths(grant)
+        self._check_lengths(grant, link)
         loop.grant(grant.epoch)
         loop.announce("ROBOT_FOUND", grant.epoch)
         if waits_for_recovery(grant.mode, grant.stop_reason):
@@ -320,16 +321,19 @@ class Service:
         raw = self._ask(link, "config")
         return raw if raw is not None and is_config(raw) else None
 
-    def _check_lengths(self, grant: GrantAnswer) -> None:
-        """Refuse a controller whose setpoints the robot has no room for.
+    def _check_lengths(self, grant: GrantAnswer, link: Link) -> None:
+        """Give authority back where the robot has no room for the controller's setpoints.
 
         Raises:
             UsageError: names the array, its length, and what the robot takes.
         """
-        command = None if self._controller is None else self._controller.command
-        for name, most in grant.setpoint_arrays.items():
-            length = len(getattr(command, name, ()))
+        if self._controller is None:
+            return
+        for name in Setpoint.schema.arrays:
+            length = len(getattr(self._controller.command, name))
+            most = grant.setpoint_arrays.get(name, length)
             if length > most:
+                link.ask("release")
                 raise UsageError(
                     f"controller {self._config.controller!r} sends {length} numbers as {name!r}, "
                     f"and robot {self._config.robot!r} takes {most}. Send fewer"
@@ -408,7 +412,8 @@ class Service:
                 return True
         loop.sum_up()
         loop.announce("ROBOT_LOST", loop.last_tick)
-        loop.note_token(link.robot, present=link.presence.is_set())
+        if not isinstance(link, Hoap3ControllerLink):
+            loop.note_token(present=link.presence.is_set())
         gone = "is silent" if silent else "no longer follows us" if loop.stale else "is gone"
         note = f"robot {link.robot!r} {gone}"
         self._report(note if silent else Routine(note))

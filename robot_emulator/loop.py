@@ -19,15 +19,16 @@ import numpy as np
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.link.base import Request, RobotLink
+from hoap3.protocol.link.session_limits import MAX_CONFIG_BYTES
 from hoap3.protocol.messages import COMMANDS, WIRE_VERSION, Event, State
 from hoap3.protocol.runtime.clock import Clock, VirtualClock
+from hoap3.protocol.runtime.event_limit import EventLimit
 from hoap3.protocol.runtime.realtime import Ticker
 from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.protocol.stop_reasons import STOP_REASONS
 from hoap3.robot_emulator.authority import Authority
 from hoap3.robot_emulator.config import EmulatorConfig
-from hoap3.robot_emulator.event_limit import EventLimit
 from hoap3.robot_emulator.plant_factory import build_body
 from hoap3.robot_emulator.setpoint_validator import (
     MAX_LENGTHS,
@@ -36,8 +37,8 @@ from hoap3.robot_emulator.setpoint_validator import (
 )
 
 VERBS = ("description", "config", "status", "acquire", "release", "gone", "stop", "recover")
-OTHER, TOKEN = "other", "token"  # requests of no such verb, and clients' tokens
-LONGEST_NAME = 64  # of a verb or a client, in the log
+OTHER, TOKEN, CONFIG = "other", "token", "configuration"
+"""What else is limited: requests of no such verb, clients' tokens, and their configurations."""
 
 GRACE_TICKS = 20
 """Ticks between a grant and the first answer that is asked for, in real time."""
@@ -129,7 +130,7 @@ class RobotLoop:
         self._event = Event()
         self._event.session_id = session_id
         self._event_limit = EventLimit()
-        self._request_limit = EventLimit((*VERBS, OTHER, TOKEN))
+        self._request_limit = EventLimit((*VERBS, OTHER, TOKEN, CONFIG))
         self._tells_motion = bool(description.state_arrays)
         self._followed = -1  # tick of the setpoint in use
         self._earlier_rate = np.zeros(description.n)
@@ -408,7 +409,7 @@ class RobotLoop:
         request.answer(answer)
         verb = request.verb if request.verb in VERBS else OTHER
         known = {"bytes": len(answer)} if isinstance(answer, bytes) else answer
-        asked = {"who": request.who, "verb": request.verb[:LONGEST_NAME], "answer": known}
+        asked = {"who": request.who, "verb": request.verb, "answer": known}
         self._record_fact(Kind.REQUEST, verb, asked)
 
     def _answer(self, request: Request) -> dict[str, object] | bytes:
@@ -473,10 +474,11 @@ class RobotLoop:
 
     def _record_config(self, request: Request) -> None:
         """Record the configuration that a controller sent with its request, as it came."""
-        if request.version == WIRE_VERSION and request.body:
-            who = json.dumps(request.who).encode()
-            body = b'{"side": "controller", "who": %s, "config": %s}' % (who, request.body)
-            self._recorder.record(Kind.CONFIG, self._clock.now(), body)
+        old = request.version < WIRE_VERSION
+        if request.body and not old and len(request.body) <= MAX_CONFIG_BYTES:
+            config = request.body.decode("utf-8", "replace")
+            said = {"side": "controller", "who": request.who, "config": config}
+            self._record_fact(Kind.CONFIG, CONFIG, said)
 
     def _first_tick(self) -> int:
         """Of a grant from now on: after all deadlines of an earlier one."""

@@ -11,7 +11,7 @@ from heapq import heappop, heappush
 import numpy as np
 
 from hoap3.protocol.errors import WireError
-from hoap3.protocol.messages import Setpoint
+from hoap3.protocol.messages import CDR_HEADER, Setpoint
 from hoap3.protocol.runtime.deadlines import Deadlines
 
 HISTORY = 1024
@@ -157,44 +157,57 @@ class SetpointValidator:
         self.deadlines.end_run()
 
     def _refusal(self, payload: bytes, last_tick: int) -> str | None:
+        """Load a payload into `_incoming`, or say why it is refused.
+
+        Only one that is refused for nothing else has room made for arrays of other lengths.
+        """
         try:
-            try:
-                self._incoming.load(payload)
-            except WireError as error:
-                if error.kind == "wire_version":
-                    raise
-                self._learn(payload)
+            self._incoming.load(payload)
+        except WireError as error:
+            if error.kind == "wire_version":
+                return error.kind
+            return self._learn(payload, last_tick)
+        found = self._incoming
+        address = found.session_id, found.tick, found.epoch, found.command
+        return self._strange(last_tick, *address) or self._unfit()
+
+    def _learn(self, payload: bytes, last_tick: int) -> str | None:
+        """Take a setpoint whose arrays have other lengths than the last one's, or refuse it."""
+        try:
+            lengths = Setpoint.schema.lengths_in(payload)
+            if lengths["values"] != self._joints:
+                return "size"
+            if any(lengths[name] > most for name, most in MAX_LENGTHS.items()):
+                return "size"
+            if payload[: len(CDR_HEADER)] != CDR_HEADER:
+                return "layout"
+            if Setpoint.scalars(payload, "wire_version") != (Setpoint.schema.version,):
+                return "wire_version"
+            address = Setpoint.scalars(payload, "session_id", "tick", "epoch", "command")
+            reason = self._strange(last_tick, *address)
+            if reason is not None:
+                return reason
+            self._incoming = Setpoint.allocate(**lengths)
+            self._incoming.load(payload)
         except WireError as error:
             return error.kind
-        setpoint = self._incoming
-        tick = setpoint.tick
+        return self._unfit()
+
+    def _strange(
+        self, last_tick: int, session_id: int, tick: int, epoch: int, command: int
+    ) -> str | None:
+        """Why a setpoint answers nothing that this robot asked, or None."""
         place = tick % HISTORY
-        if setpoint.session_id != self._session_id:
+        if session_id != self._session_id:
             return "session"
         if tick > last_tick:
             return "future"
         if self._asked[place] != tick:
             return "unasked"
-        if self._epochs[place] != setpoint.epoch:
+        if self._epochs[place] != epoch:
             return "epoch"
-        if setpoint.command != self._command:
-            return "command"
-        if not self._all_finite(setpoint.values):
-            return "not_finite"
-        return None
+        return "command" if command != self._command else None
 
-    def _learn(self, payload: bytes) -> None:
-        """Take a setpoint whose arrays have other lengths than the last one's.
-
-        Raises:
-            WireError: they are not what it has room for, or too long, or it is none.
-        """
-        lengths = Setpoint.schema.lengths_in(payload)
-        if lengths["values"] != self._joints:
-            raise WireError("size", f"Setpoint: {lengths['values']} values")
-        for name, most in MAX_LENGTHS.items():
-            if lengths[name] > most:
-                raise WireError("size", f"Setpoint: {name!r} has {lengths[name]} elements")
-        incoming = Setpoint.allocate(**lengths)
-        incoming.load(payload)
-        self._incoming = incoming
+    def _unfit(self) -> str | None:
+        """Why the values of `_incoming` cannot be followed, or None."""
+        return None if self._all_finite(self._incoming.values) else "not_finite"

@@ -18,10 +18,11 @@ import numpy as np
 from hoap3.protocol.config.settings import apply_overrides, parse, parse_yaml
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, LogError, WireError
-from hoap3.protocol.messages import STAMP_FIELDS, Setpoint, State
+from hoap3.protocol.messages import STAMP_FIELDS, WIRE_VERSION, Setpoint, State
 from hoap3.protocol.runtime.clock import MonotonicClock, VirtualClock
 from hoap3.protocol.runtime.recorder import NoRecorder
 from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.protocol.wire_versions import EARLIER
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.loop import ControllerLoop
 from hoap3.remote_controller.registry import registered
@@ -134,7 +135,9 @@ def _replay(
         )
     try:
         with user_code(allowed=allow_code):
-            return replay_records(log.records(), config, tolerance=tolerance, file=file, say=say)
+            old = log.wire_version < WIRE_VERSION
+            given: dict[str, Any] = {"tolerance": tolerance, "file": file, "say": say, "old": old}
+            return replay_records(log.records(), config, **given)
     except (WireError, LookupError, TypeError, ValueError, RecursionError) as error:
         raise LogError(
             f"{path}: holds a record that no service of ours has written "
@@ -149,8 +152,14 @@ def replay_records(
     tolerance: float = 0.0,
     file: str = "config",
     say: Callable[[str], None] = lambda _: None,
+    old: bool = False,
 ) -> ReplayReport:
-    """Repeat the records of a controller's log; see `replay`."""
+    """Repeat the records of a controller's log; see `replay`.
+
+    Args:
+        records, config, tolerance, file, say: see there.
+        old: whether its setpoints lack what version 1 of the wire did not have.
+    """
     report = ReplayReport(tolerance=tolerance)
     description: RobotDescription | None = None
     loop: ControllerLoop | None = None
@@ -165,7 +174,7 @@ def replay_records(
             clock = VirtualClock() if lockstep else MonotonicClock()
             controller = build(config, description, file)
             loop = ControllerLoop(controller, clock, NoRecorder(), session["session_id"])
-            comparison = _Comparison(controller.command, lockstep, tolerance)
+            comparison = _Comparison(controller.command, lockstep, tolerance, old=old)
         elif record.kind == Kind.AUTHORITY and loop is not None:
             loop.grant(int(json.loads(record.payload)["epoch"]))
         elif record.kind == Kind.CHANGE and loop is not None:
@@ -192,10 +201,12 @@ def replay_records(
 class _Comparison:
     """Compares setpoints; stamps count in lockstep only, where they are virtual.
 
-    An array that the log does not have, as those of version 1 of the wire, is not compared.
+    Of an `old` log what version 1 of the wire does not have is not compared.
     """
 
-    def __init__(self, like: Setpoint, lockstep: bool, tolerance: float) -> None:
+    def __init__(self, like: Setpoint, lockstep: bool, tolerance: float, *, old: bool) -> None:
+        schema = EARLIER[Setpoint] if old else Setpoint.schema
+        self._arrays = schema.arrays
         self._logged, self._again = Setpoint.like(like.dump()), Setpoint.like(like.dump())
         self._lockstep, self._tolerance = lockstep, tolerance
         ignored = frozenset() if lockstep else STAMP_FIELDS
@@ -207,7 +218,7 @@ class _Comparison:
             return None
         if again is None:
             return "no answer"
-        if len(logged) != self._logged.size:  # of version 1: it lacks some arrays
+        if Setpoint.schema.lengths_in(logged) != self._logged.lengths:
             self._logged = Setpoint.like(logged)
         self._logged.load(logged)
         self._again.load(again)
@@ -215,13 +226,12 @@ class _Comparison:
             before, after = getattr(self._logged, name), getattr(self._again, name)
             if before != after and not self._close(before, after):
                 return f"{name} {before!r} became {after!r}"
-        for name in Setpoint.schema.arrays:
+        for name in self._arrays:
             before, after = getattr(self._logged, name), getattr(self._again, name)
-            if not before.size:
-                continue
             if before.size != after.size:
                 return f"{name} has {before.size} numbers, and {after.size} again"
-            differs = ~((before == after) | (np.abs(before - after) <= self._tolerance))
+            same = (before == after) | (np.isnan(before) & np.isnan(after))
+            differs = ~(same | (np.abs(before - after) <= self._tolerance))
             if differs.any():
                 at = int(np.argmax(differs))
                 return f"{name}[{at}] {float(before[at])!r} became {float(after[at])!r}"

@@ -14,6 +14,8 @@ MAX_MESSAGE_BYTES = 2 << 20
 MAX_REQUEST_BYTES = 64 << 10
 """Of a sample or a query that is received; larger ones are dropped, a query without an answer."""
 
+MAX_CONFIG_BYTES = 16 << 10  # that one side tells the other, for its log
+
 ACCEPT_TIMEOUT_MS = 3000
 """A connection that has not completed Zenoh's handshake by then is closed."""
 

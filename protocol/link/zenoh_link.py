@@ -27,6 +27,8 @@ from hoap3.protocol.link.local_control import LocalControl
 from hoap3.protocol.link.zenoh_clients import Clients, Queries, identity, leaf
 from hoap3.protocol.link.zenoh_session import (
     QUERY_TIMEOUT_S,
+    SPEAKS,
+    ask_in,
     ask_versions,
     fast_publisher,
     is_alive,
@@ -41,6 +43,7 @@ from hoap3.protocol.wire_versions import OLDEST, downgraded, upgraded
 BACKLOG = 1024  # setpoints; of more the oldest are dropped
 WAITING_ANSWERS = 256  # with as many no further request is taken: somebody takes none
 CONTROL = frozenset({"change", "show"})  # what a controller can be asked
+LONGEST_VERB = 64  # characters; more are cut off
 PENDING = 16  # requests to a controller; of more the oldest get no answer
 FRESH_S = 0.75 * QUERY_TIMEOUT_S  # of a request to a controller: who asked still waits
 EVENTS = 16  # of the robot that a controller keeps; of more the oldest are lost
@@ -57,7 +60,7 @@ class ZenohRobotLink:
         robot: name of the robot.
         settings: how it is reached.
         blocking: wait for the network rather than drop a State; for lockstep only.
-        report: is told of the first peer of version 1, in a thread.
+        report: is told of the first client that speaks version 1.
 
     Attributes:
         arrival: set when a Setpoint has arrived, for those who wait.
@@ -75,7 +78,7 @@ class ZenohRobotLink:
         report: Callable[[str], None] = lambda _: None,
     ) -> None:
         self.arrival, self._blocking = threading.Event(), blocking
-        self._report, self._old_listens, self._told = report, False, False
+        self._report, self._old_listens, self._old_asks = report, False, False
         self._give_way = _way_to_sender()
         self._local: LocalControl | None = None
         self._session = session = open_session(settings)
@@ -89,6 +92,7 @@ class ZenohRobotLink:
             self._old_state = fast_publisher(session, state_key(robot, OLDEST), blocking)
             self._old_state.declare_matching_listener(self._old_listens_now)
             self._events = session.declare_publisher(key(robot, "events"), express=True)
+            self._speaks = session.liveliness().declare_token(key(robot, SPEAKS))  # before queries
             self._queries = Queries(session, robot)
             self._clients = Clients(session, robot)
             self._setpoints = session.declare_subscriber(
@@ -100,6 +104,7 @@ class ZenohRobotLink:
             raise
         self._arrived: deque[Arrival] = deque(maxlen=BACKLOG)
         self._query: zenoh.Query | None = None  # taken, and not served yet
+        self._asking = key(robot, "ask")
         self._clients.start()
         self._answers = _Answers()
         self._receiver = threading.Thread(target=self._receive, name="receive", daemon=True)
@@ -108,7 +113,7 @@ class ZenohRobotLink:
     def publish(self, state: bytes) -> None:
         """Send a State."""
         self._state.put(state)
-        if self._old_listens:
+        if self._old_listens and self._old_asks:
             self._old_state.put(downgraded(State, state))
         self._give_way()
 
@@ -137,7 +142,9 @@ class ZenohRobotLink:
             if self._query is None:
                 return
             query, self._query = self._query, None
-            request = self._answers.request(query, "ask")
+            request = self._answers.request(query, self._asking)
+            if request.version == OLDEST:
+                self._note_old(request.who)
             if request.verb == "acquire":
                 request = replace(request, present=self._clients.asks(request.who))
             yield request
@@ -181,11 +188,14 @@ class ZenohRobotLink:
     def _old_listens_now(self, status: zenoh.MatchingStatus) -> None:
         """In a thread of Zenoh's, where the first comes or the last goes."""
         self._old_listens = status.matching
-        if status.matching and not self._told:
-            self._told = True
+
+    def _note_old(self, who: str) -> None:
+        """A client of version 1 has asked: it shall have its States."""
+        if not self._old_asks:
+            self._old_asks = True
             self._report(
-                f"a client speaks wire version {OLDEST}: it gets no rates of the reference and "
-                "tells nothing of what it decided"
+                f"client {who!r} speaks wire version {OLDEST}: it gets no rates of the reference "
+                "and tells nothing of what it decided"
             )
 
 
@@ -255,9 +265,12 @@ class ZenohControllerLink:
     def ask(self, verb: str, timeout_s: float = QUERY_TIMEOUT_S, body: bytes = b"") -> bytes | None:
         """Ask the robot; its answer, or None where it gives none in time.
 
-        Where it speaks another version of the wire than before, that is spoken from now on.
+        The version of the wire that it gives its description in is spoken from then on.
         """
-        version, answer = ask_versions(self._session, self.robot, verb, self.who, body, timeout_s)
+        given = self._session, self.robot, verb, self.who, body, timeout_s
+        if verb != "description":
+            return ask_in(self.wire_version, *given)
+        version, answer = ask_versions(*given)
         if answer is not None and version != self.wire_version:
             self._speak(version)
         return answer
@@ -265,17 +278,20 @@ class ZenohControllerLink:
     def _speak(self, version: int) -> None:
         """Listen to States, and send Setpoints, of a version of the wire."""
         session, state = self._session, state_key(self.robot, version)
-        setpoint = key(self.robot, "setpoint" if version == OLDEST else f"setpoint/{self.who}")
+        leaf_of_setpoints = "setpoint" if version == OLDEST else f"setpoint/{self.who}"
+        setpoint = fast_publisher(session, key(self.robot, leaf_of_setpoints), self._blocking)
+        states = session.declare_subscriber(state, zenoh.handlers.RingChannel(1))
+        local = zenoh.Locality.SESSION_LOCAL
+        waker = session.declare_publisher(state, allowed_destination=local)
+        before = self._declared
         with self._waking:
-            for declared in self._declared:
-                declared.undeclare()
             self.wire_version = version
-            self._setpoint = fast_publisher(session, setpoint, self._blocking)
-            self._states = session.declare_subscriber(state, zenoh.handlers.RingChannel(1))
-            self._waker = session.declare_publisher(
-                state, allowed_destination=zenoh.Locality.SESSION_LOCAL
-            )
-            self._declared = [self._setpoint, self._states, self._waker]
+            self._setpoint, self._states, self._waker = setpoint, states, waker
+            self._declared = [setpoint, states, waker]
+        for declared in before:
+            declared.undeclare()
+        if before:
+            self.wake()  # whoever was to be woken meanwhile is so now
 
     def close(self) -> None:
         """Leave the network."""
@@ -305,7 +321,7 @@ class ZenohControllerLink:
         """In a thread of Zenoh's. Queued; served after the next State."""
         if self._answers.full():
             return  # who asked gets no answer
-        request = self._answers.request(query, "control")
+        request = self._answers.request(query, key(self.robot, "control"))
         if request.verb in CONTROL:
             self._asked.append((time.monotonic(), request))
         else:
@@ -331,10 +347,10 @@ class _Answers:
         self._thread = threading.Thread(target=self._send, name="answer", daemon=True)
         self._thread.start()
 
-    def request(self, query: zenoh.Query, whom: str) -> Request:
-        """A query to `…/<whom>/<verb>/<who>` as a request, whose answer is sent from here.
+    def request(self, query: zenoh.Query, root: str) -> Request:
+        """A query to `root/<verb>/<who>` as a request, whose answer is sent from here.
 
-        One of version 1 goes to `…/<whom>/<verb>`, and its payload is `<who>`.
+        One of version 1 goes to `root/<verb>`, and its payload is `<who>`.
         """
 
         def answer(content: dict[str, Any] | bytes) -> None:
@@ -342,10 +358,12 @@ class _Answers:
             self._due.put((query, payload))
 
         body = query.payload.to_bytes() if query.payload else b""
-        _, _, asked = str(query.key_expr).partition(f"/{whom}/")
-        verb, new, who = (asked or leaf(query.key_expr)).partition("/")
+        text = str(query.key_expr)
+        asked = text.removeprefix(f"{root}/")
+        verb, new, who = (leaf(text) if asked == text else asked).partition("/")
         version = WIRE_VERSION if new else OLDEST
-        return Request(verb, identity(who.encode() or body), answer, body, version=version)
+        name = identity(who.encode() or body)
+        return Request(verb[:LONGEST_VERB], name, answer, body, version=version)
 
     def full(self) -> bool:
         """Whether so many answers wait to be sent that no further request is to be taken."""

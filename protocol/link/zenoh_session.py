@@ -29,11 +29,12 @@ from hoap3.protocol.messages import WIRE_VERSION
 from hoap3.protocol.wire_versions import OLDEST
 
 __all__ = [
-    "QUERY_TIMEOUT_S", "alive_robots", "ask", "ask_versions", "fast_publisher", "is_alive", "key",
-    "open_session", "state_key", "zenoh",
+    "QUERY_TIMEOUT_S", "SPEAKS", "alive_robots", "ask", "ask_in", "ask_versions", "fast_publisher",
+    "is_alive", "key", "open_session", "state_key", "zenoh",
 ]  # fmt: skip
 
 QUERY_TIMEOUT_S = 2.0
+SPEAKS = f"speaks/{WIRE_VERSION}"  # token of a robot that speaks the version of today
 CLOSE_US = 1_000_000  # a peer that takes no answer for so long is disconnected
 DROP_US = 100
 """How long a State waits for room on its way to a peer that takes nothing: at each tick."""
@@ -139,17 +140,34 @@ def ask_versions(
 ) -> tuple[int, bytes | None]:
     """The same, and the version of the wire that the answer came in.
 
-    Where nobody takes the question of today, it is put as in version 1, without the client's name
-    in the key; whoever takes it and is silent is not asked twice.
+    Where there is no answer the question is put as in version 1, but not to a robot that holds the
+    token that says that it speaks the version of today.
     """
     asked = time.monotonic()
-    root = key(robot, f"{whom}/{verb}")
-    answer = _first(session.get(f"{root}/{who}", payload=body, timeout=timeout_s))
+    answer = ask_in(WIRE_VERSION, session, robot, verb, who, body, timeout_s, whom)
     left_s = timeout_s - (time.monotonic() - asked)
-    if answer is not None or left_s <= 0.0:
+    knows = whom == "ask" and answer is None and is_alive(session, robot, SPEAKS)
+    if answer is not None or left_s <= 0.0 or knows:
         return WIRE_VERSION, answer
-    old = body if whom == "control" else who.encode()
-    return OLDEST, _first(session.get(root, payload=old, timeout=left_s))
+    return OLDEST, ask_in(OLDEST, session, robot, verb, who, body, left_s, whom)
+
+
+def ask_in(
+    version: int,
+    session: zenoh.Session,
+    robot: str,
+    verb: str,
+    who: str,
+    body: bytes = b"",
+    timeout_s: float = QUERY_TIMEOUT_S,
+    whom: Literal["ask", "control"] = "ask",
+) -> bytes | None:
+    """Ask in one version of the wire; in version 1 the client's name is not in the key."""
+    root = key(robot, f"{whom}/{verb}")
+    if version == OLDEST:
+        payload = body if whom == "control" else who.encode()
+        return _first(session.get(root, payload=payload, timeout=timeout_s))
+    return _first(session.get(f"{root}/{who}", payload=body, timeout=timeout_s))
 
 
 def _first(replies: Iterable[zenoh.Reply]) -> bytes | None:
@@ -166,9 +184,9 @@ def alive_robots(session: zenoh.Session) -> list[str]:
     return sorted(str(reply.ok.key_expr).split("/")[1] for reply in replies if reply.ok)
 
 
-def is_alive(session: zenoh.Session, robot: str) -> bool:
-    """Whether a robot of that name holds its token."""
-    replies = session.liveliness().get(key(robot, "alive"), timeout=0.5)
+def is_alive(session: zenoh.Session, robot: str, leaf: str = "alive") -> bool:
+    """Whether a robot of that name holds its liveliness token, or the one called `leaf`."""
+    replies = session.liveliness().get(key(robot, leaf), timeout=0.5)
     return any(reply.ok is not None for reply in replies)
 
 

@@ -6,7 +6,7 @@ import pytest
 from support.robot_bench import EVENT_NAMES, Bench
 
 from hoap3.protocol.messages import Event
-from hoap3.robot_emulator.event_limit import BURST, LIMITED, PERIOD_NS, EventLimit
+from hoap3.protocol.runtime.event_limit import BURST, LIMITED, PERIOD_NS, EventLimit
 from hoap3.tools.show.event_words import in_words
 
 REFUSED = Event.schema.constants["REFUSED"]

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 
+import pytest
 from support.robot_bench import Bench, active
 
+from hoap3.protocol.link.session_limits import MAX_CONFIG_BYTES
+from hoap3.protocol.runtime.event_limit import BURST
 from hoap3.protocol.runtime.shm_ring import Kind
-from hoap3.robot_emulator.event_limit import BURST
 
 
 def told(bench: Bench, kind: Kind) -> list[dict[str, object]]:
@@ -53,11 +55,11 @@ def test_many_requests_of_one_kind_are_counted_and_left_out():
     assert sum(fact.get("left_out", 0) for fact in facts) == 2 * BURST
 
 
-def test_an_unknown_verb_is_recorded_cut_short():
+def test_an_unknown_verb_is_recorded():
     bench = active()
-    bench.link.ask("x" * 1000, "somebody")
+    bench.link.ask("dance", "somebody")
     bench.run(1)
-    assert {"verb": "x" * 64, "who": "somebody"}.items() <= told(bench, Kind.REQUEST)[-1].items()
+    assert {"verb": "dance", "who": "somebody"}.items() <= told(bench, Kind.REQUEST)[-1].items()
 
 
 def test_tokens_are_recorded_as_they_come_and_go(monkeypatch):
@@ -68,15 +70,26 @@ def test_tokens_are_recorded_as_they_come_and_go(monkeypatch):
     assert found == [("a", True), ("b", False)]
 
 
-def test_the_holders_configuration_is_recorded_once_as_it_came():
+@pytest.mark.parametrize("body", [b'{"controller": "qp12"}', b'{}, "who": "robot"', b"\xff{"])
+def test_the_holders_configuration_is_recorded_once_as_text(body):
     bench = Bench()
-    bench.link.ask("acquire", "me", b'{"controller": "qp12"}')
-    bench.link.ask("acquire", "me", b'{"controller": "qp12"}')
+    bench.link.ask("acquire", "me", body)
+    bench.link.ask("acquire", "me", body)
     bench.link.ask("acquire", "other", b'{"controller": "pinv"}')
     bench.run(2)
-    assert told(bench, Kind.CONFIG) == [
-        {"side": "controller", "who": "me", "config": {"controller": "qp12"}}
-    ]
+    config = body.decode("utf-8", "replace")
+    assert told(bench, Kind.CONFIG) == [{"side": "controller", "who": "me", "config": config}]
+
+
+def test_configurations_that_are_long_or_many_are_left_out():
+    bench = Bench()
+    bench.link.ask("acquire", "me", bytes(MAX_CONFIG_BYTES + 1))
+    bench.link.ask("release", "me")
+    for _ in range(3 * BURST):
+        bench.link.ask("acquire", "me", b"{}")
+        bench.link.ask("release", "me")
+    bench.run(2)
+    assert len(told(bench, Kind.CONFIG)) == BURST
 
 
 def test_what_a_client_of_version_1_sends_is_no_configuration():

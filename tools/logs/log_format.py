@@ -1,8 +1,8 @@
 """What a log holds: its topics, their schemas, and the few messages that are not of our wire.
 
 Every channel is CDR with a `ros2msg` schema, so any ROS 2 reader opens a log. State, Setpoint,
-Event and Target are logged as they were sent. All that came in as JSON goes to the topic `inputs`,
-as a `std_msgs/msg/String` with the text
+Event and Target are logged as they were sent, those of version 1 of the wire as ones of today. All
+that came in as JSON goes to the topic `inputs`, as a `std_msgs/msg/String` with the text
 
     {"kind": "session", "stamp": 123, "repeated": false, "body": {...}}
 

@@ -13,6 +13,7 @@ from hoap3.protocol.wire_versions import OLDEST, downgraded
 from hoap3.tools.logs.log import Log
 from hoap3.tools.verify.claims import Claims
 
+UNSHARED = "the logs share no tick of one session; HOAP-3's own protocol carries neither"
 Messages = dict[tuple[int, int], set[bytes]]
 
 
@@ -24,7 +25,7 @@ def check_both(robot: Log, controller: Log, claims: Claims) -> None:
         shared = [key for key in theirs if key in ours]
         together |= bool(shared)
         if not shared:
-            claims.unverified(f"{name} in both logs", len(theirs), "the logs share no tick")
+            claims.unverified(f"{name} in both logs", len(theirs), UNSHARED)
         same = [float(theirs[key] <= ours[key]) for key in shared]
         ticks = [tick for _, tick in shared]
         claims.equal(f"{name} in both logs", ticks, same, [1.0] * len(same), 0.0)
@@ -32,7 +33,7 @@ def check_both(robot: Log, controller: Log, claims: Claims) -> None:
         ours_said, theirs_said = (_said(log.description, old=old) for log in (robot, controller))
         claims.equal("description in both logs", 0, float(ours_said == theirs_said), 1.0)
     else:
-        claims.unverified("description in both logs", 1, "the logs share no tick")
+        claims.unverified("description in both logs", 1, UNSHARED)
 
 
 def _said(description: RobotDescription, *, old: bool) -> str:

@@ -156,7 +156,7 @@ class Claims:
         rows = len(stated)
         at = np.broadcast_to(np.asarray(ticks, np.int64), (rows,))
         allowed = np.broadcast_to(np.asarray(tolerance, float), off.shape)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             share = np.where(off == 0.0, 0.0, off / allowed)
         share = np.where(np.isnan(share), np.inf, share)
         count.checked += stated.size

@@ -38,6 +38,7 @@ class ControllerRun:
         gaps: places of States before which records are missing from the log.
         overwritten: how many States the controller says it never saw, by the place of the next.
         epochs: (how many States were processed before it, epoch) of each authority.
+        summaries: (how many answers were sent before it, what was counted) of each.
         strange: messages that no State or Setpoint of this robot can be.
         orphans: answers to States that are missing from the log.
     """
@@ -49,6 +50,7 @@ class ControllerRun:
     gaps: list[int] = field(default_factory=list)
     overwritten: dict[int, int] = field(default_factory=dict)
     epochs: list[tuple[int, int]] = field(default_factory=list)
+    summaries: list[tuple[int, dict[str, Any]]] = field(default_factory=list)
     strange: int = 0
     orphans: int = 0
     _states: list[bytes] = field(default_factory=list)
@@ -118,6 +120,8 @@ def _add(run: ControllerRun, kind: Kind, payload: bytes) -> None:
         run.epochs.append((len(run._states), int(json.loads(payload)["epoch"])))
     elif kind == Kind.CHANGE:
         run.changes.append((len(run._states), json.loads(payload)))
+    elif kind == Kind.SUMMARY:
+        run.summaries.append((len(run._answers), json.loads(payload)))
     elif kind == Kind.GAP:
         run.gaps.append(len(run._states))
 

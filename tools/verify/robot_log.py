@@ -17,6 +17,7 @@ from hoap3.tools.verify.controller_log import as_table
 from hoap3.tools.verify.deadline_checker import COUNTED, Recount
 
 EVENTS = Event.schema.constants
+FAILURES = EVENTS["REASON_MISSES"], EVENTS["REASON_HOLDER_LOST"]
 SUMMED = ("asked", "in_time", "longest_run")
 
 
@@ -44,7 +45,7 @@ def check_robot(log: Log, misses_to_stop: int | None, claims: Claims) -> None:
         return
     rows: list[tuple[Any, ...]] = []
     states: list[bytes] = []
-    epoch = 0
+    epoch = stops = 0
     for kind, stamp, payload in log.records():
         if kind == Kind.GAP:
             claims.unverified("deadlines", 1, "records are missing; none after them is looked at")
@@ -58,8 +59,9 @@ def check_robot(log: Log, misses_to_stop: int | None, claims: Claims) -> None:
         elif kind == Kind.EVENT:
             event, detail = Event.scalars(payload, "kind", "detail")
             epoch = detail if event == EVENTS["GRANTED"] else epoch
+            stops += event == EVENTS["SAFE_STOP"] and detail in FAILURES
         elif kind == Kind.SUMMARY:
-            _check_summary(json.loads(payload), recount, claims)
+            _check_summary(json.loads(payload), recount, stops, claims)
     if rows:
         _check_counts(recount, misses_to_stop, claims)
         _check_schedule(rows, round(log.description.period_s * 1e9), claims)
@@ -100,7 +102,8 @@ def _check_counts(recount: Recount, misses_to_stop: int | None, claims: Claims) 
     stated = np.array([row for _, row, _ in recount.rows], float)
     found = np.array([row for _, _, row in recount.rows], float)
     for place, name in enumerate(COUNTED):
-        claims.equal(f"count of {name}", ticks, stated[:, place], found[:, place])
+        exact = None if name == "success_rate" else 0.0
+        claims.equal(f"count of {name}", ticks, stated[:, place], found[:, place], exact)
     if misses_to_stop is None:
         claims.unverified("stop after misses", len(recount.runs), "no config says when")
     elif recount.runs:
@@ -108,8 +111,10 @@ def _check_counts(recount: Recount, misses_to_stop: int | None, claims: Claims) 
         claims.at_most("stop after misses", tick, np.array(run, float), misses_to_stop - 1, 0.0)
 
 
-def _check_summary(summary: dict[str, Any], recount: Recount, claims: Claims) -> None:
+def _check_summary(summary: dict[str, Any], recount: Recount, stops: int, claims: Claims) -> None:
     tick = recount.rows[-1][0] if recount.rows else 0
     for name in SUMMED:
         if name in summary:
             claims.equal(f"summary: {name}", tick, float(summary[name]), getattr(recount, name))
+    if "safe_stops" in summary:
+        claims.equal("summary: safe_stops", tick, float(summary["safe_stops"]), stops, 0.0)

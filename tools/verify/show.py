@@ -24,6 +24,8 @@ def shown(found: Verification) -> Iterator[str]:
             f"tick {one.tick}: {one.claim} {one.stated:.17g} where {one.found:.17g} "
             f"is found (tolerance {one.tolerance:.2g})"
         )
+    if found.missing:
+        yield f"not verified: a part of the log is missing: {found.missing}"
     for name, count in sorted(claims.counts.items()):
         for reason, cycles in count.unverified.items():
             yield f"not verified: {name}, {cycles} times: {reason}"

@@ -10,6 +10,7 @@ import zenoh
 from loopback import PATIENCE_S, Network, eventually, free_endpoint
 
 from hoap3.protocol.config.settings import LinkSettings
+from hoap3.protocol.link.zenoh_clients import WAITING_QUERIES
 from hoap3.protocol.link.zenoh_link import ZenohControllerLink, ZenohRobotLink
 from hoap3.protocol.link.zenoh_session import ask_versions, key, open_session
 from hoap3.protocol.messages import Setpoint, State
@@ -53,6 +54,8 @@ def test_a_client_of_version_1_gets_its_states_and_is_understood(network):
     client = old_client(network, endpoint)
     states = client.declare_subscriber(key("arm", "state"))
     eventually(lambda: robot._old_listens, "the subscription")
+    client.get(key("arm", "ask/description"), payload=b"old", timeout=PATIENCE_S)
+    eventually(lambda: list(robot.requests()), "the request")
 
     robot.publish(state(7))
     received = states.recv().payload.to_bytes()
@@ -65,6 +68,38 @@ def test_a_client_of_version_1_gets_its_states_and_is_understood(network):
     assert message.values.tolist() == [5.0, 6.0, 7.0]
     assert len(message.decision) == 0
     assert len(told) == 1
+
+
+def test_who_only_looks_at_everything_is_no_client_of_version_1(network):
+    robot, controller = network.pair(blocking=True)
+    seen = controller._session.declare_subscriber(key("arm", "**"))
+    eventually(lambda: robot._old_listens, "the subscription")
+    robot.publish(state(1))
+    assert str(seen.recv().key_expr) == "robots/arm/state/2"
+    robot.announce(b"end")
+    assert str(seen.recv().key_expr) == "robots/arm/events"
+
+
+@pytest.mark.parametrize("name", ["ask", "control", "state"])
+def test_a_robot_may_have_the_name_of_a_key(network, name):
+    endpoint = free_endpoint()
+    robot = network.robot(name, listen=(endpoint,))
+    controller = network.controller(endpoint, name)
+    answer = network.start(controller.ask, "stop", PATIENCE_S)
+    (request,) = eventually(lambda: list(robot.requests()), "the request")
+    assert (request.verb, request.who) == ("stop", "test")
+    request.answer(b"stopped")
+    assert answer.result(PATIENCE_S) == b"stopped"
+
+
+def test_a_question_that_a_flood_pushed_out_is_no_sign_of_version_1(network):
+    _, controller = network.pair()
+    client = old_client(network, network.endpoint)
+    answer = network.start(controller.ask, "description", PATIENCE_S)
+    for number in range(2 * WAITING_QUERIES):
+        client.get(key("arm", f"ask/status/{number}"))
+    assert answer.result(PATIENCE_S) is None
+    assert controller.wire_version == 2
 
 
 def test_who_asks_as_in_version_1_is_known_by_its_payload(network):

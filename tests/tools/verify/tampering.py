@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
@@ -66,6 +67,22 @@ def changed_limit(joint: int, key: str) -> Change:
         description["joints"][joint][key] *= 1.0 - 1e-6  # stays within what is allowed
         payload = json.dumps(description).encode()
         records[place] = records[place]._replace(payload=payload)
+        return records
+
+    return change
+
+
+def changed_summary(*path: str | int, to: Callable[[Any], Any]) -> Change:
+    """A number of the last summary becomes another."""
+
+    def change(records: list[Record]) -> list[Record]:
+        place = max(n for n, record in enumerate(records) if record.kind == Kind.SUMMARY)
+        summary = json.loads(records[place].payload)
+        inner = summary
+        for key in path[:-1]:
+            inner = inner[key]
+        inner[path[-1]] = to(inner[path[-1]])
+        records[place] = records[place]._replace(payload=json.dumps(summary).encode())
         return records
 
     return change

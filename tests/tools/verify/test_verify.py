@@ -8,11 +8,20 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from support import HOUSE
 from support.command_bench import inside
-from tampering import Change, changed_field, changed_limit, removed, rewrite, swapped
+from tampering import (
+    Change,
+    changed_field,
+    changed_limit,
+    changed_summary,
+    removed,
+    rewrite,
+    swapped,
+)
 
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.logs.log import Log
@@ -135,6 +144,26 @@ def test_the_description_of_another_robot_is_found(story: Path, tmp_path: Path) 
     found = verify(both).claims.counts["description in both logs"]
 
     assert (found.checked, found.false) == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("side", "path", "to"),
+    [
+        ("controller", ("tasks", 0, "error"), lambda _: 1e-5),
+        ("controller", ("tasks", 0, "within"), lambda within: not within),
+        ("controller", ("certified",), lambda certified: certified - 1),
+        ("controller", ("answers",), lambda answers: answers + 1),
+        ("robot", ("safe_stops",), lambda stops: stops + 1),
+        ("robot", ("in_time",), lambda in_time: in_time - 1),
+    ],
+)
+def test_a_summary_that_is_not_what_its_log_shows_is_found(
+    side: str, path: tuple[str | int, ...], to: Any, story: Path, tmp_path: Path
+) -> None:
+    found = verify(rewrite(story, side, tmp_path / "o", changed_summary(*path, to=to)))
+
+    assert found.verdict == "false"
+    assert all(one.claim.startswith("summary: ") for one in found.claims.by_tick())
 
 
 LIMITS = ("lower", "upper", "velocity", "setpoint_acceleration_max", "brake_acceleration", "effort")

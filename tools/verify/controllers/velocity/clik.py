@@ -128,7 +128,7 @@ def _check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims, *,
         return
     if sdp and gains is not None:
         finite: Flags = np.asarray(np.isfinite(gains).all(1))
-        claims.at_most("gains are no numbers", answers.tick, ~finite, 0.0, 0.0)
+        claims.equal("gains are numbers", answers.tick, finite, np.ones(len(finite)), 0.0)
         answers, law, gains = answers.only(finite), law.only(finite), gains[finite]
     place = PLACE * tasks.roots
     motion = _motion(answers, law, settings["damping"], place)

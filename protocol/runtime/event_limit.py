@@ -1,4 +1,4 @@
-"""Limits how many events of one kind are announced and logged.
+"""Limits how many events, or requests, of one kind are announced and logged.
 
 Anybody on the network can ask for authority thousands of times a second, and a controller that
 chatters at a limit begins to be held back hundreds of times a second. Without a limit each of that
