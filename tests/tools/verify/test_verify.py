@@ -384,6 +384,14 @@ def test_the_deadline_checker_stays_short() -> None:
     assert len(text.splitlines()) < 150
 
 
+def test_every_registered_controller_has_a_checker() -> None:
+    from hoap3.remote_controller.registry import registered
+    from hoap3.tools.verify.checkers import FUNCTIONS, checker_of
+
+    assert set(FUNCTIONS) == set(registered())
+    assert all(checker_of(name) is not None for name in FUNCTIONS)
+
+
 def test_defaults_are_those_of_the_controllers() -> None:
     from hoap3.remote_controller.registry import find
     from hoap3.tools.verify.controllers.lyapunov_descent import DEFAULTS
