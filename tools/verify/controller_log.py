@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import WireError
-from hoap3.protocol.messages import Event, Setpoint, State
+from hoap3.protocol.messages import Event, Message, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 
 Rows = NDArray[Any]
@@ -56,6 +56,7 @@ class ControllerRun:
     _states: list[bytes] = field(default_factory=list)
     _answers: list[bytes] = field(default_factory=list)
     _answered: list[int] = field(default_factory=list)
+    _forms: dict[type[Message], Message] = field(default_factory=dict)
 
     @cached_property
     def states(self) -> Rows:
@@ -127,7 +128,7 @@ def _add(run: ControllerRun, kind: Kind, payload: bytes) -> None:
 
 
 def _add_state(run: ControllerRun, payload: bytes) -> None:
-    if _fits(State, payload, run._states, q=run.description.n):
+    if _fits(State, payload, run._forms, q=run.description.n):
         run._states.append(payload)
     else:
         run.strange += 1
@@ -136,7 +137,7 @@ def _add_state(run: ControllerRun, payload: bytes) -> None:
 def _add_answer(run: ControllerRun, payload: bytes) -> None:
     if run.gaps[-1:] == [len(run._states)]:
         run.orphans += 1
-    elif _fits(Setpoint, payload, run._answers, values=run.description.n) and run._states:
+    elif _fits(Setpoint, payload, run._forms, values=run.description.n) and run._states:
         run._answers.append(payload)
         run._answered.append(len(run._states) - 1)
     else:
@@ -150,16 +151,22 @@ def _last(places: list[int], at: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _fits(
-    message: type[State] | type[Setpoint], payload: bytes, like: list[bytes], **lengths: int
+    message: type[State] | type[Setpoint],
+    payload: bytes,
+    forms: dict[type[Message], Message],
+    **lengths: int,
 ) -> bool:
     """Whether it is a message with these array lengths, and of the layout of those before it."""
-    if like and len(payload) != len(like[0]):
-        return False
+    form = forms.get(message)
     try:
-        stated = message.schema.lengths_in(payload)
+        if form is None:
+            form = message.like(payload)
+        form.load(payload)
     except WireError:
         return False
-    return all(stated[name] == length for name, length in lengths.items())
+    if message not in forms and form.lengths.items() >= lengths.items():
+        forms[message] = form
+    return message in forms
 
 
 def as_table(message: type[State] | type[Setpoint], payloads: list[bytes]) -> Rows:

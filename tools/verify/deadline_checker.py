@@ -50,7 +50,7 @@ class Recount:
 
     def __post_init__(self) -> None:
         description = self.description
-        self._setpoint, self._lengths = Setpoint(description.n), dict[str, int]()
+        self._setpoint = Setpoint(description.n)
         self._period = round(description.period_s * 1e9)
         self._allowed = (1 + description.delay_ticks) * self._period
         self._from_publication = description.deadline == "after_receipt"
@@ -101,14 +101,16 @@ class Recount:
     def _fitting(self, payload: bytes) -> Setpoint | None:
         """The Setpoint, if it can be one for this robot."""
         try:
-            lengths = Setpoint.schema.lengths_in(payload)
-            if lengths["values"] != self.description.n:
-                return None
-            if lengths != self._lengths:
-                self._setpoint, self._lengths = Setpoint.allocate(**lengths), lengths
             self._setpoint.load(payload)
-        except WireError:
-            return None
+        except WireError:  # its arrays may have other lengths
+            try:
+                other = Setpoint.like(payload)
+                other.load(payload)
+            except WireError:
+                return None
+            if len(other.values) != self.description.n:
+                return None
+            self._setpoint = other
         return self._setpoint
 
     def _answered(self, setpoint: Setpoint) -> _Asked | None:
