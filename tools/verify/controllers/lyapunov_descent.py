@@ -40,6 +40,7 @@ CHOICES = {
     "adaptive_gamma": (False, True),
 }
 CERTIFIED = schema("Setpoint").constants["STATUS_CERTIFIED"]
+PLACE = 8.0 * float(np.finfo(float).eps)  # m: how exactly a place is known
 OPTIMAL = 1e-9  # greatest residual of a certified answer
 
 
@@ -90,9 +91,12 @@ def _check(
     problem = _problems(run, task, settings, inverse=inverse)
     answers, tick = run.answers, run.answers["tick"]
     plain = inverse and settings["law"] == "plain"
-    claims.equal("V", tick, answers["v"], problem.V)
+    length = np.sqrt(2.0 * problem.V)  # |e|, known to PLACE
+    claims.equal("V", tick, answers["v"], problem.V, RELATIVE * problem.V + length * PLACE)
     required = np.zeros_like(problem.psi) if plain else -problem.psi
-    claims.equal("required V rate", tick, answers["v_rate_required"], required)
+    share = RELATIVE + 2.0 * PLACE / np.maximum(length, PLACE)
+    stated = answers["v_rate_required"]
+    claims.equal("required V rate", tick, stated, required, share * np.abs(required))
     if delayed:
         claims.unverified("u", len(answers), DELAYED)
         return
