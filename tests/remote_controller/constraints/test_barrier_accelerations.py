@@ -262,7 +262,7 @@ def test_fixed_rows_are_what_the_frame_accelerates_by(name, seed):
 
 
 @pytest.mark.parametrize("axes", [("rz",), ("x", "ry"), AXES])
-@pytest.mark.parametrize("eta", [2.0, 20.0, 600.0])
+@pytest.mark.parametrize("eta", [2.0, pytest.param(20.0, marks=pytest.mark.slow), 600.0])
 def test_a_fixed_frame_drifts_no_further_than_is_stated(axes, eta):
     """Also where it turns freely about the other axes, and long after its start."""
     pinned = {"constraint": "fixed_frame", "frame": "l_sole", "axes": axes, "eta_per_s": eta}

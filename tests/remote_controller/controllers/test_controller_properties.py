@@ -16,6 +16,7 @@ from __future__ import annotations
 import gc
 import sys
 import tracemalloc
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -42,6 +43,11 @@ from hoap3.tools.simulate import simulate
 LENGTH = 1200  # ticks of the motion that is looked at
 ULP = np.finfo(float).eps
 every_controller = pytest.mark.parametrize("case", CASES)
+LAWS = {config(case).controller: case for case in reversed(CASES)}  # a config of each
+of_each_law = pytest.mark.parametrize(
+    "case",
+    [pytest.param(case, marks=() if case in LAWS.values() else pytest.mark.slow) for case in CASES],
+)
 every_one_of_positions = pytest.mark.parametrize("case", POSITIONS)
 
 
@@ -49,10 +55,18 @@ def run(case: str, duration: float, **changes: str):
     return simulate(emulator(case).model_copy(update=changes), config(case), duration)
 
 
+@cache
+def two_seconds(case: str, posture: str):
+    """The setpoints of a motion, and the references that the robot applied."""
+    simulation = run(case, 2.0, posture=posture)
+    return simulation.setpoints, simulation.states["reference"]
+
+
 @every_one_of_positions
 def test_it_obeys_the_limits_of_the_robot_at_every_tick(case):
-    description, simulation = robot(case), run(case, 2.0)
-    setpoints, applied = simulation.setpoints["values"], simulation.states["reference"]
+    description = robot(case)
+    answers, applied = two_seconds(case, emulator(case).posture)
+    setpoints = answers["values"]
     count = len(setpoints)
     assert count >= 2000
     assert (setpoints >= description.lower_hard).all()
@@ -62,11 +76,11 @@ def test_it_obeys_the_limits_of_the_robot_at_every_tick(case):
     assert (applied >= description.lower).all()
     assert (applied <= description.upper).all()
     # what it certifies, the robot took over bit by bit: there was nothing to hold back
-    certified = simulation.setpoints["solver_status"][:-1] == STATUS["certified"]
+    certified = answers["solver_status"][:-1] == STATUS["certified"]
     np.testing.assert_array_equal(applied[1:count][certified], setpoints[:-1][certified])
 
 
-@every_controller
+@of_each_law
 def test_two_runs_give_the_same_bytes(case):
     first, second = run(case, 0.5), run(case, 0.5)
     assert [record.payload for record in first.records] == [
@@ -74,7 +88,7 @@ def test_two_runs_give_the_same_bytes(case):
     ]
 
 
-@every_controller
+@of_each_law
 def test_its_answers_follow_from_reset_and_states_alone(case):
     payloads, setpoints = motion(case)
     first, last = 300, setpoints[299]
@@ -174,7 +188,7 @@ POSTURES = [
 
 @pytest.mark.parametrize(("case", "posture"), POSTURES)
 def test_its_certificates_hold(case, posture):
-    setpoints = run(case, 2.0, posture=posture).setpoints
+    setpoints, _ = two_seconds(case, posture)
     status = setpoints["solver_status"]
     assert set(status) <= set(STATUS.values())
     for field in setpoints.dtype.names:
@@ -236,7 +250,7 @@ def test_its_prediction_of_v_is_the_derivative_along_the_motion(case, tick):
     assert errors[2] <= 0.6 * errors[1] + rounding
 
 
-@every_controller
+@of_each_law
 def test_it_keeps_nothing_of_what_it_allocates(case):
     payloads, _ = motion(case)
     states = [state_of(robot(case), payload) for payload in payloads[:100]]
@@ -260,7 +274,7 @@ def test_it_keeps_nothing_of_what_it_allocates(case):
     assert growth <= 1024  # a few numbers of another size; a float kept per step were 4,800
 
 
-@every_controller
+@of_each_law
 def test_its_rehearsal_leaves_nothing_to_compile_or_import(case):
     payloads, _ = motion(case)
     controller = make(case)

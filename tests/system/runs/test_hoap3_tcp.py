@@ -30,8 +30,15 @@ from hoap3.tools.verify.verify import verify
 
 HERE = Path(__file__).parent
 NEAR_M = 3e-5
-PAIRS = [(order, slots) for order in ("paper", "legacy") for slots in (21, 22)]
-COMPILERS = [None, *filter(None, [shutil.which("cc")])]  # None: in Python
+SHORTLY = [("paper", 22), ("legacy", 21)]
+PAIRS = [
+    *SHORTLY,
+    *(pytest.param(*pair, marks=pytest.mark.slow) for pair in (("paper", 21), ("legacy", 22))),
+]
+COMPILER = shutil.which("cc")
+DRIVERS = (
+    [COMPILER, pytest.param(None, marks=pytest.mark.slow)] if COMPILER else [None]
+)  # None: in Python
 
 
 class Place:
@@ -108,12 +115,12 @@ def test_in_real_time_it_ends_there_too(order: str, slots: int, tmp_path: Path) 
     link, misses, outside = told["link_counts"], told["misses"], told["misses_outside_stalls"]
     assert link["unasked"] == link["not_finite"] == link["refused"] == 0
     if outside is not None:  # stalls of the host are known: each overrun, a miss, is within one
-        assert link["overruns"] <= misses["late"] + misses["lost"] - outside
+        assert link["overruns"] <= misses["late"] + misses["lost"] + told["skipped"] - outside
     assert_at_rest(Log.open(folder, side="robot"))
     assert verify(folder).claims.by_tick() == []
 
 
-@pytest.mark.parametrize("order", ["paper", "legacy"])
+@pytest.mark.parametrize("order", ["legacy", pytest.param("paper", marks=pytest.mark.slow)])
 def test_a_run_in_real_time_is_answered_and_told(order: str, tmp_path: Path) -> None:
     folder = tmp_path / "run"
     words = "emulator.link.kind=hoap3_tcp", f"emulator.link.hoap3_tcp.order={order}"
@@ -129,7 +136,7 @@ def test_a_run_in_real_time_is_answered_and_told(order: str, tmp_path: Path) -> 
     assert verify(folder).claims.by_tick() == []
 
 
-@pytest.fixture(scope="module", params=COMPILERS)
+@pytest.fixture(scope="module", params=DRIVERS)
 def driver(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     """A client that has nothing of ours."""
     if request.param is None:

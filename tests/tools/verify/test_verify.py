@@ -30,12 +30,13 @@ from hoap3.tools.verify.verify import verify
 GOLDEN = HOUSE / "tests" / "tools" / "logs" / "golden_v1"
 SIDES = "emulator", "controller"
 PAIRS = [
-    ("hoap3", "qp12"),
     ("hoap3", "qp12_paper"),
-    ("hoap3", "pinv"),
-    ("ur5", "qp12"),
-    ("lwr", "osqp"),
     ("humanoid32", "pinv"),
+    ("lwr", "osqp"),
+    *(
+        pytest.param(*pair, marks=pytest.mark.slow)
+        for pair in (("hoap3", "qp12"), ("hoap3", "pinv"), ("ur5", "qp12"))
+    ),
 ]
 
 
@@ -67,8 +68,15 @@ def test_late_and_lost_answers_are_counted_as_the_robot_did(tmp_path: Path) -> N
     assert Log.open(tmp_path / "run", side="robot").states()["late"][-1] > 0
 
 
-@pytest.mark.parametrize("rule", ["next_tick", "after_receipt"])
-@pytest.mark.parametrize("delay", [0, 2])
+@pytest.mark.parametrize(
+    ("rule", "delay"),
+    [
+        ("next_tick", 2),
+        ("after_receipt", 0),
+        pytest.param("next_tick", 0, marks=pytest.mark.slow),
+        pytest.param("after_receipt", 2, marks=pytest.mark.slow),
+    ],
+)
 def test_each_deadline_rule_is_recounted(rule: str, delay: int, tmp_path: Path) -> None:
     settings = f"emulator.deadline={rule}", f"emulator.delay_ticks={delay}"
     inside("run", "--lockstep", "--duration", "0.1", "--out", tmp_path / "run", *_sets(*settings))
