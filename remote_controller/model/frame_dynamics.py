@@ -25,11 +25,14 @@ class FrameRows(NamedTuple):
         size: `POSITION`: velocity of its origin in the root's axes [m/s]; `POSE`: twist of the
             frame in its own axes (Pinocchio's LOCAL), velocity of its origin [m/s] over angular
             velocity [rad/s].
+        turns: whether three rows are the angular velocity instead, in the world's axes; of
+            `FreeDynamics` alone.
     """
 
     frame: str
     start: int
     size: int
+    turns: bool = False
 
 
 class FramesDynamics:
