@@ -6,7 +6,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +23,20 @@ from hoap3.remote_controller.constraints.registry import (
     read,
 )
 from hoap3.remote_controller.controllers.acceleration.bounds import HierarchyBounds, bounds_of
+from hoap3.remote_controller.controllers.acceleration.free_base import (
+    ContactSettings,
+    FreeBase,
+    check_base,
+    free_base_of,
+)
+from hoap3.remote_controller.controllers.acceleration.problem import Problem
 from hoap3.remote_controller.controllers.base import STATUS, Controller
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.scheduling.schedule import Schedule
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.tsid.tsid import Tsid
 from hoap3.remote_controller.tasks.accelerations.acceleration_tasks import AccelerationTasks
+from hoap3.remote_controller.tasks.accelerations.free_tasks import FreeTasks
 from hoap3.remote_controller.tasks.accelerations.settings import AccelerationTask
 from hoap3.remote_controller.tasks.accuracy import ABSENT, LOWER, TaskError
 
@@ -101,6 +109,16 @@ class HierarchyController(Controller):
     acceleration or torque, or the least margin of a constraint, in its unit, if that is less.
     `solver_path` says what became of the tasks' problem, also where the robot stops.
 
+    With `base: free` the robot stands on its soles and may fall. The problem is that of
+    `free_base.FreeBase`: contact and the equations of the base, which no motor moves, hold exactly
+    in every answer, and the limits of joints, torques and cones of friction are rows. What has no
+    answer violates these as little as possible, with torques cut to their limits, and is `fallback`
+    1; where no sole carries, or nothing is found, joints brake by torques −10/s·M_jj·dq, and it is
+    3. `certified` says besides that v̇, τ and the wrenches w satisfy the equations to 10⁻⁹, that w
+    is inside the cones and that every sole carries; that every joint can hold its load it does not
+    say. `decision` has v̇ (base and joints), τ and w. `margin` counts the distance from the cones,
+    relative to the weight.
+
     Raises:
         ConfigError: tasks, priorities or bounds that do not fit the robot, or each other.
     """
@@ -115,6 +133,12 @@ class HierarchyController(Controller):
         bounds: HierarchyBounds = Field(HierarchyBounds(), description="of the motion")
         compensate_friction: bool = Field(
             True, description="count the viscous friction of the URDF among the torques"
+        )
+        base: Literal["fixed", "free"] = Field(
+            "fixed", description="free: the robot may fall, and its soles stand on the ground"
+        )
+        contacts: ContactSettings = Field(
+            ContactSettings(), description="of the soles of a free base"
         )
 
     class RegularisedParameters(Parameters):
@@ -139,6 +163,8 @@ class HierarchyController(Controller):
     """What its `importance` is called."""
     proves: ClassVar[bool] = False
     """Whether `residual` is found without the solver's word."""
+    stands_free: ClassVar[bool] = True
+    """Whether its problem can be that of a free base on soles."""
     kernels: ClassVar[tuple[str, ...]] = (
         "hoap3.protocol.robot.viability_bounds_kernels",
         "hoap3.remote_controller.model.frame_dynamics_kernels",
@@ -168,10 +194,12 @@ class HierarchyController(Controller):
             check_finite,
         )
 
-        n = description.n
+        n, free = description.n, parameters.base == "free"
+        with located(file, "parameters"):
+            check_base(description, parameters, able=self.stands_free)
         self.importance = self.importance_of(parameters)
         self.bounds, self.torque_max = bounds_of(description, parameters.bounds)
-        self.tasks = AccelerationTasks(
+        self.tasks: AccelerationTasks = (FreeTasks if free else AccelerationTasks)(
             description,
             parameters.tasks,
             file,
@@ -200,7 +228,9 @@ class HierarchyController(Controller):
             ),
             *self.columns(names),
         )
-        self.arrays = {"decision": 2 * n}
+        limits = self.torque_max, self.bounds.greatest
+        self._free = free_base_of(description, parameters.contacts, self.tasks, limits, file)
+        self.arrays = {"decision": 2 * n if self._free is None else self._free.decided}
         super().__init__(description, parameters)
         self._check_finite = check_finite  # 0 where both arrays are finite
         self._predict_lyapunov, self._distances = kernels.predict_lyapunov, kernels.distances
@@ -214,26 +244,24 @@ class HierarchyController(Controller):
         self.lower, self.upper = self.bounds.lower, self.bounds.upper
         if self._keeps:
             self.lower, self.upper = stack.lower, stack.upper
+        self.problem = self._problem() if self._free is None else self._free.problem
         self._nearest = Tsid(self.torque_max, len(stack.rows))
         self._stopping = Tsid(self.torque_max)
         self._next_q, self._next_dq = np.zeros((2, n))
         self._unbounded = np.full(n, np.inf)
         self._no_rows, self._no_wish = np.zeros((0, n)), np.zeros(0)
         self._less = self.tasks.dynamics.weight if self.kind == "torque" else np.zeros(n)
+        self._answered = np.zeros((2, n))
         self.answer_in(np.zeros(n), np.zeros(n))
         self._idle = False
-        end = 1 + len(names)
-        self._errors, self._wrenches = self.command.extra[1:end], []
-        for press in self.tasks.presses.values():
-            start, end = end, end + press.measured.size
-            self._wrenches.append((self.command.extra[start:end], press.measured))
-        self._counts = self.command.extra[end:]
+        self._errors, self._wrenches, self._counts = self._columns_of_extra()
         self._present_counts = np.zeros(self._counts.size)
         self._dt, self._begun = description.period_s, False
         self._first = self._settled = 0
         self._events = EventConditions(stack)
         held = tuple(f"held by {label}" for label in stack.labels)
-        self.conditions = (*CONDITIONS, *held, *self._events.names)
+        of_soles = () if self._free is None else self._free.conditions
+        self.conditions = (*CONDITIONS, *held, *self._events.names, *of_soles)
         self.margin_tolerance = CURVATURE if self._keeps else MARGIN_ROUNDING
         self.certifies = self.proves and self._viable
         self.not_certified_in = MOVING | TOUCHES | IDLE
@@ -298,14 +326,39 @@ class HierarchyController(Controller):
             return self.stack.tightest_with_unit()
         return "bounds of joints", "of the greatest acceleration or torque"
 
-    def answer_in(self, ddq: FloatArray, tau: FloatArray) -> None:
-        """Have these arrays, (n,), be those that `solve` writes."""
-        self.ddq, self.tau = ddq, tau
-        self._given = tau if self.kind == "torque" else ddq
+    def answer_in(self, found: FloatArray, effort: FloatArray) -> None:
+        """Have these arrays, (n,), be those that `solve` writes: x, and M·x + h of the problem."""
+        self.found, self.effort = found, effort
+        self.ddq, self.tau = (found, effort) if self._free is None else self._answered
+        self._given = self.tau if self.kind == "torque" else self.ddq
+
+    def _columns_of_extra(
+        self,
+    ) -> tuple[FloatArray, list[tuple[FloatArray, FloatArray]], FloatArray]:
+        """Where errors, measured wrenches, and what `count` writes stand in the command."""
+        extra, end = self.command.extra, 1 + len(self.tasks.names)
+        errors, wrenches = extra[1:end], []
+        for press in self.tasks.presses.values():
+            start, end = end, end + press.measured.size
+            wrenches.append((extra[start:end], press.measured))
+        return errors, wrenches, extra[end:]
+
+    def _problem(self) -> Problem:
+        """That of a base that stands, in the joints' accelerations."""
+        tasks, stack = self.tasks, self.stack
+        dynamics, rest = tasks.dynamics, tasks.with_rest[1][len(tasks.wanted) :]
+        rows = stack.rows, stack.rows_lower, stack.rows_upper
+        matrices = rest, dynamics.mass, dynamics.bias
+        return Problem(
+            tasks.jacobian, tasks.wanted, tasks.with_rest, *matrices, self.lower, self.upper, *rows
+        )
 
     @abstractmethod
     def solve(self, torque_max: FloatArray) -> bool:
-        """Find `ddq` and `tau`, (n,), within bounds, and the `residual`; whether there are any."""
+        """Solve `problem` with |effort| ≤ torque_max, (n,); whether it has an answer.
+
+        Writes `found` and `effort`, (n,), and the `residual`.
+        """
 
     def change(self, request: Mapping[str, Any]) -> None:
         """Begin a change of priorities, from the next tick that is not settled yet on.
@@ -327,6 +380,8 @@ class HierarchyController(Controller):
         del last_command
         self.bounds.begin(state.q)
         self.stack.reset()
+        if self._free is not None:
+            self._free.reset()
         self._begun, self._first, self._settled = False, state.tick, 0
         self.importance.reset()
         self.importance.update(0.0)
@@ -336,9 +391,16 @@ class HierarchyController(Controller):
         """Torques, or accelerations, for one period."""
         command, tasks, q, dq = self.command, self.tasks, state.q, state.dq
         check_finite = self._check_finite
-        if check_finite(q, dq) or (tasks.presses and check_finite(state.wrench, state.wrench)):
+        free = self._free
+        if (
+            check_finite(q, dq)
+            or (tasks.presses and check_finite(state.wrench, state.wrench))
+            or (free is not None and check_finite(state.base, state.contact))
+        ):
             command.stamp_kinematics = self.now()
             return self.refuse(NOT_FINITE)
+        if isinstance(tasks, FreeTasks):
+            tasks.take(state)
         time, then = state.tick * self._dt, (state.tick + 1) * self._dt
         if not self._begun:
             tasks.begin(q, dq, time, then)
@@ -348,15 +410,22 @@ class HierarchyController(Controller):
         self.bounds.update(q, dq)
         if self._keeps:
             self.stack.update(q, dq, state, self.bounds.lower, self.bounds.upper)
+        stands = free is None or free.update(self.lower, self.upper, state.contact)
         command.stamp_kinematics = self.now()
-        fallback = SOLVED if self.solve(self.torque_max) else self.fall_back(dq)
+        if free is not None:
+            fallback = self._solve_on_soles(free, dq, stands=stands)
+        else:
+            fallback = SOLVED if self.solve(self.torque_max) else self.fall_back(dq)
         first = fallback
         if self._keeps and (fallback == STOPPED or not self._can_stop(q, dq)):
             fallback = self._stop(dq)
         if not self._give(self._given, self._less, self.ddq, command.values):
             return self.refuse(OVERFLOWN)
         n = len(command.values)
-        command.decision[:n], command.decision[n:] = self.ddq, self.tau
+        if free is None:
+            command.decision[:n], command.decision[n:] = self.ddq, self.tau
+        else:
+            free.write(self.tau, command.decision)
         for column, measured in self._wrenches:
             column[:] = measured
         self._counts[:] = self._present_counts
@@ -389,6 +458,17 @@ class HierarchyController(Controller):
         nearest.rows[:] = stack.rows
         nearest.rows_lower[:], nearest.rows_upper[:] = stack.rows_lower, stack.rows_upper
         return FALLBACKS[self._come_near(nearest)]
+
+    def _solve_on_soles(self, free: FreeBase, dq: FloatArray, *, stands: bool) -> int:
+        """Find ddq and τ of a free base; which `fallback` it is."""
+        if stands and self.solve(self._unbounded):
+            free.answer(self.found, self.ddq, self.tau)
+            return SOLVED
+        self.residual = math.inf
+        if stands and free.soften(self.ddq, self.tau):
+            return NEAREST
+        free.brake(dq, BRAKE_PER_S, self.ddq, self.tau)
+        return GAVE_UP
 
     def _can_stop(self, q: FloatArray, dq: FloatArray) -> bool:
         """Whether from the end of this period the robot can stop without violating constraints."""
@@ -434,8 +514,9 @@ class HierarchyController(Controller):
             fallback: of the answer.
             dq: (n,).
         """
-        command, tasks = self.command, self.tasks
-        V, rate, growth, command.active_joints = self._predict_lyapunov(
+        command, tasks, free = self.command, self.tasks, self._free
+        v, a = (dq, self.ddq) if free is None else (free.velocity, free.motion)
+        V, rate, growth, active = self._predict_lyapunov(
             tasks.tasks,
             self.tops,
             tasks.jacobian,
@@ -443,11 +524,12 @@ class HierarchyController(Controller):
             tasks.motion,
             tasks.rate,
             tasks.slope,
-            dq,
-            self.ddq,
+            v,
+            a,
             self._dt,
             self._errors,
         )
+        command.active_joints = active if free is None else free.moving(self._dt)
         command.margin, command.extra[0], held = self._distances(
             self.ddq,
             self.tau,
@@ -482,6 +564,10 @@ class HierarchyController(Controller):
             present |= IDLE
         self.present = present
         kept = not self._keeps or self._judge_constraints(fallback)
+        if free is not None:
+            self.present |= free.present << len(CONDITIONS)
+            command.margin = min(command.margin, free.cone_margin)
+            kept = free.is_sound(CERTIFIED_RESIDUAL)
         proved = solved and self.proves and self.residual <= CERTIFIED_RESIDUAL
         return proved and kept and self._viable and not (touches or loaded or idle)
 

@@ -122,24 +122,21 @@ class GhcController(RankedController):
         self.solver = Ghc(
             [*self.tasks.sizes, description.n],
             description.n,
-            regularise=parameters.regularise,
+            regularise=parameters.regularise if parameters.base == "fixed" else "none",
             smoothing=parameters.smoothing,
-            rows=len(self.stack.rows),
+            rows=len(self.problem.rows),
         )
         self.answer_in(self.solver.qdd, self.solver.tau)
 
     def solve(self, torque_max: FloatArray) -> bool:
         """One compiled call."""
-        solver, tasks = self.solver, self.tasks
-        solver.qdd_lower[:], solver.qdd_upper[:] = self.lower, self.upper
-        if self._keeps:
-            stack = self.stack
-            solver.rows[:] = stack.rows
-            solver.rows_lower[:], solver.rows_upper[:] = stack.rows_lower, stack.rows_upper
+        solver, given = self.solver, self.problem
+        solver.qdd_lower[:], solver.qdd_upper[:] = given.lower, given.upper
+        if len(given.rows):
+            solver.rows[:] = given.rows
+            solver.rows_lower[:], solver.rows_upper[:] = given.rows_lower, given.rows_upper
         np.negative(torque_max, out=solver.tau_lower)
         solver.tau_upper[:] = torque_max
-        found = solver.solve(
-            *tasks.with_rest, self.alpha, tasks.dynamics.mass, tasks.dynamics.bias, self.w_r
-        )
+        found = solver.solve(*given.with_rest, self.alpha, given.mass, given.bias, self.w_r)
         self.residual = solver.kkt_residual
         return found == status.OK

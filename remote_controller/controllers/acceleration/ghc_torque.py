@@ -40,6 +40,7 @@ class GhcTorqueController(RankedController):
         )
 
     proves = True
+    stands_free = False
     kernels: ClassVar[tuple[str, ...]] = (
         *RankedController.kernels,
         "hoap3.remote_controller.controllers.acceleration.torque_rows_kernels",

@@ -39,27 +39,27 @@ class HqpController(RankedController):
 
     def solve(self, torque_max: FloatArray) -> bool:
         """Level by level."""
-        tasks, stack = self.tasks, self.stack
-        (jacobian, wanted), rows = tasks.with_rest, [*tasks.rows, slice(len(tasks.wanted), None)]
+        tasks, given = self.tasks, self.problem
+        (jacobian, wanted), rows = given.with_rest, [*tasks.rows, slice(len(tasks.wanted), None)]
         try:
-            self.ddq[:], self.tau[:] = hqp(
+            self.found[:], self.effort[:] = hqp(
                 [jacobian[mine] for mine in rows],
                 [wanted[mine] for mine in rows],
-                tasks.dynamics.mass,
-                tasks.dynamics.bias,
+                given.mass,
+                given.bias,
                 self.w_r,
                 levels=[*self.levels, [len(tasks.rows)]],
-                qdd_lower=self.lower,
-                qdd_upper=self.upper,
+                qdd_lower=given.lower,
+                qdd_upper=given.upper,
                 tau_lower=-torque_max,
                 tau_upper=torque_max,
-                rows=stack.rows,
-                rows_lower=stack.rows_lower,
-                rows_upper=stack.rows_upper,
+                rows=given.rows,
+                rows_lower=given.rows_lower,
+                rows_upper=given.rows_upper,
             )
         except SolverError:
             return False
-        return math.isfinite(float(self.tau.sum()))
+        return math.isfinite(float(self.effort.sum()))
 
 
 def levels_of(alpha: FloatArray) -> list[list[int]]:

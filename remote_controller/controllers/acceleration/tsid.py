@@ -11,12 +11,14 @@ from hoap3.protocol.errors import located
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.controllers.acceleration import tsid_settings as settings
 from hoap3.remote_controller.controllers.acceleration.base import FALLBACKS
+from hoap3.remote_controller.controllers.acceleration.joint_bounds import NO_BOUND
 from hoap3.remote_controller.controllers.acceleration.weighted import WeighedController
 from hoap3.remote_controller.scheduling.weights import Weights
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.tsid.tsid import Tsid
 from hoap3.remote_controller.tasks.registry import labels_of
 
+REST_OF_FREE = 1e-2  # of the posture's weight: that of what neither tasks nor posture determine
 LEAST_WEIGHT = 1e-9  # of the posture: without any the accelerations are not determined
 
 
@@ -46,12 +48,14 @@ class TsidController(WeighedController):
         self, description: RobotDescription, parameters: Any, file: str = "config"
     ) -> None:
         super().__init__(description, settings.with_all_tasks(description, parameters), file)
-        tasks = self.tasks
-        self.solver = Tsid(self.torque_max, len(self.stack.rows))
+        given, free = self.problem, parameters.base == "free"
+        torque_max = np.full(description.n, NO_BOUND) if free else self.torque_max
+        self.solver = Tsid(torque_max, len(given.rows))
         self.answer_in(self.solver.ddq, self.solver.tau)
-        m = tasks.rows[-1].start
-        self._jacobian, self._wanted = tasks.jacobian[:m], tasks.wanted[:m]
-        self._rest = tasks.wanted[m:]
+        m = len(given.wanted) if free else self.tasks.rows[-1].start
+        self._sizes = self.tasks.sizes if free else self.tasks.sizes[:-1]
+        self._jacobian, self._wanted = given.jacobian[:m], given.wanted[:m]
+        self._rest = given.towards if free else given.wanted[m:]
         self._weighed = np.zeros_like(self._jacobian), np.zeros(m)
         self._found = status.OK
 
@@ -73,17 +77,20 @@ class TsidController(WeighedController):
         self.tops[-1] = False
         weights = self.importance.value
         self._weight = max(float(weights[-1]), LEAST_WEIGHT)
+        if self._free is not None:  # the posture is not the unknown, but a task like the others
+            self._weight *= REST_OF_FREE
+        weighed = weights[: len(self._sizes)]
         self._roots = None
-        if (weights[:-1] != 1.0).any():
-            self._roots = np.repeat(np.sqrt(weights[:-1]), self.tasks.sizes[:-1])[:, None]
+        if (weighed != 1.0).any():
+            self._roots = np.repeat(np.sqrt(weighed), self._sizes)[:, None]
 
     def solve(self, torque_max: FloatArray) -> bool:
         """One quadratic program of all."""
         del torque_max  # those that the solver was made with
-        dynamics, stack, solver = self.tasks.dynamics, self.stack, self.solver
-        if self._keeps:
-            solver.rows[:] = stack.rows
-            solver.rows_lower[:], solver.rows_upper[:] = stack.rows_lower, stack.rows_upper
+        given, solver = self.problem, self.solver
+        if len(given.rows):
+            solver.rows[:] = given.rows
+            solver.rows_lower[:], solver.rows_upper[:] = given.rows_lower, given.rows_upper
         jacobian, wanted = self._jacobian, self._wanted
         if self._roots is not None:
             jacobian, wanted = self._weighed
@@ -94,10 +101,10 @@ class TsidController(WeighedController):
             wanted,
             self._weight,
             self._rest,
-            dynamics.mass,
-            dynamics.bias,
-            self.lower,
-            self.upper,
+            given.mass,
+            given.bias,
+            given.lower,
+            given.upper,
         )
         self.residual = solver.kkt_residual
         return self._found == status.OK

@@ -81,29 +81,29 @@ class WeightedController(WeighedController):
     ) -> None:
         super().__init__(description, parameters, file, parameters.null_damping_per_s)
         self.w_r = parameters.w_r
-        self._regularise = parameters.regularise
+        self._regularise = parameters.regularise if parameters.base == "fixed" else "none"
 
     def solve(self, torque_max: FloatArray) -> bool:
         """One quadratic program of all."""
-        tasks, stack = self.tasks, self.stack
+        tasks, given = self.tasks, self.problem
         try:
-            self.ddq[:], self.tau[:] = weighted(
-                [tasks.jacobian[rows] for rows in tasks.rows],
-                [tasks.wanted[rows] for rows in tasks.rows],
+            self.found[:], self.effort[:] = weighted(
+                [given.jacobian[rows] for rows in tasks.rows],
+                [given.wanted[rows] for rows in tasks.rows],
                 self.importance.value,
-                tasks.dynamics.mass,
-                tasks.dynamics.bias,
+                given.mass,
+                given.bias,
                 self.w_r,
                 regularise=self._regularise,
-                towards=tasks.with_rest[1][len(tasks.wanted) :],
-                qdd_lower=self.lower,
-                qdd_upper=self.upper,
+                towards=given.towards,
+                qdd_lower=given.lower,
+                qdd_upper=given.upper,
                 tau_lower=-torque_max,
                 tau_upper=torque_max,
-                rows=stack.rows,
-                rows_lower=stack.rows_lower,
-                rows_upper=stack.rows_upper,
+                rows=given.rows,
+                rows_lower=given.rows_lower,
+                rows_upper=given.rows_upper,
             )
         except SolverError:
             return False
-        return math.isfinite(float(self.tau.sum()))
+        return math.isfinite(float(self.effort.sum()))

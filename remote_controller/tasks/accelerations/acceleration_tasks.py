@@ -229,6 +229,15 @@ class AccelerationTasks:
                 self.opposite += function.status == status.AT_ANTIPODE
         if presses:
             np.take(wrench, self._felt, out=self._wrench)
+        self._add_friction(dq)
+        for i, press in presses.items():
+            sensed, motion = self._views[i]
+            press.feel(sensed, float(absent[i]))
+            if press.touches:
+                press.update(dynamics.mass, motion)
+
+    def _add_friction(self, dq: FloatArray) -> None:
+        """Have M and h count friction and wrenches, and find the `load`."""
         self.load = self._add_friction_and_wrenches(
             self._sensor_rows,
             self._wrench,
@@ -236,14 +245,9 @@ class AccelerationTasks:
             dq,
             self._dt,
             self._torque_max,
-            dynamics.mass,
-            dynamics.bias,
+            self.dynamics.mass,
+            self.dynamics.bias,
         )
-        for i, press in presses.items():
-            sensed, motion = self._views[i]
-            press.feel(sensed, float(absent[i]))
-            if press.touches:
-                press.update(dynamics.mass, motion)
 
     def errors_of(self, i: int) -> list[TaskError]:
         """Errors of task i at the last `update`, each with its tolerance."""
@@ -292,12 +296,12 @@ class AccelerationTasks:
             return len(self._joints[i])
         from hoap3.remote_controller.tasks.accelerations import task_acceleration_kernels as kernels
 
-        return POSITION if self._kinds[i] == kernels.POSITION else POSE
+        return POSITION if self._kinds[i] in {kernels.POSITION, kernels.TURN} else POSE
 
     def _rows_of(self, i: int) -> TaskRows:
         mine = self.rows[i]
         error, motion, rate, slope, _ = (each[mine] for each in self._rows)
-        return TaskRows(error, motion, rate, slope, self.jacobian[mine])
+        return TaskRows(error, motion, rate, slope, self.jacobian[mine, -self._robot.n :])
 
     def _motion_of(self, i: int) -> TaskMotion:
         mine = self.rows[i]
@@ -335,7 +339,7 @@ class AccelerationTasks:
                 self._sensor_of[i] = found.index(sensor)
         return found
 
-    def _dynamics(self, m: int) -> FramesDynamics:
+    def _dynamics(self, m: int) -> Any:
         """Of the frames of all tasks and sensors, and rows of I for joints."""
         rows = []
         for i, each in enumerate(self._parameters):
@@ -346,14 +350,24 @@ class AccelerationTasks:
                 problem = f"robot {self._robot.name!r} has no such frame"
                 with self._located(i):
                     raise ConfigError("", "frame", each.frame, problem, remedy)
-            rows.append(FrameRows(each.frame, self.rows[i].start, self.sizes[i]))
-        end, sensors = m + self._robot.n, self._sensors  # rows of I come first
+            rows.append(self._frame_rows(i))
+        n = self._robot.n
+        end, sensors = m + n, self._sensors  # rows of I come first
         rows += [FrameRows(name, end + SENSOR * s, SENSOR) for s, name in enumerate(sensors)]
-        dynamics = FramesDynamics(self._robot, rows, end + SENSOR * len(sensors))
-        dynamics.jacobian[m:end] = np.eye(self._robot.n)
+        dynamics = self._dynamics_of(rows, end + SENSOR * len(sensors))
+        of_joints = dynamics.jacobian[:, -n:]
+        of_joints[m:end] = np.eye(n)
         for i, joints in self._joints.items():
-            dynamics.jacobian[np.arange(len(joints)) + self.rows[i].start, joints] = 1.0
+            of_joints[np.arange(len(joints)) + self.rows[i].start, joints] = 1.0
         return dynamics
+
+    def _dynamics_of(self, frames: list[FrameRows], rows: int) -> Any:
+        """Of a robot whose root stands."""
+        return FramesDynamics(self._robot, frames, rows)
+
+    def _frame_rows(self, i: int) -> FrameRows:
+        """Where the motion of what task i moves stands."""
+        return FrameRows(self._parameters[i].frame, self.rows[i].start, self.sizes[i])
 
     def _aim(self, i: int, frame: int) -> None:
         """Where a task shall lead."""

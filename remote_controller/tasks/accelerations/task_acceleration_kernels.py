@@ -22,9 +22,9 @@ from hoap3.remote_controller.tasks.accelerations.wrench_kernels import rotation_
 Indices = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-POSITION, POSE, POSTURE, GIVEN, ROOT_POSE = 0, 1, 2, 3, 4  # kinds of tasks
+POSITION, POSE, POSTURE, GIVEN, ROOT_POSE, TURN = range(6)  # kinds of tasks
 PLACE, VELOCITY, ACCELERATION = 0, 1, 2  # of a target, one row each
-OF_FRAMES = POSITION, POSE, ROOT_POSE
+OF_FRAMES = POSITION, POSE, ROOT_POSE, TURN
 ACTIVE_SPEED = 1e-3  # rad/s or m/s: below it a joint counts as inactive
 UNSURE = 1e-2  # of an acceleration, and of 1 m/s²: by how much it changes within a period
 
@@ -58,9 +58,10 @@ def desired_accelerations(
 
     A position wants a_d + kp·(x_d − x) + kd·(v_d − v) − J̇·dq, a posture kp·(q_r − q) − kd·dq, a
     pose what `se3_pd_kernels.se3_pd` says. A pose in the root's axes is a position, and below it an
-    orientation that wants kp·φ − kd·ω − J̇·dq, φ of `wrench_kernels.rotation_error`. Of a task that
-    is `GIVEN`, error, motion, rate and slope are written already. V = ½|e|² of a task changes with
-    slope·motion, where the motion ν is that against its target, and ν's rate is J·ddq + rate.
+    orientation that wants kp·φ − kd·ω − J̇·dq, φ of `wrench_kernels.rotation_error`, which alone
+    is a turn. Of a task that is `GIVEN`, error, motion, rate and slope are written already.
+    V = ½|e|² of a task changes with slope·motion, where the motion ν is that against its target,
+    and ν's rate is J·ddq + rate.
 
     Args:
         tasks: (k, 4) by columns: kind, first row, number of rows, and which of the frames.
@@ -101,6 +102,9 @@ def desired_accelerations(
         if kind == ROOT_POSE:
             turned = error_out[start + 3 : start + 6]
             opposite += rotation_error(rotations[frame], turns[i], turn, turned)
+        if kind == TURN:
+            turned = error_out[start : start + 3]
+            opposite += rotation_error(rotations[frame], turns[i], turn, turned)
         for place in range(size):
             row = start + place
             if kind == GIVEN:
@@ -110,7 +114,7 @@ def desired_accelerations(
             if kind == POSTURE:
                 joint = joints[row]
                 error, motion, rate = posture[row] - q[joint], dq[joint], 0.0
-            elif place >= 3:
+            elif place >= 3 or kind == TURN:
                 error, motion, rate = error_out[row], twist[row], drift[row]
             else:
                 error = targets[i, PLACE, place] - origins[frame, place]
