@@ -33,6 +33,7 @@ class FollowerStates:
         self._robot, self._followers = robot, followers
         n, m = robot.description.n, len(robot.order)
         self.order: NDArray[np.int64] = np.arange(n)
+        self._places = np.array(robot.order, np.int64)
         self._q, self._v = np.zeros((2, m))
         self._bias, self._inertia = np.zeros(n), np.zeros((n, n))
 
@@ -107,7 +108,6 @@ class FollowerStates:
         self._q[order], self._v[order] = followers.positions(q), followers.velocities(dq)
         bias = self._nle(robot.model, robot.data, self._q, self._v)
         followers.columns(bias[order], self._bias)
-        upper = np.triu(self._crba(robot.model, robot.data, self._q))
-        full = (upper + np.triu(upper, 1).T)[np.ix_(order, order)]
-        followers.inertia(full, self._inertia)
+        full = self._crba(robot.model, robot.data, self._q)
+        followers.inertia(full, self._places, self._inertia)
         return self._bias, self._inertia.diagonal()
