@@ -76,8 +76,8 @@ class PlantSettings(Settings):
 
     kind: str | None = Field(
         None,
-        description="servo, acceleration, rigid_body, or another plant, by its registered name "
-        "or as package.module:Class; null: what the commands need",
+        description="servo, acceleration, rigid_body, mujoco, or another plant, by its registered "
+        "name or as package.module:Class; null: what the commands need",
     )
     parameters: dict[str, Any] = Field({}, description="settings of that plant itself")
     servo: Literal["ideal", "lag"] = Field(

@@ -17,6 +17,7 @@ BUILTIN = {
     "servo": f"{_OURS}.position_servo:PositionServo",
     "acceleration": f"{_OURS}.acceleration_servo:AccelerationServo",
     "rigid_body": f"{_OURS}.rigid_body:RigidBody",
+    "mujoco": f"{_OURS}.mujoco.plant:MujocoPlant",
 }
 USUAL: dict[CommandKind, str] = {
     "position": "servo",
