@@ -192,6 +192,10 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
     robot = content.get("robot")
     if isinstance(robot, str) and ("/" in robot or robot.endswith((".yaml", ".yml", ".urdf"))):
         content["robot"] = str((path.parent / robot).resolve())
+    plant = content.get("plant")
+    parameters = plant.get("parameters") if isinstance(plant, dict) else None
+    if isinstance(parameters, dict) and isinstance(parameters.get("mjcf"), str):
+        parameters["mjcf"] = str((path.parent / parameters["mjcf"]).resolve())
     folder = str(path.resolve().parent)
     if path.parent != CONFIGS and folder not in sys.path and may_import():
         sys.path.append(folder)

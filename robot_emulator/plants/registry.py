@@ -88,6 +88,7 @@ def check_plant(
         UnknownNameError, ConfigError: as `find_plant`, and as the plant says.
     """
     plant, parameters = find_plant(settings, kind, file)
+    description = description.model_copy(update={"command_kinds": (kind,)})
     with located(file, "plant"):
         lengths = dict(plant.fit(description, settings, parameters))
     if not lengths.keys() <= set(TOLD):

@@ -19,6 +19,7 @@ class Balance:
         mujoco, built, data: module, model, and its `MjData`.
         description: of the robot.
         soles: frames that can stand; the first is the one that figures are told in.
+        felt: frames whose contact forces State has.
     """
 
     def __init__(
@@ -28,21 +29,29 @@ class Balance:
         data: Any,
         description: RobotDescription,
         soles: tuple[str, ...],
+        felt: tuple[str, ...],
     ) -> None:
         self._mujoco, self._built, self._data = mujoco, built, data
         self._description, self._soles = description, soles
         self._sites = np.array([built.site(sole) for sole in soles], np.intp)
         self._upright = np.ones(len(soles))
         self._axes = np.zeros((len(soles), 9))
-        self._periods = 0
+        self._carried = [(sole, 6 * felt.index(sole) + 2) for sole in soles if sole in felt]
+        self._normal = np.array([place for _, place in self._carried], np.intp)
+        self._off, self._lifted = np.zeros((2, len(self._carried)))
         self._root_mass, self._root_com = 0.0, np.zeros(3)
         if not built.free and built.urdf:
             held = build_model(description.model_copy(update={"urdf": built.urdf}))
             self._root_mass, self._root_com = held.root_mass, held.root_com
 
-    def look(self) -> None:
-        """Note how far the soles are tilted."""
-        self._periods += 1
+    def look(self, contact: FloatArray) -> None:
+        """Note how far the soles are tilted, and which of them nothing carries.
+
+        Args:
+            contact: as State has it.
+        """
+        np.less_equal(contact[self._normal], 0.0, out=self._lifted)
+        self._off += self._lifted
         np.take(self._data.site_xmat, self._sites, axis=0, mode="clip", out=self._axes)
         np.minimum(self._upright, self._axes[:, 8], out=self._upright)
 
@@ -71,6 +80,9 @@ class Balance:
         point = self.zmp()
         told["zmp_m"] = None if point is None else (axes.T @ (point - place))[:2].tolist()
         tilts = np.degrees(np.arccos(np.clip(self._upright, -1.0, 1.0)))
+        told["periods_off_the_ground"] = {
+            sole: int(count) for (sole, _), count in zip(self._carried, self._off, strict=True)
+        }
         told["largest_tilt_deg"] = dict(zip(self._soles, tilts.tolist(), strict=True))
         return told
 

@@ -19,7 +19,7 @@ from hoap3.robot_emulator.plants.mujoco.rerooted_urdf import (
 )
 from hoap3.robot_emulator.plants.mujoco.settings import FloorSettings, MujocoParameters
 
-LEAST = 2e-15  # kg and kg m² of a body that moves; MuJoCo takes none without mass
+LEAST = 2e-15  # kg and kg m² of a body that moves without mass: what MuJoCo takes at least
 MOTORS, SERVOS = 0, 1  # groups of actuators
 FRAME = "frame "  # before the name of a frame that MuJoCo has as a site
 IMU = "quaternion", "gyro", "accelerometer"
@@ -65,7 +65,16 @@ def mujoco_module() -> Any:
         import mujoco
     except ModuleNotFoundError as error:
         raise NotInstalledError("plant", "mujoco", "'hoap3[mujoco]'") from error
+    mujoco.set_mju_user_warning(_quiet)
     return mujoco
+
+
+def _quiet(text: str) -> None:
+    """Take a warning that MuJoCo would write to a file in the working directory.
+
+    `MjData.warning` counts it, and the plant's summary tells.
+    """
+    del text
 
 
 def build_model(
@@ -136,7 +145,6 @@ def _from_urdf(
     compiler = spec.compiler
     compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
     compiler.balanceinertia = True
-    compiler.boundmass = compiler.boundinertia = LEAST
     known = {equality.name1 for equality in spec.equalities}
     for follower, (master, multiplier, offset) in followers(urdf).items():
         if follower not in known:
@@ -155,7 +163,15 @@ def _from_urdf(
             root.mass, root.ipos, root.explicitinertial = mass, centre, True
             root.fullinertia = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
         root.add_freejoint()
+    for body in spec.bodies[1:]:
+        if len(body.joints) and not _weighs(body):
+            body.mass, body.inertia, body.explicitinertial = LEAST, [LEAST] * 3, True
     return spec
+
+
+def _weighs(body: Any) -> bool:
+    """Whether a body has mass, or what is fixed to it."""
+    return body.mass > 0.0 or any(_weighs(each) for each in body.bodies if not len(each.joints))
 
 
 def _check_joints(spec: Any, description: RobotDescription, parameters: MujocoParameters) -> None:
@@ -231,6 +247,7 @@ def _set_options(
     spec.option.timestep = description.period_s / parameters.substeps
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     if description.gravity == "none":
         spec.option.gravity = [0.0, 0.0, 0.0]
 

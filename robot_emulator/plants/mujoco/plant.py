@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, Self
 
 import numpy as np
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError, DescriptionError, one_of
+from hoap3.protocol.errors import ConfigError, DescriptionError, SolverError, one_of
 from hoap3.protocol.messages import FloatArray
 from hoap3.robot_emulator.config import PlantSettings
 from hoap3.robot_emulator.plants.base import Plant
@@ -18,6 +19,7 @@ from hoap3.robot_emulator.plants.mujoco.gains import Gains, servo_gains
 from hoap3.robot_emulator.plants.mujoco.model import MOTORS, SERVOS, build_model, mujoco_module
 from hoap3.robot_emulator.plants.mujoco.senses import Encoders, Senses
 from hoap3.robot_emulator.plants.mujoco.settings import MujocoParameters
+from hoap3.robot_emulator.plants.mujoco.torques import ContactTorques
 
 FIRM = 1e-6  # of its weight: what nothing may have to hold at a start at rest
 
@@ -60,6 +62,10 @@ class MujocoPlant(Plant):
         soles = tuple(sole.frame for sole in description.soles)
         frames = dict.fromkeys((*soles, *contacts, *imus, *description.wrench_sensors))
         self.built = build_model(description, parameters, tuple(frames), imus)
+        if self.built.free != (parameters.base == "free"):
+            found = "free" if self.built.free else "fixed"
+            problem, remedy = f"its base is {found}", f"Write base: {found}, or change the file"
+            raise ConfigError("", "parameters.mjcf", parameters.mjcf, problem, remedy)
         self.model = self.built.model
         self.data = self._mujoco.MjData(self.model)
         self._sole = soles[0] if soles else None
@@ -73,10 +79,21 @@ class MujocoPlant(Plant):
         self._servos = np.arange(n) if self._kind == "position" else np.arange(1, 2 * n, 2)
         self._motors = np.arange(0, 2 * n, 2)
         self._set_gains()
-        self._balance = Balance(self._mujoco, self.built, self.data, description, soles)
+        self.balance = Balance(
+            self._mujoco, self.built, self.data, description, soles, contacts
+        )
         self._true, self._held = np.zeros((2, n))
         self._wanted = np.zeros(self.model.nv)
         self._step, self._braked = self._mujoco.mj_step, False
+        if self._kind == "torque":
+            self.torque_model = ContactTorques(
+                self._mujoco,
+                self.built,
+                self.data,
+                description.effort,
+                self.tau,
+                compensated=description.gravity == "compensated",
+            )
         self._inverse = self._mujoco.mj_inverse
 
     @classmethod
@@ -103,6 +120,10 @@ class MujocoPlant(Plant):
                     hint = one_of(frame, description.frames, "Its frames")
                     problem = f"robot {description.name!r} has no such frame"
                     raise ConfigError("", place_of, frame, problem, hint)
+        if parameters.base == "free" and description.command_kinds[0] == "acceleration":
+            remedy = "Write base: fixed, or command: torque or position"
+            problem = "has no accelerations of its own: contacts decide about them"
+            raise ConfigError("", "parameters.base", "free", problem, remedy)
         return {
             "base": 13 if parameters.base == "free" else 0,
             "contact": 6 * len(_felt(description, parameters)),
@@ -163,8 +184,15 @@ class MujocoPlant(Plant):
         return {
             "kind": "mujoco",
             "servo_rate_limit_1_s": self.gains.rate_limit if self._kind == "position" else None,
-            **self._balance.summary(self.q),
+            **self.balance.summary(self.q),
+            "warnings": self._warnings(),
         }
+
+    def _warnings(self) -> dict[str, int]:
+        """What MuJoCo complained about, and how often, such as a contact buffer that was full."""
+        kinds = self._mujoco.mjtWarning
+        counts = {kind.name: self.data.warning[kind.value].number for kind in _each(kinds)}
+        return {name: int(count) for name, count in counts.items() if count}
 
     def _place(self, q: FloatArray) -> FloatArray:
         found = place(self._mujoco, self.built, self.data, q, self._parameters, self._sole)
@@ -209,6 +237,12 @@ class MujocoPlant(Plant):
     def _measure(self, dt: float) -> None:
         data, built = self.data, self.built
         np.take(data.qpos, built.q_at, mode="clip", out=self._true)
+        if not math.isfinite(float(self._true.sum())):
+            raise SolverError(
+                f"MuJoCo's state of robot {self._description.name!r} is not finite at {data.time:g}"
+                " s: it is stiffer or lighter than a step can follow. Raise substeps or armature "
+                "in plant.parameters, or lower kp"
+            )
         if self._encoders.ideal or not dt:
             np.copyto(self.q, self._true)
             np.take(data.qvel, built.v_at, mode="clip", out=self.dq)
@@ -216,7 +250,13 @@ class MujocoPlant(Plant):
             self._encoders.read(self._true, dt, self.q, self.dq)
         np.take(data.qfrc_actuator, built.v_at, mode="clip", out=self.tau)
         self._senses.read(self.base, self.contact, self.wrench, self.imu)
-        self._balance.look()
+        if dt:
+            self.balance.look(self.contact)
+
+
+def _each(kinds: Any) -> list[Any]:
+    """Members of one of MuJoCo's enumerations, without the count at its end."""
+    return [kind for name, kind in kinds.__members__.items() if not name.startswith("mjN")]
 
 
 def _felt(description: RobotDescription, parameters: MujocoParameters) -> tuple[str, ...]:
