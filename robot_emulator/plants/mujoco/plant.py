@@ -79,9 +79,7 @@ class MujocoPlant(Plant):
         self._servos = np.arange(n) if self._kind == "position" else np.arange(1, 2 * n, 2)
         self._motors = np.arange(0, 2 * n, 2)
         self._set_gains()
-        self.balance = Balance(
-            self._mujoco, self.built, self.data, description, soles, contacts
-        )
+        self.balance = Balance(self._mujoco, self.built, self.data, description, soles, contacts)
         self._true, self._held = np.zeros((2, n))
         self._wanted = np.zeros(self.model.nv)
         self._step, self._braked = self._mujoco.mj_step, False
