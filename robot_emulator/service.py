@@ -19,7 +19,7 @@ from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.loop import GRACE_TICKS, RobotLoop
-from hoap3.robot_emulator.plants.registry import check_plant, find_plant
+from hoap3.robot_emulator.plants.registry import declared, find_plant
 from hoap3.robot_emulator.robots import load
 
 if TYPE_CHECKING:
@@ -56,18 +56,19 @@ def describe(
         takes = " or ".join(description.command_kinds)
         raise ConfigError(file, "command", kind, f"{config.robot} takes {takes}", "Choose that")
     _check_fit(config, kind, file)
-    measured = check_plant(description, config.plant, kind, file)
+    plant = declared(description, config.plant, kind, file)
     return description.model_copy(
         update={
             "command_kinds": (kind,),
             "gravity": config.plant.gravity,
             "deadline": config.deadline,
             "delay_ticks": config.delay_ticks,
+            "servo_rate_1_s": plant["servo_rate_1_s"],
             "state_arrays": {
                 "reference_rate": description.n,
                 "reference_acceleration": description.n,
                 "followed": 1,
-                **measured,
+                **plant["state_arrays"],
             },
         }
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
@@ -15,6 +15,21 @@ from hoap3.robot_emulator.config import PlantSettings
 
 TOLD = ("base", "contact", "imu")
 """Arrays of State that a plant may fill beside those that every robot has."""
+
+
+@dataclass(frozen=True)
+class Declared:
+    """What a plant says of itself before it is built.
+
+    Attributes:
+        base, contact, imu: lengths of these arrays of State.
+        servo_rate_1_s: as the description has it [1/s]; None for servos that do not give way.
+    """
+
+    base: int = 0
+    contact: int = 0
+    imu: int = 0
+    servo_rate_1_s: float | None = None
 
 
 class TorqueModel(Protocol):
@@ -57,7 +72,7 @@ class Plant(ABC):
         dq: measured velocities, (n,), rad/s or m/s.
         tau: measured efforts, (n,), N m or N.
         wrench: fx fy fz tx ty tz of each of the description's wrench sensors, N and N m.
-        base, contact, imu: as docs/wire.md has them, with the lengths that `fit` declares.
+        base, contact, imu: as docs/wire.md has them, with the lengths that `declare` says.
         start: the reference that holds it where `reset` put it, (n,): q, or beyond it by what a
             servo gives way.
         torque_model: what torques do, for the filter before them; None: the description's rigid
@@ -94,19 +109,16 @@ class Plant(ABC):
         return cls(description, parameters)
 
     @classmethod
-    def fit(
+    def declare(
         cls, description: RobotDescription, settings: PlantSettings, parameters: Any
-    ) -> Mapping[str, int]:
-        """Refuse settings that each look right but do not fit the robot.
-
-        Returns:
-            Lengths of `base`, `contact` and `imu`; what is not named is empty.
+    ) -> Declared:
+        """Say what it measures, and refuse settings that do not fit the robot.
 
         Raises:
             ConfigError: with file "" and a key below `plant`.
         """
         del description, settings, parameters
-        return {}
+        return Declared()
 
     @abstractmethod
     def reset(self, q: FloatArray) -> None:

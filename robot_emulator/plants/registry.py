@@ -9,7 +9,7 @@ from hoap3.protocol.config.settings import Settings, parse
 from hoap3.protocol.description import CommandKind, RobotDescription
 from hoap3.protocol.errors import ConfigError, located
 from hoap3.robot_emulator.config import PlantSettings
-from hoap3.robot_emulator.plants.base import TOLD, Plant
+from hoap3.robot_emulator.plants.base import TOLD, Declared, Plant
 
 GROUP = "hoap3.plants"
 _OURS = "hoap3.robot_emulator.plants"
@@ -76,13 +76,10 @@ def _not_heeded(key: str, name: str, kind: str) -> tuple[str, str]:
     return f"is for position commands, not {kind}", f"Write {usual}"
 
 
-def check_plant(
+def declared(
     description: RobotDescription, settings: PlantSettings, kind: CommandKind, file: str
-) -> dict[str, int]:
-    """Have a plant refuse what does not fit the robot.
-
-    Returns:
-        Lengths of the arrays of State that it fills, by name.
+) -> dict[str, Any]:
+    """What a plant adds to the description of its robot; `state_arrays` are its own only.
 
     Raises:
         UnknownNameError, ConfigError: as `find_plant`, and as the plant says.
@@ -90,11 +87,9 @@ def check_plant(
     plant, parameters = find_plant(settings, kind, file)
     description = description.model_copy(update={"command_kinds": (kind,)})
     with located(file, "plant"):
-        lengths = dict(plant.fit(description, settings, parameters))
-    if not lengths.keys() <= set(TOLD):
-        remedy = f"Declare the lengths of {', '.join(TOLD)} only"
-        raise ConfigError(file, "plant.kind", settings.kind, f"measures {lengths}", remedy)
-    return {name: length for name, length in lengths.items() if length}
+        said: Declared = plant.declare(description, settings, parameters)
+    lengths = {name: getattr(said, name) for name in TOLD if getattr(said, name)}
+    return {"state_arrays": lengths, "servo_rate_1_s": said.servo_rate_1_s}
 
 
 def build_plant(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, Self
 
 import numpy as np
@@ -12,7 +11,7 @@ from hoap3.protocol.errors import ConfigError, one_of
 from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 from hoap3.robot_emulator.config import PlantSettings
-from hoap3.robot_emulator.plants.base import Plant
+from hoap3.robot_emulator.plants.base import Declared, Plant
 from hoap3.robot_emulator.plants.contact import Contacts
 
 ROUNDING = 1e-9  # of an effort: a torque that exceeds it by no more was meant to be it
@@ -90,9 +89,9 @@ class RigidBody(Plant):
         return model
 
     @classmethod
-    def fit(
+    def declare(
         cls, description: RobotDescription, settings: PlantSettings, parameters: Any
-    ) -> Mapping[str, int]:
+    ) -> Declared:
         """Refuse contacts of frames that the robot does not have, or does not move."""
         del parameters
         for number, contact in enumerate(settings.contacts):
@@ -105,7 +104,7 @@ class RigidBody(Plant):
                 moving = ", ".join(sorted(description.structure.moving))
                 remedy = f"Those that move: {moving}"
                 raise ConfigError("", key, frame, "no joint moves it", remedy)
-        return {}
+        return Declared()
 
     def reset(self, q: FloatArray) -> None:
         """Be at rest at `q`, (n,) [rad or m]."""

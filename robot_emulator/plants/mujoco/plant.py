@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
@@ -12,7 +12,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, DescriptionError, SolverError, one_of
 from hoap3.protocol.messages import FloatArray
 from hoap3.robot_emulator.config import PlantSettings
-from hoap3.robot_emulator.plants.base import Plant
+from hoap3.robot_emulator.plants.base import Declared, Plant
 from hoap3.robot_emulator.plants.mujoco.balance import Balance
 from hoap3.robot_emulator.plants.mujoco.equilibrium import place
 from hoap3.robot_emulator.plants.mujoco.gains import Gains, servo_gains
@@ -102,9 +102,9 @@ class MujocoPlant(Plant):
         return cls(description, parameters, counts=settings.encoder == "counts", seed=seed)
 
     @classmethod
-    def fit(
+    def declare(
         cls, description: RobotDescription, settings: PlantSettings, parameters: Any
-    ) -> Mapping[str, int]:
+    ) -> Declared:
         """Refuse frames that the robot lacks, and accelerations of what may fall."""
         mujoco_module()
         if settings.encoder == "counts" and description.counts_per_rad is None:
@@ -122,11 +122,15 @@ class MujocoPlant(Plant):
             remedy = "Write base: fixed, or command: torque or position"
             problem = "has no accelerations of its own: contacts decide about them"
             raise ConfigError("", "parameters.base", "free", problem, remedy)
-        return {
-            "base": 13 if parameters.base == "free" else 0,
-            "contact": 6 * len(_felt(description, parameters)),
-            "imu": 10 * len(_imus(description, parameters)),
-        }
+        measures = Declared(
+            base=13 if parameters.base == "free" else 0,
+            contact=6 * len(_felt(description, parameters)),
+            imu=10 * len(_imus(description, parameters)),
+        )
+        if description.command_kinds[0] != "position":
+            return measures
+        made = cls(description, parameters)
+        return replace(measures, servo_rate_1_s=made.gains.rate_limit or None)
 
     def reset(self, q: FloatArray) -> None:
         """Be at rest at `q`, (n,) [rad or m], in static equilibrium where there is one."""

@@ -19,7 +19,7 @@ from hoap3.tools.simulate import simulate
 
 SPRINGY = """
 from pydantic import Field
-from hoap3.robot_emulator.plants.base import Plant
+from hoap3.robot_emulator.plants.base import Declared, Plant
 
 class Springy(Plant):
     commands = ("position",)
@@ -29,8 +29,8 @@ class Springy(Plant):
         super().__init__(description, parameters)
         self._share = parameters.share
     @classmethod
-    def fit(cls, description, settings, parameters):
-        return {"imu": 10}
+    def declare(cls, description, settings, parameters):
+        return Declared(imu=10)
     def reset(self, q):
         self.q[:] = self.start[:] = q
     def step(self, command, dt):
