@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.robot_emulator.config import EmulatorConfig
-from hoap3.robot_emulator.filters.acceleration import AccelerationFilter, TorqueFilter
+from hoap3.robot_emulator.filters.acceleration import (
+    AccelerationFilter,
+    FreeBaseFilter,
+    TorqueFilter,
+)
 from hoap3.robot_emulator.filters.base import SetpointFilter
 from hoap3.robot_emulator.filters.position import PositionFilter
 from hoap3.robot_emulator.plants.base import Plant
@@ -28,4 +32,5 @@ def build_body(
     if kind == "acceleration":
         return plant, AccelerationFilter(description, plant, config.hold_ticks)
     model = plant.torque_model or RigidBody.of_another(description, config.plant, plant)
-    return plant, TorqueFilter(description, plant, config.hold_ticks, model)
+    filter_of = FreeBaseFilter if plant.base.size else TorqueFilter
+    return plant, filter_of(description, plant, config.hold_ticks, model)

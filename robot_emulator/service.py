@@ -40,6 +40,9 @@ def describe(
 ) -> RobotDescription:
     """Description of the configured robot: its name, start posture and command as configured.
 
+    A plant that is named takes what it can: of a robot in a simulation that may be more than the
+    robot's own motors are told.
+
     Args:
         config, file: settings, and where they stand, for errors.
         robot: what `config.robot` names, if it was read already.
@@ -53,7 +56,7 @@ def describe(
     if config.name is not None:
         description = description.model_copy(update={"name": config.name})
     kind = config.command or description.command_kinds[0]
-    if kind not in description.command_kinds:
+    if kind not in description.command_kinds and config.plant.kind is None:
         takes = " or ".join(description.command_kinds)
         raise ConfigError(file, "command", kind, f"{config.robot} takes {takes}", "Choose that")
     _check_fit(config, kind, file)
@@ -65,6 +68,7 @@ def describe(
             "deadline": config.deadline,
             "delay_ticks": config.delay_ticks,
             "servo_rate_1_s": plant["servo_rate_1_s"],
+            "joints": plant["joints"],
             "state_arrays": {
                 "reference_rate": description.n,
                 "reference_acceleration": description.n,

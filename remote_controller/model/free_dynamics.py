@@ -10,6 +10,7 @@ from hoap3.protocol.description import COM, RobotDescription
 from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.robot.pinocchio_model import build_model
+from hoap3.protocol.robot.pinocchio_urdf import one_coordinate_each
 from hoap3.remote_controller.model.frame_dynamics import POSITION, FrameRows
 
 BASE = 6
@@ -24,7 +25,8 @@ class FreeDynamics:
     v, (n + 6,), is the twist of the root link in its own axes, velocity of its origin [m/s] over
     angular velocity [rad/s], and then the joints' velocities in wire order. All else is in the
     world, z up. Gravity is part of h, friction is not. As `FramesDynamics`, whose attributes mean
-    the same where they have the same name.
+    the same where they have the same name. Of a robot with followers M, h and J come from those of
+    all m joints, as `protocol.robot.followers` says; the base is its own master.
 
     Args:
         description: of the robot.
@@ -61,15 +63,25 @@ class FreeDynamics:
             )
         fixed = build_model(description)  # which says what is wrong with the URDF
         self._pin, self._robot, n = pin, fixed, description.n
-        self._model = model = pin.buildModelFromXML(description.urdf, pin.JointModelFreeFlyer())
-        order = [model.joints[model.getJointId(name)].idx_v for name in description.joint_names]
+        urdf = one_coordinate_each(description)
+        self._model = model = pin.buildModelFromXML(urdf, pin.JointModelFreeFlyer())
+        self._followers, names = fixed.followers, list(description.joint_names)
+        if fixed.followers is not None:
+            names += fixed.followers.names
+        order = [model.joints[model.getJointId(name)].idx_v for name in names]
         self._order = np.array([*range(BASE), *order], np.intp)
-        model.armature[self._order[BASE:]] = description.armature
+        model.armature[self._order[BASE : BASE + n]] = description.armature
+        self._to_wire: FloatArray | None = None  # of twists of base and all joints
+        if fixed.followers is not None:
+            self._to_wire = np.eye(len(self._order), BASE + n)
+            self._to_wire[BASE:, BASE:] = fixed.followers.matrix
         if description.gravity == "none":
             model.gravity.setZero()
         self._data = model.createData()
         self.n, self.total_mass = n, fixed.total_mass
-        self.damping = np.array(model.damping)[self._order[BASE:]]
+        self.damping = np.array(model.damping)[order]
+        if fixed.followers is not None:
+            self.damping = fixed.followers.resistance(self.damping, dry=False)
         self._numbers = {
             name: int(model.getFrameId(name, pin.FrameType.BODY)) for name in description.frames
         }
@@ -77,7 +89,7 @@ class FreeDynamics:
             (place, COM_FRAME if each.frame == COM else self._number(each.frame), each)
             for place, each in enumerate(frames)
         ]
-        self._q, self._v, self._still = np.zeros(n + 7), np.zeros(n + BASE), np.zeros(n + BASE)
+        self._q, self._v, self._still = np.zeros(model.nq), np.zeros(model.nv), np.zeros(model.nv)
         self.base, self.velocity = np.zeros(STATE_OF_BASE), np.zeros(n + BASE)
         self.base[POSE_OF_BASE - 1] = 1.0
         self.mass, self.bias = np.zeros((n + BASE, n + BASE)), np.zeros(n + BASE)
@@ -95,12 +107,12 @@ class FreeDynamics:
         np.matmul(turn.T, self.base[7:10], out=self.velocity[:3])
         np.matmul(turn.T, self.base[10:13], out=self.velocity[3:BASE])
         self.velocity[BASE:] = dq
-        self._v[order] = self.velocity
+        self._v[order] = self._full(self.velocity)
         upper = np.triu(pin.crba(model, data, self._q))
         upper += np.triu(upper, 1).T
-        self.mass[:] = upper[np.ix_(order, order)]
-        self.bias[:] = pin.nonLinearEffects(model, data, self._q, self._v)[order]
-        com_jacobian = pin.jacobianCenterOfMass(model, data, self._q, False)[:, order]
+        self.mass[:] = self._wire(self._wire(upper[np.ix_(order, order)]).T)
+        self.bias[:] = self._wire(pin.nonLinearEffects(model, data, self._q, self._v)[order])
+        com_jacobian = self._wire(pin.jacobianCenterOfMass(model, data, self._q, False)[:, order])
         pin.centerOfMass(model, data, self._q, self._v, self._still, False)
         pin.computeJointJacobians(model, data)
         pin.updateFramePlacements(model, data)
@@ -113,7 +125,7 @@ class FreeDynamics:
                 continue
             axes = pin.LOCAL_WORLD_ALIGNED if size == POSITION else pin.LOCAL
             part = slice(POSITION, None) if turns else slice(size)
-            jacobian = pin.getFrameJacobian(model, data, number, axes)[part, order]
+            jacobian = self._wire(pin.getFrameJacobian(model, data, number, axes)[part, order])
             self.jacobian[rows] = jacobian
             np.matmul(jacobian, self.velocity, out=self.twist[rows])
             if size == POSITION:
@@ -139,7 +151,16 @@ class FreeDynamics:
         """Take posture and base; the quaternion's length may be off by rounding."""
         self._q[:POSE_OF_BASE] = self.base[:POSE_OF_BASE]
         self._q[3:POSE_OF_BASE] /= np.linalg.norm(self._q[3:POSE_OF_BASE])
-        self._q[self._order[BASE:] + 1] = q
+        full = q if self._followers is None else self._followers.positions(q)
+        self._q[self._order[BASE:] + 1] = full
+
+    def _full(self, velocity: FloatArray) -> FloatArray:
+        """Of base and all joints, from those of base and wire, (n + 6,)."""
+        return velocity if self._to_wire is None else self._to_wire @ velocity
+
+    def _wire(self, full: FloatArray) -> FloatArray:
+        """J_m·G, or Gᵀ·τ_m: (…, m + 6) to (…, n + 6)."""
+        return full if self._to_wire is None else np.asarray(full @ self._to_wire)
 
     def _write(self, number: int, origin_out: FloatArray, axes_out: FloatArray) -> None:
         found = self._data.oMf[number]

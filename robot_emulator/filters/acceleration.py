@@ -246,3 +246,24 @@ class TorqueFilter(AccelerationFilter):
         self.overloaded = self._body.torques(self._allowed, self._dt, self.value)
         self.torque_limited += self.overloaded >= 0
         return held
+
+
+class FreeBaseFilter(TorqueFilter):
+    """Torques of a robot that may fall: they are cut to the efforts, joint by joint.
+
+    What its joints do is the ground's doing as well as the motors', and torques that kept them
+    within bounds of acceleration would push it over. Their ends are stops of the plant. To brake it
+    does as every robot with torques.
+    """
+
+    def __init__(
+        self, description: RobotDescription, plant: Plant, hold_ticks: int, model: TorqueModel
+    ) -> None:
+        super().__init__(description, plant, hold_ticks, model)
+        self._effort = np.array(description.effort)
+        self._least = -self._effort
+
+    def _pass(self, command: FloatArray) -> int:
+        self.overloaded = -1
+        held: int = self._clamp(command, self._least, self._effort, self.value)
+        return held

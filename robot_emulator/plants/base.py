@@ -24,12 +24,15 @@ class Declared:
     Attributes:
         base, contact, imu: lengths of these arrays of State.
         servo_rate_1_s: as the description has it [1/s]; None for servos that do not give way.
+        armature: rotors of the joints, (n,) [kg m² or kg], where they are not the description's:
+            what turns accelerations into torques must know of them.
     """
 
     base: int = 0
     contact: int = 0
     imu: int = 0
     servo_rate_1_s: float | None = None
+    armature: tuple[float, ...] | None = None
 
 
 class TorqueModel(Protocol):

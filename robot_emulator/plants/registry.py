@@ -89,7 +89,13 @@ def declared(
     with located(file, "plant"):
         said: Declared = plant.declare(description, settings, parameters)
     lengths = {name: getattr(said, name) for name in TOLD if getattr(said, name)}
-    return {"state_arrays": lengths, "servo_rate_1_s": said.servo_rate_1_s}
+    joints = description.joints
+    if said.armature is not None:
+        joints = tuple(
+            joint.model_copy(update={"armature": armature})
+            for joint, armature in zip(joints, said.armature, strict=True)
+        )
+    return {"state_arrays": lengths, "servo_rate_1_s": said.servo_rate_1_s, "joints": joints}
 
 
 def build_plant(

@@ -189,6 +189,38 @@ def bench_gains(
     _end(as_json, measured, machine, missing())
 
 
+@bench_app.command("pushes")
+def bench_pushes(
+    robot: Annotated[
+        list[str] | None, typer.Option(help="Emulator configs; by default all, one by one.")
+    ] = None,
+    controller: Annotated[
+        list[str] | None, typer.Option(help="Controller configs; by default tsid and ghc.")
+    ] = None,
+    direction: Annotated[
+        list[int] | None, typer.Option(help="Of the push, from x [deg]; by default all eight.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Push standing robots in MuJoCo, and compare what they survive with what is possible."""
+    from hoap3.tools.bench.pushes import trials
+    from hoap3.tools.bench.pushes.show import show_pushes
+
+    machine = _begin()
+    with progress("bench pushes") as meter:
+        rows = trials.bench_pushes(
+            robot or list(trials.TRUNKS),
+            controller or trials.CONTROLLERS,
+            direction or trials.DIRECTIONS_DEG,
+            meter.step,
+        )
+    if as_json:
+        print_json({"rows": rows, "machine": machine})
+    else:
+        show_pushes(rows)
+    raise typer.Exit(any(row["share"] < row["wanted"] for row in rows))
+
+
 def _begin() -> dict[str, object]:
     """The machine that all is measured on; kernels that are compiled first are told."""
     from hoap3.tools.machine.machine import machine_block

@@ -69,6 +69,10 @@ class MujocoPlant(Plant):
         self.model = self.built.model
         self.data = self._mujoco.MjData(self.model)
         self._sole = soles[0] if soles else None
+        self._pushes = [
+            (self.model.body(push.frame).id, push.at_s, push.at_s + push.for_s, push.force_n)
+            for push in parameters.pushes
+        ]
         self._senses = Senses(self._mujoco, self.built, self.data, description, contacts, imus)
         scales = description.counts_per_rad if counts else None
         self._encoders = Encoders(n, scales, parameters.noise_rad, seed)
@@ -107,6 +111,12 @@ class MujocoPlant(Plant):
     ) -> Declared:
         """Refuse frames that the robot lacks, and accelerations of what may fall."""
         mujoco_module()
+        for number, push in enumerate(parameters.pushes):
+            if push.frame not in description.frames and parameters.mjcf is None:
+                key, hint = f"parameters.pushes.{number}.frame", "Its links"
+                problem = f"robot {description.name!r} has no such link"
+                known = one_of(push.frame, description.frames, hint)
+                raise ConfigError("", key, push.frame, problem, known)
         if settings.encoder == "counts" and description.counts_per_rad is None:
             problem = f"robot {description.name!r} has no encoder scales"
             remedy = "Give each joint encoder_counts_per_rad, or write ideal"
@@ -126,6 +136,7 @@ class MujocoPlant(Plant):
             base=13 if parameters.base == "free" else 0,
             contact=6 * len(_felt(description, parameters)),
             imu=10 * len(_imus(description, parameters)),
+            armature=_rotors(description, parameters),
         )
         if description.command_kinds[0] != "position":
             return measures
@@ -227,6 +238,8 @@ class MujocoPlant(Plant):
         substeps, senses = self._parameters.substeps, self._senses
         senses.begin()
         for _ in range(substeps):
+            if self._pushes:
+                self._push()
             if inverse:
                 self.data.qacc[:] = self._wanted
                 self._inverse(self.model, self.data)
@@ -235,6 +248,14 @@ class MujocoPlant(Plant):
             if senses.feels:
                 senses.feel(1.0 / substeps)
         self._measure(dt)
+
+    def _push(self) -> None:
+        """Have the forces from outside be those of this moment."""
+        data, half = self.data, 0.5 * self.model.opt.timestep
+        data.xfrc_applied[:] = 0.0
+        for body, begin, end, force in self._pushes:
+            if begin <= data.time + half < end:
+                data.xfrc_applied[body, :3] += force
 
     def _measure(self, dt: float) -> None:
         data, built = self.data, self.built
@@ -267,6 +288,18 @@ def _felt(description: RobotDescription, parameters: MujocoParameters) -> tuple[
         return parameters.contact_frames
     touches = parameters.base == "free" or parameters.floor or parameters.boxes
     return tuple(sole.frame for sole in description.soles) if touches else ()
+
+
+def _rotors(
+    description: RobotDescription, parameters: MujocoParameters
+) -> tuple[float, ...] | None:
+    """Armatures of the joints, (n,), where torques are commanded and they are not as described."""
+    given = parameters.armature
+    if given is None or description.command_kinds[0] == "position":
+        return None
+    if isinstance(given, dict):
+        return tuple(given.get(joint.name, joint.armature) for joint in description.joints)
+    return (given,) * description.n
 
 
 def _imus(description: RobotDescription, parameters: MujocoParameters) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from hoap3.protocol.config.settings import Settings
 FAR_M = 1000.0
 Metre = Annotated[float, Field(ge=-FAR_M, le=FAR_M)]
 Point = tuple[Metre, Metre, Metre]
+Newton = Annotated[float, Field(ge=-1e6, le=1e6)]
 Angle = Annotated[float, Field(ge=-10.0, le=10.0)]
 Angles = tuple[Angle, Angle, Angle]
 Length = Annotated[float, Field(gt=0, le=FAR_M)]
@@ -32,6 +33,15 @@ class BoxSettings(Settings):
     size_m: tuple[Length, Length, Length] = Field(description="length, width, height")
     rotation_rad: Angles = Field((0.0, 0.0, 0.0), description="roll, pitch, yaw, as in a URDF")
     friction: float = Field(0.8, ge=0, le=10, description="coefficient μ of sliding")
+
+
+class PushSettings(Settings):
+    """A constant force on a link for a while."""
+
+    frame: str = Field(description="link that is pushed, at its centre of mass")
+    at_s: float = Field(ge=0, le=1e6, description="begin, since the robot was placed [s]")
+    for_s: float = Field(gt=0, le=1e6, description="duration [s]")
+    force_n: tuple[Newton, Newton, Newton] = Field(description="in the world [N]")
 
 
 class MujocoParameters(Settings):
@@ -86,6 +96,9 @@ class MujocoParameters(Settings):
     )
     imu_frames: tuple[str, ...] | None = Field(
         None, max_length=16, description="null: the root link of a free base, else none"
+    )
+    pushes: tuple[PushSettings, ...] = Field(
+        (), max_length=100, description="forces from outside, to see what becomes of the robot"
     )
     noise_rad: float = Field(
         0.0, ge=0, le=1, description="standard deviation of each measured position [rad or m]"

@@ -33,8 +33,10 @@ NOT_FALLING = {
     "ghc": "targets that contradict each other",
     "ghc_force": "priorities change",
     "ghc_humanoid": "targets move",
+    "ghc_standing": "it stays where it is",
     "ghc_torque": "targets that contradict each other",
     "hqp": "no certificate",
+    "tsid_standing": "it stays where it is",
     "weighted": "no certificate",
 }
 

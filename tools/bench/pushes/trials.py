@@ -1,0 +1,162 @@
+"""Pushes of 20 ms at the trunk, in MuJoCo in lockstep, and what becomes of the robot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from hoap3.protocol.runtime.recorder import MemoryRecorder
+from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.tools.bench.pushes.capture import Stance, impulse, room, room_by_torques
+from hoap3.tools.simulate import Lockstep, controller_settings, emulator_settings
+
+TRUNKS = {"hoap3_standing_torque": "pelvis", "humanoid32_standing": "chest"}
+"""By emulator config, the link that is pushed."""
+CONTROLLERS = ("tsid_standing", "ghc_standing")
+DIRECTIONS_DEG = (0, 45, 90, 135, 180, 225, 270, 315)
+WANTED = {0: 0.8, 1: 0.6}
+"""Of the bound, by whether the direction is a diagonal."""
+
+SETTLE_S, PUSH_S, AFTER_S = 0.5, 0.02, 3.0
+SPEED, TILT_DEG, LIFT_M = 0.01, 5.0, 2e-3  # m/s of the CoM; of the trunk; of a sole's origin
+SUNK = 0.7  # of the CoM's height: a robot that far down has fallen
+STEP = 0.05  # of the bound, between pushes that are tried
+LEAST, MOST = 0.3, 1.6
+
+
+def bench_pushes(
+    robots: Sequence[str] = tuple(TRUNKS),
+    controllers: Sequence[str] = CONTROLLERS,
+    directions: Sequence[int] = DIRECTIONS_DEG,
+    report: Callable[[str], None] = lambda _: None,
+) -> list[dict[str, Any]]:
+    """Find the greatest survived push in each direction.
+
+    Args:
+        robots: emulator configs of robots that stand free, of `TRUNKS`.
+        controllers: configs of controllers.
+        directions: of the push, from the world's x [deg].
+        report: takes what is done now.
+
+    Returns:
+        A row for each: `robot`, `controller`, `direction_deg`, `room_m` d, `bound_ns` m·√(g/z)·d,
+        `torque_bound_ns` by the linear program, `survived_ns`, `share` of the lesser bound, and
+        `wanted`, which share is asked for.
+    """
+    rows = []
+    for robot in robots:
+        for controller in controllers:
+            stance = stance_of(robot, controller)
+            for direction in directions:
+                report(f"{robot}, {controller}, {direction} deg")
+                rows.append(_row(robot, controller, stance, direction))
+    return rows
+
+
+def stance_of(robot: str, controller: str) -> Stance:
+    """Where the robot stands when it is pushed."""
+    lockstep = _lockstep(robot, controller, None)
+    lockstep.run(SETTLE_S)
+    contacts = lockstep.controller.parameters.contacts  # type: ignore[attr-defined]
+    plant, description = lockstep.robot.plant, lockstep.controller.description
+    return Stance(
+        description, plant.base.copy(), plant.q.copy(), contacts.friction, contacts.margin_m
+    )
+
+
+def survives(robot: str, controller: str, push_ns: float, angle: float) -> bool:
+    """Whether the robot stands as before, `AFTER_S` after a push.
+
+    Args:
+        robot, controller: configs.
+        push_ns: impulse [N s].
+        angle: its direction, from the world's x [rad].
+    """
+    force = push_ns / PUSH_S * np.array([math.cos(angle), math.sin(angle), 0.0])
+    push = {
+        "frame": TRUNKS[robot],
+        "at_s": SETTLE_S,
+        "for_s": PUSH_S,
+        "force_n": tuple(force.tolist()),
+    }
+    lockstep = _lockstep(robot, controller, push)
+    plant: Any = lockstep.robot.plant
+    height = float(plant.balance.com()[2])
+    down = False
+
+    def fallen() -> bool:
+        nonlocal down
+        down = down or float(plant.balance.com()[2]) < SUNK * height
+        return down
+
+    lockstep.run(SETTLE_S + PUSH_S + AFTER_S, fallen)
+    soles = [sole.frame for sole in lockstep.controller.description.soles]
+    return not down and stands(plant, TRUNKS[robot], soles)
+
+
+def stands(plant: Any, trunk: str, soles: Sequence[str]) -> bool:
+    """Whether a robot in MuJoCo is at rest on all its soles, upright.
+
+    Args:
+        plant: a `MujocoPlant` with a free base.
+        trunk: the link that must be upright, as it is at the start.
+        soles: frames that must be down on the floor, at z = 0.
+    """
+    import mujoco
+
+    model, data = plant.model, plant.data
+    mujoco.mj_forward(model, data)
+    mujoco.mj_subtreeVel(model, data)
+    speed = float(np.linalg.norm(data.subtree_linvel[plant.built.root]))
+    upright = data.xmat[model.body(trunk).id].reshape(3, 3)[2, 2]
+    tilt = math.degrees(math.acos(min(1.0, max(-1.0, float(upright)))))
+    lifted = max(abs(float(data.site_xpos[plant.built.site(sole)][2])) for sole in soles)
+    carried = bool((plant.contact[2::6] > 0.0).all())
+    return speed < SPEED and tilt < TILT_DEG and lifted < LIFT_M and carried
+
+
+def _row(robot: str, controller: str, stance: Stance, direction: int) -> dict[str, Any]:
+    angle = math.radians(direction)
+    distance = room(stance, angle)
+    bound = impulse(stance, distance)
+    by_torques = impulse(stance, room_by_torques(stance, angle))
+    least = min(bound, by_torques)
+    share = greatest_share(lambda part: survives(robot, controller, part * least, angle))
+    return {
+        "robot": robot,
+        "controller": controller,
+        "direction_deg": direction,
+        "room_m": distance,
+        "bound_ns": bound,
+        "torque_bound_ns": by_torques,
+        "survived_ns": share * least,
+        "share": share,
+        "wanted": WANTED[direction % 90 // 45],
+    }
+
+
+def greatest_share(survived: Callable[[float], bool]) -> float:
+    """Bisect for the greatest multiple of `STEP` that is survived; 0 where not even `LEAST` is."""
+    low, high = round(LEAST / STEP), round(MOST / STEP)
+    if not survived(low * STEP):
+        return 0.0
+    while high - low > 1:
+        middle = (low + high) // 2
+        if survived(middle * STEP):
+            low = middle
+        else:
+            high = middle
+    return round(low * STEP, 9)
+
+
+def _lockstep(robot: str, controller: str, push: dict[str, Any] | None) -> Lockstep:
+    emulator: EmulatorConfig = emulator_settings(robot, 0)
+    if push is not None:
+        parameters = {**emulator.plant.parameters, "pushes": [push]}
+        plant = emulator.plant.model_copy(update={"parameters": parameters})
+        emulator = emulator.model_copy(update={"plant": plant})
+    settings = controller_settings(controller)
+    return Lockstep(emulator, settings, MemoryRecorder(), MemoryRecorder())
