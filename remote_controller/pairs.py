@@ -10,7 +10,6 @@ from __future__ import annotations
 from pathlib import Path
 
 HOAP3, HUMANOID, UR5 = ("hoap3",), ("humanoid32",), ("ur5",)
-STANDING = ("hoap3_standing_torque", "humanoid32_standing")
 ARMS = ("ur5", "lwr", "baxter", "baxter_left_arm", "baxter_right_arm")
 
 PAIRS: dict[str, tuple[str, ...]] = {
@@ -30,7 +29,8 @@ PAIRS: dict[str, tuple[str, ...]] = {
     "ghc": ("lwr_weightless",),
     "ghc_force": ("lwr_with_table",),
     "ghc_humanoid": ("humanoid32_torque",),
-    "ghc_standing": STANDING,
+    "ghc_standing": ("hoap3_standing_torque",),
+    "ghc_standing_humanoid": ("humanoid32_standing",),
     "ghc_torque": ("lwr_weightless",),
     "ghc_velocity": HOAP3,
     "hqp": ("lwr_weightless",),
@@ -41,7 +41,8 @@ PAIRS: dict[str, tuple[str, ...]] = {
     "stable_qp_hoap3": HOAP3,
     "stable_qp_standing": ("hoap3_standing",),
     "tsid_baxter": ("baxter",),
-    "tsid_standing": STANDING,
+    "tsid_standing": ("hoap3_standing_torque",),
+    "tsid_standing_humanoid": ("humanoid32_standing",),
     "weighted": ("lwr_weightless",),
 }
 """By controller config, what `--robot` takes: names of robots, and of emulator configs."""
@@ -53,14 +54,8 @@ POSTURES = {
 }
 """Where a pair does not start in the robot's own posture: `--set emulator.posture=…`."""
 
-HELD_BACK = {
-    ("pinv", "hoap3"),
-    ("osqp", "hoap3"),
-    ("tsid_standing", "hoap3_standing_torque"),
-    ("ghc_standing", "hoap3_standing_torque"),
-}
-"""Pairs whose robot holds a joint back: the controller knows no limits, or a joint starts at one,
-and the ground gives way by more than the model's rigid contacts do."""
+HELD_BACK = {("pinv", "hoap3"), ("osqp", "hoap3")}
+"""Pairs whose controller knows no joint limits, so that the robot holds a joint back at one."""
 
 
 def configs_for(robot: str) -> list[str]:

@@ -194,9 +194,6 @@ def bench_pushes(
     robot: Annotated[
         list[str] | None, typer.Option(help="Emulator configs; by default all, one by one.")
     ] = None,
-    controller: Annotated[
-        list[str] | None, typer.Option(help="Controller configs; by default tsid and ghc.")
-    ] = None,
     direction: Annotated[
         list[int] | None, typer.Option(help="Of the push, from x [deg]; by default all eight.")
     ] = None,
@@ -210,7 +207,6 @@ def bench_pushes(
     with progress("bench pushes") as meter:
         rows = trials.bench_pushes(
             robot or list(trials.TRUNKS),
-            controller or trials.CONTROLLERS,
             direction or trials.DIRECTIONS_DEG,
             meter.step,
         )

@@ -12,6 +12,8 @@ COLUMNS = {
     "humanoid32_torque": "humanoid32",
     "ur5": "ur5",
     "hoap3_standing": "hoap3",
+    "hoap3_standing_torque": "hoap3",
+    "humanoid32_standing": "humanoid32",
     "lwr": "lwr",
     "lwr_weightless": "lwr",
     "lwr_with_table": "lwr",

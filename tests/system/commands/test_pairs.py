@@ -34,9 +34,11 @@ NOT_FALLING = {
     "ghc_force": "priorities change",
     "ghc_humanoid": "targets move",
     "ghc_standing": "it stays where it is",
+    "ghc_standing_humanoid": "it stays where it is",
     "ghc_torque": "targets that contradict each other",
     "hqp": "no certificate",
     "tsid_standing": "it stays where it is",
+    "tsid_standing_humanoid": "it stays where it is",
     "weighted": "no certificate",
 }
 

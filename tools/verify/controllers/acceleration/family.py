@@ -20,6 +20,7 @@ from hoap3.tools.verify.controllers.acceleration.certificate import (
     check_proof,
 )
 from hoap3.tools.verify.controllers.acceleration.fallbacks import Soft, check_fallback
+from hoap3.tools.verify.controllers.acceleration.free_base import check_free_base
 from hoap3.tools.verify.controllers.acceleration.hierarchy import Cycles, Hierarchy
 from hoap3.tools.verify.controllers.acceleration.model import bounds
 from hoap3.tools.verify.controllers.acceleration.model.parameters import filled
@@ -29,6 +30,9 @@ from hoap3.tools.verify.tasks.targets import UnknownTaskError
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Settings = Mapping[str, Any]
+
+OF_FREE_BASES = {"base", "contacts"}
+"""Keys that say nothing of a base that stands."""
 
 
 class Family(ABC):
@@ -61,6 +65,10 @@ class Family(ABC):
 
 def check_family(family: Family, run: ControllerRun, parameters: Settings, claims: Claims) -> None:
     """Everything that is claimed of a controller's answers."""
+    if parameters.get("base") == "free":
+        check_free_base(run, parameters, claims)
+        return
+    parameters = {key: value for key, value in parameters.items() if key not in OF_FREE_BASES}
     settings, wrong = filled(parameters, family.defaults)
     wrong = wrong or bounds.unfit(settings["bounds"], run.description.n) or _unfit(run)
     if not wrong:
