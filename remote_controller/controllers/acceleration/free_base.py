@@ -19,14 +19,13 @@ from hoap3.remote_controller.controllers.base import ACTIVE_SPEED
 from hoap3.remote_controller.model.free_dynamics import BASE
 from hoap3.remote_controller.solvers.contact.reduction import ContactReduction
 from hoap3.remote_controller.solvers.contact.wrench_cone import wrench_cone, wrench_units
-from hoap3.remote_controller.solvers.qp.qp_backends import Program, daqp
+from hoap3.remote_controller.solvers.qp.qp_backends import SOFT, Program, daqp
 from hoap3.remote_controller.tasks.accelerations.acceleration_tasks import AccelerationTasks
 from hoap3.remote_controller.tasks.accelerations.free_tasks import FreeTasks
 
 GRAVITY = 9.81  # m/s²
 WRENCH = 6
 NORMAL = 2  # of a wrench
-SOFT = 8  # daqp's word for a row that may be violated at a price
 SOFT_TOLERANCE = 1e-9
 UNLOADED_SHARE = 0.02  # of the weight: what a sole may press with that State says is in the air
 WRENCH_SCALE = 0.1  # of the weight: a wrench of that size counts as 1 rad/s² in y
@@ -136,7 +135,7 @@ class FreeBase:
             np.full(n + rows, NO_BOUND),
             np.concatenate([np.zeros(n), np.full(rows, SOFT)]).astype(np.int32),
         )
-        self._soften = daqp(self._soft)
+        self._soften = daqp(self._soft, soft=True)
         self._scale = np.ones(rows)
         self._scale[self._accelerations], self._scale[self._torques] = greatest, torque_max
         self._scale[2 * n :] = self._weight

@@ -24,6 +24,8 @@ Answer: TypeAlias = tuple[bool, Array, Array]
 Backend: TypeAlias = Callable[[float], Answer]
 
 EQUATION = 5  # daqp's word for it
+SOFT = 8  # likewise, for a row that may be violated
+SOLVED, VIOLATED = 1, 2  # what daqp says of an answer
 NO_BOUND = 1e30  # likewise
 ENDS = {"daqp": 0.0, "osqp": 1e-7, "proxqp": 1e-9, "piqp": 1e-10}
 """Each one's tolerance at the least: splitting and interior-point methods end near the optimum."""
@@ -39,7 +41,7 @@ class Program:
         A: (r, v).
         least: of the variables and the rows, (v + r,); −1e30 is no bound.
         most: likewise, 1e30.
-        sense: 0, or 5 where least = most; (v + r,), int32.
+        sense: 0, or 5 where least = most, or 8 for `daqp` of what is soft; (v + r,), int32.
     """
 
     H: Array
@@ -50,11 +52,12 @@ class Program:
     sense: NDArray[np.int32]
 
 
-def daqp(program: Program, **settings: float) -> Backend:
+def daqp(program: Program, *, soft: bool = False, **settings: float) -> Backend:
     """A dual active set (MIT licence): exact, and the only one that no vertex confuses.
 
     Args:
         program: what is solved.
+        soft: whether an answer may violate rows whose `sense` is `SOFT`, at a price.
         settings: further ones, by daqp's names.
     """
     import daqp as library
@@ -72,7 +75,7 @@ def daqp(program: Program, **settings: float) -> Backend:
             primal_tol=tolerance,
             **settings,
         )
-        return flag == 1, x, info["lam"][variables:]
+        return flag == SOLVED or (soft and flag == VIOLATED), x, info["lam"][variables:]
 
     return solve
 
