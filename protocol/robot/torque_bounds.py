@@ -157,7 +157,7 @@ def _states_of(robot: RobotModel) -> _States:
     from hoap3.protocol.robot.torque_bounds_followers import FollowerStates
 
     if robot.followers is not None:
-        slow = FollowerStates(robot, robot.followers)
+        slow = FollowerStates(robot)
         return _States(slow.order, slow.sample, slow.polish)
     tree = build_tree(robot)
     sample, polish = partial(kernels.sample, *tree.tables), partial(kernels.polish, *tree.tables)
