@@ -51,7 +51,8 @@ class Dynamics:
             self._model.gravity.setZero()
         self._damped = pinocchio.Model(self._model)  # `forward_damped` changes its armature
         self._added = self._damped.armature
-        self._armature = np.array(self._model.armature)[self._order]
+        self._wire = self.robot.wire  # followers have no armature of their own
+        self._armature = np.array(self._model.armature)[self._wire]
         self.damping = np.array(self._model.damping)[self._order]
         self.friction = np.array(self._model.friction)[self._order]
         if self.followers:
@@ -134,7 +135,7 @@ class Dynamics:
         order = self._order
         self._take(q)
         self._move(dq, tau)
-        self._added[order] = self._armature + added
+        self._added[self._wire] = self._armature + added
         np.take(self._aba(self._damped, self._data, self._q, self._v, self._x), order, out=out)
 
     def _solve(
@@ -180,7 +181,7 @@ class Dynamics:
         axes; and every `placement`.
         """
         self._take(q)
-        self._added[self._order[: self.n]] = self._armature[: self.n] + added
+        self._added[self._wire] = self._armature + added
         self._crba(self._damped, self._data, self._q, self._world)
         if self.followers is not None:
             self.followers.inertia(self._full_inertia, self._places, self.inertia)

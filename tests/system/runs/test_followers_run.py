@@ -58,7 +58,7 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "joint_acceleration": ("acceleration", {"posture": "zero"}),
 }
 """Command and parameters by controller."""
-QUICK = ("qp12", "stable_qp", "clik", "ghc", "tsid", "joint_acceleration")
+QUICK = ("clik", "stable_qp", "tsid")
 
 
 @pytest.mark.parametrize(
