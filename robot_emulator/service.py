@@ -20,6 +20,7 @@ from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.robot_emulator.config import EmulatorConfig, check_contacts
 from hoap3.robot_emulator.loop import GRACE_TICKS, RobotLoop
 from hoap3.robot_emulator.robots import load
+from hoap3.robot_emulator.robots.follower_limits import follower_notes
 
 if TYPE_CHECKING:
     from hoap3.protocol.link.remote_lockstep import RemoteLockstepLink
@@ -28,7 +29,7 @@ KERNELS = (
     "hoap3.robot_emulator.plants.motion_kernels",
     "hoap3.robot_emulator.filters.position_kernels",
     "hoap3.protocol.robot.viability_bounds_kernels",
-    "hoap3.protocol.robot.followers_kernels",
+    "hoap3.protocol.robot.followers.followers_kernels",
 )
 CONTACT_KERNELS = ("hoap3.robot_emulator.plants.contact_kernels",)
 LEAD = 4  # the part of a period that a robot in real time may act ahead of a tick
@@ -140,7 +141,7 @@ def serve(
     contact = CONTACT_KERNELS if config.plant.contacts else ()
     warm_up((*KERNELS, *contact), lambda name: report(Detail(f"kernels: {name}")))
     measures = prepare_process(config.realtime)
-    for note in told(measures):
+    for note in (*follower_notes(description), *told(measures)):
         report(note)
     clock = MonotonicClock()
     with closing(_open_link(config, description, report)) as link:
@@ -166,6 +167,8 @@ def serve_lockstep(
     """
     from hoap3.protocol.link.remote_lockstep import RemoteLockstepLink
 
+    for note in follower_notes(description):
+        report(note)
     clock = VirtualClock()
     compute_time = round(config.lockstep.compute_time_us * 1e3)
     inner = _open_link(config, description, report, blocking=True)
