@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.robot.followers import Followers
-from hoap3.protocol.robot.pinocchio_model import build_model
+from hoap3.protocol.robot.followers.followers import Followers
+from hoap3.protocol.robot.pinocchio_model import RobotModel, build_model
 
 SINGULAR = 1e-12  # least eigenvalue of M, scaled to 1 on its diagonal
 
@@ -26,6 +26,7 @@ class Dynamics:
 
     Args:
         description: of the robot.
+        robot: its model, if there is one already; gravity is as it is there.
 
     Attributes:
         damping: viscous friction of the URDF [N m s/rad], that of followers included.
@@ -37,20 +38,21 @@ class Dynamics:
         DescriptionError: Pinocchio cannot build the model.
     """
 
-    def __init__(self, description: RobotDescription) -> None:
+    def __init__(self, description: RobotDescription, robot: RobotModel | None = None) -> None:
         import pinocchio
 
-        self.robot = build_model(description)
+        self.robot = build_model(description) if robot is None else robot
         self.n, self.followers = description.n, self.robot.followers
         self._model, self._data, self._order = self.robot.model, self.robot.data, self.robot.order
         self._aba, self._rnea, self._crba = pinocchio.aba, pinocchio.rnea, pinocchio.crba
         self._world, self._nle = pinocchio.Convention.WORLD, pinocchio.nonLinearEffects
         self._gravity_torque = pinocchio.computeGeneralizedGravity
-        if description.gravity == "none":
+        if robot is None and description.gravity == "none":
             self._model.gravity.setZero()
         self._damped = pinocchio.Model(self._model)  # `forward_damped` changes its armature
         self._added = self._damped.armature
-        self._armature = np.array(self._model.armature)[self._order]
+        self._wire = self.robot.wire  # followers have no armature of their own
+        self._armature = np.array(self._model.armature)[self._wire]
         self.damping = np.array(self._model.damping)[self._order]
         self.friction = np.array(self._model.friction)[self._order]
         if self.followers:
@@ -133,7 +135,7 @@ class Dynamics:
         order = self._order
         self._take(q)
         self._move(dq, tau)
-        self._added[order] = self._armature + added
+        self._added[self._wire] = self._armature + added
         np.take(self._aba(self._damped, self._data, self._q, self._v, self._x), order, out=out)
 
     def _solve(
@@ -149,8 +151,7 @@ class Dynamics:
         self._take(q)
         self._crba(self._model, self._data, self._q)
         followers.inertia(self._full_inertia, self._places, self._mass)
-        self._move(dq, self._none)
-        self._give(self._nle(self._model, self._data, self._q, self._v), self._bias)
+        self.bias(q, dq, self._bias)
         np.subtract(tau, self._bias, out=self._bias)
         followers.accelerations(self._mass, added, self._bias, out)
 
@@ -159,6 +160,12 @@ class Dynamics:
         self._take(q)
         self._move(dq, ddq)
         self._give(self._rnea(self._model, self._data, self._q, self._v, self._x), out)
+
+    def bias(self, q: FloatArray, dq: FloatArray, out: FloatArray) -> None:
+        """Torques h(q, dq) that no acceleration needs."""
+        self._take(q)
+        self._move(dq, self._none)
+        self._give(self._nle(self._model, self._data, self._q, self._v), out)
 
     def gravity(self, q: FloatArray, out: FloatArray) -> None:
         """Torques that hold the robot at rest against gravity."""
@@ -174,7 +181,7 @@ class Dynamics:
         axes; and every `placement`.
         """
         self._take(q)
-        self._added[self._order[: self.n]] = self._armature[: self.n] + added
+        self._added[self._wire] = self._armature + added
         self._crba(self._damped, self._data, self._q, self._world)
         if self.followers is not None:
             self.followers.inertia(self._full_inertia, self._places, self.inertia)

@@ -154,10 +154,10 @@ class _States(NamedTuple):
 
 def _states_of(robot: RobotModel) -> _States:
     from hoap3.protocol.robot import torque_bounds_kernels as kernels
-    from hoap3.protocol.robot.torque_bounds_followers import FollowerStates
+    from hoap3.protocol.robot.followers.torque_bounds import FollowerStates
 
     if robot.followers is not None:
-        slow = FollowerStates(robot, robot.followers)
+        slow = FollowerStates(robot)
         return _States(slow.order, slow.sample, slow.polish)
     tree = build_tree(robot)
     sample, polish = partial(kernels.sample, *tree.tables), partial(kernels.polish, *tree.tables)

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.robot.followers import Followers
 from hoap3.protocol.robot.pinocchio_model import RobotModel
+from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 from hoap3.protocol.robot.torque_bounds_kernels import FINEST, NO_INERTIA, NOT_FINITE, OK, SWEEPS
 
 
@@ -20,22 +20,16 @@ class FollowerStates:
 
     Args:
         robot: of which gravity, inertias and armature are taken.
-        followers: of it.
 
     Attributes:
         order: (n,) place of each joint of the wire in the arrays here: its own.
     """
 
-    def __init__(self, robot: RobotModel, followers: Followers) -> None:
-        import pinocchio
-
-        self._crba, self._nle = pinocchio.crba, pinocchio.nonLinearEffects
-        self._robot, self._followers = robot, followers
-        n, m = robot.description.n, len(robot.order)
+    def __init__(self, robot: RobotModel) -> None:
+        n = robot.description.n
+        self._dynamics = Dynamics(robot.description, robot)
         self.order: NDArray[np.int64] = np.arange(n)
-        self._places = np.array(robot.order, np.int64)
-        self._q, self._v = np.zeros((2, m))
-        self._bias, self._inertia = np.zeros(n), np.zeros((n, n))
+        self._bias = np.zeros(n)
 
     def sample(
         self,
@@ -103,11 +97,5 @@ class FollowerStates:
 
     def _at(self, q: FloatArray, dq: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Bias h, (n,), and the diagonal of M, (n,)."""
-        robot, followers = self._robot, self._followers
-        order = robot.order
-        self._q[order], self._v[order] = followers.positions(q), followers.velocities(dq)
-        bias = self._nle(robot.model, robot.data, self._q, self._v)
-        followers.columns(bias[order], self._bias)
-        full = self._crba(robot.model, robot.data, self._q)
-        followers.inertia(full, self._places, self._inertia)
-        return self._bias, self._inertia.diagonal()
+        self._dynamics.bias(q, dq, self._bias)
+        return self._bias, self._dynamics.mass(q).diagonal()
