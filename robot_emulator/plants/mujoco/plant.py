@@ -21,6 +21,7 @@ from hoap3.robot_emulator.plants.mujoco.senses import Encoders, Senses
 from hoap3.robot_emulator.plants.mujoco.settings import MujocoParameters
 from hoap3.robot_emulator.plants.mujoco.torques import ContactTorques
 
+ROUNDING = 1e-9  # of an effort
 FIRM = 1e-6  # of its weight: what nothing may have to hold at a start at rest
 
 
@@ -80,7 +81,8 @@ class MujocoPlant(Plant):
         self._motors = np.arange(0, 2 * n, 2)
         self._set_gains()
         self.balance = Balance(self._mujoco, self.built, self.data, description, soles, contacts)
-        self._true, self._held = np.zeros((2, n))
+        self._true, self._held, self._sizes = np.zeros((3, n))
+        self._most, self._full = description.effort * (1.0 - ROUNDING), np.zeros(n, np.bool_)
         self._wanted = np.zeros(self.model.nv)
         self._step, self._braked = self._mujoco.mj_step, False
         if self._kind == "torque":
@@ -251,6 +253,9 @@ class MujocoPlant(Plant):
         else:
             self._encoders.read(self._true, dt, self.q, self.dq)
         np.take(data.qfrc_actuator, built.v_at, mode="clip", out=self.tau)
+        np.abs(self.tau, out=self._sizes)
+        np.greater_equal(self._sizes, self._most, out=self._full)
+        self.saturated += bool(dt) and bool(self._full.any())
         self._senses.read(self.base, self.contact, self.wrench, self.imu)
         if dt:
             self.balance.look(self.contact)
