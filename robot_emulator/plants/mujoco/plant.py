@@ -176,6 +176,9 @@ class MujocoPlant(Plant):
         size = f"{model.nv} degrees of freedom, {what.base} base"
         steps = f"{what.substeps} step(s) of {1e3 * model.opt.timestep:g} ms a period"
         said = [f"MuJoCo {self._mujoco.__version__}: {size}, {steps}"]
+        if self.built.altered:
+            listing = "; ".join(f"{body} {why}" for body, why in self.built.altered.items())
+            said.append(f"inertias that MuJoCo does not take as they are: {listing}")
         if self._kind == "position":
             said.append(
                 f"a loop around these servos must be slower than {self.gains.rate_limit:.3g} 1/s "
