@@ -240,8 +240,8 @@ def test_requests_are_answered_as_the_table_says():
     keys = {*description, *description["joints"][0]}
     words = {*get_args(CommandKind), *get_args(Gravity)}
     words |= {"default_task", *DefaultTask.model_fields}  # which this robot does not have
-    words |= {"deadline", "delay_ticks", *get_args(DeadlineRule)}
-    words |= {"state_arrays", "wrench"}
+    words |= {"deadline", "delay_ticks", "servo_rate_1_s", *get_args(DeadlineRule)}
+    words |= {"state_arrays", "wrench", "servo_rate_1_s"}
     named = set(re.findall(r"`(\w+)`", section("Asking").split("The description is")[1]))
     assert keys <= named <= keys | words
     assert set(found[1]) == status
