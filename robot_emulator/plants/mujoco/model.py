@@ -214,15 +214,16 @@ def _set_joints(
 ) -> None:
     """Stops, rotors, efforts and motors of the joints of the wire."""
     torques = description.command_kinds[0] != "position"
-    for joint in description.joints:
+    robot = description
+    figures = robot.lower_hard, robot.upper_hard, robot.effort, robot.armature
+    for joint, lower, upper, effort, rotor in zip(robot.joints, *figures, strict=True):
         ours = spec.joint(joint.name)
-        bounded = np.isfinite(joint.lower_hard) and np.isfinite(joint.upper_hard)
-        ours.limited = bool(bounded)
-        if bounded:
-            ours.range = [joint.lower_hard, joint.upper_hard]
-        ours.armature = _of(parameters.armature, joint.name, joint.armature)
-        if joint.effort > 0.0 and np.isfinite(joint.effort):
-            ours.actfrclimited, ours.actfrcrange = True, [-joint.effort, joint.effort]
+        ours.limited = bool(np.isfinite(lower) and np.isfinite(upper))
+        if ours.limited:
+            ours.range = [lower, upper]
+        ours.armature = _of(parameters.armature, joint.name, rotor)
+        if 0.0 < effort < np.inf:
+            ours.actfrclimited, ours.actfrcrange = True, [-effort, effort]
         for group in (MOTORS, SERVOS) if torques else (SERVOS,):
             name = f"{joint.name} {'servo' if group == SERVOS else 'motor'}"
             actuator = spec.add_actuator(name=name, target=joint.name, group=group)

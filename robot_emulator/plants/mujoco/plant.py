@@ -82,7 +82,8 @@ class MujocoPlant(Plant):
         self._set_gains()
         self.balance = Balance(self._mujoco, self.built, self.data, description, soles, contacts)
         self._true, self._held, self._sizes = np.zeros((3, n))
-        self._most, self._full = description.effort * (1.0 - ROUNDING), np.zeros(n, np.bool_)
+        efforts = np.where(description.effort > 0.0, description.effort, np.inf)
+        self._most, self._full = efforts * (1.0 - ROUNDING), np.zeros(n, np.bool_)
         self._wanted = np.zeros(self.model.nv)
         self._step, self._braked = self._mujoco.mj_step, False
         if self._kind == "torque":
