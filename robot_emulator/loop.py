@@ -193,7 +193,7 @@ class RobotLoop:
             "safe_stops": self.safe_stops,
             "interventions": self._setpoint_filter.interventions,
             "held_back_joints": self._held_back_joints(),
-            "torque_limited": self._setpoint_filter.torque_limited,
+            "torque_limited": self._setpoint_filter.torque_limited + self.plant.saturated,
             "conflicting": self.validator.conflicting,
             "rejections": {name: n for name, n in self.validator.rejections.items() if n},
             "realtime": self.realtime,

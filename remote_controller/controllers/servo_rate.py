@@ -11,26 +11,35 @@ from hoap3.protocol.messages import FloatArray
 
 
 def loop_rate(
-    form: str, rate: tuple[float, float], jacobian: FloatArray, plain_gain: float = 0.0
+    form: str, rate: tuple[float, float], jacobian: FloatArray, *, pseudo_inverse: bool = False
 ) -> float:
-    """The greatest rate λ at which a law brings e to 0, ė = −λ·e [1/s].
+    """The largest rate at which a law with V̇ = −Ψ, V = |e|²/2, corrects joints [1/s].
 
-    With V̇ = −Ψ and V = |e|²/2 it is Ψ/|e|², at most where e vanishes: (2/π)·u_max·β·σ/√n for
-    (16) as printed, with σ the largest singular value of J, as |∇V| = |Jᵀe| ≤ σ·|e|.
+    It is the largest eigenvalue of B in u = −B·(q − q_d), by the linear law that holds around each
+    e. The least joint velocities, which QP12 has for γ = 0, are u = −(Ψ/|Jᵀe|²)·Jᵀe, so
+
+        B = (Ψ/|Jᵀe|²)·JᵀJ,    λ_max(B) ≤ c·σ_max²/σ_min
+
+    with c = (2/π)·u_max·β/√n for (16) as printed, as Ψ ≤ c·|Jᵀe|·|e|: a small error along an axis
+    that joints move easily is corrected as hastily as a large one along an axis that they hardly
+    move. The pseudo-inverse, u = −(Ψ/|e|²)·J⁺e, has not more than c·σ_max.
 
     Args:
         form: of Ψ, one of `descent_rate.FORMS`.
         rate: u_max and β of (16), or η and κ.
         jacobian: J of the task, (m, n).
-        plain_gain: k of u = −k·J⁺e, which has no Ψ; 0 where V̇ = −Ψ.
+        pseudo_inverse: of whose laws it is.
     """
-    if plain_gain:
-        return plain_gain
     first, second = rate
+    sizes = np.linalg.svd(jacobian, compute_uv=False)
+    least, greatest = float(sizes[-1]), float(sizes[0])
+    if not pseudo_inverse and least == 0.0:
+        return math.inf
     if form in {"tanh", "exponential"}:
-        return 0.5 * first
+        return 0.5 * first * (1.0 if pseudo_inverse else (greatest / least) ** 2)
     share = 1.0 / math.sqrt(jacobian.shape[1]) if form == "inverse_sqrt_n" else 1.0
-    return 2.0 / math.pi * first * second * share * float(np.linalg.norm(jacobian, 2))
+    c = 2.0 / math.pi * first * second * share
+    return c * greatest * (1.0 if pseudo_inverse else greatest / least)
 
 
 def slow_enough(description: RobotDescription, rate: float, kinematics_from: str) -> bool:

@@ -78,6 +78,7 @@ class Plant(ABC):
         base, contact, imu: as docs/wire.md has them, with the lengths that `declare` says.
         start: the reference that holds it where `reset` put it, (n,): q, or beyond it by what a
             servo gives way.
+        saturated: periods in which a motor was asked for more than its effort, and gave that.
         torque_model: what torques do, for the filter before them; None: the description's rigid
             body without contacts.
     """
@@ -95,6 +96,7 @@ class Plant(ABC):
     """Modules that a service compiles before anything else."""
 
     torque_model: TorqueModel | None = None
+    saturated: int = 0
 
     def __init__(self, description: RobotDescription, parameters: Settings) -> None:
         del parameters

@@ -34,6 +34,7 @@ STORIES = [
     "priorities.md",
     "gains.md",
     "contact.md",
+    "plants.md",
     "two_machines.md",
     "logs.md",
     "latency.md",

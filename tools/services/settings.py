@@ -22,9 +22,10 @@ from hoap3.remote_controller.constraints.registry import ConstraintSettings
 from hoap3.remote_controller.tasks import registry as tasks
 from hoap3.remote_controller.tasks.curve_following.curve import CURVES
 from hoap3.remote_controller.tasks.registry import TaskSettings
-from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.config import EmulatorConfig, PlantSettings
 from hoap3.robot_emulator.config import available_configs as emulator_configs
 from hoap3.robot_emulator.plant_factory import build_body
+from hoap3.robot_emulator.plants.registry import PLANTS
 from hoap3.robot_emulator.robots import available as robots
 from hoap3.robot_emulator.service import describe
 from hoap3.tools.services.services import as_yaml, controller_config, emulator_config
@@ -121,6 +122,7 @@ FAMILIES: dict[str, tuple[Any, type[Settings]]] = {
     "controller": (controllers, ControllerConfig),
     "task": (tasks, TaskSettings),
     "constraint": (constraints, ConstraintSettings),
+    "plant": (PLANTS, PlantSettings),
 }
 """What has parameters of its own: the registry of its names, and what a config says of one."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -81,10 +81,7 @@ class DescentController(VelocityController):
         if description.servo_rate_1_s is not None:
             self.kinematics.update(description.initial_position)
             self.task.update(self.kinematics)
-            plain = getattr(parameters, "law", "lyapunov") == "plain"
-            gain = getattr(parameters, "gain_per_s", 0.0) if plain else 0.0
-            scales = parameters.u_max_rad_s, parameters.beta
-            rate = loop_rate(parameters.psi_scale, scales, self.task.jacobian, gain)
+            rate = self.fastest(parameters)
             self.within_servos = slow_enough(description, rate, parameters.kinematics_from)
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
@@ -112,6 +109,11 @@ class DescentController(VelocityController):
         """|e|."""
         asked = np.ones(len(self.task.error), np.bool_)
         return [replace(error, task=self._point) for error in self.task.accuracy(asked)]
+
+    def fastest(self, parameters: Any) -> float:
+        """The largest rate at which it corrects joints, where `task` is now [1/s]."""
+        scales = parameters.u_max_rad_s, parameters.beta
+        return loop_rate(parameters.psi_scale, scales, self.task.jacobian)
 
     @abstractmethod
     def descend(self, certificate: FloatArray) -> int:

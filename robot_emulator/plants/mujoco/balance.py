@@ -62,6 +62,11 @@ class Balance:
         weighed = mass * data.subtree_com[self._built.root] + self._root_mass * self._root_com
         return np.asarray(weighed / (mass + self._root_mass))
 
+    def com_in_sole(self) -> FloatArray:
+        """The same seen from the first sole, in its axes, (3,) [m]."""
+        place, axes = self._frame(0)
+        return np.asarray(axes.T @ (self.com() - place))
+
     def summary(self, q: FloatArray) -> dict[str, Any]:
         """Figures at the end, in the first sole's frame where there is one.
 
@@ -75,7 +80,7 @@ class Balance:
             return told
         place, axes = self._frame(0)
         told["frame"] = self._soles[0]
-        told["com_m"] = (axes.T @ (com - place)).tolist()
+        told["com_m"] = self.com_in_sole().tolist()
         told["com_by_model_m"] = build_model(self._description).com_in(self._soles[0], q).tolist()
         point = self.zmp()
         told["zmp_m"] = None if point is None else (axes.T @ (point - place))[:2].tolist()

@@ -52,8 +52,8 @@ def place(
     """
     mujoco.mj_resetData(built.model, data)
     data.qpos[built.q_at] = q
-    for place_of, master, multiplier, offset in built.follow:
-        data.qpos[place_of] = multiplier * data.qpos[master] + offset
+    for place_of, master, multiplier, offset in built.follow * len(built.follow):
+        data.qpos[place_of] = multiplier * data.qpos[master] + offset  # of followers, too
     residual = 0.0
     if built.free:
         _set_down(mujoco, built, data, parameters, sole)

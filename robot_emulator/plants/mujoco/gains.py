@@ -47,7 +47,8 @@ def servo_gains(
         mujoco, built, data: module, model and its `MjData`, at the start posture.
         parameters, description: of the robot.
     """
-    moved = _moved(mujoco, built, data)
+    soles = [int(built.model.site_bodyid[built.site(sole.frame)]) for sole in description.soles]
+    moved = _moved(mujoco, built, data, soles)
     omega = parameters.servo_rad_s
     kp, kv = omega * omega * moved, 2.0 * omega * moved
     for place, joint in enumerate(description.joint_names):
@@ -63,15 +64,27 @@ def servo_gains(
     return Gains(kp, kv, 1.0 / float(np.linalg.eigvalsh(scaled)[-1]))
 
 
-def _moved(mujoco: Any, built: MujocoModel, data: Any) -> FloatArray:
-    """Inertia that each joint moves, (n,): beyond it, or of a free base the greater side."""
+def _moved(mujoco: Any, built: MujocoModel, data: Any, soles: list[int]) -> FloatArray:
+    """Inertia that each joint moves, (n,): what is beyond it.
+
+    Of a free base that is the greater side where a sole hangs from the joint, as it carries the
+    rest; or of every joint where the robot has no soles.
+    """
     model = built.model
     mass = _full(mujoco, built, data).diagonal().copy()
     if not built.free:
         return mass
+    legs = set()
+    for body in soles:
+        carrier = body
+        while carrier:
+            legs.add(carrier)
+            carrier = int(model.body_parentid[carrier])
     bodies = [b for b in range(1, model.nbody) if model.body_rootid[b] == built.root]
     for place, dof in enumerate(built.v_at):
         joint = int(model.dof_jntid[dof])
+        if legs and int(model.jnt_bodyid[joint]) not in legs:
+            continue
         axis, anchor = data.xaxis[joint], data.xanchor[joint]
         whole = 0.0
         for body in bodies:

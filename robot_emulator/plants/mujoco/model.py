@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, NotInstalledError, one_of
 from hoap3.robot_emulator.plants.mujoco.collisions import keep_apart, let_touch
+from hoap3.robot_emulator.plants.mujoco.inertias import repair
 from hoap3.robot_emulator.plants.mujoco.rerooted_urdf import (
     followers,
     rerooted,
@@ -19,7 +21,6 @@ from hoap3.robot_emulator.plants.mujoco.rerooted_urdf import (
 )
 from hoap3.robot_emulator.plants.mujoco.settings import FloorSettings, MujocoParameters
 
-LEAST = 2e-15  # kg and kg m² of a body that moves without mass: what MuJoCo takes at least
 MOTORS, SERVOS = 0, 1  # groups of actuators
 FRAME = "frame "  # before the name of a frame that MuJoCo has as a site
 IMU = "quaternion", "gyro", "accelerometer"
@@ -39,6 +40,7 @@ class MujocoModel:
         root: MuJoCo's number of the root link's body, 0 where the world holds it.
         welded: the link that the world holds, "" of a free base.
         urdf: text of what was read, with `welded` as its root; "" of an MJCF file.
+        altered: by body, what MuJoCo did not take as the URDF has it.
     """
 
     model: Any
@@ -49,6 +51,7 @@ class MujocoModel:
     root: int
     welded: str
     urdf: str
+    altered: Mapping[str, str]
 
     def site(self, frame: str) -> int:
         """MuJoCo's number of the site that stands for a frame."""
@@ -100,13 +103,13 @@ def build_model(
     free = parameters.base == "free"
     moved = description.base_frame in description.structure.moving
     welded = description.base_frame if moved else description.structure.root
-    urdf = ""
+    urdf, altered = "", dict[str, str]()
     if parameters.mjcf is not None:
         spec = _from_file(mujoco, parameters.mjcf)
         welded = ""
     else:
         urdf = description.urdf if free or not moved else rerooted(description.urdf, welded)
-        spec = _from_urdf(mujoco, urdf, parameters, description)
+        spec, altered = _from_urdf(mujoco, urdf, parameters, description)
     _check_joints(spec, description, parameters)
     _add_frames(spec, frames, file=parameters.mjcf is not None)
     _add_imus(spec, mujoco, imus)
@@ -114,11 +117,11 @@ def build_model(
     _set_options(spec, mujoco, description, parameters)
     _surround(spec, mujoco, parameters)
     if not urdf:
-        return _assembled(mujoco, _compiled(spec, description), description, "", urdf)
+        return _assembled(mujoco, _compiled(spec, description), description, "", urdf, altered)
     let_touch(spec, description, parameters)
     keep_apart(mujoco, spec, _compiled(spec.copy(), description), description)
     model = _compiled(spec, description)
-    return _assembled(mujoco, model, description, "" if free else welded, urdf)
+    return _assembled(mujoco, model, description, "" if free else welded, urdf, altered)
 
 
 def _from_file(mujoco: Any, path: str) -> Any:
@@ -135,8 +138,12 @@ def _from_file(mujoco: Any, path: str) -> Any:
 
 def _from_urdf(
     mujoco: Any, urdf: str, parameters: MujocoParameters, description: RobotDescription
-) -> Any:
-    """A spec of a URDF, with the inertia of its root, which MuJoCo leaves out."""
+) -> tuple[Any, dict[str, str]]:
+    """A spec of a URDF, with the inertia of its root, which MuJoCo leaves out.
+
+    Returns:
+        That, and by body what MuJoCo does not take as it is.
+    """
     try:
         spec = mujoco.MjSpec.from_string(urdf)
     except ValueError as error:
@@ -144,10 +151,9 @@ def _from_urdf(
         raise ConfigError("", "kind", description.name, problem, "Correct the URDF") from error
     compiler = spec.compiler
     compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
-    compiler.balanceinertia = True
     known = {equality.name1 for equality in spec.equalities}
     for follower, (master, multiplier, offset) in followers(urdf).items():
-        if follower not in known:
+        if follower not in known and spec.joint(follower) is not None:
             equality = spec.add_equality(
                 type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT
             )
@@ -163,15 +169,7 @@ def _from_urdf(
             root.mass, root.ipos, root.explicitinertial = mass, centre, True
             root.fullinertia = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
         root.add_freejoint()
-    for body in spec.bodies[1:]:
-        if len(body.joints) and not _weighs(body):
-            body.mass, body.inertia, body.explicitinertial = LEAST, [LEAST] * 3, True
-    return spec
-
-
-def _weighs(body: Any) -> bool:
-    """Whether a body has mass, or what is fixed to it."""
-    return body.mass > 0.0 or any(_weighs(each) for each in body.bodies if not len(each.joints))
+    return spec, repair(spec)
 
 
 def _check_joints(spec: Any, description: RobotDescription, parameters: MujocoParameters) -> None:
@@ -216,15 +214,16 @@ def _set_joints(
 ) -> None:
     """Stops, rotors, efforts and motors of the joints of the wire."""
     torques = description.command_kinds[0] != "position"
-    for joint in description.joints:
+    robot = description
+    figures = robot.lower_hard, robot.upper_hard, robot.effort, robot.armature
+    for joint, lower, upper, effort, rotor in zip(robot.joints, *figures, strict=True):
         ours = spec.joint(joint.name)
-        bounded = np.isfinite(joint.lower_hard) and np.isfinite(joint.upper_hard)
-        ours.limited = bool(bounded)
-        if bounded:
-            ours.range = [joint.lower_hard, joint.upper_hard]
-        ours.armature = _of(parameters.armature, joint.name, joint.armature)
-        if joint.effort > 0.0 and np.isfinite(joint.effort):
-            ours.actfrclimited, ours.actfrcrange = True, [-joint.effort, joint.effort]
+        ours.limited = bool(np.isfinite(lower) and np.isfinite(upper))
+        if ours.limited:
+            ours.range = [lower, upper]
+        ours.armature = _of(parameters.armature, joint.name, rotor)
+        if 0.0 < effort < np.inf:
+            ours.actfrclimited, ours.actfrcrange = True, [-effort, effort]
         for group in (MOTORS, SERVOS) if torques else (SERVOS,):
             name = f"{joint.name} {'servo' if group == SERVOS else 'motor'}"
             actuator = spec.add_actuator(name=name, target=joint.name, group=group)
@@ -279,9 +278,15 @@ def _compiled(spec: Any, description: RobotDescription) -> Any:
 
 
 def _assembled(
-    mujoco: Any, model: Any, description: RobotDescription, welded: str, urdf: str
+    mujoco: Any,
+    model: Any,
+    description: RobotDescription,
+    welded: str,
+    urdf: str,
+    altered: dict[str, str],
 ) -> MujocoModel:
     free = bool(model.njnt and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE)
+    names = {model.joint(number).name for number in range(model.njnt)}
     joints = [model.joint(name) for name in description.joint_names]
     follow = tuple(
         (
@@ -291,6 +296,7 @@ def _assembled(
             offset,
         )
         for name, (master, multiplier, offset) in (followers(urdf) if urdf else {}).items()
+        if name in names
     )
     return MujocoModel(
         model=model,
@@ -301,6 +307,7 @@ def _assembled(
         root=int(model.jnt_bodyid[0]) if free else 0,
         welded=welded,
         urdf=urdf,
+        altered=altered,
     )
 
 

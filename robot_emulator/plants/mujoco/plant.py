@@ -21,6 +21,7 @@ from hoap3.robot_emulator.plants.mujoco.senses import Encoders, Senses
 from hoap3.robot_emulator.plants.mujoco.settings import MujocoParameters
 from hoap3.robot_emulator.plants.mujoco.torques import ContactTorques
 
+ROUNDING = 1e-9  # of an effort
 FIRM = 1e-6  # of its weight: what nothing may have to hold at a start at rest
 
 
@@ -84,7 +85,9 @@ class MujocoPlant(Plant):
         self._motors = np.arange(0, 2 * n, 2)
         self._set_gains()
         self.balance = Balance(self._mujoco, self.built, self.data, description, soles, contacts)
-        self._true, self._held = np.zeros((2, n))
+        self._true, self._held, self._sizes = np.zeros((3, n))
+        efforts = np.where(description.effort > 0.0, description.effort, np.inf)
+        self._most, self._full = efforts * (1.0 - ROUNDING), np.zeros(n, np.bool_)
         self._wanted = np.zeros(self.model.nv)
         self._step, self._braked = self._mujoco.mj_step, False
         if self._kind == "torque":
@@ -185,6 +188,9 @@ class MujocoPlant(Plant):
         size = f"{model.nv} degrees of freedom, {what.base} base"
         steps = f"{what.substeps} step(s) of {1e3 * model.opt.timestep:g} ms a period"
         said = [f"MuJoCo {self._mujoco.__version__}: {size}, {steps}"]
+        if self.built.altered:
+            listing = "; ".join(f"{body} {why}" for body, why in self.built.altered.items())
+            said.append(f"inertias that MuJoCo does not take as they are: {listing}")
         if self._kind == "position":
             said.append(
                 f"a loop around these servos must be slower than {self.gains.rate_limit:.3g} 1/s "
@@ -272,6 +278,9 @@ class MujocoPlant(Plant):
         else:
             self._encoders.read(self._true, dt, self.q, self.dq)
         np.take(data.qfrc_actuator, built.v_at, mode="clip", out=self.tau)
+        np.abs(self.tau, out=self._sizes)
+        np.greater_equal(self._sizes, self._most, out=self._full)
+        self.saturated += bool(dt) and bool(self._full.any())
         self._senses.read(self.base, self.contact, self.wrench, self.imu)
         if dt:
             self.balance.look(self.contact)
