@@ -9,8 +9,7 @@ import numpy as np
 from hoap3.protocol.description import COM, RobotDescription
 from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.robot.pinocchio_model import build_model
-from hoap3.protocol.robot.pinocchio_urdf import one_coordinate_each
+from hoap3.protocol.robot.pinocchio_model import build_model, one_coordinate_each
 from hoap3.remote_controller.model.frame_dynamics import POSITION, FrameRows
 
 BASE = 6

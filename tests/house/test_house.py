@@ -138,8 +138,10 @@ def test_only_its_own_modules_import_zenoh_and_pinocchio():
                 "protocol/robot/pinocchio_model.py",
                 "protocol/robot/rigid_body_dynamics.py",
                 "remote_controller/model/frame_dynamics.py",
+                "remote_controller/model/free_dynamics.py",
                 "remote_controller/model/kinematics.py",
                 "remote_controller/service.py",
+                "tools/verify/controllers/acceleration/free_base.py",
                 "tools/verify/robot.py",
             }
 

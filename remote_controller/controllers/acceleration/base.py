@@ -112,12 +112,13 @@ class HierarchyController(Controller):
     With `base: free` the robot stands on its soles and may fall. The problem is that of
     `free_base.FreeBase`: contact and the equations of the base, which no motor moves, hold exactly
     in every answer, and the limits of joints, torques and cones of friction are rows. What has no
-    answer violates these as little as possible, with torques cut to their limits, and is `fallback`
-    1; where no sole carries, or nothing is found, joints brake by torques −10/s·M_jj·dq, and it is
-    3. `certified` says besides that v̇, τ and the wrenches w satisfy the equations to 10⁻⁹, that w
-    is inside the cones and that every sole carries; that every joint can hold its load it does not
-    say. `decision` has v̇ (base and joints), τ and w. `margin` counts the distance from the cones,
-    relative to the weight.
+    answer is solved without the bounds of the joints' accelerations, and is `fallback` 1; or, where
+    torques and cones have none either, violates all as little as possible, with torques cut to
+    their limits, and is 2. Where no sole carries, or nothing is found, joints brake by torques
+    −10/s·M_jj·dq, and it is 3. `certified` says besides that v̇, τ and the wrenches w satisfy the
+    equations to 10⁻⁹, that w is inside the cones and that every sole carries; that every joint can
+    hold its load it does not say. `decision` has v̇ (base and joints), τ and w. `margin` counts the
+    distance from the cones, relative to the weight.
 
     Raises:
         ConfigError: tasks, priorities or bounds that do not fit the robot, or each other.
@@ -464,9 +465,16 @@ class HierarchyController(Controller):
         if stands and self.solve(self._unbounded):
             free.answer(self.found, self.ddq, self.tau)
             return SOLVED
+        if stands:
+            free.let_joints_go()
+            found = self.solve(self._unbounded)
+            self.residual = math.inf
+            if found:
+                free.answer(self.found, self.ddq, self.tau)
+                return NEAREST
+            if free.soften(self.ddq, self.tau):
+                return OVERLOADED_MOTORS
         self.residual = math.inf
-        if stands and free.soften(self.ddq, self.tau):
-            return NEAREST
         free.brake(dq, BRAKE_PER_S, self.ddq, self.tau)
         return GAVE_UP
 

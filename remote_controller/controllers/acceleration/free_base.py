@@ -27,8 +27,9 @@ GRAVITY = 9.81  # m/s²
 WRENCH = 6
 NORMAL = 2  # of a wrench
 SOFT_TOLERANCE = 1e-9
+FIRMER = 0.01  # of efforts and weight: a violation by that counts as 1 rad/s² of a task does
 UNLOADED_SHARE = 0.02  # of the weight: what a sole may press with that State says is in the air
-WRENCH_SCALE = 0.1  # of the weight: a wrench of that size counts as 1 rad/s² in y
+WRENCH_SCALE = 1.0  # of the weight: such a wrench counts as 1 rad/s² in y, so y = 0 hardly moves
 
 
 class ContactSettings(Settings):
@@ -139,6 +140,7 @@ class FreeBase:
         self._scale = np.ones(rows)
         self._scale[self._accelerations], self._scale[self._torques] = greatest, torque_max
         self._scale[2 * n :] = self._weight
+        self._scale[n:] *= FIRMER
         self.motion, self.wrench = np.zeros(n + BASE), np.zeros(WRENCH * s)
         self._wanted = np.zeros(WRENCH * s)
         self._unloaded_for, self.loaded = np.zeros(s), np.ones(s, np.bool_)
@@ -199,11 +201,17 @@ class FreeBase:
         self.residual = float(max(np.abs(force).max() / self._weight, np.abs(slip).max() / size))
         self.cone_margin = float(-(self._cones @ self.wrench).max() / self._weight)
 
+    def let_joints_go(self) -> None:
+        """Take the bounds of the joints' accelerations out of the problem."""
+        at, problem = self._accelerations, self.problem
+        problem.rows_lower[at], problem.rows_upper[at] = -np.inf, np.inf
+
     def soften(self, ddq_out: FloatArray, tau_out: FloatArray) -> bool:
         """The same of the y that violates its limits least, torques cut; whether one was found.
 
-        Violations count in squares, relative to the greatest accelerations and torques and to the
-        weight; beside them the tasks, all alike.
+        Violations count in squares, relative to the greatest accelerations, and to 1 % of the
+        greatest torques and of the weight: the ground gives no more than it can, but a joint may
+        brake harder. Beside them count the tasks, all alike.
         """
         soft, problem, n = self._soft, self.problem, len(ddq_out)
         J, b = problem.with_rest

@@ -24,12 +24,12 @@ DIRECTIONS_DEG = (0, 45, 90, 135, 180, 225, 270, 315)
 WANTED = {0: 0.8, 1: 0.6}
 """Of the bound, by whether the direction is a diagonal."""
 
-SETTLE_S, PUSH_S, AFTER_S = 0.5, 0.02, 3.0
+SETTLE_S, PUSH_S, AFTER_S = 1.5, 0.02, 3.0
 SPEED, TILT_DEG, LIFT_M = 0.01, 5.0, 2e-3
 """Of the CoM [m/s]; of the trunk against how it stood before; of the origin of a sole."""
 SUNK = 0.7  # of the CoM's height: a robot that far down has fallen
 STEP = 0.1  # of the bound, between pushes that are tried
-LEAST, MOST = 0.3, 1.6
+LEAST, MOST = 0.5, 1.4
 
 
 def bench_pushes(

@@ -207,13 +207,18 @@ def test_without_any_sole_joints_brake_with_what_they_weigh():
     assert command.solver_status != STATUS["certified"]
 
 
-def test_torques_that_are_too_small_are_not_exceeded():
+@pytest.mark.parametrize(
+    ("least_share", "fallback"), [(0.0, 1), (0.45, 2)], ids=["it sinks", "nothing keeps all"]
+)
+def test_torques_that_are_too_small_are_not_exceeded(least_share, fallback):
     robot = free_robot()
-    law, state = controller("tsid", robot, bounds={"torque_max": [0.3]}), at_rest(robot)
+    contacts = {**CONTACTS, "least_share": least_share}
+    given = {"bounds": {"torque_max": [0.05]}, "contacts": contacts}
+    law, state = controller("tsid", robot, **given), at_rest(robot)
     law.reset(state, None)
     command = law.step(state)
-    assert command.fallback == 1
-    assert np.abs(command.values).max() <= 0.3
+    assert command.fallback == fallback
+    assert np.abs(command.values).max() <= 0.05 * (1 + 1e-9)
     assert command.solver_status == STATUS["infeasible"]
 
 
