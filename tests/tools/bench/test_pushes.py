@@ -1,0 +1,94 @@
+"""How hard standing robots may be pushed: bounds in figures, and pushes that are survived."""
+
+import math
+
+import numpy as np
+import pytest
+
+from hoap3.robot_emulator.robots import load
+from hoap3.tools.bench.pushes.capture import Stance, impulse, room, room_by_torques
+from hoap3.tools.bench.pushes.trials import greatest_share, stance_of, survives
+
+MARGIN = 0.005
+SOLE_X, SOLE_Y, APART = 0.054, 0.0365, 0.088  # m, of HOAP-3 in its posture q0
+COM = np.array([-0.0085, 0.0279, 0.2868])  # m, seen from the right sole
+MASS = 8.8024  # kg
+
+
+@pytest.fixture(scope="module")
+def stance() -> Stance:
+    robot = load("hoap3")
+    base = np.zeros(13)
+    base[6] = 1.0
+    found = Stance(robot, base, np.array(robot.initial_position), 0.7, MARGIN)
+    base[:3] = -found.dynamics().origins[0]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "distance"),
+    [
+        (0, SOLE_X - MARGIN - COM[0]),
+        (180, SOLE_X - MARGIN + COM[0]),
+        (90, APART + SOLE_Y - MARGIN - COM[1]),
+        (270, SOLE_Y - MARGIN + COM[1]),
+    ],
+)
+def test_room_is_that_of_both_soles_less_the_margin(stance, angle_deg, distance):
+    found = room(stance, math.radians(angle_deg))
+    assert found == pytest.approx(distance, abs=2e-4)
+    bound = MASS * math.sqrt(9.81 / COM[2]) * distance
+    assert impulse(stance, found) == pytest.approx(bound, rel=5e-3)
+
+
+def test_torques_are_no_limit_until_they_are_small(stance):
+    free = room(stance, 0.0)
+    assert room_by_torques(stance, 0.0) == pytest.approx(free, rel=5e-3)
+    robot = stance.robot
+    weaker = tuple(
+        joint.model_copy(update={"effort": 0.9, "effort_average": 0.9})
+        if "ankle_pitch" in joint.name
+        else joint
+        for joint in robot.joints
+    )
+    weak = Stance(robot.model_copy(update={"joints": weaker}), stance.base, stance.q, 0.7, MARGIN)
+    reached = room_by_torques(weak, 0.0)
+    assert 0.0 < reached < 0.7 * free
+    slippery = Stance(robot, stance.base, stance.q, 0.1, MARGIN)
+    assert room_by_torques(slippery, 0.0) < free
+
+
+@pytest.mark.parametrize("limit", [0.55, 0.9, 1.25])
+def test_the_greatest_share_is_found_to_a_step(limit):
+    asked = []
+
+    def survived(share: float) -> bool:
+        asked.append(share)
+        return share <= limit
+
+    assert greatest_share(survived) == pytest.approx(math.floor(limit * 10) / 10)
+    assert len(asked) <= 6
+
+
+def test_where_nothing_is_survived_the_share_is_0():
+    assert greatest_share(lambda _: False) == 0.0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("angle_deg", [0, 90, 180, 225])
+@pytest.mark.parametrize("controller", ["tsid_standing", "ghc_standing"])
+def test_hoap3_survives_what_is_wanted_and_not_twice_as_much(controller, angle_deg):
+    angle = math.radians(angle_deg)
+    standing = stance_of("hoap3_standing_torque", controller)
+    bound = impulse(standing, room(standing, angle))
+    share = 0.8 if angle_deg % 90 == 0 else 0.6
+    assert survives("hoap3_standing_torque", controller, share * bound, angle)
+    assert not survives("hoap3_standing_torque", controller, 2.0 * bound, angle)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("controller", ["tsid_standing_humanoid", "ghc_standing_humanoid"])
+def test_the_humanoid_survives_a_push_from_behind(controller):
+    standing = stance_of("humanoid32_standing", controller)
+    bound = impulse(standing, room(standing, 0.0))
+    assert survives("humanoid32_standing", controller, 0.8 * bound, 0.0)
