@@ -42,11 +42,20 @@ def emulator(case: str = "") -> EmulatorConfig:
     wanted = config(case).robot if case else "hoap3"
     shipped = [parse(EmulatorConfig, *emulator_content(name)) for name in emulator_configs()]
     gives = find(config(case).controller).commands if case else ("position",)
+    free = bool(case) and config(case).parameters.get("base") == "free"
+    takes = gives if free else (None, *gives)
     fitting = [
-        known for known in shipped if known.robot == wanted and known.command in {None, *gives}
+        known
+        for known in shipped
+        if known.robot == wanted and known.command in takes and falls(known) == free
     ]
     found = fitting[0] if fitting else parse(EmulatorConfig, *emulator_content(wanted))
     return suited(found, config(case), ("test", case))[0] if case else found
+
+
+def falls(known: EmulatorConfig) -> bool:
+    """Whether the base of a robot is free."""
+    return known.plant.parameters.get("base") == "free"
 
 
 @cache
@@ -75,7 +84,7 @@ class Body:
         self._plant, self._setpoint_filter = build_body(description, EmulatorConfig(plant=plant))
         self._plant.reset(description.initial_position)
         self._setpoint_filter.reset(description.initial_position)
-        self.state = State(description.n, 6 * len(description.wrench_sensors))
+        self.state = state_for(description)
         self.state.mode = State.ACTIVE
         self._measure()
 
@@ -89,6 +98,7 @@ class Body:
     def _measure(self) -> None:
         self.state.q[:], self.state.dq[:] = self._plant.q, self._plant.dq
         self.state.reference[:] = self._setpoint_filter.reference
+        self.state.base[:], self.state.contact[:] = self._plant.base, self._plant.contact
 
 
 def moved(controller: Controller, body: Body, ticks: int) -> Iterator[tuple[bytes, FloatArray]]:
@@ -100,16 +110,29 @@ def moved(controller: Controller, body: Body, ticks: int) -> Iterator[tuple[byte
         body.follow(values)
 
 
+def state_for(description: RobotDescription) -> State:
+    """A State with what controllers look at."""
+    arrays = description.state_arrays
+    more = {name: arrays[name] for name in ("base", "contact") if name in arrays}
+    return State(description.n, 6 * len(description.wrench_sensors), **more)
+
+
 def state_of(description: RobotDescription, payload: bytes) -> State:
-    state = State(description.n, 6 * len(description.wrench_sensors))
+    state = state_for(description)
     state.load(payload)
     return state
+
+
+def body_of(case: str, description: RobotDescription | None = None) -> Body:
+    """The robot of a case, or one like it, at rest."""
+    plant = emulator(case).plant.model_dump() if falls(emulator(case)) else {}
+    return Body(description or robot(case), **plant)
 
 
 @cache
 def motion(case: str, ticks: int = 1200) -> tuple[tuple[bytes, ...], FloatArray]:
     """States of a motion of the robot, as payloads, and the setpoints, (ticks, n)."""
-    body, controller = Body(robot(case)), make(case)
+    body, controller = body_of(case), make(case)
     controller.reset(body.state, None)
     payloads, setpoints = zip(*moved(controller, body, ticks), strict=True)
     return payloads, np.array(setpoints)

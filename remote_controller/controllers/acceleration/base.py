@@ -396,7 +396,7 @@ class HierarchyController(Controller):
         if (
             check_finite(q, dq)
             or (tasks.presses and check_finite(state.wrench, state.wrench))
-            or (free is not None and check_finite(state.base, state.contact))
+            or (free is not None and not free.knows(state))
         ):
             command.stamp_kinematics = self.now()
             return self.refuse(NOT_FINITE)

@@ -11,7 +11,7 @@ from pydantic import Field
 from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import BadProblemError, ConfigError, located
-from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.support.polygon import half_planes, hull, inset
 from hoap3.remote_controller.controllers.acceleration.joint_bounds import NO_BOUND
 from hoap3.remote_controller.controllers.acceleration.problem import Problem
@@ -25,6 +25,7 @@ from hoap3.remote_controller.tasks.accelerations.free_tasks import FreeTasks
 
 GRAVITY = 9.81  # m/s²
 WRENCH = 6
+QUATERNION, OF_LENGTH_1 = slice(3, 7), 1e-3  # in State.base; of its square
 NORMAL = 2  # of a wrench
 SOFT_TOLERANCE = 1e-9
 FIRMER = 0.01  # of efforts and weight: a violation by that counts as 1 rad/s² of a task does
@@ -157,6 +158,12 @@ class FreeBase:
     def reset(self) -> None:
         """All soles stand."""
         self._unloaded_for[:], self.loaded[:], self.present = 0.0, True, 0
+
+    def knows(self, state: State) -> bool:
+        """Whether a State says where the base is: finite, with a quaternion of length 1."""
+        turn = state.base[QUATERNION]
+        told = np.isfinite(state.base).all() and np.isfinite(state.contact).all()
+        return bool(told and abs(float(turn @ turn) - 1.0) <= OF_LENGTH_1)
 
     def update(self, lower: FloatArray, upper: FloatArray, contact: FloatArray) -> bool:
         """Take a State, after the tasks have; whether there is a problem.

@@ -25,7 +25,7 @@ from numba.core import event
 from support.controller_cases import (
     CASES,
     POSITIONS,
-    Body,
+    body_of,
     config,
     emulator,
     make,
@@ -322,7 +322,7 @@ def test_the_order_of_joints_on_the_wire_does_not_matter(case):
             },
         }
     )
-    body, controller = Body(shuffled), make(case, shuffled)
+    body, controller = body_of(case, shuffled), make(case, shuffled)
     controller.reset(body.state, None)
     setpoints = np.array([values for _, values in moved(controller, body, 300)])
     expected = motion(case)[1][:300]

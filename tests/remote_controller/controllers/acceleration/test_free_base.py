@@ -265,11 +265,12 @@ def test_a_controller_without_contacts_refuses_a_free_base():
         law.configured(free_robot(), parse(law.Parameters, given, "config"), "config")
 
 
-def test_a_state_without_a_finite_base_is_refused():
+@pytest.mark.parametrize("turn", [[0, 0, 0, 0], [0, np.nan, 0, 1], [0, 0, 0, 1.1]])
+def test_a_state_without_a_base_is_refused(turn):
     robot = free_robot()
     law, state = controller("tsid", robot), at_rest(robot)
     law.reset(state, None)
     law.step(state)
-    state.base[4] = np.nan
+    state.base[3:7] = turn
     assert law.step(state).solver_status == STATUS["infeasible"]
     assert np.isnan(law.command.values).all()
