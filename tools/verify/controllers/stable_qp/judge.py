@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from hoap3.tools.verify.controllers.stable_qp import box, farkas, optimality
 from hoap3.tools.verify.controllers.stable_qp.largest import Missing, missing
-from hoap3.tools.verify.controllers.stable_qp.norms import holder_gap
 from hoap3.tools.verify.controllers.stable_qp.scaled import Objective, Scaled, Stacked
 from hoap3.tools.verify.controllers.stable_qp.settings import Settings
 
@@ -53,7 +52,8 @@ class Judge:
             short: whether V falls less than asked.
         """
         if self._objective.alone:
-            return holder_gap(p.slope, p.y, float(self._objective.exponent or 0.0)), Missing()
+            exponent = float(self._objective.exponent or 0.0)
+            return optimality.holder_gap(p.slope, p.y, exponent), Missing()
         if alone <= enough:
             return alone, self._missing(p, enough, kept) if short else Missing()
         if short and self._damped:

@@ -132,3 +132,21 @@ def _uncut(r: Array, p: Scaled, tied: NDArray[np.bool_], near: Array) -> float:
     free = side - near > (1.0 + TIED) * most  # no bound cuts it as well
     short = p.kappa - float(cut[tied].sum()) if most > 0.0 else 0.0
     return max(short, float(cut[free].sum()) - p.kappa) / max(int(tied.sum()), 1)
+
+
+def holder_gap(slope: Array, u: Array, p: float) -> float:
+    """1 − |s·u|/(|s|_q·|u|_p), 0 where nothing moves, or where no shorter u gives V's rate.
+
+    Where that rate alone is asked for, Hölder's inequality says |s·u| ≤ |s|_q·|u|_p with
+    1/p + 1/q = 1, q = ∞ for p ≤ 1 (Gonçalves et al., IEEE T-RO 2020, Example 2).
+
+    Args:
+        slope, u: (n,).
+        p: > 0, may be inf.
+    """
+    if not u.any():
+        return 0.0
+    q = np.inf if p <= 1.0 else 1.0 if np.isinf(p) else p / (p - 1.0)
+    span, top = np.abs(u).max(), np.abs(slope).max()
+    lengths = np.linalg.norm(slope / top, q) * np.linalg.norm(u / span, p)
+    return float(1.0 - abs(slope @ u) / (top * span) / lengths)
