@@ -55,6 +55,8 @@ CASES: dict[str, tuple[str, ...]] = {
     "free": ("objective={kind: lp, p: 1.5}", "constraints=[]"),
     "stops": ("constraints=[{constraint: viability, parameters: {limit_rad_s2: 5}}]",),
 }
+STOPS = "{constraint: viability, parameters: {limit_rad_s2: 5}}"
+LEANS = "{constraint: support_polygon, parameters: {margin_m: 0.005}}"
 
 
 def run_of(folder: Path, *settings_: str, controller: str = "stable_qp", s: str = "0.2") -> Path:
@@ -108,6 +110,36 @@ def test_logs_of_other_configs_are_true(
 
     assert found.claims.by_tick() == []
     assert found.verdict == "true"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("controller", "changed"),
+    [
+        (
+            "stable_qp",
+            (
+                "objective={kind: lp, p: inf}",
+                kept(support_polygon={"margin_m": 0.02}).replace("1.0", "0.02"),
+            ),
+        ),
+        (
+            "com_circulation",
+            (
+                "task.parameters.speed_m_s=0.1",
+                f"constraints=[{STOPS}, {LEANS}]",
+            ),
+        ),
+    ],
+)
+def test_joints_near_their_bounds_raise_no_false_alarm(
+    controller: str, changed: tuple[str, ...], tmp_path: Path
+) -> None:
+    given = "rho=largest", *changed
+
+    found = verify(run_of(tmp_path / "run", *given, controller=controller, s="2.1"))
+
+    assert found.claims.by_tick() == []
 
 
 def bigger(value: float) -> float:
