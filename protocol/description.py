@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
@@ -65,7 +66,8 @@ class RobotDescription(Part):
 
     Attributes:
         name: ``[a-z][a-z0-9_]{0,31}``.
-        urdf: the whole text; its movable joints are exactly ``joints``, in any order.
+        urdf: the whole text; its movable joints that follow no others are exactly ``joints``, in
+            any order. Followers (<mimic>) are none of ``joints``: they move with their masters.
         initial_posture: the one of ``postures`` in which the robot starts.
         postures: named joint positions [rad], inside the hard limits.
         base_frame: the frame that is fixed to the ground.
@@ -153,7 +155,7 @@ class RobotDescription(Part):
 
     @property
     def n(self) -> int:
-        """Number of joints."""
+        """Number of joints, without followers."""
         return len(self.joints)
 
     @cached_property
@@ -166,10 +168,12 @@ class RobotDescription(Part):
         """Joint positions of the initial posture, (n,) [rad]."""
         return _read_only(self.postures[self.initial_posture])
 
-    lower: ClassVar = _PerJoint("Least usable positions, (n,) [rad].")
-    upper: ClassVar = _PerJoint("Greatest usable positions, (n,) [rad].")
-    lower_hard: ClassVar = _PerJoint("Lower mechanical stops, (n,) [rad].")
-    upper_hard: ClassVar = _PerJoint("Upper mechanical stops, (n,) [rad].")
+    lower: ClassVar = _PerJoint("Least usable positions, (n,) [rad]; -inf where there is none.")
+    upper: ClassVar = _PerJoint("Greatest usable positions, (n,) [rad]; inf where there is none.")
+    lower_hard: ClassVar = _PerJoint(
+        "Lower mechanical stops, (n,) [rad]; -inf where there is none."
+    )
+    upper_hard: ClassVar = _PerJoint("Upper mechanical stops, (n,) [rad]; inf where there is none.")
     velocity: ClassVar = _PerJoint("Greatest speeds, (n,) [rad/s].")
     setpoint_acceleration_max: ClassVar = _PerJoint(
         "Greatest accelerations of the commanded motion, (n,) [rad/s²]."
@@ -239,8 +243,13 @@ class RobotDescription(Part):
                 refuse(f"state_arrays.{name}", length, f"It must be {allowed}.")
 
     def _check_joints(self) -> None:
-        movable = self.structure.movable
+        movable, followers = self.structure.movable, self.structure.followers
         for name in self.joint_names:
+            if name in followers:
+                raise DescriptionError(
+                    f"joint {name!r}: it follows {followers[name].master!r} (<mimic> in the URDF). "
+                    "Take it out of joints: it moves with that one."
+                )
             if name not in movable:
                 raise DescriptionError(
                     f"joint {name!r}: not a movable joint of the URDF. "
@@ -251,6 +260,13 @@ class RobotDescription(Part):
                 raise DescriptionError(
                     f"joint {name!r}: movable in the URDF but not listed in joints. "
                     'Add it, or make it type="fixed".'
+                )
+        for joint in self.joints:
+            limits = joint.lower, joint.upper, joint.lower_hard, joint.upper_hard
+            if joint.name not in self.structure.continuous and not all(map(math.isfinite, limits)):
+                raise DescriptionError(
+                    f"joint {joint.name!r}: no position limits, but {movable[joint.name].kind} in "
+                    'the URDF. Give it limits, or make it type="continuous".'
                 )
 
     def _check_postures(self) -> None:
@@ -263,7 +279,8 @@ class RobotDescription(Part):
                 remedy = f"Write {self.n}, one a joint in wire order."
                 refuse(f"posture {posture!r:.60}", f"{len(values)} values", remedy)
             for joint, value in zip(self.joints, values, strict=True):
-                if not joint.lower_hard <= value <= joint.upper_hard:
+                inside = joint.lower_hard <= value <= joint.upper_hard
+                if not (inside and math.isfinite(value)):
                     raise DescriptionError(
                         f"posture {posture!r:.60}: joint {joint.name!r} at {value}. "
                         f"Stay within [{joint.lower_hard}, {joint.upper_hard}]."

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Annotated, ClassVar, NoReturn, Self
 
 import numpy as np
 from pydantic import (
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     ModelWrapValidatorHandler,
+    PlainSerializer,
     StrictStr,
     ValidationError,
     model_validator,
@@ -22,6 +25,20 @@ from hoap3.protocol.errors import DescriptionError, did_you_mean
 MAX_CORNERS = 64
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+
+
+def _or_infinite(sign: float) -> Callable[[object], object]:
+    return lambda given: sign * math.inf if given is None else given
+
+
+def _or_null(limit: float) -> float | None:
+    return limit if math.isfinite(limit) else None
+
+
+_IN_JSON = PlainSerializer(_or_null, when_used="json")  # which has no infinity
+Least = Annotated[float, Field(strict=True), BeforeValidator(_or_infinite(-1.0)), _IN_JSON]
+Greatest = Annotated[float, Field(strict=True), BeforeValidator(_or_infinite(1.0)), _IN_JSON]
+"""Position limits: null in JSON, and −inf or +inf here, where there is none."""
 
 _JOINT_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_./-]{0,63}")
 
@@ -66,8 +83,9 @@ class Joint(Part):
     """One movable joint; for a prismatic one read m for rad, and N for N m.
 
     Attributes:
-        lower_hard, upper_hard: mechanical stops [rad].
-        lower, upper: usable range, inside the stops [rad].
+        lower_hard, upper_hard: mechanical stops [rad]; -inf and inf, in JSON null, of a joint that
+            turns without end.
+        lower, upper: usable range, inside the stops [rad]; likewise.
         velocity: greatest speed [rad/s].
         setpoint_acceleration_max: greatest acceleration of the commanded motion [rad/s²].
         brake_acceleration: deceleration to count on in a stop [rad/s²].
@@ -81,10 +99,10 @@ class Joint(Part):
     label: ClassVar[str] = "name"
 
     name: StrictStr
-    lower_hard: Number
-    upper_hard: Number
-    lower: Number
-    upper: Number
+    lower_hard: Least
+    upper_hard: Greatest
+    lower: Least
+    upper: Greatest
     velocity: Number
     setpoint_acceleration_max: Number
     brake_acceleration: Number
@@ -97,6 +115,10 @@ class Joint(Part):
         """Refuse limits that contradict each other."""
         if not _JOINT_NAME.fullmatch(self.name):
             refuse("name", self.name, "Use letters, digits and _ . / - only, at most 64.")
+        for key in ("lower_hard", "upper_hard", "lower", "upper"):
+            limit, none = getattr(self, key), -math.inf if key.startswith("lower") else math.inf
+            if not (math.isfinite(limit) or limit == none):
+                refuse(key, limit, "Write a finite number, or null where there is no limit.")
         if not self.lower < self.upper:
             refuse("lower", self.lower, f"It must be less than upper, {self.upper}.")
         if self.lower < self.lower_hard:

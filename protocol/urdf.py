@@ -1,8 +1,9 @@
 """Reads the structure of a URDF without trusting it, and without Pinocchio.
 
 The format is http://wiki.ros.org/urdf/XML. What is accepted is a tree of at most 1024 links with
-revolute, prismatic and fixed joints, and boxes, cylinders and spheres as shapes: nothing that makes
-a reader open a file, expand an entity or recurse without bound.
+revolute, continuous, prismatic and fixed joints, of which some may follow others (<mimic>), and
+boxes, cylinders and spheres as shapes: nothing that makes a reader open a file, expand an entity or
+recurse without bound.
 """
 
 from __future__ import annotations
@@ -13,10 +14,11 @@ import re
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from xml.etree import ElementTree as ET
 
 from hoap3.protocol.errors import DescriptionError, did_you_mean
+from hoap3.protocol.urdf_followers import Follower, Mimic, resolve
 
 MAX_BYTES = 1 << 20
 MAX_DEPTH = 32
@@ -24,12 +26,12 @@ MAX_LINKS = 1024
 MAX_NAME = 128  # characters
 MAX_NUMBER = 64  # characters
 
-MOVABLE = ("revolute", "prismatic")
+CONTINUOUS = "continuous"
+MOVABLE = ("revolute", CONTINUOUS, "prismatic")
 SHAPES = ("box", "cylinder", "sphere")
 RESERVED = "universe"  # Pinocchio's own name for joint 0 and for the world frame
 
 _WRITE_INSTEAD = {
-    "continuous": 'Write type="revolute" with a <limit lower=".." upper="..">.',
     "floating": "Remove it: the base is fixed, the root link stands for it.",
     "planar": "Write two prismatic joints and a revolute one instead.",
 }
@@ -50,12 +52,17 @@ _NUMBERS = {  # attributes that must hold that many finite numbers
     "inertia": dict.fromkeys(_INERTIA, 1),
     "limit": dict.fromkeys(_LIMITS, 1),
     "dynamics": {"damping": 1, "friction": 1},
+    "mimic": {"multiplier": 1, "offset": 1},
 }
 
 
 @dataclass(frozen=True)
 class UrdfJoint:
-    """A joint as the URDF has it; limits in rad, rad/s, N m (or m, m/s, N), None if not given."""
+    """A joint as the URDF has it; limits in rad, rad/s, N m (or m, m/s, N), None if not given.
+
+    A continuous joint has no `lower` and no `upper`, whatever its <limit> says; `mimic` is what
+    a follower says of its master.
+    """
 
     name: str
     kind: str
@@ -65,6 +72,7 @@ class UrdfJoint:
     upper: float | None
     velocity: float | None
     effort: float | None
+    mimic: Mimic | None = None
 
 
 @dataclass(frozen=True)
@@ -75,17 +83,29 @@ class UrdfStructure:
         links, joints: in the order of the text.
         root: the link that everything hangs from.
         moving: the links that some joint moves.
+        followers: the joints that follow others, by name, in the order of the text.
     """
 
     links: tuple[str, ...]
     joints: tuple[UrdfJoint, ...]
     root: str
     moving: frozenset[str]
+    followers: dict[str, Follower]
 
-    @property
-    def movable(self) -> dict[str, UrdfJoint]:
+    @cached_property
+    def moved(self) -> dict[str, UrdfJoint]:
         """The joints that are not fixed, by name, in the order of the text."""
         return {joint.name: joint for joint in self.joints if joint.kind in MOVABLE}
+
+    @cached_property
+    def movable(self) -> dict[str, UrdfJoint]:
+        """Those of them that follow no other: one coordinate each."""
+        return {name: joint for name, joint in self.moved.items() if joint.mimic is None}
+
+    @cached_property
+    def continuous(self) -> frozenset[str]:
+        """Names of the joints, followers among them, that turn without end."""
+        return frozenset(joint.name for joint in self.joints if joint.kind == CONTINUOUS)
 
 
 @lru_cache(maxsize=4)  # a description checks itself anew at each change
@@ -110,7 +130,8 @@ def read_urdf(text: str) -> UrdfStructure:
     _unique("joint", (joint.name for joint in joints))
     root, moving = _tree(links, joints)
     _check_inertias(robot, moving)
-    return UrdfStructure(links, joints, root, moving)
+    followers = resolve({each.name: each.mimic for each in joints if each.kind in MOVABLE})
+    return UrdfStructure(links, joints, root, moving, followers)
 
 
 def _parse(text: str) -> ET.Element:
@@ -246,13 +267,11 @@ def first_twice(names: Sequence[str]) -> str | None:
 
 def _joint(element: ET.Element, links: set[str]) -> UrdfJoint:
     name, kind = _name(element), element.get("type", "")
-    where = f"URDF joint {name!r}"
-    if element.find("mimic") is not None:
-        raise DescriptionError(
-            f"{where}: <mimic> is not supported. Write an independent joint, or a fixed one."
-        )
+    where, mimic = f"URDF joint {name!r}", element.find("mimic")
+    if mimic is not None and kind == "fixed":
+        raise DescriptionError(f"{where}: it is fixed and has a <mimic>. Remove one of the two.")
     if kind != "fixed" and kind not in MOVABLE:
-        instead = _WRITE_INSTEAD.get(kind, "Write revolute, prismatic or fixed.")
+        instead = _WRITE_INSTEAD.get(kind, "Write revolute, continuous, prismatic or fixed.")
         raise DescriptionError(f"{where}: type {kind[:40]!r} is not supported. {instead}")
     ends = []
     for end in ("parent", "child"):
@@ -264,13 +283,17 @@ def _joint(element: ET.Element, links: set[str]) -> UrdfJoint:
         ends.append(link)
     limit = element.find("limit")
     given = {} if limit is None else limit.attrib
-    if kind in MOVABLE and not given.keys() >= {"velocity", "effort"}:
+    if kind not in ("fixed", CONTINUOUS) and not given.keys() >= {"velocity", "effort"}:
         raise DescriptionError(
             f"{where}: its limits are not complete. "
             'Write <limit lower=".." upper=".." velocity=".." effort="..">.'
         )
-    limits = [float(given[key]) if key in given else None for key in _LIMITS]
-    return UrdfJoint(name, kind, ends[0], ends[1], *limits)
+    used = _LIMITS[2:] if kind == CONTINUOUS else _LIMITS
+    lower, upper, velocity, effort = (
+        float(given[key]) if key in used and key in given else None for key in _LIMITS
+    )
+    follows = None if mimic is None else Mimic.read(where, mimic.attrib)
+    return UrdfJoint(name, kind, ends[0], ends[1], lower, upper, velocity, effort, follows)
 
 
 def _tree(links: tuple[str, ...], joints: tuple[UrdfJoint, ...]) -> tuple[str, frozenset[str]]:

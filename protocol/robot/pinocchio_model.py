@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError, FrameNotFoundError
+from hoap3.protocol.robot.followers import Followers
+from hoap3.protocol.robot.pinocchio_urdf import one_coordinate_each
 
 
 @dataclass(frozen=True)
@@ -21,10 +23,13 @@ class RobotModel:
 
     Attributes:
         description: what the model was built from.
-        model, data: ``pinocchio.Model`` and its ``pinocchio.Data``; nq == nv == n. It has the
-            description's armature; ``damping`` and ``friction`` are those of the URDF.
-        order: (n,) index into Pinocchio's q and v of each joint in wire order:
-            ``q_pinocchio[order] = q_wire``, ``J_wire = J_pinocchio[:, order]``. Read-only.
+        model, data: ``pinocchio.Model`` and its ``pinocchio.Data``; nq == nv == m, the joints of
+            the wire and their followers. It has the description's armature; ``damping`` and
+            ``friction`` are those of the URDF.
+        order: (m,) index into Pinocchio's q and v of each joint in wire order, and then of each
+            follower. Without followers ``q_pinocchio[order] = q_wire`` and ``J_wire =
+            J_pinocchio[:, order]``. Read-only.
+        followers: what joints of the wire and all m have to do with each other; None without any.
         root_mass: mass of the root link and all that is fixed to it [kg]; Pinocchio keeps it in
             ``model.inertias[0]`` and leaves it out of the centre of mass and of the total.
         root_com: (3,) its centre of mass in the root link's frame [m]. Read-only.
@@ -40,6 +45,12 @@ class RobotModel:
     root_com: NDArray[np.float64]
     total_mass: float
     frames: dict[str, int]
+    followers: Followers | None
+
+    @property
+    def wire(self) -> NDArray[np.intp]:
+        """(n,) the part of `order` that is the wire's."""
+        return self.order[: self.description.n]
 
     def frame_id(self, name: str) -> int:
         """Pinocchio's index of a frame.
@@ -61,17 +72,16 @@ def build_model(description: RobotDescription) -> RobotModel:
     import pinocchio as pin
 
     try:
-        model = pin.buildModelFromXML(description.urdf)
+        model = pin.buildModelFromXML(one_coordinate_each(description))
     except (ArithmeticError, LookupError, RuntimeError, ValueError) as error:
         raise DescriptionError(
             f"robot {description.name!r}: Pinocchio cannot read the URDF ({error}). "
             "Check it with check_urdf from liburdfdom-tools."
         ) from error
-    order = np.array(
-        [model.joints[model.getJointId(name)].idx_q for name in description.joint_names],
-        dtype=np.intp,
-    )
-    model.armature[order] = description.armature
+    followers = Followers(description) if description.structure.followers else None
+    names = (*description.joint_names, *(followers.names if followers else ()))
+    order = np.array([model.joints[model.getJointId(name)].idx_q for name in names], dtype=np.intp)
+    model.armature[order[: description.n]] = description.armature
     root = model.inertias[0]
     root_com = np.array(root.lever, dtype=np.float64)
     for array in (order, root_com):
@@ -87,6 +97,7 @@ def build_model(description: RobotDescription) -> RobotModel:
         frames={
             name: int(model.getFrameId(name, pin.FrameType.BODY)) for name in description.frames
         },
+        followers=followers,
     )
 
 
@@ -104,8 +115,9 @@ def collision_shapes(
     import pinocchio as pin
 
     model = build_model(description).model
+    urdf = one_coordinate_each(description)
     found: dict[str, list[tuple[Any, NDArray[np.float64], NDArray[np.float64]]]] = {}
-    shapes = pin.buildGeomFromUrdfString(model, description.urdf, pin.COLLISION)
+    shapes = pin.buildGeomFromUrdfString(model, urdf, pin.COLLISION)
     for shape in shapes.geometryObjects:
         frame = model.frames[shape.parentFrame]
         here = frame.placement.actInv(shape.placement)

@@ -3,10 +3,12 @@
 What is not written has a default:
 
 ===========================  ================================================================
-`joints`                     the movable joints of the URDF, in its order
-`lower`, `upper`             usable range: `<limit lower upper>` of the URDF
+`joints`                     the movable joints of the URDF that follow no others, in its order
+`lower`, `upper`             usable range: `<limit lower upper>` of the URDF, as far as those of its
+                             followers allow; none of a continuous joint
 `lower_hard`, `upper_hard`   the usable range
-`velocity`, `effort`         `<limit velocity effort>` of the URDF
+`velocity`, `effort`         `<limit velocity effort>` of the URDF; the velocity as far as those of
+                             its followers allow
 `setpoint_acceleration_max`  the one at the top of the file, for all joints; else 250/s times the
                              velocity: full speed within 4 ms
 `brake_acceleration`         the one at the top of the file, for all joints; else 10/s times the
@@ -23,6 +25,7 @@ What is not written has a default:
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -33,7 +36,8 @@ from hoap3.protocol.config.settings import RobotName, Settings, load_yaml, parse
 from hoap3.protocol.description import MAX_BYTES, CommandKind, RobotDescription
 from hoap3.protocol.description_parts import Number
 from hoap3.protocol.errors import ConfigError, DescriptionError
-from hoap3.protocol.urdf import UrdfStructure, read_urdf
+from hoap3.protocol.urdf import CONTINUOUS, UrdfStructure, read_urdf
+from hoap3.robot_emulator.robots.follower_limits import limits_with_followers
 
 SETPOINT_RATE = 250.0  # [1/s] default setpoint_acceleration_max / velocity
 BRAKE_RATE = 10.0  # [1/s] default brake_acceleration / velocity
@@ -158,27 +162,36 @@ def describe(robot: RobotFile, urdf: str) -> RobotDescription:
 
 
 def _joint(robot: RobotFile, entry: JointEntry, structure: UrdfStructure) -> dict[str, Any]:
-    urdf = structure.movable.get(entry.name)
+    urdf, followers = structure.movable.get(entry.name), structure.followers
+    if entry.name in followers:
+        raise DescriptionError(
+            f"robot {robot.name!r}: joint {entry.name!r:.60}: it follows "
+            f"{followers[entry.name].master!r} (<mimic> in the URDF). Take it out of joints."
+        )
     if urdf is None:
         known = ", ".join(structure.movable) or "none"
         raise DescriptionError(
             f"robot {robot.name!r}: joint {entry.name!r:.60}: not a movable joint of the URDF. "
             f"Its movable joints: {known:.400}."
         )
-    limits = {key: getattr(urdf, key) for key in ("lower", "upper", "velocity", "effort")}
+    limits = limits_with_followers(structure, entry.name)
     given = {**limits, **entry.model_dump(exclude_none=True)}
-    lower, upper, velocity = given["lower"], given["upper"], given["velocity"]
-    if lower is None or upper is None or velocity is None:
+    if urdf.kind == CONTINUOUS:
+        given = {"lower": -math.inf, "upper": math.inf, **given}
+    incomplete = [key for key in ("lower", "upper", "velocity", "effort") if key not in given]
+    if incomplete:
         raise DescriptionError(
             f"robot {robot.name!r}: joint {entry.name!r}: its limits are not complete. "
-            "Write lower and upper in the <limit> of the URDF, or in the YAML file."
+            f"Write {' and '.join(incomplete)} in the <limit> of the URDF, or in the YAML file."
         )
+    velocity = given["velocity"]
     accelerations = {
         "setpoint_acceleration_max": SETPOINT_RATE * velocity,
         "brake_acceleration": BRAKE_RATE * velocity,
         **robot.model_dump(include=_ACCELERATIONS, exclude_none=True),
     }
-    return {"lower_hard": lower, "upper_hard": upper, **accelerations, **given}
+    stops = {"lower_hard": given["lower"], "upper_hard": given["upper"]}
+    return {**stops, **accelerations, **given}
 
 
 def _read_text(path: Path, file: str) -> str:

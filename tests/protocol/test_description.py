@@ -139,6 +139,7 @@ REFUSED_JOINTS = {
     "negative armature": ({"armature": -0.1}, "0 or more"),
     "NaN": ({"upper": math.nan}, "finite number"),
     "infinite": ({"velocity": math.inf}, "finite number"),
+    "infinite on the wrong side": ({"lower": math.inf}, "null where there is no limit"),
     "text": ({"velocity": "2.0"}, "valid number"),
     "bool": ({"velocity": True}, "valid number"),
     "unknown key": ({"velocty": 2.0}, "mean 'velocity'"),
@@ -199,7 +200,7 @@ REFUSED = {
     "no command kind": ({"command_kinds": ()}, "at least one of position"),
     "command kind": ({"command_kinds": ("velocity",)}, "'position', 'acceleration' or 'torque'"),
     "kind twice": ({"command_kinds": ("torque", "torque")}, "appears twice"),
-    "URDF": ({"urdf": URDF.replace('"revolute"', '"continuous"')}, "URDF joint 'shoulder': type"),
+    "URDF": ({"urdf": URDF.replace('"revolute"', '"floating"')}, "URDF joint 'shoulder': type"),
     "unknown key": ({"perod_s": 0.001}, "Did you mean 'period_s'?"),
 }
 

@@ -9,9 +9,12 @@ from support.arm3 import URDF
 
 from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.urdf import MAX_BYTES, read_urdf
+from hoap3.protocol.urdf_followers import Follower
 
 BOX = '<box size="0.3 0.06 0.06"/>'
 SHOULDER = '<joint name="shoulder" type="revolute">'
+ELBOW = '<joint name="elbow" type="revolute">'
+FIXED = '<joint name="tool_joint" type="fixed">'
 
 
 def test_structure_keeps_the_order_of_the_text():
@@ -30,17 +33,74 @@ def test_a_prismatic_joint_is_movable():
     assert arm.movable["shoulder"].kind == "prismatic"
 
 
+def test_a_continuous_joint_has_no_position_limits_whatever_its_limit_says():
+    arm = read_urdf(URDF.replace(SHOULDER, SHOULDER.replace("revolute", "continuous")))
+    turning = arm.movable["shoulder"]
+    assert (turning.lower, turning.upper, turning.velocity, turning.effort) == (None, None, 2.0, 20)
+    bare = re.sub(r"<limit [^>]*velocity=\"2.0\"[^>]*>", "", URDF)
+    arm = read_urdf(bare.replace(SHOULDER, SHOULDER.replace("revolute", "continuous")))
+    assert arm.movable["shoulder"].velocity is None
+
+
+def test_a_chain_of_followers_has_one_master():
+    """q_wrist = −2·q_elbow + 0.5 and q_elbow = 3·q_shoulder − 1."""
+    text = URDF.replace(ELBOW, ELBOW + '<mimic joint="shoulder" multiplier="3" offset="-1"/>')
+    wrist = '<joint name="wrist" type="revolute">'
+    text = text.replace(wrist, wrist + '<mimic joint="elbow" multiplier="-2" offset="0.5"/>')
+    arm = read_urdf(text)
+    assert tuple(arm.movable) == ("shoulder",)
+    assert tuple(arm.moved) == ("shoulder", "elbow", "wrist")
+    assert arm.followers == {
+        "elbow": Follower("elbow", "shoulder", 3.0, -1.0),
+        "wrist": Follower("wrist", "shoulder", -6.0, 2.5),
+    }
+    assert arm.moving == read_urdf(URDF).moving
+
+
+def test_a_follower_has_ratio_1_and_no_offset_unless_it_says_so():
+    arm = read_urdf(URDF.replace(ELBOW, ELBOW + '<mimic joint="wrist"/>'))
+    assert arm.followers == {"elbow": Follower("elbow", "wrist", 1.0, 0.0)}
+
+
+def test_joints_that_follow_each_other_in_a_ring_are_refused():
+    text = URDF.replace(ELBOW, ELBOW + '<mimic joint="shoulder"/>')
+    text = text.replace(SHOULDER, SHOULDER + '<mimic joint="elbow"/>')
+    with pytest.raises(DescriptionError, match="shoulder → elbow → shoulder"):
+        read_urdf(text)
+
+
+def test_a_chain_that_no_number_can_hold_is_refused():
+    text = URDF.replace(ELBOW, ELBOW + '<mimic joint="shoulder" multiplier="1e200"/>')
+    wrist = '<joint name="wrist" type="revolute">'
+    text = text.replace(wrist, wrist + '<mimic joint="elbow" multiplier="1e200"/>')
+    with pytest.raises(DescriptionError, match="joint 'wrist': it follows 'shoulder' by inf"):
+        read_urdf(text)
+
+
 def test_other_elements_are_ignored():
     text = URDF.replace("</robot>", '<gazebo reference="hand"><mu1>0.2</mu1></gazebo></robot>')
     assert read_urdf(text) == read_urdf(URDF)
 
 
 REFUSED = {
-    "continuous": (SHOULDER, SHOULDER.replace("revolute", "continuous"), "revolute"),
     "floating": (SHOULDER, SHOULDER.replace("revolute", "floating"), "base is fixed"),
     "planar": (SHOULDER, SHOULDER.replace("revolute", "planar"), "two prismatic joints"),
     "misspelt type": (SHOULDER, SHOULDER.replace("revolute", "revolut"), "prismatic or fixed"),
-    "mimic": (SHOULDER, SHOULDER + '<mimic joint="elbow"/>', "independent joint"),
+    "mimic of nobody": (SHOULDER, SHOULDER + "<mimic/>", "Write <mimic joint"),
+    "mimic of a misspelt joint": (SHOULDER, SHOULDER + '<mimic joint="elbw"/>', "mean 'elbow'"),
+    "mimic of a fixed joint": (SHOULDER, SHOULDER + '<mimic joint="tool_joint"/>', "no movable"),
+    "mimic of itself": (SHOULDER, SHOULDER + '<mimic joint="shoulder"/>', "follows itself"),
+    "fixed mimic": (FIXED, FIXED + '<mimic joint="elbow"/>', "Remove one of the two"),
+    "mimic that stands": (
+        SHOULDER,
+        SHOULDER + '<mimic joint="elbow" multiplier="0" offset="0.5"/>',
+        "<origin> at 0.5",
+    ),
+    "multiplier in words": (
+        SHOULDER,
+        SHOULDER + '<mimic joint="elbow" multiplier="two"/>',
+        "1 finite number",
+    ),
     "mesh": (BOX, '<mesh filename="/etc/passwd"/>', "primitive: box, cylinder, sphere"),
     "texture": (
         "<visual>",

@@ -1,0 +1,79 @@
+"""Joints that follow others, for a model that has a coordinate for each of them.
+
+With q of the n joints of the wire, all m = n + f moving joints are at q_m = G·q + g₀: the joints of
+the wire as they are, and behind them each follower at ratio · its master + offset. So, with the J,
+M, h and τ that the model has of all m,
+
+    dq_m = G·dq,    J = J_m·G,    M = Gᵀ·M_m·G,    h = Gᵀ·h_m,    τ = Gᵀ·τ_m
+
+G is constant, so J̇·dq = J̇_m·(G·dq), and h has no term of its own.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray
+
+
+class Followers:
+    """G and g₀ of a robot; "full" arrays have the joints of the wire first, then the followers.
+
+    Args:
+        description: of a robot with followers.
+
+    Attributes:
+        names: of the followers, (f,).
+        matrix: G, (n + f, n), read-only.
+        offsets: g₀, (n + f,) [rad or m], read-only.
+        q, v: (n + f,) what `positions` and `velocities` wrote last.
+    """
+
+    def __init__(self, description: RobotDescription) -> None:
+        followers, places = description.structure.followers, description.joint_names
+        n, m = description.n, description.n + len(followers)
+        self.names = tuple(followers)
+        self.matrix, self.offsets = np.eye(m, n), np.zeros(m)
+        for row, follower in enumerate(followers.values(), n):
+            self.matrix[row, places.index(follower.master)] = follower.ratio
+            self.offsets[row] = follower.offset
+        self.matrix.setflags(write=False)
+        self.offsets.setflags(write=False)
+        self.q, self.v = np.zeros(m), np.zeros(m)
+        self._half = np.zeros((m, n))
+
+    def positions(self, q: FloatArray) -> FloatArray:
+        """G·q + g₀ of `q`, (n,)."""
+        np.matmul(self.matrix, q, out=self.q)
+        self.q += self.offsets
+        return self.q
+
+    def velocities(self, dq: FloatArray) -> FloatArray:
+        """G·dq of `dq`, (n,)."""
+        return np.matmul(self.matrix, dq, out=self.v)
+
+    def columns(self, full: FloatArray, out: FloatArray) -> None:
+        """Write J_m·G, or Gᵀ·τ_m: `full`, (…, n + f), and `out`, (…, n)."""
+        np.matmul(full, self.matrix, out=out)
+
+    def inertia(self, full: FloatArray, out: FloatArray) -> None:
+        """Write Gᵀ·M_m·G, exactly symmetric: `full`, (n + f, n + f), and `out`, (n, n)."""
+        np.matmul(full, self.matrix, out=self._half)
+        np.matmul(self.matrix.T, self._half, out=out)
+        out += out.T.copy()
+        out *= 0.5
+
+    def resistance(self, full: FloatArray, *, dry: bool) -> FloatArray:
+        """Friction that the joints of the wire feel, (n,), of that of each moving joint, (n + f,).
+
+        A follower's speed is r times its master's, and its torque counts r times there: viscous
+        friction counts r² times, and dry friction, which the sign of the speed alone turns, |r|.
+        """
+        shares = np.abs(self.matrix) if dry else self.matrix**2
+        return np.asarray(full @ shares)
+
+    def any_column(self, full: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Which joints of the wire have a share in any of these, (n,) of (n + f,)."""
+        return np.asarray((self.matrix[full] != 0.0).any(axis=0))

@@ -1,0 +1,67 @@
+"""How far a joint may go, and how fast, so that its followers stay within their own limits.
+
+A follower at q_f = r·q + c keeps l ≤ q_f ≤ u where q is between (l − c)/r and (u − c)/r, and its
+speed v where |dq| ≤ v/|r|. Its effort bounds nothing: the motor is the master's.
+"""
+
+from __future__ import annotations
+
+from hoap3.protocol.errors import DescriptionError
+from hoap3.protocol.urdf import UrdfStructure
+
+
+def limits_with_followers(structure: UrdfStructure, name: str) -> dict[str, float]:
+    """The limits of a joint by <limit> of the URDF, narrowed by those of its followers.
+
+    Returns:
+        `lower`, `upper` [rad or m], `velocity` [rad/s or m/s] and `effort` [N m or N], as far as
+        the URDF has them.
+
+    Raises:
+        DescriptionError: no position suits a joint and its followers.
+    """
+    limits, by = _own(structure, name), {"lower": name, "upper": name}
+    for follower in structure.followers.values():
+        if follower.master == name:
+            for key, value in _seen_from_master(structure, follower.name).items():
+                tighter = max if key == "lower" else min
+                if key not in limits or tighter(value, limits[key]) != limits[key]:
+                    limits[key], by[key] = value, follower.name
+    lower, upper = limits.get("lower"), limits.get("upper")
+    if lower is not None and upper is not None and not lower < upper and by["lower"] != by["upper"]:
+        raise DescriptionError(
+            f"joint {name!r}: with its followers it cannot move: from {lower} by the limits of "
+            f"{by['lower']!r} to {upper} by those of {by['upper']!r}. Correct one of them."
+        )
+    return limits
+
+
+def narrowed_by(structure: UrdfStructure, name: str) -> dict[str, tuple[float | None, float]]:
+    """Which limits of a joint are narrower for its followers' sake.
+
+    Returns:
+        By key, `lower`, `upper` or `velocity`: its own limit, None without one, and what is left.
+    """
+    own = _own(structure, name)
+    narrowed = limits_with_followers(structure, name)
+    return {key: (own.get(key), left) for key, left in narrowed.items() if left != own.get(key)}
+
+
+def _own(structure: UrdfStructure, name: str) -> dict[str, float]:
+    joint = structure.moved[name]
+    limits = {key: getattr(joint, key) for key in ("lower", "upper", "velocity", "effort")}
+    return {key: value for key, value in limits.items() if value is not None}
+
+
+def _seen_from_master(structure: UrdfStructure, name: str) -> dict[str, float]:
+    """What a follower's limits leave its master."""
+    follower, own = structure.followers[name], _own(structure, name)
+    ends = ("lower", "upper") if follower.ratio > 0.0 else ("upper", "lower")
+    seen = {
+        end: (own[key] - follower.offset) / follower.ratio
+        for end, key in zip(("lower", "upper"), ends, strict=True)
+        if key in own
+    }
+    if "velocity" in own:
+        seen["velocity"] = own["velocity"] / abs(follower.ratio)
+    return seen
