@@ -44,9 +44,11 @@ class Kinematics:
         self._model, self._data = self.robot.model, self.robot.data
         self._order = np.array(self.robot.order, np.int64)
         self._q, self._v, self._still = np.zeros((3, self.n))
-        self._moving_share = 1.0 - self.robot.root_mass / self.robot.total_mass
+        root_share = self.robot.root_mass / (self.robot.total_mass or 1.0)
+        self._moving_share = 1.0 - root_share
         root_com: Any = self.robot.root_com
-        self._root_moment = np.array(root_com * self.robot.root_mass / self.robot.total_mass)
+        self._root_moment = np.array(root_com * root_share)
+        self._check_mass = None if description.structure.weighs else description.check_mass
         self._pass = pinocchio.jacobianCenterOfMass
         self._accelerate = pinocchio.centerOfMass
         self._place = pinocchio.updateFramePlacement
@@ -91,7 +93,12 @@ class Kinematics:
         Args:
             frame: what `frame_id` gave.
             position_out, jacobian_out: written.
+
+        Raises:
+            DescriptionError: nothing that moves has a mass.
         """
+        if self._check_mass is not None:
+            self._check_mass()
         self._place(self._model, self._data, frame)
         seen_from = self._frames[frame]
         self._com_in_frame(

@@ -8,6 +8,7 @@ from xml.etree import ElementTree as ET
 
 from hoap3.protocol.errors import DescriptionError, did_you_mean
 from hoap3.robot_emulator.robots.urdf_import.figures import figure, triple
+from hoap3.robot_emulator.robots.urdf_import.followers import relax_followers
 from hoap3.robot_emulator.robots.urdf_import.names import joint_names
 from hoap3.robot_emulator.robots.urdf_import.notes import Notes
 
@@ -59,6 +60,8 @@ def read_joints(robot: ET.Element, notes: Notes) -> tuple[list[ET.Element], list
         if kind != "fixed":
             read.append(_moving(element, new, where, renamed, notes))
         made.append(new)
+    unknown = {each.name for each in read if each.follows and "velocity" in each.guessed}
+    relax_followers(made, unknown, notes)
     return made, read
 
 
@@ -146,20 +149,22 @@ def _moving(
     guessed = []
     lower, upper = _range(new, limit, where, notes, follower=mimic is not None)
     bounds = {} if lower is None else {"lower": repr(lower), "upper": repr(upper)}
-    if new.attrib["type"] != element.get("type"):
+    if mimic is None and new.attrib["type"] != element.get("type"):
         guessed.append("range")
     velocity = figure(limit, "velocity", where) or 0.0
     if not 0.0 < velocity < math.inf:
         velocity = SPEED[new.attrib["type"]]
         guessed.append("velocity")
-        unit = UNIT[new.attrib["type"]]
-        text = f"velocity {velocity:g} {unit}, because none is given (or 0)"
-        notes.add("guessed", text, name)
+        if mimic is None:
+            unit = UNIT[new.attrib["type"]]
+            text = f"velocity {velocity:g} {unit}, because none is given (or 0)"
+            notes.add("guessed", text, name)
     effort = figure(limit, "effort", where) or 0.0
     if not 0.0 < effort < math.inf:
         effort = 0.0
-        text = "no effort is given (or 0), so that these joints take no torques"
-        notes.add("left out", text, name)
+        if mimic is None:
+            text = "no effort is given (or 0), so that the robot takes no torques"
+            notes.add("left out", text, name)
     ET.SubElement(new, "limit", bounds | {"velocity": repr(velocity), "effort": repr(effort)})
     copy_attributes(element.find("dynamics"), new, ("damping", "friction"))
     follows = None
@@ -197,17 +202,19 @@ def _range(
             f"{where}: its limits leave it no range, both are {lower:g}. "
             "Widen them, or make it fixed."
         )
-    if lower < upper and (kind == "prismatic" or max(-lower, upper) < ENDLESS):
-        if math.isfinite(upper - lower):
-            return lower, upper
+    most = ENDLESS if kind == "revolute" else math.inf
+    if lower < upper and max(-lower, upper) < most:
+        return lower, upper
+    if kind == "revolute" and follower:
+        new.set("type", "continuous")  # its master's range is its own
+        return None, None
     if kind == "revolute":
         text = "turns without end, because no limits are given (or 0 0, or above 10000 rad)"
         notes.add("guessed", text, new.attrib["name"])
         new.set("type", "continuous")
         return None, None
-    if follower:  # its master's range is its own
+    if follower:
         return None, None
     raise DescriptionError(
-        f"{where}: prismatic, and without a range. "
-        'Write its <limit lower=".." upper="..">, in m.'
+        f'{where}: prismatic, and without a range. Write its <limit lower=".." upper="..">, in m.'
     )

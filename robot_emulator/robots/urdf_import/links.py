@@ -127,10 +127,9 @@ class _Geometry:
 
     def _missing(self, what: str, mesh: ET.Element, error: DescriptionError) -> None:
         name = mesh.get("filename", "")
-        problem = str(error) if isinstance(error, UnresolvedError) else f"{name!r:.120} {error}"
         if self.strict:
-            raise DescriptionError(f"{self.where}: {what} mesh: {problem}.") from error
-        self.notes.add("left out", f"{what} mesh, {problem}", self.link)
+            raise DescriptionError(f"{self.where}: {what} mesh {name!r:.120}: {error}.") from error
+        self.notes.add("left out", f"{what} meshes, {error}", name[-120:])
 
     def _primitive(self, element: ET.Element, shape: ET.Element | None) -> list[ET.Element]:
         if shape is None:

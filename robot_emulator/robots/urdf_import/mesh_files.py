@@ -47,12 +47,7 @@ def digest(path: Path) -> str:
     Raises:
         MeshError: as of `check_mesh`.
     """
-    check_mesh(path)
-    try:
-        with open_regular(path) as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
-    except OSError as error:
-        raise MeshError(error.strerror or "cannot be read") from error
+    return hashlib.sha256(content(path)).hexdigest()
 
 
 def content(path: Path) -> bytes:

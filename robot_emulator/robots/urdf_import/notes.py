@@ -48,4 +48,6 @@ class Notes:
     @property
     def all(self) -> tuple[Note, ...]:
         """In the order in which they were first found."""
-        return tuple(Note(about, text, tuple(names)) for (about, text), names in self._found.items())
+        return tuple(
+            Note(about, text, tuple(names)) for (about, text), names in self._found.items()
+        )

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
-from functools import lru_cache
 from pathlib import Path
 from urllib.parse import unquote
 from xml.etree import ElementTree as ET
@@ -25,7 +24,7 @@ REMEDY = f"Name the folder that holds the package with --package-path or {VARIAB
 
 
 class UnresolvedError(DescriptionError):
-    """A file that a URDF names cannot be found."""
+    """A file that a URDF names cannot be found; the text says why, without its name."""
 
 
 class SearchPath:
@@ -64,12 +63,12 @@ class SearchPath:
         if scheme == "file":
             return self._existing(Path(unquote(rest.removeprefix("localhost"))), name)
         if scheme not in {"package", "model"}:
-            raise UnresolvedError(f"{name!r:.120}: {scheme}:// is not a place of files here")
+            raise UnresolvedError(f"{scheme[:20]}:// is no place of files here")
         package, _, inside = rest.lstrip("/").partition("/")
         folder = self._package(package)
         path = Path(os.path.normpath(folder / unquote(inside)))
         if not path.is_relative_to(folder):
-            raise UnresolvedError(f"{name!r:.120}: leads out of the package {package!r:.60}")
+            raise UnresolvedError(f"leads out of the package {package!r:.60}")
         return self._existing(path, name)
 
     def _package(self, package: str) -> Path:
@@ -79,13 +78,14 @@ class SearchPath:
 
     def _look_for(self, package: str) -> Path:
         if not package or package in {".", ".."} or "\0" in package:
-            raise UnresolvedError(f"package://{package!r:.60}: not the name of a package")
+            raise UnresolvedError(f"{package!r:.60} is no name of a package")
         for root in self._roots:
             for place in INSIDE:
                 folder = Path(os.path.normpath(root / place.format(package=package)))
                 if _is_package(folder, package):
                     return folder
-        for parent in (self._folder, *self._folder.parents):
+        here = self._folder.resolve()
+        for parent in (self._folder, *self._folder.parents, here, *here.parents):
             for folder in (parent, parent / package):
                 if _is_package(folder, package):
                     return folder
@@ -93,8 +93,10 @@ class SearchPath:
 
     def _existing(self, path: Path, name: str) -> Path:
         path = Path(os.path.normpath(path))
-        if "\0" in name or not path.is_file():
-            raise UnresolvedError(f"{name!r:.120}: there is no file {str(path)!r:.200}")
+        if "\0" in name or not path.exists():
+            raise UnresolvedError("no such file")
+        if path.is_dir():
+            raise UnresolvedError("a folder")
         return path
 
 
@@ -112,7 +114,6 @@ def _is_package(folder: Path, package: str) -> bool:
     return folder.name == package or _stated_name(folder) == package
 
 
-@lru_cache(maxsize=256)
 def _stated_name(folder: Path) -> str | None:
     """What the package.xml of a folder says that the package is called, if it says it."""
     try:
