@@ -20,13 +20,17 @@ class Dynamics:
     rad, rad/s, rad/s², N m, or for prismatic joints m, m/s, m/s², N. Armatures of the rotors are
     part of M. Friction is no part of h, nor is gravity where the description has it `none`.
 
+    Of a robot with followers (`Followers`) M is Gᵀ·M_m·G and h is Gᵀ·h_m, and accelerations come
+    from the two; of others, faster, from the articulated-body algorithm.
+
     Args:
         description: of the robot.
 
     Attributes:
-        damping: viscous friction of the URDF [N m s/rad].
-        friction: Coulomb friction of the URDF [N m].
+        damping: viscous friction of the URDF [N m s/rad], that of followers included.
+        friction: Coulomb friction of the URDF [N m], likewise.
         inertia, joint_jacobian: see `place`.
+        inertia_order: (n,) place of each joint of the wire in `inertia`.
 
     Raises:
         DescriptionError: Pinocchio cannot build the model.
@@ -36,10 +40,10 @@ class Dynamics:
         import pinocchio
 
         self.robot = build_model(description)
-        self.n = description.n
+        self.n, self.followers = description.n, self.robot.followers
         self._model, self._data, self._order = self.robot.model, self.robot.data, self.robot.order
         self._aba, self._rnea, self._crba = pinocchio.aba, pinocchio.rnea, pinocchio.crba
-        self._world = pinocchio.Convention.WORLD
+        self._world, self._nle = pinocchio.Convention.WORLD, pinocchio.nonLinearEffects
         self._gravity_torque = pinocchio.computeGeneralizedGravity
         if description.gravity == "none":
             self._model.gravity.setZero()
@@ -48,15 +52,45 @@ class Dynamics:
         self._armature = np.array(self._model.armature)[self._order]
         self.damping = np.array(self._model.damping)[self._order]
         self.friction = np.array(self._model.friction)[self._order]
-        self._q, self._v, self._x = np.zeros(self.n), np.zeros(self.n), np.zeros(self.n)
-        self.inertia = self._data.M.reshape(self.n, self.n)
-        self.joint_jacobian = self._data.J.reshape(6, self.n)
+        if self.followers:
+            self.damping = self.followers.resistance(self.damping, dry=False)
+            self.friction = self.followers.resistance(self.friction, dry=True)
+        m = len(self._order)
+        self._q, self._v, self._x = np.zeros(m), np.zeros(m), np.zeros(m)
+        self._none, self._bias = np.zeros((2, self.n))
+        self._full_inertia = self._data.M.reshape(m, m)
+        self.inertia, self.inertia_order = self._full_inertia, np.array(self._order, np.int64)
+        if self.followers:
+            self.inertia, self.inertia_order = np.zeros((self.n, self.n)), np.arange(self.n)
+        self.joint_jacobian = self._data.J.reshape(6, m)
 
     def mass(self, q: FloatArray) -> FloatArray:
         """M(q), a new (n, n)."""
-        self._q[self._order] = q
+        self._take(q)
         upper = np.triu(self._crba(self._model, self._data, self._q))
-        return np.asarray((upper + np.triu(upper, 1).T)[np.ix_(self._order, self._order)])
+        full = np.asarray((upper + np.triu(upper, 1).T)[np.ix_(self._order, self._order)])
+        if self.followers is None:
+            return full
+        mass = np.zeros((self.n, self.n))
+        self.followers.inertia(full, mass)
+        return mass
+
+    def _take(self, q: FloatArray) -> None:
+        """Take positions into Pinocchio's order."""
+        self._q[self._order] = q if self.followers is None else self.followers.positions(q)
+
+    def _move(self, dq: FloatArray, ddq: FloatArray) -> None:
+        """Take velocities and accelerations likewise."""
+        order, followers = self._order, self.followers
+        self._v[order] = dq if followers is None else followers.velocities(dq)
+        self._x[order] = ddq if followers is None else followers.velocities(ddq)
+
+    def _give(self, torques: FloatArray, out: FloatArray) -> None:
+        """Write torques of Pinocchio's order in the wire's."""
+        if self.followers is None:
+            np.take(torques, self._order, out=out)
+        else:
+            self.followers.columns(torques[self._order], out)
 
     def check_forward(self, q: FloatArray) -> None:
         """Refuse a robot of which torques do not say how it moves.
@@ -79,40 +113,63 @@ class Dynamics:
 
     def forward(self, q: FloatArray, dq: FloatArray, tau: FloatArray, out: FloatArray) -> None:
         """Accelerations that torques `tau` give."""
-        order = self._order
-        self._q[order], self._v[order], self._x[order] = q, dq, tau
-        np.take(self._aba(self._model, self._data, self._q, self._v, self._x), order, out=out)
+        if self.followers is not None:
+            self._solve(q, dq, tau, self._none, out)
+            return
+        self._take(q)
+        self._move(dq, tau)
+        np.take(self._aba(self._model, self._data, self._q, self._v, self._x), self._order, out=out)
 
     def forward_damped(
         self, q: FloatArray, dq: FloatArray, tau: FloatArray, added: FloatArray, out: FloatArray
     ) -> None:
         """Accelerations that torques `tau` give where M has `added`, (n,) ≥ 0, on its diagonal."""
+        if self.followers is not None:
+            self._solve(q, dq, tau, added, out)
+            return
         order = self._order
-        self._q[order], self._v[order], self._x[order] = q, dq, tau
+        self._take(q)
+        self._move(dq, tau)
         self._added[order] = self._armature + added
         np.take(self._aba(self._damped, self._data, self._q, self._v, self._x), order, out=out)
 
+    def _solve(
+        self, q: FloatArray, dq: FloatArray, tau: FloatArray, added: FloatArray, out: FloatArray
+    ) -> None:
+        """Write (M + diag(added))⁻¹·(τ − h), of a robot with followers."""
+        mass = self.mass(q)
+        mass[np.diag_indices_from(mass)] += added
+        self._move(dq, self._none)
+        self._give(self._nle(self._model, self._data, self._q, self._v), self._bias)
+        out[:] = np.linalg.solve(mass, tau - self._bias)
+
     def inverse(self, q: FloatArray, dq: FloatArray, ddq: FloatArray, out: FloatArray) -> None:
         """Torques that accelerations `ddq` need."""
-        order = self._order
-        self._q[order], self._v[order], self._x[order] = q, dq, ddq
-        np.take(self._rnea(self._model, self._data, self._q, self._v, self._x), order, out=out)
+        self._take(q)
+        self._move(dq, ddq)
+        self._give(self._rnea(self._model, self._data, self._q, self._v, self._x), out)
 
     def gravity(self, q: FloatArray, out: FloatArray) -> None:
         """Torques that hold the robot at rest against gravity."""
-        self._q[self._order] = q
-        np.take(self._gravity_torque(self._model, self._data, self._q), self._order, out=out)
+        self._take(q)
+        self._give(self._gravity_torque(self._model, self._data, self._q), out)
 
     def place(self, q: FloatArray, added: FloatArray) -> None:
         """Update three views of what Pinocchio has, in its own order of joints.
 
-        `inertia`, (n, n), the upper triangle of M with `added`, (n,) ≥ 0, on its diagonal;
-        `joint_jacobian`, (6, n), v and ω of what each joint moves, at the root's origin, in its
+        `inertia`, (n, n), the upper triangle of M with `added`, (n,) ≥ 0, on its diagonal; of a
+        robot with followers all of it, in the order of the wire;
+        `joint_jacobian`, (6, m), v and ω of what each joint moves, at the root's origin, in its
         axes; and every `placement`.
         """
-        self._q[self._order] = q
-        self._added[self._order] = self._armature + added
+        self._take(q)
+        followers = self.followers
+        self._added[self._order[: self.n]] = self._armature[: self.n] + added
         self._crba(self._damped, self._data, self._q, self._world)
+        if followers is not None:
+            upper = np.triu(self._full_inertia)
+            full = (upper + np.triu(upper, 1).T)[np.ix_(self._order, self._order)]
+            followers.inertia(full, self.inertia)
 
     def placement(self, joint: int) -> tuple[FloatArray, FloatArray]:
         """Where a joint is in the root: views of its rotation (3, 3) and its origin (3,) [m]."""
@@ -133,12 +190,12 @@ class Dynamics:
         return int(found.parentJoint), np.ascontiguousarray(placed)
 
     def movers(self, frame: str) -> NDArray[np.bool_]:
-        """Which joints of the wire move a frame, (n,).
+        """Which joints, those of the wire and behind them the followers, move a frame, (m,).
 
         Raises:
             FrameNotFoundError: the robot has no such frame.
         """
-        moved = np.zeros(self.n, np.bool_)
+        moved = np.zeros(len(self._order), np.bool_)
         for joint in self._model.supports[self.carrier(frame)[0]]:
             if joint > 0:
                 moved[self._model.joints[joint].idx_v] = True

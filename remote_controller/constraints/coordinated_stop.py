@@ -71,11 +71,15 @@ class CoordinatedStop:
                 np.maximum(self._least, each.least, out=self._least)
                 np.minimum(self._greatest, each.greatest, out=self._greatest)
         kinds = {joint.name: joint.kind for joint in description.structure.joints}
-        slides = np.array([kinds[name] == "prismatic" for name in description.joint_names])
+        followers = kinematics.followers
+        names = (*description.joint_names, *(followers.names if followers else ()))
+        slides = np.array([kinds[name] == "prismatic" for name in names])
         robot = reach(kinematics)
         reaches = [each.reach or robot for each in self._constraints]
         self._per_joint = np.array([np.where(slides, 1.0, each) for each in reaches])
-        self._per_joint.shape = len(reaches), description.n
+        self._per_joint.shape = len(reaches), len(names)
+        if followers is not None:  # |Δ| of a follower is |ratio| times its master's
+            self._per_joint = self._per_joint @ np.abs(followers.matrix)
         self._bends = np.array(
             [
                 1.0 / most + each.sharpness

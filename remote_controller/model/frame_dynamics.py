@@ -36,7 +36,8 @@ class FramesDynamics:
     """M(q)·ddq + h(q, dq) = τ of a robot, and d/dt ν = J·ddq + J̇·dq of the motion ν of its frames.
 
     Joints are in wire order. Gravity is part of h unless the description has it `none`; friction is
-    not. However many frames: one crba, one nle and one kernel.
+    not. However many frames: one crba, one nle and one kernel. Of a robot with followers
+    (`Followers`) the kernel writes M, h and J of all m joints, "full", from which M, h and J come.
 
     Args:
         description: of the robot.
@@ -65,6 +66,8 @@ class FramesDynamics:
         self._gather: Callable[..., None] = frames_dynamics
         rigid = Dynamics(description)  # which has set gravity
         self.n, self.damping, self._robot = description.n, rigid.damping, rigid.robot
+        self._followers = rigid.followers
+        self._rows = [slice(each.start, each.start + each.size) for each in frames]
         self._model, self._data = rigid.robot.model, rigid.robot.data
         self._order = np.array(rigid.robot.order, np.int64)
         self._crba, self._nle = pinocchio.crba, pinocchio.nonLinearEffects
@@ -74,13 +77,16 @@ class FramesDynamics:
         self._compensated = description.gravity == "compensated"
         carried = [rigid.carrier(each.frame) for each in frames]
         movers = [self._movers_of(each.frame) for each in frames]
-        n, k, data = self.n, len(frames), self._data
-        self._q, self._v = np.zeros(n), np.zeros(n)
+        n, k, data, m = self.n, len(frames), self._data, len(self._order)
+        self._q, self._v = np.zeros(m), np.zeros(m)
         self.mass, self.jacobian = np.zeros((n, n)), np.zeros((rows, n))
         self.bias, self.weight = np.zeros(n), np.zeros(n)
         self.twist, self.drift = np.zeros(rows), np.zeros(rows)
         self.origins, self.rotations = np.zeros((k, 3)), np.zeros((k, 3, 3))
-        self._rigid = (data.M.reshape(n, n), data.nle, data.J.reshape(6, n), _placements(data))
+        self._full = self.mass, self.bias, self.jacobian
+        if self._followers is not None:
+            self._full = np.zeros((m, m)), np.zeros(m), np.zeros((rows, m))
+        self._rigid = (data.M.reshape(m, m), data.nle, data.J.reshape(6, m), _placements(data))
         self._layout: tuple[Any, ...] = (
             np.array([joint for joint, _ in carried], np.int64),
             np.array([mount for _, mount in carried]).reshape(k, 3, 4),
@@ -89,30 +95,35 @@ class FramesDynamics:
             np.cumsum([0, *map(len, movers)]),
             np.array([[each.start, each.size] for each in frames], np.int64).reshape(k, 2),
         )
-        self._out = (
-            self.mass,
-            self.bias,
-            self.jacobian,
-            self.twist,
-            self.drift,
-            self.origins,
-            self.rotations,
-        )
+        self._out = *self._full, self.twist, self.drift, self.origins, self.rotations
 
     def update(self, q: FloatArray, dq: FloatArray) -> None:
         """Take joint positions and velocities, (n,) [rad, rad/s or m, m/s]; both finite."""
-        model, data, order = self._model, self._data, self._order
-        self._q[order], self._v[order] = q, dq
+        model, data, order, followers = self._model, self._data, self._order, self._followers
+        full = dq
+        if followers is None:
+            self._q[order], self._v[order] = q, dq
+        else:
+            full = followers.velocities(dq)
+            self._q[order], self._v[order] = followers.positions(q), full
         self._crba(model, data, self._q, self._world)  # and the Jacobian of the joints
         self._nle(model, data, self._q, self._v)
         if self._compensated:
             weight = self._weigh(model, data, self._q)
-            weight.take(order, out=self.weight, mode="clip")  # the other modes copy `out`
-        self._gather(*self._rigid, *self._layout, dq, *self._out)
+            if followers is None:
+                weight.take(order, out=self.weight, mode="clip")  # the other modes copy `out`
+            else:
+                followers.columns(weight[order], self.weight)
+        self._gather(*self._rigid, *self._layout, full, *self._out)
+        if followers is not None:
+            followers.inertia(self._full[0], self.mass)
+            followers.columns(self._full[1], self.bias)
+            for mine in self._rows:
+                followers.columns(self._full[2][mine], self.jacobian[mine])
 
     def placement(self, q: FloatArray, frame: str) -> tuple[FloatArray, FloatArray]:
         """Where a frame is in posture `q`, (n,): copies of origin (3,) [m] and rotation (3, 3)."""
-        self._q[self._order] = q
+        self._q[self._order] = q if self._followers is None else self._followers.positions(q)
         self._place_all(self._model, self._data, self._q)
         found = self._data.oMf[self._robot.frame_id(frame)]
         return found.translation.copy(), found.rotation.copy()
@@ -122,7 +133,7 @@ class FramesDynamics:
         return not self._movers_of(frame).size
 
     def _movers_of(self, frame: str) -> NDArray[np.int64]:
-        """Joints of the wire that move a frame, from the root outwards."""
+        """Of the full joints those that move a frame, from the root outwards."""
         model, places = self._model, list(self._order)
         number = self._robot.frame_id(frame)
         joints = [j for j in model.supports[model.frames[number].parentJoint] if j > 0]

@@ -26,8 +26,9 @@ class _Frame:
 class Kinematics:
     """Where the robot's frames and its centre of mass are, and how they move with the joints.
 
-    Joints are in wire order, everywhere. The root link is Pinocchio's fixed base; its mass is
-    kept in the centre of mass.
+    Joints are in wire order, everywhere, and followers move with them (`Followers`); "full" are
+    all m joints, those of the wire and behind them the followers. The root link is Pinocchio's
+    fixed base; its mass is kept in the centre of mass.
 
     Raises:
         DescriptionError: Pinocchio cannot build the model.
@@ -40,10 +41,12 @@ class Kinematics:
 
         self._com_in_frame, self._frame_in_frame = com_in_frame, frame_in_frame
         self.robot = build_model(description)
-        self.n = description.n
+        self.n, self.followers = description.n, self.robot.followers
         self._model, self._data = self.robot.model, self.robot.data
         self._order = np.array(self.robot.order, np.int64)
-        self._q, self._v, self._still = np.zeros((3, self.n))
+        self._wire, m = self._order[: self.n], len(self._order)
+        self._full = {rows: np.zeros((rows, m)) for rows in (3, 6)}  # Jacobians of all m joints
+        self._q, self._v, self._still = np.zeros((3, m))
         root_share = self.robot.root_mass / (self.robot.total_mass or 1.0)
         self._moving_share = 1.0 - root_share
         root_com: Any = self.robot.root_com
@@ -54,8 +57,8 @@ class Kinematics:
         self._place = pinocchio.updateFramePlacement
         # Pinocchio hands out views, which every pass rewrites; a single column comes as a vector
         self._com = self._data.com[0]
-        self._com_jacobian = self._data.Jcom.reshape(3, self.n)
-        self._joint_jacobian = self._data.J.reshape(6, self.n)
+        self._com_jacobian = self._data.Jcom.reshape(3, m)
+        self._joint_jacobian = self._data.J.reshape(6, m)
         self._frames: dict[int, _Frame] = {}
         self._place_all = pinocchio.updateFramePlacements
         placements = self._data.oMf
@@ -80,12 +83,12 @@ class Kinematics:
 
     def update(self, q: FloatArray) -> None:
         """Take the joint positions `q`, (n,) [rad or m]."""
-        self._q[self._order] = q
+        self._q[self._order] = q if self.followers is None else self.followers.positions(q)
         self._pass(self._model, self._data, self._q, False)
 
     def joints(self, position_out: FloatArray) -> None:
         """Write the joint positions that `update` took, (n,) [rad or m]."""
-        np.take(self._q, self._order, out=position_out)
+        np.take(self._q, self._wire, out=position_out)
 
     def com(self, frame: int, position_out: FloatArray, jacobian_out: FloatArray) -> None:
         """Centre of mass, (3,) [m], and its Jacobian, (3, n) [m/rad], as seen from a frame.
@@ -112,8 +115,10 @@ class Kinematics:
             self._moving_share,
             self._order,
             position_out,
-            jacobian_out,
+            jacobian_out if self.followers is None else self._full[3],
         )
+        if self.followers is not None:
+            self.followers.columns(self._full[3], jacobian_out)
 
     def frame(
         self,
@@ -149,8 +154,10 @@ class Kinematics:
             self._order,
             position_out,
             rotation_out,
-            jacobian_out,
+            jacobian_out if self.followers is None else self._full[6],
         )
+        if self.followers is not None:
+            self.followers.columns(self._full[6], jacobian_out)
 
     def load_drift(self) -> None:
         """Have `frame_drift` and `com_drift` ready, which controllers of velocities never ask."""
@@ -171,7 +178,7 @@ class Kinematics:
         self._place(self._model, self._data, frame)
         self._place(self._model, self._data, reference)
         seen, seen_from = self._frames[frame], self._frames[reference]
-        self._v[self._order] = dq
+        self._move(dq)
         self._drift.frame_drift(
             self._joint_jacobian,
             self._v,
@@ -182,6 +189,9 @@ class Kinematics:
             out,
         )
 
+    def _move(self, dq: FloatArray) -> None:
+        self._v[self._order] = dq if self.followers is None else self.followers.velocities(dq)
+
     def com_drift(self, frame: int, dq: FloatArray, out: FloatArray) -> None:
         """Write J̇·dq of the centre of mass, with J as of `com`, (3,) [m/s²]; after `load_drift`.
 
@@ -191,7 +201,7 @@ class Kinematics:
             out: written, in the frame's axes.
         """
         share, data, seen_from = self._moving_share, self._data, self._frames[frame]
-        self._v[self._order] = dq
+        self._move(dq)
         self._accelerate(self._model, data, self._q, self._v, self._still, False)
         self._place(self._model, data, frame)
         self._drift.com_drift(
@@ -210,20 +220,20 @@ class Kinematics:
 
         Returns:
             Origins (F, 3) [m] and rotations (F, 3, 3) by `frame_id`; the twist that each joint
-            gives what it carries, (6, n): velocity of the point at the root's origin over angular
-            velocity, all in the root's axes and Pinocchio's order; and the column of each joint
-            of the wire in it, (n,).
+            gives what it carries, (6, m): velocity of the point at the root's origin over angular
+            velocity, all in the root's axes and Pinocchio's order; and the full joints' columns
+            in it, (m,).
         """
         self._place_all(self._model, self._data)
         return self._all_frames
 
     def moved_by(self, frame: int) -> NDArray[np.bool_]:
-        """Whether each joint moves a frame, (n,)."""
+        """Whether each of the full joints moves a frame, (m,)."""
         return self._frames[frame].moved_by[self._order]
 
     def _view(self, number: int) -> _Frame:
         model, placement = self._model, self._data.oMf[number]
-        moved_by = np.zeros(self.n, np.bool_)
+        moved_by = np.zeros(len(self._order), np.bool_)
         for joint in model.supports[model.frames[number].parentJoint]:
             if joint > 0:  # 0 is the world
                 moved_by[model.joints[joint].idx_v] = True

@@ -43,6 +43,7 @@ class Contacts:
         self._push, self._react, self._sense = kernels.push, kernels.react, kernels.sense
         n, count, sensors = description.n, len(settings), description.wrench_sensors
         self._dynamics, order = dynamics, np.array(dynamics.robot.order, np.int64)
+        self._followers = dynamics.followers
         frames = [each.frame for each in settings]
         carriers = [dynamics.carrier(frame) for frame in [*frames, *sensors]]
         bodies = sorted({joint for joint, _ in carriers})
@@ -61,11 +62,15 @@ class Contacts:
         points, depths = np.zeros((count, 3)), np.zeros(count)
         self._places = np.zeros((len(bodies), 3, 4))
         rows, half = np.zeros((2, count, 3, n))
+        self._rows, self._full_rows = rows, rows
+        if self._followers is not None:
+            self._full_rows = np.zeros((count, 3, len(order)))
         self._forces, self._torque, self._none = np.zeros((count, 3)), np.zeros(n), np.zeros(n)
         # what the kernels take
         self._planes = self._places, on_body[:count], in_body, axes, levels, points, depths
-        self._jacobians = dynamics.joint_jacobian, order, movers, axes, points, rows
-        self._masses, self._touched = (dynamics.inertia, order), (rows, depths, laws)
+        self._jacobians = dynamics.joint_jacobian, order, movers, axes, points, self._full_rows
+        self._masses = dynamics.inertia, dynamics.inertia_order
+        self._touched = rows, depths, laws
         self._scratch = np.zeros((n, n)), half, np.zeros((count, count, 3, 3))
         felt = carried.reshape(len(sensors), count)
         self._sensors = self._places, on_body[count:], mounts, felt, points, axes, self._forces
@@ -118,6 +123,8 @@ class Contacts:
             self._forces[:] = 0.0
             return False
         self._rows_of(*self._jacobians)
+        if self._followers is not None:
+            self._followers.columns(self._full_rows, self._rows)
         return True
 
 

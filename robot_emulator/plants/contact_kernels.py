@@ -76,10 +76,10 @@ def contact_rows(
     Args:
         joint_jacobian: (6, n) v and ω of what each joint moves, at the root's origin, in
             Pinocchio's order.
-        order: (n,) column of each joint of the wire there.
-        movers: (c, n) which joints of the wire move a point.
+        order: (n,) column there of each joint of the wire, and of each follower behind them.
+        movers: (c, n) which of them move a point.
         axes, points: see `touch`.
-        rows_out: (c, 3, n) in wire order.
+        rows_out: (c, 3, n) in that order.
     """
     for c in range(points.shape[0]):
         x, y, z = points[c, 0], points[c, 1], points[c, 2]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from xml.etree import ElementTree as ET
+
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
@@ -21,13 +24,14 @@ class Robot:
     Attributes:
         description: what it was made from.
         model, data: Pinocchio's.
-        order: (n,) place of each joint of the wire in Pinocchio's q and v.
+        G, g0: (m, n) and (m,), of q_pinocchio = G·q + g₀: joints of the wire, and their followers.
         positions: joint positions, (n,) [rad or m], in wire order.
     """
 
     def __init__(self, description: RobotDescription) -> None:
         self.description, self._built = description, build_model(description)
-        self.model, self.data, self.order = self._built.model, self._built.data, self._built.order
+        self.model, self.data = self._built.model, self._built.data
+        self.G, self.g0 = follower_matrix(description, self.model)
         self.q, self.positions = np.zeros(self.model.nq), np.zeros(description.n)
         self._v = np.zeros(self.model.nv)
 
@@ -41,25 +45,28 @@ class Robot:
         return frame
 
     def moves(self, frame: str, reference: str) -> NDArray[np.bool_]:
-        """Whether each joint moves a frame as seen from another, (n,), by how they are linked."""
+        """Whether each joint moves a frame as seen from another, (n,), by how they are linked.
+
+        A joint of the wire does where it or a follower of its does.
+        """
         found = np.zeros(self.model.nv, bool)
         for name in (frame, reference):
             joint = self.model.frames[self._built.frame_id(name)].parentJoint
             above = [each for each in self.model.supports[joint] if each > 0]  # 0 is the world
             found[[self.model.joints[each].idx_v for each in above]] ^= True
-        return found[self.order]
+        return np.asarray((self.G[found] != 0.0).any(axis=0))
 
     def place(self, q: Array) -> None:
         """Take joint positions, (n,) [rad or m]."""
         self.positions = np.array(q, float)
-        self.q[self.order] = q
+        self.q = self.G @ self.positions + self.g0
         pin.computeJointJacobians(self.model, self.data, self.q)
         pin.updateFramePlacements(self.model, self.data)
 
     def place_only(self, q: Array) -> None:
         """Take joint positions for `com_point` and `pose` alone, which need no Jacobians."""
         self.positions = np.array(q, float)
-        self.q[self.order] = q
+        self.q = self.G @ self.positions + self.g0
         pin.framesForwardKinematics(self.model, self.data, self.q)
 
     def com_point(self, reference: str) -> Array:
@@ -90,17 +97,17 @@ class Robot:
         seen_from, J_reference = self._moving(reference)
         p, J_p = self._seen(placement.translation, J[:3], reference)
         axes = seen_from.rotation.T
-        turning = axes @ (J[3:] - J_reference[3:])[:, self.order]
+        turning = axes @ (J[3:] - J_reference[3:]) @ self.G
         return p, axes @ placement.rotation, np.vstack([J_p, turning])
 
     def in_root(self, frame: str) -> tuple[Array, Array, Array]:
         """Origin (3,) [m], axes (3, 3) and Jacobian (6, n) of a frame, in the root's axes."""
         placement, J = self._moving(frame)
-        return placement.translation.copy(), placement.rotation.copy(), J[:, self.order]
+        return placement.translation.copy(), placement.rotation.copy(), J @ self.G
 
     def move(self, dq: Array) -> None:
         """Take joint velocities as well, (n,) [rad/s or m/s], after `place`: for what drifts."""
-        self._v[self.order] = dq
+        self._v = self.G @ dq
         still = np.zeros_like(self._v)
         pin.forwardKinematics(self.model, self.data, self.q, self._v, still)
         pin.centerOfMass(self.model, self.data, self.q, self._v, still, False)
@@ -133,7 +140,7 @@ class Robot:
         number = self._built.frame_id(frame)
         axes = pin.LOCAL if own_axes else pin.LOCAL_WORLD_ALIGNED
         accelerate = pin.getFrameAcceleration if own_axes else pin.getFrameClassicalAcceleration
-        J = pin.getFrameJacobian(self.model, self.data, number, axes)[:, self.order]
+        J = pin.getFrameJacobian(self.model, self.data, number, axes) @ self.G
         twist = pin.getFrameVelocity(self.model, self.data, number, axes).vector
         return J, twist, accelerate(self.model, self.data, number, axes).vector
 
@@ -158,7 +165,7 @@ class Robot:
         arm = point - placement.translation
         with_it = carried[:3] - pin.skew(arm) @ carried[3:]
         axes = placement.rotation.T
-        return axes @ arm, (axes @ (J - with_it))[:, self.order]
+        return axes @ arm, axes @ (J - with_it) @ self.G
 
     def _moving(self, frame: str) -> tuple[pin.SE3, Array]:
         """Placement of a frame, and the Jacobian of its origin in the root's axes, (6, nv)."""
@@ -174,24 +181,61 @@ class RigidBody:
         robot: whose model is used; its data stay as they are.
 
     Attributes:
-        damping: viscous friction of the URDF, (n,) [N m s/rad or N s/m].
+        damping: viscous friction of the URDF, (n,) [N m s/rad or N s/m]; of followers, what their
+            masters feel of it.
     """
 
     def __init__(self, robot: Robot) -> None:
-        self._model, self._order = robot.model.copy(), robot.order
+        self._model, self._G, self._g0 = robot.model.copy(), robot.G, robot.g0
         if robot.description.gravity == "none":
             self._model.gravity.setZero()
         self._adds_gravity = robot.description.gravity == "compensated"
-        self._data, self.damping = self._model.createData(), self._model.damping[robot.order].copy()
-        self._q, self._v = np.zeros((2, self._model.nv))
+        self._data = self._model.createData()
+        self.damping = (self._G**2).T @ self._model.damping  # d·dq², followers': d·r²·dq²
 
     def at(self, q: Array, dq: Array) -> tuple[Array, Array, Array]:
         """M (n, n), h (n,), and the torques that the robot itself adds to commands, (n,)."""
-        model, data, order = self._model, self._data, self._order
-        self._q[order], self._v[order] = q, dq
-        M = np.triu(pin.crba(model, data, self._q))
-        M = (M + np.triu(M, 1).T)[np.ix_(order, order)]
-        h = pin.nonLinearEffects(model, data, self._q, self._v)[order].copy()
+        model, data, G = self._model, self._data, self._G
+        full = G @ q + self._g0
+        M = np.triu(pin.crba(model, data, full))
+        M = G.T @ (M + np.triu(M, 1).T) @ G
+        h = G.T @ pin.nonLinearEffects(model, data, full, G @ dq)
         if not self._adds_gravity:
             return M, h, np.zeros(len(q))
-        return M, h, pin.computeGeneralizedGravity(model, data, self._q)[order].copy()
+        return M, h, G.T @ pin.computeGeneralizedGravity(model, data, full)
+
+
+def follower_matrix(description: RobotDescription, model: pin.Model) -> tuple[Array, Array]:
+    """G and g₀ of q_pinocchio = G·q + g₀.
+
+    A joint of the wire has a single 1 in its row. The row of one that follows is its master's,
+    times the multiplier of its <mimic>, and so is its g₀, to which the offset is added.
+
+    Args:
+        description: of the robot.
+        model: with one coordinate for each moving joint.
+
+    Returns:
+        (m, n) and (m,) [rad or m], in Pinocchio's order.
+    """
+    mimics = {
+        joint.attrib["name"]: mimic.attrib
+        for joint in ET.fromstring(description.urdf).iterfind("joint")  # noqa: S314 (read before)
+        if (mimic := joint.find("mimic")) is not None
+    }
+    G, g0 = np.zeros((model.nv, description.n)), np.zeros(model.nv)
+    for joint in range(1, model.njoints):
+        row = model.joints[joint].idx_v
+        G[row], g0[row] = _law(model.names[joint], mimics, description.joint_names)
+    return G, g0
+
+
+def _law(
+    name: str, mimics: Mapping[str, Mapping[str, str]], wire: tuple[str, ...]
+) -> tuple[Array, float]:
+    if name not in mimics:
+        return np.array([float(other == name) for other in wire]), 0.0
+    mimic = mimics[name]
+    ratio = float(mimic.get("multiplier", "1"))
+    row, offset = _law(mimic["joint"], mimics, wire)
+    return ratio * row, ratio * offset + float(mimic.get("offset", "0"))

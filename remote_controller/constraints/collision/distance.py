@@ -123,6 +123,7 @@ class Distance(Constraint):
         self.rows = parameters.rows
         self.names = tuple(f"near {row}" for row in range(self.rows))
         self._contacts = np.zeros((self.rows, 9))
+        self._full_rows = np.zeros((self.rows, len(kinematics.robot.order)))
         self.events.update(rows_short=0, crossing=0, immovable=0)
         self._place(self._chosen(parameters, kinematics), kinematics)
 
@@ -166,16 +167,19 @@ class Distance(Constraint):
             self._look(behind, self._looks[2])
         self._looks[0] = self.margins
         _, _, twists, order = motion.kinematics.frames()
+        followers, dq, rows = motion.kinematics.followers, motion.dq, G_out
+        if followers is not None:
+            dq, rows = followers.velocities(dq), self._full_rows
         self._accelerate(
             self._contacts,
             twists,
             order,
             self._carried,
-            motion.dq,
+            dq,
             self._looks,
             apart_s / 2.0,
             self._settings,
-            G_out,
+            rows,
             upper_out,
         )
 
@@ -200,7 +204,8 @@ class Distance(Constraint):
         self, kinematics: Kinematics, A_out: FloatArray, b_out: FloatArray
     ) -> tuple[float, int, int, int]:
         origins, rotations, twists, order = kinematics.frames()
-        return self._write_rows(
+        followers = kinematics.followers
+        counts = self._write_rows(
             origins,
             rotations,
             twists,
@@ -210,10 +215,13 @@ class Distance(Constraint):
             self._carried,
             self._settings,
             self.margins,
-            A_out,
+            A_out if followers is None else self._full_rows,
             b_out,
             self._contacts,
         )
+        if followers is not None:
+            followers.columns(self._full_rows, A_out)
+        return counts
 
     def _chosen(self, parameters: Parameters, kinematics: Kinematics) -> list[tuple[Body, Body]]:
         """The pairs that the settings ask for."""
@@ -280,7 +288,7 @@ class Distance(Constraint):
             ],
             np.int64,
         ).reshape(-1, 3)
-        self._carried = np.zeros((len(pairs), self.n))
+        self._carried = np.zeros((len(pairs), len(kinematics.robot.order)))
         moved_by = {
             body.frame: kinematics.moved_by(kinematics.frame_id(body.frame)) for body in bodies
         }
@@ -323,7 +331,7 @@ def _named(bodies: dict[str, tuple[Body, ...]], name: str, key: str) -> tuple[Bo
 def _joints_between(description: RobotDescription, first: str, second: str) -> int:
     """Number of movable joints on the way from one link to another."""
     above = {joint.child: joint for joint in description.structure.joints}
-    movable = description.structure.movable
+    movable = description.structure.moved
     passed: list[set[str]] = []
     for link in (first, second):
         names, here = set(), link

@@ -19,7 +19,7 @@ def stands(robot: RobotDescription, frame: str) -> bool:
     """Whether no joint moves a frame; True for one that the robot does not have."""
     above = {joint.child: joint for joint in robot.structure.joints}
     while frame in above:
-        if above[frame].name in robot.structure.movable:
+        if above[frame].name in robot.structure.moved:
             return False
         frame = above[frame].parent
     return True

@@ -9,8 +9,8 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from random_trees import random_tree
 from support.arm3 import URDF, describe
+from support.robots.random_trees import random_tree
 
 from hoap3.protocol.errors import BadProblemError
 from hoap3.protocol.robot import torque_bounds_kernels as kernels

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from random_trees import random_tree
+from support.robots.random_trees import random_tree
 
 from hoap3.protocol.robot import torque_bounds_kernels as kernels
 from hoap3.protocol.robot.link_tables import build_tree

@@ -6,7 +6,7 @@ import json
 import math
 
 import pytest
-from support.followers.following_arm import URDF, YAML, following_arm
+from support.robots.following_arm import URDF, YAML, following_arm
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError

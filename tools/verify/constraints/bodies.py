@@ -103,7 +103,7 @@ def joints_between(robot: RobotDescription, first: str, second: str) -> int:
             link = above[link].parent
         return names
 
-    return len((passed(first) ^ passed(second)) & set(robot.structure.movable))
+    return len((passed(first) ^ passed(second)) & set(robot.structure.moved))
 
 
 def far_apart(robot: RobotDescription, links: Mapping[str, list[Body]], least: int) -> list[Pair]:

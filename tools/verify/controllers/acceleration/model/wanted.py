@@ -201,7 +201,7 @@ def wanted_of(entry: Settings, robot: Robot) -> Wanted:
 def stands(description: RobotDescription, frame: str) -> bool:
     """Whether no joint moves a frame."""
     parents = {joint.child: joint for joint in description.structure.joints}
-    while frame in parents and parents[frame].name not in description.structure.movable:
+    while frame in parents and parents[frame].name not in description.structure.moved:
         frame = parents[frame].parent
     return frame not in parents
 

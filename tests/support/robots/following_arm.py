@@ -76,6 +76,7 @@ urdf: arm.urdf
 joints: [finger, turn, {name: elbow, armature: 0.05}, lift, {name: roll, armature: 0.02}]
 postures: {bent: [0.01, 0.4, 0.7, 0.5, -0.3]}
 initial_posture: bent
+command_kinds: [position, acceleration, torque]
 setpoint_acceleration_max: 200
 brake_acceleration: 40
 default_task: {point: tool, reference: base, move_m: [0.02, 0.05, -0.04]}
