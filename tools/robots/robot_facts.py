@@ -25,11 +25,12 @@ from hoap3.tools.show.output import print_line, results
 
 @dataclass(frozen=True)
 class Facts:
-    """A robot, what its file says of it, and what its import found."""
+    """A robot, what its file says of it, what its import found, and how many meshes draw it."""
 
     description: RobotDescription
     file: RobotFile | None = None
     notes: list[str] = field(default_factory=list)
+    meshes: int = 0
 
 
 def look(name: str, package_path: Sequence[Path] = (), *, strict: bool = False) -> Facts:
@@ -40,9 +41,13 @@ def look(name: str, package_path: Sequence[Path] = (), *, strict: bool = False) 
     """
     if is_source(name):
         found = import_robot(name, package_path, strict=strict)
-        return Facts(found.description, found.file, [note.line() for note in found.notes])
+        notes = [note.line() for note in found.notes]
+        return Facts(found.description, found.file, notes, len(found.parts.visuals))
     description, path = load(name), find_file(name)
-    return Facts(description, None if path is None else read_files(path)[0])
+    if path is None:
+        return Facts(description)
+    file = read_files(path)[0]
+    return Facts(description, file, meshes=len(file.meshes))
 
 
 def as_json(facts: Facts) -> dict[str, Any]:
@@ -82,7 +87,7 @@ def as_json(facts: Facts) -> dict[str, Any]:
         "links": len(structure.links),
         "mass_kg": {"all": model.total_mass, "moving": model.total_mass - model.root_mass},
         "shapes": _shapes(robot),
-        "meshes": len(facts.file.meshes) if facts.file else 0,
+        "meshes": facts.meshes,
         "initial_posture": {"name": robot.initial_posture, "q": robot.initial_position.tolist()},
         "default_task": None if task is None else task.model_dump(exclude_none=True),
         "notes": facts.notes,

@@ -63,16 +63,16 @@ def sanitize(source: Source, notes: Notes, name: str | None = None, *, strict: b
     if robot.find("link") is None:
         raise DescriptionError("URDF: no <link>. Is this a part of a robot that others include?")
     _count_the_rest(robot, notes)
-    links = read_links(robot, source.search, notes, strict=strict)
     made, joints = read_joints(robot, notes)
+    if not joints:
+        raise DescriptionError("URDF: no joint moves. There is nothing to control.")
+    links = read_links(robot, source.search, notes, strict=strict)
     new = ET.Element("robot", name=name)
     new.extend(links.made)
     new.extend(made)
     ET.indent(new)
     urdf = ET.tostring(new, encoding="unicode") + "\n"
     structure = read_urdf(urdf)
-    if not joints:
-        raise DescriptionError("URDF: no joint moves. There is nothing to control.")
     return Sanitized(
         name, urdf, structure, tuple(joints), tuple(links.massless), tuple(links.visuals)
     )
