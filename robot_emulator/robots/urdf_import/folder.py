@@ -10,7 +10,7 @@ from pathlib import Path
 from hoap3.protocol.errors import ConfigError
 from hoap3.robot_emulator.robots.urdf_import.imported import RISE_S, ImportedRobot
 from hoap3.robot_emulator.robots.urdf_import.links import Visual
-from hoap3.robot_emulator.robots.urdf_import.mesh_files import MeshError, content
+from hoap3.robot_emulator.robots.urdf_import.shapes.mesh_files import MeshError, content
 from hoap3.robot_emulator.robots.yaml_file import JointEntry
 
 MESHES = "meshes"

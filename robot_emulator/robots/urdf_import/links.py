@@ -11,12 +11,12 @@ import numpy as np
 from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.messages import FloatArray
 from hoap3.robot_emulator.robots.urdf_import.figures import figure, triple, written
-from hoap3.robot_emulator.robots.urdf_import.fitting import Shape
 from hoap3.robot_emulator.robots.urdf_import.inertia import read_inertial
 from hoap3.robot_emulator.robots.urdf_import.joints import copy_attributes
-from hoap3.robot_emulator.robots.urdf_import.mesh_files import MeshError, digest, shape_of
 from hoap3.robot_emulator.robots.urdf_import.notes import Notes
-from hoap3.robot_emulator.robots.urdf_import.packages import SearchPath, UnresolvedError
+from hoap3.robot_emulator.robots.urdf_import.shapes.fitting import Shape
+from hoap3.robot_emulator.robots.urdf_import.shapes.mesh_files import MeshError, digest, shape_of
+from hoap3.robot_emulator.robots.urdf_import.shapes.packages import SearchPath, UnresolvedError
 
 PRIMITIVES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}
 

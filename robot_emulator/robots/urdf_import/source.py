@@ -15,7 +15,7 @@ from xml.etree import ElementTree as ET
 
 from hoap3.protocol.config.regular_file import read_at_most
 from hoap3.protocol.errors import ConfigError, DescriptionError, NotInstalledError
-from hoap3.robot_emulator.robots.urdf_import.packages import SearchPath
+from hoap3.robot_emulator.robots.urdf_import.shapes.packages import SearchPath
 from hoap3.robot_emulator.robots.urdf_import.xml_tree import MAX_BYTES, is_xacro, parse_robot
 
 SUFFIXES = {".urdf", ".xacro"}

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 from support.command_bench import inside
-from support.vendor_arm import JOINTS, LINKS, PACKAGE, joint, link, urdf, vendor_folder
+from support.urdfs.vendor_arm import JOINTS, LINKS, PACKAGE, joint, link, urdf, vendor_folder
 
 from hoap3 import load_robot
 from hoap3.protocol.errors import UrdfWarning

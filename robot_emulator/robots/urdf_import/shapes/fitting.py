@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.robot_emulator.robots.urdf_import.enclosing_ball import enclosing_ball
+from hoap3.robot_emulator.robots.urdf_import.shapes.enclosing_ball import enclosing_ball
 
 FACES = 12  # of the hull that a box is laid on, the largest ones
 LEAST_M = 1e-4  # of an extent or a radius: nothing is thinner

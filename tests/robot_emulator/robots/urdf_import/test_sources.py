@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from support.vendor_arm import PACKAGE, urdf, vendor_folder
+from support.urdfs.vendor_arm import PACKAGE, urdf, vendor_folder
 
 from hoap3.protocol.errors import ConfigError, DescriptionError, NotInstalledError, UrdfWarning
 from hoap3.robot_emulator.robots import load

@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from support.vendor_arm import INERTIAL, JOINTS, LINKS, joint, link, urdf, vendor_folder
+from support.urdfs.vendor_arm import INERTIAL, JOINTS, LINKS, joint, link, urdf, vendor_folder
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from support.vendor_arm import JOINTS, LIMIT, LINKS, joint, link, urdf, vendor_folder
+from support.urdfs.vendor_arm import JOINTS, LIMIT, LINKS, joint, link, urdf, vendor_folder
 
 from hoap3.protocol.errors import DescriptionError
 from hoap3.robot_emulator.robots.urdf_import.imported import ImportedRobot, import_robot

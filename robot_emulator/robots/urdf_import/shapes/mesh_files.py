@@ -11,7 +11,7 @@ import numpy as np
 from hoap3.protocol.config.regular_file import open_regular, read_at_most
 from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.messages import FloatArray
-from hoap3.robot_emulator.robots.urdf_import.fitting import Shape, tightest
+from hoap3.robot_emulator.robots.urdf_import.shapes.fitting import Shape, tightest
 
 MAX_BYTES = 256 << 20
 MAX_VERTICES = 5_000_000

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.example_robots import MOVING, REFUSED
-from support.vendor_arm import vendor_folder
+from support.urdfs.example_robots import MOVING, REFUSED
+from support.urdfs.vendor_arm import vendor_folder
 
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 from hoap3.robot_emulator.robots.urdf_import.imported import import_robot

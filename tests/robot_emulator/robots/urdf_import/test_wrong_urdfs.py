@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 
 import pytest
-from support.vendor_arm import JOINTS, LIMIT, LINKS, joint, link, urdf, vendor_folder
+from support.urdfs.vendor_arm import JOINTS, LIMIT, LINKS, joint, link, urdf, vendor_folder
 
 from hoap3.protocol.errors import ConfigError, DescriptionError, UsageError
 from hoap3.robot_emulator.robots import load

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support.vendor_arm import PACKAGE, stl, tube, urdf, vendor_folder
+from support.urdfs.vendor_arm import PACKAGE, stl, tube, urdf, vendor_folder
 
 from hoap3.protocol.errors import DescriptionError
 from hoap3.robot_emulator.robots.urdf_import.imported import import_robot
-from hoap3.robot_emulator.robots.urdf_import.packages import SearchPath, UnresolvedError
+from hoap3.robot_emulator.robots.urdf_import.shapes.packages import SearchPath, UnresolvedError
 
 
 @pytest.fixture

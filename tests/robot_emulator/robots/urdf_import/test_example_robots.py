@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pinocchio as pin
 import pytest
-from support.example_robots import EXAMPLES, FEW, MOVING, REFUSED, joints
+from support.urdfs.example_robots import EXAMPLES, FEW, MOVING, REFUSED, joints
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError
