@@ -184,6 +184,25 @@ class RobotDescription(Part):
         "Inertias of the rotors as the joints feel them, (n,) [kg m²; prismatic kg]."
     )
 
+    @cached_property
+    def sampling_range(self) -> tuple[Vector, Vector]:
+        """Positions to draw from, (n,) each [rad]: the usable range, and one turn without a limit.
+
+        That turn ends at the limit that there is, or is the one around 0.
+        """
+        ends = []
+        for joint in self.joints:
+            least, greatest = joint.lower, joint.upper
+            if math.isinf(least) and math.isinf(greatest):
+                least, greatest = -math.pi, math.pi
+            elif math.isinf(least):
+                least = greatest - math.tau
+            elif math.isinf(greatest):
+                greatest = least + math.tau
+            ends.append((least, greatest))
+        lower, upper = zip(*ends, strict=True)
+        return _read_only(lower), _read_only(upper)
+
     @property
     def due(self) -> int:
         """How long an answer has, from where `deadline` counts [ns]."""

@@ -133,6 +133,9 @@ class Joint(Part):
             refuse("effort_average", self.effort_average, f"Stay between 0 and {self.effort}.")
         if self.encoder_counts_per_rad == 0.0:
             refuse("encoder_counts_per_rad", 0.0, "Write the signed scale, or leave it out.")
+        if self.encoder_counts_per_rad and math.isinf(self.upper_hard - self.lower_hard):
+            remedy = "Leave it out, or give the joint limits: counts have 16 bits, and do not wrap."
+            refuse("encoder_counts_per_rad", self.encoder_counts_per_rad, remedy)
         if self.armature < 0.0:
             refuse("armature", self.armature, "Write 0 or more.")
 

@@ -28,6 +28,7 @@ KERNELS = (
     "hoap3.robot_emulator.plants.motion_kernels",
     "hoap3.robot_emulator.filters.position_kernels",
     "hoap3.protocol.robot.viability_bounds_kernels",
+    "hoap3.protocol.robot.followers_kernels",
 )
 CONTACT_KERNELS = ("hoap3.robot_emulator.plants.contact_kernels",)
 LEAD = 4  # the part of a period that a robot in real time may act ahead of a tick

@@ -28,10 +28,15 @@ class Followers:
         names: of the followers, (f,).
         matrix: G, (n + f, n), read-only.
         offsets: g₀, (n + f,) [rad or m], read-only.
+        masters, ratios: (n + f,) the joint of the wire that each moves with, and how far for each
+            unit of that one: the only figure in its row of G.
         q, v: (n + f,) what `positions` and `velocities` wrote last.
     """
 
     def __init__(self, description: RobotDescription) -> None:
+        from hoap3.protocol.robot import followers_kernels as kernels
+
+        self._inertia, self._accelerations = kernels.tied_inertia, kernels.accelerations
         followers, places = description.structure.followers, description.joint_names
         n, m = description.n, description.n + len(followers)
         self.names = tuple(followers)
@@ -41,8 +46,10 @@ class Followers:
             self.offsets[row] = follower.offset
         self.matrix.setflags(write=False)
         self.offsets.setflags(write=False)
+        self.masters = np.argmax(self.matrix != 0.0, axis=1)
+        self.ratios = self.matrix[np.arange(m), self.masters]
         self.q, self.v = np.zeros(m), np.zeros(m)
-        self._half = np.zeros((m, n))
+        self._factor = np.zeros((n, n))
 
     def positions(self, q: FloatArray) -> FloatArray:
         """G·q + g₀ of `q`, (n,)."""
@@ -58,12 +65,15 @@ class Followers:
         """Write J_m·G, or Gᵀ·τ_m: `full`, (…, n + f), and `out`, (…, n)."""
         np.matmul(full, self.matrix, out=out)
 
-    def inertia(self, full: FloatArray, out: FloatArray) -> None:
-        """Write Gᵀ·M_m·G, exactly symmetric: `full`, (n + f, n + f), and `out`, (n, n)."""
-        np.matmul(full, self.matrix, out=self._half)
-        np.matmul(self.matrix.T, self._half, out=out)
-        out += out.T.copy()
-        out *= 0.5
+    def inertia(self, full: FloatArray, order: NDArray[np.int64], out: FloatArray) -> None:
+        """Write Gᵀ·M_m·G, (n, n), of the upper triangle of M_m in an order, `RobotModel.order`."""
+        self._inertia(full, order, self.masters, self.ratios, out)
+
+    def accelerations(
+        self, mass: FloatArray, added: FloatArray, torque: FloatArray, out: FloatArray
+    ) -> None:
+        """Write (M + diag(added))⁻¹·torque, all (n,), of an M that is an inertia."""
+        self._accelerations(mass, added, torque, self._factor, out)
 
     def resistance(self, full: FloatArray, *, dry: bool) -> FloatArray:
         """Friction that the joints of the wire feel, (n,), of that of each moving joint, (n + f,).

@@ -5,8 +5,10 @@ It sorts the joints in its own way: `RobotModel.order` says where each joint of 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +16,8 @@ from numpy.typing import NDArray
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError, FrameNotFoundError
 from hoap3.protocol.robot.followers import Followers
-from hoap3.protocol.robot.pinocchio_urdf import one_coordinate_each
+
+SOME_RANGE = math.pi  # rad: a revolute joint must have limits, of which nothing is used
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,7 @@ def build_model(description: RobotDescription) -> RobotModel:
     import pinocchio as pin
 
     try:
-        model = pin.buildModelFromXML(one_coordinate_each(description))
+        model = pin.buildModelFromXML(_one_coordinate_each(description))
     except (ArithmeticError, LookupError, RuntimeError, ValueError) as error:
         raise DescriptionError(
             f"robot {description.name!r}: Pinocchio cannot read the URDF ({error}). "
@@ -115,7 +118,7 @@ def collision_shapes(
     import pinocchio as pin
 
     model = build_model(description).model
-    urdf = one_coordinate_each(description)
+    urdf = _one_coordinate_each(description)
     found: dict[str, list[tuple[Any, NDArray[np.float64], NDArray[np.float64]]]] = {}
     shapes = pin.buildGeomFromUrdfString(model, urdf, pin.COLLISION)
     for shape in shapes.geometryObjects:
@@ -124,3 +127,24 @@ def collision_shapes(
         placed = (shape.geometry, here.translation.copy(), here.rotation.copy())
         found.setdefault(frame.name, []).append(placed)
     return found
+
+
+def _one_coordinate_each(description: RobotDescription) -> str:
+    """The robot's URDF, continuous joints as revolute ones; without any, the text as it is.
+
+    Pinocchio gives a continuous joint two coordinates, cosine and sine. A follower is a joint of
+    its own to it, unless asked otherwise.
+    """
+    if not description.structure.continuous:
+        return description.urdf
+    robot = ET.fromstring(description.urdf)  # noqa: S314 (`read_urdf` has checked it)
+    for joint in robot.iterfind("joint[@type='continuous']"):
+        joint.set("type", "revolute")
+        limit = joint.find("limit")
+        if limit is None:
+            limit = ET.SubElement(joint, "limit", velocity="1", effort="1")
+        limit.attrib.setdefault("velocity", "1")
+        limit.attrib.setdefault("effort", "1")
+        limit.set("lower", str(-SOME_RANGE))
+        limit.set("upper", str(SOME_RANGE))
+    return ET.tostring(robot, encoding="unicode")

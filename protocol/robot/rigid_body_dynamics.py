@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.robot.pinocchio_model import build_model
+from hoap3.protocol.robot.followers import Followers
+from hoap3.protocol.robot.pinocchio_model import RobotModel, build_model
 
 SINGULAR = 1e-12  # least eigenvalue of M, scaled to 1 on its diagonal
 
@@ -25,6 +26,7 @@ class Dynamics:
 
     Args:
         description: of the robot.
+        robot: its model, if there is one already; gravity is as it is there.
 
     Attributes:
         damping: viscous friction of the URDF [N m s/rad], that of followers included.
@@ -36,20 +38,21 @@ class Dynamics:
         DescriptionError: Pinocchio cannot build the model.
     """
 
-    def __init__(self, description: RobotDescription) -> None:
+    def __init__(self, description: RobotDescription, robot: RobotModel | None = None) -> None:
         import pinocchio
 
-        self.robot = build_model(description)
+        self.robot = build_model(description) if robot is None else robot
         self.n, self.followers = description.n, self.robot.followers
         self._model, self._data, self._order = self.robot.model, self.robot.data, self.robot.order
         self._aba, self._rnea, self._crba = pinocchio.aba, pinocchio.rnea, pinocchio.crba
         self._world, self._nle = pinocchio.Convention.WORLD, pinocchio.nonLinearEffects
         self._gravity_torque = pinocchio.computeGeneralizedGravity
-        if description.gravity == "none":
+        if robot is None and description.gravity == "none":
             self._model.gravity.setZero()
         self._damped = pinocchio.Model(self._model)  # `forward_damped` changes its armature
         self._added = self._damped.armature
-        self._armature = np.array(self._model.armature)[self._order]
+        self._wire = self.robot.wire  # followers have no armature of their own
+        self._armature = np.array(self._model.armature)[self._wire]
         self.damping = np.array(self._model.damping)[self._order]
         self.friction = np.array(self._model.friction)[self._order]
         if self.followers:
@@ -59,21 +62,23 @@ class Dynamics:
         self._q, self._v, self._x = np.zeros(m), np.zeros(m), np.zeros(m)
         self._none, self._bias = np.zeros((2, self.n))
         self._full_inertia = self._data.M.reshape(m, m)
-        self.inertia, self.inertia_order = self._full_inertia, np.array(self._order, np.int64)
+        self._places = np.array(self._order, np.int64)
+        self.inertia, self.inertia_order = self._full_inertia, self._places
         if self.followers:
-            self.inertia, self.inertia_order = np.zeros((self.n, self.n)), np.arange(self.n)
+            self.inertia, self._mass = np.zeros((2, self.n, self.n))
+            self.inertia_order = np.arange(self.n)
         self.joint_jacobian = self._data.J.reshape(6, m)
 
     def mass(self, q: FloatArray) -> FloatArray:
         """M(q), a new (n, n)."""
         self._take(q)
-        upper = np.triu(self._crba(self._model, self._data, self._q))
-        full = np.asarray((upper + np.triu(upper, 1).T)[np.ix_(self._order, self._order)])
-        if self.followers is None:
-            return full
-        mass = np.zeros((self.n, self.n))
-        self.followers.inertia(full, mass)
-        return mass
+        self._crba(self._model, self._data, self._q)
+        if self.followers is not None:
+            mass = np.zeros((self.n, self.n))
+            self.followers.inertia(self._full_inertia, self._places, mass)
+            return mass
+        upper = np.triu(self._full_inertia)
+        return np.asarray((upper + np.triu(upper, 1).T)[np.ix_(self._order, self._order)])
 
     def _take(self, q: FloatArray) -> None:
         """Take positions into Pinocchio's order."""
@@ -114,7 +119,7 @@ class Dynamics:
     def forward(self, q: FloatArray, dq: FloatArray, tau: FloatArray, out: FloatArray) -> None:
         """Accelerations that torques `tau` give."""
         if self.followers is not None:
-            self._solve(q, dq, tau, self._none, out)
+            self._solve(self.followers, q, dq, tau, self._none, out)
             return
         self._take(q)
         self._move(dq, tau)
@@ -125,29 +130,42 @@ class Dynamics:
     ) -> None:
         """Accelerations that torques `tau` give where M has `added`, (n,) ≥ 0, on its diagonal."""
         if self.followers is not None:
-            self._solve(q, dq, tau, added, out)
+            self._solve(self.followers, q, dq, tau, added, out)
             return
         order = self._order
         self._take(q)
         self._move(dq, tau)
-        self._added[order] = self._armature + added
+        self._added[self._wire] = self._armature + added
         np.take(self._aba(self._damped, self._data, self._q, self._v, self._x), order, out=out)
 
     def _solve(
-        self, q: FloatArray, dq: FloatArray, tau: FloatArray, added: FloatArray, out: FloatArray
+        self,
+        followers: Followers,
+        q: FloatArray,
+        dq: FloatArray,
+        tau: FloatArray,
+        added: FloatArray,
+        out: FloatArray,
     ) -> None:
         """Write (M + diag(added))⁻¹·(τ − h), of a robot with followers."""
-        mass = self.mass(q)
-        mass[np.diag_indices_from(mass)] += added
-        self._move(dq, self._none)
-        self._give(self._nle(self._model, self._data, self._q, self._v), self._bias)
-        out[:] = np.linalg.solve(mass, tau - self._bias)
+        self._take(q)
+        self._crba(self._model, self._data, self._q)
+        followers.inertia(self._full_inertia, self._places, self._mass)
+        self.bias(q, dq, self._bias)
+        np.subtract(tau, self._bias, out=self._bias)
+        followers.accelerations(self._mass, added, self._bias, out)
 
     def inverse(self, q: FloatArray, dq: FloatArray, ddq: FloatArray, out: FloatArray) -> None:
         """Torques that accelerations `ddq` need."""
         self._take(q)
         self._move(dq, ddq)
         self._give(self._rnea(self._model, self._data, self._q, self._v, self._x), out)
+
+    def bias(self, q: FloatArray, dq: FloatArray, out: FloatArray) -> None:
+        """Torques h(q, dq) that no acceleration needs."""
+        self._take(q)
+        self._move(dq, self._none)
+        self._give(self._nle(self._model, self._data, self._q, self._v), out)
 
     def gravity(self, q: FloatArray, out: FloatArray) -> None:
         """Torques that hold the robot at rest against gravity."""
@@ -163,13 +181,10 @@ class Dynamics:
         axes; and every `placement`.
         """
         self._take(q)
-        followers = self.followers
-        self._added[self._order[: self.n]] = self._armature[: self.n] + added
+        self._added[self._wire] = self._armature + added
         self._crba(self._damped, self._data, self._q, self._world)
-        if followers is not None:
-            upper = np.triu(self._full_inertia)
-            full = (upper + np.triu(upper, 1).T)[np.ix_(self._order, self._order)]
-            followers.inertia(full, self.inertia)
+        if self.followers is not None:
+            self.followers.inertia(self._full_inertia, self._places, self.inertia)
 
     def placement(self, joint: int) -> tuple[FloatArray, FloatArray]:
         """Where a joint is in the root: views of its rotation (3, 3) and its origin (3,) [m]."""

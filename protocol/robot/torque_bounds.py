@@ -18,14 +18,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from functools import partial
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from hoap3.protocol.errors import BadProblemError
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.robot.link_tables import Tree, build_tree
+from hoap3.protocol.robot.link_tables import build_tree
 from hoap3.protocol.robot.pinocchio_model import RobotModel
 from hoap3.protocol.robot.viability_bounds import refuse_joint
 
@@ -91,29 +92,29 @@ def torque_acceleration_bounds(
         polish: from so many of the worst states of each bound, search for a worse one nearby.
         seed: of the random states.
         lower, upper, velocity, effort: limits of the position, greatest speed and torque, (n,) or
-            one for all; the usable range, the velocity and the effort of the description.
+            one for all; the usable range (`sampling_range`), the velocity and the effort of the
+            description.
         report: is told again and again how much is done, and of how much, in samples.
 
     Raises:
         BadProblemError: a joint without finite limits, a joint that moves nothing that weighs, or
             an argument outside its range.
     """
-    from hoap3.protocol.robot import torque_bounds_kernels as kernels
-
     if velocities not in get_args(Velocities):
         known = " or ".join(get_args(Velocities))
         raise BadProblemError(f"velocities cannot be {velocities!r}: write {known}.")
     for what, count, least in (("samples", samples, 1), ("polish", polish, 0), ("seed", seed, 0)):
         if isinstance(count, bool) or not isinstance(count, int) or count < least:
             raise BadProblemError(f"{what} cannot be {count!r}: write a whole number from {least}.")
-    described, tree = robot.description, build_tree(robot)
+    described, states_of = robot.description, _states_of(robot)
     given = {"lower": lower, "upper": upper, "velocity": velocity, "effort": effort}
+    usual = *described.sampling_range, described.velocity, described.effort
     limits = np.empty((4, described.n))
     for row, (name, value) in enumerate(given.items()):
-        limits[row, tree.order] = _row(
-            name, getattr(described, name) if value is None else value, described.joint_names
+        limits[row, states_of.order] = _row(
+            name, usual[row] if value is None else value, described.joint_names
         )
-    names = [described.joint_names[joint] for joint in np.argsort(tree.order)]
+    names = [described.joint_names[joint] for joint in np.argsort(states_of.order)]
     _check(limits, names)
 
     n = described.n
@@ -124,19 +125,43 @@ def torque_acceleration_bounds(
     for done in range(0, samples, BATCH):
         drawn = rng.random((BATCH, 2 * n))[: samples - done]
         bounds, states = _nothing(n)
-        status, joint = kernels.sample(
-            *tree.tables, limits, velocities == "corners", drawn, bounds, states
-        )
-        if status != kernels.OK:
+        corners = velocities == "corners"
+        status, joint = states_of.sample(limits, corners, drawn, bounds, states)
+        if status:
             raise BadProblemError(f"joint {names[joint]}: {_PROBLEMS[status - 1]}")
         best.take(bounds, states)
         starts.take(bounds, states)
         if report is not None:
             report(min(done + BATCH, samples), whole)
-    for done in _polish(kernels.polish, tree, limits, starts, best):
+    for done in _polish(states_of.polish, limits, starts, best):
         if report is not None:
             report(samples + done * SEARCH * n, whole)
-    return _result(described.joint_names, tree, best, samples)
+    return _result(described.joint_names, states_of.order, best, samples)
+
+
+class _States(NamedTuple):
+    """What tries states: `torque_bounds_kernels`, or the same by Pinocchio.
+
+    Attributes:
+        order: (n,) place of each joint of the wire in their arrays.
+        sample, polish: see there.
+    """
+
+    order: NDArray[np.int64]
+    sample: Callable[..., tuple[int, int]]
+    polish: Callable[..., float]
+
+
+def _states_of(robot: RobotModel) -> _States:
+    from hoap3.protocol.robot import torque_bounds_kernels as kernels
+    from hoap3.protocol.robot.torque_bounds_followers import FollowerStates
+
+    if robot.followers is not None:
+        slow = FollowerStates(robot)
+        return _States(slow.order, slow.sample, slow.polish)
+    tree = build_tree(robot)
+    sample, polish = partial(kernels.sample, *tree.tables), partial(kernels.polish, *tree.tables)
+    return _States(tree.order, sample, polish)
 
 
 class _Best:
@@ -194,7 +219,7 @@ def _check(limits: FloatArray, names: Sequence[str]) -> None:
 
 
 def _polish(
-    search: Callable[..., float], tree: Tree, limits: FloatArray, starts: _Best, best: _Best
+    search: Callable[..., float], limits: FloatArray, starts: _Best, best: _Best
 ) -> Iterator[int]:
     """Move every start to a worse state nearby; tells how many are done."""
     done = 0
@@ -202,17 +227,16 @@ def _polish(
         for side, joint in np.ndindex(*bounds.shape):
             if np.isfinite(bounds[side, joint]):
                 q, dq = states[side, joint]  # views, which the search moves
-                bounds[side, joint] = search(*tree.tables, limits, joint, side == 1, q, dq)
+                bounds[side, joint] = search(limits, joint, side == 1, q, dq)
             done += 1
             yield done
         best.take(bounds, states)
 
 
 def _result(
-    joints: tuple[str, ...], tree: Tree, best: _Best, samples: int
+    joints: tuple[str, ...], order: NDArray[np.int64], best: _Best, samples: int
 ) -> TorqueAccelerationBounds:
     """The one best of each bound, in wire order."""
-    order = tree.order
     lower, upper = (np.ascontiguousarray(bound[order]) for bound in best.bounds[0])
     lower_states, upper_states = (
         np.ascontiguousarray(states[order][:, :, order]) for states in best.states[0]

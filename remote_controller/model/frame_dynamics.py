@@ -116,7 +116,7 @@ class FramesDynamics:
                 followers.columns(weight[order], self.weight)
         self._gather(*self._rigid, *self._layout, full, *self._out)
         if followers is not None:
-            followers.inertia(self._full[0], self.mass)
+            followers.inertia(self._rigid[0], order, self.mass)
             followers.columns(self._full[1], self.bias)
             for mine in self._rows:
                 followers.columns(self._full[2][mine], self.jacobian[mine])

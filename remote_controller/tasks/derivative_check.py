@@ -38,7 +38,7 @@ def check_derivatives(
             a derivative is another one; names the component and both figures.
     """
     description, kinematics = context.description, context.kinematics
-    lower, upper = np.array(description.lower), np.array(description.upper)
+    lower, upper = description.sampling_range
     initial = np.array(description.initial_position)
     rng = np.random.default_rng(0)
     kinematics.update(initial)

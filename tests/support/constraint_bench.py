@@ -231,4 +231,4 @@ def differences(bench: Bench, q: FloatArray, step: float = 1e-6) -> FloatArray:
 
 
 def posture(robot: RobotDescription, seed: int) -> FloatArray:
-    return np.random.default_rng(seed).uniform(robot.lower, robot.upper)
+    return np.random.default_rng(seed).uniform(*robot.sampling_range)

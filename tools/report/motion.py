@@ -48,7 +48,7 @@ class Motion:
         target_m: (3,), where the point shall be, or None.
         point: `com`, the centre of mass, or a frame.
         range_used: (m, n), joint positions within their usable range: 0 at its lower end, 1 at its
-            upper.
+            upper; nan of joints without limits.
         every: one State of so many is in the path.
         time_s: (k,), of the States that were answered.
         v, psi: (k,), V and Ψ = −(required V̇); NaN without a certificate.
@@ -178,10 +178,19 @@ def read_motion(sources: Sources) -> Motion | None:
         unit=unit,
         active=joints_active,
         point=point,
-        range_used=(positions - description.lower) / (description.upper - description.lower),
+        range_used=_range_used(positions, description),
         certificates=certificates,
         gaps=gaps,
     )
+
+
+def _range_used(positions: FloatArray, description: RobotDescription) -> FloatArray:
+    """0 at the lower end of a joint's range, 1 at its upper one; nan where it has no range."""
+    lower, room = description.lower, description.upper - description.lower
+    ranged = np.isfinite(room)
+    used = np.full(positions.shape, np.nan)
+    used[:, ranged] = (positions[:, ranged] - lower[ranged]) / room[ranged]
+    return used
 
 
 def _one_session(states: Any, setpoints: Any) -> tuple[Any, Any, list[str]]:

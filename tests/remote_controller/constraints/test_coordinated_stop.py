@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from support.constraint_bench import PERIOD, AccelerationBench, hoap3, posture, small
+from support.robots.following_arm import following
 
 from hoap3.remote_controller.constraints.coordinated_stop import STOP_RESERVE, reach
 from hoap3.remote_controller.model.kinematics import Kinematics
@@ -14,12 +15,21 @@ DISTANCE = {"constraint": "distance", "obstacles": [BALL], "activation_m": 0.3}
 FLOOR = {"constraint": "half_space", "frame": "hand", "normal": [0, 0, 1], "offset_m": 0.45}
 POLYGON = {"constraint": "support_polygon"}
 RING = {"constraint": "user_function", "function": f"{__name__}:ring", "steepest": 8.0}
+LOW_TIP = {"constraint": "half_space", "frame": "tip", "normal": [0, 0, 1], "offset_m": 0.55}
+BESIDE = {
+    "constraint": "distance",
+    "pairs": [["left", "right"]],
+    "obstacles": [{**BALL, "center_m": [0.3, 0.35, 0.6], "radius_m": 0.1}],
+    "clearance_m": 0.0,
+    "activation_m": 0.3,
+}
 CASES = {
     "half_space": (small, FLOOR),
     "distance": (small, DISTANCE),
     "user_function": (small, RING),
     "support_polygon": (hoap3, POLYGON),
     "all": (small, FLOOR, DISTANCE, RING),
+    "followers": (following, LOW_TIP, BESIDE),
 }
 
 

@@ -27,7 +27,7 @@ STEP = 1e-6  # s: of central differences, whose error is about 1e-9 of the numbe
 trees = given(
     seed=st.integers(0, 2**32 - 1), n=st.integers(1, 4), f=st.integers(0, 4), at=st.integers(0, 99)
 )
-some = settings(max_examples=25)
+some = settings(max_examples=15)
 
 
 def cross_vector(skew):

@@ -6,20 +6,27 @@ Five joints on the wire, eight that move: `turn` and `roll` turn without end; `f
 
 from __future__ import annotations
 
+import re
+from functools import cache
 from pathlib import Path
 
+from hoap3.protocol.config.settings import parse, parse_yaml
 from hoap3.protocol.description import RobotDescription
 from hoap3.robot_emulator.robots import load
+from hoap3.robot_emulator.robots.yaml_file import RobotFile, describe
 
 Z, Y, X = "0 0 1", "0 1 0", "1 0 0"
 
 
 def _link(name: str, mass: float, at: str = "0 0 0.1") -> str:
+    shape = (
+        '<cylinder radius="0.03" length="0.12"/>' if mass > 0.2 else '<box size="0.02 0.03 0.04"/>'
+    )
     x, y, z = 0.012 * mass, 0.01 * mass, 0.006 * mass
     return (
         f'<link name="{name}"><inertial><mass value="{mass}"/><origin xyz="{at}" rpy="0.1 0 0.2"/>'
         f'<inertia ixx="{x}" iyy="{y}" izz="{z}" ixy="0" ixz="0" iyz="0"/></inertial>'
-        f'<collision><origin xyz="{at}"/><geometry><sphere radius="0.04"/></geometry></collision>'
+        f'<collision><origin xyz="{at}"/><geometry>{shape}</geometry></collision>'
         "</link>"
     )
 
@@ -94,3 +101,17 @@ def write(folder: Path, yaml: str = YAML, urdf: str = URDF) -> Path:
 def following_arm(folder: Path, yaml: str = YAML, urdf: str = URDF) -> RobotDescription:
     """The arm, through a folder."""
     return load(write(folder, yaml, urdf))
+
+
+@cache
+def following() -> RobotDescription:
+    """The arm."""
+    return describe(parse(RobotFile, parse_yaml(YAML, "arm"), "arm"), URDF)
+
+
+@cache
+def let_go() -> RobotDescription:
+    """The same links with eight independent joints: what followed does as it likes."""
+    arm, urdf = following(), re.sub("<mimic[^>]*>", "", URDF)
+    names = *arm.joint_names, *arm.structure.followers
+    return describe(RobotFile(name="let_go", urdf="arm.urdf", joints=names), urdf)

@@ -23,7 +23,9 @@ TOLD = {"rad/s": "told to move", "rad/s²": "told to accelerate", "N m": "given 
 def motion_drawings(motion: Motion) -> list[Drawing]:
     """Every figure that this motion has the data for."""
     drawings = [_sole(motion)] if motion.point == COM else []
-    drawings += [_close_up(motion), _positions(motion)]
+    drawings.append(_close_up(motion))
+    if np.isfinite(motion.range_used).any():
+        drawings.append(_positions(motion))
     if motion.has_certificates:
         drawings += [_lyapunov(motion), _rate(motion)]
     if len(motion.time_s):
@@ -66,7 +68,8 @@ def _close_up(motion: Motion) -> Drawing:
 def _positions(motion: Motion) -> Drawing:
     used = 100.0 * motion.range_used
     room = np.minimum(used, 100.0 - used).min(axis=0)
-    order = np.argsort(room, kind="stable").tolist()
+    endless = int(np.isnan(room).sum())  # sorted to the end
+    order = np.argsort(room, kind="stable")[: len(room) - endless].tolist()
     named = order[:NAMED]
     with canvas("positions") as drawing:
         _draw_joints(drawing, motion.path_time_s, used, named, order[NAMED:])
@@ -82,6 +85,8 @@ def _positions(motion: Motion) -> Drawing:
     if beyond:
         title = f"{beyond} of {len(order)} joints leave their usable range"
     figures = f"{_points(motion)} · least distance to a limit {least} %"
+    if endless:
+        figures += f" · {endless} joints without limits"
     return Drawing("positions", title, drawing.svg, (*keys, Key("red", "limits")), figures)
 
 

@@ -115,9 +115,10 @@ def _stopping_speed(room: Array, A: Array, T: float) -> Array:
 
     With k + 1 steps the way is T·((k+1)·w − AT·k(k+1)/2), for w from kAT to (k+1)·AT.
     """
-    room = np.maximum(room, 0.0)
+    endless = np.isinf(room)
+    room = np.where(endless, 0.0, np.maximum(room, 0.0))
     k = np.floor((np.sqrt(1.0 + 8.0 * room / (A * T * T)) - 1.0) / 2.0)
-    return np.asarray((room / T + A * T * k * (k + 1.0) / 2.0) / (k + 1.0))
+    return np.where(endless, np.inf, (room / T + A * T * k * (k + 1.0) / 2.0) / (k + 1.0))
 
 
 def _least(constraint: Constraint, robot: Array, common: object, own: object) -> Array:
