@@ -230,3 +230,12 @@ def test_the_same_file_gives_the_same_robot(tmp_path):
     first, second = imported(tmp_path), imported(tmp_path)
     assert first.description.digest == second.description.digest
     assert os.linesep not in str(first.notes[0])
+
+
+def test_where_nothing_weighs_there_is_no_centre_of_mass(tmp_path):
+    robot = imported(tmp_path, urdf(LINKS.replace(INERTIAL, ""))).description
+    task = robot.default_task.model_copy(update={"point": "com"})
+    with pytest.raises(DescriptionError, match="nothing that moves has a mass"):
+        robot.model_copy(update={"default_task": task})
+    with pytest.raises(DescriptionError, match="nothing that moves has a mass"):
+        robot.model_copy(update={"command_kinds": ("acceleration",)})
