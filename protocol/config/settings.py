@@ -183,7 +183,7 @@ def load_yaml(path: Path) -> dict[str, Any]:
         raise ConfigError(file, "", None, reason, "Name a file that can be read") from error
     start = data[:SNIFFED].lstrip()
     if start.startswith(b"<") and b"<robot" in start:
-        remedy = "Write a robot.yaml beside it, and name that; see docs/new_robot.md"
+        remedy = "Name it where a robot is asked for, as *.urdf; see docs/new_robot.md"
         raise ConfigError(file, "", None, "is a URDF, not a config", remedy)
     return parse_yaml(data, file)
 
