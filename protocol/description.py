@@ -81,6 +81,8 @@ class RobotDescription(Part):
         deadline: from when an answer has its time: `next_tick`, from the intended start of its
             tick, or `after_receipt`, from when its State was published.
         delay_ticks: d; the answer to tick k is applied at tick k + 1 + d, and has 1 + d periods.
+        servo_rate_1_s: rate below which a loop around its position servos must stay, as they give
+            way: 2ζω of their slowest mode [1/s]; None: they follow their reference.
         state_arrays: lengths of the arrays of its States that version 1 of the wire does not have,
             by name; those that are not named are empty.
     """
@@ -102,6 +104,7 @@ class RobotDescription(Part):
     default_task: DefaultTask | None = None
     deadline: DeadlineRule = "next_tick"
     delay_ticks: StrictInt = 0
+    servo_rate_1_s: Number | None = None
     state_arrays: dict[StrictStr, StrictInt] = {}  # noqa: RUF012 - pydantic copies it
 
     @classmethod
@@ -124,7 +127,7 @@ class RobotDescription(Part):
     def to_json(self) -> bytes:
         """Canonical JSON: sorted keys, no blanks, ASCII; no optional key that has its default."""
         fields = self.model_dump(mode="json")
-        for key in ("default_task", "deadline", "delay_ticks", "state_arrays"):
+        for key in ("default_task", "deadline", "delay_ticks", "servo_rate_1_s", "state_arrays"):
             if fields[key] == type(self).model_fields[key].default:
                 del fields[key]  # as in logs from before there was one
         return json.dumps(fields, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
@@ -231,6 +234,8 @@ class RobotDescription(Part):
             refuse("period_s", self.period_s, "Write seconds, such as 0.001.")
         if not 0 <= self.delay_ticks <= MAX_DELAY_TICKS:
             refuse("delay_ticks", self.delay_ticks, f"Write 0 to {MAX_DELAY_TICKS}.")
+        if self.servo_rate_1_s is not None and not self.servo_rate_1_s > 0.0:
+            refuse("servo_rate_1_s", self.servo_rate_1_s, "Write a rate in 1/s, or null.")
         self._check_state_arrays()
         if not self.command_kinds:
             refuse("command_kinds", [], "Name at least one of position, acceleration, torque.")

@@ -8,6 +8,7 @@ from typing import Any
 
 from pydantic import Field
 
+from hoap3.protocol.config.plugins import building
 from hoap3.protocol.config.settings import (
     Endpoint,
     LinkSettings,
@@ -18,6 +19,7 @@ from hoap3.protocol.config.settings import (
     load_yaml,
     parse,
 )
+from hoap3.protocol.config.user_code import may_import
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import (
     ConfigError,
@@ -27,8 +29,6 @@ from hoap3.protocol.errors import (
 )
 from hoap3.remote_controller.limits_above import warn_of_limits_above
 from hoap3.remote_controller.pairs import configs_for, robots_for
-from hoap3.remote_controller.plugins import building
-from hoap3.remote_controller.user_code import may_import
 
 CONFIGS = Path(__file__).parent / "configs"
 

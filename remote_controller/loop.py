@@ -6,6 +6,7 @@ import json
 from math import isfinite
 from typing import Any
 
+from hoap3.protocol.config.plugins import blame
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, UsageError, WireError
 from hoap3.protocol.link.base import Request
@@ -17,7 +18,6 @@ from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.protocol.stop_reasons import LATCHING, STOP_REASONS
 from hoap3.remote_controller.controllers.base import Controller
 from hoap3.remote_controller.outcome import Outcome
-from hoap3.remote_controller.plugins import blame
 
 EVENTS = Event.schema.constants
 

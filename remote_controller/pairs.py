@@ -37,6 +37,7 @@ PAIRS: dict[str, tuple[str, ...]] = {
     "qp12_bounded": HOAP3,
     "qp12_paper": HOAP3,
     "stable_qp_hoap3": HOAP3,
+    "stable_qp_standing": ("hoap3_standing",),
     "tsid_baxter": ("baxter",),
     "weighted": ("lwr_weightless",),
 }

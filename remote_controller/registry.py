@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hoap3.remote_controller.plugins import PluginGroup
+from hoap3.protocol.config.plugins import PluginGroup
 
 GROUP = "hoap3.controllers"
 BUILTIN = {

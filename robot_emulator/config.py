@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,14 +18,14 @@ from hoap3.protocol.config.settings import (
     Settings,
     load_yaml,
 )
+from hoap3.protocol.config.user_code import may_import
 from hoap3.protocol.description import (
     MAX_DELAY_TICKS,
     CommandKind,
     DeadlineRule,
     Gravity,
-    RobotDescription,
 )
-from hoap3.protocol.errors import ConfigError, UnknownNameError, one_of
+from hoap3.protocol.errors import UnknownNameError
 
 CONFIGS = Path(__file__).parent / "configs"
 FAR_M = 1000.0
@@ -74,6 +75,12 @@ class ContactSettings(Settings):
 class PlantSettings(Settings):
     """How the robot's body behaves."""
 
+    kind: str | None = Field(
+        None,
+        description="servo, acceleration, rigid_body, mujoco, or another plant, by its registered "
+        "name or as package.module:Class; null: what the commands need",
+    )
+    parameters: dict[str, Any] = Field({}, description="settings of that plant itself")
     servo: Literal["ideal", "lag"] = Field(
         "ideal", description="joints follow their reference at once, or with a first-order lag"
     )
@@ -166,7 +173,9 @@ def available_configs() -> list[str]:
 def read_config(name: str) -> tuple[dict[str, Any], str]:
     """Content and file name of a shipped config, or of the user's own.
 
-    A robot's relative path counts from the folder of the file that names it.
+    A relative path of a robot, or in the parameters of a plant, counts from the folder of the file
+    that names it. That of the user's own joins the end of the import path, so that a plant can lie
+    beside it; not where `user_code` forbids to import it.
 
     Raises:
         ConfigError: the file cannot be read.
@@ -184,25 +193,11 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
     robot = content.get("robot")
     if isinstance(robot, str) and ("/" in robot or robot.endswith(PATHS)):
         content["robot"] = str((path.parent / robot).resolve())
+    plant = content.get("plant")
+    parameters = plant.get("parameters") if isinstance(plant, dict) else None
+    if isinstance(parameters, dict) and isinstance(parameters.get("mjcf"), str):
+        parameters["mjcf"] = str((path.parent / parameters["mjcf"]).resolve())
+    folder = str(path.resolve().parent)
+    if path.parent != CONFIGS and folder not in sys.path and may_import():
+        sys.path.append(folder)
     return content, str(path)
-
-
-def check_contacts(config: EmulatorConfig, robot: RobotDescription, kind: str, file: str) -> None:
-    """Refuse contacts of a robot that takes no torques, or of frames that it does not move."""
-    contacts = config.plant.contacts
-    if contacts and kind != "torque":
-        raise ConfigError(
-            file,
-            "plant.contacts",
-            f"{len(contacts)} of them",
-            f"are for torque commands, not {kind}: only such a body feels a force",
-            "Leave them out, or write command: torque",
-        )
-    for number, contact in enumerate(contacts):
-        key, frame = f"plant.contacts.{number}.frame", contact.frame
-        if frame not in robot.frames:
-            listing = one_of(frame, sorted(robot.frames), "Its frames")
-            raise ConfigError(file, key, frame, f"robot {robot.name!r} has no such frame", listing)
-        if frame not in robot.structure.moving:
-            moving = ", ".join(sorted(robot.structure.moving))
-            raise ConfigError(file, key, frame, "no joint moves it", f"Those that move: {moving}")

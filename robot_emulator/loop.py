@@ -22,6 +22,7 @@ from hoap3.protocol.link.base import Request, RobotLink
 from hoap3.protocol.link.session_limits import MAX_CONFIG_BYTES
 from hoap3.protocol.messages import COMMANDS, WIRE_VERSION, Event, State
 from hoap3.protocol.runtime.clock import Clock, VirtualClock
+from hoap3.protocol.runtime.deadlines import Durations
 from hoap3.protocol.runtime.event_limit import EventLimit
 from hoap3.protocol.runtime.realtime import Ticker
 from hoap3.protocol.runtime.recorder import Recorder
@@ -30,6 +31,7 @@ from hoap3.protocol.stop_reasons import STOP_REASONS
 from hoap3.robot_emulator.authority import Authority
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.plant_factory import build_body
+from hoap3.robot_emulator.plants.base import TOLD
 from hoap3.robot_emulator.setpoint_validator import (
     MAX_LENGTHS,
     REJECTION_KINDS,
@@ -64,6 +66,7 @@ class RobotLoop:
         lead: how long before a tick it may act [ns]; 0: never.
 
     Attributes:
+        plant: the body.
         mode: State.IDLE, ACTIVE, STOPPING or STOPPED.
         safe_stops: how often misses or a lost holder forced a safe stop.
         skipped: ticks skipped since the start.
@@ -84,7 +87,9 @@ class RobotLoop:
     ) -> None:
         self._description, self._config = description, config
         self._description_json = description.to_json()
-        self._old_description = description.model_copy(update={"state_arrays": {}}).to_json()
+        self._old_description = description.model_copy(
+            update={"state_arrays": {}, "servo_rate_1_s": None}
+        ).to_json()
         self._config_json = config.model_dump_json().encode()
         lockstep = isinstance(clock, VirtualClock)
         self._requests_per_tick = None if lockstep else REQUESTS_PER_TICK
@@ -92,9 +97,10 @@ class RobotLoop:
         self.period = round(description.period_s * 1e9)
         posture = config.posture or description.initial_posture
         start = np.array(description.postures[posture])
-        self._plant, self._setpoint_filter = build_body(description, config)
-        self._plant.reset(start)
-        self._setpoint_filter.reset(start)
+        self.plant, self._setpoint_filter = build_body(description, config)
+        self.plant.reset(start)
+        self._setpoint_filter.reset(self.plant.start)
+        self._plant_times = None if lockstep else Durations()
         self._authority = Authority()
         self._lease_ticks = round(config.link.lease_ms * 1e6 / self.period)
         self._look_tick = 0  # when the holder is looked up next
@@ -132,6 +138,11 @@ class RobotLoop:
         self._event_limit = EventLimit()
         self._request_limit = EventLimit((*VERBS, OTHER, TOKEN, CONFIG))
         self._tells_motion = bool(description.state_arrays)
+        plant = self.plant
+        self._measured = [  # what State has of it, and where it has it
+            (getattr(self._state, name), getattr(plant, name))
+            for name in ("q", "dq", "tau", "wrench", *TOLD)
+        ]
         self._followed = -1  # tick of the setpoint in use
         self._earlier_rate = np.zeros(description.n)
         self.tick = self._published = -1
@@ -182,11 +193,13 @@ class RobotLoop:
             "safe_stops": self.safe_stops,
             "interventions": self._setpoint_filter.interventions,
             "held_back_joints": self._held_back_joints(),
-            "torque_limited": self._setpoint_filter.torque_limited,
+            "torque_limited": self._setpoint_filter.torque_limited + self.plant.saturated,
             "conflicting": self.validator.conflicting,
             "rejections": {name: n for name, n in self.validator.rejections.items() if n},
             "realtime": self.realtime,
             "link_counts": self._link.counts(),
+            **({"plant": figures} if (figures := self.plant.summary()) else {}),
+            **({"plant_us": self._plant_times.summary()} if self._plant_times else {}),
         }
 
     def _held_back_joints(self) -> dict[str, object] | None:
@@ -362,10 +375,13 @@ class RobotLoop:
         if overloaded >= 0 > self._overloaded:
             self._announce("TORQUE_LIMITED", overloaded)
         self._overloaded = overloaded
+        began = self._clock.now()
         if moving:
-            self._plant.step(self._setpoint_filter.value, self._description.period_s)
+            self.plant.step(self._setpoint_filter.value, self._description.period_s)
         else:
-            self._plant.hold(self._description.period_s)
+            self.plant.hold(self._description.period_s)
+        if self._plant_times is not None and self.mode == State.ACTIVE:
+            self._plant_times.add(self._clock.now() - began, self.tick)
 
     def _publish(self, ticker: Ticker) -> None:
         state, validator, grant = self._state, self.validator, self._authority.grant
@@ -376,8 +392,9 @@ class RobotLoop:
         state.skipped, state.late, state.lost = self.skipped, deadlines.late, deadlines.lost
         state.duplicate, state.out_of_order = validator.duplicate, validator.out_of_order
         state.rejected, state.success_rate = validator.rejected, deadlines.success_rate
-        state.q[:], state.dq[:], state.tau[:] = self._plant.q, self._plant.dq, self._plant.tau
-        state.reference[:], state.wrench[:] = self._setpoint_filter.reference, self._plant.wrench
+        for told, measured in self._measured:
+            told[:] = measured
+        state.reference[:] = self._setpoint_filter.reference
         if self._tells_motion:
             self._tell_motion()
         state.stamp_published = self._clock.now()

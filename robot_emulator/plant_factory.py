@@ -7,25 +7,25 @@ from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.filters.acceleration import AccelerationFilter, TorqueFilter
 from hoap3.robot_emulator.filters.base import SetpointFilter
 from hoap3.robot_emulator.filters.position import PositionFilter
-from hoap3.robot_emulator.plants.acceleration_servo import AccelerationServo
-from hoap3.robot_emulator.plants.position_servo import Plant, PositionServo
+from hoap3.robot_emulator.plants.base import Plant
+from hoap3.robot_emulator.plants.registry import build_plant
 from hoap3.robot_emulator.plants.rigid_body import RigidBody
 
 
 def build_body(
     description: RobotDescription, config: EmulatorConfig
 ) -> tuple[Plant, SetpointFilter]:
-    """What the first of the description's `command_kinds` needs.
+    """The configured plant, and the filter of the first of the description's `command_kinds`.
 
     Raises:
         DescriptionError: the description lacks what the body needs.
+        UsageError: there is no such plant, or its settings are wrong.
     """
     kind = description.command_kinds[0]
+    plant: Plant = build_plant(description, config.plant, config.seed)
     if kind == "position":
-        servo = PositionServo(description, config.plant)
-        return servo, PositionFilter(description, description.period_s)
+        return plant, PositionFilter(description, description.period_s)
     if kind == "acceleration":
-        joints = AccelerationServo(description)
-        return joints, AccelerationFilter(description, joints, config.hold_ticks)
-    body = RigidBody(description, config.plant)
-    return body, TorqueFilter(description, body, config.hold_ticks)
+        return plant, AccelerationFilter(description, plant, config.hold_ticks)
+    model = plant.torque_model or RigidBody.of_another(description, config.plant, plant)
+    return plant, TorqueFilter(description, plant, config.hold_ticks, model)

@@ -17,8 +17,9 @@ from hoap3.protocol.runtime.notes import Detail, Routine, told
 from hoap3.protocol.runtime.realtime import prepare_process, schedule_start
 from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.runtime.shm_ring import Kind
-from hoap3.robot_emulator.config import EmulatorConfig, check_contacts
+from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.loop import GRACE_TICKS, RobotLoop
+from hoap3.robot_emulator.plants.registry import declared, find_plant
 from hoap3.robot_emulator.robots import load
 
 if TYPE_CHECKING:
@@ -56,37 +57,34 @@ def describe(
         takes = " or ".join(description.command_kinds)
         raise ConfigError(file, "command", kind, f"{config.robot} takes {takes}", "Choose that")
     _check_fit(config, kind, file)
-    check_contacts(config, description, kind, file)
+    plant = declared(description, config.plant, kind, file)
     return description.model_copy(
         update={
             "command_kinds": (kind,),
             "gravity": config.plant.gravity,
             "deadline": config.deadline,
             "delay_ticks": config.delay_ticks,
+            "servo_rate_1_s": plant["servo_rate_1_s"],
             "state_arrays": {
                 "reference_rate": description.n,
                 "reference_acceleration": description.n,
                 "followed": 1,
+                **plant["state_arrays"],
             },
         }
     )
 
 
 def _check_fit(config: EmulatorConfig, kind: str, file: str) -> None:
-    """Refuse settings of a body that the robot does not have."""
+    """Refuse settings that are for positions where the robot takes none."""
     if kind == "position":
         return
     if config.link.kind == "hoap3_tcp":
         problem = f"carries positions, and this robot takes {kind}"
         raise ConfigError(file, "link.kind", config.link.kind, problem, "Write zenoh")
-    for key, value, usual in (
-        ("plant.servo", config.plant.servo, "ideal"),
-        ("plant.encoder", config.plant.encoder, "ideal"),
-        ("loss_policy", config.loss_policy, "hold"),
-    ):
-        if value != usual:
-            problem = f"is for position commands, not {kind}"
-            raise ConfigError(file, key, value, problem, f"Write {usual}")
+    if config.loss_policy != "hold":
+        problem = f"is for position commands, not {kind}"
+        raise ConfigError(file, "loss_policy", config.loss_policy, problem, "Write hold")
 
 
 def build_loop(
@@ -138,7 +136,8 @@ def serve(
     from hoap3.protocol.runtime.numba_jit import warm_up
 
     contact = CONTACT_KERNELS if config.plant.contacts else ()
-    warm_up((*KERNELS, *contact), lambda name: report(Detail(f"kernels: {name}")))
+    plant = find_plant(config.plant, description.command_kinds[0])[0]
+    warm_up((*KERNELS, *contact, *plant.kernels), lambda name: report(Detail(f"kernels: {name}")))
     measures = prepare_process(config.realtime)
     for note in told(measures):
         report(note)
@@ -146,6 +145,8 @@ def serve(
     with closing(_open_link(config, description, report)) as link:
         loop = build_loop(config, description, clock, link, recorder, lockstep=False)
         loop.realtime = [str(measure) for measure in measures]
+        for line in loop.plant.notes():
+            report(line)
         with _local_control(link, config, description, report):
             loop.run(schedule_start(clock, loop.period), should_stop, ticks)
     return loop
@@ -172,6 +173,8 @@ def serve_lockstep(
     link = RemoteLockstepLink(inner, clock, compute_time, should_stop, endless=ticks is None)
     with closing(link):
         loop = build_loop(config, description, clock, link, recorder, lockstep=True)
+        for line in loop.plant.notes():
+            report(line)
         with _local_control(link, config, description, report, ", lockstep"):
             loop.run(0, should_stop, ticks)
     return loop

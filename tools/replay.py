@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.config.settings import apply_overrides, parse, parse_yaml
+from hoap3.protocol.config.user_code import user_code
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, LogError, WireError
 from hoap3.protocol.messages import STAMP_FIELDS, WIRE_VERSION, Setpoint, State
@@ -26,7 +27,6 @@ from hoap3.protocol.wire_versions import EARLIER
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.loop import ControllerLoop
 from hoap3.remote_controller.registry import registered
-from hoap3.remote_controller.user_code import user_code
 from hoap3.tools.logs.log import Log
 from hoap3.tools.machine.software import differences, in_words
 

@@ -65,6 +65,22 @@ class RobotModel:
             raise FrameNotFoundError(name, self.description.name, self.frames)
         return self.frames[name]
 
+    def com_in(self, frame: str, q: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Centre of mass at `q`, (n,) in wire order, in a frame's axes from its origin, (3,) [m].
+
+        Raises:
+            FrameNotFoundError: no link is called so.
+        """
+        import pinocchio as pin
+
+        ours = np.zeros(self.model.nq)
+        ours[self.order] = q
+        share = self.root_mass / self.total_mass
+        moving = pin.centerOfMass(self.model, self.data, ours)
+        com = (1.0 - share) * np.array(moving) + share * self.root_com
+        placed = pin.updateFramePlacement(self.model, self.data, self.frame_id(frame))
+        return np.asarray(placed.actInv(com))
+
 
 def build_model(description: RobotDescription) -> RobotModel:
     """Build the model of a described robot.

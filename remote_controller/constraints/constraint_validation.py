@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
+from hoap3.protocol.config.plugins import blame
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, Hoap3Error
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.constraint import Constraint, Level
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.model.motion import Motion
-from hoap3.remote_controller.plugins import blame
 
 Refuse = Callable[[str, str], ConfigError]
 

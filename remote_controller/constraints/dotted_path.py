@@ -6,9 +6,9 @@ from collections.abc import Callable
 from importlib.metadata import EntryPoint
 from typing import Any
 
+from hoap3.protocol.config.plugins import blame
+from hoap3.protocol.config.user_code import before_import
 from hoap3.protocol.errors import ConfigError
-from hoap3.remote_controller.plugins import blame
-from hoap3.remote_controller.user_code import before_import
 
 
 def load_function(name: str, key: str) -> Callable[..., Any]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
+from hoap3.protocol.config.plugins import PluginGroup, building
 from hoap3.protocol.config.settings import Settings, parse, todays_name
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, located
@@ -18,7 +19,6 @@ from hoap3.remote_controller.constraints.constraint import Constraint, Level
 from hoap3.remote_controller.constraints.constraint_validation import check_first_update
 from hoap3.remote_controller.constraints.stack import ConstraintStack
 from hoap3.remote_controller.model.kinematics import Kinematics
-from hoap3.remote_controller.plugins import PluginGroup, building
 
 GROUP = "hoap3.constraints"
 _OURS = "hoap3.remote_controller.constraints"

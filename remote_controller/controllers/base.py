@@ -86,6 +86,8 @@ class Controller(ABC):
         certifies: whether it can certify its answers. False for one that certifies only some, by
             its design: then the share of certified answers says nothing of the motion.
         not_certified_in: conditions, by bit, in which nothing is certified by design.
+        within_servos: whether its law is slow enough for the robot's servos: else nothing is
+            certified, see `servo_rate`.
         margin_tolerance: how far the certificate's `margin` may be below 0 by rounding, in its
             unit; None for a controller without constraints.
     """
@@ -107,6 +109,7 @@ class Controller(ABC):
         self.conditions: tuple[str, ...] = ()
         self.present = 0
         self.certifies, self.not_certified_in = True, 0
+        self.within_servos = True
         self.margin_tolerance: float | None = None
         self.description, self.parameters = description, parameters
         self.now: Callable[[], int] = time.monotonic_ns
@@ -178,6 +181,7 @@ class Controller(ABC):
             at_target: whether it is that nothing is left to do.
             proven: whether all that the certificate claims is shown to hold.
         """
+        proven = proven and self.within_servos
         verdict = "at_target" if at_target else "certified" if proven else "uncertified"
         self.command.solver_status = STATUS[verdict if solved else "infeasible"]
 

@@ -7,11 +7,11 @@ from typing import Any
 
 from pydantic import Field
 
+from hoap3.protocol.config.plugins import PluginGroup, building
 from hoap3.protocol.config.settings import RobotName, Settings, parse
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import BadProblemError, ConfigError
 from hoap3.remote_controller.model.kinematics import Kinematics
-from hoap3.remote_controller.plugins import PluginGroup, building
 from hoap3.remote_controller.scheduling.priority_matrix import distinct
 from hoap3.remote_controller.tasks.derivative_check import check_derivatives
 from hoap3.remote_controller.tasks.lyapunov import BuildContext, Level, LyapunovFunction

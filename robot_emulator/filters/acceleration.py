@@ -13,8 +13,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import BadProblemError, DescriptionError
 from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.robot.viability_bounds import AccelerationBounds
-from hoap3.robot_emulator.plants.position_servo import Plant
-from hoap3.robot_emulator.plants.rigid_body import RigidBody
+from hoap3.robot_emulator.plants.base import Plant, TorqueModel
 
 TORQUE_MARGIN = 2e-3, 0.02, 0.9
 """Of the range [rad or m], of the velocity [relative], and the share of the deceleration that
@@ -207,18 +206,20 @@ class AccelerationFilter:
 class TorqueFilter(AccelerationFilter):
     """Torques whose accelerations are within those bounds.
 
-    The plant says what a torque gives; where that is outside the bounds, it is cut to them, and
-    turned into torques again. Where efforts are too small for these, the bounds cannot be kept:
-    `torque_limited` counts it.
+    A model of the plant says what a torque gives; where that is outside the bounds, it is cut to
+    them, and turned into torques again. Where efforts are too small for these, the bounds cannot be
+    kept: `torque_limited` counts it.
 
     To brake, all joints decelerate less where one lacks the effort, as far as the bounds allow: cut
     one by one, the torques of the others would throw it about, and it could not even stand.
     """
 
-    def __init__(self, description: RobotDescription, plant: RigidBody, hold_ticks: int) -> None:
+    def __init__(
+        self, description: RobotDescription, plant: Plant, hold_ticks: int, model: TorqueModel
+    ) -> None:
         super().__init__(description, plant, hold_ticks, TORQUE_MARGIN)
         n = description.n
-        self._body = plant
+        self._body = model
         self._ddq, self._allowed = np.zeros(n), np.zeros(n)
 
     def _pass(self, command: FloatArray) -> int:

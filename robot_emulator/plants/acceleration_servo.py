@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
+from hoap3.robot_emulator.plants.base import Plant
 
 
-class AccelerationServo:
+class AccelerationServo(Plant):
     """Joints that have exactly the acceleration of the command during each period.
 
     q(t+T) = q + T·dq + T²/2·ddq and dq(t+T) = dq + T·ddq. A joint that runs into a mechanical stop
@@ -17,18 +19,20 @@ class AccelerationServo:
     it, and there is neither friction nor contact.
     """
 
-    def __init__(self, description: RobotDescription) -> None:
+    commands = ("acceleration",)
+
+    def __init__(self, description: RobotDescription, parameters: Settings | None = None) -> None:
         from hoap3.robot_emulator.plants.motion_kernels import accelerate
 
+        super().__init__(description, parameters or self.Parameters())
         self._accelerate = accelerate
         self._stops = np.array(description.lower_hard), np.array(description.upper_hard)
         self._dynamics = Dynamics(description)
-        self._still, self.q, self.dq, self.tau = np.zeros((4, description.n))
-        self.wrench = np.zeros(6 * len(description.wrench_sensors))
+        self._still = np.zeros(description.n)
 
     def reset(self, q: FloatArray) -> None:
         """Be at rest at `q`, (n,) [rad or m]."""
-        self.q[:] = q
+        self.q[:] = self.start[:] = q
         self.hold(0.0)
 
     def step(self, command: FloatArray, dt: float) -> None:

@@ -1,9 +1,9 @@
-"""The plant: what the robot's body does with the reference that it is given."""
+"""Joints that follow positions, without a body behind them."""
 
 from __future__ import annotations
 
 import math
-from typing import Protocol
+from typing import Any, Self
 
 import numpy as np
 
@@ -11,34 +11,10 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.messages import FloatArray
 from hoap3.robot_emulator.config import PlantSettings
+from hoap3.robot_emulator.plants.base import Plant
 
 
-class Plant(Protocol):
-    """A body that advances by one period at a time.
-
-    Attributes:
-        q: measured positions, (n,), rad or m.
-        dq: measured velocities, (n,), rad/s or m/s.
-        tau: measured efforts, (n,), N m or N.
-        wrench: fx fy fz tx ty tz of each of the description's wrench sensors, N and N m.
-    """
-
-    q: FloatArray
-    dq: FloatArray
-    tau: FloatArray
-    wrench: FloatArray
-
-    def reset(self, q: FloatArray) -> None:
-        """Be at rest at `q`, (n,)."""
-
-    def step(self, command: FloatArray, dt: float) -> None:
-        """Advance by `dt` [s] under `command`, (n,)."""
-
-    def hold(self, dt: float) -> None:
-        """Advance by `dt` [s] at rest, or coming to rest: nobody commands."""
-
-
-class PositionServo:
+class PositionServo(Plant):
     """Joints that follow a position reference: at once, or with a first-order lag.
 
     With `encoder: counts` the measurement is what an int16 encoder shows, while the reference
@@ -46,13 +22,16 @@ class PositionServo:
     A servo knows no effort and no contact: `tau` and `wrench` are zero.
     """
 
+    commands = ("position",)
+    heeds = ("servo", "time_constant_ms", "encoder")
+
     def __init__(self, description: RobotDescription, settings: PlantSettings) -> None:
         from hoap3.robot_emulator.plants.motion_kernels import serve
 
+        super().__init__(description, settings)
         self._serve = serve
         self._time_constant = settings.time_constant_ms * 1e-3 if settings.servo == "lag" else 0.0
-        rows = np.zeros((6, description.n))
-        self._counts, self._position, self._followed, self.q, self.dq, self.tau = rows
+        self._counts, self._position, self._followed = np.zeros((3, description.n))
         if settings.encoder == "counts":
             if description.counts_per_rad is None:
                 raise DescriptionError(
@@ -60,11 +39,18 @@ class PositionServo:
                     "`encoder_counts_per_rad`, or set plant.encoder to ideal"
                 )
             self._counts[:] = description.counts_per_rad
-        self.wrench = np.zeros(6 * len(description.wrench_sensors))
+
+    @classmethod
+    def configured(
+        cls, description: RobotDescription, settings: PlantSettings, parameters: Any, seed: int
+    ) -> Self:
+        """Make one of the keys of `plant`."""
+        del parameters, seed
+        return cls(description, settings)
 
     def reset(self, q: FloatArray) -> None:
         """Be at rest at `q`, (n,) [rad or m]."""
-        self._followed[:] = q
+        self.start[:] = self._followed[:] = q
         self._serve(self._followed, 1.0, 1.0, self._counts, self._position, self.q, self.dq)
         self.dq[:] = 0.0
 

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Any, Self
+
 import numpy as np
 
 from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError, one_of
 from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 from hoap3.robot_emulator.config import PlantSettings
+from hoap3.robot_emulator.plants.base import Declared, Plant
 from hoap3.robot_emulator.plants.contact import Contacts
 
 ROUNDING = 1e-9  # of an effort: a torque that exceeds it by no more was meant to be it
 SLIDING = 0.01  # rad/s or m/s: above it friction is Coulomb's, below it grows in proportion
 
 
-class RigidBody:
+class RigidBody(Plant):
     """Forward dynamics by Pinocchio's articulated-body algorithm, semi-implicit Euler.
 
     Each period has `substeps` steps of h: dq ← dq + h·ddq, then q ← q + h·dq. Friction is that of
@@ -42,9 +46,14 @@ class RigidBody:
         DescriptionError: a joint moves nothing that weighs.
     """
 
+    commands = ("torque",)
+    heeds = ("friction", "substeps", "contacts")
+
     def __init__(self, description: RobotDescription, settings: PlantSettings) -> None:
         from hoap3.robot_emulator.plants import motion_kernels as kernels
 
+        super().__init__(description, settings)
+        self.torque_model = self
         n = description.n
         self._advance, self._joint_friction = kernels.advance, kernels.joint_friction
         self._clamp = kernels.clamp
@@ -61,12 +70,45 @@ class RigidBody:
         self._slope, self._asked, self._idle, self._none, self._after = np.zeros((5, n))
         contacts = settings.contacts
         self._contacts = Contacts(description, contacts, self._dynamics) if contacts else None
-        self.q, self.dq, self.tau = np.zeros((3, n))
-        self.wrench = np.zeros(6 * len(description.wrench_sensors))
+
+    @classmethod
+    def configured(
+        cls, description: RobotDescription, settings: PlantSettings, parameters: Any, seed: int
+    ) -> Self:
+        """Make one of the keys of `plant`."""
+        del parameters, seed
+        return cls(description, settings)
+
+    @classmethod
+    def of_another(
+        cls, description: RobotDescription, settings: PlantSettings, plant: Plant
+    ) -> Self:
+        """What torques do to another plant, by this model, where that one measures itself to be."""
+        model = cls(description, settings.model_copy(update={"contacts": ()}))
+        model.q, model.dq = plant.q, plant.dq
+        return model
+
+    @classmethod
+    def declare(
+        cls, description: RobotDescription, settings: PlantSettings, parameters: Any
+    ) -> Declared:
+        """Refuse contacts of frames that the robot does not have, or does not move."""
+        del parameters
+        for number, contact in enumerate(settings.contacts):
+            key, frame = f"contacts.{number}.frame", contact.frame
+            if frame not in description.frames:
+                listing = one_of(frame, sorted(description.frames), "Its frames")
+                problem = f"robot {description.name!r} has no such frame"
+                raise ConfigError("", key, frame, problem, listing)
+            if frame not in description.structure.moving:
+                moving = ", ".join(sorted(description.structure.moving))
+                remedy = f"Those that move: {moving}"
+                raise ConfigError("", key, frame, "no joint moves it", remedy)
+        return Declared()
 
     def reset(self, q: FloatArray) -> None:
         """Be at rest at `q`, (n,) [rad or m]."""
-        self.q[:] = q
+        self.q[:] = self.start[:] = q
         self.hold(0.0)
 
     def step(self, command: FloatArray, dt: float) -> None:

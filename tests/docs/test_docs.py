@@ -35,6 +35,7 @@ STORIES = [
     "priorities.md",
     "gains.md",
     "contact.md",
+    "plants.md",
     "two_machines.md",
     "logs.md",
     "latency.md",

@@ -63,7 +63,7 @@ PACKAGES = {
 BELOW = {
     "protocol": {"description", "errors", "messages", "wire_versions"},
     "robot_emulator": {"config"},
-    "remote_controller": {"default_task", "plugins", "user_code"},
+    "remote_controller": {"default_task"},
     "tools": {"replay", "simulate"},
 }
 """Modules beside the packages of a room that these may import."""

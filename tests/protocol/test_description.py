@@ -38,9 +38,9 @@ def test_round_trip_keeps_bytes_digest_and_equality():
 
 
 def test_a_rule_for_what_is_late_travels_only_where_it_is_not_the_usual_one():
-    usual = describe(deadline="next_tick", delay_ticks=0)
+    usual = describe(deadline="next_tick", delay_ticks=0, servo_rate_1_s=None)
     assert usual.to_json() == describe().to_json()
-    assert not {"deadline", "delay_ticks"} & json.loads(usual.to_json()).keys()
+    assert not {"deadline", "delay_ticks", "servo_rate_1_s"} & json.loads(usual.to_json()).keys()
     arm = describe(deadline="after_receipt", delay_ticks=3)
     twin = RobotDescription.from_json(arm.to_json())
     assert (twin.deadline, twin.delay_ticks, twin.due) == ("after_receipt", 3, 4_000_000)
@@ -287,3 +287,11 @@ def test_importing_is_cheap(module):
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "[]"
+
+
+def test_a_rate_of_servos_travels_and_must_be_one() -> None:
+    arm = describe(servo_rate_1_s=9.5)
+    assert RobotDescription.from_json(arm.to_json()).servo_rate_1_s == 9.5
+    for wrong in (0.0, -1.0):
+        with pytest.raises(DescriptionError, match="servo_rate_1_s"):
+            describe(servo_rate_1_s=wrong)

@@ -102,8 +102,8 @@ def test_requests_are_served_at_the_same_ticks(grace, requests):
 def test_the_body_has_moved_before_the_tick_begins():
     bench, moved = Bench(lead=LEAD, grace=3), []
     bench.link.ask("acquire", "test")
-    step = bench.robot._plant.step
-    bench.robot._plant.step = lambda *how: (moved.append(bench.clock.now()), step(*how))
+    step = bench.robot.plant.step
+    bench.robot.plant.step = lambda *how: (moved.append(bench.clock.now()), step(*how))
     bench.robot.run(0, lambda: False, 20)
     assert len(moved) >= 20
     assert {at % PERIOD_NS for at in moved} == {PERIOD_NS - LEAD}  # the first one, too

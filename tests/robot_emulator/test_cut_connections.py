@@ -69,7 +69,7 @@ def test_it_comes_to_rest_wherever_the_connection_is_cut(order: str, slots: int)
             until(lambda stops=sent + 1: robot.safe_stops == stops)
             until(lambda: robot.mode == State.STOPPED)
             assert robot._status()["stop_reason"] == STOP_REASONS[LOST]
-            assert not robot._plant.dq.any()
+            assert not robot.plant.dq.any()
 
 
 def test_it_stays_at_rest_wherever_the_beginning_is_cut() -> None:

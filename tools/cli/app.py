@@ -336,7 +336,7 @@ def config_show(
     allow_code: AllowCode = False,
 ) -> None:
     """Print the whole of a config, defaults included, as YAML."""
-    from hoap3.remote_controller.user_code import user_code
+    from hoap3.protocol.config.user_code import user_code
     from hoap3.tools.services.settings import shown
 
     with user_code(allowed=allow_code, say=print_note) as code:
@@ -359,7 +359,7 @@ def config_check(
 ) -> None:
     """Check configs, those of controllers also against their robots, as a start does."""
     watch_compilation()
-    from hoap3.remote_controller.user_code import user_code
+    from hoap3.protocol.config.user_code import user_code
     from hoap3.tools.services.settings import checked
 
     for name in names:

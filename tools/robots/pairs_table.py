@@ -11,6 +11,7 @@ COLUMNS = {
     "humanoid32": "humanoid32",
     "humanoid32_torque": "humanoid32",
     "ur5": "ur5",
+    "hoap3_standing": "hoap3",
     "lwr": "lwr",
     "lwr_weightless": "lwr",
     "lwr_with_table": "lwr",

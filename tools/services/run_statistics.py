@@ -142,8 +142,10 @@ class RunStatistics:
             "complete": self._summary is not None,
             "realtime": robot.get("realtime", []),
             "link_counts": robot.get("link_counts", {}),
+            "plant": robot.get("plant", {}),
         }
         if self._timing:
+            result["plant_us"] = robot.get("plant_us", {"n": 0})
             result["rtt_us"] = self.rtt.summary()
             result["wakeup_us"] = self.wakeup.summary()
             result["jitter_us"] = self._jitter.summary()

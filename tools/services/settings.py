@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.config.settings import Settings, apply_overrides, load_yaml, parse
+from hoap3.protocol.config.user_code import UserCode
 from hoap3.protocol.config.wrong_settings import likeness
 from hoap3.protocol.errors import ConfigError, UnknownNameError, UsageError, one_of
 from hoap3.remote_controller import registry as controllers
@@ -21,10 +22,10 @@ from hoap3.remote_controller.constraints.registry import ConstraintSettings
 from hoap3.remote_controller.tasks import registry as tasks
 from hoap3.remote_controller.tasks.curve_following.curve import CURVES
 from hoap3.remote_controller.tasks.registry import TaskSettings
-from hoap3.remote_controller.user_code import UserCode
-from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.config import EmulatorConfig, PlantSettings
 from hoap3.robot_emulator.config import available_configs as emulator_configs
 from hoap3.robot_emulator.plant_factory import build_body
+from hoap3.robot_emulator.plants.registry import PLANTS
 from hoap3.robot_emulator.robots import available as robots
 from hoap3.robot_emulator.robots.urdf_import.source import is_source
 from hoap3.robot_emulator.service import describe
@@ -123,6 +124,7 @@ FAMILIES: dict[str, tuple[Any, type[Settings]]] = {
     "controller": (controllers, ControllerConfig),
     "task": (tasks, TaskSettings),
     "constraint": (constraints, ConstraintSettings),
+    "plant": (PLANTS, PlantSettings),
 }
 """What has parameters of its own: the registry of its names, and what a config says of one."""
 

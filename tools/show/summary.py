@@ -11,6 +11,7 @@ from rich.table import Table
 
 from hoap3.tools.show.certificate_count import in_a_line
 from hoap3.tools.show.output import Meter, notes, print_note, results, watched
+from hoap3.tools.show.plant_rows import plant_rows
 from hoap3.tools.show.verdicts import NAMES, NOT_JUDGED, deadline_words, in_words
 
 COLOURS = {
@@ -140,6 +141,8 @@ def show_summary(summary: dict[str, Any]) -> None:
         table.add_row("certificates", f"[{COLOURS['warn']}]{escape(unproved)}[/]")
     if summary["final_error"] is not None:
         table.add_row("final error", f"{summary['final_error']:.3g}, in the unit of the task")
+    for name, told in plant_rows(summary.get("plant") or {}):
+        table.add_row(name, escape(told))
     if "lockstep" in summary:
         lockstep = summary["lockstep"]
         table.add_row(
@@ -154,11 +157,17 @@ def show_summary(summary: dict[str, Any]) -> None:
     results.print(table)
     for side, value in summary.get("payload_sha256", {}).items():
         results.print(f"sha256 {side} {value}", soft_wrap=True)
+    _print_durations(summary)
+    results.print(machine_line(summary), markup=False)
+
+
+def _print_durations(summary: dict[str, Any]) -> None:
+    """The table of durations, of a run in real time."""
     if summary.get("rtt_us", {}).get("n"):
         rows = {"RTT": summary["rtt_us"], "wake-up": summary["wakeup_us"]}
+        rows |= {"plant": summary.get("plant_us", {"n": 0})}
         rows |= {f"  {name}": stage for name, stage in summary["stages_us"].items()}
         results.print(durations_table(rows, summary["jitter_us"]))
-    results.print(machine_line(summary), markup=False)
 
 
 def _add_verdicts(table: Table, summary: dict[str, Any]) -> None:

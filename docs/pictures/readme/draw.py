@@ -21,7 +21,7 @@ from hoap3.robot_emulator.robots import load
 from hoap3.tools.html.palette import LIGHT
 from hoap3.tools.report.content import read_content
 from hoap3.tools.services.run import run_lockstep
-from hoap3.tools.simulate import controller_settings, emulator_settings
+from hoap3.tools.simulate import controller_settings, emulator_settings, simulate
 
 FOLDER = Path(__file__).parent
 ROBOTS = ("hoap3", "humanoid32", "baxter_left_arm", "lwr", "ur5")
@@ -52,6 +52,52 @@ def robots() -> Figure:
         axes.set_axis_off()
         axes.set_title(f"{name}, {description.n} joints", fontsize=9, color=LIGHT["soft"])
     return figure
+
+
+def own_feet() -> Figure:
+    """HOAP-3 in MuJoCo after 5 s, on one held foot and on both, with its centre of mass."""
+    figure = Figure(figsize=(7.0, 3.6))
+    figure.subplots_adjust(left=0, right=1, bottom=0, top=0.92, wspace=0)
+    pairs = ("hoap3_one_foot", "qp12"), ("hoap3_standing", "stable_qp_standing")
+    for place, (robot, controller) in enumerate(pairs):
+        end = simulate(robot, controller, 5.0).states[-1]
+        description = load("hoap3")
+        q = end["q"].copy()
+        origin, rotation = _sole(description, q)
+        if len(end["base"]):  # x y z, then a quaternion x y z w
+            x, y, z, w = end["base"][3:7]
+            skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+            turn = np.eye(3) + 2.0 * (w * skew + skew @ skew)
+            origin, rotation = -turn.T @ end["base"][:3], turn.T
+        world = [
+            [(face - origin) @ rotation for face in shape] for shape in _placed(description, q)
+        ]
+        faces = [face for shape in world for face in shape]
+        axes = figure.add_subplot(1, 2, place + 1, projection="3d", computed_zorder=False)
+        floor = np.array([[-0.15, -0.1, 0], [0.2, -0.1, 0], [0.2, 0.2, 0], [-0.15, 0.2, 0]])
+        axes.add_collection3d(Poly3DCollection([floor], facecolors=LIGHT["wash"], zorder=1))
+        shown = Poly3DCollection(faces, facecolors=_shaded(faces), linewidths=0, zorder=2)
+        axes.add_collection3d(shown)
+        x, y, z = 0.01, 0.025, 0.2869  # m_d
+        axes.plot((x, x), (y, y), (0.0, z), color=LIGHT["orange"], zorder=3)
+        axes.plot((x,), (y,), (z,), "o", color=LIGHT["orange"], zorder=3)
+        axes.set_xlim(-0.26, 0.28)
+        axes.set_ylim(-0.22, 0.32)
+        axes.set_zlim(-0.02, 0.52)
+        axes.set_box_aspect((1, 1, 1), zoom=1.25)
+        axes.view_init(elev=12, azim=35)
+        axes.set_axis_off()
+        axes.set_title(robot, fontsize=9, color=LIGHT["soft"])
+    return figure
+
+
+def _sole(description: RobotDescription, q: Array) -> tuple[Array, Array]:
+    """Origin and rotation of the right sole in the root."""
+    kinematics = Kinematics(description)
+    kinematics.update(q)
+    origins, rotations, *_ = kinematics.frames()
+    sole = kinematics.frame_id("r_sole")
+    return origins[sole].copy(), rotations[sole].copy()
 
 
 def _placed(description: RobotDescription, q: Array) -> list[list[Array]]:
@@ -131,10 +177,13 @@ def report() -> str:
 
 
 def main() -> int:
-    """Make both."""
+    """Make them."""
     figure = robots()
     FigureCanvasAgg(figure)
     figure.savefig(FOLDER / "robots.png", dpi=110, metadata={"Software": None})
+    figure = own_feet()
+    FigureCanvasAgg(figure)
+    figure.savefig(FOLDER.parent / "own_feet.png", dpi=110, metadata={"Software": None})
     (FOLDER / "report.svg").write_text(report(), encoding="utf-8")
     return 0
 

@@ -18,6 +18,7 @@ from hoap3.remote_controller.controllers.lyapunov_qp.diagnostics import Diagnost
 from hoap3.remote_controller.controllers.lyapunov_qp.objective import check_objective, solver_of
 from hoap3.remote_controller.controllers.qp12.lyapunov_descent_kernels import GAMMA_SLOPE
 from hoap3.remote_controller.controllers.ramp import Ramp
+from hoap3.remote_controller.controllers.servo_rate import loop_rate, slow_enough
 from hoap3.remote_controller.default_task import default_goal
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.solvers.base import status
@@ -115,6 +116,13 @@ class StableQpController(VelocityController):
         self._begun = False
         self._brake_step = description.brake_acceleration * self._dt
         self._last, self._stopping = np.zeros(n), status.OK
+        if description.servo_rate_1_s is not None:
+            self.kinematics.update(description.initial_position)
+            self.function.reset(self.kinematics, 0.0)
+            self.function.update(self.kinematics, 0.0)
+            jacobian = getattr(self.function, "jacobian", None)  # of a V that is none of |e|²/2
+            fastest = math.inf if jacobian is None else loop_rate(psi.form, rate.scales, jacobian)
+            self.within_servos = slow_enough(description, fastest, parameters.kinematics_from)
 
     @classmethod
     def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Self:

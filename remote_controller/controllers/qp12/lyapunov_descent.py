@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -13,6 +13,7 @@ from hoap3.protocol.description import COM, RobotDescription
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.controllers.base import CERTIFIED_RESIDUAL, VelocityController
 from hoap3.remote_controller.controllers.ramp import Ramp
+from hoap3.remote_controller.controllers.servo_rate import loop_rate, slow_enough
 from hoap3.remote_controller.default_task import default_goal
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.solvers.base import status
@@ -77,6 +78,11 @@ class DescentController(VelocityController):
         self._rate = parameters.beta, FORMS.index(parameters.psi_scale)
         self._least_margin = -ROUNDING * self._u_max
         self.u, self.gradient = np.zeros((2, description.n))
+        if description.servo_rate_1_s is not None:
+            self.kinematics.update(description.initial_position)
+            self.task.update(self.kinematics)
+            rate = self.fastest(parameters)
+            self.within_servos = slow_enough(description, rate, parameters.kinematics_from)
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Begin again from rest."""
@@ -103,6 +109,11 @@ class DescentController(VelocityController):
         """|e|."""
         asked = np.ones(len(self.task.error), np.bool_)
         return [replace(error, task=self._point) for error in self.task.accuracy(asked)]
+
+    def fastest(self, parameters: Any) -> float:
+        """The largest rate at which it corrects joints, where `task` is now [1/s]."""
+        scales = parameters.u_max_rad_s, parameters.beta
+        return loop_rate(parameters.psi_scale, scales, self.task.jacobian)
 
     @abstractmethod
     def descend(self, certificate: FloatArray) -> int:

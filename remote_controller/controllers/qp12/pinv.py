@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -10,6 +10,7 @@ from pydantic import Field
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.controllers.qp12.lyapunov_descent import DescentController
+from hoap3.remote_controller.controllers.servo_rate import loop_rate
 
 
 class PinvController(DescentController):
@@ -31,6 +32,13 @@ class PinvController(DescentController):
         self._kernel = pinv_descent
         self._gain = parameters.gain_per_s if parameters.law == "plain" else 0.0
         self._work = np.zeros(work_shape(3, description.n))
+
+    def fastest(self, parameters: Any) -> float:
+        """The rate of the plain law, or of the pseudo-inverse with V̇ = −Ψ [1/s]."""
+        if parameters.law == "plain":
+            return float(parameters.gain_per_s)
+        scales = parameters.u_max_rad_s, parameters.beta
+        return loop_rate(parameters.psi_scale, scales, self.task.jacobian, pseudo_inverse=True)
 
     def descend(self, certificate: FloatArray) -> int:
         """Find u, and what it does to V."""

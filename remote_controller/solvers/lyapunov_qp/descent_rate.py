@@ -60,11 +60,15 @@ class DescentRate:
                 raise BadProblemError(f"{name} must be positive and finite (found {value}).")
 
     @property
+    def scales(self) -> tuple[float, float]:
+        """u_max and β of (16), or η and κ."""
+        bounded = self.form in get_args(BoundedForm)
+        return (self.u_max, self.beta) if bounded else (self.eta, self.kappa)
+
+    @property
     def arguments(self) -> tuple[int, float, float]:
         """The first ones of `rate_kernel`: the form, then u_max and β of (16), or η and κ."""
-        bounded = self.form in get_args(BoundedForm)
-        scales = (self.u_max, self.beta) if bounded else (self.eta, self.kappa)
-        return FORMS.index(self.form), *scales
+        return FORMS.index(self.form), *self.scales
 
     def __call__(self, V: float, gradient: NDArray[np.float64], error: float) -> float:
         """Ψ ≥ 0 for V, ∇V, (n,), and |e|; not asked for, |e| may be 0 for `tanh` and `exponential`.

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from task_cases import ARM, CASES, HOAP3, POINT, kinematics_of
 
+from hoap3.protocol.config import plugins
 from hoap3.protocol.errors import ConfigError, UnknownNameError
-from hoap3.remote_controller import plugins
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks.registry import TaskSettings, build, check_parameters, registered
 

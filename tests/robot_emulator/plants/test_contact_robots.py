@@ -48,7 +48,7 @@ def test_a_plane_that_pushes_a_joint_to_its_limit_is_held_by_its_motor(side):
     )
     description = description.model_copy(update={"joints": (shoulder, *description.joints[1:])})
     pushed = touching(description, {**wall(0.05, side), "stiffness_n_m": 500.0})
-    setpoint_filter = TorqueFilter(description, pushed, 5)
+    setpoint_filter = TorqueFilter(description, pushed, 5, pushed)
     setpoint_filter.reset(pushed.q)
     worst = 0.0
     for tick in range(1000):
@@ -65,7 +65,7 @@ def test_a_plane_that_pushes_a_joint_to_its_limit_is_held_by_its_motor(side):
 def test_what_keeps_the_limits_passes_bit_by_bit_in_contact():
     above = START.translation + np.array([0.0, 0.0, 1e-3])
     body = touching(ARM, {**PLANE, "point_m": tuple(above)})
-    setpoint_filter = TorqueFilter(ARM, body, 5)
+    setpoint_filter = TorqueFilter(ARM, body, 5, body)
     setpoint_filter.reset(body.q)
     press = body.tau.copy()  # what balances the plane
     for tick in range(100):

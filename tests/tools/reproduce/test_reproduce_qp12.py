@@ -165,12 +165,12 @@ def test_the_whole_command(tmp_path):
     names = {path.name for path in tmp_path.iterdir()}
     pictures = (
         *("fig1", "fig4", "fig5", "fig6", "fig7", "fig8_A", "fig8_C", "table1", "example2"),
-        *("circulation", "obstacle", "support_polygon"),
+        *("circulation", "obstacle", "support_polygon", "own_feet"),
     )
     assert {f"{name}.{kind}" for name in pictures for kind in ("png", "svg")} <= names
     assert {"rows.csv", "rows.json", "fig6.csv", "table1.csv", "circulation_v.csv"} <= names
     items = [row["item"] for row in printed["rows"]]
     assert len(items) == len(set(items))
     of = ("Fig. 1", "Example 2", "(23): forward", "(23): backward", "(25): obstacle",
-          "(25): support polygon", "Fig. 4", "Table I")  # fmt: skip
+          "(25): support polygon", "Fig. 4", "one foot", "standing", "Table I")  # fmt: skip
     assert all(any(item.startswith(words) for item in items) for words in of)

@@ -3,12 +3,14 @@
 IEEE Transactions on Robotics 36(3), 2020. Its experiment, Figs. 4 to 8 and Table I, is done twice:
 in case A with Ψ as printed, and in case C without its 1/√n, which is what the figures fit. Beside
 it stand Fig. 1, Example 2, and what the paper has no experiment of: persistent motion, an obstacle,
-and a target beyond the support polygon, each with its certificates.
+and a target beyond the support polygon, each with its certificates; and the same displacement in
+MuJoCo, on one held foot and on the robot's own two feet.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib.util import find_spec
 
 from hoap3.tools.reproduce.figures import Figure
 from hoap3.tools.reproduce.rows import Row
@@ -25,6 +27,7 @@ def remake(say: Callable[[str], None]) -> tuple[list[Figure], list[Row]]:
         experiments,
         fig1,
         obstacle,
+        own_feet,
         support,
         table,
     )
@@ -39,6 +42,12 @@ def remake(say: Callable[[str], None]) -> tuple[list[Figure], list[Row]]:
     trials = experiments.run_trials(say)
     figures += drawings.draw_all(trials)
     rows += checks.check_all(trials, experiments.plain_pinv())
+    if find_spec("mujoco") is None:
+        say("on its own feet: left out, as it needs hoap3[mujoco]")
+    else:
+        held, standing = own_feet.one_foot(say), own_feet.both_feet(say)
+        figures.append(own_feet.draw(held, standing))
+        rows += own_feet.rows(held, standing, own_feet.too_fast(say))
     say("Table I: timing solvers")
     timed = bench_solvers()
     return [*figures, table.draw(timed)], [*rows, *table.rows(timed)]

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from hoap3.protocol.config.settings import Settings
+from hoap3.protocol.config.user_code import before_import
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import (
     ConfigError,
@@ -20,7 +21,6 @@ from hoap3.protocol.errors import (
     UnknownNameError,
     located,
 )
-from hoap3.remote_controller.user_code import before_import
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,52 @@
+"""Whether a loop around position servos that give way is slow enough for them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray
+
+
+def loop_rate(
+    form: str, rate: tuple[float, float], jacobian: FloatArray, *, pseudo_inverse: bool = False
+) -> float:
+    """The largest rate at which a law with V̇ = −Ψ, V = |e|²/2, corrects joints [1/s].
+
+    It is the largest eigenvalue of B in u = −B·(q − q_d), by the linear law that holds around each
+    e. The least joint velocities, which QP12 has for γ = 0, are u = −(Ψ/|Jᵀe|²)·Jᵀe, so
+
+        B = (Ψ/|Jᵀe|²)·JᵀJ,    λ_max(B) ≤ c·σ_max²/σ_min
+
+    with c = (2/π)·u_max·β/√n for (16) as printed, as Ψ ≤ c·|Jᵀe|·|e|: a small error along an axis
+    that joints move easily is corrected as hastily as a large one along an axis that they hardly
+    move. The pseudo-inverse, u = −(Ψ/|e|²)·J⁺e, has not more than c·σ_max.
+
+    Args:
+        form: of Ψ, one of `descent_rate.FORMS`.
+        rate: u_max and β of (16), or η and κ.
+        jacobian: J of the task, (m, n).
+        pseudo_inverse: of whose laws it is.
+    """
+    first, second = rate
+    sizes = np.linalg.svd(jacobian, compute_uv=False)
+    least, greatest = float(sizes[-1]), float(sizes[0])
+    if not pseudo_inverse and least == 0.0:
+        return math.inf
+    if form in {"tanh", "exponential"}:
+        return 0.5 * first * (1.0 if pseudo_inverse else (greatest / least) ** 2)
+    share = 1.0 / math.sqrt(jacobian.shape[1]) if form == "inverse_sqrt_n" else 1.0
+    c = 2.0 / math.pi * first * second * share
+    return c * greatest * (1.0 if pseudo_inverse else greatest / least)
+
+
+def slow_enough(description: RobotDescription, rate: float, kinematics_from: str) -> bool:
+    """Whether the certificate of a law counts, though servos give way.
+
+    It is for joints that follow their reference. Where a law answers to what servos have made of
+    that, it is a loop around them, and `servo_rate_1_s` says how fast that may be.
+    """
+    limit = description.servo_rate_1_s
+    return limit is None or kinematics_from == "reference" or rate < limit

@@ -1,0 +1,322 @@
+"""MuJoCo's model of a described robot and of what stands around it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError, NotInstalledError, one_of
+from hoap3.robot_emulator.plants.mujoco.collisions import keep_apart, let_touch
+from hoap3.robot_emulator.plants.mujoco.inertias import repair
+from hoap3.robot_emulator.plants.mujoco.rerooted_urdf import (
+    followers,
+    rerooted,
+    root_inertia,
+    rotation_of,
+)
+from hoap3.robot_emulator.plants.mujoco.settings import FloorSettings, MujocoParameters
+
+MOTORS, SERVOS = 0, 1  # groups of actuators
+FRAME = "frame "  # before the name of a frame that MuJoCo has as a site
+IMU = "quaternion", "gyro", "accelerometer"
+"""Sensors of an inertial unit; each name stands before that of its frame."""
+
+
+@dataclass(frozen=True)
+class MujocoModel:
+    """MuJoCo's model, and where the robot's parts are in it; arrays in wire order.
+
+    Attributes:
+        model: `mujoco.MjModel`.
+        q_at, v_at: (n,) where each joint is in qpos and qvel.
+        follow: joints that follow another one: its place in qpos, that of the master, multiplier,
+            offset.
+        free: whether the root link may move; it is at the begin of qpos and qvel then.
+        root: MuJoCo's number of the root link's body, 0 where the world holds it.
+        welded: the link that the world holds, "" of a free base.
+        urdf: text of what was read, with `welded` as its root; "" of an MJCF file.
+        altered: by body, what MuJoCo did not take as the URDF has it.
+    """
+
+    model: Any
+    q_at: NDArray[np.intp]
+    v_at: NDArray[np.intp]
+    follow: tuple[tuple[int, int, float, float], ...]
+    free: bool
+    root: int
+    welded: str
+    urdf: str
+    altered: Mapping[str, str]
+
+    def site(self, frame: str) -> int:
+        """MuJoCo's number of the site that stands for a frame."""
+        return int(self.model.site(FRAME + frame).id)
+
+
+def mujoco_module() -> Any:
+    """The package, which is an extra.
+
+    Raises:
+        NotInstalledError: it is not installed; says how to.
+    """
+    try:
+        import mujoco
+    except ModuleNotFoundError as error:
+        raise NotInstalledError("plant", "mujoco", "'hoap3[mujoco]'") from error
+    mujoco.set_mju_user_warning(_quiet)
+    return mujoco
+
+
+def _quiet(text: str) -> None:
+    """Take a warning that MuJoCo would write to a file in the working directory.
+
+    `MjData.warning` counts it, and the plant's summary tells.
+    """
+    del text
+
+
+def build_model(
+    description: RobotDescription,
+    parameters: MujocoParameters,
+    frames: tuple[str, ...] = (),
+    imus: tuple[str, ...] = (),
+) -> MujocoModel:
+    """Make a robot's model.
+
+    Args:
+        description: of the robot; the first of its `command_kinds` decides about its motors.
+        parameters: of the plant.
+        frames: that sites shall stand for.
+        imus: those of them that have an inertial unit.
+
+    Raises:
+        ConfigError: with a key below `plant`; MuJoCo refuses the robot, or the file lacks a joint
+            or a frame.
+        NotInstalledError: MuJoCo is missing.
+    """
+    mujoco = mujoco_module()
+    free = parameters.base == "free"
+    moved = description.base_frame in description.structure.moving
+    welded = description.base_frame if moved else description.structure.root
+    urdf, altered = "", dict[str, str]()
+    if parameters.mjcf is not None:
+        spec = _from_file(mujoco, parameters.mjcf)
+        welded = ""
+    else:
+        urdf = description.urdf if free or not moved else rerooted(description.urdf, welded)
+        spec, altered = _from_urdf(mujoco, urdf, parameters, description)
+    _check_joints(spec, description, parameters)
+    _add_frames(spec, frames, file=parameters.mjcf is not None)
+    _add_imus(spec, mujoco, imus)
+    _set_joints(spec, mujoco, description, parameters)
+    _set_options(spec, mujoco, description, parameters)
+    _surround(spec, mujoco, parameters)
+    if not urdf:
+        return _assembled(mujoco, _compiled(spec, description), description, "", urdf, altered)
+    let_touch(spec, description, parameters)
+    keep_apart(mujoco, spec, _compiled(spec.copy(), description), description)
+    model = _compiled(spec, description)
+    return _assembled(mujoco, model, description, "" if free else welded, urdf, altered)
+
+
+def _from_file(mujoco: Any, path: str) -> Any:
+    """A spec of the user's own file, without its motors."""
+    try:
+        spec = mujoco.MjSpec.from_file(path)
+    except (ValueError, OSError) as error:
+        problem = f"MuJoCo cannot read it: {_one_line(error)}"
+        raise ConfigError("", "parameters.mjcf", path, problem, "Correct the file") from error
+    for actuator in list(spec.actuators):
+        spec.delete(actuator)
+    return spec
+
+
+def _from_urdf(
+    mujoco: Any, urdf: str, parameters: MujocoParameters, description: RobotDescription
+) -> tuple[Any, dict[str, str]]:
+    """A spec of a URDF, with the inertia of its root, which MuJoCo leaves out.
+
+    Returns:
+        That, and by body what MuJoCo does not take as it is.
+    """
+    try:
+        spec = mujoco.MjSpec.from_string(urdf)
+    except ValueError as error:
+        problem = f"MuJoCo cannot read its URDF: {_one_line(error)}"
+        raise ConfigError("", "kind", description.name, problem, "Correct the URDF") from error
+    compiler = spec.compiler
+    compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+    known = {equality.name1 for equality in spec.equalities}
+    for follower, (master, multiplier, offset) in followers(urdf).items():
+        if follower not in known and spec.joint(follower) is not None:
+            equality = spec.add_equality(
+                type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT
+            )
+            equality.name1, equality.name2 = follower, master
+            equality.data[:3] = offset, multiplier, 0.0
+    if not parameters.joint_friction:
+        for joint in spec.joints:
+            joint.damping, joint.frictionloss = [0.0, 0.0, 0.0], 0.0
+    if parameters.base == "free":
+        root = spec.body(description.structure.root)
+        mass, centre, inertia = root_inertia(urdf, description.structure.root)
+        if mass > 0.0:
+            root.mass, root.ipos, root.explicitinertial = mass, centre, True
+            root.fullinertia = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        root.add_freejoint()
+    return spec, repair(spec)
+
+
+def _check_joints(spec: Any, description: RobotDescription, parameters: MujocoParameters) -> None:
+    known = [joint.name for joint in spec.joints]
+    for name in description.joint_names:
+        if name not in known:
+            hint = one_of(name, known, "Its joints")
+            raise ConfigError("", "parameters.mjcf", name, "the file lacks this joint", hint)
+    for key in ("kp", "kv", "armature"):
+        for name in getattr(parameters, key) if isinstance(getattr(parameters, key), dict) else ():
+            if name not in description.joint_names:
+                hint = one_of(name, description.joint_names, "Its joints")
+                problem = f"robot {description.name!r} has no such joint"
+                raise ConfigError("", f"parameters.{key}", name, problem, hint)
+
+
+def _add_frames(spec: Any, frames: tuple[str, ...], *, file: bool) -> None:
+    """Sites for frames: links of a URDF; bodies or sites of a file."""
+    for frame in frames:
+        body, site = spec.body(frame), spec.site(frame) if file else None
+        if site is not None:
+            site.parent.add_site(name=FRAME + frame, pos=site.pos, quat=site.quat)
+        elif body is not None:
+            body.add_site(name=FRAME + frame)
+        else:
+            known = [each.name for each in (*spec.bodies, *spec.sites)]
+            hint = one_of(frame, known, "Its bodies and sites")
+            raise ConfigError("", "parameters.mjcf", frame, "the file has no such frame", hint)
+
+
+def _add_imus(spec: Any, mujoco: Any, frames: tuple[str, ...]) -> None:
+    kinds = mujoco.mjtSensor
+    types = kinds.mjSENS_FRAMEQUAT, kinds.mjSENS_GYRO, kinds.mjSENS_ACCELEROMETER
+    for frame in frames:
+        for name, kind in zip(IMU, types, strict=True):
+            sensor = spec.add_sensor(name=f"{name} {frame}", type=kind)
+            sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_SITE, FRAME + frame
+
+
+def _set_joints(
+    spec: Any, mujoco: Any, description: RobotDescription, parameters: MujocoParameters
+) -> None:
+    """Stops, rotors, efforts and motors of the joints of the wire."""
+    torques = description.command_kinds[0] != "position"
+    robot = description
+    figures = robot.lower_hard, robot.upper_hard, robot.effort, robot.armature
+    for joint, lower, upper, effort, rotor in zip(robot.joints, *figures, strict=True):
+        ours = spec.joint(joint.name)
+        ours.limited = bool(np.isfinite(lower) and np.isfinite(upper))
+        if ours.limited:
+            ours.range = [lower, upper]
+        ours.armature = _of(parameters.armature, joint.name, rotor)
+        if 0.0 < effort < np.inf:
+            ours.actfrclimited, ours.actfrcrange = True, [-effort, effort]
+        for group in (MOTORS, SERVOS) if torques else (SERVOS,):
+            name = f"{joint.name} {'servo' if group == SERVOS else 'motor'}"
+            actuator = spec.add_actuator(name=name, target=joint.name, group=group)
+            actuator.trntype = mujoco.mjtTrn.mjTRN_JOINT
+            if group == SERVOS:  # gains that are not given come with the start posture
+                kp = _of(parameters.kp, joint.name, 1.0)
+                actuator.set_to_position(kp=kp, kv=_of(parameters.kv, joint.name, 1.0))
+            else:
+                actuator.set_to_motor()
+    if description.gravity == "compensated":
+        for body in spec.bodies[1:]:
+            body.gravcomp = 1.0
+        for joint in description.joints:
+            spec.joint(joint.name).actgravcomp = True
+
+
+def _set_options(
+    spec: Any, mujoco: Any, description: RobotDescription, parameters: MujocoParameters
+) -> None:
+    spec.option.timestep = description.period_s / parameters.substeps
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    if description.gravity == "none":
+        spec.option.gravity = [0.0, 0.0, 0.0]
+
+
+def _surround(spec: Any, mujoco: Any, parameters: MujocoParameters) -> None:
+    """The floor and the boxes."""
+    floor = parameters.floor
+    if floor is None and parameters.base == "free" and parameters.mjcf is None:
+        floor = FloorSettings()
+    around = {"contype": 1, "conaffinity": 0}
+    if floor is not None:
+        plane = spec.worldbody.add_geom(name="floor", size=[5.0, 5.0, 0.1], **around)
+        plane.type = mujoco.mjtGeom.mjGEOM_PLANE
+        plane.pos, plane.friction = [0.0, 0.0, floor.height_m], [floor.friction, 0.005, 0.0001]
+    for number, each in enumerate(parameters.boxes):
+        box = spec.worldbody.add_geom(name=f"box {number}", **around)
+        box.type, box.size = mujoco.mjtGeom.mjGEOM_BOX, [0.5 * size for size in each.size_m]
+        mujoco.mju_mat2Quat(box.quat, rotation_of(each.rotation_rad).ravel())
+        box.pos, box.friction = each.position_m, [each.friction, 0.005, 0.0001]
+
+
+def _compiled(spec: Any, description: RobotDescription) -> Any:
+    try:
+        return spec.compile()
+    except ValueError as error:
+        problem = f"MuJoCo refuses its model: {_one_line(error)}"
+        remedy = "Correct that part of its URDF or MJCF file"
+        raise ConfigError("", "kind", description.name, problem, remedy) from error
+
+
+def _assembled(
+    mujoco: Any,
+    model: Any,
+    description: RobotDescription,
+    welded: str,
+    urdf: str,
+    altered: dict[str, str],
+) -> MujocoModel:
+    free = bool(model.njnt and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE)
+    names = {model.joint(number).name for number in range(model.njnt)}
+    joints = [model.joint(name) for name in description.joint_names]
+    follow = tuple(
+        (
+            int(model.joint(name).qposadr[0]),
+            int(model.joint(master).qposadr[0]),
+            multiplier,
+            offset,
+        )
+        for name, (master, multiplier, offset) in (followers(urdf) if urdf else {}).items()
+        if name in names
+    )
+    return MujocoModel(
+        model=model,
+        q_at=np.array([joint.qposadr[0] for joint in joints], np.intp),
+        v_at=np.array([joint.dofadr[0] for joint in joints], np.intp),
+        follow=follow,
+        free=free,
+        root=int(model.jnt_bodyid[0]) if free else 0,
+        welded=welded,
+        urdf=urdf,
+        altered=altered,
+    )
+
+
+def _of(given: float | dict[str, float] | None, joint: str, otherwise: float) -> float:
+    """What a setting says of a joint."""
+    if isinstance(given, dict):
+        return given.get(joint, otherwise)
+    return otherwise if given is None else given
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())

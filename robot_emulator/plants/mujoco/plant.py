@@ -1,0 +1,286 @@
+"""A robot's body in MuJoCo, driven by servos, accelerations or torques."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any, Self
+
+import numpy as np
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError, DescriptionError, SolverError, one_of
+from hoap3.protocol.messages import FloatArray
+from hoap3.robot_emulator.config import PlantSettings
+from hoap3.robot_emulator.plants.base import Declared, Plant
+from hoap3.robot_emulator.plants.mujoco.balance import Balance
+from hoap3.robot_emulator.plants.mujoco.equilibrium import place
+from hoap3.robot_emulator.plants.mujoco.gains import Gains, servo_gains
+from hoap3.robot_emulator.plants.mujoco.model import MOTORS, SERVOS, build_model, mujoco_module
+from hoap3.robot_emulator.plants.mujoco.senses import Encoders, Senses
+from hoap3.robot_emulator.plants.mujoco.settings import MujocoParameters
+from hoap3.robot_emulator.plants.mujoco.torques import ContactTorques
+
+ROUNDING = 1e-9  # of an effort
+FIRM = 1e-6  # of its weight: what nothing may have to hold at a start at rest
+
+
+class MujocoPlant(Plant):
+    """MuJoCo's dynamics and contacts, `implicitfast`, one or more steps a period.
+
+    **Position** setpoints go to servos, τ = kp·(q* − q) − kv·dq. **Accelerations** become torques
+    by inverse dynamics of the simulated model, at each step; only where the base is fixed.
+    **Torques** are given as they are. All are cut to the efforts of the description. A robot that
+    nobody commands is held by the servos where it was, as by brakes that give way.
+
+    It starts in static equilibrium: with servos the reference is q + τ_g/kp.
+
+    Attributes:
+        start: that reference.
+        tau: of the motors, servos and gravity compensation included.
+    """
+
+    commands = ("position", "acceleration", "torque")
+    heeds = ("encoder",)
+    kernels = ("hoap3.robot_emulator.plants.mujoco.contact_kernels",)
+
+    class Parameters(MujocoParameters):
+        """`plant.parameters`."""
+
+    def __init__(
+        self,
+        description: RobotDescription,
+        parameters: MujocoParameters,
+        *,
+        counts: bool = False,
+        seed: int = 0,
+    ) -> None:
+        super().__init__(description, parameters)
+        n, self._kind = description.n, description.command_kinds[0]
+        self._mujoco, self._parameters = mujoco_module(), parameters
+        self._description = description
+        contacts, imus = _felt(description, parameters), _imus(description, parameters)
+        soles = tuple(sole.frame for sole in description.soles)
+        frames = dict.fromkeys((*soles, *contacts, *imus, *description.wrench_sensors))
+        self.built = build_model(description, parameters, tuple(frames), imus)
+        if self.built.free != (parameters.base == "free"):
+            found = "free" if self.built.free else "fixed"
+            problem, remedy = f"its base is {found}", f"Write base: {found}, or change the file"
+            raise ConfigError("", "parameters.mjcf", parameters.mjcf, problem, remedy)
+        self.model = self.built.model
+        self.data = self._mujoco.MjData(self.model)
+        self._sole = soles[0] if soles else None
+        self._senses = Senses(self._mujoco, self.built, self.data, description, contacts, imus)
+        scales = description.counts_per_rad if counts else None
+        self._encoders = Encoders(n, scales, parameters.noise_rad, seed)
+        self._place(description.initial_position)
+        self.gains: Gains = servo_gains(
+            self._mujoco, self.built, self.data, parameters, description
+        )
+        self._servos = np.arange(n) if self._kind == "position" else np.arange(1, 2 * n, 2)
+        self._motors = np.arange(0, 2 * n, 2)
+        self._set_gains()
+        self.balance = Balance(self._mujoco, self.built, self.data, description, soles, contacts)
+        self._true, self._held, self._sizes = np.zeros((3, n))
+        efforts = np.where(description.effort > 0.0, description.effort, np.inf)
+        self._most, self._full = efforts * (1.0 - ROUNDING), np.zeros(n, np.bool_)
+        self._wanted = np.zeros(self.model.nv)
+        self._step, self._braked = self._mujoco.mj_step, False
+        if self._kind == "torque":
+            self.torque_model = ContactTorques(
+                self._mujoco,
+                self.built,
+                self.data,
+                description.effort,
+                self.tau,
+                compensated=description.gravity == "compensated",
+            )
+        self._inverse = self._mujoco.mj_inverse
+
+    @classmethod
+    def configured(
+        cls, description: RobotDescription, settings: PlantSettings, parameters: Any, seed: int
+    ) -> Self:
+        """Make one of its parameters, `encoder` and the seed."""
+        return cls(description, parameters, counts=settings.encoder == "counts", seed=seed)
+
+    @classmethod
+    def declare(
+        cls, description: RobotDescription, settings: PlantSettings, parameters: Any
+    ) -> Declared:
+        """Refuse frames that the robot lacks, and accelerations of what may fall."""
+        mujoco_module()
+        if settings.encoder == "counts" and description.counts_per_rad is None:
+            problem = f"robot {description.name!r} has no encoder scales"
+            remedy = "Give each joint encoder_counts_per_rad, or write ideal"
+            raise ConfigError("", "encoder", "counts", problem, remedy)
+        for key in ("contact_frames", "imu_frames"):
+            for number, frame in enumerate(getattr(parameters, key) or ()):
+                if frame not in description.frames and parameters.mjcf is None:
+                    place_of = f"parameters.{key}.{number}"
+                    hint = one_of(frame, description.frames, "Its frames")
+                    problem = f"robot {description.name!r} has no such frame"
+                    raise ConfigError("", place_of, frame, problem, hint)
+        if parameters.base == "free" and description.command_kinds[0] == "acceleration":
+            remedy = "Write base: fixed, or command: torque or position"
+            problem = "has no accelerations of its own: contacts decide about them"
+            raise ConfigError("", "parameters.base", "free", problem, remedy)
+        measures = Declared(
+            base=13 if parameters.base == "free" else 0,
+            contact=6 * len(_felt(description, parameters)),
+            imu=10 * len(_imus(description, parameters)),
+        )
+        if description.command_kinds[0] != "position":
+            return measures
+        made = cls(description, parameters)
+        return replace(measures, servo_rate_1_s=made.gains.rate_limit or None)
+
+    def reset(self, q: FloatArray) -> None:
+        """Be at rest at `q`, (n,) [rad or m], in static equilibrium where there is one."""
+        torques = self._place(q)
+        np.divide(torques, self.gains.kp, out=self.start, where=self.gains.kp > 0.0)
+        self.start += q
+        if self._kind == "position":
+            self.data.ctrl[:] = self.start
+        else:
+            self._brake(torques)
+            self.start[:] = q
+        self._mujoco.mj_forward(self.model, self.data)
+        self._measure(0.0)
+
+    def step(self, command: FloatArray, dt: float) -> None:
+        """Follow `command`, (n,), for `dt` [s], which is the description's period."""
+        data = self.data
+        if self._kind == "position":
+            data.ctrl[:] = command
+            self._advance(dt)
+            return
+        if self._braked:
+            self.model.opt.disableactuator = 1 << SERVOS
+            self._braked = False
+        if self._kind == "torque":
+            data.ctrl[self._motors] = command
+            self._advance(dt)
+        else:
+            self._wanted[self.built.v_at] = command
+            self._advance(dt, inverse=True)
+
+    def hold(self, dt: float) -> None:
+        """The servos hold it where it was when they were set."""
+        if self._kind != "position" and not self._braked:
+            self._brake(self.data.qfrc_actuator[self.built.v_at])
+        self._advance(dt)
+
+    def notes(self) -> list[str]:
+        """What MuJoCo simulates, and how fast a loop around its servos may be."""
+        model, what = self.model, self._parameters
+        size = f"{model.nv} degrees of freedom, {what.base} base"
+        steps = f"{what.substeps} step(s) of {1e3 * model.opt.timestep:g} ms a period"
+        said = [f"MuJoCo {self._mujoco.__version__}: {size}, {steps}"]
+        if self.built.altered:
+            listing = "; ".join(f"{body} {why}" for body, why in self.built.altered.items())
+            said.append(f"inertias that MuJoCo does not take as they are: {listing}")
+        if self._kind == "position":
+            said.append(
+                f"a loop around these servos must be slower than {self.gains.rate_limit:.3g} 1/s "
+                "(2 zeta omega of the slowest mode, docs/plants.md)"
+            )
+        return said
+
+    def summary(self) -> dict[str, Any]:
+        """Where the simulated robot ended, beside what the model makes of its encoders."""
+        return {
+            "kind": "mujoco",
+            "servo_rate_limit_1_s": self.gains.rate_limit if self._kind == "position" else None,
+            **self.balance.summary(self.q),
+            "warnings": self._warnings(),
+        }
+
+    def _warnings(self) -> dict[str, int]:
+        """What MuJoCo complained about, and how often, such as a contact buffer that was full."""
+        kinds = self._mujoco.mjtWarning
+        counts = {kind.name: self.data.warning[kind.value].number for kind in _each(kinds)}
+        return {name: int(count) for name, count in counts.items() if count}
+
+    def _place(self, q: FloatArray) -> FloatArray:
+        found = place(self._mujoco, self.built, self.data, q, self._parameters, self._sole)
+        unbalanced = self._parameters.base == "free" and found.unbalanced > FIRM
+        if unbalanced and self._parameters.position_m is None and self._parameters.mjcf is None:
+            raise DescriptionError(
+                f"robot {self._description.name!r} does not stand by itself in its start posture: "
+                f"{found.unbalanced:.1%} of its weight is out of balance. Choose another posture, "
+                "or write plant.parameters.position_m, and it begins to fall"
+            )
+        return found.torques
+
+    def _set_gains(self) -> None:
+        model, servos = self.model, self._servos
+        model.actuator_gainprm[servos, 0] = self.gains.kp
+        model.actuator_biasprm[servos, 1] = -self.gains.kp
+        model.actuator_biasprm[servos, 2] = -self.gains.kv
+
+    def _brake(self, torques: FloatArray) -> None:
+        """Hold the joints by the servos where they are, under these torques."""
+        held, kp = self._held, self.gains.kp
+        np.take(self.data.qpos, self.built.q_at, out=held)
+        held += np.divide(torques, kp, out=np.zeros_like(kp), where=kp > 0.0)
+        self.data.ctrl[self._motors] = 0.0
+        self.data.ctrl[self._servos] = held
+        self.model.opt.disableactuator = 1 << MOTORS
+        self._braked = True
+
+    def _advance(self, dt: float, *, inverse: bool = False) -> None:
+        substeps, senses = self._parameters.substeps, self._senses
+        senses.begin()
+        for _ in range(substeps):
+            if inverse:
+                self.data.qacc[:] = self._wanted
+                self._inverse(self.model, self.data)
+                self.data.ctrl[self._motors] = self.data.qfrc_inverse[self.built.v_at]
+            self._step(self.model, self.data)
+            if senses.feels:
+                senses.feel(1.0 / substeps)
+        self._measure(dt)
+
+    def _measure(self, dt: float) -> None:
+        data, built = self.data, self.built
+        np.take(data.qpos, built.q_at, mode="clip", out=self._true)
+        if not math.isfinite(float(self._true.sum())):
+            raise SolverError(
+                f"MuJoCo's state of robot {self._description.name!r} is not finite at {data.time:g}"
+                " s: it is stiffer or lighter than a step can follow. Raise substeps or armature "
+                "in plant.parameters, or lower kp"
+            )
+        if self._encoders.ideal or not dt:
+            np.copyto(self.q, self._true)
+            np.take(data.qvel, built.v_at, mode="clip", out=self.dq)
+        else:
+            self._encoders.read(self._true, dt, self.q, self.dq)
+        np.take(data.qfrc_actuator, built.v_at, mode="clip", out=self.tau)
+        np.abs(self.tau, out=self._sizes)
+        np.greater_equal(self._sizes, self._most, out=self._full)
+        self.saturated += bool(dt) and bool(self._full.any())
+        self._senses.read(self.base, self.contact, self.wrench, self.imu)
+        if dt:
+            self.balance.look(self.contact)
+
+
+def _each(kinds: Any) -> list[Any]:
+    """Members of one of MuJoCo's enumerations, without the count at its end."""
+    return [kind for name, kind in kinds.__members__.items() if not name.startswith("mjN")]
+
+
+def _felt(description: RobotDescription, parameters: MujocoParameters) -> tuple[str, ...]:
+    """Frames whose contact forces State has."""
+    if parameters.contact_frames is not None:
+        return parameters.contact_frames
+    touches = parameters.base == "free" or parameters.floor or parameters.boxes
+    return tuple(sole.frame for sole in description.soles) if touches else ()
+
+
+def _imus(description: RobotDescription, parameters: MujocoParameters) -> tuple[str, ...]:
+    """Frames with inertial units."""
+    if parameters.imu_frames is not None:
+        return parameters.imu_frames
+    free = parameters.base == "free" and parameters.mjcf is None
+    return (description.structure.root,) if free else ()
