@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from support.urdfs.vendor_arm import tube
@@ -56,6 +56,7 @@ def test_what_is_a_shape_already_is_found_however_it_is_turned(points, kind, siz
     assert outside(shape, points) <= 0.0
 
 
+@settings(max_examples=40)
 @given(
     seed=st.integers(0, 2**32 - 1),
     count=st.integers(1, 60),
@@ -71,6 +72,7 @@ def test_every_vertex_is_inside(seed, count, scales):
     assert shape.volume <= (extent + 4 * SPARE_M + LEAST_M) ** 3  # the box along the axes at most
 
 
+@settings(max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 40), d=st.sampled_from([2, 3]))
 def test_the_smallest_ball_is_that_of_its_own_surface(seed, count, d):
     points = np.random.default_rng(seed).normal(size=(count, d))
