@@ -37,7 +37,7 @@ KERNELS = (
     "hoap3.remote_controller.solvers.qp12.qp12_kernels",
     "hoap3.remote_controller.solvers.qp12.pinv_kernels",
     "hoap3.remote_controller.model.kinematics_kernels",
-    "hoap3.protocol.robot.followers_kernels",
+    "hoap3.protocol.robot.followers.followers_kernels",
     "hoap3.remote_controller.controllers.qp12.lyapunov_descent_kernels",
 )
 REHEARSALS = 200

@@ -21,6 +21,7 @@ from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.loop import GRACE_TICKS, RobotLoop
 from hoap3.robot_emulator.plants.registry import declared, find_plant
 from hoap3.robot_emulator.robots import load
+from hoap3.robot_emulator.robots.follower_limits import follower_notes
 
 if TYPE_CHECKING:
     from hoap3.protocol.link.remote_lockstep import RemoteLockstepLink
@@ -29,7 +30,7 @@ KERNELS = (
     "hoap3.robot_emulator.plants.motion_kernels",
     "hoap3.robot_emulator.filters.position_kernels",
     "hoap3.protocol.robot.viability_bounds_kernels",
-    "hoap3.protocol.robot.followers_kernels",
+    "hoap3.protocol.robot.followers.followers_kernels",
 )
 CONTACT_KERNELS = ("hoap3.robot_emulator.plants.contact_kernels",)
 LEAD = 4  # the part of a period that a robot in real time may act ahead of a tick
@@ -139,7 +140,7 @@ def serve(
     plant = find_plant(config.plant, description.command_kinds[0])[0]
     warm_up((*KERNELS, *contact, *plant.kernels), lambda name: report(Detail(f"kernels: {name}")))
     measures = prepare_process(config.realtime)
-    for note in told(measures):
+    for note in (*follower_notes(description), *told(measures)):
         report(note)
     clock = MonotonicClock()
     with closing(_open_link(config, description, report)) as link:
@@ -167,6 +168,8 @@ def serve_lockstep(
     """
     from hoap3.protocol.link.remote_lockstep import RemoteLockstepLink
 
+    for note in follower_notes(description):
+        report(note)
     clock = VirtualClock()
     compute_time = round(config.lockstep.compute_time_us * 1e3)
     inner = _open_link(config, description, report, blocking=True)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError, FrameNotFoundError
-from hoap3.protocol.robot.followers import Followers
+from hoap3.protocol.robot.followers.followers import Followers
 
 SOME_RANGE = math.pi  # rad: a revolute joint must have limits, of which nothing is used
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.robot.followers import Followers
+from hoap3.protocol.robot.followers.followers import Followers
 from hoap3.protocol.robot.pinocchio_model import RobotModel, build_model
 
 SINGULAR = 1e-12  # least eigenvalue of M, scaled to 1 on its diagonal

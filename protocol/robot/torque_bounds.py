@@ -154,7 +154,7 @@ class _States(NamedTuple):
 
 def _states_of(robot: RobotModel) -> _States:
     from hoap3.protocol.robot import torque_bounds_kernels as kernels
-    from hoap3.protocol.robot.torque_bounds_followers import FollowerStates
+    from hoap3.protocol.robot.followers.torque_bounds import FollowerStates
 
     if robot.followers is not None:
         slow = FollowerStates(robot)

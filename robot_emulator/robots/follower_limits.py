@@ -6,6 +6,7 @@ speed v where |dq| ≤ v/|r|. Its effort bounds nothing: the motor is the master
 
 from __future__ import annotations
 
+from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.urdf import UrdfStructure
 
@@ -36,15 +37,30 @@ def limits_with_followers(structure: UrdfStructure, name: str) -> dict[str, floa
     return limits
 
 
-def narrowed_by(structure: UrdfStructure, name: str) -> dict[str, tuple[float | None, float]]:
-    """Which limits of a joint are narrower for its followers' sake.
+def follower_notes(robot: RobotDescription) -> list[str]:
+    """What people should know of the limits of joints that others follow, a line for each of these.
 
-    Returns:
-        By key, `lower`, `upper` or `velocity`: its own limit, None without one, and what is left.
+    A limit is told that the description has as its followers leave it, where the URDF alone says
+    another one; and one that goes beyond them, which only the robot's file can ask for.
     """
-    own = _own(structure, name)
-    narrowed = limits_with_followers(structure, name)
-    return {key: (own.get(key), left) for key, left in narrowed.items() if left != own.get(key)}
+    structure, notes = robot.structure, []
+    for joint in robot.joints:
+        led = [each.name for each in structure.followers.values() if each.master == joint.name]
+        own = _own(structure, joint.name)
+        told = []
+        for key, left in (limits_with_followers(structure, joint.name) if led else {}).items():
+            used = getattr(joint, key)
+            if used == left != own.get(key):
+                told.append(f"{key} {left:.6g} instead of {_said(own.get(key))}")
+            elif (used < left) if key == "lower" else (used > left):
+                told.append(f"{key} {used:.6g}, where they may go to {left:.6g} only")
+        if told:
+            notes.append(f"joint {joint.name!r}, with {', '.join(led)}: {'; '.join(told)}")
+    return notes
+
+
+def _said(limit: float | None) -> str:
+    return "none" if limit is None else f"{limit:.6g}"
 
 
 def _own(structure: UrdfStructure, name: str) -> dict[str, float]:

@@ -8,10 +8,14 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from registered_tasks import velocity_tasks
+from support.robots.following_arm import following
 from task_cases import ARM, CASES, HOAP3, SEEDS, built, kinematics_of, posture, quotient
 
+from hoap3.protocol.errors import ConfigError
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks import status
 from hoap3.remote_controller.tasks.frames.frame_pose import FramePoseTask
+from hoap3.remote_controller.tasks.registry import TaskSettings, build
 from hoap3.remote_controller.tasks.task_function import TaskFunction
 
 TIMES = st.floats(0.0, 4.0)
@@ -178,3 +182,14 @@ def test_what_a_pose_task_reads_it_can_aim_at(seed):
     task.target[:] = out
     task.update(kinematics)
     np.testing.assert_allclose(task.error, 0.0, atol=1e-12)
+
+
+def test_derivatives_are_looked_at_where_joints_have_no_limits_too():
+    robot = following()
+    for fault in ("", "gradient"):
+        settings = TaskSettings(task="own_tasks:Sway", parameters={"fault": fault})
+        if not fault:
+            assert build(settings, robot, Kinematics(robot)).gradient.shape == (robot.n,)
+            continue
+        with pytest.raises(ConfigError, match="gradient"):
+            build(settings, robot, Kinematics(robot))

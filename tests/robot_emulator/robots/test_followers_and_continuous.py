@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import math
 
+import numpy as np
 import pytest
 from support.robots.following_arm import URDF, YAML, following_arm
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError
-from hoap3.protocol.urdf import read_urdf
-from hoap3.robot_emulator.robots.follower_limits import narrowed_by
+from hoap3.robot_emulator.robots.follower_limits import follower_notes
 
 LIMITS = ("lower", "upper", "lower_hard", "upper_hard")
 
@@ -37,10 +37,6 @@ def test_limits_of_a_master_are_narrowed_by_its_followers(tmp_path):
     assert (finger.lower, finger.upper) == (0.0, 0.05)
     assert finger.velocity == pytest.approx(0.15, abs=1e-15)
     assert (lift.lower, lift.upper, lift.velocity) == (-1.5, 1.5, 2.0)
-    structure = read_urdf(URDF)
-    assert narrowed_by(structure, "lift") == {}
-    assert set(narrowed_by(structure, "elbow")) == {"lower", "upper"}
-    assert narrowed_by(structure, "finger") == {"velocity": (0.2, finger.velocity)}
 
 
 def test_a_falling_ratio_swaps_the_ends(tmp_path):
@@ -57,6 +53,20 @@ def test_the_file_has_the_last_word_on_a_master(tmp_path):
     yaml = YAML.replace("{name: elbow, ", "{name: elbow, lower: -2.3, velocity: 2.5, ")
     elbow = following_arm(tmp_path, yaml).joints[2]
     assert (elbow.lower, elbow.velocity) == (-2.3, 2.5)
+
+
+def test_what_becomes_of_limits_is_told_of_each_master(tmp_path):
+    notes = follower_notes(following_arm(tmp_path))
+    assert len(notes) == 2
+    finger, elbow = notes
+    for word in ("'finger'", "thumb, thumb_tip", "velocity 0.15 instead of 0.2"):
+        assert word in finger
+    for word in ("'elbow'", "far_elbow", "lower -2.2 instead of -2.5", "upper 1.8 instead of 2.5"):
+        assert word in elbow
+    wider = YAML.replace("{name: elbow, ", "{name: elbow, lower: -2.3, upper: 1.5, ")
+    (_, elbow) = follower_notes(following_arm(tmp_path, wider))
+    assert "lower -2.3, where they may go to -2.2 only" in elbow
+    assert "upper" not in elbow
 
 
 def test_a_joint_that_its_followers_leave_no_room_is_refused(tmp_path):
@@ -101,6 +111,27 @@ def test_a_continuous_joint_needs_a_speed_and_an_effort(tmp_path):
     yaml = YAML.replace("turn,", "{name: turn, velocity: 1.0, effort: 5.0},")
     yaml = yaml.replace("{name: roll,", "{name: roll, velocity: 1.0, effort: 5.0,")
     assert following_arm(tmp_path, yaml, urdf).joints[1].effort == 5.0
+
+
+def test_positions_are_drawn_from_one_turn_where_there_is_no_limit(tmp_path):
+    yaml = YAML.replace("turn,", "{name: turn, upper: 1.0},").replace("roll,", "roll, lower: -2.0,")
+    lower, upper = following_arm(tmp_path, yaml).sampling_range
+    assert (lower[1], upper[1]) == (1.0 - math.tau, 1.0)
+    assert (lower[4], upper[4]) == (-2.0, -2.0 + math.tau)
+    arm = following_arm(tmp_path)
+    lower, upper = arm.sampling_range
+    assert (lower[1], upper[1]) == (-math.pi, math.pi)
+    bounded = [0, 2, 3]
+    np.testing.assert_array_equal(lower[bounded], arm.lower[bounded])
+    np.testing.assert_array_equal(upper[bounded], arm.upper[bounded])
+
+
+def test_an_encoder_that_does_not_wrap_needs_limits(tmp_path):
+    yaml = YAML.replace("turn,", "{name: turn, encoder_counts_per_rad: 1000.0},")
+    with pytest.raises(DescriptionError, match=r"'turn': encoder_counts_per_rad cannot be 1000\.0"):
+        following_arm(tmp_path, yaml)
+    yaml = yaml.replace("1000.0", "1000.0, lower: -3.0, upper: 3.0")
+    assert following_arm(tmp_path, yaml).joints[1].encoder_counts_per_rad == 1000.0
 
 
 def test_no_other_joint_goes_without_limits(tmp_path):

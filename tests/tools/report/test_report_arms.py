@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from support.robots.following_arm import write
 
 from hoap3.protocol.description import COM
 from hoap3.tools.report.motion import point_path, read_motion
@@ -44,3 +47,18 @@ def test_positions_are_shares_of_the_usable_range(tmp_path):
     np.testing.assert_allclose(motion.path_m[0], path[0], atol=1e-6)
     drawings = {drawing.name: drawing for drawing in motion_drawings(motion)}
     assert {"sole", "positions"} <= drawings.keys()
+
+
+def test_joints_without_limits_have_no_share_of_a_range(tmp_path):
+    robot = str(write(tmp_path).parent)
+    sides = emulator_config(robot, [])[0], controller_config("qp12", [])[0]
+    run_lockstep(*sides, 0.1, tmp_path / "run")
+    motion = read_motion(Sources.open(tmp_path / "run"))
+    assert motion.joints == ("finger", "turn", "elbow", "lift", "roll")
+    assert np.isnan(motion.range_used).all(axis=0).tolist() == [False, True, False, False, True]
+    drawings = {drawing.name: drawing for drawing in motion_drawings(motion)}
+    named = " ".join(key.text for key in drawings["positions"].keys)
+    assert "finger" in named
+    assert "turn" not in named
+    endless = replace(motion, range_used=np.full_like(motion.range_used, np.nan))
+    assert "positions" not in {drawing.name for drawing in motion_drawings(endless)}

@@ -34,7 +34,7 @@ class Followers:
     """
 
     def __init__(self, description: RobotDescription) -> None:
-        from hoap3.protocol.robot import followers_kernels as kernels
+        from hoap3.protocol.robot.followers import followers_kernels as kernels
 
         self._inertia, self._accelerations = kernels.tied_inertia, kernels.accelerations
         followers, places = description.structure.followers, description.joint_names
