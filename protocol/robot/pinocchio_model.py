@@ -74,7 +74,7 @@ class RobotModel:
         import pinocchio as pin
 
         ours = np.zeros(self.model.nq)
-        ours[self.order] = q
+        ours[self.order] = self.followers.positions(q) if self.followers else q
         share = self.root_mass / self.total_mass
         moving = pin.centerOfMass(self.model, self.data, ours)
         com = (1.0 - share) * np.array(moving) + share * self.root_com
@@ -91,7 +91,7 @@ def build_model(description: RobotDescription) -> RobotModel:
     import pinocchio as pin
 
     try:
-        model = pin.buildModelFromXML(_one_coordinate_each(description))
+        model = pin.buildModelFromXML(one_coordinate_each(description))
     except (ArithmeticError, LookupError, RuntimeError, ValueError) as error:
         raise DescriptionError(
             f"robot {description.name!r}: Pinocchio cannot read the URDF ({error}). "
@@ -134,7 +134,7 @@ def collision_shapes(
     import pinocchio as pin
 
     model = build_model(description).model
-    urdf = _one_coordinate_each(description)
+    urdf = one_coordinate_each(description)
     found: dict[str, list[tuple[Any, NDArray[np.float64], NDArray[np.float64]]]] = {}
     shapes = pin.buildGeomFromUrdfString(model, urdf, pin.COLLISION)
     for shape in shapes.geometryObjects:
@@ -145,7 +145,7 @@ def collision_shapes(
     return found
 
 
-def _one_coordinate_each(description: RobotDescription) -> str:
+def one_coordinate_each(description: RobotDescription) -> str:
     """The robot's URDF, continuous joints as revolute ones; without any, the text as it is.
 
     Pinocchio gives a continuous joint two coordinates, cosine and sine. A follower is a joint of
