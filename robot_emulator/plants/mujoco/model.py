@@ -23,6 +23,7 @@ from hoap3.robot_emulator.plants.mujoco.settings import FloorSettings, MujocoPar
 
 MOTORS, SERVOS = 0, 1  # groups of actuators
 FRAME = "frame "  # before the name of a frame that MuJoCo has as a site
+RIGID = [0.99, 0.9999]  # shares of its error that MuJoCo takes from an equality
 IMU = "quaternion", "gyro", "accelerometer"
 """Sensors of an inertial unit; each name stands before that of its frame."""
 
@@ -159,6 +160,9 @@ def _from_urdf(
             )
             equality.name1, equality.name2 = follower, master
             equality.data[:3] = offset, multiplier, 0.0
+    step = description.period_s / parameters.substeps
+    for equality in spec.equalities:  # springs, which shall give way as little as they can
+        equality.solref, equality.solimp[:2] = [2.0 * step, 1.0], RIGID
     if not parameters.joint_friction:
         for joint in spec.joints:
             joint.damping, joint.frictionloss = [0.0, 0.0, 0.0], 0.0
