@@ -9,6 +9,7 @@ from support.robots.following_arm import following
 
 from hoap3.remote_controller.constraints.coordinated_stop import STOP_RESERVE, reach
 from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.robot_emulator.robots.yaml_file import RobotFile, describe
 
 BALL = {"name": "ball", "shape": "sphere", "center_m": [0.25, 0.05, 0.35], "radius_m": 0.04}
 DISTANCE = {"constraint": "distance", "obstacles": [BALL], "activation_m": 0.3}
@@ -169,3 +170,34 @@ def test_a_robot_that_stops_where_it_must_never_hits_the_ball(seed):
             ddq, stops = np.clip(-dq / time, bench.stack.lower, bench.stack.upper), stops + 1
         bench.hold(ddq)
         assert bench.stack.margin() >= -STOP_RESERVE
+
+
+def crank(ratio: float):
+    """A slide that turns an arm of half a metre by `ratio` [rad/m], with a ball at its end."""
+    mass = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    shape = '<collision><origin xyz="0.5 0 0"/><geometry><sphere radius="0.05"/></geometry>'
+    limit = '<limit lower="-9" upper="9" velocity="90" effort="9"/>'
+    urdf = (
+        f'<robot name="crank"><link name="root"/><link name="slide">{mass}</inertial></link>'
+        f'<link name="arm">{mass}</inertial>{shape}</collision></link>'
+        f'<joint name="drive" type="prismatic"><parent link="root"/><child link="slide"/>{limit}'
+        '<axis xyz="0 0 1"/></joint>'
+        f'<joint name="turn" type="revolute"><parent link="slide"/><child link="arm"/>{limit}'
+        f'<axis xyz="0 0 1"/><mimic joint="drive" multiplier="{ratio}"/></joint></robot>'
+    )
+    return describe(RobotFile(name="crank", urdf="crank.urdf", brake_acceleration=40.0), urdf)
+
+
+@pytest.mark.parametrize("ratio", [20.0, -20.0])
+def test_a_follower_that_goes_further_than_its_master_is_looked_at(ratio):
+    """The slide stops within 10 cm, and meanwhile the arm turns through a ball 1 rad ahead."""
+    ahead = [0.5 * np.cos(1.0), np.sign(ratio) * 0.5 * np.sin(1.0), 0.05]
+    ball = {**BALL, "center_m": ahead, "radius_m": 0.05}
+    entry = {**DISTANCE, "obstacles": [ball], "clearance_m": 0.0, "activation_m": 0.3}
+    bench = AccelerationBench(crank(ratio), entry)
+    q, dq = np.zeros(1), np.array([np.sqrt(2.0 * 40.0 * 0.1)])
+    bench.at(q, dq)
+    assert bench.stack.margin() > 0.3
+    assert on_the_way(bench, q, dq).min() < -0.05
+    assert not bench.stack.stop_is_safe(q, dq)
+    assert bench.stack.stop_is_safe(q, 0.1 * dq)
