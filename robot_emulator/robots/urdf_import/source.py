@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from hoap3.protocol.config.regular_file import read_at_most
+from hoap3.protocol.config.regular_file import read_named
 from hoap3.protocol.errors import ConfigError, DescriptionError, NotInstalledError
 from hoap3.robot_emulator.robots.urdf_import.shapes.packages import SearchPath
 from hoap3.robot_emulator.robots.urdf_import.xml_tree import MAX_BYTES, is_xacro, parse_robot
@@ -69,13 +69,7 @@ def read_source(name: str | Path, package_path: Sequence[Path] = ()) -> Source:
 def _of_file(
     path: Path, label: str, search: SearchPath, arguments: Mapping[str, str] | None = None
 ) -> Source:
-    try:
-        data = read_at_most(path, MAX_BYTES)
-    except IsADirectoryError as error:
-        raise ConfigError(label, "", None, "is a folder", "Name a URDF in it") from error
-    except OSError as error:
-        reason = error.strerror or "cannot be read"
-        raise ConfigError(label, "", None, reason, "Name a URDF that can be read") from error
+    data = read_named(path, MAX_BYTES, label, "a URDF")
     digest = hashlib.sha256(data).hexdigest()
     if path.suffix.lower() == ".xacro":
         return Source(label, path, digest, parse_robot(_expand(path, search, arguments)), search)
