@@ -182,7 +182,7 @@ class RobotDescription(Part):
         "Greatest accelerations of the commanded motion, (n,) [rad/s²]."
     )
     brake_acceleration: ClassVar = _PerJoint("Decelerations to count on in a stop, (n,) [rad/s²].")
-    effort: ClassVar = _PerJoint("Peak torques, (n,) [N m].")
+    effort: ClassVar = _PerJoint("Peak torques, (n,) [N m]; inf where nobody knows.")
     armature: ClassVar = _PerJoint(
         "Inertias of the rotors as the joints feel them, (n,) [kg m²; prismatic kg]."
     )
@@ -246,8 +246,34 @@ class RobotDescription(Part):
         self._check_joints()
         self._check_postures()
         self._check_frames()
+        self._check_dynamics()
         if len(self.to_json()) > MAX_BYTES:
             refuse("description", f"{len(self.to_json())} bytes", f"At most {MAX_BYTES}.")
+
+    def check_mass(self) -> None:
+        """Refuse a robot without a centre of mass.
+
+        Raises:
+            DescriptionError: nothing that moves has a mass.
+        """
+        if not self.structure.weighs:
+            raise DescriptionError(
+                "URDF: nothing that moves has a mass, so there is no centre of mass to control. "
+                "Give moving links an <inertial> with <mass> and <inertia>, and check the spelling."
+            )
+
+    def _check_dynamics(self) -> None:
+        """Refuse commands and tasks of a body of which only the places are known."""
+        if self.command_kinds != ("position",) or (
+            self.default_task is not None and self.default_task.point == COM
+        ):
+            self.check_mass()
+        unknown = [joint.name for joint in self.joints if not math.isfinite(joint.effort)]
+        if unknown and "torque" in self.command_kinds:
+            raise DescriptionError(
+                f"joint {unknown[0]!r}: takes torques, and has no effort. Write it in the <limit> "
+                "of the URDF or in the YAML file, or leave torque out of command_kinds."
+            )
 
     def _check_state_arrays(self) -> None:
         known = {

@@ -38,7 +38,7 @@ def _or_null(limit: float) -> float | None:
 _IN_JSON = PlainSerializer(_or_null, when_used="json")  # which has no infinity
 Least = Annotated[float, Field(strict=True), BeforeValidator(_or_infinite(-1.0)), _IN_JSON]
 Greatest = Annotated[float, Field(strict=True), BeforeValidator(_or_infinite(1.0)), _IN_JSON]
-"""Position limits: null in JSON, and −inf or +inf here, where there is none."""
+"""Limits: null in JSON, and −inf or +inf here, where there is none."""
 
 _JOINT_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_./-]{0,63}")
 
@@ -89,7 +89,8 @@ class Joint(Part):
         velocity: greatest speed [rad/s].
         setpoint_acceleration_max: greatest acceleration of the commanded motion [rad/s²].
         brake_acceleration: deceleration to count on in a stop [rad/s²].
-        effort, effort_average: peak torque, and torque that can be held [N m].
+        effort, effort_average: peak torque, and torque that can be held [N m]; a peak of inf, in
+            JSON null, where nobody knows it.
         encoder_counts_per_rad: signed scale of the encoder, None if the robot speaks rad only.
         armature: inertia of the rotor as the joint feels it, gear ratio squared [kg m²; prismatic
             kg].
@@ -106,7 +107,7 @@ class Joint(Part):
     velocity: Number
     setpoint_acceleration_max: Number
     brake_acceleration: Number
-    effort: Number
+    effort: Greatest
     effort_average: Number | None = None
     encoder_counts_per_rad: Number | None = None
     armature: Number = 0.0

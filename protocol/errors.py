@@ -79,6 +79,10 @@ class LimitWarning(UserWarning):
     """A config has a limit above its robot's, which is not what counts then."""
 
 
+class UrdfWarning(UserWarning):
+    """What was read, guessed and left out where a robot was made of a vendor's URDF."""
+
+
 class NoDefaultTaskError(ConfigError):
     """A config names no task, and neither does the robot."""
 

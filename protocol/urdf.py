@@ -84,6 +84,7 @@ class UrdfStructure:
         root: the link that everything hangs from.
         moving: the links that some joint moves.
         followers: the joints that follow others, by name, in the order of the text.
+        weighs: whether anything that moves has a mass.
     """
 
     links: tuple[str, ...]
@@ -91,6 +92,7 @@ class UrdfStructure:
     root: str
     moving: frozenset[str]
     followers: dict[str, Follower]
+    weighs: bool
 
     @cached_property
     def moved(self) -> dict[str, UrdfJoint]:
@@ -129,9 +131,9 @@ def read_urdf(text: str) -> UrdfStructure:
     joints = tuple(_joint(element, known) for element in robot.findall("joint"))
     _unique("joint", (joint.name for joint in joints))
     root, moving = _tree(links, joints)
-    _check_inertias(robot, moving)
+    weighs = _check_inertias(robot, moving)
     followers = resolve({each.name: each.mimic for each in joints if each.kind in MOVABLE})
-    return UrdfStructure(links, joints, root, moving, followers)
+    return UrdfStructure(links, joints, root, moving, followers, weighs)
 
 
 def _parse(text: str) -> ET.Element:
@@ -213,8 +215,8 @@ def _is_finite(word: str) -> bool:
     return math.isfinite(float(word))
 
 
-def _check_inertias(robot: ET.Element, moving: frozenset[str]) -> None:
-    """Refuse what URDF readers drop without a word, and leave a robot without mass."""
+def _check_inertias(robot: ET.Element, moving: frozenset[str]) -> bool:
+    """Refuse what URDF readers drop without a word; whether anything that moves has a mass."""
     moving_mass = 0.0
     for link in robot.findall("link"):
         name, inertial = _name(link), link.find("inertial")
@@ -231,11 +233,7 @@ def _check_inertias(robot: ET.Element, moving: frozenset[str]) -> None:
         if value < 0.0:
             raise DescriptionError(f"URDF link {name!r}: mass {value} kg. Write 0 or more.")
         moving_mass += value if name in moving else 0.0
-    if not moving_mass > 0.0:
-        raise DescriptionError(
-            "URDF: nothing that moves has a mass, so there is no centre of mass to control. Give "
-            "moving links an <inertial> with <mass> and <inertia>, and check the spelling."
-        )
+    return moving_mass > 0.0
 
 
 def _name(element: ET.Element) -> str:

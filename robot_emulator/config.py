@@ -29,6 +29,7 @@ from hoap3.protocol.errors import UnknownNameError
 
 CONFIGS = Path(__file__).parent / "configs"
 FAR_M = 1000.0
+PATHS = (".yaml", ".yml", ".urdf", ".xacro")  # endings of a robot's name that make it a path
 
 
 class ContactSettings(Settings):
@@ -129,7 +130,7 @@ class EmulatorRealtime(RealtimeSettings):
 class EmulatorConfig(Settings):
     """One robot emulator."""
 
-    robot: str = Field("hoap3", description="shipped robot, or path of a description")
+    robot: str = Field("hoap3", description="shipped robot, or path of a description or a URDF")
     name: RobotName | None = Field(None, description="name on the network; default: the robot's")
     posture: str | None = Field(None, description="start posture; default: the description's")
     command: CommandKind | None = Field(
@@ -190,7 +191,7 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
         raise UnknownNameError("robot or emulator config", name, known, " Or name a file.")
     content = load_yaml(path)
     robot = content.get("robot")
-    if isinstance(robot, str) and ("/" in robot or robot.endswith((".yaml", ".yml", ".urdf"))):
+    if isinstance(robot, str) and ("/" in robot or robot.endswith(PATHS)):
         content["robot"] = str((path.parent / robot).resolve())
     plant = content.get("plant")
     parameters = plant.get("parameters") if isinstance(plant, dict) else None

@@ -375,13 +375,14 @@ class RobotLoop:
         if overloaded >= 0 > self._overloaded:
             self._announce("TORQUE_LIMITED", overloaded)
         self._overloaded = overloaded
-        began = self._clock.now()
+        times = self._plant_times if self.mode == State.ACTIVE else None
+        began = self._clock.now() if times else 0
         if moving:
             self.plant.step(self._setpoint_filter.value, self._description.period_s)
         else:
             self.plant.hold(self._description.period_s)
-        if self._plant_times is not None and self.mode == State.ACTIVE:
-            self._plant_times.add(self._clock.now() - began, self.tick)
+        if times:
+            times.add(self._clock.now() - began, self.tick)
 
     def _publish(self, ticker: Ticker) -> None:
         state, validator, grant = self._state, self.validator, self._authority.grant

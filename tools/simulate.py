@@ -29,6 +29,7 @@ from hoap3.robot_emulator.config import read_config as read_emulator_config
 from hoap3.robot_emulator.loop import RobotLoop
 from hoap3.robot_emulator.robots import available as available_robots
 from hoap3.robot_emulator.robots import load
+from hoap3.robot_emulator.robots.urdf_import.source import DESCRIPTIONS, is_source
 from hoap3.robot_emulator.service import build_loop, describe
 
 REPORTED_TICKS = 100  # after so many ticks the progress is told
@@ -195,7 +196,9 @@ def emulator_content(robot: str) -> tuple[dict[str, Any], str]:
     path = Path(robot)
     if robot in available_robots():
         return {"robot": robot}, f"robot {robot}"
-    if path.is_dir() or path.name == "robot.yaml":
+    if robot.startswith(f"{DESCRIPTIONS}:"):
+        return {"robot": robot}, f"robot {robot}"
+    if path.is_dir() or path.name == "robot.yaml" or is_source(robot):
         return {"robot": str(path.resolve())}, f"robot {robot}"
     return read_emulator_config(robot)
 

@@ -11,6 +11,8 @@ import stat
 from pathlib import Path
 from typing import BinaryIO
 
+from hoap3.protocol.errors import ConfigError
+
 
 def open_regular(path: Path) -> BinaryIO:
     """Open a regular file for reading, in binary mode.
@@ -40,6 +42,25 @@ def read_at_most(path: Path, limit: int) -> bytes:
     """
     with open_regular(path) as stream:
         return stream.read(limit + 1)
+
+
+def read_named(path: Path, limit: int, label: str, what: str) -> bytes:
+    """The same of a file that somebody named.
+
+    Args:
+        path, limit: as of `read_at_most`.
+        label: what the user calls the file.
+        what: it should be, such as "a YAML file".
+
+    Raises:
+        ConfigError: it cannot be read.
+    """
+    try:
+        return read_at_most(path, limit)
+    except OSError as error:
+        folder = isinstance(error, IsADirectoryError)
+        reason = "is a folder" if folder else error.strerror or "cannot be read"
+        raise ConfigError(label, "", None, reason, f"Name {what} that can be read") from error
 
 
 def _check(mode: int, path: Path) -> None:

@@ -22,7 +22,7 @@ from pydantic import (
 )
 from pydantic_core import core_schema
 
-from hoap3.protocol.config.regular_file import read_at_most
+from hoap3.protocol.config.regular_file import read_named
 from hoap3.protocol.config.strict_numbers import make_strict
 from hoap3.protocol.config.wrong_settings import config_error, models_below
 from hoap3.protocol.config.yaml_text import MAX_BYTES as MAX_CONFIG_BYTES
@@ -174,16 +174,10 @@ def load_yaml(path: Path) -> dict[str, Any]:
             mapping.
     """
     file = str(path)
-    try:
-        data = read_at_most(path, MAX_CONFIG_BYTES)
-    except IsADirectoryError as error:
-        raise ConfigError(file, "", None, "is a folder", "Name a YAML file") from error
-    except OSError as error:
-        reason = error.strerror or "cannot be read"
-        raise ConfigError(file, "", None, reason, "Name a file that can be read") from error
+    data = read_named(path, MAX_CONFIG_BYTES, file, "a YAML file")
     start = data[:SNIFFED].lstrip()
     if start.startswith(b"<") and b"<robot" in start:
-        remedy = "Write a robot.yaml beside it, and name that; see docs/new_robot.md"
+        remedy = "Name it where a robot is asked for, as *.urdf; see docs/new_robot.md"
         raise ConfigError(file, "", None, "is a URDF, not a config", remedy)
     return parse_yaml(data, file)
 

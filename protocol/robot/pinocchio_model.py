@@ -74,7 +74,7 @@ class RobotModel:
         import pinocchio as pin
 
         ours = np.zeros(self.model.nq)
-        ours[self.order] = q
+        ours[self.order] = self.followers.positions(q) if self.followers else q
         share = self.root_mass / self.total_mass
         moving = pin.centerOfMass(self.model, self.data, ours)
         com = (1.0 - share) * np.array(moving) + share * self.root_com

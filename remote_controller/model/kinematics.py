@@ -47,9 +47,11 @@ class Kinematics:
         self._wire, m = self._order[: self.n], len(self._order)
         self._full = {rows: np.zeros((rows, m)) for rows in (3, 6)}  # Jacobians of all m joints
         self._q, self._v, self._still = np.zeros((3, m))
-        self._moving_share = 1.0 - self.robot.root_mass / self.robot.total_mass
+        root_share = self.robot.root_mass / (self.robot.total_mass or 1.0)
+        self._moving_share = 1.0 - root_share
         root_com: Any = self.robot.root_com
-        self._root_moment = np.array(root_com * self.robot.root_mass / self.robot.total_mass)
+        self._root_moment = np.array(root_com * root_share)
+        self._check_mass = None if description.structure.weighs else description.check_mass
         self._pass = pinocchio.jacobianCenterOfMass
         self._accelerate = pinocchio.centerOfMass
         self._place = pinocchio.updateFramePlacement
@@ -94,7 +96,12 @@ class Kinematics:
         Args:
             frame: what `frame_id` gave.
             position_out, jacobian_out: written.
+
+        Raises:
+            DescriptionError: nothing that moves has a mass.
         """
+        if self._check_mass is not None:
+            self._check_mass()
         self._place(self._model, self._data, frame)
         seen_from = self._frames[frame]
         self._com_in_frame(

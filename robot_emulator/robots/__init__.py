@@ -1,4 +1,4 @@
-"""Robots by name or by path: a folder each, with `robot.yaml` and a URDF.
+"""Robots by name or by path: a folder each, with `robot.yaml` and a URDF, or a vendor's URDF.
 
 Other distributions add robots through the entry-point group `hoap3.robots`; the entry point is the
 path of such a folder or YAML file, or a callable that returns a `RobotDescription`.
@@ -6,14 +6,16 @@ path of such a folder or YAML file, or a callable that returns a `RobotDescripti
 
 from __future__ import annotations
 
+import warnings
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError, UnknownNameError
+from hoap3.protocol.errors import ConfigError, UnknownNameError, UrdfWarning
+from hoap3.robot_emulator.robots.urdf_import.source import is_source
 from hoap3.robot_emulator.robots.yaml_file import read_robot
 
-__all__ = ["GROUP", "available", "load"]
+__all__ = ["GROUP", "available", "find_file", "load"]
 
 GROUP = "hoap3.robots"
 FILE = "robot.yaml"
@@ -31,13 +33,18 @@ def load(name_or_path: str | Path) -> RobotDescription:
 
     Args:
         name_or_path: a name of `available()`, a folder with a `robot.yaml`, or a YAML file. A name
-            comes before a folder of the same name; write `./name` for the folder.
+            comes before a folder of the same name; write `./name` for the folder. Or a vendor's
+            URDF or xacro file, or `robot_descriptions:NAME`; what was guessed of it is said by
+            an `UrdfWarning` each.
 
     Raises:
         UnknownNameError: neither a known name nor a path; carries the nearest name.
         ConfigError: a file is missing, or wrong; carries the key, the value and a remedy.
         DescriptionError: the robot's figures or its URDF do not hold together.
+        NotInstalledError: the robot needs a library that is not installed.
     """
+    if is_source(name_or_path):
+        return _imported(name_or_path)
     if isinstance(name_or_path, str):
         if name_or_path in _shipped():
             return read_robot(_FOLDER / name_or_path / FILE)
@@ -45,10 +52,33 @@ def load(name_or_path: str | Path) -> RobotDescription:
             return _third_party(entry)
     path = Path(name_or_path)
     is_path = isinstance(name_or_path, Path) or "/" in name_or_path
-    if not is_path and path.suffix not in {".yaml", ".yml", ".urdf"} and not path.exists():
-        hint = " Or write the path of a folder or of a YAML file."
+    if not is_path and path.suffix not in {".yaml", ".yml"} and not path.exists():
+        hint = " Or write the path of a folder, of a YAML file or of a URDF."
         raise UnknownNameError("robot", str(name_or_path), available(), hint)
     return read_robot(path / FILE if path.is_dir() else path)
+
+
+def find_file(name_or_path: str | Path) -> Path | None:
+    """The YAML file that `load` reads, or None where it reads none."""
+    if isinstance(name_or_path, str):
+        if name_or_path in _shipped():
+            return _FOLDER / name_or_path / FILE
+        if name_or_path in entry_points(group=GROUP).names:
+            return None
+    path = Path(name_or_path)
+    if is_source(name_or_path):
+        return None
+    return path / FILE if path.is_dir() else path
+
+
+def _imported(name: str | Path) -> RobotDescription:
+    """The robot of a vendor's URDF; each finding is a warning, which Python shows once."""
+    from hoap3.robot_emulator.robots.urdf_import.imported import import_robot
+
+    found = import_robot(name)
+    for note in found.notes:
+        warnings.warn(f"{Path(name).name}: {note}", UrdfWarning, stacklevel=1)
+    return found.description
 
 
 def _shipped() -> set[str]:

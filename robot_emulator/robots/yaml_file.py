@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, StrictStr
 
@@ -54,6 +54,9 @@ def _not_text(value: object) -> object:
 Figure = Annotated[Number, BeforeValidator(_not_text)]
 
 
+Guess = Literal["range", "velocity", "acceleration"]
+
+
 class JointEntry(Settings):
     """One joint; a bare name stands for an entry with nothing but the name."""
 
@@ -69,6 +72,9 @@ class JointEntry(Settings):
     effort_average: Figure | None = Field(None, description="torque that can be held [N m]")
     encoder_counts_per_rad: Figure | None = Field(None, description="signed scale [1/rad]")
     armature: Figure = Field(0.0, description="inertia of the rotor at the joint [kg m²]")
+    guessed: tuple[Guess, ...] = Field(
+        (), description="what nobody gave, and an import has filled in; for people"
+    )
 
 
 class SoleEntry(Settings):
@@ -90,6 +96,21 @@ class DefaultTaskEntry(Settings):
     )
     move_m: tuple[Figure, Figure, Figure] | None = Field(
         None, description="or: how far from where it is in the start posture [m]"
+    )
+
+
+class MeshEntry(Settings):
+    """A mesh that a link is drawn with: a file in the folder `meshes` beside the robot's."""
+
+    link: StrictStr = Field(description="a link of the URDF")
+    file: StrictStr = Field(
+        pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$", description="its name in that folder"
+    )
+    sha256: StrictStr = Field(pattern=r"^[0-9a-f]{64}$", description="of its content")
+    scale: tuple[Figure, Figure, Figure] = Field((1.0, 1.0, 1.0), description="of its coordinates")
+    xyz_m: tuple[Figure, Figure, Figure] = Field((0.0, 0.0, 0.0), description="in the link [m]")
+    rpy_rad: tuple[Figure, Figure, Figure] = Field(
+        (0.0, 0.0, 0.0), description="roll, pitch, yaw there [rad]"
     )
 
 
@@ -119,6 +140,9 @@ class RobotFile(Settings):
     default_task: DefaultTaskEntry | None = Field(
         None, description="what controllers do whose config names no task"
     )
+    meshes: tuple[MeshEntry, ...] = Field(
+        (), description="what links are drawn with; it stays here, and controllers get none of it"
+    )
 
 
 def read_robot(path: Path) -> RobotDescription:
@@ -128,13 +152,21 @@ def read_robot(path: Path) -> RobotDescription:
         ConfigError: a file is missing or cannot be read, or a key or a type is wrong.
         DescriptionError: the figures or the URDF do not hold together.
     """
-    file = str(path)
-    robot = parse(RobotFile, load_yaml(path), file)
-    urdf = _read_text(path.parent / robot.urdf, file)
+    robot, urdf = read_files(path)
     try:
         return describe(robot, urdf)
     except DescriptionError as error:
-        raise DescriptionError(f"{file}: {error}") from error
+        raise DescriptionError(f"{path}: {error}") from error
+
+
+def read_files(path: Path) -> tuple[RobotFile, str]:
+    """What a robot's YAML file says, and the text of its URDF.
+
+    Raises:
+        ConfigError: a file is missing or cannot be read, or a key or a type is wrong.
+    """
+    robot = parse(RobotFile, load_yaml(path), str(path))
+    return robot, _read_text(path.parent / robot.urdf, str(path))
 
 
 def describe(robot: RobotFile, urdf: str) -> RobotDescription:
@@ -149,7 +181,7 @@ def describe(robot: RobotFile, urdf: str) -> RobotDescription:
         entries = tuple(JointEntry(name=name) for name in structure.movable)
     joints = [_joint(robot, entry, structure) for entry in entries]
     zero = tuple(min(max(0.0, joint["lower"]), joint["upper"]) for joint in joints)
-    given = robot.model_dump(exclude=_ACCELERATIONS)
+    given = robot.model_dump(exclude=_ACCELERATIONS | {"meshes"})
     return RobotDescription.model_validate(
         {
             **given,
@@ -175,7 +207,9 @@ def _joint(robot: RobotFile, entry: JointEntry, structure: UrdfStructure) -> dic
             f"Its movable joints: {known:.400}."
         )
     limits = limits_with_followers(structure, entry.name)
-    given = {**limits, **entry.model_dump(exclude_none=True)}
+    given = {**limits, **entry.model_dump(exclude_none=True, exclude={"guessed"})}
+    if given.get("effort") == 0.0:  # as exporters write what nobody filled in
+        given["effort"] = math.inf
     if urdf.kind == CONTINUOUS:
         given = {"lower": -math.inf, "upper": math.inf, **given}
     incomplete = [key for key in ("lower", "upper", "velocity", "effort") if key not in given]

@@ -10,6 +10,7 @@ import sys
 import pytest
 from pages import HOUSE, NAMES, Block, anchors, blocks, links, page, prose, spans, table
 from story import Story, check, hoap3, subcommands
+from support.urdfs.vendor_arm import vendor_folder
 
 from hoap3.protocol.errors import Hoap3Error
 from hoap3.protocol.messages import Setpoint
@@ -49,6 +50,8 @@ PLACEHOLDERS = {"emulator …": "emulator hoap3", "controller …": "controller 
 @pytest.mark.parametrize("name", STORIES)
 def test_what_a_page_shows_works_word_for_word(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    if name == "new_robot.md":
+        vendor_folder(tmp_path)
     story = Story(tmp_path)
     for block in blocks(name):
         if block.word == "needs":

@@ -20,6 +20,7 @@ from hoap3.protocol.errors import (
     LimitWarning,
     LogError,
     RenamedWarning,
+    UrdfWarning,
     UsageError,
 )
 from hoap3.tools.cli.change import change, priorities
@@ -30,6 +31,7 @@ from hoap3.tools.cli.measure import bench_app, doctor
 from hoap3.tools.cli.options import ENDPOINT, AsJson, Connect, finite
 from hoap3.tools.cli.report import report
 from hoap3.tools.cli.reproduce import reproduce
+from hoap3.tools.cli.robot import robot_app
 from hoap3.tools.cli.verify import verify
 from hoap3.tools.machine.processes import StopFlag, die_with_parent, to_people
 from hoap3.tools.machine.terminal import one_line
@@ -41,6 +43,7 @@ app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_mar
 config_app = typer.Typer(no_args_is_help=True, help="Look at settings before anything runs.")
 app.add_typer(config_app, name="config")
 app.add_typer(bench_app, name="bench")
+app.add_typer(robot_app, name="robot")
 for command in (change, compare, doctor, latency, limits, report, reproduce, verify):
     app.command()(command)
 _ANYTHING = {"ignore_unknown_options": True, "allow_extra_args": True}
@@ -463,7 +466,9 @@ def _show_warning(
     line: str | None = None,
 ) -> None:
     """In one line where a config is to be mended; as Python does, with the place, elsewhere."""
-    if issubclass(category, RenamedWarning | LimitWarning):
+    if issubclass(category, UrdfWarning):
+        to_people(f"note: {message}")
+    elif issubclass(category, RenamedWarning | LimitWarning):
         to_people(f"warning: {message}")
     else:
         _show_by_python(message, category, filename, lineno, file, line)

@@ -6,6 +6,7 @@ import errno
 import json
 import os
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,7 +23,7 @@ from hoap3.protocol.config.settings import (
     parse_yaml,
 )
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError, Hoap3Error, UsageError
+from hoap3.protocol.errors import ConfigError, Hoap3Error, UrdfWarning, UsageError
 from hoap3.protocol.link.hoap3_tcp.frames import Frames
 from hoap3.protocol.runtime.notes import Note, Routine
 from hoap3.protocol.runtime.recorder import BlockingRecorder, Recorder, RingRecorder
@@ -222,6 +223,8 @@ def run_emulator(
         summary as `run` has it; None after a failure. A robot that nothing followed is no failure.
     """
     check_open_files()
+    if status_fd is not None:  # who started us has read the robot, too, and has said what it found
+        warnings.simplefilter("ignore", UrdfWarning)
     description = describe(config, file)
     period_ns = round(description.period_s * 1e9)
     voice = StatusReporter(status_fd, verbose=verbose)

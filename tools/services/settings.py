@@ -27,6 +27,7 @@ from hoap3.robot_emulator.config import available_configs as emulator_configs
 from hoap3.robot_emulator.plant_factory import build_body
 from hoap3.robot_emulator.plants.registry import PLANTS
 from hoap3.robot_emulator.robots import available as robots
+from hoap3.robot_emulator.robots.urdf_import.source import is_source
 from hoap3.robot_emulator.service import describe
 from hoap3.tools.services.services import as_yaml, controller_config, emulator_config
 from hoap3.tools.simulate import suited
@@ -43,7 +44,8 @@ def _read(name: str, overrides: list[str]) -> tuple[EmulatorConfig | ControllerC
     """
     known = {*emulator_configs(), *robots(), *controller_configs(), *controllers.registered()}
     path = Path(name)
-    if not (name in known or ":" in name or path.suffix in {".yaml", ".yml"} or path.exists()):
+    named = name in known or ":" in name or path.suffix in {".yaml", ".yml"}
+    if not (named or is_source(name) or path.exists()):
         raise UnknownNameError("config", name, known, " Or name a file.")
     if not _is_emulator(name):
         return controller_config(name, overrides)
@@ -209,7 +211,7 @@ def _with_parameters(whole: type[Settings], own: type[Settings]) -> dict[str, An
 
 
 def _is_emulator(name: str) -> bool:
-    if name in emulator_configs() or name in robots():
+    if name in emulator_configs() or name in robots() or is_source(name):
         return True
     if name in controller_configs():
         return False

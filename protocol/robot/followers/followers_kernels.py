@@ -57,7 +57,10 @@ def accelerations(
             value = mass[i, j] + (added[i] if i == j else 0.0)
             for k in range(j):
                 value -= L[i, k] * L[j, k]
-            L[i, j] = math.sqrt(value) if i == j else value / L[j, j]
+            if i == j:  # of what is no inertia there is no root
+                L[i, i] = math.sqrt(value) if value > 0.0 else math.nan
+            else:
+                L[i, j] = value / L[j, j]
     for i in range(n):
         value = torque[i]
         for k in range(i):

@@ -51,9 +51,7 @@ def place(
         sole: frame that shall be level at the world's origin; None: the root link is level.
     """
     mujoco.mj_resetData(built.model, data)
-    data.qpos[built.q_at] = q
-    for place_of, master, multiplier, offset in built.follow * len(built.follow):
-        data.qpos[place_of] = multiplier * data.qpos[master] + offset  # of followers, too
+    built.pose(data, q)
     residual = 0.0
     if built.free:
         _set_down(mujoco, built, data, parameters, sole)
@@ -62,7 +60,7 @@ def place(
     mujoco.mj_forward(built.model, data)
     data.qacc[:] = 0.0
     mujoco.mj_inverse(built.model, data)
-    torques = np.array(data.qfrc_inverse[built.v_at])
+    torques = data.qfrc_inverse @ built.ties.matrix
     mujoco.mj_forward(built.model, data)
     return Start(torques, residual)
 

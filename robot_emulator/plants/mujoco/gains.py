@@ -113,13 +113,13 @@ def _mass_on_one_foot(
         description, parameters.model_copy(update={"base": "fixed", "collide": "none"})
     )
     other = mujoco.MjData(held.model)
-    other.qpos[held.q_at] = data.qpos[built.q_at]
+    held.pose(other, data.qpos[built.q_at])
     return _full(mujoco, held, other)
 
 
 def _full(mujoco: Any, built: MujocoModel, data: Any) -> FloatArray:
-    """M of the joints of the wire, (n, n)."""
+    """M of the joints of the wire and their followers, Gᵀ·M·G, (n, n)."""
     mujoco.mj_forward(built.model, data)
     whole = np.zeros((built.model.nv, built.model.nv))
     mujoco.mj_fullM(built.model, data, whole)
-    return whole[np.ix_(built.v_at, built.v_at)]
+    return np.asarray(built.ties.matrix.T @ whole @ built.ties.matrix)

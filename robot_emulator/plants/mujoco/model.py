@@ -11,18 +11,17 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, NotInstalledError, one_of
+from hoap3.protocol.messages import FloatArray
 from hoap3.robot_emulator.plants.mujoco.collisions import keep_apart, let_touch
 from hoap3.robot_emulator.plants.mujoco.inertias import repair
-from hoap3.robot_emulator.plants.mujoco.rerooted_urdf import (
-    followers,
-    rerooted,
-    root_inertia,
-    rotation_of,
-)
+from hoap3.robot_emulator.plants.mujoco.rerooted_urdf import rerooted, root_inertia, rotation_of
 from hoap3.robot_emulator.plants.mujoco.settings import FloorSettings, MujocoParameters
+from hoap3.robot_emulator.plants.mujoco.ties import Ties, ties_of
 
 MOTORS, SERVOS = 0, 1  # groups of actuators
 FRAME = "frame "  # before the name of a frame that MuJoCo has as a site
+NO_END = 1e9  # rad: where a joint that has one stop only has its other one
+RIGID = [0.9999, 0.9999]  # share of what breaks an equality that MuJoCo undoes: the most it takes
 IMU = "quaternion", "gyro", "accelerometer"
 """Sensors of an inertial unit; each name stands before that of its frame."""
 
@@ -34,8 +33,7 @@ class MujocoModel:
     Attributes:
         model: `mujoco.MjModel`.
         q_at, v_at: (n,) where each joint is in qpos and qvel.
-        follow: joints that follow another one: its place in qpos, that of the master, multiplier,
-            offset.
+        ties: what all coordinates have to do with the joints of the wire.
         free: whether the root link may move; it is at the begin of qpos and qvel then.
         root: MuJoCo's number of the root link's body, 0 where the world holds it.
         welded: the link that the world holds, "" of a free base.
@@ -46,12 +44,18 @@ class MujocoModel:
     model: Any
     q_at: NDArray[np.intp]
     v_at: NDArray[np.intp]
-    follow: tuple[tuple[int, int, float, float], ...]
+    ties: Ties
     free: bool
     root: int
     welded: str
     urdf: str
     altered: Mapping[str, str]
+
+    def pose(self, data: Any, q: FloatArray) -> None:
+        """Put the joints at `q`, (n,), and their followers where these belong, in an `MjData`."""
+        data.qpos[self.q_at] = q
+        ties = self.ties
+        data.qpos[ties.followers] = ties.ratios * q[ties.masters] + ties.offsets
 
     def site(self, frame: str) -> int:
         """MuJoCo's number of the site that stands for a frame."""
@@ -151,14 +155,9 @@ def _from_urdf(
         raise ConfigError("", "kind", description.name, problem, "Correct the URDF") from error
     compiler = spec.compiler
     compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
-    known = {equality.name1 for equality in spec.equalities}
-    for follower, (master, multiplier, offset) in followers(urdf).items():
-        if follower not in known and spec.joint(follower) is not None:
-            equality = spec.add_equality(
-                type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT
-            )
-            equality.name1, equality.name2 = follower, master
-            equality.data[:3] = offset, multiplier, 0.0
+    step = description.period_s / parameters.substeps
+    for equality in spec.equalities:  # springs, which shall give way as little as they can
+        equality.solref, equality.solimp[:2] = [2.0 * step, 1.0], RIGID
     if not parameters.joint_friction:
         for joint in spec.joints:
             joint.damping, joint.frictionloss = [0.0, 0.0, 0.0], 0.0
@@ -218,9 +217,9 @@ def _set_joints(
     figures = robot.lower_hard, robot.upper_hard, robot.effort, robot.armature
     for joint, lower, upper, effort, rotor in zip(robot.joints, *figures, strict=True):
         ours = spec.joint(joint.name)
-        ours.limited = bool(np.isfinite(lower) and np.isfinite(upper))
+        ours.limited = bool(np.isfinite(lower) or np.isfinite(upper))
         if ours.limited:
-            ours.range = [lower, upper]
+            ours.range = np.nan_to_num([lower, upper], posinf=NO_END, neginf=-NO_END)
         ours.armature = _of(parameters.armature, joint.name, rotor)
         if 0.0 < effort < np.inf:
             ours.actfrclimited, ours.actfrcrange = True, [-effort, effort]
@@ -286,23 +285,12 @@ def _assembled(
     altered: dict[str, str],
 ) -> MujocoModel:
     free = bool(model.njnt and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE)
-    names = {model.joint(number).name for number in range(model.njnt)}
     joints = [model.joint(name) for name in description.joint_names]
-    follow = tuple(
-        (
-            int(model.joint(name).qposadr[0]),
-            int(model.joint(master).qposadr[0]),
-            multiplier,
-            offset,
-        )
-        for name, (master, multiplier, offset) in (followers(urdf) if urdf else {}).items()
-        if name in names
-    )
     return MujocoModel(
         model=model,
         q_at=np.array([joint.qposadr[0] for joint in joints], np.intp),
         v_at=np.array([joint.dofadr[0] for joint in joints], np.intp),
-        follow=follow,
+        ties=ties_of(mujoco, model, [int(joint.id) for joint in joints]),
         free=free,
         root=int(model.jnt_bodyid[0]) if free else 0,
         welded=welded,

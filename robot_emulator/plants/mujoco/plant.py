@@ -85,7 +85,7 @@ class MujocoPlant(Plant):
         self._motors = np.arange(0, 2 * n, 2)
         self._set_gains()
         self.balance = Balance(self._mujoco, self.built, self.data, description, soles, contacts)
-        self._true, self._held, self._sizes = np.zeros((3, n))
+        self._true, self._held, self._sizes, self._driven = np.zeros((4, n))
         efforts = np.where(description.effort > 0.0, description.effort, np.inf)
         self._most, self._full = efforts * (1.0 - ROUNDING), np.zeros(n, np.bool_)
         self._wanted = np.zeros(self.model.nv)
@@ -173,7 +173,7 @@ class MujocoPlant(Plant):
             data.ctrl[self._motors] = command
             self._advance(dt)
         else:
-            self._wanted[self.built.v_at] = command
+            np.matmul(self.built.ties.matrix, command, out=self._wanted)
             self._advance(dt, inverse=True)
 
     def hold(self, dt: float) -> None:
@@ -249,7 +249,8 @@ class MujocoPlant(Plant):
             if inverse:
                 self.data.qacc[:] = self._wanted
                 self._inverse(self.model, self.data)
-                self.data.ctrl[self._motors] = self.data.qfrc_inverse[self.built.v_at]
+                np.matmul(self.data.qfrc_inverse, self.built.ties.matrix, out=self._driven)
+                self.data.ctrl[self._motors] = self._driven
             self._step(self.model, self.data)
             if senses.feels:
                 senses.feel(1.0 / substeps)

@@ -73,22 +73,6 @@ def root_inertia(urdf: str, link: str) -> tuple[float, FloatArray, FloatArray]:
     return float(mass.get("value", "0")), centre, rotation @ tensor @ rotation.T
 
 
-def followers(urdf: str) -> dict[str, tuple[str, float, float]]:
-    """Joints that follow another one: its name, multiplier and offset [rad or m]."""
-    robot = ET.fromstring(urdf)  # noqa: S314 (`read_urdf` lets no DTD pass)
-    found = {}
-    for joint in robot.findall("joint"):
-        mimic = joint.find("mimic")
-        if mimic is not None:
-            multiplier, offset = mimic.get("multiplier", "1"), mimic.get("offset", "0")
-            found[joint.get("name", "")] = (
-                mimic.get("joint", ""),
-                float(multiplier),
-                float(offset),
-            )
-    return found
-
-
 def _inverse(origin: ET.Element | None) -> ET.Element:
     """An <origin> that undoes one."""
     if origin is None:

@@ -11,6 +11,7 @@ from hoap3.protocol.messages import FloatArray
 from hoap3.robot_emulator.plants.mujoco.model import SERVOS, MujocoModel
 
 ROUNDS = 3
+BASE = 6  # coordinates of a free base, before those of joints
 ROUNDING = 1e-9  # of an effort: a torque that exceeds it by no more was meant to be it
 
 
@@ -52,7 +53,7 @@ class ContactTorques:
         n, dofs = len(effort), built.model.nv
         self._motors = np.arange(0, 2 * n, 2)
         self._mass = np.zeros((dofs, dofs))
-        self._base = np.setdiff1d(np.arange(dofs), built.v_at) if built.free else None
+        self._tied, self._free = built.ties.matrix, built.free
         self._found, self._torque, self._idle, self._none = np.zeros((4, n))
 
     def accelerations(self, command: FloatArray, dt: float, out: FloatArray) -> int:
@@ -110,9 +111,8 @@ class ContactTorques:
     def _inertia(self) -> FloatArray:
         """M̂, (n, n)."""
         self._full(self._model, self._data, self._mass)
-        joints = self._mass[np.ix_(self._v_at, self._v_at)]
-        if self._base is None:
+        joints = self._tied.T @ self._mass @ self._tied
+        if not self._free:
             return np.asarray(joints)
-        across = self._mass[np.ix_(self._base, self._v_at)]
-        held = self._mass[np.ix_(self._base, self._base)]
-        return np.asarray(joints - across.T @ np.linalg.solve(held, across))
+        across, base = self._mass[:BASE] @ self._tied, self._mass[:BASE, :BASE]
+        return np.asarray(joints - across.T @ np.linalg.solve(base, across))

@@ -140,19 +140,24 @@ def test_all_that_is_wrong_in_a_file_is_told() -> None:
         assert f"mine.yaml: {key}: " in refused.stderr
 
 
-def test_a_urdf_is_told_from_a_config(tmp_path: Path) -> None:
+def test_a_urdf_is_a_robot_and_no_config(tmp_path: Path) -> None:
     arm3.write(tmp_path)
     (urdf,) = tmp_path.glob("*.urdf")
     Path("mine.yaml").write_text(f"robot: {urdf.name}\n", encoding="utf-8")
+    Path("arm.xml").write_bytes(urdf.read_bytes())
     for words in (
         ("config", "check", urdf.name),
         ("config", "check", urdf),
         ("config", "check", "qp12", "--robot", urdf.name),
         ("config", "check", "mine.yaml"),
         ("config", "show", urdf.name),
-        ("emulator", urdf.name, "--no-realtime"),
+    ):
+        taken = inside(*words)
+        assert taken.code == 0, taken.stderr
+    for words in (
         ("controller", urdf.name, "--no-realtime"),
-        ("run", "--lockstep", "--robot", urdf.name),
+        ("config", "check", "arm.xml"),
+        ("run", "--lockstep", "--robot", "arm.xml"),
     ):
         refused = inside(*words)
         assert refused.code == 2

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import typer
+from support import HOUSE
 from support.command_bench import (
     HOAP3,
     PATIENT,
@@ -27,6 +28,7 @@ from support.command_bench import (
 from hoap3.tools.cli.app import app
 
 LOCKSTEP = ("run", "--lockstep", "--duration", 0.05, "--no-realtime")
+UR5 = HOUSE / "robot_emulator" / "robots" / "ur5" / "ur5.urdf"
 LOCAL: dict[str, tuple[object, ...]] = {
     "list": ("list",),
     "run": (*LOCKSTEP, "--out", "{out}"),
@@ -47,6 +49,8 @@ LOCAL: dict[str, tuple[object, ...]] = {
     "config schema": ("config", "schema", "qp12"),
     "config keys": ("config", "keys", "qp12"),
     "export": ("export", "{log}", "--to", "{out}.csv"),
+    "robot import": ("robot", "import", UR5, "--out", "{out}"),
+    "robot check": ("robot", "check", UR5),
 }
 """What needs no robot that runs."""
 

@@ -24,7 +24,9 @@ from tampering import (
 )
 
 from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.robot_emulator.robots import load
 from hoap3.tools.logs.log import Log
+from hoap3.tools.verify.point_task import PointTask
 from hoap3.tools.verify.verify import verify
 
 GOLDEN = HOUSE / "tests" / "tools" / "logs" / "golden_v1"
@@ -56,6 +58,25 @@ def test_a_true_log_is_true(robot: str, controller: str, tmp_path: Path) -> None
 
     assert found.claims.by_tick() == []
     assert found.verdict == "true"
+
+
+@pytest.mark.parametrize("controller", ["qp12", "pinv", "osqp"])
+def test_a_robot_that_all_but_rests_at_its_target_is_no_false_alarm(
+    controller: str, tmp_path: Path
+) -> None:
+    description = load("hoap3")
+    assert description.default_task is not None
+    start = {"target_m": [0.0, 0.0, 0.0], "point": description.default_task.point}
+    task = PointTask.of(description, start)
+    assert task is not None
+    place, _ = task.at(description.initial_position)
+    for number, away in enumerate((1e-12, 1e-9)):
+        target = "controller.parameters.target_m=" + json.dumps((place + away).tolist())
+        given = "--controller", controller, "--duration", "0.1", *_sets(target)
+        folder = tmp_path / str(number)
+        inside("run", "--lockstep", *given, "--out", folder)
+
+        assert verify(folder).claims.by_tick() == []
 
 
 def test_late_and_lost_answers_are_counted_as_the_robot_did(tmp_path: Path) -> None:

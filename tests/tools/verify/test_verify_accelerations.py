@@ -124,6 +124,15 @@ SETTINGS: dict[str, tuple[str, str, tuple[str, ...]]] = {
 }
 
 
+@pytest.mark.slow
+def test_levels_beside_a_singular_one_raise_no_false_alarm(tmp_path: Path) -> None:
+    slow = f"{BOUNDS}acceleration_max=[3]"  # axes of the wrist come to be parallel
+
+    found = verify(ran(tmp_path / "run", LWR, "hqp", ORDER, slow, seconds=2.0))
+
+    assert found.claims.by_tick() == []
+
+
 @pytest.mark.parametrize("name", marked_slow(SETTINGS, "lost answers", "ghc with weak motors"))
 def test_other_settings_raise_no_false_alarm(name: str, tmp_path: Path) -> None:
     robot, controller, settings = SETTINGS[name]

@@ -18,6 +18,9 @@ from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.logs.log import Log
 from hoap3.tools.verify.constraints.parameters import complete
 from hoap3.tools.verify.controllers.stable_qp import settings
+from hoap3.tools.verify.controllers.stable_qp.judge import most_by_bounds
+from hoap3.tools.verify.controllers.stable_qp.largest import KEPT, missing
+from hoap3.tools.verify.controllers.stable_qp.scaled import Scaled
 from hoap3.tools.verify.verify import verify
 
 PARAMETERS = "controller.parameters."
@@ -52,6 +55,8 @@ CASES: dict[str, tuple[str, ...]] = {
     "free": ("objective={kind: lp, p: 1.5}", "constraints=[]"),
     "stops": ("constraints=[{constraint: viability, parameters: {limit_rad_s2: 5}}]",),
 }
+STOPS = "{constraint: viability, parameters: {limit_rad_s2: 5}}"
+LEANS = "{constraint: support_polygon, parameters: {margin_m: 0.005}}"
 
 
 def run_of(folder: Path, *settings_: str, controller: str = "stable_qp", s: str = "0.2") -> Path:
@@ -105,6 +110,36 @@ def test_logs_of_other_configs_are_true(
 
     assert found.claims.by_tick() == []
     assert found.verdict == "true"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("controller", "changed"),
+    [
+        (
+            "stable_qp",
+            (
+                "objective={kind: lp, p: inf}",
+                kept(support_polygon={"margin_m": 0.02}).replace("1.0", "0.02"),
+            ),
+        ),
+        (
+            "com_circulation",
+            (
+                "task.parameters.speed_m_s=0.1",
+                f"constraints=[{STOPS}, {LEANS}]",
+            ),
+        ),
+    ],
+)
+def test_joints_near_their_bounds_raise_no_false_alarm(
+    controller: str, changed: tuple[str, ...], tmp_path: Path
+) -> None:
+    given = "rho=largest", *changed
+
+    found = verify(run_of(tmp_path / "run", *given, controller=controller, s="2.1"))
+
+    assert found.claims.by_tick() == []
 
 
 def bigger(value: float) -> float:
@@ -182,6 +217,28 @@ def test_a_parameter_that_is_none_is_not_reckoned_with(
 
     assert found.verdict == "not verified"
     assert found.claims.counts["certificate"].checked == 0
+
+
+@pytest.mark.parametrize("short", [0.0, 1e-9, 1e-7, 1e-5, 1e-3])
+def test_a_fall_below_the_largest_is_one_that_the_solver_tries(short: float) -> None:
+    def found(share: float) -> bool:
+        p = in_a_box(np.array([-0.3, 0.15]) * (1.0 - share))
+        return missing(p, most_by_bounds(p), KEPT).nothing
+
+    assert found(short)
+    assert found(short + 1e-10)
+    assert not found(short * 1.2 + 2e-8)
+    assert not found(short * 3.0 + 2e-8)
+
+
+def in_a_box(y: np.ndarray) -> Scaled:
+    """Two joints whose bounds let V fall by 0.375, which is less than asked."""
+    still, none, rows = np.zeros(2), np.zeros(0), np.zeros((0, 2))
+    most = np.array([0.3, 0.15])
+    return Scaled(
+        y, still, -most, most, 0.0, 1.0, np.array([1.0, -0.5]), still, rows, none,
+        np.zeros(0, bool), rows, none, np.eye(2), still, 2.0, 0.3,
+    )  # fmt: skip
 
 
 def near_zero(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -40,8 +40,10 @@ CHOICES = {
     "adaptive_gamma": (False, True),
 }
 CERTIFIED = schema("Setpoint").constants["STATUS_CERTIFIED"]
-PLACE = 8.0 * float(np.finfo(float).eps)  # m: how exactly a place is known
+PLACE = 8.0 * float(np.finfo(float).eps)  # m, m/rad: how exactly e and each column of J are known
 OPTIMAL = 1e-9  # greatest residual of a certified answer
+RANK = 1e-12  # of the largest singular value of J: less is 0
+FACTORISED = 5e-4  # least det J Jᵀ, rows of length 1, from which on `pinv` may factorise it
 
 
 @dataclass(frozen=True)
@@ -50,16 +52,20 @@ class Descent:
 
     Attributes:
         V: (N,) [m²].
-        gradient: ∇V, (N, n).
+        gradient: ∇V, (N, n), exact to `gradient_off`, (N, n).
         step: direction −J⁺e of the pseudo-inverse, (N, n); empty where nobody asks for it.
-        psi: Ψ, (N,).
+        step_off: how exactly it is known, (N,).
+        psi: Ψ, (N,), exact to `psi_off`, (N,).
         share: of u_max, while Ψ rises, (N,).
     """
 
     V: Array
     gradient: Array
+    gradient_off: Array
     step: Array
+    step_off: Array
     psi: Array
+    psi_off: Array
     share: Array
 
 
@@ -93,16 +99,16 @@ def _check(
     plain = inverse and settings["law"] == "plain"
     length = np.sqrt(2.0 * problem.V)  # |e|, known to PLACE
     claims.equal("V", tick, answers["v"], problem.V, RELATIVE * problem.V + length * PLACE)
-    required = np.zeros_like(problem.psi) if plain else -problem.psi
-    share = RELATIVE + 2.0 * PLACE / np.maximum(length, PLACE)
-    stated = answers["v_rate_required"]
-    claims.equal("required V rate", tick, stated, required, share * np.abs(required))
+    required, required_off = (
+        0.0 * tick if plain else each for each in (-problem.psi, problem.psi_off)
+    )
+    claims.equal("required V rate", tick, answers["v_rate_required"], required, required_off)
     if delayed:
         claims.unverified("u", len(answers), DELAYED)
         return
     u, doubt = sent_velocity(run, settings)
     each = problem.gradient * u
-    exact = RELATIVE * np.abs(each).sum(1) + (np.abs(problem.gradient) * doubt).sum(1)
+    exact = RELATIVE * np.abs(each).sum(1) + _rate_off(problem, u, doubt)
     claims.equal("predicted V rate", tick, answers["v_rate_predicted"], each.sum(1), exact)
     claims.equal("rho", tick, answers["rho"], np.ones(len(tick)))
     check_values(run, settings, claims)
@@ -148,7 +154,8 @@ def _problems(
 ) -> Descent:
     which = "reference" if settings["kinematics_from"] == "reference" else "q"
     q, m, n = run.states[which][run.answered], len(run.answers), run.description.n
-    V, psi, gradient = np.zeros(m), np.zeros(m), np.zeros((m, n))
+    V, psi, psi_off, step_off = np.zeros((4, m))
+    gradient, gradient_off = np.zeros((2, m, n))
     step = np.zeros((m, n)) if inverse else np.zeros((m, 0))
     share = _shares(run, settings["ramp_s"])
     form, u_max, beta = settings["psi_scale"], settings["u_max_rad_s"], settings["beta"]
@@ -156,10 +163,20 @@ def _problems(
         e, J = task.at(q[i])
         V[i], gradient[i] = 0.5 * float(e @ e), J.T @ e
         length = math.sqrt(float(e @ e))
+        off = gradient_off[i] = PLACE * (np.linalg.norm(J, axis=0) + length)
         psi[i] = descent_rate(form, V[i], gradient[i], length, u_max * share[i], beta)
+        more = np.abs(gradient[i]) + off, length + PLACE  # Ψ grows with both
+        most = descent_rate(form, V[i], *more, u_max * share[i], beta)
+        psi_off[i] = RELATIVE * psi[i] + most - psi[i]
         if inverse:
-            step[i] = -np.linalg.pinv(J, rtol=1e-12) @ e
-    return Descent(V, gradient, step, psi, share)
+            step[i], step_off[i] = _step(J, e)
+    return Descent(V, gradient, gradient_off, step, step_off, psi, psi_off, share)
+
+
+def _rate_off(problem: Descent, u: Array, doubt: Array) -> Array:
+    """How exactly ∇V·u is known, (N,)."""
+    each = np.abs(problem.gradient) * doubt + problem.gradient_off * (np.abs(u) + doubt)
+    return np.asarray(each.sum(1))
 
 
 def _shares(run: ControllerRun, ramp_s: float) -> Array:
@@ -181,27 +198,37 @@ def _residual(
     where Σ a x = b and, for γ < 1, x_i = max(0, (a_i t − γ/(1−γ) (A − a_i))/A) with the t = x of
     a joint at A. For γ = 1 only the joints at A move.
     """
-    a, b = np.abs(problem.gradient), problem.psi
+    a, b, off = np.abs(problem.gradient), problem.psi, problem.gradient_off.max(1)
     A, rows = a.max(1, keepdims=True), np.arange(len(b))
-    gamma = np.full(len(b), float(settings["gamma"]))
+    gamma, gamma_off = np.full(len(b), float(settings["gamma"])), 0.0 * b
     if settings["adaptive_gamma"]:
         slope = np.linalg.norm(problem.gradient, axis=1)
+        gamma_off = 2.0 / np.pi * gamma * 100.0 * np.linalg.norm(problem.gradient_off, axis=1)
         gamma = 2.0 / np.pi * gamma * np.arctan(100.0 * slope)
     x = -np.sign(problem.gradient) * u
     x[problem.gradient == 0.0] = -np.abs(u[problem.gradient == 0.0])
     t = x[rows, a.argmax(1)][:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
-        kappa = (gamma / (1.0 - gamma))[:, None]
-        few = np.where(a == A, np.maximum(x, 0.0), 0.0)
-        wanted = np.where(kappa < np.inf, np.maximum(0.0, (a * t - kappa * (A - a)) / A), few)
+        kappa, kappa_off = gamma / (1.0 - gamma), gamma_off / (1.0 - gamma) ** 2
+        steep = a >= A - 2.0 * off[:, None]
+        moving = (a * t - kappa[:, None] * (A - a)) / A
+        few = np.where(steep, np.maximum(x, 0.0), 0.0)
+        wanted = np.where(kappa[:, None] < np.inf, np.maximum(0.0, moving), few)
         span, power = np.abs(u).max(1), (a * np.abs(x)).sum(1) + b
         primal = np.abs((a * x).sum(1) - b) / power
         apart = np.where(span > 0.0, np.abs(x - wanted).max(1) / span, 0.0)
-        # kappa amplifies the rounding of a and A where few joints move
-        rounding = np.finfo(float).eps * (kappa[:, 0] * (kappa[:, 0] < np.inf)) / span
-        exact = (a * doubt).sum(1) / power + 2.0 * doubt.max(1) / span + 64.0 * rounding
-    still = (b == 0.0) & (span == 0.0)
-    return np.where(still, 0.0, np.maximum(primal, apart)), np.where(still, 0.0, exact)
+        # a and A are exact to `off`, so wanted to 2 (t + κ) off/A + Δκ
+        bent = 2.0 * (np.abs(t[:, 0]) + kappa) * off / A[:, 0] + kappa_off
+        bent = np.where(kappa < np.inf, bent, 0.0) + 2.0 * doubt.max(1)
+        exact = (_rate_off(problem, u, doubt) + problem.psi_off) / power
+        exact += np.where(span > 0.0, bent / span, 0.0)
+    residual = np.maximum(primal, apart)
+    # where ∇V is all rounding, only |u|∞ ≤ Ψ/|∇V|∞ is known, (16)
+    reach = settings["u_max_rad_s"] * math.sqrt(u.shape[1]) * settings["beta"]
+    fastest = reach * (np.sqrt(2.0 * problem.V) + PLACE) + doubt.max(1)
+    lost, still = A[:, 0] <= off, (b == 0.0) & (span == 0.0)
+    residual, exact = np.where(lost, span / fastest, residual), np.where(lost, 1.0, exact)
+    return np.where(still, 0.0, residual), np.where(still, 0.0, exact)
 
 
 def _inverse_residual(
@@ -212,9 +239,9 @@ def _inverse_residual(
     plain = settings["law"] == "plain"
     missing = np.maximum(0.0, rate) if plain else np.abs(rate + problem.psi)
     scale = size if plain else size + problem.psi
+    off = _rate_off(problem, u, doubt) + (0.0 if plain else problem.psi_off)
     with np.errstate(divide="ignore", invalid="ignore"):
-        exact = (np.abs(problem.gradient) * doubt).sum(1) / scale
-        residual = missing / scale
+        exact, residual = off / scale, missing / scale
     still = missing == 0.0  # so where nothing is required
     return np.where(still, 0.0, residual), np.where(scale > 0.0, exact, 0.0)
 
@@ -228,11 +255,34 @@ def _check_direction(
     claims: Claims,
 ) -> None:
     """Each u is k·(−J⁺e): of the plain law the k that is configured, else that gives V̇ = −Ψ."""
-    rate = (problem.gradient * problem.step).sum(1)
+    rate, length = (problem.gradient * problem.step).sum(1), np.linalg.norm(problem.step, axis=1)
+    slope = np.linalg.norm(problem.gradient, axis=1)
+    rate_off = (problem.gradient_off * np.abs(problem.step)).sum(1) + slope * problem.step_off
     with np.errstate(divide="ignore", invalid="ignore"):
         k = np.where(rate == 0.0, 0.0, -problem.psi / rate)
+        k_off = np.where(rate == 0.0, 0.0, k * rate_off / np.abs(rate) - problem.psi_off / rate)
     if settings["law"] == "plain":
-        k = settings["gain_per_s"] * problem.share
+        k, k_off = settings["gain_per_s"] * problem.share, 0.0 * k
     wanted = k[:, None] * problem.step
-    size = np.abs(wanted).max(1, keepdims=True)
-    claims.equal("u", tick, u, wanted, 1e-7 * size + doubt)
+    off = RELATIVE * np.abs(wanted).max(1) + np.abs(k) * problem.step_off + k_off * length
+    claims.equal("u", tick, u, wanted, off[:, None] + doubt)
+
+
+def _step(J: Array, e: Array) -> tuple[Array, float]:
+    """−J⁺e, (n,), and how exactly it is known: Δ(J⁺e) of Wedin, 1973, and rounding of J Jᵀ.
+
+    With |Δe| and each column of ΔJ at most `PLACE`, |Δ(J⁺e)| ≤ |J⁺|·(|Δe| + 2|ΔJ|·|J⁺e|). Rounding
+    adds 8 units of κ³ where J Jᵀ is factorised, κ of J with rows of length 1, else of |J|·|J⁺|.
+    """
+    U, s, Vt = np.linalg.svd(J, full_matrices=False)
+    used = s > RANK * s[0]
+    if not used.any():
+        return np.zeros(J.shape[1]), 0.0
+    step = -(Vt[used].T / s[used]) @ (U[:, used].T @ e)
+    length, least = float(np.linalg.norm(step)), float(s[used][-1])
+    size = np.linalg.norm(J, axis=1, keepdims=True)
+    apart = np.linalg.svd(J / np.where(size > 0.0, size, 1.0), compute_uv=False)
+    factorised = float(np.prod(apart)) ** 2 > FACTORISED
+    rounding = (apart[0] / apart[-1]) ** 3 if factorised else s[0] / least
+    off = (1.0 + 2.0 * math.sqrt(J.shape[1]) * length) / least + (1.0 + rounding) * length
+    return step, PLACE * off

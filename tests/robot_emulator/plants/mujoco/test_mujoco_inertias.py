@@ -1,15 +1,13 @@
-"""Inertias that MuJoCo would refuse, and joints that follow others."""
+"""Inertias that MuJoCo would refuse."""
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 import pytest
 from support.small_arm import URDF, arm
 
 from hoap3.robot_emulator.plants.mujoco.model import build_model
 from hoap3.robot_emulator.plants.mujoco.plant import MujocoPlant
-from hoap3.robot_emulator.plants.mujoco.rerooted_urdf import followers
 from hoap3.robot_emulator.plants.mujoco.settings import MujocoParameters
 
 USUAL = 'ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"'
@@ -49,14 +47,3 @@ def test_the_root_has_its_own_inertia_where_it_may_move():
     assert base.mass == pytest.approx(1.0)
     np.testing.assert_allclose(base.inertia, 0.01)
     np.testing.assert_allclose(base.ipos, [0.0, 0.0, 0.1])
-
-
-def test_followers_are_those_with_a_mimic_element():
-    follows = '<mimic joint="elbow" multiplier="-0.5" offset="0.1"/><parent link="fore"/>'
-    urdf = URDF.replace('<parent link="fore"/>', follows)
-    assert followers(urdf) == {"wrist": ("elbow", -0.5, 0.1)}
-    assert followers(URDF) == {}
-    spec = mujoco.MjSpec.from_string(urdf)
-    (equality,) = spec.equalities  # MuJoCo reads them itself, with the same meaning
-    assert (equality.name1, equality.name2) == ("wrist", "elbow")
-    np.testing.assert_allclose(equality.data[:2], [0.1, -0.5])

@@ -25,7 +25,6 @@ NEAREST, OVERLOADED, GAVE_UP = 1, 2, 3
 WEIGHTS = 1e4, 1e2, 1.0  # P; the next one where the solver gives up
 UNREPEATED = "that a solver finds none, though there may be one, is not repeated"
 BRAKE_PER_S = 10.0  # of −q̇, the wish where the tasks have no answer even with strong motors
-SOFT = 1e-8  # of the largest acceleration: how near a solver comes to a soft optimum
 
 
 class Soft(NamedTuple):
@@ -58,7 +57,7 @@ def check_fallback(
         else:
             claims.unverified("fallback: no answer", 1, UNREPEATED)
         off = _distance(cycles, hierarchy.torque_max, i, problem, int(fallback[i]))
-        exact = SOFT + problem.exact + cycles.ddq_exact[i].max() / _span(cycles.ddq[i], problem)
+        exact = RELATIVE + problem.exact + cycles.ddq_exact[i].max() / _span(cycles.ddq[i], problem)
         claims.at_most("fallback: optimum", tick[i], off, exact, 0.0)
 
 

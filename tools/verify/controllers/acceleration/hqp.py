@@ -39,7 +39,6 @@ ABOVE = 0.5  # more of it, and a task is a level above another
 RANK = 1e-9  # of the largest singular value of a level's rows
 SLACK = 1e-8  # by which bounds give way below the first level
 NEAR = 1e-6  # of a unit row from its bound, which then counts as holding it
-BOUNDED = 1e-8  # what two solvers of a level may differ by at bounds, of the largest acceleration
 
 
 @dataclass
@@ -70,8 +69,14 @@ class Cascade:
         """Some of the cycles."""
         return Cascade(*(getattr(self, each.name)[which] for each in fields(self)))
 
-    def solve(self, levels: list[Flags], w: float, Z: Array, slack: float = 0.0) -> None:
-        """Solve the levels, (m,) flags of their rows, in what Z (N, n, d) spans."""
+    def solve(
+        self, levels: list[Flags], w: float, Z: Array, turned: Array, slack: float = 0.0
+    ) -> None:
+        """Solve the levels, (m,) flags of their rows, in what Z (N, n, d) spans.
+
+        Z is known to an angle `turned`, (N,): what a level leaves, to the rounding of its rows over
+        the least singular value of those that it takes.
+        """
         if not levels or not Z.shape[2]:
             return
         J = self.J[:, levels[0]]
@@ -84,13 +89,18 @@ class Cascade:
         moved = _times(Z, z)
         doubt = self.b_exact[:, levels[0]] + _times(np.abs(J), self.exact)
         size = np.linalg.norm(missing, axis=1, keepdims=True)
-        self.exact += _times(np.abs(Z @ gain), doubt) + ROUNDING / w * size
+        large = np.linalg.norm(J, 2, axis=(1, 2))
+        bent = (ROUNDING + turned * large)[:, None] / w * size
+        moves = np.linalg.norm(moved, axis=1, keepdims=True)
+        self.exact += _times(np.abs(Z @ gain), doubt) + bent + turned[:, None] * moves
         self.ddq += moved
-        ranks = (s > RANK * np.linalg.norm(J, 2, axis=(1, 2))[:, None]).sum(1)
+        ranks = (s > RANK * large[:, None]).sum(1)
         for rank in np.unique(ranks).tolist():
             mine = ranks == rank
             below = self.part(mine)
-            below.solve(levels[1:], w, Z[mine] @ V[mine][:, :, rank:], SLACK)
+            least = s[mine, rank - 1] if rank else np.inf
+            more = turned[mine] + ROUNDING * large[mine] / least
+            below.solve(levels[1:], w, Z[mine] @ V[mine][:, :, rank:], more, SLACK)
             self.ddq[mine], self.exact[mine] = below.ddq, below.exact
             self.bounded[mine] = below.bounded
 
@@ -138,7 +148,7 @@ class Hqp(Ranked):
         whole = _cascade(cycles, hierarchy, settings, hierarchy.torque_max)
         span = np.maximum(TINY, np.maximum(np.abs(whole.ddq), np.abs(cycles.ddq)).max(1))
         off = np.abs(cycles.ddq - whole.ddq).max(1) / span
-        exact = (whole.exact + cycles.ddq_exact).max(1) / span + BOUNDED * whole.bounded
+        exact = (whole.exact + cycles.ddq_exact).max(1) / span
         return Solution(off, exact, self.proves)
 
     def soft(self, cycles: Cycles, hierarchy: Hierarchy, settings: Settings) -> list[Soft]:
@@ -169,7 +179,7 @@ def _cascade(cycles: Cycles, hierarchy: Hierarchy, settings: Settings, most: Arr
         mine = np.array([each == levels for each in kinds])
         part = whole.part(mine)
         rows = [np.isin(owner, level) for level in (*levels, (len(hierarchy.sizes),))]
-        part.solve(rows, settings["w_r"], one[mine])
+        part.solve(rows, settings["w_r"], one[mine], np.zeros(mine.sum()))
         whole.ddq[mine], whole.exact[mine] = part.ddq, part.exact
         whole.bounded[mine] = part.bounded
     return whole

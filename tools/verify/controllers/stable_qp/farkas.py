@@ -7,6 +7,7 @@ multipliers come from scipy's linprog; the bound holds even where they are not t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +38,21 @@ class Sides:
         return cls(p.rows, p.sides, p.equations, p.values, p.lower, p.upper)
 
 
-def most(g: Array, sides: Sides) -> float:
+class Most(NamedTuple):
+    """What g·y does not exceed.
+
+    Attributes:
+        bound: inf: nothing is proved, or there is no end; −inf: nothing keeps the sides.
+        pull: by how much more it is for sides that give way by 1: the sum of all multipliers.
+        span: the largest entry of the y that has the most.
+    """
+
+    bound: float
+    pull: float = 0.0
+    span: float = 0.0
+
+
+def most(g: Array, sides: Sides) -> Most:
     """What g·y within all sides does not exceed.
 
     A joint without bounds counts as if it had those of the fastest that was found.
@@ -45,24 +60,23 @@ def most(g: Array, sides: Sides) -> float:
     Args:
         g: (n,), of the size of 1.
         sides: of y.
-
-    Returns:
-        inf: nothing is proved, or there is no end; −inf: nothing keeps the sides.
     """
     bounds = np.stack([sides.lower, sides.upper], axis=1)
     found = linprog(
         -g, sides.A, sides.b, sides.C, sides.c, bounds, method="highs", options=CLOSE
     )  # fmt: skip
     if found.status:
-        return -np.inf if found.status == INFEASIBLE else np.inf
+        return Most(-np.inf if found.status == INFEASIBLE else np.inf)
     held, tied = np.maximum(-found.ineqlin.marginals, 0.0), -found.eqlin.marginals
     rest = g - held @ sides.A - tied @ sides.C
     span = 1.0 + np.abs(found.x).max()
     low, high = np.maximum(sides.lower, -span), np.minimum(sides.upper, span)
-    return float(held @ sides.b + tied @ sides.c + np.maximum(rest * low, rest * high).sum())
+    bound = held @ sides.b + tied @ sides.c + np.maximum(rest * low, rest * high).sum()
+    pull = held.sum() + np.abs(tied).sum() + np.abs(rest).sum()
+    return Most(float(bound), float(pull), float(span - 1.0))
 
 
-def most_fall(p: Scaled) -> float:
+def most_fall(p: Scaled) -> Most:
     """What −s·y within all constraints does not exceed."""
     return most(-p.slope, Sides.of(p))
 

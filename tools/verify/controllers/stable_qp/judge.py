@@ -6,14 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hoap3.tools.verify.controllers.stable_qp import box, farkas, optimality
-from hoap3.tools.verify.controllers.stable_qp.norms import holder_gap
+from hoap3.tools.verify.controllers.stable_qp.largest import Missing, missing
 from hoap3.tools.verify.controllers.stable_qp.scaled import Objective, Scaled, Stacked
 from hoap3.tools.verify.controllers.stable_qp.settings import Settings
 
 Array = NDArray[np.float64]
-
-LARGEST = 1e-8  # of 1 + the fall of V: how near the most it must be,
-INSIDE = 1e-3  # and of the fall itself, where an answer is not certified
 
 
 class Judge:
@@ -43,35 +40,37 @@ class Judge:
         return np.asarray(box.deviation(*parts) / stack.scale)
 
     def __call__(
-        self, p: Scaled, alone: float, enough: float, *, short: bool
-    ) -> tuple[float, float]:
+        self, p: Scaled, alone: float, enough: float, kept: float, *, short: bool
+    ) -> tuple[float, Missing]:
         """Residual of an answer, and by how much its fall of V is below what it must be.
 
         Args:
             p: the problem with its answer.
             alone: its residual as if there were bounds alone.
             enough: a residual that counts as optimal.
+            kept: what the answer may be beyond a side.
             short: whether V falls less than asked.
         """
         if self._objective.alone:
-            return holder_gap(p.slope, p.y, float(self._objective.exponent or 0.0)), 0.0
+            exponent = float(self._objective.exponent or 0.0)
+            return optimality.holder_gap(p.slope, p.y, exponent), Missing()
         if alone <= enough:
-            return alone, self._missing(p, enough) if short else 0.0
+            return alone, self._missing(p, enough, kept) if short else Missing()
         if short and self._damped:
             found = self._priced(p, enough)
             if found <= enough:
-                return found, 0.0
+                return found, Missing()
         found = optimality.residual(p, self._kind, enough, self._rate)
-        return found, farkas.most_fall(p) - p.fall if short else 0.0
+        return found, missing(p, farkas.most_fall(p), kept) if short else Missing()
 
-    def _missing(self, p: Scaled, enough: float) -> float:
+    def _missing(self, p: Scaled, enough: float, kept: float) -> Missing:
         """What V's fall lacks where no row is in its way."""
-        gap = most_by_bounds(p) - p.fall
-        if gap <= LARGEST * (1.0 + abs(p.fall)):
-            return gap
+        found = missing(p, most_by_bounds(p), kept)
+        if found.nothing:
+            return found
         if self._damped and self._priced(p, enough) <= enough:
-            return 0.0
-        return farkas.most_fall(p) - p.fall
+            return Missing()
+        return missing(p, farkas.most_fall(p), kept)
 
     def _priced(self, p: Scaled, enough: float) -> float:
         """Residual where the multiplier of V's rate is the price of a faster fall."""
@@ -79,8 +78,9 @@ class Judge:
         return optimality.residual(p, self._kind, enough, optimality.FIXED, price)
 
 
-def most_by_bounds(p: Scaled) -> float:
+def most_by_bounds(p: Scaled) -> farkas.Most:
     """The most that −s·y can be within the bounds."""
     moves = p.slope != 0.0
     s = p.slope[moves]
-    return float(np.maximum(-s * p.lower[moves], -s * p.upper[moves]).sum())
+    most = np.maximum(-s * p.lower[moves], -s * p.upper[moves]).sum()
+    return farkas.Most(float(most), float(np.abs(s).sum()))

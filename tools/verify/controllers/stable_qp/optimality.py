@@ -21,7 +21,7 @@ from hoap3.tools.verify.controllers.stable_qp.scaled import Scaled
 
 Array = NDArray[np.float64]
 
-NEAR = 1e-8  # of the scale: how near its side a row or a bound may hold y
+NEAR, AT = 1e-8, 1e-12  # of the scale: how near its side a row or a bound may hold y
 TIED = 1e-9  # of max|y|: joints as fast as that by this much are among the fastest
 FREE, FIXED, FALLING = "free", "fixed", "falling"
 """What the multiplier of V's rate may be: anything, a price, or ≥ 0 where V̇ ≤ 0 is all."""
@@ -37,9 +37,18 @@ def residual(p: Scaled, kind: str, enough: float, rate: str = FREE, price: float
         rate: what the multiplier of V's rate may be.
         price: that it is, where it is fixed.
     """
+    found = _residual(p, kind, max(NEAR, 2.0 * min(enough, 1.0)), rate, price)
+    if found <= enough:
+        return found
+    # what is near a side need not be held by it: any multipliers prove what they prove
+    return min(found, _residual(p, kind, AT, rate, price))
+
+
+def _residual(p: Scaled, kind: str, share: float, rate: str, price: float) -> float:
+    """The same, where what is within a share of the scale of its side may be held."""
     pull = p.y - (p.H @ p.y + p.f) - (price * p.slope if rate == FIXED else 0.0)
     slack = p.sides - p.rows @ p.y
-    near = max(NEAR, 2.0 * min(enough, 1.0)) * p.scale
+    near = share * p.scale
     holds = slack <= near + np.abs(p.rows) @ p.doubt
     parts = [p.rows[holds], p.equations, -p.equations]
     if rate == FREE:
@@ -54,7 +63,7 @@ def residual(p: Scaled, kind: str, enough: float, rate: str = FREE, price: float
     r = pull - z @ B
     away = float(np.abs(p.y - _nearest(r, p, kind)).max())
     if kind == "largest":
-        away = max(away, _uncut(r, p, tied))
+        away = max(away, _uncut(r, p, tied, near + p.doubt))
     largest = max(float(np.abs(z).max(initial=0.0)), abs(price), p.kappa)
     inside = np.minimum(z[: holds.sum()], np.maximum(slack[holds], 0.0)).max(initial=0.0)
     broken = np.abs(p.equations @ p.y - p.values).max(initial=0.0)
@@ -115,10 +124,29 @@ def _nearest(r: Array, p: Scaled, kind: str) -> Array:
     return np.clip(r, np.maximum(p.lower, -most), np.minimum(p.upper, most))
 
 
-def _uncut(r: Array, p: Scaled, tied: NDArray[np.bool_]) -> float:
+def _uncut(r: Array, p: Scaled, tied: NDArray[np.bool_], near: Array) -> float:
     """By how much what max|y| cuts off of r does not add up to κ, a joint."""
     most = float(np.abs(p.y).max())
     cut = np.maximum(np.abs(r) - most, 0.0)
-    free = np.where(r > 0.0, p.upper, -p.lower) > (1.0 + TIED) * most  # no bound cuts it as well
+    side = np.where(r > 0.0, p.upper, -p.lower)
+    free = side - near > (1.0 + TIED) * most  # no bound cuts it as well
     short = p.kappa - float(cut[tied].sum()) if most > 0.0 else 0.0
     return max(short, float(cut[free].sum()) - p.kappa) / max(int(tied.sum()), 1)
+
+
+def holder_gap(slope: Array, u: Array, p: float) -> float:
+    """1 − |s·u|/(|s|_q·|u|_p), 0 where nothing moves, or where no shorter u gives V's rate.
+
+    Where that rate alone is asked for, Hölder's inequality says |s·u| ≤ |s|_q·|u|_p with
+    1/p + 1/q = 1, q = ∞ for p ≤ 1 (Gonçalves et al., IEEE T-RO 2020, Example 2).
+
+    Args:
+        slope, u: (n,).
+        p: > 0, may be inf.
+    """
+    if not u.any():
+        return 0.0
+    q = np.inf if p <= 1.0 else 1.0 if np.isinf(p) else p / (p - 1.0)
+    span, top = np.abs(u).max(), np.abs(slope).max()
+    lengths = np.linalg.norm(slope / top, q) * np.linalg.norm(u / span, p)
+    return float(1.0 - abs(slope @ u) / (top * span) / lengths)

@@ -18,7 +18,8 @@ from hoap3.tools.verify.controllers.stable_qp.answers import (
     Answers,
 )
 from hoap3.tools.verify.controllers.stable_qp.certificate import CERTIFIED
-from hoap3.tools.verify.controllers.stable_qp.judge import INSIDE, LARGEST, Judge
+from hoap3.tools.verify.controllers.stable_qp.judge import Judge
+from hoap3.tools.verify.controllers.stable_qp.largest import KEPT, SOLVED, Missing
 from hoap3.tools.verify.controllers.stable_qp.problem import Cycle
 from hoap3.tools.verify.controllers.stable_qp.scaled import Objective, Stacked
 from hoap3.tools.verify.controllers.stable_qp.settings import Settings
@@ -27,7 +28,6 @@ from hoap3.tools.verify.controllers.stable_qp.slower import with_speeds
 Array = NDArray[np.float64]
 
 OPTIMAL = 1e-9  # greatest residual of a certified answer
-KEPT = 1e-9  # rad/s or m/s: what a certified answer may be beyond a row or a bound
 CURVATURE = 1e-6  # of a margin: what a certified answer may find it below 0
 
 
@@ -59,8 +59,9 @@ def check_proof(
     at = np.array([cycle.number for cycle in chunk])
     nearest = margins[0][at], margins[1][at]
     _check_margins(chunk, sent, at, nearest, robot.velocity, claims)
+    kept = np.where(sent.stated["solver_status"][at] == CERTIFIED, KEPT, SOLVED)
     if on_curve:
-        chunk = with_speeds(chunk, sent.u[at], sent.doubt[at], sent.tick[at], claims)
+        chunk = with_speeds(chunk, sent.u[at], sent.doubt[at], kept, sent.tick[at], claims)
     asked = np.array([cycle.drift for cycle in chunk])
     if settings.rest["lyapunov"] == "equality":
         asked += sent.ceiling[at] * np.array([cycle.psi for cycle in chunk])
@@ -68,8 +69,9 @@ def check_proof(
     _check_optimum(chunk, stack, at, sent, Judge(settings, objective), claims)
     for i in np.flatnonzero(sent.status[at] == STATIONARY).tolist():
         p, tick = stack[i], sent.tick[at[i]]
+        most = farkas.most_fall(p)
         claims.equal("stationary: u", tick, np.abs(p.y).max(), 0.0, p.doubt.max())
-        claims.at_most("stationary: fall of V", tick, farkas.most_fall(p), 0.0, LARGEST)
+        claims.at_most("stationary: fall of V", tick, most.bound, 0.0, kept[i] * (1.0 + most.pull))
     brake = robot.brake_acceleration * robot.period_s
     _check_brakes(chunk, stack, at, sent, brake, claims)
 
@@ -139,7 +141,7 @@ def _check_brakes(
         )
         begins = number == 0 or sent.status[number - 1] in FOLLOWED or not last.any()
         if sent.status[number] == INFEASIBLE and begins:
-            claims.at_most("infeasible", tick, -farkas.broken(stack[i]), 0.0, LARGEST)
+            claims.at_most("infeasible", tick, -farkas.broken(stack[i]), 0.0, SOLVED)
 
 
 def _check_optimum(
@@ -159,15 +161,14 @@ def _check_optimum(
     root = np.sqrt(stack.y.shape[1])
     off = np.maximum(OPTIMAL, root * (stack.doubt.max(1) / stack.scale + bent))
     # least squares spread over n joints what the best multipliers would leave to one
-    most = root * stated
-    found, gap = judge.alone(stack, equations=any(len(cycle.c) for cycle in chunk)), 0.0 * off
+    most, proven = root * stated, sent.stated["solver_status"][at] == CERTIFIED
+    found = judge.alone(stack, equations=any(len(cycle.c) for cycle in chunk))
+    lacks = [Missing() for _ in chunk]
     for i in np.flatnonzero(answered & (judge.always | short | (found > most + off))).tolist():
         enough = float(most[i] + off[i])
-        found[i], gap[i] = judge(stack[i], float(found[i]), enough, short=bool(short[i]))
+        parts = stack[i], float(found[i]), enough, KEPT if proven[i] else SOLVED
+        found[i], lacks[i] = judge(*parts, short=bool(short[i]))
     claims.at_most("residual", tick[answered], found[answered], most[answered], off[answered])
-    proven = sent.stated["solver_status"][at] == CERTIFIED
-    fall = -(stack.slope * stack.y).sum(1)
-    inside = LARGEST + np.where(proven, 0.0, INSIDE)
-    near = LARGEST + inside * np.abs(fall) + (np.abs(stack.slope) * stack.doubt).sum(1)
-    claims.at_most("largest rho", tick[short], gap[short], 0.0, near[short])
+    fall, near = np.array(lacks).T
+    claims.at_most("largest rho", tick[short], fall[short], 0.0, near[short])
     claims.at_most("certified: residual", tick[proven], stated[proven], OPTIMAL, 0.0)

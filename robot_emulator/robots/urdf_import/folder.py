@@ -1,0 +1,153 @@
+"""Writes an imported robot as a folder: `robot.yaml`, the URDF that travels, meshes for drawing."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from hoap3.protocol.errors import ConfigError
+from hoap3.robot_emulator.robots.urdf_import.imported import RISE_S, ImportedRobot
+from hoap3.robot_emulator.robots.urdf_import.links import Visual
+from hoap3.robot_emulator.robots.urdf_import.shapes.mesh_files import MeshError, content
+from hoap3.robot_emulator.robots.yaml_file import JointEntry
+
+MESHES = "meshes"
+FILE = "robot.yaml"
+WIDTH = 100
+WHY = {
+    "range": "no limits were given: it turns without end",
+    "velocity": "no velocity was given; it stands in the URDF",
+    "acceleration": f"reaches the guessed velocity within {RISE_S:g} s",
+}
+
+
+def write_folder(robot: ImportedRobot, folder: Path) -> list[Path]:
+    """Write the files of a robot into a new folder, or an empty one.
+
+    Returns:
+        What was written, `robot.yaml` first.
+
+    Raises:
+        ConfigError: the folder holds something, or cannot be written.
+    """
+    meshes = _named(robot.parts.visuals)
+    files = {
+        FILE: _yaml(robot, meshes).encode(),
+        robot.file.urdf: robot.parts.urdf.encode(),
+        **{f"{MESHES}/{name}": _content(visual) for visual, name in meshes.items()},
+    }
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()):
+            problem, remedy = "is not empty", "Name a new folder with --out"
+            raise ConfigError("--out", "", str(folder), problem, remedy)
+        for name, data in files.items():
+            (folder / name).parent.mkdir(exist_ok=True)
+            (folder / name).write_bytes(data)
+    except OSError as error:
+        reason = error.strerror or "cannot be written"
+        remedy = "Name a folder that can be written with --out"
+        raise ConfigError("--out", "", str(folder), reason, remedy) from error
+    return [folder / name for name in files]
+
+
+def _named(visuals: tuple[Visual, ...]) -> dict[Visual, str]:
+    """A file name for each mesh; the same for the same content, never one that leads elsewhere."""
+    taken: dict[str, str] = {}
+    found = {}
+    for visual in visuals:
+        stem = re.sub(r"[^A-Za-z0-9_-]+", "_", visual.path.stem)[:60].lstrip("-") or "mesh"
+        suffix = visual.path.suffix.lower()
+        name, number = stem + suffix, 2
+        while taken.setdefault(name, visual.sha256) != visual.sha256:
+            name, number = f"{stem}_{number}{suffix}", number + 1
+        found[visual] = name
+    return found
+
+
+def _content(visual: Visual) -> bytes:
+    try:
+        return content(visual.path)
+    except MeshError as error:
+        problem, remedy = str(error), "Make it readable, and import again"
+        raise ConfigError(str(visual.path), "", None, problem, remedy) from error
+
+
+def _yaml(robot: ImportedRobot, meshes: dict[Visual, str]) -> str:
+    """The text of robot.yaml, with what was read, guessed and left out in comments."""
+    file, source = robot.file, robot.source
+    lines = [
+        f"# {file.name}, made by `hoap3 robot import` of {_plain(source.path.name)}",
+        f"# (sha256 {source.sha256}).",
+        "# Units: rad, N m, s, m. What was guessed is yours to correct, here or in the URDF.",
+        "#",
+    ]
+    for note in robot.notes:
+        lines += _wrapped(_plain(note.line()))
+    lines += [
+        f"name: {_value(file.name)}",
+        f"urdf: {_value(file.urdf)}",
+        f"base_frame: {_value(robot.description.base_frame)}",
+        f"command_kinds: {_value(list(file.command_kinds))}",
+        "joints:  # wire order; limits that do not stand here stand in the URDF",
+    ]
+    for joint in file.joints or ():
+        lines += _joint(joint)
+    if file.default_task is not None:
+        task = file.default_task.model_dump(exclude_none=True)
+        lines.append("default_task:  # guessed: a small motion of the tip of the longest chain")
+        lines += [f"  {key}: {_value(value)}" for key, value in task.items()]
+    if meshes:
+        lines.append(f"meshes:  # in {MESHES}/, for drawing; controllers get none of it")
+    for visual, name in meshes.items():
+        lines += _mesh(visual, name)
+    return "\n".join(lines) + "\n"
+
+
+def _joint(joint: JointEntry) -> Iterator[str]:
+    yield f"  - name: {_value(joint.name)}"
+    for key in ("setpoint_acceleration_max", "brake_acceleration"):
+        value = getattr(joint, key)
+        if value is not None:
+            yield f"    {key}: {_value(value)}"
+    if joint.guessed:
+        why = "; ".join(f"{each}: {WHY[each]}" for each in joint.guessed)
+        yield f"    guessed: {_value(list(joint.guessed))}  # {why}"
+
+
+def _mesh(visual: Visual, name: str) -> Iterator[str]:
+    yield f"  - link: {_value(visual.link)}"
+    yield f"    file: {_value(name)}"
+    yield f"    sha256: {_value(visual.sha256)}"
+    if (visual.scale != 1.0).any():
+        yield f"    scale: {_value(visual.scale.tolist())}"
+    for key, values in (("xyz_m", visual.xyz), ("rpy_rad", visual.rpy)):
+        if values.any():
+            yield f"    {key}: {_value(values.tolist())}"
+
+
+def _value(value: object) -> str:
+    """As YAML; JSON is YAML, and plain words need no quotes."""
+    if isinstance(value, str) and re.fullmatch(r"[a-z][a-z0-9_]{2,31}(\.urdf)?", value):
+        return value if value not in {"null", "true", "false", "yes", "off"} else json.dumps(value)
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(map(_value, value))}]"
+    return json.dumps(value)
+
+
+def _plain(text: str) -> str:
+    """Text of a stranger that can stand in a comment: in one line, printable."""
+    return "".join(letter if letter.isprintable() else "?" for letter in text)
+
+
+def _wrapped(text: str) -> list[str]:
+    """As comments of at most `WIDTH` characters."""
+    lines, line = [], "# -"
+    for word in text.split():
+        if len(line) + 1 + len(word) > WIDTH:
+            lines.append(line)
+            line = "#  "
+        line += f" {word}"
+    return [*lines, line]

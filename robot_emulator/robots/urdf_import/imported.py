@@ -1,0 +1,156 @@
+"""Describes the robot of a vendor's URDF: what it says, and named defaults where it says nothing.
+
+====================  ============================================================================
+no velocity, or 0     1 rad/s, or 0.1 m/s: slow enough to stand beside
+its accelerations     that speed within 0.2 s, for setpoints and for braking
+no limits, or 0 0     a revolute joint turns without end; a prismatic one is refused
+no effort, or 0       none: the robot takes no torques
+no inertia            only positions are commanded, where nothing that moves has one
+start posture         `zero`: each joint at 0, or at the limit nearest to it
+default task          the tip of the longest chain moves by up to 5 cm, see `tip`
+====================  ============================================================================
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from hoap3.protocol.config.settings import NAME_PATTERN
+from hoap3.protocol.description import CommandKind, RobotDescription
+from hoap3.protocol.errors import ConfigError, DescriptionError
+from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
+from hoap3.robot_emulator.robots.urdf_import.joints import ReadJoint
+from hoap3.robot_emulator.robots.urdf_import.notes import Note, Notes
+from hoap3.robot_emulator.robots.urdf_import.sanitize import Sanitized, sanitize
+from hoap3.robot_emulator.robots.urdf_import.source import Source, read_source
+from hoap3.robot_emulator.robots.urdf_import.tip import default_task
+from hoap3.robot_emulator.robots.yaml_file import (
+    DefaultTaskEntry,
+    JointEntry,
+    RobotFile,
+    describe,
+)
+
+RISE_S = 0.2  # within which a guessed speed is reached, and lost again
+
+
+@dataclass(frozen=True)
+class ImportedRobot:
+    """A robot that was made of a vendor's URDF.
+
+    Attributes:
+        source: the URDF.
+        parts: the URDF that travels, and what stays here.
+        file: what its `robot.yaml` says.
+        description: what controllers are told.
+        notes: what was read, guessed and left out.
+    """
+
+    source: Source
+    parts: Sanitized
+    file: RobotFile
+    description: RobotDescription
+    notes: tuple[Note, ...]
+
+
+def import_robot(
+    name: str | Path,
+    package_path: Sequence[Path] = (),
+    *,
+    called: str | None = None,
+    strict: bool = False,
+) -> ImportedRobot:
+    """Make a robot of a vendor's URDF.
+
+    Args:
+        name: a URDF or xacro file, or `robot_descriptions:NAME`.
+        package_path: folders in which `package://` is looked for first.
+        called: the robot's name; by default as near to the stated one as can be.
+        strict: a mesh that cannot be found or read is an error.
+
+    Raises:
+        ConfigError: a file cannot be read.
+        DescriptionError: something in it cannot be what it says; names the link or the joint.
+        NotInstalledError: it needs a library that is not installed.
+    """
+    if called is not None and not re.fullmatch(NAME_PATTERN, called):
+        remedy = "Write a small letter, then at most 31 small letters, digits and _"
+        raise ConfigError("--name", "", called, "is no name for the network", remedy)
+    try:
+        source, notes = read_source(name, package_path), Notes()
+        parts = sanitize(source, notes, called, strict=strict)
+        file = RobotFile(name=parts.name, urdf=f"{parts.name}.urdf", joints=_entries(parts, notes))
+        robot = describe(file, parts.urdf)
+        file = file.model_copy(update={"command_kinds": _commands(robot, notes)})
+        robot = describe(file, parts.urdf)
+        file = file.model_copy(update={"default_task": _task(robot, notes)})
+        robot = describe(file, parts.urdf)
+        _note_the_rest(parts, robot, notes)
+    except DescriptionError as error:
+        raise DescriptionError(f"{name}: {error}") from error
+    return ImportedRobot(source, parts, file, robot, notes.all)
+
+
+def _entries(parts: Sanitized, notes: Notes) -> tuple[JointEntry, ...]:
+    """The joints with a setpoint, in the order of the file."""
+    return tuple(_entry(joint, notes) for joint in parts.joints if joint.follows is None)
+
+
+def _entry(joint: ReadJoint, notes: Notes) -> JointEntry:
+    if "velocity" not in joint.guessed:
+        return JointEntry(name=joint.name, guessed=joint.guessed)
+    acceleration = joint.velocity / RISE_S
+    text = f"accelerations that reach that velocity within {RISE_S:g} s, and brake as fast"
+    notes.add("guessed", text, joint.name)
+    return JointEntry(
+        name=joint.name,
+        setpoint_acceleration_max=acceleration,
+        brake_acceleration=acceleration,
+        guessed=(*joint.guessed, "acceleration"),
+    )
+
+
+def _commands(robot: RobotDescription, notes: Notes) -> tuple[CommandKind, ...]:
+    """What the robot can take, by what is known of it."""
+    if not robot.structure.weighs:
+        notes.add("left out", "nothing that moves has a mass: positions are all that it takes")
+        return ("position",)
+    try:
+        Dynamics(robot).check_forward(robot.initial_position)
+    except DescriptionError as error:
+        notes.add("left out", f"no accelerations and torques: {str(error).partition('. ')[0]}")
+        return ("position",)
+    if not all(map(math.isfinite, robot.effort)):
+        return ("position", "acceleration")
+    return ("position", "acceleration", "torque")
+
+
+def _task(robot: RobotDescription, notes: Notes) -> DefaultTaskEntry | None:
+    task = default_task(robot)
+    if task is None:
+        notes.add("left out", "no default task, because no joint moves the origin of a link")
+        return None
+    x, y, z = task.move_m or (0.0, 0.0, 0.0)
+    text = (
+        f"default task: {task.point!r}, the tip of the longest chain, moves by {x:g}, {y:g}, {z:g} "
+        "m, to where its joints can bring it"
+    )
+    notes.add("guessed", text)
+    return DefaultTaskEntry(**task.model_dump())
+
+
+def _note_the_rest(parts: Sanitized, robot: RobotDescription, notes: Notes) -> None:
+    moving = [link for link in parts.massless if link in parts.structure.moving]
+    if moving and robot.structure.weighs:
+        notes.add("read", "links that move and weigh nothing", *moving)
+    away = [
+        f"{joint.name} at {start:g}"
+        for joint, start in zip(robot.joints, robot.initial_position.tolist(), strict=True)
+        if start != 0.0
+    ]
+    text = "start posture: all joints at 0" + (", or at the limit nearest to it" if away else "")
+    notes.add("guessed", text, *away)

@@ -1,0 +1,220 @@
+"""The joints of a vendor's URDF, as they can travel: kinds, limits, what is guessed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from xml.etree import ElementTree as ET
+
+from hoap3.protocol.errors import DescriptionError, did_you_mean
+from hoap3.robot_emulator.robots.urdf_import.figures import figure, triple
+from hoap3.robot_emulator.robots.urdf_import.followers import relax_followers
+from hoap3.robot_emulator.robots.urdf_import.names import joint_names
+from hoap3.robot_emulator.robots.urdf_import.notes import Notes
+
+SPEED = {"revolute": 1.0, "continuous": 1.0, "prismatic": 0.1}
+"""Greatest speed where none is given [rad/s, m/s]: slow enough to be safe to watch."""
+UNIT = {"revolute": "rad/s", "continuous": "rad/s", "prismatic": "m/s"}
+ENDLESS = 1e4  # rad; exporters write such limits for joints that turn without end
+WELDED = {"floating", "planar", "spherical", "ball"}
+
+
+@dataclass(frozen=True)
+class ReadJoint:
+    """A joint that moves, and what nobody gave of it.
+
+    Attributes:
+        name: under which it travels.
+        kind: `revolute`, `continuous` or `prismatic`.
+        guessed: of velocity, range; what no file says.
+        velocity: greatest speed, given or guessed [rad/s or m/s].
+        follows: the joint that moves it, or None.
+    """
+
+    name: str
+    kind: str
+    guessed: tuple[str, ...]
+    velocity: float
+    follows: str | None
+
+
+def read_joints(robot: ET.Element, notes: Notes) -> tuple[list[ET.Element], list[ReadJoint]]:
+    """The joints as they can travel, and those of them that move, in the order of the file.
+
+    Raises:
+        DescriptionError: a joint cannot be what the file says; names it.
+    """
+    elements = robot.findall("joint")
+    for element in elements:
+        if not element.get("name"):
+            raise DescriptionError("URDF: a <joint> without a name. Give it one.")
+    stated = [str(element.get("name")) for element in elements]
+    renamed = joint_names(stated, notes)
+    kinds = _kinds(elements, notes)
+    made, read = [], []
+    for element, name, kind in zip(elements, stated, kinds, strict=True):
+        where = f"URDF joint {name!r:.80}"
+        new = ET.Element("joint", name=renamed[name], type=kind)
+        for tag, keep in (("origin", ("xyz", "rpy")), ("parent", ("link",)), ("child", ("link",))):
+            copy_attributes(element.find(tag), new, keep)
+        if kind != "fixed":
+            read.append(_moving(element, new, where, renamed, notes))
+        made.append(new)
+    unknown = {each.name for each in read if each.follows and "velocity" in each.guessed}
+    relax_followers(made, unknown, notes)
+    return made, read
+
+
+def copy_attributes(of: ET.Element | None, into: ET.Element, keep: tuple[str, ...]) -> None:
+    """Add a copy of an element with some of its attributes, as they are written."""
+    if of is not None:
+        ET.SubElement(into, of.tag, {key: of.attrib[key] for key in keep if key in of.attrib})
+
+
+def _kinds(elements: list[ET.Element], notes: Notes) -> list[str]:
+    """What each joint is here: a free base is welded, and followers of fixed joints are fixed."""
+    kinds = [element.get("type", "") for element in elements]
+    _weld_base(elements, kinds, notes)
+    by_name = {element.get("name"): number for number, element in enumerate(elements)}
+    changed = True
+    while changed:  # a follower may be followed itself
+        changed = False
+        for number, element in enumerate(elements):
+            mimic = element.find("mimic")
+            if mimic is None or kinds[number] == "fixed":
+                continue
+            master = by_name.get(mimic.get("joint"))
+            if master is not None and kinds[master] == "fixed":
+                _check_rests_at_zero(element, mimic)
+                notes.add("read", "fixed, because they follow a fixed joint", _name(element))
+                kinds[number], changed = "fixed", True
+    return kinds
+
+
+def _check_rests_at_zero(element: ET.Element, mimic: ET.Element) -> None:
+    where = f"URDF joint {_name(element)!r:.80}"
+    if figure(mimic, "offset", where) or 0.0:
+        raise DescriptionError(
+            f"{where}: follows the fixed joint {mimic.get('joint')!r:.60} with an offset. "
+            "Make it fixed, with that turn in its <origin>."
+        )
+
+
+def _weld_base(elements: list[ET.Element], kinds: list[str], notes: Notes) -> None:
+    """Fix joints without one coordinate where only what is fixed carries them; refuse others."""
+    carriers = {_end(each, "child"): (_end(each, "parent"), i) for i, each in enumerate(elements)}
+    for number, (element, kind) in enumerate(zip(elements, kinds, strict=True)):
+        if kind in SPEED or kind == "fixed":
+            continue
+        where = f"URDF joint {_name(element)!r:.80}"
+        if kind not in WELDED:
+            known = (*SPEED, "fixed", "floating", "planar")
+            hint = did_you_mean(kind, known, "Write revolute, continuous, prismatic or fixed.")
+            raise DescriptionError(f"{where}: there is no type {kind[:40]!r}. {hint}")
+        link = _end(element, "parent")
+        for _ in elements:  # upwards, at most once through all
+            if link not in carriers:
+                break
+            link, above = carriers[link]
+            if kinds[above] not in {"fixed", *WELDED}:
+                raise DescriptionError(
+                    f"{where}: {kind} within the robot, not at its base: it would take several "
+                    "coordinates. Write revolute and prismatic joints instead, one after another."
+                )
+        text = f"welded, because the base stands still here: {kind} joint of the base"
+        notes.add("left out", text, _name(element))
+        kinds[number] = "fixed"
+
+
+def _end(joint: ET.Element, tag: str) -> str:
+    """The link at its end `parent` or `child`."""
+    found = joint.find(tag)
+    return "" if found is None else found.get("link", "")
+
+
+def _name(joint: ET.Element) -> str:
+    return joint.get("name", "")
+
+
+def _moving(
+    element: ET.Element, new: ET.Element, where: str, renamed: dict[str, str], notes: Notes
+) -> ReadJoint:
+    name = new.attrib["name"]
+    axis = element.find("axis")
+    if axis is not None and not triple(axis, "xyz", where, 1.0).any():
+        raise DescriptionError(f"{where}: <axis> is zero. Write its direction, as 0 0 1.")
+    copy_attributes(axis, new, ("xyz",))
+    limit = element.find("limit")
+    mimic = element.find("mimic")
+    guessed = []
+    lower, upper = _range(new, limit, where, notes, follower=mimic is not None)
+    bounds = {} if lower is None else {"lower": repr(lower), "upper": repr(upper)}
+    if mimic is None and new.attrib["type"] != element.get("type"):
+        guessed.append("range")
+    velocity = figure(limit, "velocity", where) or 0.0
+    if not 0.0 < velocity < math.inf:
+        velocity = SPEED[new.attrib["type"]]
+        guessed.append("velocity")
+        if mimic is None:
+            unit = UNIT[new.attrib["type"]]
+            text = f"velocity {velocity:g} {unit}, because none is given (or 0)"
+            notes.add("guessed", text, name)
+    effort = figure(limit, "effort", where) or 0.0
+    if not 0.0 < effort < math.inf:
+        effort = 0.0
+        if mimic is None:
+            text = "no effort is given (or 0), so that the robot takes no torques"
+            notes.add("left out", text, name)
+    ET.SubElement(new, "limit", bounds | {"velocity": repr(velocity), "effort": repr(effort)})
+    copy_attributes(element.find("dynamics"), new, ("damping", "friction"))
+    follows = None
+    if mimic is not None:
+        copy_attributes(mimic, new, ("joint", "multiplier", "offset"))
+        follows = renamed.get(mimic.get("joint", ""))
+        if follows is None:
+            hint = did_you_mean(mimic.get("joint", ""), renamed, 'Write <mimic joint="..">.')
+            raise DescriptionError(
+                f"{where}: follows {mimic.get('joint')!r:.60}, which is no joint. {hint}"
+            )
+        new[-1].set("joint", follows)
+        notes.add("read", "followers (<mimic>): they have no setpoint of their own", name)
+    return ReadJoint(name, new.attrib["type"], tuple(guessed), velocity, follows)
+
+
+def _range(
+    new: ET.Element, limit: ET.Element | None, where: str, notes: Notes, *, follower: bool
+) -> tuple[float | None, float | None]:
+    """Its limits, or None of both where it has none; makes it continuous there.
+
+    A missing limit is 0, as the format says, if the other one is given. Where neither is, or both
+    are 0 as exporters leave them, nobody has filled them in.
+    """
+    kind = new.attrib["type"]
+    if kind == "continuous":
+        return None, None
+    lower, upper = (figure(limit, key, where) or 0.0 for key in ("lower", "upper"))
+    if lower > upper:
+        raise DescriptionError(
+            f"{where}: its limits are reversed, lower {lower:g} and upper {upper:g}. Swap them."
+        )
+    if lower == upper != 0.0:
+        raise DescriptionError(
+            f"{where}: its limits leave it no range, both are {lower:g}. "
+            "Widen them, or make it fixed."
+        )
+    most = ENDLESS if kind == "revolute" else math.inf
+    if lower < upper and max(-lower, upper) < most:
+        return lower, upper
+    if kind == "revolute" and follower:
+        new.set("type", "continuous")  # its master's range is its own
+        return None, None
+    if kind == "revolute":
+        text = "turns without end, because no limits are given (or 0 0, or above 10000 rad)"
+        notes.add("guessed", text, new.attrib["name"])
+        new.set("type", "continuous")
+        return None, None
+    if follower:
+        return None, None
+    raise DescriptionError(
+        f'{where}: prismatic, and without a range. Write its <limit lower=".." upper="..">, in m.'
+    )

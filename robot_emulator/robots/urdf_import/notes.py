@@ -1,0 +1,53 @@
+"""What is said of a URDF that was read: what was found, what was guessed, what was left out."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from typing import Literal
+
+About = Literal["read", "guessed", "left out"]
+SOME_NAMES = 6  # of a note in one line
+
+
+@dataclass(frozen=True)
+class Note:
+    """One finding, and the links or joints that it holds for.
+
+    Attributes:
+        about: whether it was read as it stands, guessed, or left out.
+        text: what is so, and why.
+        names: of joints, links or elements, in the order of the file; may be empty.
+    """
+
+    about: About
+    text: str
+    names: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return self.line(SOME_NAMES)
+
+    def line(self, most: int | None = None) -> str:
+        """In one line, with at most so many names."""
+        names = ", ".join(self.names[:most])
+        more = 0 if most is None else len(self.names) - most
+        others = f" and {more} more" if more > 0 else ""
+        return f"{self.about}: {self.text}" + (f": {names}{others}" if names else "")
+
+
+class Notes:
+    """Collects findings; one that holds for several names is told once."""
+
+    def __init__(self) -> None:
+        self._found: defaultdict[tuple[About, str], dict[str, None]] = defaultdict(dict)
+
+    def add(self, about: About, text: str, *names: str) -> None:
+        """Note something, for some names."""
+        self._found[about, text].update(dict.fromkeys(names))
+
+    @property
+    def all(self) -> tuple[Note, ...]:
+        """In the order in which they were first found."""
+        return tuple(
+            Note(about, text, tuple(names)) for (about, text), names in self._found.items()
+        )

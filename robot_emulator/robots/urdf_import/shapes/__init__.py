@@ -1,0 +1,1 @@
+"""Meshes: where they are, how they are read, and what contains them."""

@@ -1,0 +1,179 @@
+"""What a robot does whose file names no task: its tip moves a little, to where it can be.
+
+The tip is the link with the most moving joints above it. A target is where the tip comes to when
+joints above it turn a little, each away from its nearer limit: so there is a posture in which it is
+there, all limits kept, even where the arm is stretched out, or has one joint only. All joints turn
+together first; then one alone, from the base on. The first target is taken that a walker arrives
+at that turns, at each step, the one joint that brings the tip nearest, and gives up at a limit: so
+a controller that turns few joints, and knows no limits, comes there too.
+"""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from hoap3.protocol.description import DefaultTask, RobotDescription
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
+from hoap3.protocol.urdf import UrdfStructure
+from hoap3.robot_emulator.robots.urdf_import.figures import triple
+from hoap3.robot_emulator.robots.urdf_import.joints import SPEED
+
+MOVE_M = 0.05  # at most: far enough to be seen, near enough for a straight way
+SHARE_OF_REACH = 0.1  # of the chain's length, at most: small robots move less
+LEAST_MOVE_M = 1e-3  # a tip that moves less is none
+MOST_TURN = 1.0  # rad, or a tenth of it in m: of each joint
+SHARE_OF_ROOM = 0.5  # of a joint's room to its farther limit that may be used
+PARTS = 200  # in which that is tried
+STEPS = 400  # of the walker
+STEP = 0.02  # rad or m, at most
+NEAR_M = 5e-4
+DIGITS = 6  # of the target [m]
+
+
+def chains(structure: UrdfStructure) -> dict[str, tuple[str, ...]]:
+    """By link, the moving joints above it, from the root on."""
+    above: dict[str, tuple[str, ...]] = {structure.root: ()}
+    waiting = list(structure.joints)
+    while waiting:  # a joint may stand before the one that carries it
+        later = []
+        for joint in waiting:
+            if joint.parent in above:
+                own = (joint.name,) if joint.name in structure.moved else ()
+                above[joint.child] = above[joint.parent] + own
+            else:
+                later.append(joint)
+        waiting = later
+    return above
+
+
+def candidates(structure: UrdfStructure) -> list[str]:
+    """Links that move, the one with the most moving joints above it first; ties as in the file."""
+    above = chains(structure)
+    moving = [link for link in structure.links if above[link]]
+    return sorted(moving, key=lambda link: -len(above[link]))
+
+
+def default_task(robot: RobotDescription) -> DefaultTask | None:
+    """Move the tip a little, as seen from the root; None where no tip can be moved."""
+    structure = robot.structure
+    above = chains(structure)
+    dynamics = Dynamics(robot)
+    for link in candidates(structure):
+        followers = structure.followers
+        joints = [followers[name].master if name in followers else name for name in above[link]]
+        tip = _Tip(robot, dynamics, link, joints)
+        move = tip.small_move()
+        if move is not None:
+            x, y, z = np.round(move, DIGITS).tolist()
+            return DefaultTask(point=link, reference=structure.root, move_m=(x, y, z))
+    return None
+
+
+class _Tip:
+    """A link, and how the joints with a setpoint that are above it move it.
+
+    Args:
+        robot, dynamics: what it belongs to.
+        link: the tip.
+        joints: above it, from the root on.
+    """
+
+    def __init__(
+        self, robot: RobotDescription, dynamics: Dynamics, link: str, joints: list[str]
+    ) -> None:
+        self._dynamics = dynamics
+        self._carrier, self._placed = dynamics.carrier(link)
+        self._movers = dynamics.movers(link)
+        self._joints = [robot.joint_names.index(name) for name in dict.fromkeys(joints)]
+        self._start = np.array(robot.initial_position)
+        self._lower, self._upper = np.array(robot.lower), np.array(robot.upper)
+        self._speeds = np.array(
+            [SPEED[robot.structure.moved[name].kind] for name in robot.joint_names]
+        )
+        self._here = self.place(self._start)
+        self._far = min(MOVE_M, SHARE_OF_REACH * _reach(robot, link))
+
+    def small_move(self) -> FloatArray | None:
+        """One that the walker arrives at, else any, (3,) [m]; None where joints do not move it."""
+        otherwise = None
+        for turn in self._turns():
+            move = self._move(turn)
+            if np.linalg.norm(move) >= LEAST_MOVE_M:
+                if self._arrives(move):
+                    return move
+                otherwise = move if otherwise is None else otherwise
+        return otherwise
+
+    def place(self, q: FloatArray) -> FloatArray:
+        """Where it is, as seen from the root, (3,) [m]."""
+        self._dynamics.place(q, np.zeros(self._dynamics.n))
+        rotation, origin = self._dynamics.placement(self._carrier)
+        return np.asarray(origin + rotation @ self._placed[:, 3])
+
+    def jacobian(self, place: FloatArray) -> FloatArray:
+        """How it moves with the joints where `place` has put them, (3, n)."""
+        dynamics = self._dynamics
+        columns = dynamics.joint_jacobian[:, dynamics.robot.order] * self._movers
+        full = columns[:3] + np.cross(columns[3:], place, axis=0)
+        if dynamics.followers is None:
+            return np.asarray(full)
+        out = np.zeros((3, dynamics.n))
+        dynamics.followers.columns(full, out)
+        return out
+
+    def _turns(self) -> list[FloatArray]:
+        """How far the joints may turn: all of them, and then each alone, (n,) each."""
+        up, down = self._upper - self._start, self._start - self._lower
+        most = np.minimum(MOST_TURN * self._speeds, SHARE_OF_ROOM * np.maximum(up, down))
+        most *= np.where(up >= down, 1.0, -1.0)
+        alone = [most * (np.arange(len(most)) == joint) for joint in self._joints]
+        return [np.sum(alone, axis=0), *alone]
+
+    def _move(self, turn: FloatArray) -> FloatArray:
+        """How it moves with a part of a turn, as far as it may, (3,) [m]."""
+        move = np.zeros(3)
+        for part in np.linspace(0.0, 1.0, PARTS + 1)[1:]:
+            further = self.place(self._start + part * turn) - self._here
+            if np.linalg.norm(further) > self._far:
+                break
+            move = max(move, further, key=np.linalg.norm)
+        return move
+
+    def _arrives(self, move: FloatArray) -> bool:
+        """Whether the walker comes there."""
+        q, target = self._start.copy(), self._here + move
+        for _ in range(STEPS):
+            place = self.place(q)
+            error = target - place
+            if np.linalg.norm(error) < NEAR_M:
+                return True
+            jacobian = self.jacobian(place)
+            gain = error @ jacobian
+            joint = int(np.abs(gain).argmax())
+            if not gain[joint]:
+                return False
+            step = gain[joint] / (jacobian[:, joint] @ jacobian[:, joint])
+            q[joint] += np.clip(step, -STEP, STEP)
+            if not self._lower[joint] <= q[joint] <= self._upper[joint]:
+                return False
+        return False
+
+
+def _reach(robot: RobotDescription, link: str) -> float:
+    """Length of the chain from its first moving joint to a link, along its joints' origins [m]."""
+    offsets = {
+        str(joint.get("name")): triple(joint.find("origin"), "xyz", "URDF", 0.0)
+        for joint in ET.fromstring(robot.urdf).findall("joint")  # noqa: S314 - checked before
+    }
+    carrier = {joint.child: joint for joint in robot.structure.joints}
+    length = passed = 0.0
+    while link in carrier:
+        joint = carrier[link]
+        if joint.name in robot.structure.moved:
+            length = passed
+        passed += float(np.linalg.norm(offsets[joint.name]))
+        link = joint.parent
+    return length

@@ -1,0 +1,75 @@
+"""What becomes of joints that follow others: <mimic> in a vendor's URDF."""
+
+from __future__ import annotations
+
+import pytest
+from support.urdfs.vendor_arm import JOINTS, LIMIT, LINKS, joint, link, urdf, vendor_folder
+
+from hoap3.protocol.errors import DescriptionError
+from hoap3.robot_emulator.robots.urdf_import.imported import ImportedRobot, import_robot
+
+
+def imported(tmp_path, text: str) -> ImportedRobot:
+    return import_robot(vendor_folder(tmp_path, text))
+
+
+def told(robot: ImportedRobot, about: str, name: str) -> list[str]:
+    """Texts of the notes of a kind that hold for a name."""
+    return [note.text for note in robot.notes if note.about == about and name in note.names]
+
+
+def finger(inside: str, kind: str = "revolute") -> str:
+    return urdf(LINKS + link("finger"), JOINTS + joint("grip", "hand", "finger", inside, kind))
+
+
+def test_a_follower_is_no_joint_of_its_own(tmp_path):
+    robot = imported(tmp_path, finger(f'{LIMIT}<mimic joint="wrist" multiplier="2" offset="0.1"/>'))
+    assert robot.description.joint_names == ("shoulder", "elbow", "wrist")
+    (follower,) = robot.description.structure.followers.values()
+    assert (follower.name, follower.master, follower.ratio, follower.offset) == (
+        "grip", "wrist", 2.0, 0.1,
+    )  # fmt: skip
+    assert robot.description.upper[2] == pytest.approx((2.5 - 0.1) / 2)
+    assert told(robot, "read", "grip")
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic", "continuous"])
+def test_a_follower_without_limits_bounds_nothing(tmp_path, kind):
+    robot = imported(tmp_path, finger('<mimic joint="wrist" multiplier="3"/>', kind)).description
+    assert (robot.lower[2], robot.upper[2], robot.velocity[2]) == (-2.0, 2.5, 2.0)
+    assert robot.effort[2] == 30.0
+
+
+def test_a_followers_range_against_its_masters_is_left_out(tmp_path):
+    limit = '<limit lower="2.6" upper="3" velocity="1" effort="1"/>'
+    robot = imported(tmp_path, finger(f'{limit}<mimic joint="wrist"/>'))
+    assert (robot.description.lower[2], robot.description.upper[2]) == (-2.0, 2.5)
+    assert told(robot, "left out", "grip")
+
+
+def test_what_follows_a_fixed_joint_is_fixed(tmp_path):
+    text = finger(f'{LIMIT}<mimic joint="wrist"/>').replace(
+        'name="wrist" type="revolute"', 'name="wrist" type="fixed"'
+    )
+    robot = imported(tmp_path, text)
+    assert robot.description.joint_names == ("shoulder", "elbow")
+    assert told(robot, "read", "grip")
+
+
+def test_a_fixed_joint_follows_nothing(tmp_path):
+    robot = imported(tmp_path, finger('<mimic joint="wrist"/>', "fixed")).description
+    assert not robot.structure.followers
+
+
+@pytest.mark.parametrize(
+    ("mimic", "said"),
+    [
+        ('<mimic joint="wrst"/>', "'grip'.*'wrst'.*'wrist'"),
+        ('<mimic joint="grip"/>', "'grip'.*itself"),
+        ('<mimic joint="wrist" multiplier="nan"/>', "'grip'.*multiplier"),
+        ('<mimic joint="wrist" multiplier="0"/>', "'grip'.*multiplier"),
+    ],
+)
+def test_a_follower_of_nothing_is_an_error_that_names_it(tmp_path, mimic, said):
+    with pytest.raises(DescriptionError, match=said):
+        imported(tmp_path, finger(LIMIT + mimic))

@@ -1,0 +1,1 @@
+"""URDFs as vendors write them."""
