@@ -194,6 +194,9 @@ def bench_pushes(
     robot: Annotated[
         list[str] | None, typer.Option(help="Emulator configs; by default all, one by one.")
     ] = None,
+    controller: Annotated[
+        list[str] | None, typer.Option(help="Configs, or pypi_tsid; by default all there are.")
+    ] = None,
     direction: Annotated[
         list[int] | None, typer.Option(help="Of the push, from x [deg]; by default all eight.")
     ] = None,
@@ -207,13 +210,13 @@ def bench_pushes(
     with progress("bench pushes") as meter:
         rows = trials.bench_pushes(
             robot or list(trials.TRUNKS),
+            controller or (),
             direction or trials.DIRECTIONS_DEG,
             meter.step,
         )
-    if as_json:
-        print_json({"rows": rows, "machine": machine})
-    else:
+    if not as_json:
         show_pushes(rows)
+    _end(as_json, {"rows": rows}, machine, trials.missing())
     raise typer.Exit(any(row["share"] < row["wanted"] for row in rows))
 
 

@@ -58,16 +58,13 @@ def test_torques_are_no_limit_until_they_are_small(stance):
     assert room_by_torques(slippery, 0.0) < free
 
 
-@pytest.mark.parametrize("limit", [0.55, 0.9, 1.25])
-def test_the_greatest_share_is_found_to_a_step(limit):
-    asked = []
-
-    def survived(share: float) -> bool:
-        asked.append(share)
-        return share <= limit
-
-    assert greatest_share(survived) == pytest.approx(math.floor(limit * 10) / 10)
-    assert len(asked) <= 6
+@pytest.mark.parametrize(
+    ("lost", "share"),
+    [({0.6, 0.7}, 0.5), ({1.0}, 0.9), ({1.4}, 1.3), (set(), 1.4)],
+    ids=["a gap", "at 100 %", "at the last", "never"],
+)
+def test_a_share_counts_only_where_all_smaller_pushes_are_survived(lost, share):
+    assert greatest_share(lambda tried: tried not in lost) == pytest.approx(share)
 
 
 def test_where_nothing_is_survived_the_share_is_0():

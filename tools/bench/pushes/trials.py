@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 
+from hoap3.protocol.errors import UnknownNameError
 from hoap3.protocol.runtime.recorder import MemoryRecorder
+from hoap3.remote_controller.config import ControllerConfig
+from hoap3.remote_controller.controllers.acceleration.free_base import ContactSettings
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.tools.bench.pushes.capture import Array, Stance, impulse, room, room_by_torques
 from hoap3.tools.simulate import Lockstep, controller_settings, emulator_settings
@@ -19,7 +23,9 @@ CONTROLLERS = {
     "hoap3_standing_torque": ("tsid_standing", "ghc_standing"),
     "humanoid32_standing": ("tsid_standing_humanoid", "ghc_standing_humanoid"),
 }
-"""By emulator config, the configs of controllers that are compared."""
+"""By emulator config, the configs of controllers that are compared; the peer takes the first's."""
+PEER, PEERS_CLASS = "pypi_tsid", "hoap3.tools.bench.pushes.pypi_tsid:PypiTsid"
+PEERS_PACKAGE = "tsid"
 DIRECTIONS_DEG = (0, 45, 90, 135, 180, 225, 270, 315)
 WANTED = {0: 0.8, 1: 0.6}
 """Of the bound, by whether the direction is a diagonal."""
@@ -32,8 +38,19 @@ STEP = 0.1  # of the bound, between pushes that are tried
 LEAST, MOST = 0.5, 1.4
 
 
+def missing() -> dict[str, str]:
+    """The peer where it is not installed, and its package."""
+    return {} if find_spec(PEERS_PACKAGE) else {PEER: PEERS_PACKAGE}
+
+
+def controllers_of(robot: str) -> list[str]:
+    """What can balance a robot, ours first."""
+    return [*CONTROLLERS[robot], *([] if missing() else [PEER])]
+
+
 def bench_pushes(
     robots: Sequence[str] = tuple(TRUNKS),
+    controllers: Sequence[str] = (),
     directions: Sequence[int] = DIRECTIONS_DEG,
     report: Callable[[str], None] = lambda _: None,
 ) -> list[dict[str, Any]]:
@@ -41,6 +58,7 @@ def bench_pushes(
 
     Args:
         robots: emulator configs of robots that stand free, of `TRUNKS`.
+        controllers: of `controllers_of`; none are all.
         directions: of the push, from the world's x [deg].
         report: takes what is done now.
 
@@ -48,10 +66,22 @@ def bench_pushes(
         A row for each: `robot`, `controller`, `direction_deg`, `room_m` d, `bound_ns` m·√(g/z)·d,
         `torque_bound_ns` by the linear program, `survived_ns`, `share` of the lesser bound, and
         `wanted`, which share is asked for.
+
+    Raises:
+        UnknownNameError: there is no such robot or controller.
     """
+    for robot in robots:
+        if robot not in TRUNKS:
+            raise UnknownNameError("robot that is pushed", robot, TRUNKS)
+    known = {name: None for robot in robots for name in controllers_of(robot)}
+    for name in controllers:
+        if name not in known:
+            raise UnknownNameError("controller that is pushed", name, known)
     rows = []
     for robot in robots:
-        for controller in CONTROLLERS[robot]:
+        for controller in controllers_of(robot):
+            if controllers and controller not in controllers:
+                continue
             stance = stance_of(robot, controller)
             for direction in directions:
                 report(f"{robot}, {controller}, {direction} deg")
@@ -63,7 +93,8 @@ def stance_of(robot: str, controller: str) -> Stance:
     """Where the robot stands when it is pushed."""
     lockstep = _lockstep(robot, controller, None)
     lockstep.run(SETTLE_S)
-    contacts = lockstep.controller.parameters.contacts  # type: ignore[attr-defined]
+    given = settings_of(robot, controller).parameters["contacts"]
+    contacts = ContactSettings.model_validate(given)
     plant, description = lockstep.robot.plant, lockstep.controller.description
     return Stance(
         description, plant.base.copy(), plant.q.copy(), contacts.friction, contacts.margin_m
@@ -74,7 +105,7 @@ def survives(robot: str, controller: str, push_ns: float, angle: float) -> bool:
     """Whether the robot stands as before, `AFTER_S` after a push.
 
     Args:
-        robot, controller: configs.
+        robot, controller: configs, or the peer.
         push_ns: impulse [N s].
         angle: its direction, from the world's x [rad].
     """
@@ -87,18 +118,21 @@ def survives(robot: str, controller: str, push_ns: float, angle: float) -> bool:
     }
     lockstep = _lockstep(robot, controller, push)
     plant: Any = lockstep.robot.plant
-    height, upright = float(plant.balance.com()[2]), axis(plant, TRUNKS[robot])
-    down = False
-
-    def fallen() -> bool:
-        nonlocal down
-        down = down or float(plant.balance.com()[2]) < SUNK * height
-        return down
-
-    lockstep.run(SETTLE_S + PUSH_S + AFTER_S, fallen)
     soles = [sole.frame for sole in lockstep.controller.description.soles]
-    tilt = math.degrees(math.acos(min(1.0, float(axis(plant, TRUNKS[robot]) @ upright))))
-    return not down and tilt < TILT_DEG and rests(plant, soles)
+    height, upright = float(plant.balance.com()[2]), axis(plant, TRUNKS[robot])
+    end, survived = SETTLE_S + PUSH_S + AFTER_S, False
+
+    def over() -> bool:
+        """Whether it lies on the ground, or has had its time; before it is told to brake."""
+        nonlocal survived
+        if plant.data.time < end - 1e-9:
+            return float(plant.balance.com()[2]) < SUNK * height
+        turned = math.acos(min(1.0, float(axis(plant, TRUNKS[robot]) @ upright)))
+        survived = math.degrees(turned) < TILT_DEG and rests(plant, soles)
+        return True
+
+    lockstep.run(end + PUSH_S, over)
+    return survived
 
 
 def axis(plant: Any, link: str) -> Array:
@@ -146,17 +180,19 @@ def _row(robot: str, controller: str, stance: Stance, direction: int) -> dict[st
 
 
 def greatest_share(survived: Callable[[float], bool]) -> float:
-    """Bisect for the greatest multiple of `STEP` that is survived; 0 where not even `LEAST` is."""
-    low, high = round(LEAST / STEP), round(MOST / STEP)
-    if not survived(low * STEP):
-        return 0.0
-    while high - low > 1:
-        middle = (low + high) // 2
-        if survived(middle * STEP):
-            low = middle
-        else:
-            high = middle
-    return round(low * STEP, 9)
+    """The greatest multiple of `STEP` up to which all from `LEAST` on are survived, or 0."""
+    found, tried = 0.0, LEAST
+    while tried <= MOST and survived(tried):
+        found, tried = tried, round(tried + STEP, 9)
+    return found
+
+
+def settings_of(robot: str, controller: str) -> ControllerConfig:
+    """Settings of a controller; the peer's are those of our first for that robot."""
+    if controller != PEER:
+        return controller_settings(controller)
+    ours = controller_settings(CONTROLLERS[robot][0])
+    return ours.model_copy(update={"controller": PEERS_CLASS})
 
 
 def _lockstep(robot: str, controller: str, push: dict[str, Any] | None) -> Lockstep:
@@ -165,5 +201,5 @@ def _lockstep(robot: str, controller: str, push: dict[str, Any] | None) -> Locks
         parameters = {**emulator.plant.parameters, "pushes": [push]}
         plant = emulator.plant.model_copy(update={"parameters": parameters})
         emulator = emulator.model_copy(update={"plant": plant})
-    settings = controller_settings(controller)
+    settings = settings_of(robot, controller)
     return Lockstep(emulator, settings, MemoryRecorder(), MemoryRecorder())
