@@ -42,7 +42,7 @@ def emulator(case: str = "") -> EmulatorConfig:
     wanted = config(case).robot if case else "hoap3"
     shipped = [parse(EmulatorConfig, *emulator_content(name)) for name in emulator_configs()]
     gives = find(config(case).controller).commands if case else ("position",)
-    free = bool(case) and config(case).parameters.get("base") == "free"
+    free = stands_free(case)
     takes = gives if free else (None, *gives)
     fitting = [
         known
@@ -51,6 +51,11 @@ def emulator(case: str = "") -> EmulatorConfig:
     ]
     found = fitting[0] if fitting else parse(EmulatorConfig, *emulator_content(wanted))
     return suited(found, config(case), ("test", case))[0] if case else found
+
+
+def stands_free(case: str) -> bool:
+    """Whether a case balances a robot whose base is free."""
+    return bool(case) and config(case).parameters.get("base") == "free"
 
 
 def falls(known: EmulatorConfig) -> bool:

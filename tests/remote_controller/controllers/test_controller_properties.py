@@ -32,17 +32,22 @@ from support.controller_cases import (
     motion,
     moved,
     robot,
+    stands_free,
     state_of,
 )
 
 from hoap3.protocol.messages import STAMP_FIELDS
+from hoap3.remote_controller.controllers.acceleration.weighted import WeighedController
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.service import rehearse
 from hoap3.tools.simulate import simulate
 
 LENGTH = 1200  # ticks of the motion that is looked at
 ULP = np.finfo(float).eps
-every_controller = pytest.mark.parametrize("case", CASES)
+every_controller = pytest.mark.parametrize(
+    "case",
+    [pytest.param(case, marks=pytest.mark.slow if stands_free(case) else ()) for case in CASES],
+)
 LAWS = {config(case).controller: case for case in reversed(CASES)}  # a config of each
 of_each_law = pytest.mark.parametrize(
     "case",
@@ -310,6 +315,23 @@ def test_it_writes_into_its_own_command_only(case):
     np.testing.assert_array_equal(last, setpoints[99])
 
 
+def exactness(controller):
+    """How exactly a QP of a robot on its soles is solved: nεκ of its matrix, else 0.
+
+    Backward stable elimination does no better (Higham, Accuracy and Stability, Theorem 10.4), and
+    weights there lie 1e7 apart.
+    """
+    if not isinstance(controller, WeighedController) or controller.parameters.base == "fixed":
+        return 0.0
+    sizes = controller.tasks.sizes
+    J = (
+        np.sqrt(np.repeat(controller.importance.value, sizes))[:, None]
+        * controller.problem.jacobian
+    )
+    s = np.linalg.svd(J, compute_uv=False)
+    return J.shape[1] * ULP * (s[0] / s[J.shape[1] - 1]) ** 2
+
+
 @every_controller
 def test_the_order_of_joints_on_the_wire_does_not_matter(case):
     straight = robot(case)
@@ -326,7 +348,8 @@ def test_the_order_of_joints_on_the_wire_does_not_matter(case):
     controller.reset(body.state, None)
     setpoints = np.array([values for _, values in moved(controller, body, 300)])
     expected = motion(case)[1][:300]
-    np.testing.assert_allclose(setpoints, expected[:, order], rtol=0, atol=1e-9)
+    atol = max(1e-9, exactness(controller) * np.abs(expected).max())
+    np.testing.assert_allclose(setpoints, expected[:, order], rtol=0, atol=atol)
     assert np.abs(expected[-1] - straight.initial_position).max() > 1e-3  # it moved at all
 
 
