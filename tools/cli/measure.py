@@ -200,6 +200,9 @@ def bench_pushes(
     direction: Annotated[
         list[int] | None, typer.Option(help="Of the push, from x [deg]; by default all eight.")
     ] = None,
+    least: Annotated[
+        float, typer.Option(min=0.1, max=1.4, help="Share of the bound that is tried first.")
+    ] = 0.5,
     as_json: AsJson = False,
 ) -> None:
     """Push standing robots in MuJoCo, and compare what they survive with what is possible."""
@@ -213,6 +216,7 @@ def bench_pushes(
             controller or (),
             direction or trials.DIRECTIONS_DEG,
             meter.step,
+            least,
         )
     if not as_json:
         show_pushes(rows)

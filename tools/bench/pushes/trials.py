@@ -53,6 +53,7 @@ def bench_pushes(
     controllers: Sequence[str] = (),
     directions: Sequence[int] = DIRECTIONS_DEG,
     report: Callable[[str], None] = lambda _: None,
+    least: float = LEAST,
 ) -> list[dict[str, Any]]:
     """Find the greatest survived push in each direction.
 
@@ -61,6 +62,7 @@ def bench_pushes(
         controllers: of `controllers_of`; none are all.
         directions: of the push, from the world's x [deg].
         report: takes what is done now.
+        least: share of the bound that is tried first; smaller pushes are not.
 
     Returns:
         A row for each: `robot`, `controller`, `direction_deg`, `room_m` d, `bound_ns` m·√(g/z)·d,
@@ -85,7 +87,7 @@ def bench_pushes(
             stance = stance_of(robot, controller)
             for direction in directions:
                 report(f"{robot}, {controller}, {direction} deg")
-                rows.append(_row(robot, controller, stance, direction))
+                rows.append(_row(robot, controller, stance, direction, least))
     return rows
 
 
@@ -159,13 +161,15 @@ def rests(plant: Any, soles: Sequence[str]) -> bool:
     return speed < SPEED and lifted < LIFT_M and carried
 
 
-def _row(robot: str, controller: str, stance: Stance, direction: int) -> dict[str, Any]:
+def _row(
+    robot: str, controller: str, stance: Stance, direction: int, tried: float
+) -> dict[str, Any]:
     angle = math.radians(direction)
     distance = room(stance, angle)
     bound = impulse(stance, distance)
     by_torques = impulse(stance, room_by_torques(stance, angle))
     least = min(bound, by_torques)
-    share = greatest_share(lambda part: survives(robot, controller, part * least, angle))
+    share = greatest_share(lambda part: survives(robot, controller, part * least, angle), tried)
     return {
         "robot": robot,
         "controller": controller,
@@ -179,9 +183,9 @@ def _row(robot: str, controller: str, stance: Stance, direction: int) -> dict[st
     }
 
 
-def greatest_share(survived: Callable[[float], bool]) -> float:
-    """The greatest multiple of `STEP` up to which all from `LEAST` on are survived, or 0."""
-    found, tried = 0.0, LEAST
+def greatest_share(survived: Callable[[float], bool], least: float = LEAST) -> float:
+    """The share, in steps of `STEP`, up to which all from `least` on are survived; or 0."""
+    found, tried = 0.0, least
     while tried <= MOST and survived(tried):
         found, tried = tried, round(tried + STEP, 9)
     return found

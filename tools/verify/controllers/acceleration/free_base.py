@@ -18,14 +18,24 @@ from scipy.optimize import nnls
 from scipy.spatial import HalfspaceIntersection
 
 from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import schema
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import ControllerRun
+from hoap3.tools.verify.controllers.acceleration.hierarchy import reset_of
 
 Array = NDArray[np.float64]
 
+STATUS = schema("Setpoint").constants
 BASE, WRENCH = 6, 6
 EXACT = 1e-9  # relative: what a certified answer may be off
-DEFAULTS = {"friction": 0.5, "margin_m": 0.005, "damping_per_s": 20.0}
+DEFAULTS = {
+    "friction": 0.5,
+    "margin_m": 0.005,
+    "damping_per_s": 20.0,
+    "loaded_share": 0.005,
+    "lost_after_s": 0.01,
+}
+NORMAL = 2  # of a wrench
 NOT_YET = "tasks, bounds of joints, certificate and conditions of a free base are not recomputed"
 INSTEAD = "what stands in for the optimum of a free base is not recomputed"
 
@@ -128,8 +138,30 @@ def check_free_base(run: ControllerRun, parameters: Mapping[str, Any], claims: C
     claims.at_most("friction cones", ticks, beyond, 0.0, EXACT)
     claims.at_most("torques", ticks, np.abs(tau), np.broadcast_to(most, tau.shape), EXACT * most)
     claims.equal("setpoint", ticks, answers["values"][solved], tau)
+    columns = list(run.session.get("extra") or ())
+    stated = answers["extra"][solved][:, columns.index("largest_torque_share")]
+    claims.equal("largest torque share", ticks, stated, (np.abs(tau) / most).max(1))
+    certified = answers["solver_status"] == STATUS["STATUS_CERTIFIED"]
+    claims.equal("certified: solved", answers["tick"][certified], solved[certified], True, 0.0)
+    if states["contact"].shape[1]:
+        lost = _lost(run, contacts, ground.weight).any(1)[certified]
+        claims.equal("certified: soles carry", answers["tick"][certified], lost, False, 0.0)
     claims.unverified("certificate", len(answers), NOT_YET)
     claims.unverified("fallback", int((~solved).sum()), INSTEAD)
+
+
+def _lost(run: ControllerRun, contacts: Mapping[str, Any], weight: float) -> NDArray[np.bool_]:
+    """Which soles have carried too little for too long, (N, s), half a period more than that."""
+    states = run.states[run.answered]
+    light = states["contact"][:, NORMAL::WRENCH] < contacts["loaded_share"] * weight
+    most = contacts["lost_after_s"] / run.description.period_s + 0.5
+    resets = np.array([reset_of(run, at) for at in run.answered.tolist()])
+    ticks, found = np.zeros(light.shape[1]), np.zeros(light.shape, bool)
+    for i, now in enumerate(light):
+        anew = i > 0 and resets[i] != resets[i - 1]
+        ticks = np.where(now, (0.0 if anew else ticks) + 1.0, 0.0)
+        found[i] = ticks > most
+    return found
 
 
 def _edges(polygon: Array, margin: float, friction: float) -> Array:
