@@ -185,7 +185,7 @@ def test_another_takes_over_without_a_jump(case, successor, warm, tick):
 
 
 POSTURES = [
-    pytest.param(case, posture, marks=pytest.mark.slow if place else ())
+    pytest.param(case, posture, marks=pytest.mark.slow if place or stands_free(case) else ())
     for case in CASES
     for place, posture in enumerate(robot(case).postures)
 ]
