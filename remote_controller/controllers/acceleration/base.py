@@ -23,13 +23,12 @@ from hoap3.remote_controller.constraints.registry import (
     read,
 )
 from hoap3.remote_controller.controllers.acceleration.bounds import HierarchyBounds, bounds_of
-from hoap3.remote_controller.controllers.acceleration.free_base import (
-    ContactSettings,
-    FreeBase,
-    check_base,
-    free_base_of,
-)
 from hoap3.remote_controller.controllers.acceleration.problem import Problem
+from hoap3.remote_controller.controllers.acceleration.soles.free_base import FreeBase
+from hoap3.remote_controller.controllers.acceleration.soles.settings import (
+    ContactSettings,
+    check_base,
+)
 from hoap3.remote_controller.controllers.base import STATUS, Controller
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.scheduling.schedule import Schedule
@@ -110,8 +109,8 @@ class HierarchyController(Controller):
     `solver_path` says what became of the tasks' problem, also where the robot stops.
 
     With `base: free` the robot stands on its soles and may fall. The problem is that of
-    `free_base.FreeBase`: contact and the equations of the base, which no motor moves, hold exactly
-    in every answer, and the limits of joints, torques and cones of friction are rows. What has no
+    `soles.free_base.FreeBase`: contact and the equations of the base, which no motor moves, hold
+    exactly in every answer, and the limits of joints, torques and cones are rows. What has no
     answer is solved without the bounds of the joints' accelerations, and is `fallback` 1; or, where
     torques and cones have none either, violates all as little as possible, with torques cut to
     their limits, and is 2. Where no sole carries, or nothing is found, joints brake by torques
@@ -229,8 +228,7 @@ class HierarchyController(Controller):
             ),
             *self.columns(names),
         )
-        limits = self.torque_max, self.bounds.greatest
-        self._free = free_base_of(description, parameters.contacts, self.tasks, limits, file)
+        self._free = self._on_soles(description, parameters.contacts, file)
         self.arrays = {"decision": 2 * n if self._free is None else self._free.decided}
         super().__init__(description, parameters)
         self._check_finite = check_finite  # 0 where both arrays are finite
@@ -343,6 +341,16 @@ class HierarchyController(Controller):
             start, end = end, end + press.measured.size
             wrenches.append((extra[start:end], press.measured))
         return errors, wrenches, extra[end:]
+
+    def _on_soles(
+        self, description: RobotDescription, contacts: ContactSettings, file: str
+    ) -> FreeBase | None:
+        """What a free base adds; None with one that stands."""
+        if not isinstance(self.tasks, FreeTasks):
+            return None
+        with located(file, "parameters"):
+            limits = self.torque_max, self.bounds.greatest
+            return FreeBase(description, contacts, self.tasks, *limits)
 
     def _problem(self) -> Problem:
         """That of a base that stands, in the joints' accelerations."""

@@ -18,7 +18,6 @@ from hoap3.protocol.errors import BadProblemError
 
 Array = NDArray[np.float64]
 
-SIDES = 4  # of the pyramid of friction
 SAME = 9  # decimals: facets that are as near as that to each other are one
 
 

@@ -18,7 +18,12 @@ from hoap3.robot_emulator.plants.mujoco.equilibrium import place
 from hoap3.robot_emulator.plants.mujoco.gains import Gains, servo_gains
 from hoap3.robot_emulator.plants.mujoco.model import MOTORS, SERVOS, build_model, mujoco_module
 from hoap3.robot_emulator.plants.mujoco.senses import Encoders, Senses
-from hoap3.robot_emulator.plants.mujoco.settings import MujocoParameters
+from hoap3.robot_emulator.plants.mujoco.settings import (
+    MujocoParameters,
+    felt_soles,
+    imu_frames_of,
+    rotors_of,
+)
 from hoap3.robot_emulator.plants.mujoco.torques import ContactTorques
 
 ROUNDING = 1e-9  # of an effort
@@ -59,7 +64,7 @@ class MujocoPlant(Plant):
         n, self._kind = description.n, description.command_kinds[0]
         self._mujoco, self._parameters = mujoco_module(), parameters
         self._description = description
-        contacts, imus = _felt(description, parameters), _imus(description, parameters)
+        contacts, imus = felt_soles(description, parameters), imu_frames_of(description, parameters)
         soles = tuple(sole.frame for sole in description.soles)
         frames = dict.fromkeys((*soles, *contacts, *imus, *description.wrench_sensors))
         self.built = build_model(description, parameters, tuple(frames), imus)
@@ -137,9 +142,9 @@ class MujocoPlant(Plant):
             raise ConfigError("", "parameters.base", "free", problem, remedy)
         measures = Declared(
             base=13 if parameters.base == "free" else 0,
-            contact=6 * len(_felt(description, parameters)),
-            imu=10 * len(_imus(description, parameters)),
-            armature=_rotors(description, parameters),
+            contact=6 * len(felt_soles(description, parameters)),
+            imu=10 * len(imu_frames_of(description, parameters)),
+            armature=rotors_of(description, parameters),
         )
         if description.command_kinds[0] != "position":
             return measures
@@ -290,31 +295,3 @@ class MujocoPlant(Plant):
 def _each(kinds: Any) -> list[Any]:
     """Members of one of MuJoCo's enumerations, without the count at its end."""
     return [kind for name, kind in kinds.__members__.items() if not name.startswith("mjN")]
-
-
-def _felt(description: RobotDescription, parameters: MujocoParameters) -> tuple[str, ...]:
-    """Frames whose contact forces State has."""
-    if parameters.contact_frames is not None:
-        return parameters.contact_frames
-    touches = parameters.base == "free" or parameters.floor or parameters.boxes
-    return tuple(sole.frame for sole in description.soles) if touches else ()
-
-
-def _rotors(
-    description: RobotDescription, parameters: MujocoParameters
-) -> tuple[float, ...] | None:
-    """Armatures of the joints, (n,), where torques are commanded and they are not as described."""
-    given = parameters.armature
-    if given is None or description.command_kinds[0] == "position":
-        return None
-    if isinstance(given, dict):
-        return tuple(given.get(joint.name, joint.armature) for joint in description.joints)
-    return (given,) * description.n
-
-
-def _imus(description: RobotDescription, parameters: MujocoParameters) -> tuple[str, ...]:
-    """Frames with inertial units."""
-    if parameters.imu_frames is not None:
-        return parameters.imu_frames
-    free = parameters.base == "free" and parameters.mjcf is None
-    return (description.structure.root,) if free else ()

@@ -1,4 +1,4 @@
-"""Settings of a body in MuJoCo."""
+"""Settings of a body in MuJoCo, and what they say of a robot."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from hoap3.protocol.config.settings import Settings
+from hoap3.protocol.description import RobotDescription
 
 FAR_M = 1000.0
 Metre = Annotated[float, Field(ge=-FAR_M, le=FAR_M)]
@@ -103,3 +104,31 @@ class MujocoParameters(Settings):
     noise_rad: float = Field(
         0.0, ge=0, le=1, description="standard deviation of each measured position [rad or m]"
     )
+
+
+def felt_soles(description: RobotDescription, parameters: MujocoParameters) -> tuple[str, ...]:
+    """Frames whose contact forces State has."""
+    if parameters.contact_frames is not None:
+        return parameters.contact_frames
+    touches = parameters.base == "free" or parameters.floor or parameters.boxes
+    return tuple(sole.frame for sole in description.soles) if touches else ()
+
+
+def rotors_of(
+    description: RobotDescription, parameters: MujocoParameters
+) -> tuple[float, ...] | None:
+    """Armatures of the joints, (n,), where torques are commanded and they are not as described."""
+    given = parameters.armature
+    if given is None or description.command_kinds[0] == "position":
+        return None
+    if isinstance(given, dict):
+        return tuple(given.get(joint.name, joint.armature) for joint in description.joints)
+    return (given,) * description.n
+
+
+def imu_frames_of(description: RobotDescription, parameters: MujocoParameters) -> tuple[str, ...]:
+    """Frames with inertial units."""
+    if parameters.imu_frames is not None:
+        return parameters.imu_frames
+    free = parameters.base == "free" and parameters.mjcf is None
+    return (description.structure.root,) if free else ()

@@ -11,7 +11,7 @@ from scipy.optimize import linprog
 
 from hoap3.protocol.description import COM, RobotDescription
 from hoap3.remote_controller.constraints.support.polygon import half_planes, hull
-from hoap3.remote_controller.controllers.acceleration.free_base import drawn_in
+from hoap3.remote_controller.controllers.acceleration.soles.outlines import drawn_in
 from hoap3.remote_controller.model.frame_dynamics import POSE, FrameRows
 from hoap3.remote_controller.model.free_dynamics import BASE, FreeDynamics
 from hoap3.remote_controller.solvers.contact.wrench_cone import wrench_cone

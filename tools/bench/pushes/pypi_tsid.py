@@ -15,7 +15,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray, Setpoint, State
 from hoap3.protocol.robot.pinocchio_model import one_coordinate_each
 from hoap3.remote_controller.controllers.acceleration import tsid_settings
-from hoap3.remote_controller.controllers.acceleration.free_base import GRAVITY, drawn_in
+from hoap3.remote_controller.controllers.acceleration.soles.outlines import GRAVITY, drawn_in
 from hoap3.remote_controller.controllers.base import Controller
 from hoap3.remote_controller.model.free_dynamics import BASE, POSE_OF_BASE
 from hoap3.remote_controller.references.postures import posture_of

@@ -12,7 +12,7 @@ import numpy as np
 from hoap3.protocol.errors import UnknownNameError
 from hoap3.protocol.runtime.recorder import MemoryRecorder
 from hoap3.remote_controller.config import ControllerConfig
-from hoap3.remote_controller.controllers.acceleration.free_base import ContactSettings
+from hoap3.remote_controller.controllers.acceleration.soles.settings import ContactSettings
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.tools.bench.pushes.capture import Array, Stance, impulse, room, room_by_torques
 from hoap3.tools.simulate import Lockstep, controller_settings, emulator_settings

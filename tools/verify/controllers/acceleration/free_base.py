@@ -144,7 +144,7 @@ def check_free_base(run: ControllerRun, parameters: Mapping[str, Any], claims: C
     certified = answers["solver_status"] == STATUS["STATUS_CERTIFIED"]
     claims.equal("certified: solved", answers["tick"][certified], solved[certified], True, 0.0)
     if states["contact"].shape[1]:
-        lost = _lost(run, contacts, ground.weight).any(1)[certified]
+        lost = np.any(_lost(run, contacts, ground.weight)[certified], axis=1)
         claims.equal("certified: soles carry", answers["tick"][certified], lost, False, 0.0)
     claims.unverified("certificate", len(answers), NOT_YET)
     claims.unverified("fallback", int((~solved).sum()), INSTEAD)
@@ -156,7 +156,7 @@ def _lost(run: ControllerRun, contacts: Mapping[str, Any], weight: float) -> NDA
     light = states["contact"][:, NORMAL::WRENCH] < contacts["loaded_share"] * weight
     most = contacts["lost_after_s"] / run.description.period_s + 0.5
     resets = np.array([reset_of(run, at) for at in run.answered.tolist()])
-    ticks, found = np.zeros(light.shape[1]), np.zeros(light.shape, bool)
+    ticks, found = np.zeros(light.shape[1]), np.zeros(light.shape, np.bool_)
     for i, now in enumerate(light):
         anew = i > 0 and resets[i] != resets[i - 1]
         ticks = np.where(now, (0.0 if anew else ticks) + 1.0, 0.0)

@@ -3,28 +3,26 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from pydantic import Field
 
-from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import BadProblemError, ConfigError, located
 from hoap3.protocol.messages import FloatArray, State
-from hoap3.remote_controller.constraints.support.polygon import half_planes, hull, inset
 from hoap3.remote_controller.controllers.acceleration.joint_bounds import NO_BOUND
 from hoap3.remote_controller.controllers.acceleration.problem import Problem
+from hoap3.remote_controller.controllers.acceleration.soles.outlines import (
+    GRAVITY,
+    cone_of,
+    drawn_in,
+)
+from hoap3.remote_controller.controllers.acceleration.soles.settings import WRENCH, ContactSettings
 from hoap3.remote_controller.controllers.base import ACTIVE_SPEED
 from hoap3.remote_controller.model.free_dynamics import BASE
 from hoap3.remote_controller.solvers.contact.reduction import ContactReduction
-from hoap3.remote_controller.solvers.contact.wrench_cone import wrench_cone, wrench_units
+from hoap3.remote_controller.solvers.contact.wrench_cone import wrench_units
 from hoap3.remote_controller.solvers.qp.qp_backends import SOFT, Program, daqp
-from hoap3.remote_controller.tasks.accelerations.acceleration_tasks import AccelerationTasks
 from hoap3.remote_controller.tasks.accelerations.free_tasks import FreeTasks
 
-GRAVITY = 9.81  # m/s²
-WRENCH = 6
 QUATERNION, OF_LENGTH_1 = slice(3, 7), 1e-3  # in State.base; of its square
 NORMAL = 2  # of a wrench
 SOFT_TOLERANCE = 1e-9
@@ -33,39 +31,11 @@ UNLOADED_SHARE = 0.02  # of the weight: what a sole may press with that State sa
 WRENCH_SCALE = 1.0  # of the weight: such a wrench counts as 1 rad/s² in y, so y = 0 hardly moves
 
 
-class ContactSettings(Settings):
-    """How the soles of a free base stand on the ground."""
-
-    friction: float = Field(
-        0.5, gt=0, le=10, description="coefficient μ that the answer counts on, at every corner"
-    )
-    margin_m: float = Field(
-        0.005, ge=0, description="by which the soles' outlines are drawn in [m]"
-    )
-    least_share: float = Field(
-        0.01, ge=0, lt=0.5, description="of the weight, that every sole shall carry"
-    )
-    damping_per_s: float = Field(
-        20.0, ge=0, description="a sole that moves is asked to accelerate by −damping·ν [1/s]"
-    )
-    loaded_share: float = Field(
-        0.005, ge=0, lt=1, description="of the weight: a sole that carries less is in the air"
-    )
-    lost_after_s: float = Field(
-        0.01, ge=0, description="how long a sole carries less before it counts as in the air [s]"
-    )
-
-
 class FreeBase:
     """Turns tasks, limits and cones of a robot on its soles into a `Problem` of n unknowns.
 
     Soles that are in the air are asked to rest all the same, but may press with 2 % of the weight
     only: so they come down again, and nothing relies on them. Without any there is no problem.
-
-    Tasks of the centre of mass ask for no more than ground reactions inside the soles can give
-    while the angular momentum rests: c̈ = (g + c̈_z)(c − p)/z, with the zero-moment point p moved to
-    the nearest point of the soles' common outline. With kp = ω·k and kd = ω + k, ω = √(g/z), such a
-    task is a controller of the divergent component of motion c + ċ/ω with the rate k.
 
     Args:
         robot: its description.
@@ -99,14 +69,13 @@ class FreeBase:
         self._torque_max, self._greatest = torque_max, greatest
         self._weight = tasks.dynamics.total_mass * GRAVITY
         self._outlines = [drawn_in(sole.polygon, settings.margin_m) for sole in soles]
-        self._edges = [cone_of(outline, settings.friction) for outline in self._outlines]
+        edges_of = [cone_of(outline, settings.friction) for outline in self._outlines]
         units = np.concatenate([wrench_units(outline) for outline in self._outlines])
-        self._units = units
         self._reduction = ContactReduction(n, units * WRENCH_SCALE * self._weight)
-        s, count = len(soles), sum(map(len, self._edges))
+        s, count = len(soles), sum(map(len, edges_of))
         self._cones = np.zeros((count, WRENCH * s))
         taken = 0
-        for i, edges in enumerate(self._edges):
+        for i, edges in enumerate(edges_of):
             at = slice(taken, taken + len(edges))
             self._cones[at, WRENCH * i : WRENCH * (i + 1)] = edges
             taken += len(edges)
@@ -184,8 +153,6 @@ class FreeBase:
         if not reduction.update(dynamics.mass, dynamics.bias, tasks.soles, self._wanted):
             self.present |= 2 << len(self.loaded)
             return False
-        for i in tasks.coms:
-            self._keep_within_support(tasks.rows[i])
         jacobian, wanted = tasks.with_rest
         np.matmul(jacobian, reduction.motion, out=problem.with_rest[0])
         np.subtract(wanted, jacobian @ reduction.motion_start, out=problem.with_rest[1])
@@ -292,120 +259,3 @@ class FreeBase:
         G[at] = reduction.wrench[self._normals]
         least[at] = np.where(self.loaded, self._settings.least_share * self._weight, 0.0) - start
         most[at] = np.where(self.loaded, np.inf, UNLOADED_SHARE * self._weight) - start
-
-    def _keep_within_support(self, rows: slice) -> None:
-        """Have a task of the centre of mass ask for what the ground can give."""
-        tasks, dynamics = self._tasks, self._tasks.dynamics
-        wanted = tasks.wanted[rows] + dynamics.drift[rows]
-        corners = [
-            outline @ axes[:2, :2].T + origin[:2]
-            for outline, axes, origin, loaded in zip(
-                self._outlines, tasks.sole_axes, tasks.sole_origins, self.loaded, strict=True
-            )
-            if loaded
-        ]
-        height = dynamics.com[2] - float(tasks.sole_origins[self.loaded, 2].mean())
-        lift = GRAVITY + float(wanted[2])
-        if not (height > 0.0 and lift > 0.0):
-            return
-        point = dynamics.com[:2] - wanted[:2] * height / lift
-        inside = nearest_within(hull(np.concatenate(corners)), point)
-        tasks.wanted[rows][:2] = (dynamics.com[:2] - inside) * lift / height
-        tasks.wanted[rows][:2] -= dynamics.drift[rows][:2]
-
-
-def nearest_within(corners: FloatArray, point: FloatArray) -> FloatArray:
-    """The point of a convex outline, (k, 2) counter-clockwise, that is nearest to a point (2,)."""
-    normals, offsets = half_planes(corners)
-    if (normals @ point >= offsets).all():
-        return point
-    along = np.roll(corners, -1, axis=0) - corners
-    share = np.einsum("ij,ij->i", point - corners, along) / np.einsum("ij,ij->i", along, along)
-    feet = corners + np.clip(share, 0.0, 1.0)[:, None] * along
-    found: FloatArray = feet[int(np.argmin(np.linalg.norm(feet - point, axis=1)))]
-    return found
-
-
-def drawn_in(polygon: tuple[tuple[float, float], ...], margin_m: float) -> FloatArray:
-    """A sole's outline less a margin, (k, 2) [m].
-
-    Raises:
-        ConfigError: nothing is left of it.
-    """
-    found = inset(hull(np.array(polygon)), margin_m)
-    if len(found) < 3:
-        problem, remedy = "leaves nothing of a sole", "Make it smaller"
-        raise ConfigError("", "contacts.margin_m", margin_m, problem, remedy)
-    return found
-
-
-def cone_of(outline: FloatArray, friction: float) -> FloatArray:
-    """Rows of the cone of a sole.
-
-    Raises:
-        ConfigError: of a friction that makes none.
-    """
-    try:
-        return wrench_cone(outline, friction)
-    except BadProblemError as error:
-        raise ConfigError("", "contacts.friction", friction, str(error), "Change it") from error
-
-
-def free_base_of(
-    robot: RobotDescription,
-    settings: ContactSettings,
-    tasks: AccelerationTasks,
-    limits: tuple[FloatArray, FloatArray],
-    file: str,
-) -> FreeBase | None:
-    """That of a robot whose tasks are those of a free base; None of others.
-
-    Args:
-        robot, settings, tasks: as of `FreeBase`.
-        limits: its torque_max and greatest.
-        file: where the settings stand, for errors.
-
-    Raises:
-        ConfigError: see `FreeBase`.
-    """
-    if not isinstance(tasks, FreeTasks):
-        return None
-    with located(file, "parameters"):
-        return FreeBase(robot, settings, tasks, *limits)
-
-
-def check_base(robot: RobotDescription, parameters: Any, *, able: bool) -> None:
-    """Refuse a controller and a robot of which one has a free base and the other has not.
-
-    Args:
-        robot: its description.
-        parameters: of the controller: `base`, `constraints`.
-        able: whether such a controller can stand on soles.
-
-    Raises:
-        ConfigError: with the remedy.
-    """
-    free, name = parameters.base == "free", f"robot {robot.name!r}"
-    published, felt = (robot.state_arrays.get(key, 0) for key in ("base", "contact"))
-    others = "Take ghc, hqp, weighted or tsid"
-    if published and not free:
-        remedy = "Set parameters.base to free" if able else others
-        raise ConfigError("", "base", "fixed", f"{name} has a base that moves", remedy)
-    if not free:
-        return
-    if not able:
-        raise ConfigError("", "base", "free", "this controller has no contacts", others)
-    if parameters.constraints:
-        problem, remedy = "are for a base that stands", "Leave them out with a free base"
-        raise ConfigError("", "constraints", None, problem, remedy)
-    if not published:
-        problem = f"{name} publishes no base"
-        remedy = "Set parameters.base to fixed, or give the robot a plant with a free base"
-        raise ConfigError("", "base", "free", problem, remedy)
-    if not robot.soles:
-        problem, remedy = f"{name} has no soles to stand on", "Add soles to its description"
-        raise ConfigError("", "base", "free", problem, remedy)
-    if felt not in {0, WRENCH * len(robot.soles)}:
-        problem = f"{name} publishes {felt // WRENCH} contacts, and has {len(robot.soles)} soles"
-        remedy = "Have it publish the contact of each sole, in their order, or none"
-        raise ConfigError("", "base", "free", problem, remedy)
