@@ -179,6 +179,8 @@ def replay_records(
             loop.grant(int(json.loads(record.payload)["epoch"]))
         elif record.kind == Kind.CHANGE and loop is not None:
             loop.change(record.payload)
+        elif record.kind == Kind.TARGET and loop is not None:
+            loop.steer_again(record.payload)
         elif record.kind == Kind.STATE and loop is not None:
             (tick,) = State.scalars(record.payload, "tick")
             answer = loop.answer(record.stamp, record.payload)

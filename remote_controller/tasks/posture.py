@@ -13,7 +13,8 @@ from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.references.postures import posture_of
-from hoap3.remote_controller.references.target import Approach, Point
+from hoap3.remote_controller.references.settings import LivePostureSettings
+from hoap3.remote_controller.references.target import Approach, Point, Target
 from hoap3.remote_controller.tasks.accuracy import (
     TOLERANCE_DEG,
     TOLERANCE_M,
@@ -50,6 +51,9 @@ class PostureTask(Task):
         approach_s: float = Field(
             0.0, ge=0, description="duration of the way there [s]; 0: at once"
         )
+        live: LivePostureSettings | None = Field(
+            None, description="instead: somebody steers it while the robot moves"
+        )
         tolerance_deg: JointToleranceDeg = TOLERANCE_DEG
         tolerance_m: JointToleranceM = TOLERANCE_M
 
@@ -57,6 +61,8 @@ class PostureTask(Task):
         def _one_posture(self) -> Self:
             if self.posture is not None and self.target_rad:
                 raise ValueError("should have either posture or target_rad")
+            if self.live is not None and (self.posture is not None or self.target_rad):
+                raise ValueError("should have either live or a posture")
             return self
 
     def __init__(self, kinematics: Kinematics, joints: list[int], target: FloatArray) -> None:
@@ -76,9 +82,11 @@ class PostureTask(Task):
         task = cls(context.kinematics, joints, target)
         task.prismatic = prismatic_joints(context.description)[joints]
         task.tolerances = parameters.tolerance_m, parameters.tolerance_deg
-        return TaskFunction(
-            task, Approach(Point(target), parameters.approach_s), parameters.weights
-        )
+        aim: Target = Approach(Point(target), parameters.approach_s)
+        if parameters.live is not None:
+            robot = context.description
+            aim = parameters.live.build(robot.lower[joints], robot.upper[joints])
+        return TaskFunction(task, aim, parameters.weights)
 
     def update(self, kinematics: Kinematics) -> None:
         """Recompute e [rad or m]."""

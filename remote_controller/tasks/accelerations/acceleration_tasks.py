@@ -360,6 +360,9 @@ class AccelerationTasks:
         parameters, mine = self._parameters[i], self.rows[i]
         if i in self._joints:
             joints = self._joints[i]
+            if getattr(parameters, "live", None) is not None:
+                problem = "is for controllers of velocities"
+                raise ConfigError("", "live", None, problem, "Give a posture, or steer a frame")
             self._posture[mine] = positions_of(self._robot, parameters, joints)
             self._of_joint[mine] = joints
         elif frame < 0:
