@@ -146,6 +146,8 @@ def _frame_pose(given: Settings, robot: Robot) -> PoseTask:
 
 
 def _posture(given: Settings, robot: Robot) -> PostureTask:
+    if given.get("live") is not None:
+        raise UnknownTaskError("a live target is not recomputed")
     known = list(robot.description.joint_names)
     joints = [known.index(name) for name in given.get("joints") or known]
     values = given.get("target_rad") or ()
