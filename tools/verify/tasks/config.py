@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from hoap3.protocol.description import COM, DefaultTask, RobotDescription
 from hoap3.protocol.errors import FrameNotFoundError
 from hoap3.tools.verify.robot import Robot
+from hoap3.tools.verify.tasks.live import live_of, live_posture_of
 from hoap3.tools.verify.tasks.logarithm import nearer, rotation_vector
 from hoap3.tools.verify.tasks.targets import (
     Hold,
@@ -115,15 +116,23 @@ def _weights(given: Settings, dimension: int) -> Array:
     return np.broadcast_to(weights, (dimension,)).copy()
 
 
+def _aim(given: Settings, robot: Robot) -> Target:
+    """Where `target` leads."""
+    target = given.get("target")
+    if target is not None and target.get("kind") == "live":
+        return live_of(target, robot.messages)
+    return target_of(target)
+
+
 def _com(given: Settings, robot: Robot) -> PlaceTask:
     reference = given.get("frame", "r_sole")
-    target = target_of(given.get("target"))
+    target = _aim(given, robot)
     return PlaceTask(target, _weights(given, 3), COM, robot.known(reference), AXES)
 
 
 def _frame_position(given: Settings, robot: Robot) -> PlaceTask:
     axes = list(given.get("axes") or AXES)
-    target, weights = target_of(given.get("target")), _weights(given, len(axes))
+    target, weights = _aim(given, robot), _weights(given, len(axes))
     return PlaceTask(target, weights, *_frames(given, robot), axes)
 
 
@@ -136,7 +145,7 @@ def _frame_pose(given: Settings, robot: Robot) -> PoseTask:
     frame, reference = _frames(given, robot)
     aim: Target = Hold(6)
     if given.get("target") is not None:
-        aim = Joined(target_of(given["target"]), _turn(given))
+        aim = Joined(_aim(given, robot), _turn(given))
     elif given.get("posture") is not None or given.get("posture_rad"):
         wanted = given.get("posture"), given.get("posture_rad") or ()
         robot.place(posture_of(robot.description, *wanted))
@@ -146,8 +155,6 @@ def _frame_pose(given: Settings, robot: Robot) -> PoseTask:
 
 
 def _posture(given: Settings, robot: Robot) -> PostureTask:
-    if given.get("live") is not None:
-        raise UnknownTaskError("a live target is not recomputed")
     known = list(robot.description.joint_names)
     joints = [known.index(name) for name in given.get("joints") or known]
     values = given.get("target_rad") or ()
@@ -155,7 +162,9 @@ def _posture(given: Settings, robot: Robot) -> PostureTask:
         target = np.array(values, float)
     else:
         target = posture_of(robot.description, given.get("posture"), values)[joints]
-    aim = Point(target, float(given.get("approach_s", 0.0)))
+    aim: Target = Point(target, float(given.get("approach_s", 0.0)))
+    if given.get("live") is not None:
+        aim = live_posture_of(given["live"], robot.messages, len(joints))
     return PostureTask(aim, _weights(given, len(joints)), joints)
 
 

@@ -187,8 +187,6 @@ def target_of(given: Mapping[str, Any] | None) -> Target:
         return Waypoints(given)
     if kind == "spline":
         raise UnknownTaskError("the file of a target's spline is not in the log")
-    if kind == "live":
-        raise UnknownTaskError("a live target is not recomputed")
     raise UnknownTaskError(f"target of kind {kind!r:.40} is not known")
 
 

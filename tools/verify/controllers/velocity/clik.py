@@ -102,7 +102,7 @@ class _Problem:
 def _check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims, *, sdp: bool) -> None:
     try:
         settings = settings_of(parameters, SDP if sdp else STEADY)
-        tasks = Tasks.of(run.description, settings["tasks"])
+        tasks = Tasks.of(run, settings["tasks"])
         weights = of_rows(tasks.entries, tasks.sizes, "weight", WEIGHT)
         wanted = of_rows(tasks.entries, tasks.sizes, "gain_per_s", GAIN_PER_S)
     except UnknownTaskError as error:

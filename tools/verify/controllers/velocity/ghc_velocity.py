@@ -59,7 +59,7 @@ def check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims) -> 
     """Everything that it claims."""
     try:
         settings = settings_of(parameters, DEFAULTS)
-        tasks = Tasks.of(run.description, settings["tasks"])
+        tasks = Tasks.of(run, settings["tasks"])
         gains = of_rows(tasks.entries, tasks.sizes, "gain_per_s", GAIN_PER_S)
         priorities = Priorities(tasks.labels, settings["priorities"])
     except UnknownTaskError as error:

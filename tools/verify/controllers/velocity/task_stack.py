@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.tasks.config import default_entry, task_of
+from hoap3.tools.verify.tasks.live import Messages
 from hoap3.tools.verify.tasks.tasks import AnyTask
 
 Array = NDArray[np.float64]
@@ -67,14 +67,15 @@ class Tasks:
     tasks: list[AnyTask]
 
     @classmethod
-    def of(cls, description: RobotDescription, given: Sequence[Mapping[str, Any]] | None) -> Tasks:
+    def of(cls, run: ControllerRun, given: Sequence[Mapping[str, Any]] | None) -> Tasks:
         """Those of `parameters.tasks`; without any, the robot's default task.
 
         Raises:
             UnknownTaskError: one that cannot be recomputed.
         """
+        description, messages = run.description, Messages(run.targets)
+        robot = Robot(description, messages)
         entries = [default_entry(description)] if given is None else list(given)
-        robot = Robot(description)
         labels = [str(entry.get("name") or entry.get("task")) for entry in entries]
         return cls(robot, labels, entries, [task_of(entry, robot) for entry in entries])
 
