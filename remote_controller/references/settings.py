@@ -12,6 +12,7 @@ from hoap3.protocol.config.settings import Settings
 from hoap3.remote_controller.references.curves import Circle, Lemniscate, Plane
 from hoap3.remote_controller.references.spline import Spline, read_csv
 from hoap3.remote_controller.references.target import Approach, Hold, Point, Target
+from hoap3.remote_controller.references.trajectory_settings import TrajectorySettings
 from hoap3.remote_controller.references.waypoints import Profile, Waypoints
 
 Position = tuple[float, float, float]
@@ -126,7 +127,12 @@ class SplineSettings(_MovingSettings):
 
 
 TargetSettings = Annotated[
-    PointSettings | WaypointSettings | CircleSettings | LemniscateSettings | SplineSettings,
+    PointSettings
+    | WaypointSettings
+    | CircleSettings
+    | LemniscateSettings
+    | SplineSettings
+    | TrajectorySettings,
     Field(discriminator="kind"),
 ]
 
