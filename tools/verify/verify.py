@@ -110,10 +110,10 @@ def _config(log: Log) -> dict[str, Any] | None:
     """The configuration in a log; None where there is none that can be read."""
     try:
         content = parse_yaml(log.config, f"config.yaml of {log.paths[0]}")
-        found: dict[str, Any] = with_motions(content, log.attachments)
-        return found
     except (LogError, ConfigError):
         return None
+    found: dict[str, Any] = with_motions(content, log.attachments)
+    return found
 
 
 def _check_controller(

@@ -88,7 +88,8 @@ def check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims) -> 
     wanted = -gains * answers.cycles.e - answers.cycles.rate
     weight, width = settings["regularisation"], settings["smoothing"]
     problem = condensed(answers.cycles.J, wanted, tasks.rows, ranks.alpha, weight, width)
-    _check_answer(answers, problem, claims)
+    places = [np.linalg.norm((gains * tasks.roots)[mine]) * PLACE for mine in tasks.rows]
+    _check_answer(answers, problem, problem.reach @ places, claims)
     _check_certificate(answers, tasks, ranks, claims)
 
 
@@ -127,9 +128,13 @@ def _ranks(run: ControllerRun, priorities: Priorities) -> _Ranks:
     return found
 
 
-def _check_answer(given: Answers, problem: Condensed, claims: Claims) -> None:
-    """That u is the optimum within its bounds; where there is none, that joints brake."""
-    answers, tick, u, doubt = given.run.answers, given.tick, given.u, given.doubt
+def _check_answer(given: Answers, problem: Condensed, moved_by: Array, claims: Claims) -> None:
+    """That u is the optimum within its bounds; where there is none, that joints brake.
+
+    `moved_by`, (N,), is how far u moves with e, of which each component is known to `PLACE`.
+    """
+    answers, tick, u = given.run.answers, given.tick, given.u
+    doubt = given.doubt + moved_by[:, None]
     solved = answers["fallback"] == 0
     near = doubt + AT_BOUND
     lower, upper = u - given.lower <= near, given.upper - u <= near
