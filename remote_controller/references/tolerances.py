@@ -110,14 +110,21 @@ class Tolerances:
         return self._violated("goal", sizes, self._goal, tick)
 
     def _violated(self, where: Where, sizes: FloatArray, tolerances: FloatArray, tick: int) -> bool:
-        if (sizes <= tolerances).all():
+        kept = sizes <= tolerances
+        if kept.all():
             return False
-        excess = np.where(np.isnan(sizes), np.inf, sizes) / tolerances
-        i = int(np.argmax(excess))
+        shares = [
+            0.0 if ok else self._share(*of) for ok, *of in zip(kept, sizes, tolerances, strict=True)
+        ]
+        i = shares.index(max(shares))
         size = float(sizes[i]) if math.isfinite(sizes[i]) else math.inf
         told = self._names[i], size, float(tolerances[i]), self._units[i]
         self.violation = Violation(where, *told, tick, self.holds)
         return True
+
+    @staticmethod
+    def _share(size: float, tolerance: float) -> float:
+        return float(size / tolerance) if math.isfinite(size) else math.inf
 
 
 def each_of(

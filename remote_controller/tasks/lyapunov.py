@@ -107,8 +107,8 @@ class LyapunovFunction(ABC):
     def watch(self, kinematics: Kinematics, tick: int, time_s: float) -> bool:
         """Compare the errors with their tolerances; whether one of them is, or was, violated.
 
-        Called once for each State of a `watched` task, after `reset` and before `update`: what
-        follows a violation is decided here.
+        Called once for each State in which the robot follows, of a `watched` task, after `reset`
+        and before `update`: what follows a violation is decided here.
 
         Args:
             kinematics: of the robot as it was measured.

@@ -83,7 +83,7 @@ def _quantities(path: Trajectory, robot: RobotDescription, joints: list[int]) ->
         over = (sign * (values - limit) > STILL) & there
         times = begins + at.reshape(k, m) * widths
         limits = np.broadcast_to(limit, (k, m))
-        yield Quantity("position", values, limits, times, 2.0 * over, slower=False)
+        yield Quantity("position", values, limits, times, np.where(over, 2.0, 0.0), slower=False)
     rates = ("velocity", robot.velocity), ("acceleration", robot.setpoint_acceleration_max)
     for order, (what, most) in enumerate(rates, 1):
         c = derivative(c)
@@ -92,8 +92,8 @@ def _quantities(path: Trajectory, robot: RobotDescription, joints: list[int]) ->
         values = np.where(downwards, low, high).reshape(k, m) / widths**order
         times = begins + np.where(downwards, z, z_high).reshape(k, m) * widths
         limits = np.broadcast_to(most[joints], (k, m))
-        shares = np.abs(values) / limits
-        yield Quantity(what, values, limits, times, np.sqrt(shares) if order == 2 else shares)
+        shares = np.asarray((np.abs(values) / limits) ** (1.0 / order), float)
+        yield Quantity(what, values, limits, times, shares)
         if order == 1:
             yield _jumps(c, begins, widths, there, robot, joints)
 

@@ -346,7 +346,8 @@ class HierarchyController(Controller):
         if not self._begun:
             tasks.begin(q, dq, time, then)
             self._begun = True
-        self._violated = tasks.watched and tasks.watch(q, state.tick, time)
+        follows = state.mode == State.ACTIVE
+        self._violated = tasks.watched and follows and tasks.watch(q, state.tick, time)
         self._settle(state.tick - self._first)  # already done, unless States were missed
         tasks.update(q, dq, state.wrench, time, then, self.absent)
         self.bounds.update(q, dq)

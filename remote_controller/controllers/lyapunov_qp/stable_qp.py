@@ -179,7 +179,7 @@ class StableQpController(VelocityController):
         self.kinematics.update(state.reference if self._from_reference else state.q)
         if not self._begun:
             self._begin(state)
-        violated = function.watched and self._violated(state)
+        violated = function.watched and state.mode == State.ACTIVE and self._violated(state)
         function.update(self.kinematics, state.tick * self._dt)
         stack.update(self.kinematics, state)
         command.stamp_kinematics = self.now()

@@ -183,7 +183,7 @@ class LabelledTasksController(VelocityController):
 
     def _watch(self, state: State, base: FloatArray, now: float) -> bool:
         """Whether a tolerance is, or was, violated by the robot as it was measured."""
-        if not self._watched:
+        if not self._watched or state.mode != State.ACTIVE:  # else nobody follows
             return False
         kinematics, tick = self.kinematics, state.tick
         kinematics.update(state.q)
