@@ -32,7 +32,7 @@ def at(target: Target, time_s: float) -> tuple[np.ndarray, np.ndarray]:
     return out
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(
     seed=st.integers(0, 2**32 - 1),
     points=st.integers(2, 7),
@@ -66,7 +66,7 @@ def test_the_degree_is_what_the_points_carry(parts):
     assert degree_of(motion(0, 3, parts)) == DEGREES[parts - 1]
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(
     seed=st.integers(0, 2**32 - 1),
     degree=st.sampled_from(DEGREES),
@@ -115,7 +115,7 @@ def test_what_gives_up_stays_until_it_starts_again():
     np.testing.assert_allclose(at(target, 10.8), before, rtol=0, atol=1e-13)
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 2**32 - 1), turns=st.floats(0.1, 3.0))
 def test_orientations_become_rotation_vectors_without_a_jump(seed, turns):
     """A turn about one axis, further than a whole one; either sign of a quaternion is the same."""

@@ -32,6 +32,10 @@ FORMS = {
 }
 
 
+def slow(name: str) -> Any:
+    return pytest.param(name, marks=pytest.mark.slow)
+
+
 def run(controller: str, duration: float, **target: Any) -> Simulation:
     key, gains = FORMS[controller]
     target = {"kind": "trajectory", "csv": CSV, "approach_s": 0.0, **target}
@@ -51,7 +55,7 @@ def wanted(states: np.ndarray, first: int) -> tuple[np.ndarray, float]:
     return places, float(np.abs(np.diff(velocities, axis=0)).max()) / T
 
 
-@pytest.mark.parametrize("controller", ["clik", "clik_sdp"])
+@pytest.mark.parametrize("controller", ["clik", slow("clik_sdp")])
 def test_joints_are_as_near_as_one_period_allows(controller):
     """|q − q_d| ≤ T²/2·max|q̈| on an ideal plant; other joints do not move at all."""
     done = run(controller, 0.5)
@@ -71,7 +75,7 @@ def told(done: Simulation) -> dict[str, Any]:
     return error
 
 
-@pytest.mark.parametrize("controller", FORMS)
+@pytest.mark.parametrize("controller", ["clik", *map(slow, list(FORMS)[1:])])
 def test_a_violated_tolerance_holds_the_joints_and_fails_the_task(controller):
     done = run(controller, 0.25, path_tolerance=1e-12)
     first, last = done.setpoints["tick"][[0, -1]].tolist()
@@ -106,6 +110,7 @@ def began(done: Simulation) -> list[int]:
     return found
 
 
+@pytest.mark.slow
 def test_who_goes_on_after_a_violation_arrives():
     done = run("clik", 0.5, path_tolerance=1e-12, if_violated="continue")
     error = told(done)
