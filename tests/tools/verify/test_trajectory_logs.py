@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support import HOUSE
 from support.command_bench import inside
 from tampering import Change, rewrite
 
@@ -150,3 +151,14 @@ def test_a_config_is_written_as_its_author_wrote_it(tmp_path):
     shown = inside("config", "show", path).stdout
     assert "points.csv" in shown
     assert "1.62" not in shown
+
+
+@pytest.mark.slow
+def test_the_example_is_checked_runs_and_is_true(tmp_path):
+    example = HOUSE / "examples" / "trajectory"
+    given = "--robot", "ur5", "--approach", "0.5"
+    assert inside("trajectory", "check", example / "wave.csv", *given).code == 0
+    given = "--controller", example / "wave.yaml", "--duration", "5", "--json"
+    summary = inside("run", "--lockstep", *given, "--out", tmp_path / "run").json()
+    assert set(summary["verdicts"].values()) <= {"fit", "good"}
+    assert verify(tmp_path / "run").verdict == "true"
