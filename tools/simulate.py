@@ -31,6 +31,7 @@ from hoap3.robot_emulator.robots import available as available_robots
 from hoap3.robot_emulator.robots import load
 from hoap3.robot_emulator.robots.urdf_import.source import DESCRIPTIONS, is_source
 from hoap3.robot_emulator.service import build_loop, describe
+from hoap3.tools.logs.motion_files import as_written, enclosed
 
 REPORTED_TICKS = 100  # after so many ticks the progress is told
 
@@ -75,7 +76,8 @@ class Lockstep:
         self.controller_loop.note_config(emulator.model_dump_json().encode())
         self._failure: Hoap3Error | None = None
         self._steer = steer
-        self._grants = self.link.ask("acquire", "lockstep", controller.model_dump_json().encode())
+        said = as_written(controller).model_dump_json().encode()
+        self._grants = self.link.ask("acquire", "lockstep", said)
 
     def run(
         self,
@@ -185,8 +187,8 @@ def simulate(
     emulator = emulator_settings(robot, seed)
     log, robot_log = MemoryRecorder(), MemoryRecorder()
     files = "simulate(robot)", controller_file(controller)
-    config = controller_settings(controller)
-    lockstep = Lockstep(emulator, config, robot_log, log, fate, files, steer)
+    law = enclosed(controller_settings(controller), files[1])
+    lockstep = Lockstep(emulator, law, robot_log, log, fate, files, steer)
     lockstep.run(duration, report=report)
     return Simulation(
         states=_table(robot_log.payloads(Kind.STATE), State),

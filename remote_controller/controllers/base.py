@@ -27,6 +27,8 @@ STATUS = {
 """Setpoint.solver_status by name: certified, at_target, uncertified, infeasible, none."""
 
 CERTIFIED_RESIDUAL = 1e-9  # greatest kkt_residual of an answer that counts as the optimum
+VIOLATED = "tolerance of a trajectory violated"
+"""The condition of controllers with tasks that have tolerances; the last of their conditions."""
 ACTIVE_SPEED = 1e-3  # rad/s: below it a joint counts as inactive (QP12, section V-C)
 
 

@@ -16,6 +16,7 @@ from hoap3.remote_controller.references.live import Live, WhenStale
 from hoap3.remote_controller.references.live_plan import Bounds
 from hoap3.remote_controller.references.spline import Spline, read_csv
 from hoap3.remote_controller.references.target import Approach, Hold, Point, Target
+from hoap3.remote_controller.references.trajectory_settings import TrajectorySettings
 from hoap3.remote_controller.references.waypoints import Profile, Waypoints
 
 Position = tuple[float, float, float]
@@ -168,6 +169,7 @@ class LiveSettings(_SteeredSettings):
 class LivePostureSettings(_SteeredSettings):
     """A posture that somebody steers; before that, where the robot is."""
 
+    kind: Literal["live"]
     speed_rad_s: Positive = Field(0.5, description="most of each joint [rad/s or m/s]")
     acceleration_rad_s2: Positive = Field(2.0, description="likewise [rad/s² or m/s²]")
     jerk_rad_s3: Positive = Field(40.0, description="likewise [rad/s³ or m/s³]")
@@ -184,9 +186,12 @@ TargetSettings = Annotated[
     | CircleSettings
     | LemniscateSettings
     | SplineSettings
-    | LiveSettings,
+    | LiveSettings
+    | TrajectorySettings,
     Field(discriminator="kind"),
 ]
+
+PostureTarget = Annotated[TrajectorySettings | LivePostureSettings, Field(discriminator="kind")]
 
 
 def target_of(settings: TargetSettings | None, folder: Path) -> Target:

@@ -12,11 +12,14 @@ import pytest
 
 import hoap3
 from hoap3.protocol.messages import State, Target
-from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.loop import ControllerLoop
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.tools.replay import replay_records
 from hoap3.tools.simulate import Simulation, controller_settings
+from hoap3.tools.verify.claims import Claims
+from hoap3.tools.verify.controller_log import runs
+from hoap3.tools.verify.controllers.velocity import ghc_velocity
 
 EXAMPLE = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "slow_policy.py"))
 STEP: int = EXAMPLE["STEP_TICKS"]
@@ -114,6 +117,15 @@ def assert_follows(seconds: float) -> None:
     again, _ = steered(seconds)
     assert [tuple(record) for record in again.records] == [tuple(record) for record in run.records]
     assert replay_records(run.records, controller_settings("steered_ur5")).identical
+    found = verified(run.records)
+    assert (found["false"], found["unverified"]) == (0, 0)
+
+
+def verified(records: list[Record]) -> dict[str, Any]:
+    """What is recomputed of the answers without the code that made them."""
+    (logged,), claims = list(runs(records)), Claims()
+    ghc_velocity.check(logged, controller_settings("steered_ur5").parameters, claims)
+    return claims.as_json()
 
 
 def test_chunks_that_come_late_are_followed_without_lag_and_repeated_to_the_bit():
@@ -130,3 +142,15 @@ def test_without_the_targets_of_its_log_a_replay_differs():
     config = controller_settings("steered_ur5")
     fewer = [record for record in run.records if record.kind != Kind.TARGET]
     assert not replay_records(fewer, config).identical
+
+
+def test_verify_tells_a_target_that_was_changed_in_the_log():
+    run, _ = steered(1.5)
+    records = list(run.records)
+    at = next(i for i, record in enumerate(records) if record.kind == Kind.TARGET)
+    target = Target.like(records[at].payload)
+    target.load(records[at].payload)
+    target.values[0::3] += 1e-6
+    records[at] = records[at]._replace(payload=target.dump())
+    assert verified(run.records)["false"] == 0
+    assert verified(records)["false"] > 0

@@ -81,6 +81,9 @@ def _collected(messages: Messages | None) -> list[Taken]:
 class LiveTarget(Target):
     """A target that somebody steers.
 
+    Rounding ε of a point is ε/h² in the acceleration of its chunk's curve, h between two points. A
+    way that begins there lasts no longer than the chunk, (p − 1)h: it carries (p − 1)²ε on.
+
     Args:
         given: its settings.
         messages: that were taken for it, in their order.
@@ -101,6 +104,7 @@ class LiveTarget(Target):
         returns = given.get("when_stale", "hold") == "return" and stale is not None
         self._returns_after = float(stale or 0.0) if returns else np.inf
         self._messages = messages
+        self.rounding = float(max((len(each.points) for each in messages), default=1)) ** 2
         self._home = np.zeros(dimension)
         self._waiting: Iterator[Taken] = iter(())
         self._next: Taken | None = None

@@ -27,7 +27,6 @@ from hoap3.tools.verify.controllers.stable_qp.settings import Settings
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.sent_velocity import check_values
 from hoap3.tools.verify.tasks.config import default_entry, task_of
-from hoap3.tools.verify.tasks.live import Messages
 from hoap3.tools.verify.tasks.targets import UnknownTaskError
 
 CURVES = "task_curve", "joint_curve"
@@ -43,8 +42,7 @@ def check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims) -> 
 
 
 def _check(run: ControllerRun, settings: Settings, claims: Claims) -> None:
-    robot = Robot(run.description, Messages(run.targets))
-    delayed = run.description.delay_ticks > 0
+    robot, delayed = Robot(run.description), run.description.delay_ticks > 0
     if delayed and settings.rest["kinematics_from"] == "reference":
         raise UnverifiableError(DELAYED)
     entry = settings.task or default_entry(run.description)

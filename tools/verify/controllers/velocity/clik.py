@@ -130,7 +130,7 @@ def _check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims, *,
         finite: Flags = np.asarray(np.isfinite(gains).all(1))
         claims.equal("gains are numbers", answers.tick, finite, np.ones(len(finite)), 0.0)
         answers, law, gains = answers.only(finite), law.only(finite), gains[finite]
-    place = PLACE * tasks.roots
+    place = tasks.places
     motion = _motion(answers, law, settings["damping"], place)
     if not sdp:
         gains = _check_steady(answers, law, motion, wanted, gains, claims)

@@ -90,6 +90,12 @@ class Tasks:
         return np.concatenate([task.roots for task in self.tasks])
 
     @property
+    def places(self) -> Array:
+        """How exactly each row of e is known, (m,) [its unit]."""
+        known = [np.full(task.size, PLACE * task.rounding) for task in self.tasks]
+        return self.roots * np.concatenate(known)
+
+    @property
     def rows(self) -> list[slice]:
         """Where the rows of each are."""
         return [slice(*ends) for ends in pairwise(np.cumsum([0, *self.sizes]).tolist())]
@@ -116,6 +122,7 @@ class Tasks:
                 begun = starts[k]
                 self._begin(base[begun], float(run.states["tick"][begun]) * T)
             now = float(run.states["tick"][place]) * T
+            self._watch(run.states["q"][place], now)
             self._look(found, k, base[place], now)
             if found.rate[k].any():
                 self._errors(now + T, found.along[k])
@@ -129,6 +136,13 @@ class Tasks:
         self.robot.place(q)
         for task in self.tasks:
             task.begin(self.robot, time_s)
+
+    def _watch(self, q: Array, time_s: float) -> None:
+        watched = [task for task in self.tasks if task.watched]
+        if watched:
+            self.robot.place(q)
+        for task in watched:
+            task.watch(self.robot, time_s)
 
     def _look(self, found: Cycles, k: int, q: Array, time_s: float) -> None:
         self.robot.place(q)
