@@ -40,6 +40,7 @@ PAIRS: dict[str, tuple[str, ...]] = {
     "qp12_paper": HOAP3,
     "stable_qp_hoap3": HOAP3,
     "stable_qp_standing": ("hoap3_standing",),
+    "steered_ur5": UR5,
     "tsid_baxter": ("baxter",),
     "tsid_standing": ("hoap3_standing_torque",),
     "tsid_standing_humanoid": ("humanoid32_standing",),

@@ -34,6 +34,7 @@ STORIES = [
     "limits.md",
     "priorities.md",
     "gains.md",
+    "trajectories.md",
     "contact.md",
     "plants.md",
     "two_machines.md",

@@ -29,7 +29,7 @@ from hoap3.remote_controller.controllers.acceleration.soles.settings import (
     ContactSettings,
     check_base,
 )
-from hoap3.remote_controller.controllers.base import STATUS, Controller
+from hoap3.remote_controller.controllers.base import STATUS, VIOLATED, Controller
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.scheduling.schedule import Schedule
 from hoap3.remote_controller.solvers.base import status
@@ -110,14 +110,13 @@ class HierarchyController(Controller):
 
     With `base: free` the robot stands on its soles and may fall. The problem is that of
     `soles.free_base.FreeBase`: contact and the equations of the base, which no motor moves, hold
-    exactly in every answer, and the limits of joints, torques and cones are rows. What has no
-    answer is solved without the bounds of the joints' accelerations, and is `fallback` 1; or, where
-    torques and cones have none either, violates all as little as possible, with torques cut to
-    their limits, and is 2. Where no sole carries, or nothing is found, joints brake by torques
-    −10/s·M_jj·dq, and it is 3. `certified` says besides that v̇, τ and the wrenches w satisfy the
-    equations to 10⁻⁹, that w is inside the cones and that every sole carries; that every joint can
-    hold its load it does not say. `decision` has v̇ (base and joints), τ and w. `margin` counts the
-    distance from the cones, relative to the weight.
+    exactly in every answer; limits of joints, torques and cones are rows. What has no answer is
+    solved without the bounds of the joints' accelerations (`fallback` 1); or, where torques and
+    cones have none either, violates all as little as possible, torques cut to their limits (2).
+    Where no sole carries, or nothing is found, joints brake by torques −10/s·M_jj·dq (3).
+    `certified` says besides that v̇, τ and the wrenches w satisfy the equations to 10⁻⁹, that w is
+    inside the cones and every sole carries; not that every joint can hold its load. `decision` has
+    v̇ (base and joints), τ and w. `margin` counts the distance from the cones, by the weight.
 
     Raises:
         ConfigError: tasks, priorities or bounds that do not fit the robot, or each other.
@@ -258,9 +257,11 @@ class HierarchyController(Controller):
         self._dt, self._begun = description.period_s, False
         self._first = self._settled = 0
         self._events = EventConditions(stack)
-        held = tuple(f"held by {label}" for label in stack.labels)
-        of_soles = () if self._free is None else self._free.conditions
-        self.conditions = (*CONDITIONS, *held, *self._events.names, *of_soles)
+        held = tuple(f"held by {label}" for label in stack.labels) + self._events.names
+        self.conditions = CONDITIONS + held + (self._free.conditions if self._free else ())
+        self._violated, self._violation = False, 1 << len(self.conditions)
+        if self.tasks.watched:
+            self.conditions = (*self.conditions, VIOLATED)
         self.margin_tolerance = CURVATURE if self._keeps else MARGIN_ROUNDING
         self.certifies = self.proves and self._viable
         self.not_certified_in = MOVING | TOUCHES | IDLE
@@ -414,6 +415,8 @@ class HierarchyController(Controller):
         if not self._begun:
             tasks.begin(q, dq, time, then)
             self._begun = True
+        follows = state.mode == State.ACTIVE
+        self._violated = tasks.watched and follows and tasks.watch(q, state.tick, time)
         self._settle(state.tick - self._first)  # already done, unless States were missed
         tasks.update(q, dq, state.wrench, time, then, self.absent)
         self.bounds.update(q, dq)
@@ -578,7 +581,7 @@ class HierarchyController(Controller):
             present |= TOUCHES
         if idle:
             present |= IDLE
-        self.present = present
+        self.present = present | (self._violation if self._violated else 0)
         kept = not self._keeps or self._judge_constraints(fallback)
         if free is not None:
             self.present |= free.present << len(CONDITIONS)
