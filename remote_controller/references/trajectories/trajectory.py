@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.references.motion_file import Motion
 from hoap3.remote_controller.references.spline import clamped_slopes
 from hoap3.remote_controller.references.target import Target
+from hoap3.remote_controller.references.trajectories.motion_file import Motion
 
 Degree = Literal["linear", "cubic", "quintic"]
 COEFFICIENTS = 6
