@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.command_bench import inside
 
-from hoap3.remote_controller.references.motion_file import Motion
-from hoap3.remote_controller.references.trajectory import Trajectory
+from hoap3.remote_controller.references.trajectories.motion_file import Motion
+from hoap3.remote_controller.references.trajectories.trajectory import Trajectory
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.robots.polynomial_peaks import peaks, value
 from hoap3.tools.robots.trajectory_limits import limits_exceeded
