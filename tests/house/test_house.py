@@ -54,7 +54,7 @@ PACKAGES = {
         ("machine", "logs", "html"),
         ("show", "timing", "verify"),
         ("services", "bench", "report"),
-        ("compare", "doctor", "latency", "reproduce", "robots"),
+        ("compare", "doctor", "environment", "latency", "new", "reproduce", "robots", "testing"),
         ("cli",),
     ),
 }

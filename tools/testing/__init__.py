@@ -1,0 +1,1 @@
+"""Property suites for what you write."""
