@@ -15,6 +15,8 @@ from hoap3.tools.testing.body import Body, moved, state_of
 from hoap3.tools.testing.constraints import ConstraintCase, ConstraintProperties
 from hoap3.tools.testing.controllers import ControllerProperties
 from hoap3.tools.testing.numerics import posture, quotient
+from hoap3.tools.testing.plants import PlantCase, PlantProperties
+from hoap3.tools.testing.robots import RobotProperties
 from hoap3.tools.testing.tasks import TaskCase, TaskProperties
 
 __all__ = [
@@ -22,6 +24,9 @@ __all__ = [
     "ConstraintCase",
     "ConstraintProperties",
     "ControllerProperties",
+    "PlantCase",
+    "PlantProperties",
+    "RobotProperties",
     "TaskCase",
     "TaskProperties",
     "moved",
