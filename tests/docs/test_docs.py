@@ -34,6 +34,7 @@ STORIES = [
     "gains.md",
     "contact.md",
     "plants.md",
+    "environment.md",
     "two_machines.md",
     "logs.md",
     "latency.md",
