@@ -7,7 +7,7 @@ import re
 import pytest
 from pages import HOUSE, NAMES, Block, anchors, blocks, links, page, prose, spans, table
 from story import Story, check, hoap3, subcommands
-from support.property_suites import judge
+from support.property_suites import run
 from support.urdfs.vendor_arm import vendor_folder
 
 from hoap3.protocol.errors import Hoap3Error
@@ -60,16 +60,18 @@ def test_what_a_page_shows_works_word_for_word(name, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("page", "suite", "file", "robot"),
+    ("page", "file"),
     [
-        ("writing_a_controller.md", "ControllerProperties", "posture.yaml", ""),
-        ("writing_a_task.md", "TaskProperties", "reach.yaml", "ur5"),
-        ("writing_a_constraint.md", "ConstraintProperties", "height.yaml", ""),
+        ("writing_a_controller.md", "test_posture.py"),
+        ("writing_a_task.md", "test_reach.py"),
+        ("writing_a_constraint.md", "test_height.py"),
+        ("plants.md", "test_springs.py"),
+        ("new_robot.md", "test_bench_arm.py"),
     ],
 )
-def test_what_a_page_has_written_passes_the_property_suite(page, suite, file, robot, tmp_path):
+def test_what_a_page_has_written_passes_the_property_suite(page, file, tmp_path):
     Story(tmp_path).write_files(page)
-    found = judge(tmp_path, suite, [file], robot)
+    found = run(tmp_path, file)
     assert found.code == 0, found.said
     assert "passed" in found.said
 

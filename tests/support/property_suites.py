@@ -50,11 +50,15 @@ def judge(
         f"    cases = {tuple(cases)!r}",
         *([f"    robot = {robot!r}"] if robot else []),
     ]
-    file = folder / "test_theirs.py"
-    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    (folder / "test_theirs.py").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return run(folder, "test_theirs.py", beside)
+
+
+def run(folder: Path, file: str, beside: Path | None = None) -> Judged:
+    """Run a test file in a folder that is none of ours."""
     paths = [str(HOUSE), *([str(beside)] if beside else [])]
     done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", file.name],
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", file],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
         cwd=folder,
         capture_output=True,
