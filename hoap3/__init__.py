@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from hoap3.remote_controller.tasks.task import Task
     from hoap3.robot_emulator.robots import load as load_robot
     from hoap3.tools.environment.environment import Environment
+    from hoap3.tools.services.connection import connect, connect_async
     from hoap3.tools.simulate import simulate
 
 __all__ = [
@@ -77,6 +78,8 @@ __all__ = [
     "WireError",
     "__version__",
     "bounds",
+    "connect",
+    "connect_async",
     "load_robot",
     "simulate",
     "solvers",
@@ -93,6 +96,8 @@ _LAZY = {
     "Task": "hoap3.remote_controller.tasks.task:Task",
     "VelocityController": "hoap3.remote_controller.controllers.base:VelocityController",
     "bounds": "hoap3.remote_controller.bounds",
+    "connect": "hoap3.tools.services.connection:connect",
+    "connect_async": "hoap3.tools.services.connection:connect_async",
     "load_robot": "hoap3.robot_emulator.robots:load",
     "simulate": "hoap3.tools.simulate:simulate",
     "solvers": "hoap3.remote_controller.solvers",

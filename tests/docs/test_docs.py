@@ -32,6 +32,7 @@ STORIES = [
     "limits.md",
     "priorities.md",
     "gains.md",
+    "trajectories.md",
     "contact.md",
     "plants.md",
     "environment.md",
