@@ -30,7 +30,7 @@ from hoap3.protocol.errors import (
 )
 from hoap3.remote_controller.limits_above import warn_of_limits_above
 from hoap3.remote_controller.pairs import configs_for, robots_for
-from hoap3.remote_controller.references.live import check_names, collected
+from hoap3.remote_controller.references.live.live import check_names, collected
 
 CONFIGS = Path(__file__).parent / "configs"
 

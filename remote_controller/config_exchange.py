@@ -6,7 +6,7 @@ import json
 
 from hoap3.protocol.link.session_limits import MAX_CONFIG_BYTES
 from hoap3.remote_controller.config import ControllerConfig
-from hoap3.remote_controller.references.motion_texts import without_texts
+from hoap3.remote_controller.references.trajectories.motion_texts import without_texts
 
 
 def own_config(config: ControllerConfig) -> bytes:

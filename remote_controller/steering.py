@@ -7,7 +7,7 @@ from typing import Any
 
 from hoap3.protocol.errors import UsageError, WireError
 from hoap3.protocol.messages import Target
-from hoap3.remote_controller.references.live import Live
+from hoap3.remote_controller.references.live.live import Live
 
 LEASE_S = 2.0  # without a word of the operator, after which somebody else may steer
 GRANTS = 1 << 20  # of one engagement, whose epochs are apart from those of any other

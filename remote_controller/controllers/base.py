@@ -16,7 +16,7 @@ from hoap3.protocol.description import CommandKind, RobotDescription
 from hoap3.protocol.errors import BadProblemError, DescriptionError, UsageError
 from hoap3.protocol.messages import COMMANDS, FloatArray, Setpoint, State, schema
 from hoap3.remote_controller.controllers.in_flight import InFlight
-from hoap3.remote_controller.references.live import Live
+from hoap3.remote_controller.references.live.live import Live
 from hoap3.remote_controller.tasks.accuracy import TaskError
 
 STATUS = {

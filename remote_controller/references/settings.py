@@ -12,11 +12,11 @@ from pydantic import Field, model_validator
 from hoap3.protocol.config.settings import RobotName, Settings
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.references.curves import Circle, Lemniscate, Plane
-from hoap3.remote_controller.references.live import Live, WhenStale
-from hoap3.remote_controller.references.live_plan import Bounds
+from hoap3.remote_controller.references.live.live import Live, WhenStale
+from hoap3.remote_controller.references.live.live_plan import Bounds
 from hoap3.remote_controller.references.spline import Spline, read_csv
 from hoap3.remote_controller.references.target import Approach, Hold, Point, Target
-from hoap3.remote_controller.references.trajectory_settings import TrajectorySettings
+from hoap3.remote_controller.references.trajectories.trajectory_settings import TrajectorySettings
 from hoap3.remote_controller.references.waypoints import Profile, Waypoints
 
 Position = tuple[float, float, float]

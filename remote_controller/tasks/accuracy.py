@@ -12,7 +12,7 @@ from pydantic import Field
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.references.tolerances import Violation
+from hoap3.remote_controller.references.trajectories.tolerances import Violation
 
 TOLERANCE_M = 1e-3
 TOLERANCE_DEG = 0.5

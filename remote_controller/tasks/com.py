@@ -9,7 +9,7 @@ from pydantic import Field
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.references.settings import TargetSettings, target_of
-from hoap3.remote_controller.references.trajectory_settings import AXES, tolerances_of
+from hoap3.remote_controller.references.trajectories.trajectory_settings import AXES, tolerances_of
 from hoap3.remote_controller.tasks.accuracy import TOLERANCE_M, TaskError, ToleranceM, length_error
 from hoap3.remote_controller.tasks.lyapunov import BuildContext
 from hoap3.remote_controller.tasks.task import Task

@@ -10,7 +10,7 @@ from hoap3.protocol.errors import BadProblemError
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.references.target import Point, Target
-from hoap3.remote_controller.references.tolerances import Tolerances
+from hoap3.remote_controller.references.trajectories.tolerances import Tolerances
 from hoap3.remote_controller.tasks.accuracy import TaskError, violated
 from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
 from hoap3.remote_controller.tasks.task import Task

@@ -21,8 +21,8 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import Hoap3Error, UnknownNameError
 from hoap3.protocol.urdf import read_urdf
 from hoap3.remote_controller.config import ControllerConfig
-from hoap3.remote_controller.references.motion_file import read_motion
 from hoap3.remote_controller.references.spline import read_csv
+from hoap3.remote_controller.references.trajectories.motion_file import read_motion
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.robots.yaml_file import RobotFile
 from hoap3.tools.compare.candidates import split

@@ -12,8 +12,8 @@ from hoap3.protocol.errors import UsageError
 from hoap3.protocol.messages import State, Target
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.loop import ControllerLoop
-from hoap3.remote_controller.references.live import Live
-from hoap3.remote_controller.references.live_plan import Bounds
+from hoap3.remote_controller.references.live.live import Live
+from hoap3.remote_controller.references.live.live_plan import Bounds
 from hoap3.remote_controller.steering import LEASE_S, REFUSALS, Steering
 from hoap3.tools.replay import replay_records
 from hoap3.tools.simulate import controller_settings

@@ -28,6 +28,7 @@ from hoap3.tools.cli.compare import compare
 from hoap3.tools.cli.latency import latency
 from hoap3.tools.cli.limits import limits
 from hoap3.tools.cli.measure import bench_app, doctor
+from hoap3.tools.cli.new import new
 from hoap3.tools.cli.options import ENDPOINT, AsJson, Connect, finite
 from hoap3.tools.cli.report import report
 from hoap3.tools.cli.reproduce import reproduce
@@ -46,7 +47,7 @@ app.add_typer(config_app, name="config")
 app.add_typer(bench_app, name="bench")
 app.add_typer(robot_app, name="robot")
 app.add_typer(trajectory_app, name="trajectory")
-for command in (change, compare, doctor, latency, limits, report, reproduce, verify):
+for command in (change, compare, doctor, latency, limits, new, report, reproduce, verify):
     app.command()(command)
 _ANYTHING = {"ignore_unknown_options": True, "allow_extra_args": True}
 app.command(hidden=True, context_settings=_ANYTHING)(priorities)

@@ -8,8 +8,8 @@ from typing import Any
 
 from hoap3.protocol.errors import ConfigError, LogError
 from hoap3.remote_controller.config import ControllerConfig
-from hoap3.remote_controller.references.motion_file import MAX_BYTES, read_text
-from hoap3.remote_controller.references.motion_texts import (
+from hoap3.remote_controller.references.trajectories.motion_file import MAX_BYTES, read_text
+from hoap3.remote_controller.references.trajectories.motion_texts import (
     FILE,
     TEXT,
     trajectories,

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from hoap3.protocol.errors import ConfigError
-from hoap3.remote_controller.references.motion_file import (
+from hoap3.remote_controller.references.trajectories.motion_file import (
     QUATERNION,
     Motion,
     read_motion,
     read_text,
 )
-from hoap3.remote_controller.references.trajectory import Degree, Trajectory, degree_of
-from hoap3.remote_controller.references.trajectory_settings import AXES
+from hoap3.remote_controller.references.trajectories.trajectory import Degree, Trajectory, degree_of
+from hoap3.remote_controller.references.trajectories.trajectory_settings import AXES
 from hoap3.robot_emulator.service import describe
 from hoap3.tools.logs.motion_files import is_log
 from hoap3.tools.logs.motions import motion_of

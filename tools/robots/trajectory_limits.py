@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.references.motion_file import Motion
-from hoap3.remote_controller.references.trajectory import Trajectory
+from hoap3.remote_controller.references.trajectories.motion_file import Motion
+from hoap3.remote_controller.references.trajectories.trajectory import Trajectory
 from hoap3.tools.robots.polynomial_peaks import derivative, peaks, value
 
 STILL = 1e-9  # of a velocity's jump: less is rounding

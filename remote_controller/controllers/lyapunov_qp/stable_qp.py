@@ -226,9 +226,11 @@ class StableQpController(VelocityController):
     def _violated(self, state: State) -> bool:
         """Whether a tolerance of the task is, or was, violated by the robot as it was measured."""
         kinematics = self.kinematics
-        kinematics.update(state.q)
+        if self._from_reference:
+            kinematics.update(state.q)
         violated = self.function.watch(kinematics, state.tick, state.tick * self._dt)
-        kinematics.update(state.reference if self._from_reference else state.q)
+        if self._from_reference:
+            kinematics.update(state.reference)
         return violated
 
     def _brake(self, found: int) -> int:

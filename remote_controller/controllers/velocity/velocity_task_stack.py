@@ -186,9 +186,11 @@ class LabelledTasksController(VelocityController):
         if not self._watched or state.mode != State.ACTIVE:  # else nobody follows
             return False
         kinematics, tick = self.kinematics, state.tick
-        kinematics.update(state.q)
+        if self._from_reference:
+            kinematics.update(state.q)
         violated = max(each.watch(kinematics, tick, now) for each in self._watched)
-        kinematics.update(base)
+        if self._from_reference:
+            kinematics.update(base)
         return violated
 
     def _look(self, now: float) -> int:

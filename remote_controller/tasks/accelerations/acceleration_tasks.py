@@ -21,7 +21,7 @@ from hoap3.remote_controller.references.settings import (
     TargetSettings,
     target_of,
 )
-from hoap3.remote_controller.references.trajectory_settings import TrajectorySettings
+from hoap3.remote_controller.references.trajectories.trajectory_settings import TrajectorySettings
 from hoap3.remote_controller.tasks import status
 from hoap3.remote_controller.tasks.accelerations.by_differences import TaskRows, TasksByDifferences
 from hoap3.remote_controller.tasks.accelerations.position_reference import PositionReference

@@ -14,7 +14,7 @@ from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.references.postures import posture_of
 from hoap3.remote_controller.references.settings import TargetSettings, target_of
 from hoap3.remote_controller.references.target import Approach, Hold, Joined, Point, Target
-from hoap3.remote_controller.references.trajectory_settings import (
+from hoap3.remote_controller.references.trajectories.trajectory_settings import (
     AXES,
     TURNS,
     TrajectorySettings,

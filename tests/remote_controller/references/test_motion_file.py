@@ -12,8 +12,11 @@ from hypothesis import strategies as st
 from hoap3.protocol.config.settings import parse
 from hoap3.protocol.errors import ConfigError
 from hoap3.remote_controller.model.kinematics import Kinematics
-from hoap3.remote_controller.references.motion_file import QUATERNION, read_motion
-from hoap3.remote_controller.references.trajectory_settings import AXES, TrajectorySettings
+from hoap3.remote_controller.references.trajectories.motion_file import QUATERNION, read_motion
+from hoap3.remote_controller.references.trajectories.trajectory_settings import (
+    AXES,
+    TrajectorySettings,
+)
 from hoap3.remote_controller.tasks.registry import TaskSettings, build
 from hoap3.robot_emulator.robots import load
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hoap3.protocol.errors import ConfigError
-from hoap3.remote_controller.references.tolerances import Tolerances, each_of
+from hoap3.remote_controller.references.trajectories.tolerances import Tolerances, each_of
 
 NAMES, UNITS = ("elbow", "slide"), ("rad", "m")
 PERIOD = 0.001

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy.interpolate import BPoly, CubicHermiteSpline, CubicSpline
 from scipy.spatial.transform import Rotation
 
-from hoap3.remote_controller.references.motion_file import Motion, read_motion
 from hoap3.remote_controller.references.target import Target
-from hoap3.remote_controller.references.trajectory import Trajectory, degree_of
+from hoap3.remote_controller.references.trajectories.motion_file import Motion, read_motion
+from hoap3.remote_controller.references.trajectories.trajectory import Trajectory, degree_of
 
 DEGREES = ("linear", "cubic", "quintic")
 NAMES = ("a", "b", "c")

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.command_bench import inside
 
-from hoap3.remote_controller.references.motion_file import Motion
-from hoap3.remote_controller.references.trajectory import Trajectory
+from hoap3.remote_controller.references.trajectories.motion_file import Motion
+from hoap3.remote_controller.references.trajectories.trajectory import Trajectory
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.robots.polynomial_peaks import peaks, value
 from hoap3.tools.robots.trajectory_limits import limits_exceeded
@@ -91,7 +91,7 @@ def test_it_finds_what_samples_find_and_says_how_much_slower_fits(seed, degree):
         return
     assert bool(told) == (fits > 1.0)
     assert found(given_, degree, fits)["exceeded"] == []
-    assert found(given_, degree, fits * 0.999)["exceeded"] != []
+    assert found(given_, degree, fits * 0.999 - 1e-4)["exceeded"] != []  # it is rounded up
 
 
 def test_the_way_to_the_first_point_has_a_time_of_its_own():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,10 +22,6 @@ from hoap3.tools.verify.verify import verify
 CSV = "t,elbow_joint,elbow_joint/velocity\n0,1.6,0\n0.05,1.61,0.2\n0.1,1.62,0\n"
 NAME = f"{FOLDER}points.csv"
 SAME: Change = lambda records: records  # noqa: E731
-
-
-def slow(*values: object) -> Any:
-    return pytest.param(*values, marks=pytest.mark.slow)
 
 
 def config(folder: Path, controller: str, **target: object) -> Path:
@@ -48,14 +43,15 @@ def ran(folder: Path, controller: str, **target: object) -> Path:
     return folder / "run"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("controller", "target"),
     [
         ("clik_sdp", {"path_tolerance": 1e-8}),
-        slow("clik_sdp", {"path_tolerance": 1e-4, "goal_tolerance": 1e-6}),
-        slow("ghc_velocity", {"interpolation": "quintic", "path_tolerance": 1e-5}),
-        slow("stable_qp", {"interpolation": "linear", "path_tolerance": 1e-5}),
-        slow("weighted", {"time_scaling": 0.9, "path_tolerance": 1e-5}),
+        ("clik_sdp", {"path_tolerance": 1e-4, "goal_tolerance": 1e-6}),
+        ("ghc_velocity", {"interpolation": "quintic", "path_tolerance": 1e-5}),
+        ("stable_qp", {"interpolation": "linear", "path_tolerance": 1e-5}),
+        ("weighted", {"time_scaling": 0.9, "path_tolerance": 1e-5}),
     ],
 )
 def test_a_log_replays_and_is_true_without_the_file(controller, target, tmp_path):

@@ -11,8 +11,8 @@ import pytest
 from hoap3.protocol.messages import Event
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.controllers.base import VIOLATED
-from hoap3.remote_controller.references.motion_file import read_motion
-from hoap3.remote_controller.references.trajectory import Trajectory
+from hoap3.remote_controller.references.trajectories.motion_file import read_motion
+from hoap3.remote_controller.references.trajectories.trajectory import Trajectory
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.simulate import Simulation, simulate
 

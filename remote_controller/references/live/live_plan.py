@@ -57,7 +57,7 @@ class Chunk:
     def __init__(
         self, first_s: float, step_s: float, points: FloatArray, rates: FloatArray
     ) -> None:
-        from hoap3.remote_controller.references import live_kernels as kernels
+        from hoap3.remote_controller.references.live import live_kernels as kernels
 
         self._kernels, self._first, self._step = kernels, first_s, step_s
         count, self._d = points.shape

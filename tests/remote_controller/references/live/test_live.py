@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.interpolate import BPoly, CubicSpline
 
 from hoap3.protocol.errors import ConfigError
-from hoap3.remote_controller.references.live import Live, check_names, collected
-from hoap3.remote_controller.references.live_plan import Bounds, Chunk
+from hoap3.remote_controller.references.live.live import Live, check_names, collected
+from hoap3.remote_controller.references.live.live_plan import Bounds, Chunk
 
 T = 1e-3
 BOUNDS = Bounds(0.25, 1.0, 20.0)

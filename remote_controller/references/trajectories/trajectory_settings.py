@@ -13,10 +13,14 @@ from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.references.motion_file import Motion, read_motion, read_text
 from hoap3.remote_controller.references.target import Target
-from hoap3.remote_controller.references.tolerances import Tolerances, each_of
-from hoap3.remote_controller.references.trajectory import Degree, Trajectory, degree_of
+from hoap3.remote_controller.references.trajectories.motion_file import (
+    Motion,
+    read_motion,
+    read_text,
+)
+from hoap3.remote_controller.references.trajectories.tolerances import Tolerances, each_of
+from hoap3.remote_controller.references.trajectories.trajectory import Degree, Trajectory, degree_of
 
 AXES = ("x", "y", "z")
 TURNS = ("rx", "ry", "rz")

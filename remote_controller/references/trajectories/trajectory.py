@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.references.motion_file import Motion
 from hoap3.remote_controller.references.spline import clamped_slopes
 from hoap3.remote_controller.references.target import Target
+from hoap3.remote_controller.references.trajectories.motion_file import Motion
 
 Degree = Literal["linear", "cubic", "quintic"]
 COEFFICIENTS = 6
@@ -44,7 +44,8 @@ class Trajectory(Target):
 
     Attributes:
         times_s: since the start, at which segments begin, and at last the end, (k + 1,) [s].
-        polynomials: coefficients of 1, z … z⁵ with z from 0 to 1 in each segment, (k, 6, m).
+        polynomials: coefficients of 1, z … z⁵ with z from 0 to 1 in each segment, (k, 6, m); 0 of
+            components that stay.
         linear: whether the velocity jumps from segment to segment.
     """
 
@@ -60,7 +61,8 @@ class Trajectory(Target):
         columns = len(motion.names)
         super().__init__(columns if dimension is None else dimension)
         self._places = list(range(columns)) if place is None else place
-        self._rest = [i for i in range(self.dimension) if i not in self._places]
+        self._rest = np.setdiff1d(np.arange(self.dimension), self._places)
+        self._stands = np.zeros(len(self._rest))
         times = motion.times_s * scaling
         lead, self._lead_degree = float(times[0]), degree
         if lead == 0.0:
@@ -72,9 +74,8 @@ class Trajectory(Target):
         self.times_s = np.concatenate([[0.0], lead + (times - times[0])])
         widths = np.diff(self.times_s)
         self.polynomials = np.zeros((len(times), COEFFICIENTS, self.dimension))
-        segments = zip(whole[:, :-1].swapaxes(0, 1), whole[:, 1:].swapaxes(0, 1), strict=True)
-        for k, (here, there) in enumerate(segments, 1):
-            self.polynomials[k] = polynomial(degree, here, there, widths[k])
+        between = polynomial(degree, whole[:, :-1], whole[:, 1:], widths[1:, None])
+        self.polynomials[1:] = between.swapaxes(0, 1)
         self._first = whole[:, 0].copy()
         if self.linear:
             self._first[1:] = 0.0
@@ -92,14 +93,11 @@ class Trajectory(Target):
         super().start(present, time_s)
         origin = np.zeros((3, self.dimension))
         origin[0] = self._first[0] if present is None else present
-        self._end[:] = origin[0]
+        self._stands[:] = self._end[self._rest] = origin[0, self._rest]
         self._end[self._places] = self._last
-        self.polynomials[1:, 0, self._rest] = origin[0, self._rest]
-        self._first[0, self._rest] = origin[0, self._rest]
         if self._widths[0]:
-            self.polynomials[0] = polynomial(
-                self._lead_degree, origin, self._first, self._widths[0]
-            )
+            lead = self._lead_degree, origin, self._first, self._widths[0]
+            self.polynomials[0] = polynomial(*lead)
 
     def follow(self, elapsed_s: float, position_out: FloatArray, velocity_out: FloatArray) -> None:
         """Write x_d and its velocity."""
@@ -119,19 +117,25 @@ class Trajectory(Target):
         np.dot(powers, self.polynomials[segment], out=position_out)
         np.dot(self._slopes, self.polynomials[segment], out=velocity_out)
         velocity_out /= width
+        if self._stands.size:
+            position_out[self._rest] = self._stands
+            velocity_out[self._rest] = 0.0
 
 
-def polynomial(degree: Degree, here: FloatArray, there: FloatArray, width: float) -> FloatArray:
-    """Coefficients of 1, z … z⁵ with z from 0 to 1, (6, m), between two ends.
+def polynomial(
+    degree: Degree, here: FloatArray, there: FloatArray, width: float | FloatArray
+) -> FloatArray:
+    """Coefficients of 1, z … z⁵ with z from 0 to 1, (6, …, m), between two ends.
 
     Args:
         degree: of it.
-        here, there: position, velocity and acceleration at both ends, (3, m) [1, 1/s, 1/s²].
-        width: duration [s].
+        here, there: position, velocity and acceleration at both ends, (3, …, m) [1, 1/s, 1/s²].
+        width: duration [s], one, or (…, 1).
     """
-    found = np.zeros((COEFFICIENTS, here.shape[1]))
-    (p, v, a), (_, w, b) = (end * np.array([[1.0], [width], [width**2]]) for end in (here, there))
-    way = there[0] - here[0]
+    found = np.zeros((COEFFICIENTS, *here.shape[1:]))
+    p, v, a = here[0], here[1] * width, here[2] * width**2
+    w, b = there[1] * width, there[2] * width**2
+    way = there[0] - p
     found[0] = p
     if degree == "linear":
         found[1] = way
@@ -147,10 +151,12 @@ def polynomial(degree: Degree, here: FloatArray, there: FloatArray, width: float
 
 def _filled(motion: Motion, times: FloatArray, scaling: float) -> tuple[FloatArray, FloatArray]:
     """Velocities and accelerations at all points, (k, m); those that are missing are found."""
-    slopes = clamped_slopes(times, motion.positions, repeats=False)
-    if motion.velocities is not None:
-        given = ~np.isnan(motion.velocities)
-        slopes[given] = motion.velocities[given] / scaling
+    if motion.velocities is None:
+        slopes = clamped_slopes(times, motion.positions, repeats=False)
+    else:
+        slopes = motion.velocities / scaling
+        missing = np.isnan(slopes).any(0)
+        slopes[:, missing] = clamped_slopes(times, motion.positions[:, missing], repeats=False)
     bends = np.zeros_like(slopes)
     if motion.accelerations is not None:
         bends = np.nan_to_num(motion.accelerations) / scaling**2

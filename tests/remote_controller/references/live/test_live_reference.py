@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hoap3.remote_controller.references import live_kernels as kernels
-from hoap3.remote_controller.references import live_reference as reference
+from hoap3.remote_controller.references.live import live_kernels as kernels
+from hoap3.remote_controller.references.live import live_reference as reference
 
 
 def assert_near(found: np.ndarray, expected: np.ndarray) -> None:

@@ -25,7 +25,7 @@ import numpy as np
 
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
-from hoap3.remote_controller.references.live_plan import Bounds, Chunk, Plan, Rest, Ways
+from hoap3.remote_controller.references.live.live_plan import Bounds, Chunk, Plan, Rest, Ways
 from hoap3.remote_controller.references.target import Target
 
 Refusal = Literal["wrong_size", "not_finite", "late", "too_far_ahead", "too_fast", "out_of_range"]
