@@ -40,17 +40,24 @@ class FreeTasks(AccelerationTasks):
     is seen from a frame of the robot, as ever, and no motion of the base changes it.
 
     Below the rows that brake stand those of the soles, 6 each: `sole_rows`.
+
+    Attributes:
+        coms: tasks of the centre of mass.
     """
 
     dynamics: FreeDynamics
 
     def __init__(self, *args: Any, **options: Any) -> None:
+        self.coms: list[int] = []
         self._given: list[tuple[str, FloatArray, FloatArray]] = []  # references to be placed
         self._postures: list[tuple[int, str, FloatArray]] = []
         super().__init__(*args, **options)
         first = sum(self.sizes) + self._robot.n
         self.sole_rows = slice(first, first + POSE * len(self._robot.soles))
-        self.soles = self.dynamics.jacobian[self.sole_rows]
+        dynamics = self.dynamics
+        self.soles = dynamics.jacobian[self.sole_rows]
+        frames = slice(len(dynamics.origins) - len(self._robot.soles), None)
+        self.sole_origins, self.sole_axes = dynamics.origins[frames], dynamics.rotations[frames]
 
     def take(self, state: State) -> None:
         """Take the base of a State, before `begin` and `update`."""
@@ -139,6 +146,7 @@ class FreeTasks(AccelerationTasks):
     def _aim_at_point(self, i: int, frame: int, parameters: Any) -> None:
         origin, axes = np.zeros(3), np.eye(3)
         if isinstance(parameters, ComTask.Parameters):
+            self.coms.append(i)
             self._given.append((parameters.frame, origin, axes))
         del frame
         target = target_of(parameters.target, Path(self._file).parent)

@@ -14,6 +14,8 @@ from hoap3.remote_controller.controllers.acceleration.soles.outlines import (
     GRAVITY,
     cone_of,
     drawn_in,
+    on_ground,
+    supported,
 )
 from hoap3.remote_controller.controllers.acceleration.soles.settings import WRENCH, ContactSettings
 from hoap3.remote_controller.controllers.base import ACTIVE_SPEED
@@ -36,6 +38,9 @@ class FreeBase:
 
     Soles that are in the air are asked to rest all the same, but may press with 2 % of the weight
     only: so they come down again, and nothing relies on them. Without any there is no problem.
+
+    Where `within_support` is set, tasks of the centre of mass ask for no more than the soles give
+    while the angular momentum rests, see `outlines.supported`.
 
     Args:
         robot: its description.
@@ -153,6 +158,8 @@ class FreeBase:
         if not reduction.update(dynamics.mass, dynamics.bias, tasks.soles, self._wanted):
             self.present |= 2 << len(self.loaded)
             return False
+        for i in tasks.coms if self._settings.within_support else ():
+            self._keep_within_support(tasks.rows[i])
         jacobian, wanted = tasks.with_rest
         np.matmul(jacobian, reduction.motion, out=problem.with_rest[0])
         np.subtract(wanted, jacobian @ reduction.motion_start, out=problem.with_rest[1])
@@ -259,3 +266,13 @@ class FreeBase:
         G[at] = reduction.wrench[self._normals]
         least[at] = np.where(self.loaded, self._settings.least_share * self._weight, 0.0) - start
         most[at] = np.where(self.loaded, np.inf, UNLOADED_SHARE * self._weight) - start
+
+    def _keep_within_support(self, rows: slice) -> None:
+        """Have a task of the centre of mass ask for what the ground can give."""
+        tasks, dynamics, carry = self._tasks, self._tasks.dynamics, self.loaded
+        height = float(dynamics.com[2] - tasks.sole_origins[carry, 2].mean())
+        placed = zip(self._outlines, tasks.sole_axes, tasks.sole_origins, strict=True)
+        soles = [on_ground(*each) for each, down in zip(placed, carry, strict=True) if down]
+        drift, wanted = dynamics.drift[rows], tasks.wanted[rows]
+        given = supported(wanted + drift, dynamics.com, height, np.concatenate(soles))
+        np.subtract(given, drift[:2], out=wanted[:2])

@@ -31,6 +31,9 @@ class ContactSettings(Settings):
     loaded_share: float = Field(
         0.005, ge=0, lt=1, description="of the weight: a sole that carries less is in the air"
     )
+    within_support: bool = Field(
+        True, description="the centre of mass asks for what soles give without the trunk's help"
+    )
     lost_after_s: float = Field(
         0.01, ge=0, description="how long a sole carries less before it counts as in the air [s]"
     )

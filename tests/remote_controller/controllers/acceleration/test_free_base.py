@@ -222,6 +222,22 @@ def test_torques_that_are_too_small_are_not_exceeded(least_share, fallback):
     assert command.solver_status == STATUS["infeasible"]
 
 
+def test_the_centre_of_mass_asks_for_no_more_than_the_soles_can_give():
+    robot = free_robot()
+    tasks = [{**TASKS[0], "kp": 1e4}, TASKS[1]]
+    law, state = controller("ghc", robot, tasks=[*tasks, POSTURE]), at_rest(robot)
+    law.reset(state, None)
+    law.step(state)
+    state.base[:3] += [0.0, 0.2, 0.0]  # far from where it began
+    law.step(state)
+    dynamics = law.tasks.dynamics
+    wanted = law.tasks.wanted[:3] + dynamics.drift[:3]
+    lift = 9.81 + wanted[2]
+    point = dynamics.com[:2] - wanted[:2] * dynamics.com[2] / lift
+    assert point[1] == pytest.approx(0.2 + 0.088 + Y, abs=1e-3)  # the outer edge of the left sole
+    assert point[0] == pytest.approx(dynamics.com[0], abs=1e-3)
+
+
 FIXED = load("hoap3").model_copy(update={"command_kinds": ("torque",)})
 
 
