@@ -19,10 +19,11 @@ import math
 
 import numpy as np
 
-from hoap3.protocol.robot.setpoint_limits_kernels import ULP, stopping_speed
+from hoap3.protocol.robot.setpoint_limits_kernels import ULP, stopping_speed, within
 from hoap3.protocol.runtime.numba_jit import inlined
 
 MOST_STEPS_OF_NEWTON = 60  # it ends sooner; this is for what rounding may do
+NEAR = 1e-9  # of JT: what is as near as that to a solution on one straight piece is on it
 ROUNDINGS = 8.0  # units of the last place of a position, in a step
 
 
@@ -125,6 +126,12 @@ def brake_reserve(place: float, way: float, steps: float) -> float:
 
 
 @inlined
+def release_reserve(place: float, x: float) -> float:
+    """Velocity that rounding may cost while an acceleration x is released at a place."""
+    return ROUNDINGS * ULP * place * (1.0 + abs(x))
+
+
+@inlined
 def below_wall(
     u: float, x: float, least: float, room: float, place: float, N: float
 ) -> float:
@@ -178,30 +185,38 @@ def most_for_wall(u: float, room: float, least: float, most: float, N: float) ->
 
 
 @inlined
-def next_for_stop(u: float, away: float, least: float, most: float, N: float) -> float:
-    """Next x from `least` to `most` after which the stop ends `away` from here, or nearest to it.
+def next_for_stop(
+    u: float, x: float, away: float, least: float, most: float, N: float
+) -> float:
+    """Next acceleration from `least` to `most` after which the stop ends `away`, or nearest to it.
 
-    Where the stop ends rises with x, convex where it is downwards and concave where it is upwards.
-    Newton's method comes from above on the first piece, and from below on the other.
+    Where the stop ends rises with it, convex where the stop is downwards and concave where it is
+    upwards. Newton's method passes the solution once at most, and then comes nearer from one side.
+    It begins where the stop goes on as it did.
+
+    Args:
+        u, x: velocity and acceleration over the last period.
+        away: how far away the place to stop at is.
+        least, most: see above.
+        N: greatest acceleration of the stop.
     """
-    way, slope = stop_way(u + most, most, N)
-    beyond = u + most + way - away
-    if beyond <= 0.0:
-        return most
-    way, slope_least = stop_way(u + least, least, N)
-    if u + least + way - away >= 0.0:
-        return least
-    x = most
+    side = 1.0
+    if away < 0.0:
+        side, u, x, away, least, most = -1.0, -u, -x, -away, -most, -least
+    ahead = max(most, 0.0)
+    top = u + most + 0.5 * ahead * ahead
+    if u + most + max(top, 0.0) * (ahead + top / N + N + 2.0) <= away:
+        return side * most
+    eased = x < 0.0 and u <= 0.5 * x * (x - 1.0)
+    y = within(x + 1.0 if eased else x - 1.0, least, most)
     for _ in range(MOST_STEPS_OF_NEWTON):
-        nearer = min(max(x - beyond / (1.0 + slope), least), most)
-        if nearer == x:
+        way, slope = stop_way(u + y, y, N)
+        nearer = within(y - (u + y + way - away) / (1.0 + slope), least, most)
+        near = abs(nearer - y) <= NEAR
+        y = nearer
+        if near:
             break
-        x = nearer
-        way, slope = stop_way(u + x, x, N)
-        beyond = u + x + way - away
-        if beyond == 0.0:
-            break
-    return x
+    return side * y
 
 
 @inlined

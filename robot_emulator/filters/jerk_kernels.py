@@ -17,6 +17,7 @@ from hoap3.protocol.robot.jerk_limits_kernels import (
     brake_rise,
     next_for_stop,
     release,
+    release_reserve,
     within_velocity,
 )
 from hoap3.protocol.robot.setpoint_limits_kernels import (
@@ -31,15 +32,35 @@ from hoap3.robot_emulator.filters.position_kernels import follow_one
 SLACKS = 4.0
 """Units of the last place of a position that a third difference of roundings may make."""
 
+PLANNED = 1.0 - 1e-8
+"""Of acceleration and jerk that an approach counts on: what is left corrects what rounding did."""
+
+WITHOUT = 4.0
+"""Of A/T: a jerk that no change of acceleration has, for joints without a limit."""
+
 
 class Limits(NamedTuple):
-    """Of one joint: positions, and greatest speed, acceleration and jerk [rad, s or m, s]."""
+    """Of one joint [rad, s or m, s], and what turns its motion into the units of the brakes.
+
+    Attributes:
+        lower, upper: positions.
+        speed, A, J: greatest velocity, acceleration and jerk.
+        T: period.
+        place, velocity, acceleration: one over JT³, JT² and JT.
+        fast, N: `speed` and A in these units.
+    """
 
     lower: float
     upper: float
     speed: float
     A: float
     J: float
+    T: float
+    place: float
+    velocity: float
+    acceleration: float
+    fast: float
+    N: float
 
 
 class Motion(NamedTuple):
@@ -51,131 +72,154 @@ class Motion(NamedTuple):
 
 
 @inlined
-def of_joint(limits: Matrix, i: int) -> Limits:
+def of_joint(limits: Matrix, i: int, T: float) -> Limits:
     """Column i of (5, n) limits."""
-    return Limits(limits[0, i], limits[1, i], limits[2, i], limits[3, i], limits[4, i])
+    speed, A, J = limits[2, i], limits[3, i], limits[4, i]
+    if not J < math.inf:
+        J = WITHOUT * A / T
+    acceleration = 1.0 / (J * T)
+    velocity = acceleration / T
+    place = velocity / T
+    return Limits(
+        limits[0, i], limits[1, i], speed, A, J, T,
+        place, velocity, acceleration, speed * velocity, A * acceleration,
+    )  # fmt: skip
 
 
 @inlined
 def own_motion(
-    s: float, before: float, earlier: float, q: float, own: Limits, T: float
+    s: float, history: tuple[float, float, float], slack: float, own: Limits
 ) -> tuple[float, float, float]:
     """Where the setpoint's last step began, its velocity and its acceleration.
 
-    After a jump, which is what is faster than the joint, or accelerates more, it is at rest at s.
+    After a jump, which is what no joint within these limits does, it is at rest at s.
+
+    Args:
+        s, history: the setpoint, and those of one, two and three periods ago.
+        slack: of velocities, because of rounding.
+        own: limits.
     """
-    slack = rounding(s, q, T)
-    r = (s - before) / T
-    c = (r - (before - earlier) / T) / T
-    if abs(r) <= own.speed + slack and abs(c) <= own.A + SLACKS * slack / T:
+    before, earlier, first = history
+    per_s = 1.0 / own.T
+    near = SLACKS * slack * per_s
+    r, last = (s - before) * per_s, (before - earlier) * per_s
+    c, b = (r - last) * per_s, (last - (earlier - first) * per_s) * per_s
+    within_all_limits = (
+        abs(r) <= own.speed + slack
+        and abs(c) <= own.A + near
+        and abs(c - b) <= own.J * own.T + 2.0 * near
+    )
+    if within_all_limits:
         return before, r, c
     return s, 0.0, 0.0
 
 
 @inlined
-def within_all(wanted: float, at: Motion, own: Limits, T: float) -> float:
+def within_all(wanted: float, at: Motion, own: Limits) -> float:
     """The next acceleration nearest to the wanted one that keeps all limits now and later."""
-    J = own.J
-    scale = 1.0 / (J * T * T * T)
-    u, x, N = at.v * T * scale, at.a * T * T * scale, own.A * T * T * scale
-    fast = own.speed * T * scale
+    u, x, N = at.v * own.velocity, at.a * own.acceleration, own.N
     least, most = max(x - 1.0, -N), min(x + 1.0, N)
-    asked = wanted * T * T * scale
-    y = within(asked, least, most)
+    asked = wanted * own.acceleration
+    y, far = within(asked, least, most), abs(at.q)
+    fast = own.fast - release_reserve(far * own.place + own.fast, y)
     if y > 0.0:
         y = max(within_velocity(u, y, fast), least)
     elif y < 0.0:
         y = min(-within_velocity(-u, -y, fast), most)
-    far = abs(at.q)
-    up, down = (own.upper - at.q) * scale, (at.q - own.lower) * scale
-    y = below_wall(u, y, least, up, max(far, abs(own.upper)) * scale, N)
-    y = -below_wall(-u, -y, -most, down, max(far, abs(own.lower)) * scale, N)
-    a = wanted if y == asked else y * J * T
-    return within(a, max(at.a - J * T, -own.A), min(at.a + J * T, own.A))
+    up, down = (own.upper - at.q) * own.place, (at.q - own.lower) * own.place
+    y = below_wall(u, y, least, up, max(far, abs(own.upper)) * own.place, N)
+    y = -below_wall(-u, -y, -most, down, max(far, abs(own.lower)) * own.place, N)
+    step = own.J * own.T
+    a = wanted if y == asked else y * step
+    return within(a, max(at.a - step, -own.A), min(at.a + step, own.A))
 
 
 @inlined
-def moved(a: float, at: Motion, own: Limits, T: float) -> Motion:
+def moved(a: float, at: Motion, own: Limits) -> Motion:
     """One period with an acceleration."""
-    v = within(at.v + a * T, -own.speed, own.speed)
-    return Motion(within(at.q + v * T, own.lower, own.upper), v, a)
+    v = within(at.v + a * own.T, -own.speed, own.speed)
+    return Motion(within(at.q + v * own.T, own.lower, own.upper), v, a)
 
 
 @inlined
-def taken(s: float, r: float, c: float, at: Motion, own: Limits, T: float) -> tuple[bool, Motion]:
+def taken(
+    s: float, r: float, c: float, slack: float, at: Motion, own: Limits
+) -> tuple[bool, Motion]:
     """Whether a joint can go to s in one period and do on the next what is asked for; its motion.
 
     That is: within all limits, able to brake before all of them, and able to go on with velocity
     r + cT and then acceleration c, as the setpoint does. NaN is not.
     """
-    w, slack = (s - at.q) / T, rounding(s, at.q, T)
-    a, change, near = (w - at.v) / T, own.J * T, SLACKS * slack / T
+    per_s = 1.0 / own.T
+    w, near, step = (s - at.q) / own.T, SLACKS * slack * per_s, own.J * own.T
+    a = (w - at.v) / own.T
     if not (own.lower <= s <= own.upper and abs(w) <= own.speed + slack):
         return False, at
-    if not (abs(a - at.a) <= change + near and abs(a) <= own.A + near):
+    if not (abs(a - at.a) <= step + near and abs(a) <= own.A + near):
         return False, at
-    tight = within(a, max(at.a - change, -own.A), min(at.a + change, own.A))
-    v = w if tight == a else at.v + tight * T
-    v = within(v, -own.speed, own.speed)
-    onward = (r + c * T - v) / T
     near += near
-    if abs(onward - tight) > change + near or abs(c - onward) > change + near:
+    onward = (r + c * own.T - w) * per_s
+    if abs(onward - a) > step + near or abs(c - onward) > step + near:
         return False, at
     if abs(onward) > own.A + near:
         return False, at
-    scale = 1.0 / (own.J * T * T * T)
-    u, x, N = v * T * scale, tight * T * T * scale, own.A * T * T * scale
-    fast = (own.speed + SLACKS * slack) * T * scale
-    if x * u > 0.0 and abs(u) + release(abs(x)) > fast:
+    u, x = w * own.velocity, a * own.acceleration
+    if x * u > 0.0 and abs(u) + release(abs(x)) > own.fast + SLACKS * slack * own.velocity:
         return False, at
-    up, down = (own.upper - s) * scale, (s - own.lower) * scale
-    far = abs(s)
-    if not able_to_brake(u, x, up, max(far, abs(own.upper)) * scale, N):
+    up, down, far = (own.upper - s) * own.place, (s - own.lower) * own.place, abs(s)
+    if not able_to_brake(u, x, up, max(far, abs(own.upper)) * own.place, own.N):
         return False, at
-    if not able_to_brake(-u, -x, down, max(far, abs(own.lower)) * scale, N):
+    if not able_to_brake(-u, -x, down, max(far, abs(own.lower)) * own.place, own.N):
         return False, at
-    return True, Motion(s, v, tight)
+    return True, Motion(s, w, a)
 
 
 @inlined
-def approached(
-    start: float, r: float, c: float, at: Motion, own: Limits, T: float
-) -> Motion:
-    """One period nearer to a setpoint that comes from `start`, so that it can be met there."""
-    scale = 1.0 / (own.J * T * T * T)
-    x, N, y = at.a * T * T * scale, own.A * T * T * scale, c * T * T * scale
-    u, away = (at.v - r) * T * scale + y, (start - at.q) * scale
-    least, most = max(x - 1.0, -N) - y, min(x + 1.0, N) - y
-    left = max(N - abs(y), 0.125 * N)
-    wanted = y + next_for_stop(u, away, least, most, left)
-    return moved(within_all(wanted * own.J * T, at, own, T), at, own, T)
+def approached(start: float, r: float, c: float, at: Motion, own: Limits) -> Motion:
+    """One period nearer to a setpoint that comes from `start`, so that it can be met there.
+
+    The joint does as one at rest does whose place, velocity and acceleration are the differences
+    from the setpoint's, with what the setpoint's acceleration leaves of A.
+    """
+    more = 1.0 / PLANNED
+    unit = own.acceleration * more
+    x, y, N = at.a * unit, c * unit, own.A * unit
+    u, away = (at.v - r) * own.velocity * more + y, (start - at.q) * own.place * more
+    least, most = max(x - more, -N) - y, min(x + more, N) - y
+    left = max(own.N - abs(y), 0.125 * own.N)
+    found = y + next_for_stop(u, x - y, away, least, most, left)
+    return moved(within_all(found / unit, at, own), at, own)
 
 
 @inlined
 def followed(
-    setpoint: float, before: float, earlier: float, at: Motion, own: Limits, T: float
+    setpoint: float, history: tuple[float, float, float], at: Motion, own: Limits
 ) -> Motion:
     """One period of a joint; see `filter_jerk`."""
     s = within(setpoint, own.lower, own.upper)
-    start, r, c = own_motion(
-        s, within(before, own.lower, own.upper), within(earlier, own.lower, own.upper), at.q, own, T
+    before, earlier, first = history
+    inside = (
+        within(before, own.lower, own.upper),
+        within(earlier, own.lower, own.upper),
+        within(first, own.lower, own.upper),
     )
+    slack = rounding(s, at.q, own.T)
+    start, r, c = own_motion(s, inside, slack, own)
     if not (setpoint == setpoint and abs(s) < math.inf):
         s = start = at.q
         r = c = 0.0
-    elif before != before or earlier != earlier:
+    elif before != before or earlier != earlier or first != first:
         start, r, c = s, 0.0, 0.0
-    there, motion = taken(s, r, c, at, own, T)
+    there, motion = taken(s, r, c, slack, at, own)
     if there:
         return motion
-    return approached(start, r, c, at, own, T)
+    return approached(start, r, c, at, own)
 
 
 @kernel()
 def filter_jerk(
     setpoint: Vector,
-    before: Vector,
-    earlier: Vector,
+    history: Matrix,
     limits: Matrix,
     T: float,
     value: Vector,
@@ -187,9 +231,9 @@ def filter_jerk(
     What is `taken` is so bit by bit. A joint without a limit of jerk moves as of `filter_setpoint`.
 
     Args:
-        setpoint, before, earlier: what is asked for, and what was so one period and two periods
-            ago [rad or m]. Beyond a limit it is the limit that counts, and for NaN the place
-            where a joint is.
+        setpoint: what is asked for [rad or m]. Beyond a limit it is the limit that counts, and for
+            NaN the place where a joint is.
+        history: (3, n) what was so one, two and three periods ago; the setpoint is added.
         limits: (5, n) least and greatest position, greatest speed, acceleration and jerk; inf: no
             limit of jerk.
         T: period [s].
@@ -201,14 +245,16 @@ def filter_jerk(
     """
     held = -1
     for i in range(value.size):
-        own, at = of_joint(limits, i), Motion(value[i], velocity[i], acceleration[i])
-        if own.J < math.inf:
-            at = followed(setpoint[i], before[i], earlier[i], at, own, T)
+        at, before = Motion(value[i], velocity[i], acceleration[i]), history[0, i]
+        if limits[4, i] < math.inf:
+            earlier = before, history[1, i], history[2, i]
+            at = followed(setpoint[i], earlier, at, of_joint(limits, i, T))
             value[i], velocity[i], acceleration[i] = at
         else:
-            plain = JointLimits(own.lower, own.upper, own.speed, own.A)
-            q, w = follow_one(setpoint[i], before[i], at.q, at.v, plain, T)
+            plain = JointLimits(limits[0, i], limits[1, i], limits[2, i], limits[3, i])
+            q, w = follow_one(setpoint[i], before, at.q, at.v, plain, T)
             value[i], velocity[i], acceleration[i] = q, w, (w - at.v) / T
+        history[2, i], history[1, i], history[0, i] = history[1, i], before, setpoint[i]
         if value[i] != setpoint[i] and held < 0:
             held = i
     return held
@@ -232,16 +278,13 @@ def steer(
     """
     held = -1
     for i in range(value.size):
-        own, at = of_joint(limits, i), Motion(value[i], velocity[i], acceleration[i])
-        if not own.J < math.inf:
-            own = Limits(own.lower, own.upper, own.speed, own.A, 4.0 * own.A / T)
+        own, at = of_joint(limits, i, T), Motion(value[i], velocity[i], acceleration[i])
         a = (wanted[i] - at.v) / T
-        found = within_all(a, at, own, T)
-        if found == a:
+        if within_all(a, at, own) == a:
             at = Motion(within(at.q + wanted[i] * T, own.lower, own.upper), wanted[i], a)
         else:
             rest = -math.copysign(stopping_speed(abs(at.v), own.J, T), at.v)
-            at = moved(within_all(rest, at, own, T), at, own, T)
+            at = moved(within_all(rest, at, own), at, own)
             if held < 0:
                 held = i
         value[i], velocity[i], acceleration[i] = at
@@ -260,9 +303,7 @@ def brake_ends(
 ) -> None:
     """Where joints get at least, whatever they do: least and greatest places, (n,) each."""
     for i in range(value.size):
-        own = of_joint(limits, i)
-        jerk = own.J if own.J < math.inf else 4.0 * own.A / T
-        unit = jerk * T * T * T
-        u, x, N = velocity[i] * T / unit, acceleration[i] * T * T / unit, own.A * T * T / unit
-        highest[i] = value[i] + brake_rise(u, x, N)[0] * unit
-        lowest[i] = value[i] - brake_rise(-u, -x, N)[0] * unit
+        own = of_joint(limits, i, T)
+        u, x = velocity[i] * own.velocity, acceleration[i] * own.acceleration
+        highest[i] = value[i] + brake_rise(u, x, own.N)[0] / own.place
+        lowest[i] = value[i] - brake_rise(-u, -x, own.N)[0] / own.place

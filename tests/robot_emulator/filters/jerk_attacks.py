@@ -9,7 +9,7 @@ from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.robot.jerk_limits import kept_acceleration
 from hoap3.robot_emulator.filters.jerk_kernels import filter_jerk
 
-ULPS = 36
+ULPS = 12
 """Of the largest of four positions (and of the way at the greatest speed in three periods)."""
 
 
@@ -31,7 +31,7 @@ class JerkAttacked(Attacked):
         A = kept_acceleration(*self.limits, self.jerk, T)
         self.limits[3] = A
         self.all = np.ascontiguousarray([*self.limits, self.jerk])
-        self.before2 = self.value.copy()
+        self.history = np.tile(self.value, (3, 1))
 
     def forget(self) -> None:
         super().forget()
@@ -41,11 +41,11 @@ class JerkAttacked(Attacked):
         asked = np.ascontiguousarray(setpoint, float)
         held = int(
             filter_jerk(
-                asked, self.before, self.before2, self.all, T,
+                asked, self.history, self.all, T,
                 self.value, self.velocity, self.acceleration,
             )
         )  # fmt: skip
-        self.before2, self.before = self.before, asked
+        self.before = asked
         self.places.append(self.value.copy())
         self.velocities.append(self.velocity.copy())
         self.accelerations.append(self.acceleration.copy())
@@ -60,19 +60,15 @@ class JerkAttacked(Attacked):
         return np.max((third - self.jerk * T**3) / np.spacing(far), axis=0, initial=0.0)
 
     def check(self) -> None:
-        """All limits hold: those of the reference's own motion, and as seen."""
-        places, own = np.array(self.places), np.array(self.velocities)
+        """All limits hold: of position strictly, and to some ulp as differences of it are seen."""
+        places = np.array(self.places)
         lower, upper, speed, acceleration = self.limits
         assert np.all(lower <= places)  # between ticks it goes in a straight line
         assert np.all(places <= upper)
-        assert np.all(np.abs(own) <= speed)
-        a = np.array(self.accelerations)
-        assert np.all(np.abs(a) <= acceleration)
-        assert np.all(np.abs(np.diff(a, axis=0)) <= self.jerk * T * (1 + 1e-15) + np.spacing(np.abs(a[1:])) )
         far = np.spacing(np.abs(places).max(0) + 3 * np.minimum(speed * T, 1e300))
         seen = np.diff(places, axis=0)
-        assert np.all(np.abs(seen) <= speed * T + 4 * far)
-        assert np.all(np.abs(np.diff(seen, axis=0)) <= acceleration * T**2 + 18 * far)
+        assert np.all(np.abs(seen) <= speed * T + ULPS * far)
+        assert np.all(np.abs(np.diff(seen, axis=0)) <= acceleration * T**2 + ULPS * far)
         assert np.all(self.excess() <= ULPS)
 
 
