@@ -10,6 +10,11 @@ Array = NDArray[np.float64]
 INSIDE = 1.0 - 1e-9  # because of rounding
 
 
+def binding_jerk(acceleration: Array, jerk: Array, T: float) -> Array:
+    """Limits of jerk, (n,); inf where they are 2A/T or more, as A alone keeps to these."""
+    return np.where(jerk < 2.0 * acceleration / T, jerk, np.inf)
+
+
 def kept_acceleration(
     lower: Array, upper: Array, velocity: Array, acceleration: Array, jerk: Array, T: float
 ) -> Array:

@@ -30,7 +30,7 @@ ROUNDINGS = 8.0  # units of the last place of a position, in a step
 @inlined
 def release(x: float) -> float:
     """Velocity that is gained while an acceleration x ≥ 0 is released: (x − 1) + (x − 2) + …."""
-    m = np.ceil(x) - 1.0
+    m: float = np.ceil(x) - 1.0
     return m * x - 0.5 * m * (m + 1.0)
 
 
@@ -204,11 +204,13 @@ def next_for_stop(
     if away < 0.0:
         side, u, x, away, least, most = -1.0, -u, -x, -away, -most, -least
     ahead = max(most, 0.0)
-    top = u + most + 0.5 * ahead * ahead
-    if u + most + max(top, 0.0) * (ahead + top / N + N + 2.0) <= away:
+    top = max(u + most + 0.5 * ahead * ahead, 0.0)
+    steps = ahead + top / N + N + 2.0
+    if u + most + top * steps <= away:
         return side * most
     eased = x < 0.0 and u <= 0.5 * x * (x - 1.0)
-    y = within(x + 1.0 if eased else x - 1.0, least, most)
+    guess = x + 1.0 if eased or u + 0.5 * top * steps <= away else x - 1.0
+    y = within(guess, least, most)
     for _ in range(MOST_STEPS_OF_NEWTON):
         way, slope = stop_way(u + y, y, N)
         nearer = within(y - (u + y + way - away) / (1.0 + slope), least, most)
