@@ -126,9 +126,10 @@ def brake_reserve(place: float, way: float, steps: float) -> float:
 
 
 @inlined
-def release_reserve(place: float, x: float) -> float:
-    """Velocity that rounding may cost while an acceleration x is released at a place."""
-    return ROUNDINGS * ULP * place * (1.0 + abs(x))
+def release_reserve(place: float, fast: float, x: float) -> float:
+    """Velocity that rounding may cost while an acceleration x is released, from a place on."""
+    steps = 1.0 + abs(x)
+    return ROUNDINGS * ULP * (place + fast * (3.0 + steps)) * steps
 
 
 @inlined

@@ -105,7 +105,7 @@ def own_motion(
     r, last = (s - before) * per_s, (before - earlier) * per_s
     c, b = (r - last) * per_s, (last - (earlier - first) * per_s) * per_s
     within_all_limits = (
-        abs(r) <= own.speed + slack
+        abs(r) <= own.speed + slack < math.inf
         and abs(c) <= own.A + near
         and abs(c - b) <= own.J * own.T + 2.0 * near
     )
@@ -121,7 +121,7 @@ def within_all(wanted: float, at: Motion, own: Limits) -> float:
     least, most = max(x - 1.0, -N), min(x + 1.0, N)
     asked = wanted * own.acceleration
     y, far = within(asked, least, most), abs(at.q)
-    fast = own.fast - release_reserve(far * own.place + own.fast, y)
+    fast = own.fast - release_reserve(far * own.place, own.fast, y)
     if y > 0.0:
         y = max(within_velocity(u, y, fast), least)
     elif y < 0.0:
@@ -153,7 +153,7 @@ def taken(
     per_s = 1.0 / own.T
     w, near, step = (s - at.q) / own.T, SLACKS * slack * per_s, own.J * own.T
     a = (w - at.v) / own.T
-    if not (own.lower <= s <= own.upper and abs(w) <= own.speed + slack):
+    if not (own.lower <= s <= own.upper and abs(w) <= own.speed + slack < math.inf):
         return False, at
     if not (abs(a - at.a) <= step + near and abs(a) <= own.A + near):
         return False, at
@@ -203,13 +203,14 @@ def followed(
         within(earlier, own.lower, own.upper),
         within(first, own.lower, own.upper),
     )
-    slack = rounding(s, at.q, own.T)
-    start, r, c = own_motion(s, inside, slack, own)
     if not (setpoint == setpoint and abs(s) < math.inf):
-        s = start = at.q
-        r = c = 0.0
-    elif before != before or earlier != earlier or first != first:
-        start, r, c = s, 0.0, 0.0
+        s = at.q
+        start, r, c, slack = s, 0.0, 0.0, rounding(s, s, own.T)
+    else:
+        slack = rounding(s, at.q, own.T)
+        start, r, c = own_motion(s, inside, slack, own)
+        if before != before or earlier != earlier or first != first:
+            start, r, c = s, 0.0, 0.0
     there, motion = taken(s, r, c, slack, at, own)
     if there:
         return motion
