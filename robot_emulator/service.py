@@ -55,6 +55,10 @@ def describe(
         description = description.model_copy(update={"initial_posture": config.posture})
     if config.name is not None:
         description = description.model_copy(update={"name": config.name})
+    if config.setpoint_jerk_max is not None:
+        change = {"setpoint_jerk_max": config.setpoint_jerk_max}
+        joints = tuple(joint.model_copy(update=change) for joint in description.joints)
+        description = description.model_copy(update={"joints": joints})
     kind = config.command or description.command_kinds[0]
     if kind not in description.command_kinds:
         takes = " or ".join(description.command_kinds)
