@@ -18,8 +18,8 @@ from hoap3.protocol.runtime.realtime import prepare_process, schedule_start
 from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.robot_emulator.config import EmulatorConfig
-from hoap3.robot_emulator.loop import GRACE_TICKS, RobotLoop
 from hoap3.robot_emulator.filters.jerk import jerk_notes
+from hoap3.robot_emulator.loop import GRACE_TICKS, RobotLoop
 from hoap3.robot_emulator.plants.registry import declared, find_plant
 from hoap3.robot_emulator.robots import load
 from hoap3.robot_emulator.robots.follower_limits import follower_notes

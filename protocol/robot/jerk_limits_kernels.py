@@ -133,9 +133,7 @@ def release_reserve(place: float, fast: float, x: float) -> float:
 
 
 @inlined
-def below_wall(
-    u: float, x: float, least: float, room: float, place: float, N: float
-) -> float:
+def below_wall(u: float, x: float, least: float, room: float, place: float, N: float) -> float:
     """As much of the next x, but no less than `least`, as leaves a joint able to brake in time.
 
     Args:
@@ -186,9 +184,7 @@ def most_for_wall(u: float, room: float, least: float, most: float, N: float) ->
 
 
 @inlined
-def next_for_stop(
-    u: float, x: float, away: float, least: float, most: float, N: float
-) -> float:
+def next_for_stop(u: float, x: float, away: float, least: float, most: float, N: float) -> float:
     """Next acceleration from `least` to `most` after which the stop ends `away`, or nearest to it.
 
     Where the stop ends rises with it, convex where the stop is downwards and concave where it is
@@ -228,5 +224,3 @@ def within_velocity(u: float, x: float, most: float) -> float:
     if u + 0.5 * x * (x + 1.0) + 0.125 <= most:
         return x
     return min(x, stopping_speed(most - u, 1.0, 1.0))
-
-

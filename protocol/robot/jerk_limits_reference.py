@@ -41,7 +41,7 @@ def release(a: Array, J: Array, T: float) -> Array:
 
 
 def hardest_brake(v: Array, J: Array, T: float) -> Array:
-    """The greatest b that can be released before v < 0: for all n, T (b + … + b − (n − 1)JT) ≤ v."""
+    """The greatest b with T (b + (b − JT) + … + (b − (n − 1)JT)) ≤ v for all n: it can be released."""
     n = np.arange(1.0, np.sqrt(2.0 * np.max(v / J, initial=0.0)) / T + 2.0)[:, None]
     return np.asarray(((v / T + 0.5 * J * T * n * (n - 1.0)) / n).min(axis=0))
 
@@ -98,7 +98,7 @@ def acceleration_bounds(
 
 
 def next_for_stop(
-    away: Array, v: Array, a: Array, bounds: tuple[Array, Array], limits: Limits, T: float
+    away: Array, v: Array, bounds: tuple[Array, Array], limits: Limits, T: float
 ) -> Array:
     """The next acceleration within bounds after which the stop ends `away`, or nearest to it."""
     _, _, _, A, J = limits

@@ -55,7 +55,7 @@ class BrakingCurve:
         return tick >= self._ticks
 
     def _share(self, tick: int) -> float:
-        """s at a tick: it falls by a parabola, a line, and a parabola."""
+        """S at a tick: it falls by a parabola, a line, and a parabola."""
         left, ramp = (self._ticks - tick) * self._T, self._ramp
         if left <= 0.0:
             return 0.0

@@ -28,9 +28,7 @@ def own_motion(setpoint: Array, history: Array, limits: plain.Limits, T: float) 
     return np.where(moves, before, s), np.where(moves, r, 0.0), np.where(moves, c, 0.0)
 
 
-def room_left(
-    setpoint: Array, history: Array, limits: plain.Limits, T: float, at: Motion
-) -> Array:
+def room_left(setpoint: Array, history: Array, limits: plain.Limits, T: float, at: Motion) -> Array:
     """By how much acceleration a joint could do more than go to the setpoint; < 0: it cannot.
 
     It can where that is within all limits, leaves it able to brake before them, and on the next
@@ -56,9 +54,7 @@ def room_left(
     )
 
 
-def filtered(
-    setpoint: Array, history: Array, limits: plain.Limits, T: float, at: Motion
-) -> Array:
+def filtered(setpoint: Array, history: Array, limits: plain.Limits, T: float, at: Motion) -> Array:
     """The next acceleration: that of the setpoint where the joint can go there, else an approach.
 
     The approach is the stop that ends at the setpoint, as seen from the setpoint, with what the
@@ -77,7 +73,7 @@ def filtered(
     near = np.maximum(a - J * T, -A) - c, np.minimum(a + J * T, A) - c
     left = np.maximum(A - np.abs(c), A / 8.0)
     own = lower, upper, speed, left, J
-    wanted = c + plain.next_for_stop(start - q, v - r + c * T, a - c, near, own, T)
+    wanted = c + plain.next_for_stop(start - q, v - r + c * T, near, own, T)
     least, most = plain.acceleration_bounds(q, v, a, limits, T)
     kept = np.clip(wanted, least, np.maximum(most, least))
     return np.where(there, ((setpoint - q) / T - v) / T, kept)

@@ -75,7 +75,7 @@ class Motion(NamedTuple):
 def of_joint(limits: Matrix, i: int, T: float) -> Limits:
     """Column i of (5, n) limits."""
     speed, A, J = limits[2, i], limits[3, i], limits[4, i]
-    if not J < math.inf:
+    if not math.inf > J:
         J = WITHOUT * A / T
     acceleration = 1.0 / (J * T)
     velocity = acceleration / T
@@ -203,13 +203,13 @@ def followed(
         within(earlier, own.lower, own.upper),
         within(first, own.lower, own.upper),
     )
-    if not (setpoint == setpoint and abs(s) < math.inf):
+    if math.isnan(setpoint) or not abs(s) < math.inf:
         s = at.q
         start, r, c, slack = s, 0.0, 0.0, rounding(s, s, own.T)
     else:
         slack = rounding(s, at.q, own.T)
         start, r, c = own_motion(s, inside, slack, own)
-        if before != before or earlier != earlier or first != first:
+        if math.isnan(before) or math.isnan(earlier) or math.isnan(first):
             start, r, c = s, 0.0, 0.0
     there, motion = taken(s, r, c, slack, at, own)
     if there:

@@ -31,9 +31,9 @@ def follow_one(
     change = A * T
     s = within(setpoint, lower, upper)
     start = own_start(within(before, lower, upper), s, q, speed, T)
-    if not (setpoint == setpoint and abs(s) < math.inf):
+    if math.isnan(setpoint) or not abs(s) < math.inf:
         s = start = q
-    elif before != before:
+    elif math.isnan(before):
         start = s
     if taken_over(s, start, q, v, limits, T):
         tight = change - 2.0 * ULP * (abs(v) + change)

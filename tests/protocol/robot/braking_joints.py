@@ -1,4 +1,4 @@
-"""Joints with limits of jerk in motion, near and far from their walls, and what is asked of them."""
+"""Joints with limits of jerk, near and far from their walls, and what is asked of them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,9 @@ def braking_joints(rng: np.random.Generator, n: int) -> tuple[FloatArray, Motion
     history, goal = np.tile(q, (3, 1)), q
     for step in range(rng.integers(20, 300)):
         if step % 40 == 0:
-            goal = np.where(rng.random(n) < 0.5, rng.uniform(lower, upper), rng.choice([-9.0, 9.0], n))
+            goal = np.where(
+                rng.random(n) < 0.5, rng.uniform(lower, upper), rng.choice([-9.0, 9.0], n)
+            )
         filter_jerk(goal, history, limits, T, q, v, a)
     return limits, (q, v, a), history
 

@@ -92,7 +92,9 @@ def test_joints_without_acceleration_stop_in_a_straight_line(speeds):
     reference.begin_stop()
     for _ in range(10):
         reference.brake()
-        np.testing.assert_allclose(reference.rate / before, reference.rate[0] / before[0], rtol=1e-9)
+        np.testing.assert_allclose(
+            reference.rate / before, reference.rate[0] / before[0], rtol=1e-9
+        )
 
 
 def test_a_stop_ends_at_a_limit_that_is_nearer_with_all_limits_kept():
@@ -111,7 +113,7 @@ def test_a_stop_ends_at_a_limit_that_is_nearer_with_all_limits_kept():
 
 
 def test_a_stop_that_is_broken_off_leaves_no_jump_behind():
-    """Recovered at once, the robot follows again: accelerations and jerks stay within the limits."""
+    """Recovered at once, the robot follows again, with accelerations and jerks within limits."""
     robot = smooth()
     reference, places = moving(robot, robot.initial_position + 1.0, 150)
     for _ in range(3):
@@ -134,7 +136,9 @@ def test_a_robot_that_starts_outside_its_usable_range_comes_in_and_stays_in():
     furthest = reference.value.copy()
     for tick in range(600):
         inwards = tick % 100 < 60
-        reference.follow(np.array([1.9, -1.9, 0.0]) if inwards else np.array([9.0, -9.0, 0.0]), tick)
+        reference.follow(
+            np.array([1.9, -1.9, 0.0]) if inwards else np.array([9.0, -9.0, 0.0]), tick
+        )
         places.append(reference.value.copy())
     assert (np.array(places)[:, 0] <= furthest[0]).all()
     assert (np.array(places)[:, 1] >= furthest[1]).all()

@@ -12,14 +12,14 @@ from tampering import changed_field, nth, rewrite
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.verify.verify import verify
 
-SMOOTH = "--set", "emulator.setpoint_jerk_max=300"
+SMOOTH = "--set", "emulator.setpoint_jerk_max=100"
 
 
 @pytest.fixture(scope="module")
 def story(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A robot that holds its controller back, as this does not know how to begin so gently."""
     folder = tmp_path_factory.mktemp("story") / "run"
-    given = "--robot", "ur5", "--controller", "qp12", "--duration", "0.3"
+    given = "--robot", "ur5", "--controller", "qp12", "--duration", "0.4"
     inside("run", "--lockstep", *given, *SMOOTH, "--out", folder)
     return folder
 
