@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from hoap3.protocol.description import RobotDescription
+
 Array = NDArray[np.float64]
 
+WITHOUT = 4.0
+"""Of A/T: a jerk that no change of acceleration has, for joints without a limit."""
+
 INSIDE = 1.0 - 1e-9  # because of rounding
-
-
-def binding_jerk(acceleration: Array, jerk: Array, T: float) -> Array:
-    """Limits of jerk, (n,); inf where they are 2A/T or more, as A alone keeps to these."""
-    return np.where(jerk < 2.0 * acceleration / T, jerk, np.inf)
 
 
 def kept_acceleration(
@@ -38,3 +38,14 @@ def kept_acceleration(
         gain = step + (velocity / T + 0.5 * step * n * (n - 1.0)) / n
     least = np.minimum(turn, gain)
     return np.where(some & (least < acceleration), INSIDE * least, acceleration)
+
+
+def limits_with_jerk(robot: RobotDescription) -> Array:
+    """What joints keep to, (5, n): least and greatest q, and greatest speed, acceleration and jerk.
+
+    The acceleration is what can be let have. A jerk of 2A/T or more is inf: A alone keeps to it.
+    """
+    most, jerk, T = robot.setpoint_acceleration_max, robot.setpoint_jerk_max, robot.period_s
+    binding = np.where(jerk < 2.0 * most / T, jerk, np.inf)
+    limits = robot.lower, robot.upper, robot.velocity
+    return np.array([*limits, kept_acceleration(*limits, most, binding, T), binding])

@@ -41,7 +41,7 @@ def release(a: Array, J: Array, T: float) -> Array:
 
 
 def hardest_brake(v: Array, J: Array, T: float) -> Array:
-    """The greatest b with T (b + (b − JT) + … + (b − (n − 1)JT)) ≤ v for all n: it can be released."""
+    """The greatest b that can be released: T (b + … + (b − (n − 1)JT)) ≤ v for all n."""
     n = np.arange(1.0, np.sqrt(2.0 * np.max(v / J, initial=0.0)) / T + 2.0)[:, None]
     return np.asarray(((v / T + 0.5 * J * T * n * (n - 1.0)) / n).min(axis=0))
 

@@ -6,36 +6,27 @@ import numpy as np
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.robot.jerk_limits import binding_jerk, kept_acceleration
+from hoap3.protocol.robot.jerk_limits import WITHOUT, limits_with_jerk
 from hoap3.robot_emulator.filters.braking_curve import BrakingCurve
 from hoap3.robot_emulator.filters.position import PositionFilter
 
 
 def limits_jerk(robot: RobotDescription) -> bool:
     """Whether some joint has a limit of jerk that its accelerations do not keep anyway."""
-    return bool(np.isfinite(_jerk(robot)).any())
+    return bool(np.isfinite(limits_with_jerk(robot)[4]).any())
 
 
 def jerk_notes(robot: RobotDescription) -> list[str]:
     """What people should know of it: which joints may not use all of their acceleration."""
     if robot.command_kinds[0] != "position":
         return []
-    asked, kept = robot.setpoint_acceleration_max, _kept(robot)
+    asked, (_, _, _, kept, jerks) = robot.setpoint_acceleration_max, limits_with_jerk(robot)
     return [
         f"joint {name!r}: accelerates by {kept[i]:.6g} at most instead of {asked[i]:.6g}, because "
         f"its range and speed are too small to change more by a jerk of {jerk:.6g}"
-        for i, (name, jerk) in enumerate(zip(robot.joint_names, _jerk(robot), strict=True))
+        for i, (name, jerk) in enumerate(zip(robot.joint_names, jerks, strict=True))
         if kept[i] < asked[i]
     ]
-
-
-def _jerk(robot: RobotDescription) -> FloatArray:
-    return binding_jerk(robot.setpoint_acceleration_max, robot.setpoint_jerk_max, robot.period_s)
-
-
-def _kept(robot: RobotDescription) -> FloatArray:
-    most, jerk = robot.setpoint_acceleration_max, _jerk(robot)
-    return kept_acceleration(robot.lower, robot.upper, robot.velocity, most, jerk, robot.period_s)
 
 
 class JerkFilter(PositionFilter):
@@ -51,10 +42,10 @@ class JerkFilter(PositionFilter):
         super().__init__(description, period_s)
         n = description.n
         self._kernels = kernels
-        jerk = _jerk(description)
-        self._limits = np.array([*self._limits[:3], _kept(description), jerk])
+        self._limits = limits_with_jerk(description)
+        jerk = self._limits[4]
         self._lower, self._upper = self._limits[0], self._limits[1]
-        some = np.where(np.isfinite(jerk), jerk, kernels.WITHOUT * self._limits[3] / period_s)
+        some = np.where(np.isfinite(jerk), jerk, WITHOUT * self._limits[3] / period_s)
         self._curve = BrakingCurve(np.minimum(self._brake, self._limits[3]), some, period_s)
         self._acceleration, self._lowest, self._highest = np.zeros((3, n))
         self._history = np.zeros((3, n))

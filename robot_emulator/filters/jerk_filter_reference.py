@@ -41,16 +41,18 @@ def room_left(setpoint: Array, history: Array, limits: plain.Limits, T: float, a
     next_a = (w - v) / T
     onward = (r + c * T - w) / T
     least, most = plain.acceleration_bounds(q, v, a, limits, T)
-    return np.minimum.reduce(
-        [
-            most - next_a,
-            next_a - least,
-            (speed - np.abs(w)) / T,
-            step - np.abs(onward - next_a),
-            step - np.abs(c - onward),
-            A - np.abs(onward),
-            np.minimum(setpoint - lower, upper - setpoint) / T**2,
-        ]
+    return np.asarray(
+        np.minimum.reduce(
+            [
+                most - next_a,
+                next_a - least,
+                (speed - np.abs(w)) / T,
+                step - np.abs(onward - next_a),
+                step - np.abs(c - onward),
+                A - np.abs(onward),
+                np.minimum(setpoint - lower, upper - setpoint) / T**2,
+            ]
+        )
     )
 
 
@@ -76,4 +78,4 @@ def filtered(setpoint: Array, history: Array, limits: plain.Limits, T: float, at
     wanted = c + plain.next_for_stop(start - q, v - r + c * T, near, own, T)
     least, most = plain.acceleration_bounds(q, v, a, limits, T)
     kept = np.clip(wanted, least, np.maximum(most, least))
-    return np.where(there, ((setpoint - q) / T - v) / T, kept)
+    return np.asarray(np.where(there, ((setpoint - q) / T - v) / T, kept))
