@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from hoap3.protocol.robot.jerk_takeover_kernels import Motion, asked_of, of_joint, taken
+from hoap3.protocol.robot.jerk.jerk_takeover_kernels import Motion, asked_of, of_joint, taken
 from hoap3.protocol.runtime.numba_jit import Matrix, Vector, kernel
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.robot import jerk_limits_reference as plain
+from hoap3.protocol.robot.jerk import jerk_limits_reference as plain
 
 Array = NDArray[np.float64]
 Motion = tuple[Array, Array, Array]

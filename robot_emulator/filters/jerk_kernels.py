@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import math
 
-from hoap3.protocol.robot.jerk_limits_kernels import (
+from hoap3.protocol.robot.jerk.jerk_limits_kernels import (
     below_wall,
     brake_rise,
     next_for_stop,
     release_reserve,
     within_velocity,
 )
-from hoap3.protocol.robot.jerk_takeover_kernels import (
+from hoap3.protocol.robot.jerk.jerk_takeover_kernels import (
     Limits,
     Motion,
     asked_of,

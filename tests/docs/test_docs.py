@@ -32,6 +32,7 @@ STORIES = [
     "new_robot.md",
     "robots.md",
     "limits.md",
+    "jerk.md",
     "priorities.md",
     "gains.md",
     "contact.md",

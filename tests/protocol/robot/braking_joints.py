@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.robot.jerk_limits import kept_acceleration
+from hoap3.protocol.robot.jerk.jerk_limits import kept_acceleration
 from hoap3.robot_emulator.filters.jerk_kernels import filter_jerk
 
 T = 1e-3

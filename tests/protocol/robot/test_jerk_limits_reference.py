@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from braking_joints import T, asked_of, braking_joints, rounding
 
-from hoap3.protocol.robot import jerk_limits_reference as plain
-from hoap3.protocol.robot.jerk_limits import kept_acceleration
+from hoap3.protocol.robot.jerk import jerk_limits_reference as plain
+from hoap3.protocol.robot.jerk.jerk_limits import kept_acceleration
 from hoap3.robot_emulator.filters.jerk_filter_reference import filtered, room_left
 from hoap3.robot_emulator.filters.jerk_kernels import brake_ends, filter_jerk, steer
 

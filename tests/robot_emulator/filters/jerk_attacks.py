@@ -6,7 +6,7 @@ import numpy as np
 from setpoint_attacks import Attacked, N, T, greedy, jitter, jumps, noise, random_limits
 
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.robot.jerk_limits import kept_acceleration
+from hoap3.protocol.robot.jerk.jerk_limits import kept_acceleration
 from hoap3.robot_emulator.filters.jerk_kernels import filter_jerk
 
 ULPS = 12

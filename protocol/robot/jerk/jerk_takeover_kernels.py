@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from hoap3.protocol.robot.jerk_limits import WITHOUT
-from hoap3.protocol.robot.jerk_limits_kernels import able_to_brake, release
+from hoap3.protocol.robot.jerk.jerk_limits import WITHOUT
+from hoap3.protocol.robot.jerk.jerk_limits_kernels import able_to_brake, release
 from hoap3.protocol.robot.setpoint_limits_kernels import rounding, within
 from hoap3.protocol.runtime.numba_jit import Matrix, inlined
 
