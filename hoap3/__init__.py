@@ -45,6 +45,8 @@ if TYPE_CHECKING:
     from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
     from hoap3.remote_controller.tasks.task import Task
     from hoap3.robot_emulator.robots import load as load_robot
+    from hoap3.tools.environment.environment import Environment
+    from hoap3.tools.services.connection import connect, connect_async
     from hoap3.tools.simulate import simulate
 
 __all__ = [
@@ -54,6 +56,7 @@ __all__ = [
     "Constraint",
     "Controller",
     "DescriptionError",
+    "Environment",
     "ErrorTask",
     "FrameNotFoundError",
     "Hoap3Error",
@@ -75,6 +78,8 @@ __all__ = [
     "WireError",
     "__version__",
     "bounds",
+    "connect",
+    "connect_async",
     "load_robot",
     "simulate",
     "solvers",
@@ -83,6 +88,7 @@ __all__ = [
 _LAZY = {
     "Constraint": "hoap3.remote_controller.constraints.constraint:Constraint",
     "Controller": "hoap3.remote_controller.controllers.base:Controller",
+    "Environment": "hoap3.tools.environment.environment:Environment",
     "ErrorTask": "hoap3.remote_controller.tasks.error_task:ErrorTask",
     "LyapunovFunction": "hoap3.remote_controller.tasks.lyapunov:LyapunovFunction",
     "RobotDescription": "hoap3.protocol.description:RobotDescription",
@@ -90,6 +96,8 @@ _LAZY = {
     "Task": "hoap3.remote_controller.tasks.task:Task",
     "VelocityController": "hoap3.remote_controller.controllers.base:VelocityController",
     "bounds": "hoap3.remote_controller.bounds",
+    "connect": "hoap3.tools.services.connection:connect",
+    "connect_async": "hoap3.tools.services.connection:connect_async",
     "load_robot": "hoap3.robot_emulator.robots:load",
     "simulate": "hoap3.tools.simulate:simulate",
     "solvers": "hoap3.remote_controller.solvers",

@@ -397,6 +397,8 @@ class Target(Message):
     schema = schema("Target")
     _fields_ = schema.c_fields
 
+    target: int
+    number: int
     points: int
     dimension: int
     tick_step: int

@@ -26,9 +26,11 @@ from hoap3.protocol.errors import (
     DescriptionError,
     NoDefaultTaskError,
     UnknownNameError,
+    located,
 )
 from hoap3.remote_controller.limits_above import warn_of_limits_above
 from hoap3.remote_controller.pairs import configs_for, robots_for
+from hoap3.remote_controller.references.live.live import check_names, collected
 
 CONFIGS = Path(__file__).parent / "configs"
 
@@ -102,6 +104,7 @@ def build(config: ControllerConfig, description: RobotDescription, file: str = "
     try:
         keys = "controller", "parameters"
         with (
+            collected() as live,
             told_as_written(config.parameters),
             building(controller, config.controller, description, parameters, file, *keys),
         ):
@@ -117,6 +120,9 @@ def build(config: ControllerConfig, description: RobotDescription, file: str = "
     except DescriptionError as error:
         hint = of_another_robot(config, description) or _runs_on(file, description)
         raise (DescriptionError(f"{error}. {hint}") if hint else error) from error
+    built.live = tuple(live)
+    with located(file, "parameters"):
+        check_names(built.live)
     warn_of_limits_above(description, parameters, file)
     return built
 

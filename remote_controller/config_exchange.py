@@ -6,11 +6,13 @@ import json
 
 from hoap3.protocol.link.session_limits import MAX_CONFIG_BYTES
 from hoap3.remote_controller.config import ControllerConfig
+from hoap3.remote_controller.references.trajectories.motion_texts import without_texts
 
 
 def own_config(config: ControllerConfig) -> bytes:
     """The settings of a controller as JSON for a robot's log; b"" where they are too long."""
-    raw = config.model_dump_json().encode()
+    parameters = without_texts(config.parameters)
+    raw = config.model_copy(update={"parameters": parameters}).model_dump_json().encode()
     return raw if len(raw) <= MAX_CONFIG_BYTES else b""
 
 

@@ -18,6 +18,7 @@ from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.protocol.stop_reasons import LATCHING, STOP_REASONS
 from hoap3.remote_controller.controllers.base import Controller
 from hoap3.remote_controller.outcome import Outcome
+from hoap3.remote_controller.steering import Steering
 
 EVENTS = Event.schema.constants
 
@@ -56,6 +57,7 @@ class ControllerLoop:
         outcome: counts of earlier engagements in this session, to go on with; None for new ones.
 
     Attributes:
+        steering: who steers its live targets.
         epoch: authority under which it answers, 0 for none.
         steps: States that the controller has processed.
         answered, overwritten, repeated, rejected: counts of States.
@@ -84,6 +86,8 @@ class ControllerLoop:
         self.epoch = 0
         self.steps = self.answered = self.overwritten = self.repeated = self.rejected = 0
         self.stale = False
+        self.steering = Steering(controller.live, session_id, controller.description.period_s)
+        self._silent = False
         self._robot_event = Event()
         self._conflict_due = self._stop_due = 0  # when the next such word is recorded
         self._strange = 0  # States in a row that do not fit what was agreed
@@ -192,7 +196,7 @@ class ControllerLoop:
             raise failure(controller, f"failed at tick {tick}", error) from error
         if controller.present != self._present:
             self._note_conditions(controller.present)
-        if not asked:
+        if not asked or self._falls_silent(tick):
             self._last_answer = None
             return None
         command.session_id, command.tick, command.epoch = session_id, tick, epoch
@@ -210,6 +214,14 @@ class ControllerLoop:
         if state.epoch == self.epoch or not self.epoch:
             return False
         return state.epoch != 0 or state.epoch_from_tick == 0
+
+    def _falls_silent(self, tick: int) -> bool:
+        """Whether nothing is to be sent, as a live target is stale that stops the robot."""
+        silent = self.steering.silent(tick)
+        if silent and not self._silent:
+            self._note("TARGET_STALE", tick)
+        self._silent = silent
+        return silent
 
     def _runs_up(self, state: State) -> bool:
         """Whether the robot, at rest, follows us from one of the next ticks on."""
@@ -266,6 +278,8 @@ class ControllerLoop:
         self._summed_up = self._outcome.answers
         try:
             self.summary = self._outcome.as_json()
+            if self.steering:
+                self.summary["targets"] = self.steering.as_json()
             payload = json.dumps({"session_id": self._session_id, **self.summary}).encode()
         except (Exception, SystemExit) as error:
             what = "failed to tell the errors of its tasks"
@@ -299,6 +313,25 @@ class ControllerLoop:
             raise failure(self._controller, "failed on a change", error) from error
         self._recorder.record(Kind.CHANGE, self._clock.now(), payload)
         self.announce("CHANGED", self.last_tick)
+
+    def steer(self, who: str, payload: bytes) -> None:
+        """Take a `Target` that somebody sent, and record it, or count why it is not taken."""
+        if self.steering.take(who, payload, self.last_tick, following=self._engaged):
+            self._recorder.record(Kind.TARGET, self._clock.now(), payload)
+
+    def steer_again(self, payload: bytes) -> None:
+        """Take a `Target` that was taken when it was recorded."""
+        self.steering.follow(payload, self.last_tick)
+
+    def operate(self, verb: str, who: str) -> dict[str, Any]:
+        """Let somebody steer (`acquire`), or no longer (`release`); what it must know.
+
+        Raises:
+            UsageError: somebody else steers, or there is nothing to steer.
+        """
+        if verb == "release":
+            return {"released": self.steering.release(who)}
+        return self.steering.acquire(who, self.epoch, self.last_tick)
 
     def changeable(self) -> dict[str, Any]:
         """What can be changed, and what it is now.

@@ -38,6 +38,7 @@ PAIRS: dict[str, tuple[str, ...]] = {
     "qp12_paper": HOAP3,
     "stable_qp_hoap3": HOAP3,
     "stable_qp_standing": ("hoap3_standing",),
+    "steered_ur5": UR5,
     "tsid_baxter": ("baxter",),
     "weighted": ("lwr_weightless",),
 }

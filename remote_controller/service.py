@@ -48,6 +48,8 @@ Zenoh could have connected again by itself. A session that was cut in a flood ma
 
 Link = ZenohControllerLink | Hoap3ControllerLink
 
+OPERATES = ("acquire", "release")  # what an operator asks of a controller
+
 KNOWN_NAMES = 64  # of our last sessions: a robot forgets those that have ended within a lease
 TOKEN_TRIES = 25  # how often authority is asked for while the robot does not see our token
 
@@ -89,9 +91,13 @@ def serve(request: Request, loop: ControllerLoop) -> None:
         Hoap3Error: the controller failed.
     """
     try:
-        if request.verb == "change":
-            loop.change(request.body)
-        answer: dict[str, Any] = {"error": None, "now": loop.changeable()}
+        if request.verb in OPERATES:
+            now = loop.operate(request.verb, request.who)
+        else:
+            if request.verb == "change":
+                loop.change(request.body)
+            now = loop.changeable()
+        answer: dict[str, Any] = {"error": None, "now": now}
     except UsageError as error:
         answer = {"error": str(error), "now": None}
     request.answer(answer)
@@ -406,6 +412,8 @@ class Service:
                 if request is not None:
                     serve(request, loop)
                     watch.reset()
+                if loop.steering:
+                    self._hear_senders(link, loop)
                 if loop.stale:
                     break
             else:
@@ -419,6 +427,14 @@ class Service:
         note = f"robot {link.robot!r} {gone}"
         self._report(note if silent else Routine(note))
         return not silent
+
+    def _hear_senders(self, link: Link, loop: ControllerLoop) -> None:
+        """Take a Target, and note an operator that vanished; one for each State, as above."""
+        target, gone = link.target(), link.vanished()
+        if target is not None:
+            loop.steer(*target)
+        if gone is not None and loop.steering.release(gone):
+            self._report(Routine(f"{gone!r}, which steered, is gone"))
 
     def _stands_still(self, link: Link) -> bool:
         """Whether no State comes because the robot sends none: no new session would change that.

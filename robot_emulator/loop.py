@@ -30,6 +30,7 @@ from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.protocol.stop_reasons import STOP_REASONS
 from hoap3.robot_emulator.authority import Authority
 from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.filters.base import SetpointFilter
 from hoap3.robot_emulator.plant_factory import build_body
 from hoap3.robot_emulator.plants.base import TOLD
 from hoap3.robot_emulator.setpoint_validator import (
@@ -199,6 +200,11 @@ class RobotLoop:
             **({"plant": figures} if (figures := self.plant.summary()) else {}),
             **({"plant_us": self._plant_times.summary()} if self._plant_times else {}),
         }
+
+    @property
+    def setpoint_filter(self) -> SetpointFilter:
+        """What stands between setpoints and the body; for those who look on."""
+        return self._setpoint_filter
 
     def _held_back_joints(self) -> dict[str, object] | None:
         """Which joint was held back first, and which in most periods; None where none was."""

@@ -28,6 +28,7 @@ from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.loop import ControllerLoop
 from hoap3.remote_controller.registry import registered
 from hoap3.tools.logs.log import Log
+from hoap3.tools.logs.motion_files import reopened
 from hoap3.tools.machine.software import differences, in_words
 
 SAID_SETPOINTS = 500  # after so many the progress is told
@@ -126,7 +127,7 @@ def _replay(
     say: Callable[[str], None],
 ) -> ReplayReport:
     file = f"config in {path}"
-    content = apply_overrides(parse_yaml(log.config, file), overrides)
+    content = apply_overrides(reopened(parse_yaml(log.config, file), log.attachments), overrides)
     config = parse(ControllerConfig, content, file)
     if config.controller not in registered() and not allow_code:
         raise LogError(
@@ -179,6 +180,8 @@ def replay_records(
             loop.grant(int(json.loads(record.payload)["epoch"]))
         elif record.kind == Kind.CHANGE and loop is not None:
             loop.change(record.payload)
+        elif record.kind == Kind.TARGET and loop is not None:
+            loop.steer_again(record.payload)
         elif record.kind == Kind.STATE and loop is not None:
             (tick,) = State.scalars(record.payload, "tick")
             answer = loop.answer(record.stamp, record.payload)

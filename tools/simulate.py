@@ -31,6 +31,7 @@ from hoap3.robot_emulator.robots import available as available_robots
 from hoap3.robot_emulator.robots import load
 from hoap3.robot_emulator.robots.urdf_import.source import DESCRIPTIONS, is_source
 from hoap3.robot_emulator.service import build_loop, describe
+from hoap3.tools.logs.motion_files import as_written, enclosed
 
 REPORTED_TICKS = 100  # after so many ticks the progress is told
 
@@ -42,6 +43,7 @@ class Lockstep:
         emulator, controller: settings of both sides.
         robot_recorder, controller_recorder: where their logs go.
         fate: what becomes of each answer; by default it arrives after the configured time.
+        steer: is given the controller's loop after each answer, and may steer it.
         files: names of both configs, for errors.
 
     Attributes:
@@ -57,6 +59,7 @@ class Lockstep:
         controller_recorder: Recorder,
         fate: DelayModel | None = None,
         files: tuple[str, str] = ("config", "config"),
+        steer: Callable[[ControllerLoop], None] | None = None,
     ) -> None:
         emulator, description = suited(emulator, controller, files)
         self.clock = clock = VirtualClock()
@@ -72,7 +75,9 @@ class Lockstep:
         self.controller_loop.begin(description, lockstep=True)
         self.controller_loop.note_config(emulator.model_dump_json().encode())
         self._failure: Hoap3Error | None = None
-        self._grants = self.link.ask("acquire", "lockstep", controller.model_dump_json().encode())
+        self._steer = steer
+        said = as_written(controller).model_dump_json().encode()
+        self._grants = self.link.ask("acquire", "lockstep", said)
 
     def run(
         self,
@@ -117,6 +122,8 @@ class Lockstep:
             self.link.ask("gone", "lockstep")  # as if its process had ended
             return None
         loop.sent()
+        if self._steer is not None:
+            self._steer(loop)
         return answer
 
 
@@ -159,6 +166,7 @@ def simulate(
     seed: int = 0,
     fate: DelayModel | None = None,
     report: Callable[[int, int], None] | None = None,
+    steer: Callable[[ControllerLoop], None] | None = None,
 ) -> Simulation:
     """Run a robot and a controller against each other, faster than real time.
 
@@ -169,6 +177,7 @@ def simulate(
         seed: names the session, and everything random.
         fate: what becomes of each answer on its way, see `hoap3.protocol.link.base.LockstepLink`.
         report: takes how many ticks are done, of how many.
+        steer: is given the controller's loop after each answer, and may steer its live targets.
 
     Raises:
         UsageError: something in the settings is wrong.
@@ -178,7 +187,8 @@ def simulate(
     emulator = emulator_settings(robot, seed)
     log, robot_log = MemoryRecorder(), MemoryRecorder()
     files = "simulate(robot)", controller_file(controller)
-    lockstep = Lockstep(emulator, controller_settings(controller), robot_log, log, fate, files)
+    law = enclosed(controller_settings(controller), files[1])
+    lockstep = Lockstep(emulator, law, robot_log, log, fate, files, steer)
     lockstep.run(duration, report=report)
     return Simulation(
         states=_table(robot_log.payloads(Kind.STATE), State),

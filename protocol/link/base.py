@@ -132,10 +132,13 @@ class LockstepLink:
 
     def publish(self, state: bytes) -> None:
         """Exchange a State for an answer and let that fly."""
-        now = self._clock.now()
         answer = self._exchange(state)
-        if answer is None:
-            return
+        if answer is not None:
+            self.send(answer)
+
+    def send(self, answer: bytes) -> None:
+        """Let an answer to the newest State fly: at once, or later while time stands still."""
+        now = self._clock.now()
         fates = ((self._compute_time, answer),) if self._fate is None else self._fate(answer)
         for delay, payload in fates:
             self._sent += 1  # keeps the order of arrivals at the same time

@@ -24,7 +24,7 @@ from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.errors import NameTakenError
 from hoap3.protocol.link.base import Arrival, Request
 from hoap3.protocol.link.local_control import LocalControl
-from hoap3.protocol.link.zenoh_clients import Clients, Queries, identity, leaf
+from hoap3.protocol.link.zenoh_clients import Clients, Queries, client_of, identity, leaf
 from hoap3.protocol.link.zenoh_session import (
     QUERY_TIMEOUT_S,
     SPEAKS,
@@ -42,10 +42,11 @@ from hoap3.protocol.wire_versions import OLDEST, downgraded, upgraded
 
 BACKLOG = 1024  # setpoints; of more the oldest are dropped
 WAITING_ANSWERS = 256  # with as many no further request is taken: somebody takes none
-CONTROL = frozenset({"change", "show"})  # what a controller can be asked
+CONTROL = frozenset({"acquire", "change", "release", "show"})  # what a controller can be asked
 LONGEST_VERB = 64  # characters; more are cut off
 PENDING = 16  # requests to a controller; of more the oldest get no answer
 FRESH_S = 0.75 * QUERY_TIMEOUT_S  # of a request to a controller: who asked still waits
+TARGETS = 64  # that wait for a controller; of more the oldest are lost
 EVENTS = 16  # of the robot that a controller keeps; of more the oldest are lost
 
 
@@ -233,8 +234,14 @@ class ZenohControllerLink:
             self._events = session.declare_subscriber(
                 key(robot, "events"), zenoh.handlers.RingChannel(EVENTS)
             )
+            self._targets = session.declare_subscriber(
+                key(robot, "targets/*"), zenoh.handlers.RingChannel(TARGETS)
+            )
             self._queries = session.declare_queryable(key(robot, "control/**"), self._queried)
             self._token = session.liveliness().declare_token(key(robot, f"clients/{who}"))
+            self._others = session.liveliness().declare_subscriber(
+                key(robot, "clients/*"), zenoh.handlers.RingChannel(TARGETS)
+            )
             self._presence = session.liveliness().declare_subscriber(
                 key(robot, "alive"), self._presence_changed, history=True
             )
@@ -316,6 +323,18 @@ class ZenohControllerLink:
         """The oldest Event of the robot that is kept, if there is one."""
         sample = self._events.try_recv()
         return None if sample is None else sample.payload.to_bytes()
+
+    def target(self) -> tuple[str, bytes] | None:
+        """The oldest Target that is kept, behind the name of who sent it, if there is one."""
+        sample = self._targets.try_recv()
+        return None if sample is None else (leaf(str(sample.key_expr)), sample.payload.to_bytes())
+
+    def vanished(self) -> str | None:
+        """Name of a client whose token came or went, if it went; one for each call."""
+        sample = self._others.try_recv()
+        if sample is None or sample.kind != zenoh.SampleKind.DELETE:
+            return None
+        return client_of(sample.key_expr)
 
     def _queried(self, query: zenoh.Query) -> None:
         """In a thread of Zenoh's. Queued; served after the next State."""

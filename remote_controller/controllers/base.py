@@ -17,6 +17,7 @@ from hoap3.protocol.errors import BadProblemError, DescriptionError, UsageError
 from hoap3.protocol.messages import COMMANDS, FloatArray, Setpoint, State, schema
 from hoap3.remote_controller.controllers.in_flight import InFlight
 from hoap3.remote_controller.controllers.jerk_judge import judge_of
+from hoap3.remote_controller.references.live.live import Live
 from hoap3.remote_controller.tasks.accuracy import TaskError
 
 STATUS = {
@@ -27,6 +28,8 @@ STATUS = {
 """Setpoint.solver_status by name: certified, at_target, uncertified, infeasible, none."""
 
 CERTIFIED_RESIDUAL = 1e-9  # greatest kkt_residual of an answer that counts as the optimum
+VIOLATED = "tolerance of a trajectory violated"
+"""The condition of controllers with tasks that have tolerances; the last of their conditions."""
 ACTIVE_SPEED = 1e-3  # rad/s: below it a joint counts as inactive (QP12, section V-C)
 
 
@@ -89,6 +92,7 @@ class Controller(ABC):
         not_certified_in: conditions, by bit, in which nothing is certified by design.
         within_servos: whether its law is slow enough for the robot's servos: else nothing is
             certified, see `servo_rate`.
+        live: its targets that somebody steers, in the order in which messages count them.
         margin_tolerance: how far the certificate's `margin` may be below 0 by rounding, in its
             unit; None for a controller without constraints.
     """
@@ -111,6 +115,7 @@ class Controller(ABC):
         self.present = 0
         self.certifies, self.not_certified_in = True, 0
         self.within_servos = True
+        self.live: Sequence[Live] = ()
         self.margin_tolerance: float | None = None
         self.description, self.parameters = description, parameters
         self.now: Callable[[], int] = time.monotonic_ns

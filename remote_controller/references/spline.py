@@ -35,7 +35,7 @@ class Spline(Target):
 
     def __init__(self, times_s: FloatArray, points: FloatArray, repeats: bool = False) -> None:
         super().__init__(points.shape[1])
-        slopes = _slopes(times_s, points, repeats)
+        slopes = clamped_slopes(times_s, points, repeats)
         width = np.diff(times_s)[:, None]
         mean = np.diff(points, axis=0) / width
         self._times = [float(t) for t in times_s]
@@ -70,7 +70,7 @@ class Spline(Target):
             velocity_out[:] = 0.0
 
 
-def _slopes(times: FloatArray, points: FloatArray, repeats: bool) -> FloatArray:
+def clamped_slopes(times: FloatArray, points: FloatArray, repeats: bool) -> FloatArray:
     """Velocities at the points, (k, m), that make the acceleration continuous."""
     width = np.diff(times)[:, None]
     mean = np.diff(points, axis=0) / width

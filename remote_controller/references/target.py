@@ -14,7 +14,8 @@ class Target(ABC):
     """A position x_d(t) and its velocity dx_d/dt.
 
     Time is the robot's tick × its period [s], never a wall clock. A target moves from the moment
-    of its `start`; the velocity is continuous, and exactly the derivative of the position.
+    of its `start`; the velocity is exactly the derivative of the position, and continuous, but for
+    a trajectory that is `linear`, and where it is told to `stay`.
 
     Args:
         dimension: m, of the position.
@@ -28,6 +29,7 @@ class Target(ABC):
     def __init__(self, dimension: int) -> None:
         self.dimension = dimension
         self._begin = 0.0
+        self._stays: FloatArray | None = None
 
     def start(self, present: FloatArray | None, time_s: float) -> None:
         """Begin to move.
@@ -37,10 +39,22 @@ class Target(ABC):
             time_s: now [s].
         """
         del present
-        self._begin = time_s
+        self._begin, self._stays = time_s, None
+
+    def stay(self, position: FloatArray) -> None:
+        """Give up: be there, (m,), until the next `start`."""
+        self._stays = position.copy()
+
+    def elapsed(self, time_s: float) -> float:
+        """Time since the start [s]."""
+        return max(0.0, time_s - self._begin)
 
     def at(self, time_s: float, position_out: FloatArray, velocity_out: FloatArray) -> None:
         """Write x_d and dx_d/dt at a time [s], both (m,), contiguous; before the start as at it."""
+        if self._stays is not None:
+            position_out[:] = self._stays
+            velocity_out[:] = 0.0
+            return
         self.follow(max(0.0, time_s - self._begin), position_out, velocity_out)
 
     @abstractmethod

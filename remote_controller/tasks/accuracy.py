@@ -12,6 +12,7 @@ from pydantic import Field
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.references.trajectories.tolerances import Violation
 
 TOLERANCE_M = 1e-3
 TOLERANCE_DEG = 0.5
@@ -45,6 +46,7 @@ class TaskError:
         tolerance: greatest error that counts as reached, in the same unit.
         task: name of the task.
         note: why the error is not judged, such as "lower priority"; "" where it is judged.
+        reason: which tolerance was violated on the way, in words; "" for none.
     """
 
     error: float
@@ -52,6 +54,7 @@ class TaskError:
     tolerance: float
     task: str = ""
     note: str = ""
+    reason: str = ""
 
     @property
     def judged(self) -> bool:
@@ -73,7 +76,16 @@ class TaskError:
             "within": self.within,
             "judged": self.judged,
             "note": self.note,
+            "reason": self.reason,
         }
+
+
+def violated(violation: Violation) -> TaskError:
+    """The error of a tolerance that was violated, though the task may be near its target now."""
+    unit: Unit = "m" if violation.unit == "m" else "deg"
+    scale = 1.0 if unit == "m" else math.degrees(1.0)
+    error, tolerance = violation.error * scale, violation.tolerance * scale
+    return TaskError(error, unit, tolerance, reason=str(violation))
 
 
 def length_error(error: FloatArray, tolerance_m: float) -> list[TaskError]:

@@ -9,6 +9,7 @@ from pydantic import Field
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.references.settings import TargetSettings, target_of
+from hoap3.remote_controller.references.trajectories.trajectory_settings import AXES, tolerances_of
 from hoap3.remote_controller.tasks.accuracy import TOLERANCE_M, TaskError, ToleranceM, length_error
 from hoap3.remote_controller.tasks.lyapunov import BuildContext
 from hoap3.remote_controller.tasks.task import Task
@@ -49,7 +50,9 @@ class ComTask(Task):
         """V of this task."""
         task = cls(context.kinematics, parameters.frame, np.zeros(3))
         task.tolerance_m = parameters.tolerance_m
-        return TaskFunction(task, target_of(parameters.target, context.folder), parameters.weights)
+        target = target_of(parameters.target, context.folder)
+        tolerances = tolerances_of(parameters.target, target, AXES, "m")
+        return TaskFunction(task, target, parameters.weights, tolerances)
 
     def update(self, kinematics: Kinematics) -> None:
         """Recompute e [m] and J [m/rad]."""

@@ -60,6 +60,7 @@ class LyapunovFunction(ABC):
             are in them. Empty where V is no such square.
         error_rate: ∂error/∂t, (m,), what the target's motion makes; 0 where nobody sets it.
         status: one of `tasks.status`.
+        watched: whether it has tolerances that `watch` compares with.
     """
 
     class Parameters(Settings):
@@ -74,6 +75,7 @@ class LyapunovFunction(ABC):
         self.error, self.error_rate = np.zeros((2, dimension))
         self.jacobian = np.zeros((dimension, joints))
         self.status = status.OK
+        self.watched = False
 
     @property
     def followed(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -101,6 +103,19 @@ class LyapunovFunction(ABC):
             kinematics: up to date.
             time_s: tick of the robot × its period [s].
         """
+
+    def watch(self, kinematics: Kinematics, tick: int, time_s: float) -> bool:
+        """Compare the errors with their tolerances; whether one of them is, or was, violated.
+
+        Called once for each State in which the robot follows, of a `watched` task, after `reset`
+        and before `update`: what follows a violation is decided here.
+
+        Args:
+            kinematics: of the robot as it was measured.
+            tick, time_s: of the State; see `update`.
+        """
+        del kinematics, tick, time_s
+        return False
 
     @abstractmethod
     def update(self, kinematics: Kinematics, time_s: float) -> None:

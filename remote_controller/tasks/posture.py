@@ -13,6 +13,7 @@ from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.references.postures import posture_of
+from hoap3.remote_controller.references.settings import LivePostureSettings, PostureTarget
 from hoap3.remote_controller.references.target import Approach, Point
 from hoap3.remote_controller.tasks.accuracy import (
     TOLERANCE_DEG,
@@ -46,6 +47,11 @@ class PostureTask(Task):
         target_rad: tuple[float, ...] = Field(
             (), description="instead: q_d of `joints`, or of all joints [rad or m]"
         )
+        target: PostureTarget | None = Field(
+            None,
+            description="or a motion, whose joints that it does not name stay where they are; or "
+            "`kind: live`: somebody steers it",
+        )
         joints: tuple[str, ...] = Field((), description="which joints; empty: all, in wire order")
         approach_s: float = Field(
             0.0, ge=0, description="duration of the way there [s]; 0: at once"
@@ -55,8 +61,11 @@ class PostureTask(Task):
 
         @model_validator(mode="after")
         def _one_posture(self) -> Self:
-            if self.posture is not None and self.target_rad:
-                raise ValueError("should have either posture or target_rad")
+            given = self.posture is not None, bool(self.target_rad), self.target is not None
+            if sum(given) > 1:
+                raise ValueError("should have one of posture, target_rad and target")
+            if self.target is not None and self.approach_s:
+                raise ValueError("should have approach_s of a trajectory below target")
             return self
 
     def __init__(self, kinematics: Kinematics, joints: list[int], target: FloatArray) -> None:
@@ -71,14 +80,23 @@ class PostureTask(Task):
     @classmethod
     def configured(cls, context: BuildContext, parameters: Parameters) -> TaskFunction:
         """V of this task."""
-        joints = places_of(context.description, parameters.joints)
-        target = positions_of(context.description, parameters, joints)
+        robot, aim = context.description, parameters.target
+        joints = places_of(robot, parameters.joints)
+        target = positions_of(robot, parameters, joints)
         task = cls(context.kinematics, joints, target)
-        task.prismatic = prismatic_joints(context.description)[joints]
+        task.prismatic = prismatic_joints(robot)[joints]
         task.tolerances = parameters.tolerance_m, parameters.tolerance_deg
-        return TaskFunction(
-            task, Approach(Point(target), parameters.approach_s), parameters.weights
-        )
+        if aim is None:
+            point = Approach(Point(target), parameters.approach_s)
+            return TaskFunction(task, point, parameters.weights)
+        if isinstance(aim, LivePostureSettings):
+            steered = aim.build(robot.lower[joints], robot.upper[joints])
+            return TaskFunction(task, steered, parameters.weights)
+        path = aim.posture(context.folder, robot, joints)
+        names = [robot.joint_names[i] for i in joints]
+        units = ["m" if slides else "rad" for slides in task.prismatic]
+        tolerances = aim.tolerances(path, names, units)
+        return TaskFunction(task, path, parameters.weights, tolerances)
 
     def update(self, kinematics: Kinematics) -> None:
         """Recompute e [rad or m]."""

@@ -10,7 +10,8 @@ from hoap3.protocol.errors import BadProblemError
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.references.target import Point, Target
-from hoap3.remote_controller.tasks.accuracy import TaskError
+from hoap3.remote_controller.references.trajectories.tolerances import Tolerances
+from hoap3.remote_controller.tasks.accuracy import TaskError, violated
 from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
 from hoap3.remote_controller.tasks.task import Task
 
@@ -22,6 +23,7 @@ class TaskFunction(LyapunovFunction):
         task: gives e and its Jacobian.
         target: what the task aims at; by default the task's present `target`, which stays.
         weights: (m,) diagonal of W, or one number for all of it; none means 1.
+        tolerances: of e without weights, where somebody asked for them.
 
     Raises:
         BadProblemError: as many weights as there are components of e are expected, none of them
@@ -29,7 +31,11 @@ class TaskFunction(LyapunovFunction):
     """
 
     def __init__(
-        self, task: Task, target: Target | None = None, weights: Sequence[float] = ()
+        self,
+        task: Task,
+        target: Target | None = None,
+        weights: Sequence[float] = (),
+        tolerances: Tolerances | None = None,
     ) -> None:
         from hoap3.remote_controller.tasks.lyapunov_kernels import quadratic
 
@@ -41,6 +47,7 @@ class TaskFunction(LyapunovFunction):
         self._roots = np.sqrt(_checked(weights, m))
         self._present = np.zeros(self.target.dimension)
         self._unweighted_rate = np.zeros(m)
+        self._tolerances, self.watched = tolerances, tolerances is not None
 
     def reset(self, kinematics: Kinematics, time_s: float) -> None:
         """Have the target start from where the robot is."""
@@ -49,6 +56,21 @@ class TaskFunction(LyapunovFunction):
         self.target.at(time_s, task.target, task.target_rate)
         task.read(kinematics, self._present)
         self.target.start(self._present, time_s)
+        if self._tolerances is not None:
+            self._tolerances.restart()
+
+    def watch(self, kinematics: Kinematics, tick: int, time_s: float) -> bool:
+        """Compare the error with its tolerances; whether one of them is, or was, violated."""
+        tolerances, task, target = self._tolerances, self.task, self.target
+        if tolerances is None:
+            return False
+        if tolerances.violation is None and not tolerances.reached:
+            target.at(time_s, task.target, task.target_rate)
+            task.update(kinematics)
+            if tolerances.judge(task.error, target.elapsed(time_s), tick) and tolerances.holds:
+                task.read(kinematics, self._present)
+                target.stay(self._present)
+        return tolerances.violation is not None
 
     def update(self, kinematics: Kinematics, time_s: float) -> None:
         """Recompute V, ∇V and ∂V/∂t, and the error with its rate, for the target at `time_s`."""
@@ -69,7 +91,12 @@ class TaskFunction(LyapunovFunction):
         self.status = task.status
 
     def accuracy(self) -> list[TaskError]:
-        """Errors of the task, without weights; components of weight 0 are left out."""
+        """Errors of the task, without weights; components of weight 0 are left out.
+
+        Where a tolerance was violated, that alone: what is aimed at since is not what was asked.
+        """
+        if self._tolerances is not None and self._tolerances.violation is not None:
+            return [violated(self._tolerances.violation)]
         return self.task.accuracy(self._roots > 0.0)
 
 

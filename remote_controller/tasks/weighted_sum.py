@@ -59,6 +59,7 @@ class WeightedSum(LyapunovFunction):
             for term, weight, size, end in zip(terms, weights, sizes, ends, strict=True)
         ]
         self._scaled = np.zeros(n)
+        self.watched = any(term.watched for term in terms)
 
     def without_error(self) -> str | None:
         """That of the first such term."""
@@ -87,6 +88,10 @@ class WeightedSum(LyapunovFunction):
         """Reset each term."""
         for term, *_ in self._terms:
             term.reset(kinematics, time_s)
+
+    def watch(self, kinematics: Kinematics, tick: int, time_s: float) -> bool:
+        """Watch each term; whether a tolerance of any is, or was, violated."""
+        return max(term.watch(kinematics, tick, time_s) for term, *_ in self._terms)
 
     def update(self, kinematics: Kinematics, time_s: float) -> None:
         """Recompute V, ∇V and ∂V/∂t; the status is that of the first term that has one to tell."""

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
-import sys
 
 import pytest
 from pages import HOUSE, NAMES, Block, anchors, blocks, links, page, prose, spans, table
 from story import Story, check, hoap3, subcommands
+from support.property_suites import run
 from support.urdfs.vendor_arm import vendor_folder
 
 from hoap3.protocol.errors import Hoap3Error
@@ -35,8 +33,10 @@ STORIES = [
     "jerk.md",
     "priorities.md",
     "gains.md",
+    "trajectories.md",
     "contact.md",
     "plants.md",
+    "environment.md",
     "two_machines.md",
     "logs.md",
     "latency.md",
@@ -62,30 +62,20 @@ def test_what_a_page_shows_works_word_for_word(name, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("kind", "name", "file", "robot"),
+    ("page", "file"),
     [
-        ("controller", "controllers", "posture.yaml", ""),
-        ("task", "tasks", "reach.yaml", "ur5"),
-        ("constraint", "constraints", "height.yaml", ""),
+        ("writing_a_controller.md", "test_posture.py"),
+        ("writing_a_task.md", "test_reach.py"),
+        ("writing_a_constraint.md", "test_height.py"),
+        ("plants.md", "test_springs.py"),
+        ("new_robot.md", "test_bench_arm.py"),
     ],
 )
-def test_what_a_page_has_written_passes_the_property_suite(kind, name, file, robot, tmp_path):
-    Story(tmp_path).write_files(f"writing_a_{kind}.md")
-    suite = HOUSE / "tests" / "remote_controller" / name / f"test_{kind}_properties.py"
-    ended = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(suite)],
-        env={
-            **os.environ,
-            f"HOAP3_TEST_{name.upper()}": str(tmp_path / file),
-            **({"HOAP3_TEST_ROBOT": robot} if robot else {}),
-        },
-        cwd=HOUSE,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert ended.returncode == 0, ended.stdout
-    assert "passed" in ended.stdout
+def test_what_a_page_has_written_passes_the_property_suite(page, file, tmp_path):
+    Story(tmp_path).write_files(page)
+    found = run(tmp_path, file)
+    assert found.code == 0, found.said
+    assert "passed" in found.said
 
 
 @pytest.mark.parametrize("name", STORIES)

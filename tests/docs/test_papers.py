@@ -79,7 +79,7 @@ def check_places(row: dict[str, str]) -> None:
     file, place = row["file"].strip("`"), row["test"].strip("`")
     assert (HOUSE / file).is_file(), row
     path, _, name = place.partition("::")
-    assert path.startswith("tests/"), row
+    assert path.startswith(("tests/", "tools/testing/")), row
     assert name.startswith("test_"), row
     assert name in functions(path), row
 

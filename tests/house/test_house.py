@@ -53,8 +53,8 @@ PACKAGES = {
     "tools": (
         ("machine", "logs", "html"),
         ("show", "timing", "verify"),
-        ("services", "bench", "report"),
-        ("compare", "doctor", "latency", "reproduce", "robots"),
+        ("services", "bench", "environment", "report"),
+        ("compare", "doctor", "latency", "new", "reproduce", "robots", "testing"),
         ("cli",),
     ),
 }

@@ -70,6 +70,8 @@ FIELDS = {
     ),
     "Target": (
         ("wire_version", "I"),
+        ("target", "I"),
+        ("number", "I"),
         ("points", "I"),
         ("dimension", "I"),
         ("tick_step", "I"),
@@ -174,6 +176,8 @@ EXAMPLES = {
         "Target",
         {
             "wire_version": 2,
+            "target": 1,
+            "number": 17,
             "points": 2,
             "dimension": 3,
             "tick_step": 50,
@@ -188,6 +192,8 @@ EXAMPLES = {
         "Target",
         {
             "wire_version": 2,
+            "target": 0,
+            "number": 8,
             "points": 1,
             "dimension": 3,
             "tick_step": 1,

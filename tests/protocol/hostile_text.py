@@ -22,6 +22,7 @@ from hoap3.protocol.errors import Hoap3Error, UnknownNameError
 from hoap3.protocol.urdf import read_urdf
 from hoap3.remote_controller.config import ControllerConfig
 from hoap3.remote_controller.references.spline import read_csv
+from hoap3.remote_controller.references.trajectories.motion_file import read_motion
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.robots.yaml_file import RobotFile
 from hoap3.tools.compare.candidates import split
@@ -65,6 +66,9 @@ def parsers(folder: Path) -> dict[str, Callable[[str], object]]:
     def csv(text: str) -> object:
         table.write_bytes(text.encode())
         return read_csv(table, False)
+
+    def motion(text: str) -> object:
+        return read_motion(text, "a.csv", ("x", "a"), turns=True)
 
     def yaml(model: type, form: str) -> Callable[[str], object]:
         return lambda text: parse(model, parse_yaml(form.format(text), "a.yaml"), "a.yaml")
@@ -112,6 +116,8 @@ def parsers(folder: Path) -> dict[str, Callable[[str], object]]:
         ),
         "csv": csv,
         "csv rows": lambda text: csv(f"t,x,y,z\n{text}"),
+        "motion": motion,
+        "motion rows": lambda text: motion(f"t,x,a\n{text}"),
         "candidate": split,
         "unknown name": lambda text: _raise(UnknownNameError("robot", text, ["hoap3", "ab" * 30])),
     }

@@ -58,3 +58,14 @@ def arm(**changes: object) -> RobotDescription:
         "base_frame": "base",
     }
     return RobotDescription(**{**fields, **changes})
+
+
+def one_joint_arm() -> RobotDescription:
+    """The shoulder of the small arm alone: two links of 1 kg."""
+    urdf = arm().urdf
+    cut = urdf.index('<joint name="elbow"')
+    for link in ("fore", "hand"):
+        start = urdf.index(f'<link name="{link}"')
+        end = urdf.index("</link>", start) + len("</link>")
+        urdf, cut = urdf[:start] + urdf[end:], cut - (end - start)
+    return arm(urdf=urdf[:cut] + "</robot>", joints=arm().joints[:1], postures={"start": (0.1,)})

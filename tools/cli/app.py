@@ -28,10 +28,12 @@ from hoap3.tools.cli.compare import compare
 from hoap3.tools.cli.latency import latency
 from hoap3.tools.cli.limits import limits
 from hoap3.tools.cli.measure import bench_app, doctor
+from hoap3.tools.cli.new import new
 from hoap3.tools.cli.options import ENDPOINT, AsJson, Connect, finite
 from hoap3.tools.cli.report import report
 from hoap3.tools.cli.reproduce import reproduce
 from hoap3.tools.cli.robot import robot_app
+from hoap3.tools.cli.trajectory import trajectory_app
 from hoap3.tools.cli.verify import verify
 from hoap3.tools.machine.processes import StopFlag, die_with_parent, to_people
 from hoap3.tools.machine.terminal import one_line
@@ -44,7 +46,8 @@ config_app = typer.Typer(no_args_is_help=True, help="Look at settings before any
 app.add_typer(config_app, name="config")
 app.add_typer(bench_app, name="bench")
 app.add_typer(robot_app, name="robot")
-for command in (change, compare, doctor, latency, limits, report, reproduce, verify):
+app.add_typer(trajectory_app, name="trajectory")
+for command in (change, compare, doctor, latency, limits, new, report, reproduce, verify):
     app.command()(command)
 _ANYTHING = {"ignore_unknown_options": True, "allow_extra_args": True}
 app.command(hidden=True, context_settings=_ANYTHING)(priorities)

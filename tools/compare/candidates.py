@@ -12,6 +12,7 @@ from hoap3.protocol.config.settings import apply_overrides, parse
 from hoap3.protocol.errors import ConfigError, UsageError
 from hoap3.remote_controller.config import ControllerConfig, check_parameters, read_config
 from hoap3.remote_controller.registry import find
+from hoap3.tools.logs.motion_files import enclosed
 
 _SETTINGS = re.compile(r"@(?=[A-Za-z_][\w.]*=)")
 _LABEL = re.compile(r"([\w-]+)=")
@@ -101,7 +102,7 @@ def _read(words: str) -> tuple[str, ControllerConfig]:
     except ConfigError as error:
         raise ConfigError(words, error.key, error.value, error.problem, error.remedy) from error
     source = words if sets else file
-    config = parse(ControllerConfig, content, source)
+    config = enclosed(parse(ControllerConfig, content, source), file)
     check_parameters(config, source)
     if label is None:
         stem = Path(name).stem if Path(name).suffix in {".yaml", ".yml"} else name

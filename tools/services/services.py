@@ -33,6 +33,7 @@ from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.robots import load
 from hoap3.robot_emulator.service import describe, serve, serve_lockstep
 from hoap3.tools.logs.log_format import SIDES, file_name
+from hoap3.tools.logs.motion_files import as_written, attachments_of, enclosed
 from hoap3.tools.machine.machine import machine_block
 from hoap3.tools.machine.processes import StopFlag, check_open_files, to_people
 from hoap3.tools.machine.software import software
@@ -74,6 +75,7 @@ def controller_config(
     """Settings of a controller, its parameters checked; arguments as for `emulator_config`."""
     given = _piped(named) if name == STANDARD_INPUT else read_controller_config(name)
     config, label = _changed(ControllerConfig, given, overrides, realtime=realtime)
+    config = enclosed(config, given[1])
     check_parameters(config, label)
     return config, given[1]
 
@@ -170,7 +172,7 @@ def observer_for(
         "side": side,
         "robot": robot,
         "directory": str(folder) if folder else None,
-        "attachments": {"config.yaml": as_yaml(config)},
+        "attachments": {"config.yaml": as_yaml(config), **_motions(config)},
         "metadata": {
             "versions": software(),
             "machine": {key: json.dumps(value) for key, value in machine_block().items()},
@@ -196,7 +198,13 @@ def watched_cpus(realtime: RealtimeSettings) -> tuple[int, ...]:
 
 def as_yaml(config: Settings) -> str:
     """The resolved whole, as a config file that can be used again."""
+    if isinstance(config, ControllerConfig):
+        config = as_written(config)
     return yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+
+
+def _motions(config: Settings) -> dict[str, str]:
+    return attachments_of(config) if isinstance(config, ControllerConfig) else {}
 
 
 def told(transport: str, folder: Path | None) -> dict[str, Any]:

@@ -195,7 +195,8 @@ def _error_words(error: Mapping[str, Any]) -> str:
     """One task's error beside its tolerance."""
     unit = error["unit"]
     size = "not finite" if error["error"] is None else _size(error["error"], unit)
-    return f"{error['task']} {size} (tolerance {_size(error['tolerance'], unit)})"
+    words = f"{error['task']} {size} (tolerance {_size(error['tolerance'], unit)})"
+    return f"{words}: {error['reason']}" if error.get("reason") else words
 
 
 def _size(value: float, unit: str) -> str:

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import WireError
-from hoap3.protocol.messages import Event, Message, Setpoint, State
+from hoap3.protocol.messages import Event, Message, Setpoint, State, Target
 from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.verify.tasks.live import Taken
 
 Rows = NDArray[Any]
 EVENTS = Event.schema.constants
@@ -37,6 +38,7 @@ class ControllerRun:
             State with that place is the first after it.
         gaps: places of States before which records are missing from the log.
         overwritten: how many States the controller says it never saw, by the place of the next.
+        targets: messages of live targets that it took.
         epochs: (how many States were processed before it, epoch) of each authority.
         summaries: (how many answers were sent before it, what was counted) of each.
         strange: messages that no State or Setpoint of this robot can be.
@@ -46,6 +48,7 @@ class ControllerRun:
     description: RobotDescription
     session: dict[str, Any]
     changes: list[tuple[int, dict[str, Any]]] = field(default_factory=list)
+    targets: list[Taken] = field(default_factory=list)
     resets: list[int] = field(default_factory=list)
     gaps: list[int] = field(default_factory=list)
     overwritten: dict[int, int] = field(default_factory=dict)
@@ -121,10 +124,29 @@ def _add(run: ControllerRun, kind: Kind, payload: bytes) -> None:
         run.epochs.append((len(run._states), int(json.loads(payload)["epoch"])))
     elif kind == Kind.CHANGE:
         run.changes.append((len(run._states), json.loads(payload)))
+    elif kind == Kind.TARGET:
+        _add_target(run, payload)
     elif kind == Kind.SUMMARY:
         run.summaries.append((len(run._answers), json.loads(payload)))
     elif kind == Kind.GAP:
         run.gaps.append(len(run._states))
+
+
+def _add_target(run: ControllerRun, payload: bytes) -> None:
+    target, period = Target.like(payload), run.description.period_s
+    target.load(payload)
+    (tick,) = State.scalars(run._states[-1], "tick") if run._states else (-1,)
+    shape = target.points, target.dimension
+    run.targets.append(
+        Taken(
+            target.target,
+            (tick + 1) * period,
+            target.first_tick * period,
+            target.tick_step * period,
+            target.values.reshape(shape).copy(),
+            target.rates.reshape(shape if target.rates.size else (0, shape[1])).copy(),
+        )
+    )
 
 
 def _add_state(run: ControllerRun, payload: bytes) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.robot.pinocchio_model import build_model
+from hoap3.tools.verify.tasks.live import Messages
 
 Array = NDArray[np.float64]
 
@@ -20,16 +21,18 @@ class Robot:
 
     Args:
         description: of the robot.
+        messages: of its controller's live targets; None where nobody has collected them.
 
     Attributes:
-        description: what it was made from.
+        description, messages: what it was made from.
         model, data: Pinocchio's.
         G, g0: (m, n) and (m,), of q_pinocchio = G·q + g₀: joints of the wire, and their followers.
         positions: joint positions, (n,) [rad or m], in wire order.
     """
 
-    def __init__(self, description: RobotDescription) -> None:
+    def __init__(self, description: RobotDescription, messages: Messages | None = None) -> None:
         self.description, self._built = description, build_model(description)
+        self.messages = messages
         self.model, self.data = self._built.model, self._built.data
         self.G, self.g0 = follower_matrix(description, self.model)
         self.q, self.positions = np.zeros(self.model.nq), np.zeros(description.n)

@@ -18,6 +18,7 @@ from hoap3.tools.verify.controller_log import runs
 from hoap3.tools.verify.controller_order import check_order
 from hoap3.tools.verify.robot_log import check_robot
 from hoap3.tools.verify.summaries import Summaries
+from hoap3.tools.verify.tasks.trajectories import with_motions
 
 
 @dataclass
@@ -108,9 +109,11 @@ def _check_side(log: Log, claims: Claims, say: Callable[[str], None]) -> None:
 def _config(log: Log) -> dict[str, Any] | None:
     """The configuration in a log; None where there is none that can be read."""
     try:
-        return parse_yaml(log.config, f"config.yaml of {log.paths[0]}")
+        content = parse_yaml(log.config, f"config.yaml of {log.paths[0]}")
     except (LogError, ConfigError):
         return None
+    found: dict[str, Any] = with_motions(content, log.attachments)
+    return found
 
 
 def _check_controller(

@@ -139,6 +139,12 @@ class Hoap3ControllerLink:
     def event(self) -> bytes | None:
         """Nothing: the protocol has no events."""
 
+    def target(self) -> tuple[str, bytes] | None:
+        """Nothing: the protocol has no targets."""
+
+    def vanished(self) -> str | None:
+        """Nobody: the protocol has no clients but us."""
+
     def close(self) -> None:
         """Leave the robot."""
         self._disconnect()

@@ -23,7 +23,7 @@ from hoap3.remote_controller.constraints.registry import (
     read,
 )
 from hoap3.remote_controller.controllers.acceleration.bounds import HierarchyBounds, bounds_of
-from hoap3.remote_controller.controllers.base import STATUS, Controller
+from hoap3.remote_controller.controllers.base import STATUS, VIOLATED, Controller
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.scheduling.schedule import Schedule
 from hoap3.remote_controller.solvers.base import status
@@ -234,6 +234,9 @@ class HierarchyController(Controller):
         self._events = EventConditions(stack)
         held = tuple(f"held by {label}" for label in stack.labels)
         self.conditions = (*CONDITIONS, *held, *self._events.names)
+        self._violated, self._violation = False, 1 << len(self.conditions)
+        if self.tasks.watched:
+            self.conditions = (*self.conditions, VIOLATED)
         self.margin_tolerance = CURVATURE if self._keeps else MARGIN_ROUNDING
         self.certifies = self.proves and self._viable
         self.not_certified_in = MOVING | TOUCHES | IDLE
@@ -343,6 +346,8 @@ class HierarchyController(Controller):
         if not self._begun:
             tasks.begin(q, dq, time, then)
             self._begun = True
+        follows = state.mode == State.ACTIVE
+        self._violated = tasks.watched and follows and tasks.watch(q, state.tick, time)
         self._settle(state.tick - self._first)  # already done, unless States were missed
         tasks.update(q, dq, state.wrench, time, then, self.absent)
         self.bounds.update(q, dq)
@@ -480,7 +485,7 @@ class HierarchyController(Controller):
             present |= TOUCHES
         if idle:
             present |= IDLE
-        self.present = present
+        self.present = present | (self._violation if self._violated else 0)
         kept = not self._keeps or self._judge_constraints(fallback)
         proved = solved and self.proves and self.residual <= CERTIFIED_RESIDUAL
         return proved and kept and self._viable and not (touches or loaded or idle)

@@ -12,7 +12,11 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, located
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints import registry as constraints
-from hoap3.remote_controller.controllers.base import CERTIFIED_RESIDUAL, VelocityController
+from hoap3.remote_controller.controllers.base import (
+    CERTIFIED_RESIDUAL,
+    VIOLATED,
+    VelocityController,
+)
 from hoap3.remote_controller.controllers.lyapunov_qp import settings
 from hoap3.remote_controller.controllers.lyapunov_qp.diagnostics import Diagnostics
 from hoap3.remote_controller.controllers.lyapunov_qp.objective import check_objective, solver_of
@@ -111,6 +115,9 @@ class StableQpController(VelocityController):
         self._from_reference = parameters.kinematics_from == "reference"
         self._watch = Diagnostics(self.stack)
         self.conditions = self._watch.names
+        self._violation = 1 << len(self.conditions)
+        if self.function.watched:
+            self.conditions = (*self.conditions, VIOLATED)
         self.margin_tolerance = CURVATURE if parameters.constraints else None
         self._task_name = task.task
         self._begun = False
@@ -172,6 +179,7 @@ class StableQpController(VelocityController):
         self.kinematics.update(state.reference if self._from_reference else state.q)
         if not self._begun:
             self._begin(state)
+        violated = function.watched and state.mode == State.ACTIVE and self._violated(state)
         function.update(self.kinematics, state.tick * self._dt)
         stack.update(self.kinematics, state)
         command.stamp_kinematics = self.now()
@@ -211,7 +219,19 @@ class StableQpController(VelocityController):
         self.present = self._watch.look(found, share, function.status, gradient, self.u)
         if slower and self._curve is not None and self._c[-1] < self._curve.speed:
             self.present |= self._watch.held_along(self._curve.motion_row, self._along.v)
+        if violated:
+            self.present |= self._violation
         return self.u
+
+    def _violated(self, state: State) -> bool:
+        """Whether a tolerance of the task is, or was, violated by the robot as it was measured."""
+        kinematics = self.kinematics
+        if self._from_reference:
+            kinematics.update(state.q)
+        violated = self.function.watch(kinematics, state.tick, state.tick * self._dt)
+        if self._from_reference:
+            kinematics.update(state.reference)
+        return violated
 
     def _brake(self, found: int) -> int:
         """Come nearer to rest, as far as the bounds allow, and go on until there; why."""

@@ -12,7 +12,7 @@ import numpy as np
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import located
 from hoap3.protocol.messages import FloatArray, State
-from hoap3.remote_controller.controllers.base import VelocityController
+from hoap3.remote_controller.controllers.base import VIOLATED, VelocityController
 from hoap3.remote_controller.controllers.velocity.velocity_task_stack_settings import (
     LabelledTaskParameters,
 )
@@ -90,6 +90,10 @@ class LabelledTasksController(VelocityController):
         self.lower, self.upper, self.u, self._dq, self._before, self._next = np.zeros((6, n))
         self._from_reference = parameters.kinematics_from == "reference"
         self.conditions = (*self.own_conditions, *task_status.NAMES[1:])
+        self._watched = [function for function in self.functions if function.watched]
+        self._violation = 1 << len(self.conditions)
+        if self._watched:
+            self.conditions = (*self.conditions, VIOLATED)
         self._begun, self._periods_seen = False, 0
         self.margin_tolerance = MARGIN_ROUNDING
 
@@ -157,7 +161,8 @@ class LabelledTasksController(VelocityController):
             for function in self.functions:
                 function.reset(self.kinematics, now)
         self._follow(state)
-        noted = self._look(now)
+        violated = self._violation if self._watch(state, base, now) else 0
+        noted = self._look(now) | violated
         self.answer(state, base, now, noted)
         return self.u
 
@@ -175,6 +180,18 @@ class LabelledTasksController(VelocityController):
         self._velocity_bounds(
             state.reference, self._dq, self._bounds, self._dt, self.lower, self.upper
         )
+
+    def _watch(self, state: State, base: FloatArray, now: float) -> bool:
+        """Whether a tolerance is, or was, violated by the robot as it was measured."""
+        if not self._watched or state.mode != State.ACTIVE:  # else nobody follows
+            return False
+        kinematics, tick = self.kinematics, state.tick
+        if self._from_reference:
+            kinematics.update(state.q)
+        violated = max(each.watch(kinematics, tick, now) for each in self._watched)
+        if self._from_reference:
+            kinematics.update(base)
+        return violated
 
     def _look(self, now: float) -> int:
         """Stack the tasks; log their errors; the conditions that they note."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from hoap3.remote_controller.references.settings import (
     TargetSettings,
     target_of,
 )
+from hoap3.remote_controller.references.trajectories.trajectory_settings import TrajectorySettings
 from hoap3.remote_controller.tasks import status
 from hoap3.remote_controller.tasks.accelerations.by_differences import TaskRows, TasksByDifferences
 from hoap3.remote_controller.tasks.accelerations.position_reference import PositionReference
@@ -45,6 +47,7 @@ from hoap3.remote_controller.tasks.accuracy import (
 )
 from hoap3.remote_controller.tasks.frames.frame_pose import FramePoseTask
 from hoap3.remote_controller.tasks.frames.frame_position import AXES, FramePositionTask
+from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
 from hoap3.remote_controller.tasks.posture import PostureTask, places_of, positions_of
 from hoap3.remote_controller.tasks.registry import (
     build_with_error,
@@ -245,6 +248,25 @@ class AccelerationTasks:
             if press.touches:
                 press.update(dynamics.mass, motion)
 
+    @cached_property
+    def _watched(self) -> list[LyapunovFunction]:
+        return [each for each in self._functions.values() if each.watched]
+
+    @property
+    def watched(self) -> bool:
+        """Whether any has tolerances."""
+        return bool(self._watched)
+
+    def watch(self, q: FloatArray, tick: int, time_s: float) -> bool:
+        """Compare errors with tolerances, before `update`; whether one is, or was, violated.
+
+        Args:
+            q: (n,), finite.
+            tick, time_s: of the State [s].
+        """
+        self.kinematics.update(q)
+        return max(each.watch(self.kinematics, tick, time_s) for each in self._watched)
+
     def errors_of(self, i: int) -> list[TaskError]:
         """Errors of task i at the last `update`, each with its tolerance."""
         if i in self._functions:
@@ -276,7 +298,10 @@ class AccelerationTasks:
         if task not in {FramePositionTask, FramePoseTask, PostureTask} or parameters.weights:
             return kernels.GIVEN
         if task is PostureTask:
-            return kernels.GIVEN if parameters.approach_s else kernels.POSTURE
+            moves = parameters.approach_s or parameters.target is not None
+            return kernels.GIVEN if moves else kernels.POSTURE
+        if isinstance(parameters.target, TrajectorySettings):
+            return kernels.GIVEN
         if parameters.reference and not stands(self._robot, parameters.reference):
             return kernels.GIVEN
         if task is FramePositionTask:
@@ -374,7 +399,11 @@ class AccelerationTasks:
             self._aim_at_point(i, frame, parameters)
 
     def _aim_at_point(self, i: int, frame: int, parameters: Any) -> None:
-        robot, period = self._robot, self._robot.period_s
+        robot, period, aim = self._robot, self._robot.period_s, parameters.target
+        if isinstance(aim, TrajectorySettings) and aim.watched:
+            problem = "has tolerances, which a wrench beside it makes no sense of"
+            remedy = "Leave path_tolerance and goal_tolerance out"
+            raise ConfigError("", "target", None, problem, remedy)
         origin, axes = reference_of(robot, self.dynamics, parameters.reference, "reference")
         target = target_of(parameters.target, Path(self._file).parent)
         place = PositionReference(target, origin, axes, period, self._targets[i])

@@ -8,11 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.references.postures import posture_of
 from hoap3.remote_controller.references.settings import TargetSettings, target_of
 from hoap3.remote_controller.references.target import Approach, Hold, Joined, Point, Target
+from hoap3.remote_controller.references.trajectories.trajectory_settings import (
+    AXES,
+    TURNS,
+    TrajectorySettings,
+    tolerances_of,
+)
 from hoap3.remote_controller.tasks.accuracy import (
     TOLERANCE_DEG,
     TOLERANCE_M,
@@ -105,10 +112,17 @@ class FramePoseTask(Task):
         reference = parameters.reference or context.description.base_frame
         task = cls(context.kinematics, parameters.frame, reference, np.zeros(6))
         task.tolerances = parameters.tolerance_m, parameters.tolerance_deg
-        return TaskFunction(task, task._aim(context, parameters), parameters.weights)
+        target, names = task._aim(context, parameters), (*AXES, *TURNS)
+        units = ["m"] * len(AXES) + ["rad"] * len(TURNS)
+        tolerances = tolerances_of(parameters.target, target, names, units)
+        return TaskFunction(task, target, parameters.weights, tolerances)
 
     def _aim(self, context: BuildContext, parameters: Parameters) -> Target:
         """What the settings ask for, (6,)."""
+        if isinstance(parameters.target, TrajectorySettings):
+            path = parameters.target.pose(context.folder)
+            if path.dimension == len(self.target):
+                return _alone(path, parameters)
         if parameters.target is not None:
             turn = Approach(Point(np.array(parameters.rotation_rad)), parameters.turn_s)
             return Joined(target_of(parameters.target, context.folder), turn)
@@ -153,3 +167,17 @@ class FramePoseTask(Task):
 
     def _see(self, kinematics: Kinematics) -> None:
         kinematics.frame(self._frame, self._reference, self.position, self.rotation, self._twist)
+
+
+def _alone(path: Target, parameters: FramePoseTask.Parameters) -> Target:
+    """A trajectory of poses, beside which no other orientation may stand.
+
+    Raises:
+        ConfigError: one does.
+    """
+    for key in ("rotation_rad", "turn_s"):
+        if key in parameters.model_fields_set:
+            problem = "stands beside a trajectory that has an orientation"
+            remedy = "Leave it out, or the columns qx, qy, qz, qw"
+            raise ConfigError("", key, getattr(parameters, key), problem, remedy)
+    return path

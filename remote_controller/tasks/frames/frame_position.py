@@ -12,6 +12,7 @@ from pydantic import Field, field_validator
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.references.settings import TargetSettings, target_of
+from hoap3.remote_controller.references.trajectories.trajectory_settings import tolerances_of
 from hoap3.remote_controller.tasks.accuracy import TOLERANCE_M, TaskError, ToleranceM, length_error
 from hoap3.remote_controller.tasks.lyapunov import BuildContext
 from hoap3.remote_controller.tasks.task import Task
@@ -90,7 +91,8 @@ class FramePositionTask(Task):
         task = cls(context.kinematics, frame, reference, np.zeros(3), axes)
         task.tolerance_m = parameters.tolerance_m
         target = target_of(parameters.target, context.folder)
-        return TaskFunction(task, target, parameters.weights)
+        tolerances = tolerances_of(parameters.target, target, axes, "m")
+        return TaskFunction(task, target, parameters.weights, tolerances)
 
     def update(self, kinematics: Kinematics) -> None:
         """Recompute e [m] and J [m/rad]."""

@@ -138,6 +138,7 @@ class MujocoPlant(Plant):
     def reset(self, q: FloatArray) -> None:
         """Be at rest at `q`, (n,) [rad or m], in static equilibrium where there is one."""
         torques = self._place(q)
+        self._senses.begin()
         np.divide(torques, self.gains.kp, out=self.start, where=self.gains.kp > 0.0)
         self.start += q
         if self._kind == "position":

@@ -1,25 +1,11 @@
-"""Which constraints the property suite runs over.
-
-Every registered constraint is a case: ours with the parameters below, those of installed packages
-with their defaults. `HOAP3_TEST_CONSTRAINTS` names others instead: files with `constraint` and
-`parameters`, `package.module:Class`, or registered names, separated by commas;
-`HOAP3_TEST_ROBOT` another robot than HOAP-3 for them.
-"""
+"""Every registered constraint: ours as below, those of installed packages with their defaults."""
 
 from __future__ import annotations
 
-import os
-import sys
-from pathlib import Path
+from support.constraint_bench import entry, hoap3, small
 
-from support.constraint_bench import PERIOD, entry, hoap3, small
-
-from hoap3.protocol.config.settings import load_yaml, parse
-from hoap3.protocol.description import RobotDescription
-from hoap3.remote_controller.constraints.registry import ConstraintSettings, build, registered
-from hoap3.remote_controller.constraints.stack import ConstraintStack
-from hoap3.remote_controller.model.kinematics import Kinematics
-from hoap3.robot_emulator.robots import load
+from hoap3.remote_controller.constraints.registry import ConstraintSettings, registered
+from hoap3.testing import ConstraintCase
 
 
 def within_a_ball(q):
@@ -50,35 +36,15 @@ SMALL = {
 }
 
 
-def _file(name: str) -> tuple[ConstraintSettings, str]:
-    """A constraint that a file or a name says, and where that stands."""
-    if Path(name).suffix not in {".yaml", ".yml"}:
-        return ConstraintSettings(constraint=name), f"constraint {name}"
-    folder = str(Path(name).resolve().parent)
-    if folder not in sys.path:
-        sys.path.append(folder)
-    return parse(ConstraintSettings, load_yaml(Path(name)), name), name
-
-
-def _cases() -> dict[str, tuple[RobotDescription, ConstraintSettings, str]]:
-    named = [name.strip() for name in os.environ.get("HOAP3_TEST_CONSTRAINTS", "").split(",")]
-    named = [name for name in named if name]
-    found: dict[str, tuple[RobotDescription, ConstraintSettings, str]] = {}
-    if not named:
-        for suffix, robot, given in (("", hoap3(), OURS), (" of an arm", small(), SMALL)):
-            for name, parameters in given.items():
-                settings = entry({"constraint": name, **parameters})
-                found[name + suffix] = (robot, settings, name)
-        named = sorted(set(registered()) - set(OURS) - {"joint_torque"})  # says nothing about u
-    robot = load(os.environ.get("HOAP3_TEST_ROBOT", "hoap3")) if named else hoap3()
-    return {**found, **{name: (robot, *_file(name)) for name in named}}
-
-
-CASES = _cases()
-
-
-def make(case: str) -> tuple[RobotDescription, Kinematics, ConstraintStack]:
-    """The robot, kinematics of its own, and a stack of this constraint alone."""
-    robot, settings, file = CASES[case]
-    kinematics = Kinematics(robot)
-    return robot, kinematics, build([settings], robot, kinematics, PERIOD, file)
+def cases() -> list[ConstraintCase]:
+    """What the property suite runs over."""
+    ours = [
+        ConstraintCase(name + suffix, robot, entry({"constraint": name, **parameters}), name)
+        for suffix, robot, given in (("", hoap3(), OURS), (" of an arm", small(), SMALL))
+        for name, parameters in given.items()
+    ]
+    others = [
+        ConstraintCase(name, hoap3(), ConstraintSettings(constraint=name), f"constraint {name}")
+        for name in sorted(set(registered()) - set(OURS) - {"joint_torque"})  # says nothing of u
+    ]
+    return [*ours, *others]

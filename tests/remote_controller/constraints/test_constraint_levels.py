@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from registered_constraints import CASES
+from registered_constraints import cases
 
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import State
@@ -19,7 +19,7 @@ from hoap3.tools.robots.constraints_table import PAGE, serves, written
 from hoap3.tools.robots.tasks_table import level, of_tasks, takes
 
 TORQUES = ConstraintSettings(constraint="joint_torque", parameters={"limit_nm": 1e3})
-TRIED = {given.constraint: (robot, given) for robot, given, _ in reversed(CASES.values())}
+TRIED = {case.settings.constraint: (case.robot, case.settings) for case in reversed(cases())}
 TRIED["joint_torque"] = load("hoap3"), TORQUES  # says nothing about u, so it is none of the cases
 
 

@@ -1,18 +1,13 @@
-"""The property suite, run unedited over other people's controllers, finds what is wrong."""
+"""The property suite, run over other people's controllers, finds what is wrong."""
 
 from __future__ import annotations
 
-import os
-import re
-import subprocess
-import sys
 from pathlib import Path
 
 import bad_controllers
 import pytest
-from support import HOUSE
+from support.property_suites import judge
 
-SUITE = Path(__file__).with_name("test_controller_properties.py")
 FAULTS = {
     "Faultless": set(),
     "Hasty": {"obeys_the_limits", "starts_anywhere_without_a_jump"},
@@ -33,17 +28,11 @@ FAULTS = {
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", FAULTS)
-def test_the_suite_finds_the_fault(name):
+def test_the_suite_finds_the_fault(name, tmp_path):
     assert hasattr(bad_controllers, name)
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", str(SUITE), "-q", "-p", "no:cacheprovider"],
-        env={**os.environ, "HOAP3_TEST_CONTROLLERS": f"bad_controllers:{name}, qp12"},
-        cwd=HOUSE,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    failed = re.findall(rf"^FAILED .*::test_(\w+)\[.*{name}", done.stdout, re.MULTILINE)
-    assert done.returncode == (1 if FAULTS[name] else 0), done.stdout
+    cases = (f"bad_controllers:{name}", "qp12")
+    found = judge(tmp_path, "ControllerProperties", cases, beside=Path(__file__).parent)
+    assert found.code == (1 if FAULTS[name] else 0), found.said
+    failed = found.faults(name)
     for fault in FAULTS[name]:
         assert any(fault in test for test in failed), (fault, failed)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from support.arm3 import describe
-from support.controller_cases import one_joint_arm
-from support.small_arm import arm
+from support.small_arm import arm, one_joint_arm
 
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics, stacked

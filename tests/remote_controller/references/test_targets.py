@@ -49,6 +49,13 @@ EVERY = {
     },
     "spline": {"kind": "spline", "file": "path.csv"},
     "closed spline": {"kind": "spline", "file": "path.csv", "repeat": True, "approach_s": 0.4},
+    "cubic": {"kind": "trajectory", "file": "path.csv", "interpolation": "cubic"},
+    "quintic later": {
+        "kind": "trajectory",
+        "csv": ROWS.replace("\n0,", "\n0.4,"),
+        "interpolation": "quintic",
+        "time_scaling": 1.3,
+    },
 }
 STEP = 1e-6  # s
 

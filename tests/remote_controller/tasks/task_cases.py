@@ -1,16 +1,13 @@
-"""Robots, postures and difference quotients for the tests of tasks."""
+"""Robots and tasks for the tests of tasks."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 
-import numpy as np
 from hypothesis import strategies as st
 from support.arm3 import describe
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
 from hoap3.remote_controller.tasks.registry import TaskSettings, build
@@ -18,7 +15,6 @@ from hoap3.robot_emulator.robots import load
 
 HOAP3, ARM, LWR = load("hoap3"), describe(), load("lwr")
 SEEDS = st.integers(0, 2**32 - 1)
-STEP = 1e-5  # rad or s
 
 LEMNISCATE = {
     "kind": "lemniscate",
@@ -99,16 +95,3 @@ def built(case: str) -> tuple[RobotDescription, Kinematics, LyapunovFunction]:
     kinematics = kinematics_of(robot.name)
     settings = TaskSettings(task=name, parameters=parameters)
     return robot, kinematics, build(settings, robot, kinematics)
-
-
-def posture(robot: RobotDescription, seed: int) -> FloatArray:
-    return np.random.default_rng(seed).uniform(robot.lower, robot.upper)
-
-
-def quotient(function: Callable[[FloatArray], FloatArray], at: FloatArray) -> FloatArray:
-    """Derivative by central differences; one column for each component of `at`."""
-    columns = [
-        (function(at + shift) - function(at - shift)) / (2 * STEP)
-        for shift in STEP * np.eye(len(at))
-    ]
-    return np.stack(columns, axis=-1)

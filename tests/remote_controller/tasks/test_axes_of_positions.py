@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from task_cases import CIRCLE, HAND, HOAP3, kinematics_of, posture
+from task_cases import CIRCLE, HAND, HOAP3, kinematics_of
 
 from hoap3.protocol.errors import ConfigError
 from hoap3.remote_controller.tasks.registry import TaskSettings, build, check_parameters
+from hoap3.testing import posture
 
 
 def made(**parameters):

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from task_cases import ARM, HOAP3, SEEDS, kinematics_of, posture
+from task_cases import ARM, HOAP3, SEEDS, kinematics_of
 
 from hoap3.remote_controller.tasks import status
 from hoap3.remote_controller.tasks.registry import TaskSettings, build
+from hoap3.testing import posture
 
 DT = 1e-3
 ELLIPSE = {"joints": ["elbow", "wrist"], "radii_rad": [0.3, 0.2]}

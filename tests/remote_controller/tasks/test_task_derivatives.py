@@ -9,7 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from registered_tasks import velocity_tasks
 from support.robots.following_arm import following
-from task_cases import ARM, CASES, HOAP3, SEEDS, built, kinematics_of, posture, quotient
+from task_cases import ARM, CASES, HOAP3, SEEDS, built, kinematics_of
 
 from hoap3.protocol.errors import ConfigError
 from hoap3.remote_controller.model.kinematics import Kinematics
@@ -17,6 +17,7 @@ from hoap3.remote_controller.tasks import status
 from hoap3.remote_controller.tasks.frames.frame_pose import FramePoseTask
 from hoap3.remote_controller.tasks.registry import TaskSettings, build
 from hoap3.remote_controller.tasks.task_function import TaskFunction
+from hoap3.testing import posture, quotient
 
 TIMES = st.floats(0.0, 4.0)
 KINK = 2e-2  # rad from half a turn, where V has one

@@ -117,7 +117,7 @@ WRONG = [
     ("com", {"target": POINT, "frame": "base", "weights": [1, 2]}, "expected 1 or 3 numbers"),
     ("com", {"target": POINT, "frame": "base", "weights": [0]}, "not all of them 0"),
     ("posture", {"posture": "bend"}, "v.parameters.posture: the robot has no such posture"),
-    ("posture", {"posture": "bent", "target_rad": [1.0]}, "either posture or target_rad"),
+    ("posture", {"posture": "bent", "target_rad": [1.0]}, "one of posture, target_rad"),
     ("posture", {"target_rad": [1.0]}, "v.parameters.target_rad: has 1 values"),
     ("posture", {"joints": ["knee"], "target_rad": [1]}, "joints: is no joint of this robot"),
     ("posture", {"joints": ["wrist", "wrist"], "target_rad": [1, 1]}, "joints: is named twice"),

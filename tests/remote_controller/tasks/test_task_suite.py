@@ -1,18 +1,14 @@
-"""The property suite of tasks, run unedited over other people's, finds what is wrong."""
+"""The property suite of tasks, run over other people's, finds what is wrong."""
 
 from __future__ import annotations
 
-import os
-import re
-import subprocess
-import sys
 from pathlib import Path
 
 import bad_tasks
 import pytest
-from support import HOUSE
+from support.property_suites import judge
 
-SUITE = Path(__file__).with_name("test_task_properties.py")
+HERE = Path(__file__).parent
 FAULTS = {
     "Faultless": "",
     "FarOff": "gradient_and_rate_are_the_derivatives",
@@ -28,22 +24,14 @@ FAULTS = {
 
 
 @pytest.mark.long
-def test_the_suite_finds_each_fault():
+def test_the_suite_finds_each_fault(tmp_path):
     assert all(hasattr(bad_tasks, name) for name in FAULTS)
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", str(SUITE), "-q", "-p", "no:cacheprovider"],
-        env={**os.environ, "HOAP3_TEST_TASKS": ",".join(f"bad_tasks:{name}" for name in FAULTS)},
-        cwd=HOUSE,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    failed = re.findall(r"^FAILED .*::test_(\w+)\[.*bad_tasks:(\w+)", done.stdout, re.MULTILINE)
-    assert done.returncode == 1, done.stdout
-    assert not {"Faultless", "Reaching"} & {name for _, name in failed}, done.stdout
+    cases = [f"bad_tasks:{name}" for name in FAULTS]
+    found = judge(tmp_path, "TaskProperties", cases, beside=HERE)
+    assert found.code == 1, found.said
     for name, fault in FAULTS.items():
-        if fault:
-            assert any(fault in test for test, whose in failed if whose == name), (name, failed)
+        failed = found.faults(f"bad_tasks:{name}")
+        assert any(fault in test for test in failed) if fault else not failed, (name, failed)
 
 
 @pytest.mark.long
@@ -51,13 +39,6 @@ def test_a_file_says_parameters(tmp_path):
     """And a fault that building shows is one as well."""
     file = tmp_path / "mine.yaml"
     file.write_text("task: own_tasks:Sway\nparameters: {fault: rate}\n", encoding="utf-8")
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", str(SUITE), "-q", "-p", "no:cacheprovider", "-x"],
-        env={**os.environ, "HOAP3_TEST_TASKS": str(file)},
-        cwd=HOUSE,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 1
-    assert f"{file}: task.task: " in done.stdout
+    found = judge(tmp_path, "TaskProperties", [str(file)], beside=HERE)
+    assert found.code == 1
+    assert f"{file}: task.task: " in found.said

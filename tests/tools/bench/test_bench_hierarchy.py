@@ -12,6 +12,7 @@ from hoap3.remote_controller.solvers import ghc
 from hoap3.tools.bench import hierarchy, qp_peers
 from hoap3.tools.bench.hierarchy import OURS, PEERS, QUICK_TASKS, bench_hierarchy, missing, ratios
 from hoap3.tools.bench.plot import plot_hierarchies
+from hoap3.tools.bench.problems import hierarchy_problems
 from hoap3.tools.bench.problems.hierarchy_problems import (
     FRAMES,
     STATES,
@@ -120,6 +121,17 @@ def test_a_peer_that_is_not_there_is_left_out_and_named(monkeypatch):
     assert {each["solver"] for each in found["rows"]} == {"ghc", "daqp", "ghc tick"}
     assert found["ratios"] == []
     assert missing() == {"quadprog": "quadprog"}
+
+
+def test_icub_is_its_vendors_and_named_where_it_is_not_installed(monkeypatch):
+    assert len(moments("icub")[0].bias) == 32
+    rows = bench_hierarchy(samples=10, tasks=[1], robots=["icub"])["rows"]
+    assert {each["robot"] for each in rows} == {"icub"}
+    assert all(each["worst_error"] < 1e-9 for each in rows if each["solver"] in PEERS)
+    absent = {"icub": ("no-such-package", "icub.urdf")}
+    monkeypatch.setattr(hierarchy_problems, "VENDORS", absent)
+    assert missing() == {"icub": "no-such-package"}
+    assert bench_hierarchy(samples=10, tasks=[1], robots=["icub"])["rows"] == []
 
 
 def test_the_picture_has_a_panel_a_robot_and_a_line_a_solver_and_case(tmp_path):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +16,18 @@ Change = Callable[[list[Record]], list[Record]]
 WRITERS_OWN = {"log", "clock", "end"}
 
 
-def rewrite(run: Path, side: str, out: Path, change: Change, config: bytes | None = None) -> Path:
-    """The log of one side with its records changed, and perhaps its config."""
+def rewrite(
+    run: Path,
+    side: str,
+    out: Path,
+    change: Change,
+    config: bytes | None = None,
+    enclosed: Mapping[str, bytes] | None = None,
+) -> Path:
+    """The log of one side with its records changed, and perhaps its config, or what it encloses."""
     log = Log.open(run, side=side)
     attachments = {**log.attachments, **({"config.yaml": config} if config else {})}
+    attachments |= enclosed or {}
     facts = {name: group for name, group in log.metadata.items() if name not in WRITERS_OWN}
     out.mkdir(parents=True, exist_ok=True)
     path = out / f"{side}.mcap"

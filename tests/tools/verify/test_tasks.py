@@ -40,6 +40,16 @@ POINT = {"kind": "point", "position_m": [0.01, 0.025, 0.28], "approach_s": 1.0}
 TURN = {"rotation_rad": [0.4, -1.1, 0.6], "turn_s": 2.0}
 HAND = {"frame": "r_forearm", "reference": "l_sole"}
 TOOL = {"frame": "tool0", "reference": "base"}
+XYZ = "t,z,x,y\n0.2,0.28,0.01,0.03\n0.7,0.27,0.02,0.03\n1.1,0.28,0.01,0.02\n"
+PATH = {"kind": "trajectory", "csv": XYZ, "interpolation": "quintic", "time_scaling": 0.8}
+TURNS = "0,0.1,0.2,0.3,1,0,0,0\n0.5,0.1,0.2,0.4,0.6,0,0.8,0\n1.2,0,0.2,0.4,0,0,-0.8,0.6\n"
+TURNING = {"kind": "trajectory", "csv": "t,x,y,z,qx,qy,qz,qw\n" + TURNS, "interpolation": "cubic"}
+ELBOW = "t,elbow_joint,elbow_joint/velocity,elbow_joint/acceleration\n"
+JOINTS = {
+    "kind": "trajectory",
+    "csv": ELBOW + "0,1.4,0.3,1\n0.5,1.2,-0.2,0.5\n1.3,1.5,0,0\n",
+    "approach_s": 0.3,
+}
 SUM = [
     {"weight": 3.0, "task": "com", "parameters": {"target": POINT}},
     {"weight": 0.5, "task": "frame_pose", "parameters": {**HAND, **TURN, "target": CIRCLE}},
@@ -72,6 +82,12 @@ CASES = {
         {"joints": ["wrist_1_joint", "elbow_joint"], "target_rad": [0.2, 1.1]},
     ),
     "sum": ("hoap3", "weighted_sum", {"terms": SUM}),
+    "tool trajectory": ("ur5", "frame_position", {**TOOL, "target": PATH, "axes": ["z", "x"]}),
+    "pose trajectory": ("ur5", "frame_pose", {**TOOL, "target": TURNING}),
+    "turn beside a trajectory": ("ur5", "frame_pose", {**TOOL, **TURN, "target": PATH}),
+    "com trajectory": ("hoap3", "com", {"frame": "l_sole", "target": {**PATH, "csv": XYZ}}),
+    "posture trajectory": ("ur5", "posture", {"target": JOINTS}),
+    "straight posture": ("ur5", "posture", {"target": {**JOINTS, "interpolation": "linear"}}),
 }
 
 

@@ -6,22 +6,30 @@ k tasks are the positions of k − 1 frames, strictly one below the other, and t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hoap3.protocol.description import RobotDescription
 from hoap3.remote_controller.model.frame_dynamics import FrameDynamics
 from hoap3.remote_controller.solvers.base.task_validation import stacked
 from hoap3.remote_controller.solvers.ghc.lqp import PlainLqp
 from hoap3.remote_controller.solvers.qp.qp_backends import EQUATION, NO_BOUND, Program
 from hoap3.robot_emulator.robots import load
+from hoap3.robot_emulator.robots.urdf_import.imported import import_robot
 
 Array = NDArray[np.float64]
 
 FRAMES = {
     "lwr": ("ee", "elbow", "link_6", "link_3", "link_5", "link_2"),
     "humanoid32": ("r_palm", "l_palm", "r_sole", "l_sole", "head", "chest"),
+    "icub": ("r_gripper", "l_gripper", "r_sole", "l_sole", "head", "chest"),
 }
+VENDORS = {"icub": ("example-robot-data", "icub_description/robots/icub.urdf")}
+"""Robots whose own URDF is read from a package, where that is installed."""
+
 STATES = 32
 W_R = 1e-2
 HELD, STRAINED = 0.3, 0.2  # bounds, of the largest acceleration and effort that the tasks ask for
@@ -57,10 +65,31 @@ class Lqp(Program):
     motion: Array
 
 
+def missing() -> dict[str, str]:
+    """Robots whose package is not installed, and that package."""
+    return {robot: package for robot, (package, _) in VENDORS.items() if _urdf(robot) is None}
+
+
+def _urdf(robot: str) -> Path | None:
+    """The file of a vendor's robot, or None where its package is not installed."""
+    package, name = VENDORS[robot]
+    try:
+        wheel = distribution(package)
+    except PackageNotFoundError:
+        return None
+    found = (wheel.locate_file(file) for file in wheel.files or [] if str(file).endswith(name))
+    return next((Path(str(file)) for file in found), None)
+
+
+def _described(robot: str) -> RobotDescription:
+    urdf = _urdf(robot) if robot in VENDORS else None
+    return load(robot) if urdf is None else import_robot(urdf).description
+
+
 def moments(robot: str, seed: int = 0) -> list[Moment]:
     """A slow random walk of a robot from its initial posture, to and fro."""
-    description, rng = load(robot), np.random.default_rng(seed)
-    n, frames = description.n, [FrameDynamics(load(robot), name) for name in FRAMES[robot]]
+    description, rng = _described(robot), np.random.default_rng(seed)
+    n, frames = description.n, [FrameDynamics(description, name) for name in FRAMES[robot]]
     walk = np.cumsum(rng.normal(scale=0.03, size=(STATES // 2, n)), axis=0)
     q = np.array(description.initial_position) + rng.normal(scale=0.3, size=n) + walk
     dq = 0.3 * np.cumsum(rng.normal(scale=0.3, size=q.shape), axis=0)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from hoap3.protocol.description import COM, DefaultTask, RobotDescription
 from hoap3.protocol.errors import FrameNotFoundError
 from hoap3.tools.verify.robot import Robot
+from hoap3.tools.verify.tasks.live import live_of, live_posture_of
 from hoap3.tools.verify.tasks.logarithm import nearer, rotation_vector
 from hoap3.tools.verify.tasks.targets import (
     Hold,
@@ -27,7 +28,10 @@ from hoap3.tools.verify.tasks.tasks import (
     PoseTask,
     PostureTask,
     SumTask,
+    Task,
 )
+from hoap3.tools.verify.tasks.tolerances import tolerances_of
+from hoap3.tools.verify.tasks.trajectories import TRAJECTORY, trajectory_of
 
 Array = NDArray[np.float64]
 Settings = Mapping[str, Any]
@@ -54,7 +58,7 @@ def task_of(entry: Settings, robot: Robot) -> AnyTask:
     if name not in BUILDERS:
         raise UnknownTaskError(f"task {name!r:.60} is not known")
     try:
-        return BUILDERS[name](parameters, robot)
+        return _watching(BUILDERS[name](parameters, robot), name, parameters, robot)
     except UnknownTaskError:
         raise
     except (KeyError, TypeError, ValueError, FrameNotFoundError) as error:
@@ -115,15 +119,23 @@ def _weights(given: Settings, dimension: int) -> Array:
     return np.broadcast_to(weights, (dimension,)).copy()
 
 
+def _aim(given: Settings, robot: Robot, *, turns: bool = False) -> Target:
+    """Where `target` leads, (3,); (6,) where it `turns` and says so."""
+    target = given.get("target")
+    if target is not None and target.get("kind") == "live":
+        return live_of(target, robot.messages)
+    return place_of(target, turns=turns)
+
+
 def _com(given: Settings, robot: Robot) -> PlaceTask:
     reference = given.get("frame", "r_sole")
-    target = target_of(given.get("target"))
+    target = _aim(given, robot)
     return PlaceTask(target, _weights(given, 3), COM, robot.known(reference), AXES)
 
 
 def _frame_position(given: Settings, robot: Robot) -> PlaceTask:
     axes = list(given.get("axes") or AXES)
-    target, weights = target_of(given.get("target")), _weights(given, len(axes))
+    target, weights = _aim(given, robot), _weights(given, len(axes))
     return PlaceTask(target, weights, *_frames(given, robot), axes)
 
 
@@ -136,7 +148,9 @@ def _frame_pose(given: Settings, robot: Robot) -> PoseTask:
     frame, reference = _frames(given, robot)
     aim: Target = Hold(6)
     if given.get("target") is not None:
-        aim = Joined(target_of(given["target"]), _turn(given))
+        aim = _aim(given, robot, turns=True)
+        if aim.dimension == len(AXES):
+            aim = Joined(aim, _turn(given))
     elif given.get("posture") is not None or given.get("posture_rad"):
         wanted = given.get("posture"), given.get("posture_rad") or ()
         robot.place(posture_of(robot.description, *wanted))
@@ -148,6 +162,15 @@ def _frame_pose(given: Settings, robot: Robot) -> PoseTask:
 def _posture(given: Settings, robot: Robot) -> PostureTask:
     known = list(robot.description.joint_names)
     joints = [known.index(name) for name in given.get("joints") or known]
+    steered = given.get("target")
+    if steered is not None:
+        names = [known[i] for i in joints]
+        aim: Target = (
+            live_posture_of(steered, robot.messages, len(joints))
+            if steered.get("kind") == "live"
+            else trajectory_of(steered, names)
+        )
+        return PostureTask(aim, _weights(given, len(joints)), joints)
     values = given.get("target_rad") or ()
     if len(values) == len(joints):
         target = np.array(values, float)
@@ -161,6 +184,30 @@ def _weighted_sum(given: Settings, robot: Robot) -> SumTask:
     terms = given["terms"]
     weights = [float(term.get("weight", 1.0)) for term in terms]
     return SumTask([task_of(term, robot) for term in terms], weights)
+
+
+def place_of(given: Settings | None, *, turns: bool = False) -> Target:
+    """The target of a position, (3,), or of a pose, (6,), where `turns` and it has turns."""
+    if given is not None and given.get("kind") == TRAJECTORY:
+        return trajectory_of(given, AXES, turns=turns)
+    return target_of(given)
+
+
+def _watching(task: AnyTask, name: str, given: Settings, robot: Robot) -> AnyTask:
+    """The task with the tolerances of its trajectory, if it has any."""
+    aim = given.get("target")
+    if isinstance(task, Task) and isinstance(aim, Mapping) and aim.get("kind") == TRAJECTORY:
+        task.tolerances = tolerances_of(aim, _components(name, given, robot), task.target)
+    return task
+
+
+def _components(name: str, given: Settings, robot: Robot) -> list[str]:
+    """What the components of a task's error are called."""
+    if name == "posture":
+        return list(given.get("joints") or robot.description.joint_names)
+    if name == "frame_pose":
+        return [*AXES, "rx", "ry", "rz"]
+    return list(given.get("axes") or AXES)
 
 
 def _frames(given: Settings, robot: Robot) -> tuple[str, str]:

@@ -26,27 +26,44 @@ class Target(ABC):
     Args:
         dimension: m.
         approach_s: duration of the way from where the robot is to the target [s]; 0 is none.
+
+    Attributes:
+        end_s: when a trajectory ends, since the start [s]; of others inf.
+        rounding: how many times as much as any other place it may be off by rounding.
     """
 
+    end_s, rounding = float("inf"), 1.0
+
     def __init__(self, dimension: int, approach_s: float = 0.0) -> None:
-        self.dimension, self._approach = dimension, approach_s
+        self.dimension, self.approach_s = dimension, approach_s
         self._begin, self._origin = 0.0, np.zeros(dimension)
         self._known = False
+        self._stays: Array | None = None
 
     def start(self, present: Array | None, time_s: float) -> None:
         """Set out at a time [s] from where the robot is, (m,); None where nobody knows."""
-        self._begin, self._known = time_s, present is not None
+        self._begin, self._known, self._stays = time_s, present is not None, None
         self._origin = np.zeros(self.dimension) if present is None else present.copy()
 
     def at(self, time_s: float) -> tuple[Array, Array]:
         """x_d and dx_d/dt, both (m,), at a time [s]; before the start as at it."""
-        elapsed = max(0.0, time_s - self._begin)
+        if self._stays is not None:
+            return self._stays, np.zeros(self.dimension)
+        elapsed = self.elapsed(time_s)
         place, velocity = self.path(elapsed)
-        if not self._known or elapsed >= self._approach:
+        if not self._known or elapsed >= self.approach_s:
             return place, velocity
-        s, slope = rise(elapsed / self._approach)
+        s, slope = rise(elapsed / self.approach_s)
         way = place - self._origin
-        return self._origin + s * way, slope / self._approach * way + s * velocity
+        return self._origin + s * way, slope / self.approach_s * way + s * velocity
+
+    def elapsed(self, time_s: float) -> float:
+        """Time since the start [s]."""
+        return max(0.0, time_s - self._begin)
+
+    def stay(self, place: Array) -> None:
+        """From now on be there, (m,), until the next start."""
+        self._stays = place.copy()
 
     def over(self, time_s: float, period_s: float) -> tuple[Array, Array, Array]:
         """x_d, dx_d/dt and the acceleration that, held for a period, gives the next velocity."""
@@ -151,9 +168,11 @@ class Joined(Target):
     def __init__(self, first: Target, second: Target) -> None:
         super().__init__(first.dimension + second.dimension)
         self._both, self._split = (first, second), first.dimension
+        self.end_s = max(first.end_s, second.approach_s)
 
     def start(self, present: Array | None, time_s: float) -> None:
         """Both set out."""
+        super().start(present, time_s)
         m = self._split
         starts = (None, None) if present is None else (present[:m], present[m:])
         for target, start in zip(self._both, starts, strict=True):
@@ -161,6 +180,8 @@ class Joined(Target):
 
     def at(self, time_s: float) -> tuple[Array, Array]:
         """Of both."""
+        if self._stays is not None:
+            return self._stays, np.zeros(self.dimension)
         (x, v), (y, w) = (target.at(time_s) for target in self._both)
         return np.concatenate([x, y]), np.concatenate([v, w])
 

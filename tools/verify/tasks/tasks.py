@@ -21,6 +21,7 @@ from hoap3.tools.verify.tasks.logarithm import (
     skew,
 )
 from hoap3.tools.verify.tasks.targets import Target
+from hoap3.tools.verify.tasks.tolerances import Tolerances
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -69,6 +70,7 @@ class Task(ABC):
     def __init__(self, target: Target, weights: Array) -> None:
         self.target = target
         self.roots: Array = np.sqrt(weights)
+        self.tolerances: Tolerances | None = None
 
     @property
     def size(self) -> int:
@@ -80,6 +82,23 @@ class Task(ABC):
         self.target.start(None, time_s)  # of two ways to say an orientation, the one nearer to it
         aim, _ = self.target.at(time_s)
         self.target.start(self.present(robot, aim), time_s)
+        if self.tolerances is not None:
+            self.tolerances.open = True
+
+    @property
+    def watched(self) -> bool:
+        """Whether it has tolerances."""
+        return self.tolerances is not None
+
+    def watch(self, robot: Robot, time_s: float) -> None:
+        """Once for each State, at the joint positions that were measured: does it give up here?"""
+        tolerances = self.tolerances
+        if tolerances is None or not tolerances.open:
+            return
+        aim, _ = self.target.at(time_s)
+        error = self.error(robot, aim)
+        if tolerances.broken(error, self.target.elapsed(time_s)) and tolerances.holds:
+            self.target.stay(self.present(robot, aim))
 
     def at(self, robot: Robot, time_s: float) -> Rows:
         """e, J and ∂e/∂t at a time [s]."""
@@ -112,6 +131,11 @@ class Task(ABC):
         ahead = rate(q + STEP_S * dq, time_s) - rate(q - STEP_S * dq, time_s)
         later, now = rate(q, time_s + period_s), rate(q, time_s)
         return now, ahead / (2.0 * STEP_S) + (later - now) / period_s
+
+    @property
+    def rounding(self) -> float:
+        """As of its target."""
+        return self.target.rounding
 
     @abstractmethod
     def moved(self, robot: Robot) -> Flags:
@@ -268,10 +292,25 @@ class SumTask:
         """How many components e has."""
         return len(self.roots)
 
+    @property
+    def rounding(self) -> float:
+        """As of the targets of its terms."""
+        return max(term.rounding for term in self._terms)
+
     def moved(self, robot: Robot) -> Flags:
         """Those of any term."""
         found = [term.moved(robot) for term in self._terms]
         return np.asarray(np.logical_or.reduce(found))
+
+    @property
+    def watched(self) -> bool:
+        """Whether a term has tolerances."""
+        return any(term.watched for term in self._terms)
+
+    def watch(self, robot: Robot, time_s: float) -> None:
+        """Watch all terms."""
+        for term in self._terms:
+            term.watch(robot, time_s)
 
     def begin(self, robot: Robot, time_s: float) -> None:
         """All targets set out."""

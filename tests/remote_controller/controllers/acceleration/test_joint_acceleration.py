@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.controller_cases import Body
 
 from hoap3.protocol.config.settings import parse
 from hoap3.protocol.description import RobotDescription
@@ -16,6 +15,7 @@ from hoap3.remote_controller.controllers.acceleration.joint_acceleration import 
 )
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.robot_emulator.robots import load
+from hoap3.testing import Body
 from hoap3.tools.simulate import simulate
 
 HOAP3, LWR = load("hoap3"), load("lwr")

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from support.controller_cases import Body
 
 from hoap3.protocol.config.settings import parse
 from hoap3.protocol.description import RobotDescription
@@ -14,6 +13,7 @@ from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.controllers.base import Controller
 from hoap3.robot_emulator.robots import load
+from hoap3.testing import Body
 
 HOAP3 = load("hoap3")
 # The reference figures were computed without the degree that usable limits keep from the stops.

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from free_flyer import FreeFlyer
 from support.arm3 import describe
-from support.controller_cases import one_joint_arm
-from support.small_arm import arm
+from support.small_arm import arm, one_joint_arm
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import FrameNotFoundError

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from com_runs import HOAP3, TARGET, controller_for, run
 from free_flyer import FreeFlyer
-from support.controller_cases import Body
 
 from hoap3.protocol.messages import State
 from hoap3.remote_controller.controllers.base import STATUS
+from hoap3.testing import Body
 
 SCALES = ["inverse_sqrt_n", "one", "max_norm"]
 

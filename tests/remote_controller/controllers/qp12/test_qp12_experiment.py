@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from com_runs import HOAP3, Run, controller_for, run
-from support.controller_cases import Body
 
 from hoap3.remote_controller.controllers.base import STATUS
+from hoap3.testing import Body
 from hoap3.tools.reproduce.papers.qp12 import reference
 from hoap3.tools.reproduce.papers.qp12.reference import Law
 

@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from support.controller_cases import Body
 
 from hoap3.protocol.config.settings import parse
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import State
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.robot_emulator.robots import load
+from hoap3.testing import Body
 
 HOAP3 = load("hoap3")
 

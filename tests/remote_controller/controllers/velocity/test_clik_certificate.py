@@ -6,7 +6,6 @@ from copy import deepcopy
 
 import numpy as np
 import pytest
-from support.controller_cases import Body
 
 from hoap3.protocol.config.settings import load_yaml, parse
 from hoap3.remote_controller.config import CONFIGS, ControllerConfig, build
@@ -15,6 +14,7 @@ from hoap3.remote_controller.controllers.velocity.clik import CONDITIONS, LASTIN
 from hoap3.remote_controller.solvers.clik.constant_gains import ConstantGains
 from hoap3.remote_controller.solvers.sdp.sdp_gains import SdpGains
 from hoap3.robot_emulator.robots import load
+from hoap3.testing import Body
 from hoap3.tools.simulate import simulate
 
 BOTH = pytest.mark.parametrize("kind", ["clik", "clik_sdp"])

@@ -7,7 +7,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from support.controller_cases import Body
 
 from hoap3.protocol.config.settings import load_yaml, parse
 from hoap3.protocol.errors import ConfigError
@@ -15,6 +14,7 @@ from hoap3.remote_controller.config import CONFIGS, ControllerConfig, build
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.controllers.velocity.clik import CONDITIONS
 from hoap3.robot_emulator.robots import load
+from hoap3.testing import Body
 from hoap3.tools.replay import replay_records
 from hoap3.tools.simulate import simulate
 

@@ -183,6 +183,8 @@ class Hierarchy:
         self.robot.place(q)
         self.robot.move(dq)
         time_s = int(state["tick"]) * T
+        for task in self.tasks:
+            task.watch(self.robot, time_s)
         M, h, weight = self._body.at(q, dq)
         M, h = M + T * np.diag(self._friction), h + self._friction * dq
         for sensor, place in self._felt.items():

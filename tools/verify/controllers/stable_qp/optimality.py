@@ -21,7 +21,8 @@ from hoap3.tools.verify.controllers.stable_qp.scaled import Scaled
 
 Array = NDArray[np.float64]
 
-NEAR, AT = 1e-8, 1e-12  # of the scale: how near its side a row or a bound may hold y
+NEAR = 1e-8  # of the scale: how near its side a row or a bound may hold y
+NEARER = (1e-9, 1e-10, 1e-11, 1e-12)
 TIED = 1e-9  # of max|y|: joints as fast as that by this much are among the fastest
 FREE, FIXED, FALLING = "free", "fixed", "falling"
 """What the multiplier of V's rate may be: anything, a price, or ≥ 0 where V̇ ≤ 0 is all."""
@@ -37,11 +38,13 @@ def residual(p: Scaled, kind: str, enough: float, rate: str = FREE, price: float
         rate: what the multiplier of V's rate may be.
         price: that it is, where it is fixed.
     """
-    found = _residual(p, kind, max(NEAR, 2.0 * min(enough, 1.0)), rate, price)
-    if found <= enough:
-        return found
-    # what is near a side need not be held by it: any multipliers prove what they prove
-    return min(found, _residual(p, kind, AT, rate, price))
+    found = np.inf
+    for share in (max(NEAR, 2.0 * min(enough, 1.0)), *NEARER):
+        # what is near a side need not be held by it: any multipliers prove what they prove
+        found = min(found, _residual(p, kind, share, rate, price))
+        if found <= enough:
+            break
+    return found
 
 
 def _residual(p: Scaled, kind: str, share: float, rate: str, price: float) -> float:

@@ -112,6 +112,10 @@ class Problems:
                 self._task.begin(robot, self._time(number))
                 for constraint in self._with_rows:
                     constraint.begin(states[number])
+            if not isinstance(self._task, Curve) and self._task.watched:
+                robot.place(states["q"][number])
+                self._task.watch(robot, self._time(number))
+                robot.place(q)
             yield self._cycle(number)
 
     def margins(self) -> tuple[Array, Array]:

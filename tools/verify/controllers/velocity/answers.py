@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hoap3.tools.verify.claims import RELATIVE, Claims
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.velocity.joint_bounds import bounds_of
-from hoap3.tools.verify.controllers.velocity.task_stack import PLACE, Cycles, Tasks
+from hoap3.tools.verify.controllers.velocity.task_stack import Cycles, Tasks
 from hoap3.tools.verify.sent_velocity import DELAYED, judged, sent_velocity
 
 Array = NDArray[np.float64]
@@ -94,6 +94,6 @@ def answers_of(
     cycles = tasks.over(run, base, u)
     stated = run.answers["extra"][:, : len(tasks.labels)]
     found = np.array([np.linalg.norm(cycles.e[:, rows], axis=1) for rows in tasks.rows]).T
-    near = np.array([np.linalg.norm(tasks.roots[rows]) for rows in tasks.rows]) * PLACE
+    near = np.array([np.linalg.norm(tasks.places[rows]) for rows in tasks.rows])
     claims.equal("error", run.answers["tick"], stated, found, RELATIVE * np.abs(found) + near)
     return Answers(run, cycles, u, doubt, *bounds_of(run, settings["bounds"]), delayed)

@@ -102,7 +102,7 @@ class _Problem:
 def _check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims, *, sdp: bool) -> None:
     try:
         settings = settings_of(parameters, SDP if sdp else STEADY)
-        tasks = Tasks.of(run.description, settings["tasks"])
+        tasks = Tasks.of(run, settings["tasks"])
         weights = of_rows(tasks.entries, tasks.sizes, "weight", WEIGHT)
         wanted = of_rows(tasks.entries, tasks.sizes, "gain_per_s", GAIN_PER_S)
     except UnknownTaskError as error:
@@ -130,7 +130,7 @@ def _check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims, *,
         finite: Flags = np.asarray(np.isfinite(gains).all(1))
         claims.equal("gains are numbers", answers.tick, finite, np.ones(len(finite)), 0.0)
         answers, law, gains = answers.only(finite), law.only(finite), gains[finite]
-    place = PLACE * tasks.roots
+    place = tasks.places
     motion = _motion(answers, law, settings["damping"], place)
     if not sdp:
         gains = _check_steady(answers, law, motion, wanted, gains, claims)

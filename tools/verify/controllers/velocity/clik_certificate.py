@@ -58,7 +58,7 @@ class Certificate:
         self._errors = len(tasks.labels)
         self.moving: Flags = np.asarray(cycles.rate.any(1))
         self.V, self.end = cycles.squares(weights)
-        place = PLACE * tasks.roots  # of each row
+        place = tasks.places  # of each row
         e, ahead = np.abs(cycles.e), np.abs(cycles.ahead)
         self._near = RELATIVE * self.V + (e * place + place**2) @ weights
         slope = np.abs(np.einsum("nm,nmj->nj", weights * cycles.e, cycles.J))

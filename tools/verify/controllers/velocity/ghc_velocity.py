@@ -19,7 +19,7 @@ from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.controllers.velocity.answers import Answers, answers_of
 from hoap3.tools.verify.controllers.velocity.hierarchy import Condensed, condensed, multipliers
 from hoap3.tools.verify.controllers.velocity.settings import of_rows, settings_of
-from hoap3.tools.verify.controllers.velocity.task_stack import PLACE, Tasks
+from hoap3.tools.verify.controllers.velocity.task_stack import Tasks
 from hoap3.tools.verify.sent_velocity import DELAYED, check_values
 from hoap3.tools.verify.tasks.priorities import Priorities, top_tasks
 from hoap3.tools.verify.tasks.targets import UnknownTaskError
@@ -59,7 +59,7 @@ def check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims) -> 
     """Everything that it claims."""
     try:
         settings = settings_of(parameters, DEFAULTS)
-        tasks = Tasks.of(run.description, settings["tasks"])
+        tasks = Tasks.of(run, settings["tasks"])
         gains = of_rows(tasks.entries, tasks.sizes, "gain_per_s", GAIN_PER_S)
         priorities = Priorities(tasks.labels, settings["priorities"])
     except UnknownTaskError as error:
@@ -88,7 +88,8 @@ def check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims) -> 
     wanted = -gains * answers.cycles.e - answers.cycles.rate
     weight, width = settings["regularisation"], settings["smoothing"]
     problem = condensed(answers.cycles.J, wanted, tasks.rows, ranks.alpha, weight, width)
-    _check_answer(answers, problem, claims)
+    places = [np.linalg.norm((gains * tasks.places)[mine]) for mine in tasks.rows]
+    _check_answer(answers, problem, problem.reach @ places, claims)
     _check_certificate(answers, tasks, ranks, claims)
 
 
@@ -127,9 +128,13 @@ def _ranks(run: ControllerRun, priorities: Priorities) -> _Ranks:
     return found
 
 
-def _check_answer(given: Answers, problem: Condensed, claims: Claims) -> None:
-    """That u is the optimum within its bounds; where there is none, that joints brake."""
-    answers, tick, u, doubt = given.run.answers, given.tick, given.u, given.doubt
+def _check_answer(given: Answers, problem: Condensed, moved_by: Array, claims: Claims) -> None:
+    """That u is the optimum within its bounds; where there is none, that joints brake.
+
+    `moved_by`, (N,), is how far u moves with e, of which each component is known to `PLACE`.
+    """
+    answers, tick, u = given.run.answers, given.tick, given.u
+    doubt = given.doubt + moved_by[:, None]
     solved = answers["fallback"] == 0
     near = doubt + AT_BOUND
     lower, upper = u - given.lower <= near, given.upper - u <= near
@@ -171,7 +176,7 @@ def _check_certificate(given: Answers, tasks: Tasks, ranks: _Ranks, claims: Clai
     answers, tick, cycles = given.run.answers, given.tick, given.cycles
     T, u, doubt = given.run.description.period_s, given.u, given.doubt
     on = np.repeat(ranks.top, tasks.sizes, axis=1).astype(float)  # rows of the top tasks
-    place = PLACE * tasks.roots
+    place = tasks.places
     V, end = 0.5 * (on * cycles.e**2).sum(1), 0.5 * (on * cycles.ahead**2).sum(1)
     near = RELATIVE * V + (on * (np.abs(cycles.e) * place + place**2)).sum(1)
     claims.equal("V", tick, answers["v"], V, near)

@@ -27,10 +27,14 @@ DEPENDENT = 1e-8  # of a singular value of unit rows: less is rounding
 
 @dataclass(frozen=True)
 class Condensed:
-    """S and q₀ of each cycle, (N, n, n) and (N, n)."""
+    """S and q₀ of each cycle, (N, n, n) and (N, n), and how far each |b_i| reaches, (N, k).
+
+    |P_i J_iᵀ(J_i J_iᵀ + wI)⁻¹| ≤ max σ/(σ² + w), σ the singular values of J_i.
+    """
 
     S: Array
     q0: Array
+    reach: Array
 
 
 def condensed(
@@ -46,7 +50,7 @@ def condensed(
         width: s₀; 0 for the exact projector.
     """
     N, _, n = J.shape
-    S, q0 = np.zeros((N, n, n)), np.zeros((N, n))
+    S, q0, reach = np.zeros((N, n, n)), np.zeros((N, n)), np.zeros((N, len(rows)))
     for i, mine in enumerate(rows):
         P = projectors(J, rows, alpha[:, i], width)
         U, s, Vt = np.linalg.svd(J[:, mine], full_matrices=False)
@@ -55,8 +59,9 @@ def condensed(
         inverse = V * spread @ Vt + (np.eye(n) - V @ Vt) / w  # H_i⁻¹
         S += P @ inverse @ P
         within = U.transpose(0, 2, 1) @ b[:, mine, None]
+        reach[:, i] = (s / (s**2 + w)).max(1)
         q0 += (P @ V @ ((s / (s**2 + w))[:, :, None] * within))[:, :, 0]
-    return Condensed(S, q0)
+    return Condensed(S, q0, reach)
 
 
 def projectors(J: Array, rows: Sequence[slice], alpha: Array, width: float) -> Array:

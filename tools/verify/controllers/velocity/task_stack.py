@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.tasks.config import default_entry, task_of
+from hoap3.tools.verify.tasks.live import Messages
 from hoap3.tools.verify.tasks.tasks import AnyTask
 
 Array = NDArray[np.float64]
@@ -67,14 +67,15 @@ class Tasks:
     tasks: list[AnyTask]
 
     @classmethod
-    def of(cls, description: RobotDescription, given: Sequence[Mapping[str, Any]] | None) -> Tasks:
+    def of(cls, run: ControllerRun, given: Sequence[Mapping[str, Any]] | None) -> Tasks:
         """Those of `parameters.tasks`; without any, the robot's default task.
 
         Raises:
             UnknownTaskError: one that cannot be recomputed.
         """
+        description, messages = run.description, Messages(run.targets)
+        robot = Robot(description, messages)
         entries = [default_entry(description)] if given is None else list(given)
-        robot = Robot(description)
         labels = [str(entry.get("name") or entry.get("task")) for entry in entries]
         return cls(robot, labels, entries, [task_of(entry, robot) for entry in entries])
 
@@ -87,6 +88,12 @@ class Tasks:
     def roots(self) -> Array:
         """By what the tasks' own weights multiply each row of e, (m,)."""
         return np.concatenate([task.roots for task in self.tasks])
+
+    @property
+    def places(self) -> Array:
+        """How exactly each row of e is known, (m,) [its unit]."""
+        known = [np.full(task.size, PLACE * task.rounding) for task in self.tasks]
+        return self.roots * np.concatenate(known)
 
     @property
     def rows(self) -> list[slice]:
@@ -115,6 +122,7 @@ class Tasks:
                 begun = starts[k]
                 self._begin(base[begun], float(run.states["tick"][begun]) * T)
             now = float(run.states["tick"][place]) * T
+            self._watch(run.states["q"][place], now)
             self._look(found, k, base[place], now)
             if found.rate[k].any():
                 self._errors(now + T, found.along[k])
@@ -128,6 +136,13 @@ class Tasks:
         self.robot.place(q)
         for task in self.tasks:
             task.begin(self.robot, time_s)
+
+    def _watch(self, q: Array, time_s: float) -> None:
+        watched = [task for task in self.tasks if task.watched]
+        if watched:
+            self.robot.place(q)
+        for task in watched:
+            task.watch(self.robot, time_s)
 
     def _look(self, found: Cycles, k: int, q: Array, time_s: float) -> None:
         self.robot.place(q)

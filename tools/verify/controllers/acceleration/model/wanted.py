@@ -21,6 +21,7 @@ from hoap3.tools.verify.tasks.config import posture_of, task_of
 from hoap3.tools.verify.tasks.logarithm import pose_logarithm, rotation_of
 from hoap3.tools.verify.tasks.targets import Target, UnknownTaskError, target_of
 from hoap3.tools.verify.tasks.tasks import AnyTask
+from hoap3.tools.verify.tasks.trajectories import TRAJECTORY
 
 Array = NDArray[np.float64]
 Settings = Mapping[str, Any]
@@ -60,6 +61,9 @@ class Wanted(ABC):
     @abstractmethod
     def begin(self, robot: Robot, time_s: float) -> None:
         """Set out from where the robot is, at a time [s]."""
+
+    def watch(self, robot: Robot, time_s: float) -> None:  # noqa: B027 - most have no tolerances
+        """Compare with tolerances, once for each State."""
 
     @abstractmethod
     def at(self, robot: Robot, dq: Array, time_s: float, period_s: float) -> Rows:
@@ -151,6 +155,10 @@ class Given(Wanted):
         """From where the robot is."""
         self._task.begin(robot, time_s)
 
+    def watch(self, robot: Robot, time_s: float) -> None:
+        """Whether the task gives up here."""
+        self._task.watch(robot, time_s)
+
     def at(self, robot: Robot, dq: Array, time_s: float, period_s: float) -> Rows:
         """ë = J·q̈ + ν̇₀ with ν = ė; the task's e is ours with the other sign."""
         motion, rate = self._task.motion(robot, robot.positions, dq, time_s, period_s)
@@ -178,6 +186,8 @@ def wanted_of(entry: Settings, robot: Robot) -> Wanted:
     name, given, n = entry.get("task"), entry.get("parameters") or {}, robot.description.n
     task = task_of(entry, robot)  # which refuses what is wrong
     if given.get("weights"):
+        return Given(task)
+    if (given.get("target") or {}).get("kind") == TRAJECTORY:
         return Given(task)
     if name == "posture" and not given.get("approach_s"):
         joints = [*robot.description.joint_names]

@@ -1,0 +1,1 @@
+"""Targets that somebody steers while the robot moves."""

@@ -1,0 +1,1 @@
+"""References through points at times: files, polynomials between the points, tolerances."""

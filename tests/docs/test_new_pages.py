@@ -1,0 +1,49 @@
+"""What pages show of one's own is what `hoap3 new` writes: there is one text of each."""
+
+from __future__ import annotations
+
+import pytest
+from pages import blocks
+
+from hoap3.tools.new.package import render
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "page", "shown", "written"),
+    [
+        (
+            "controller",
+            "posture",
+            "writing_a_controller.md",
+            "posture_control.py",
+            "src/posture.py",
+        ),
+        ("task", "reach", "writing_a_task.md", "reach.py", "src/reach.py"),
+        (
+            "constraint",
+            "least_height",
+            "writing_a_constraint.md",
+            "least_height.py",
+            "src/least_height.py",
+        ),
+        ("plant", "springs", "plants.md", "springs.py", "src/springs.py"),
+        (
+            "robot",
+            "bench_arm",
+            "new_robot.md",
+            "bench_arm/bench_arm.urdf",
+            "src/bench_arm/bench_arm.urdf",
+        ),
+    ],
+)
+def test_a_page_shows_what_is_written(kind, name, page, shown, written):
+    (block,) = [each for each in blocks(page) if (each.word, each.rest) == ("file", shown)]
+    assert block.text == render(kind, name)[written]
+
+
+def test_the_robot_that_is_written_has_a_default_task_beside_what_the_page_shows():
+    shown = ("file", "bench_arm/robot.yaml")
+    (block,) = [each for each in blocks("new_robot.md") if (each.word, each.rest) == shown]
+    text = render("robot", "bench_arm")["src/bench_arm/robot.yaml"]
+    assert text.startswith(block.text)
+    assert text.removeprefix(block.text).startswith("default_task: ")

@@ -1,0 +1,191 @@
+"""A running robot from Python: what it says, who steers it, and what an operator's end leads to."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.command_bench import (
+    PATIENT,
+    QUIET,
+    Command,
+    controller,
+    emulator,
+    endpoint,
+    events,
+    wait_for_mode,
+)
+
+import hoap3
+from hoap3.protocol.errors import BadProblemError, LinkError, UsageError
+from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.tools.logs.log import Log
+from hoap3.tools.replay import replay
+
+pytestmark = pytest.mark.slow
+
+ROBOT = "ur5"
+EXAMPLE = Path(__file__).parents[3] / "examples" / "slow_policy.py"
+HOLDER = """
+import sys, time, hoap3
+with hoap3.connect("ur5", sys.argv[1]) as robot:
+    robot.acquire()
+    print("steers", flush=True)
+    time.sleep(600)
+"""
+
+
+@pytest.fixture(scope="module")
+def at() -> str:
+    return endpoint()
+
+
+@pytest.fixture(scope="module")
+def steered(at: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Command, Path]]:
+    """UR5 that is followed by `steered_ur5`; the controller, and the folder of its log."""
+    log = tmp_path_factory.mktemp("steered") / "log"
+    with (
+        emulator(ROBOT, *QUIET, *PATIENT, at=at),
+        controller("steered_ur5", "--out", log, at=at) as law,
+    ):
+        law.hear("following robot")
+        wait_for_mode("active", at, ROBOT)
+        yield law, log
+
+
+def patiently(attempt: Callable[[], object]) -> None:
+    """Try until it is not refused any more."""
+    until = time.monotonic() + 60.0
+    while True:
+        try:
+            attempt()
+        except UsageError:
+            assert time.monotonic() < until, "still refused"
+        else:
+            return
+
+
+def hand(q: np.ndarray) -> np.ndarray:
+    """Where the hand is, (3,) [m]."""
+    robot = hoap3.load_robot(ROBOT)
+    kinematics = Kinematics(robot)
+    kinematics.update(q)
+    frames = kinematics.frame_id("tool0"), kinematics.frame_id(robot.base_frame)
+    place = np.zeros(3)
+    kinematics.frame(*frames, place, np.zeros((3, 3)), np.zeros((6, robot.n)))
+    return place
+
+
+def test_it_says_what_it_does(steered, at):
+    with hoap3.connect(ROBOT, at) as robot:
+        assert robot.description.n == 6
+        assert robot.status()["mode"] == "active"
+        ticks = [state.tick for state in islice(robot.states(), 20)]
+        assert ticks == sorted(set(ticks))
+        assert robot.state().tick >= ticks[-1]
+        assert "priorities" in robot.changeable()
+
+
+def test_a_target_is_reached(steered, at):
+    aim = np.array([-0.5, -0.15, 0.35])
+    with hoap3.connect(ROBOT, at) as robot:
+        (target,) = robot.acquire()
+        assert (target["name"], target["dimension"]) == ("hand", 3)
+        assert robot.send_target(aim) == 1
+        for state in islice(robot.states(), 20_000):
+            if np.linalg.norm(hand(state.q) - aim) < 1e-3:
+                break
+        else:
+            pytest.fail("it never came there")
+
+
+def test_wrong_targets_are_refused_before_they_are_sent(steered, at):
+    with hoap3.connect(ROBOT, at) as robot:
+        patiently(robot.acquire)
+        for wrong in ([1.0, 2.0], [[1.0, 2.0, 3.0]], [np.nan, 0.0, 0.0]):
+            with pytest.raises(BadProblemError):
+                robot.send_target(wrong)
+        with pytest.raises(BadProblemError):
+            robot.send_chunk(np.zeros((400, 3)), 0, 1)
+        with pytest.raises(UsageError, match="hand"):
+            robot.send_target([0.0, 0.0, 0.0], target="foot")
+
+
+def test_one_steers_at_a_time_and_the_next_when_it_gives_up(steered, at):
+    with hoap3.connect(ROBOT, at) as first, hoap3.connect(ROBOT, at) as second:
+        patiently(first.acquire)
+        with pytest.raises(UsageError, match=first.who):
+            second.acquire()
+        first.release()
+        second.acquire()
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_an_operator_that_is_killed_or_freezes_makes_way(number, steered, at):
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLDER, at], stdout=subprocess.PIPE, text=True
+    ) as holder:
+        try:
+            assert holder.stdout is not None
+            assert holder.stdout.readline() == "steers\n"
+            os.kill(holder.pid, number)
+            with hoap3.connect(ROBOT, at) as robot:
+                since = robot.state().tick
+                patiently(robot.acquire)
+                print(f"{number.name}: {robot.state().tick - since} ticks until the next steers")
+        finally:
+            holder.kill()
+
+
+def test_a_stop_and_a_recovery_by_somebody_who_does_not_steer(steered, at):
+    with hoap3.connect(ROBOT, at) as robot:
+        robot.stop()
+        assert robot.status()["stop_reason"] == "command"
+        wait_for_mode("stopped", at, ROBOT)
+        seen = robot.events(timeout_s=1.0)
+        robot.recover()
+        wait_for_mode("active", at, ROBOT)
+        assert "RECOVERED" in [each["event"] for each in seen] or robot.status()["mode"] == "active"
+
+
+def test_the_same_for_asyncio(steered, at):
+    async def story() -> int:
+        async with hoap3.connect_async(ROBOT, at) as robot:
+            assert (await robot.status())["mode"] == "active"
+            async for state in robot.states():
+                return int(state.tick)
+        return 0
+
+    assert asyncio.run(story()) > 0
+
+
+def test_the_slow_policy_of_the_examples_steers_it(steered, at):
+    words = [sys.executable, str(EXAMPLE), "--connect", at, "--seconds", "5"]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout.split()[0]) > 10
+
+
+def test_a_robot_that_is_not_there_is_said_to_be():
+    with pytest.raises(LinkError, match="nobody answers"):
+        hoap3.connect(ROBOT, endpoint())
+    with pytest.raises(UsageError):
+        hoap3.connect("*", endpoint())
+
+
+def test_what_was_steered_is_in_the_log_and_repeated(steered):
+    law, folder = steered
+    assert law.end(2) == 0
+    log = Log.open(folder, "controller")
+    assert "CONTROLLER_FAILED" not in [name for name, _ in events(log)]
+    again = replay(folder, [])
+    assert again.identical, str(again)

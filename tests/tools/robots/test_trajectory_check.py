@@ -1,0 +1,131 @@
+"""`hoap3 trajectory check`: what it says is what dense samples of the motion say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support.command_bench import inside
+
+from hoap3.remote_controller.references.trajectories.motion_file import Motion
+from hoap3.remote_controller.references.trajectories.trajectory import Trajectory
+from hoap3.robot_emulator.robots import load
+from hoap3.tools.robots.polynomial_peaks import peaks, value
+from hoap3.tools.robots.trajectory_limits import limits_exceeded
+
+UR5 = load("ur5")
+JOINTS = [0, 2, 4]
+NAMES = tuple(UR5.joint_names[i] for i in JOINTS)
+DEGREES = ("linear", "cubic", "quintic")
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 2**32 - 1), degree=st.integers(0, 5))
+def test_peaks_are_the_extremes_of_dense_samples(seed, degree):
+    c = np.random.default_rng(seed).normal(size=(degree + 1, 6))
+    c[-1, 0] = 0.0  # of a lower degree
+    (least, low), (most, high) = peaks(c)
+    samples = value(c, np.linspace(0.0, 1.0, 1001)[:, None] * np.ones(6))
+    assert (low <= samples.min(0) + 1e-12).all()
+    assert (high >= samples.max(0) - 1e-12).all()
+    np.testing.assert_allclose(low, samples.min(0), rtol=0, atol=1e-4)
+    np.testing.assert_allclose(high, samples.max(0), rtol=0, atol=1e-4)
+    for z, found in ((least, low), (most, high)):
+        assert ((z >= 0.0) & (z <= 1.0)).all()
+        np.testing.assert_array_equal(value(c, z), found)
+
+
+def motion(seed: int) -> Motion:
+    random = np.random.default_rng(seed)
+    times = np.concatenate([[0.0], np.cumsum(random.uniform(0.1, 0.6, 3))])
+    size = 10.0 ** random.uniform(-2.0, 0.5)
+    start = UR5.initial_position[JOINTS]
+    x, v, a = size * random.uniform(-1.0, 1.0, (3, 4, 3))
+    x[0] = v[0] = a[0] = v[-1] = a[-1] = 0.0
+    return Motion(NAMES, times, start + x, 2.0 * v, 5.0 * a, np.arange(4) + 2, "a.csv")
+
+
+def found(given_: Motion, degree: str, scaling: float, approach: float = 0.0) -> dict:
+    path = Trajectory(given_, degree, scaling, approach)
+    path.start(UR5.initial_position[JOINTS], 0.0)
+    return limits_exceeded(path, given_, UR5, JOINTS, scaling)
+
+
+def sampled(given_: Motion, degree: str, scaling: float) -> set[tuple[str, str]]:
+    """Joint and quantity that differences of dense samples find beyond a limit by 0.1 %."""
+    path = Trajectory(given_, degree, scaling, 0.0)
+    path.start(UR5.initial_position[JOINTS], 0.0)
+    times = np.linspace(0.0, path.rests_after_s * (1.0 - 1e-9), 1201)
+    x, v = np.zeros((2, len(times), 3))
+    for k, time in enumerate(times.tolist()):
+        path.at(time, x[k], v[k])
+    step = times[1]
+    inside_segment = np.searchsorted(path.times_s[1:-1], times[:-1]) == np.searchsorted(
+        path.times_s[1:-1], times[1:]
+    )
+    a = (np.diff(v, axis=0) / step)[inside_segment]
+    beyond = {
+        "position": (x < UR5.lower[JOINTS] - 1e-3) | (x > UR5.upper[JOINTS] + 1e-3),
+        "velocity": np.abs(v) > 1.001 * UR5.velocity[JOINTS],
+        "acceleration": np.abs(a) > 1.001 * UR5.setpoint_acceleration_max[JOINTS],
+    }
+    return {(NAMES[i], what) for what, rows in beyond.items() for i in np.flatnonzero(rows.any(0))}
+
+
+@settings(max_examples=12)
+@given(seed=st.integers(0, 2**32 - 1), degree=st.sampled_from(DEGREES))
+def test_it_finds_what_samples_find_and_says_how_much_slower_fits(seed, degree):
+    given_ = motion(seed)
+    seen = found(given_, degree, 1.0)
+    told = {(each["joint"], each["what"]) for each in seen["exceeded"]}
+    assert sampled(given_, degree, 1.0) <= told
+    for each in seen["exceeded"]:
+        assert abs(each["value"] - each["limit"]) > 0.0
+        assert 0.0 <= each["time_s"] <= given_.times_s[-1] + 1e-12
+    fits = seen["fits_with_time_scaling"]
+    if fits is None:
+        assert any(what == "position" for _, what in told)
+        return
+    assert bool(told) == (fits > 1.0)
+    assert found(given_, degree, fits)["exceeded"] == []
+    assert found(given_, degree, fits * 0.999 - 1e-4)["exceeded"] != []  # it is rounded up
+
+
+def test_the_way_to_the_first_point_has_a_time_of_its_own():
+    given_ = motion(3)
+    given_.positions[:, 1] += 0.8
+    seen = found(given_, "cubic", 3.0, 0.1)
+    assert {each["approach"] for each in seen["exceeded"]} == {True}
+    assert {each["joint"] for each in seen["exceeded"]} == {NAMES[1]}
+    assert found(given_, "cubic", 3.0, seen["fits_with_approach_s"])["exceeded"] == []
+    assert found(given_, "cubic", 3.0, seen["fits_with_approach_s"] * 0.999)["exceeded"] != []
+
+
+FAST = f"t,{NAMES[1]}\n0,1.6\n0.1,1.7\n0.2,1.2\n1.0,1.2\n"
+
+
+@pytest.mark.parametrize(("scaling", "code"), [("1", 1), ("80", 0)])
+def test_the_command_ends_with_1_where_a_limit_is_exceeded(scaling, code, tmp_path: Path):
+    path = tmp_path / "fast.csv"
+    path.write_text(FAST)
+    given_ = "--robot", "ur5", "--time-scaling", scaling
+    done = inside("trajectory", "check", path, *given_, "--json")
+    told = done.json()
+    assert done.code == code
+    assert bool(told["exceeded"]) == bool(code)
+    if code:
+        speed = next(each for each in told["exceeded"] if each["what"] == "velocity")
+        assert (speed["joint"], speed["line"]) == (NAMES[1], 3)
+        assert speed["value"] == pytest.approx(-5.0)
+        assert 0.1 <= speed["time_s"] - told["approach_s"] <= 0.2
+
+
+def test_points_in_space_are_told_with_their_speed(tmp_path: Path):
+    path = tmp_path / "line.csv"
+    path.write_text("t,x,y,z\n0,0,0,0.3\n2,0.6,0.8,0.3\n")
+    told = inside("trajectory", "check", path, "--robot", "ur5", "--json").json()
+    assert told["top_speed_m_s"] == pytest.approx(0.5)
+    assert told["ranges_m"]["y"] == pytest.approx([0.0, 0.8])

@@ -1,0 +1,1 @@
+"""A robot that is stepped from outside, as learning code wants it."""

@@ -1,0 +1,97 @@
+"""Files that the trajectories of a config name: read at the start, kept in the log, found again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hoap3.protocol.errors import ConfigError, LogError
+from hoap3.remote_controller.config import ControllerConfig
+from hoap3.remote_controller.references.trajectories.motion_file import MAX_BYTES, read_text
+from hoap3.remote_controller.references.trajectories.motion_texts import (
+    FILE,
+    TEXT,
+    trajectories,
+    with_texts,
+    without_texts,
+)
+from hoap3.tools.logs.motions import motion_of
+
+FOLDER = "motion/"
+"""What the name of an enclosed file begins with; the rest is the name in the config."""
+LOG_SUFFIX = ".mcap"
+
+
+def enclosed(config: ControllerConfig, file: str) -> ControllerConfig:
+    """The config with the content of the files that its trajectories name; logs become CSV.
+
+    Args:
+        config: of a controller.
+        file: where it stands; others are sought beside it.
+
+    Raises:
+        ConfigError: one cannot be read.
+    """
+    folder = Path(file).parent
+
+    def text_of(entry: Mapping[str, Any]) -> str:
+        path = folder / entry[FILE]
+        return _played(path, entry) if is_log(path) else read_text(path)
+
+    return _with(config, with_texts(config.parameters, text_of))
+
+
+def as_written(config: ControllerConfig) -> ControllerConfig:
+    """The config without what `enclosed` added."""
+    return _with(config, without_texts(config.parameters))
+
+
+def attachments_of(config: ControllerConfig) -> dict[str, str]:
+    """What a log encloses of an `enclosed` config, by name."""
+    found = trajectories(config.parameters)
+    return {f"{FOLDER}{each[FILE]}": each[TEXT] for each in found if each.get(TEXT)}
+
+
+def reopened(content: dict[str, Any], attachments: Mapping[str, bytes]) -> dict[str, Any]:
+    """A log's config with the content of the files that the log encloses.
+
+    Args:
+        content: of the config.
+        attachments: of the log.
+
+    Raises:
+        LogError: one is not there; no file is read on the word of a log.
+    """
+
+    def text_of(entry: Mapping[str, Any]) -> str:
+        name = f"{FOLDER}{entry[FILE]}"
+        if name not in attachments:
+            raise LogError(f"the log does not enclose the motion of its config, {name!r:.120}")
+        return attachments[name].decode("utf-8", "replace")
+
+    return {**content, "parameters": with_texts(content.get("parameters"), text_of)}
+
+
+def is_log(path: Path) -> bool:
+    """Whether it is named like a log, or a folder of some."""
+    return path.suffix == LOG_SUFFIX or path.is_dir()
+
+
+def _played(path: Path, entry: Mapping[str, Any]) -> str:
+    played, every_s = entry.get("played", "measured"), entry.get("played_every_s", 0.01)
+    if played not in {"measured", "applied"} or not isinstance(every_s, int | float):
+        return ""  # which is refused with the other settings
+    try:
+        text = motion_of(path, played, float(every_s))
+    except LogError as error:
+        remedy = "Name a log *.mcap, or the folder of a run"
+        raise ConfigError("", FILE, entry[FILE], str(error), remedy) from error
+    if len(text) > MAX_BYTES:
+        problem = f"is larger than {MAX_BYTES >> 20} MiB as a CSV"
+        raise ConfigError(str(path), "", None, problem, "Raise played_every_s")
+    return text
+
+
+def _with(config: ControllerConfig, parameters: Any) -> ControllerConfig:
+    return config.model_copy(update={"parameters": parameters})

@@ -1,0 +1,1 @@
+"""Packages of your own to begin with."""

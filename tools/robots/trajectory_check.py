@@ -1,0 +1,113 @@
+"""`hoap3 trajectory check`: what a motion asks of a robot, before anything moves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hoap3.protocol.errors import ConfigError
+from hoap3.remote_controller.references.trajectories.motion_file import (
+    QUATERNION,
+    Motion,
+    read_motion,
+    read_text,
+)
+from hoap3.remote_controller.references.trajectories.trajectory import Degree, Trajectory, degree_of
+from hoap3.remote_controller.references.trajectories.trajectory_settings import AXES
+from hoap3.robot_emulator.service import describe
+from hoap3.tools.logs.motion_files import is_log
+from hoap3.tools.logs.motions import motion_of
+from hoap3.tools.robots.trajectory_limits import limits_exceeded
+from hoap3.tools.services.services import emulator_config
+
+
+def look(
+    file: str, robot: str, interpolation: Degree | None, scaling: float, approach_s: float
+) -> dict[str, Any]:
+    """What is found, as one JSON object; `exceeded` has what is beyond a limit.
+
+    Args:
+        file: CSV, log or folder of a run.
+        robot: robot or emulator config: a name or a path.
+        interpolation, scaling, approach_s: as in a trajectory's settings.
+
+    Raises:
+        UsageError: the file or the robot cannot be read.
+    """
+    description = describe(*emulator_config(robot, []))
+    text = motion_of(Path(file)) if is_log(Path(file)) else read_text(Path(file))
+    known = description.joint_names
+    motion = read_motion(text, file, (*known, *AXES), turns=True)
+    degree = interpolation or degree_of(motion)
+    found: dict[str, Any] = {
+        "file": file,
+        "robot": description.name,
+        "columns": list(motion.names),
+        "points": len(motion.times_s),
+        "duration_s": float(motion.times_s[-1]) * scaling,
+        "interpolation": degree,
+        "time_scaling": scaling,
+    }
+    others = [name for name in motion.names if name not in known]
+    if len(others) == len(motion.names):
+        return found | _of_points(motion, degree, scaling, description.period_s)
+    if others:
+        remedy = f"Joints are one motion; {', '.join((*AXES, *QUATERNION))} are another"
+        raise ConfigError(file, "line 1", others[0], "stands beside joints", remedy)
+    joints = [known.index(name) for name in motion.names]
+    path = Trajectory(motion, degree, scaling, approach_s)
+    path.start(description.initial_position[joints], 0.0)
+    return found | limits_exceeded(path, motion, description, joints, scaling)
+
+
+def shown(found: dict[str, Any]) -> Iterator[str]:
+    """The same for people, line by line."""
+    what = f"{found['points']} points of {', '.join(found['columns'])}"
+    yield f"{found['file']}: {what} in {found['duration_s']:g} s, {found['interpolation']}"
+    if "ranges_m" in found:
+        speed, bend = found["top_speed_m_s"], found["top_acceleration_m_s2"]
+        yield f"greatest speed {speed:.4g} m/s, greatest acceleration {bend:.4g} m/s²"
+        for axis, (least, most) in found["ranges_m"].items():
+            yield f"{axis} from {least:.6g} m to {most:.6g} m"
+        yield f"whether {found['robot']} reaches them is not looked at: run it with --lockstep"
+        return
+    for each in found["exceeded"]:
+        where = "on the way to" if each["approach"] else "behind"
+        more = f", and in {each['segments'] - 1} other segments" if each["segments"] > 1 else ""
+        yield (
+            f"{each['joint']}: {each['what']} {each['value']:.6g} at {each['time_s']:.6g} s, "
+            f"{where} line {each['line']}, limit {each['limit']:.6g}{more}"
+        )
+    if not found["exceeded"]:
+        yield f"no limit of {found['robot']} is exceeded"
+        return
+    fits, approach = found["fits_with_time_scaling"], found["fits_with_approach_s"]
+    if fits is None:
+        yield "no time scaling changes positions: correct them first"
+    elif fits > found["time_scaling"]:
+        yield f"it fits with time_scaling: {fits:g}"
+    if approach > found["approach_s"]:
+        yield f"the way to the first point fits with approach_s: {approach:g}"
+
+
+def _of_points(motion: Motion, degree: Degree, scaling: float, period: float) -> dict[str, Any]:
+    """Of a motion in space, at each period: how fast it is, and where."""
+    path = Trajectory(motion, degree, scaling)
+    ticks = math.ceil(path.rests_after_s / period) + 1
+    places, velocities = np.zeros((2, ticks, path.dimension))
+    for tick in range(ticks):
+        path.at(tick * period, places[tick], velocities[tick])
+    axes = [i for i, name in enumerate(motion.names) if name in AXES]
+    bends = np.diff(velocities[:, axes], axis=0) / period
+    return {
+        "exceeded": [],
+        "top_speed_m_s": float(np.linalg.norm(velocities[:, axes], axis=1).max()),
+        "top_acceleration_m_s2": float(np.linalg.norm(bends, axis=1).max(initial=0.0)),
+        "ranges_m": {
+            motion.names[i]: [float(places[:, i].min()), float(places[:, i].max())] for i in axes
+        },
+    }

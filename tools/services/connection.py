@@ -1,0 +1,443 @@
+"""`hoap3.connect`: a running robot from Python, for scripts, notebooks and slow brains.
+
+It is a client on the network like any other: never in the process of a loop.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import functools
+import json
+import os
+import secrets
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hoap3.protocol.answers import (
+    MAX_CONTROL_BYTES,
+    ROBOT_ANSWERS,
+    ControlAnswer,
+    parse_answer,
+    parse_description,
+)
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import BadProblemError, LinkError, UsageError, WireError
+from hoap3.protocol.messages import MAX_ELEMENTS, Event, State, Target
+from hoap3.tools.services.client import check_name, client_settings
+
+ENDPOINT = "tcp/127.0.0.1:7447"
+LOOK_S = 5e-4  # between two looks for what has come
+EVENTS = 256  # that are kept until somebody reads them
+EVENT_NAMES = {
+    value: name for name, value in Event.schema.constants.items() if not name.startswith("REASON_")
+}
+RENEWALS = 4  # of the operator's lease, within each lease
+
+
+def connect(robot: str = "hoap3", endpoint: str = ENDPOINT) -> Connection:
+    """Connect to a running robot.
+
+    Args:
+        robot: its name.
+        endpoint: where it, or a router, listens.
+
+    Raises:
+        UsageError: that cannot be the name of a robot, or an endpoint.
+        LinkError: it cannot be reached.
+        WireError: its answer makes no sense.
+    """
+    return Connection(robot, endpoint)
+
+
+def connect_async(robot: str = "hoap3", endpoint: str = ENDPOINT) -> AsyncConnection:
+    """The same for `async with`: each method of `Connection` is awaited."""
+    return AsyncConnection(robot, endpoint)
+
+
+class Connection:
+    """A running robot, as one of its clients sees it; closed at the end of a `with`.
+
+    Args:
+        robot, endpoint: see `connect`.
+
+    Attributes:
+        who: our name.
+        description: of the robot.
+    """
+
+    def __init__(self, robot: str, endpoint: str = ENDPOINT) -> None:
+        from hoap3.protocol.link import zenoh_session as network
+
+        check_name(robot)
+        self.robot, self.who = robot, f"client-{os.getpid()}-{secrets.token_hex(3)}"
+        self._network, self._endpoint = network, endpoint
+        self._session = network.open_session(client_settings(endpoint))
+        self._states: Any = None
+        self._events: Any = None
+        self._operator: dict[str, Any] | None = None
+        self._number, self._closing = 0, threading.Event()
+        self._renewer: threading.Thread | None = None
+        try:
+            self._token = self._session.liveliness().declare_token(
+                network.key(robot, f"clients/{self.who}")
+            )
+            self._targets = self._session.declare_publisher(
+                network.key(robot, f"targets/{self.who}"), express=True
+            )
+            self.description: RobotDescription = parse_description(
+                self._ask("description", whom="ask"), robot
+            )
+        except BaseException:
+            self._session.close()
+            raise
+        self._last = State.allocate(**self.description.state_lengths)
+        self._has_state = False
+
+    def __enter__(self) -> Self:
+        """Itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close it."""
+        self.close()
+
+    def close(self) -> None:
+        """Steer no longer, and leave the network."""
+        self._closing.set()
+        if self._renewer is not None:
+            self._renewer.join(timeout=self._network.QUERY_TIMEOUT_S + 1.0)
+        if self._operator is not None:
+            with contextlib.suppress(LinkError, UsageError, WireError):
+                self.release()
+        self._session.close()
+
+    def state(self, timeout_s: float = 2.0) -> State:
+        """The newest State: of the first call the first that comes. A copy, which stays as it is.
+
+        Raises:
+            LinkError: none comes.
+        """
+        if not self._look() and not self._has_state:
+            self._wait(timeout_s)
+        return self._copy()
+
+    def states(self, timeout_s: float = 2.0) -> Iterator[State]:
+        """Each State as it comes; where they come faster than they are taken, the newest.
+
+        Raises:
+            LinkError: none comes for so long.
+        """
+        while True:
+            self._wait(timeout_s)
+            yield self._copy()
+
+    def events(self, timeout_s: float = 2.0) -> Iterator[dict[str, Any]]:
+        """What happens to the robot, from the first call on; ends where nothing does for so long.
+
+        Each is `event`, one of `Event.msg`, with `tick`, `stamp_ns` and `detail`.
+        """
+        if self._events is None:
+            ring: Any = self._network.zenoh.handlers.RingChannel(EVENTS)
+            key = self._network.key(self.robot, "events")
+            self._events = self._session.declare_subscriber(key, ring)
+        event = Event()
+        while (payload := self._next(self._events, timeout_s)) is not None:
+            with contextlib.suppress(WireError):  # anybody may publish there
+                event.load(payload)
+                yield {
+                    "event": EVENT_NAMES.get(event.kind, str(event.kind)),
+                    "tick": event.tick,
+                    "stamp_ns": event.stamp,
+                    "detail": event.detail,
+                }
+
+    def status(self) -> dict[str, Any]:
+        """What the robot does: its mode, tick, who holds it, why it stands.
+
+        Raises:
+            LinkError, WireError: no answer, or one that makes no sense.
+        """
+        return self._told("status")
+
+    def stop(self) -> dict[str, Any]:
+        """Have the robot brake and stay at rest until `recover`; anybody may."""
+        return self._told("stop")
+
+    def recover(self) -> dict[str, Any]:
+        """Let a stopped robot follow its controller again."""
+        return self._told("recover")
+
+    def changeable(self) -> dict[str, Any]:
+        """What can be changed in the controller, and what it is now.
+
+        Raises:
+            LinkError: the robot follows no controller.
+            UsageError: the controller refuses; says why.
+        """
+        return self._control("show")
+
+    def change(self, **what: Any) -> dict[str, Any]:
+        """Change something in the controller, all of it or nothing; what it is now.
+
+        Raises:
+            LinkError: the robot follows no controller.
+            UsageError: the controller refuses; says why.
+        """
+        return self._control("change", json.dumps(what).encode())
+
+    def acquire(self) -> list[dict[str, Any]]:
+        """Become the one who steers; the live targets of the controller, in their order.
+
+        It is renewed until `release` or `close`.
+
+        Raises:
+            LinkError: the robot follows no controller.
+            UsageError: somebody else steers, or the controller has no live target.
+        """
+        before = self._operator
+        self._operator = found = self._control("acquire")
+        if before is None or before["epoch"] != found["epoch"]:
+            self._number = 0
+        if self._renewer is None:
+            self._renewer = threading.Thread(target=self._renew, name="renew", daemon=True)
+            self._renewer.start()
+        targets: list[dict[str, Any]] = found["targets"]
+        return targets
+
+    def release(self) -> None:
+        """Steer no longer: somebody else may at once."""
+        self._operator = None
+        self._control("release")
+
+    def send_target(
+        self, values: ArrayLike, target: str | None = None, first_tick: int | None = None
+    ) -> int:
+        """Send one target; the task goes there as fast as its bounds allow, and stays.
+
+        Args:
+            values: (d,), in the unit of the target.
+            target: its name; None where there is only one.
+            first_tick: from which it holds; None: at once.
+
+        Returns:
+            The message's number.
+
+        Raises:
+            UsageError: no such target, or somebody else steers.
+            BadProblemError: not d finite numbers.
+        """
+        points = np.asarray(values, float)
+        if points.ndim != 1:
+            raise BadProblemError(f"a target is one row of numbers (found {points.ndim} axes)")
+        return self._send(points[None], 0 if first_tick is None else first_tick, 1, None, target)
+
+    def send_chunk(
+        self,
+        points: ArrayLike,
+        first_tick: int,
+        step_ticks: int,
+        rates: ArrayLike | None = None,
+        target: str | None = None,
+    ) -> int:
+        """Send the next points, each with its tick: the task is there at that tick.
+
+        Args:
+            points: (p, d), in the unit of the target.
+            first_tick: of the first, such as the tick of the State that the sender saw.
+            step_ticks: between two points, ≥ 1.
+            rates: (p, d), per second; None: those of a smooth curve through the points.
+            target: its name; None where there is only one.
+
+        Returns:
+            The message's number.
+
+        Raises:
+            UsageError: no such target, or somebody else steers.
+            BadProblemError: the arrays do not fit, or a tick is none.
+        """
+        return self._send(np.asarray(points, float), first_tick, step_ticks, rates, target)
+
+    def _send(
+        self,
+        points: np.ndarray[Any, Any],
+        first_tick: int,
+        step_ticks: int,
+        rates: ArrayLike | None,
+        name: str | None,
+    ) -> int:
+        operator = self._operator
+        if operator is None:
+            self.acquire()
+            operator = self._operator
+        if operator is None:
+            raise UsageError("steering was given up while this was sent; acquire it again")
+        number, dimension = _place(operator["targets"], name)
+        speeds = np.zeros((0, dimension)) if rates is None else np.asarray(rates, float)
+        _check(points, speeds, dimension, first_tick, step_ticks)
+        message = Target(len(points), dimension, rates=bool(speeds.size))
+        message.values[:], message.rates[:] = points.ravel(), speeds.ravel()
+        message.target, message.tick_step, message.first_tick = number, step_ticks, first_tick
+        message.session_id, message.epoch = operator["session_id"], operator["epoch"]
+        self._number += 1
+        message.number = self._number
+        self._targets.put(message.dump())
+        return self._number
+
+    def _renew(self) -> None:
+        """In a thread of its own: keep the lease, as long as we have it."""
+        pause_s = 0.5
+        while not self._closing.wait(pause_s):
+            if self._operator is not None:
+                pause_s = self._operator["lease_s"] / RENEWALS
+                with contextlib.suppress(LinkError, UsageError, WireError):  # `_send` tells
+                    found = self._control("acquire")
+                    if self._operator is not None and found["epoch"] != self._operator["epoch"]:
+                        self._operator, self._number = found, 0
+
+    def _told(self, verb: str) -> dict[str, Any]:
+        raw = self._ask(verb, whom="ask")
+        who = f"robot {self.robot!r} answers {verb!r}"
+        return parse_answer(ROBOT_ANSWERS[verb], raw, who).model_dump()
+
+    def _control(self, verb: str, body: bytes = b"") -> dict[str, Any]:
+        raw = self._ask(verb, body, whom="control")
+        who = f"the controller of {self.robot!r} answers {verb!r}"
+        answer = parse_answer(ControlAnswer, raw, who, MAX_CONTROL_BYTES)
+        if answer.now is None:
+            raise UsageError(answer.error or "the controller refuses, and gives no reason")
+        return answer.now
+
+    def _ask(self, verb: str, body: bytes = b"", whom: Any = "ask") -> bytes:
+        reply = self._network.ask(self._session, self.robot, verb, self.who, body, whom)
+        if reply is None:
+            asked = f"robot {self.robot!r}" if whom == "ask" else f"controller of {self.robot!r}"
+            raise LinkError(f"no {asked} answers {verb!r} at {self._endpoint}: `hoap3 status`")
+        return bytes(reply)
+
+    def _look(self) -> bool:
+        """Take the newest State, if one has come."""
+        if self._states is None:
+            ring: Any = self._network.zenoh.handlers.RingChannel(1)
+            key = self._network.state_key(self.robot)
+            self._states = self._session.declare_subscriber(key, ring)
+        sample = self._states.try_recv()
+        if sample is None:
+            return False
+        try:
+            self._last.load(sample.payload.to_bytes())
+        except WireError:
+            return False
+        self._has_state = True
+        return True
+
+    def _wait(self, timeout_s: float) -> None:
+        """Until a State has come."""
+        until = time.monotonic() + timeout_s
+        while not self._look():
+            if time.monotonic() > until:
+                raise LinkError(f"no State of robot {self.robot!r} came within {timeout_s:g} s")
+            time.sleep(LOOK_S)
+
+    def _copy(self) -> State:
+        state = State.allocate(**self.description.state_lengths)
+        state.load(self._last.dump())
+        return state
+
+    def _next(self, subscriber: Any, timeout_s: float) -> bytes | None:
+        until = time.monotonic() + timeout_s
+        while (sample := subscriber.try_recv()) is None:
+            if time.monotonic() > until:
+                return None
+            time.sleep(LOOK_S)
+        return bytes(sample.payload.to_bytes())
+
+
+class AsyncConnection:
+    """`Connection` for asyncio: what it does is done by a thread, and awaited."""
+
+    def __init__(self, robot: str, endpoint: str = ENDPOINT) -> None:
+        self._make = functools.partial(Connection, robot, endpoint)
+        self._connection: Connection | None = None
+
+    async def __aenter__(self) -> Self:
+        """Connect."""
+        self._connection = await asyncio.to_thread(self._make)
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close it."""
+        if self._connection is not None:
+            await asyncio.to_thread(self._connection.close)
+
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(self._connected(), name)
+        if not callable(found):
+            return found
+
+        @functools.wraps(found)
+        async def call(*given: Any, **named: Any) -> Any:
+            return await asyncio.to_thread(found, *given, **named)
+
+        return call
+
+    async def states(self, timeout_s: float = 2.0) -> Any:
+        """Each State as it comes; see `Connection.states`."""
+        states = self._connected().states(timeout_s)
+        while True:
+            yield await asyncio.to_thread(next, states)
+
+    def _connected(self) -> Connection:
+        if self._connection is None:
+            raise UsageError("connect first: `async with hoap3.connect_async(…) as robot`")
+        return self._connection
+
+
+def _place(targets: list[Mapping[str, Any]], name: str | None) -> tuple[int, int]:
+    """Number and dimension of a target by its name."""
+    names = [str(each["name"]) for each in targets]
+    if name is None and len(names) == 1:
+        name = names[0]
+    if name not in names:
+        raise UsageError(f"no live target is called {name!r}; there are {', '.join(names)}")
+    at = names.index(name)
+    return at, int(targets[at]["dimension"])
+
+
+def _check(
+    points: np.ndarray[Any, Any],
+    rates: np.ndarray[Any, Any],
+    dimension: int,
+    first_tick: int,
+    step_ticks: int,
+) -> None:
+    """Refuse what no controller can take."""
+    if points.ndim != 2 or points.shape[1] != dimension or not 0 < points.size <= MAX_ELEMENTS:
+        raise BadProblemError(
+            f"points of shape {points.shape}: expected (p, {dimension}), at most {MAX_ELEMENTS} "
+            "numbers"
+        )
+    if rates.size and rates.shape != points.shape:
+        raise BadProblemError(f"rates of shape {rates.shape}: expected that of points")
+    if not (np.isfinite(points).all() and np.isfinite(rates).all()):
+        raise BadProblemError("points and rates must be finite numbers")
+    if not (0 <= first_tick < 2**64 and 1 <= step_ticks < 2**32):
+        raise BadProblemError(
+            f"first_tick {first_tick} and step_ticks {step_ticks}: expected ≥ 0 and ≥ 1"
+        )
