@@ -58,14 +58,17 @@ def steer(robot: str, endpoint: str, centre: list[float], seconds: float) -> int
     """Steer a running robot; how many chunks were sent."""
     policy, thinking, sent = Policy(np.array(centre)), [], 0
     with hoap3.connect(robot, endpoint) as connection:
-        connection.acquire()
-        first = connection.state().tick
+        connection.acquire(timeout_s=60.0)  # the controller may still compile
+        first = due = connection.state().tick
         for state in connection.states():
             tick = state.tick
             if tick >= first + 1000 * seconds:
+                print(connection.counts())
                 return sent
-            if tick % STEP_TICKS == 0 and (arrival := policy.arrival(tick)) is not None:
-                heapq.heappush(thinking, (arrival, tick))
+            if tick >= due:  # States may be skipped
+                due += STEP_TICKS
+                if (arrival := policy.arrival(tick)) is not None:
+                    heapq.heappush(thinking, (arrival, tick))
             while thinking and thinking[0][0] <= tick:
                 seen = heapq.heappop(thinking)[1]
                 connection.send_chunk(policy.chunk(seen), seen, STEP_TICKS)
@@ -81,5 +84,8 @@ if __name__ == "__main__":
     asked.add_argument("--seconds", type=float, default=20.0)
     given = asked.parse_args()
     begun = time.monotonic()
-    chunks = steer(given.robot, given.connect, given.centre, given.seconds)
+    try:
+        chunks = steer(given.robot, given.connect, given.centre, given.seconds)
+    except hoap3.Hoap3Error as error:
+        raise SystemExit(f"slow_policy: {error}") from None
     print(f"{chunks} chunks in {time.monotonic() - begun:.0f} s")

@@ -130,6 +130,9 @@ class RobotDescription(Part):
         for key in ("default_task", "deadline", "delay_ticks", "servo_rate_1_s", "state_arrays"):
             if fields[key] == type(self).model_fields[key].default:
                 del fields[key]  # as in logs from before there was one
+        for joint in fields["joints"]:
+            if joint["setpoint_jerk_max"] is None:
+                del joint["setpoint_jerk_max"]
         return json.dumps(fields, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
@@ -181,6 +184,9 @@ class RobotDescription(Part):
     setpoint_acceleration_max: ClassVar = _PerJoint(
         "Greatest accelerations of the commanded motion, (n,) [rad/s²]."
     )
+    setpoint_jerk_max: ClassVar = _PerJoint(
+        "Greatest jerks of commanded positions, (n,) [rad/s³]; inf where there is no limit."
+    )
     brake_acceleration: ClassVar = _PerJoint("Decelerations to count on in a stop, (n,) [rad/s²].")
     effort: ClassVar = _PerJoint("Peak torques, (n,) [N m]; inf where nobody knows.")
     armature: ClassVar = _PerJoint(
@@ -223,6 +229,14 @@ class RobotDescription(Part):
         scales = [joint.encoder_counts_per_rad for joint in self.joints]
         known = [scale for scale in scales if scale is not None]
         return _read_only(known) if len(known) == self.n else None
+
+    def for_old_peers(self) -> Self:
+        """Without what programs of version 1 of the wire refuse, because they do not know it."""
+        joints = tuple(
+            joint.model_copy(update={"setpoint_jerk_max": math.inf}) for joint in self.joints
+        )
+        fresh: dict[str, Any] = {"state_arrays": {}, "servo_rate_1_s": None, "joints": joints}
+        return self.model_copy(update=fresh)
 
     def check(self) -> None:
         """Refuse a description whose pieces do not agree with each other."""

@@ -89,6 +89,8 @@ class Joint(Part):
         velocity: greatest speed [rad/s].
         setpoint_acceleration_max: greatest acceleration of the commanded motion [rad/s²].
         brake_acceleration: deceleration to count on in a stop [rad/s²].
+        setpoint_jerk_max: greatest jerk of commanded positions [rad/s³]; inf, in JSON null or not
+            there, where there is no limit.
         effort, effort_average: peak torque, and torque that can be held [N m]; a peak of inf, in
             JSON null, where nobody knows it.
         encoder_counts_per_rad: signed scale of the encoder, None if the robot speaks rad only.
@@ -111,6 +113,7 @@ class Joint(Part):
     effort_average: Number | None = None
     encoder_counts_per_rad: Number | None = None
     armature: Number = 0.0
+    setpoint_jerk_max: Greatest = math.inf
 
     def check(self) -> None:
         """Refuse limits that contradict each other."""
@@ -126,7 +129,13 @@ class Joint(Part):
             refuse("lower", self.lower, f"It must not be below lower_hard, {self.lower_hard}.")
         if self.upper > self.upper_hard:
             refuse("upper", self.upper, f"It must not be above upper_hard, {self.upper_hard}.")
-        for key in ("velocity", "setpoint_acceleration_max", "brake_acceleration", "effort"):
+        for key in (
+            "velocity",
+            "setpoint_acceleration_max",
+            "brake_acceleration",
+            "effort",
+            "setpoint_jerk_max",
+        ):
             if not getattr(self, key) > 0.0:
                 refuse(key, getattr(self, key), "Write a positive number.")
         if self.effort_average is not None and not 0.0 < self.effort_average <= self.effort:

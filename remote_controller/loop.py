@@ -331,7 +331,7 @@ class ControllerLoop:
         """
         if verb == "release":
             return {"released": self.steering.release(who)}
-        return self.steering.acquire(who, self.epoch, self.last_tick)
+        return self.steering.acquire(who, self.epoch, self.last_tick, following=self._engaged)
 
     def changeable(self) -> dict[str, Any]:
         """What can be changed, and what it is now.

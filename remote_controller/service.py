@@ -417,9 +417,9 @@ class Service:
                 if loop.stale:
                     break
             else:
-                loop.sum_up()
+                self._sum_up(loop)
                 return True
-        loop.sum_up()
+        self._sum_up(loop)
         loop.announce("ROBOT_LOST", loop.last_tick)
         if not isinstance(link, Hoap3ControllerLink):
             loop.note_token(present=link.presence.is_set())
@@ -427,6 +427,11 @@ class Service:
         note = f"robot {link.robot!r} {gone}"
         self._report(note if silent else Routine(note))
         return not silent
+
+    def _sum_up(self, loop: ControllerLoop) -> None:
+        loop.sum_up()
+        if loop.steering:
+            self._report(Routine(str(loop.steering)))
 
     def _hear_senders(self, link: Link, loop: ControllerLoop) -> None:
         """Take a Target, and note an operator that vanished; one for each State, as above."""

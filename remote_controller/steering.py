@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hoap3.protocol.errors import UsageError, WireError
@@ -52,18 +52,22 @@ class Steering:
         self.operator = ""
         self.taken = self.late_points = 0
         self.refused = dict.fromkeys(REFUSALS, 0)
+        self._before = self.counts()  # when somebody began to steer
 
     def __bool__(self) -> bool:
         """Whether there is anything to steer."""
         return bool(self._live)
 
-    def acquire(self, who: str, authority: int, tick: int) -> dict[str, Any]:
+    def acquire(
+        self, who: str, authority: int, tick: int, *, following: bool = True
+    ) -> dict[str, Any]:
         """Make somebody the operator, or note that it still is; what it must know.
 
         Args:
             who: asks.
             authority: epoch under which the robot follows us.
             tick: the newest one.
+            following: whether the robot follows us.
 
         Raises:
             UsageError: there is nothing to steer, or somebody else steers.
@@ -76,15 +80,17 @@ class Steering:
         if not self.operator:
             base = authority * GRANTS
             self._epoch = max(self._epoch, base) + 1
-            self.operator, self._newest = who, 0
+            self.operator, self._newest, self._before = who, 0, self.counts()
         self._heard = tick
         return {
             "epoch": self._epoch,
             "session_id": self._session_id,
             "tick": tick,
+            "following": following,
             "period_s": self._period,
             "lease_s": LEASE_S,
             "targets": [each.as_json() for each in self._live],
+            **self.counts(self._before),
         }
 
     def release(self, who: str) -> bool:
@@ -145,15 +151,32 @@ class Steering:
         time_s = tick * self._period
         return any(each.stops_at_s <= time_s for each in self._live)
 
-    def as_json(self) -> dict[str, Any]:
-        """What came of all messages."""
-        refused = {reason: count for reason, count in self.refused.items() if count}
+    def counts(self, since: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """What came of all messages, or of those since other counts."""
+        before = since or {"taken": 0, "late_points": 0, "refused": {}}
+        refused = {
+            reason: count - before["refused"].get(reason, 0)
+            for reason, count in self.refused.items()
+            if count > before["refused"].get(reason, 0)
+        }
         return {
-            "operator": self.operator or None,
-            "taken": self.taken,
-            "late_points": self.late_points,
+            "taken": self.taken - before["taken"],
+            "late_points": self.late_points - before["late_points"],
             "refused": refused,
         }
+
+    def as_json(self) -> dict[str, Any]:
+        """The same, and who steers."""
+        return {"operator": self.operator or None, **self.counts()}
+
+    def __str__(self) -> str:
+        refused = ", ".join(
+            f"{count} {reason}" for reason, count in self.counts()["refused"].items()
+        )
+        return (
+            f"targets: {self.taken} taken, {self.late_points} of their points late; "
+            f"refused: {refused or 'none'}"
+        )
 
     def _expire(self, tick: int) -> None:
         if tick - self._heard > self._lease:

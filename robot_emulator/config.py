@@ -137,6 +137,12 @@ class EmulatorConfig(Settings):
         None,
         description="what setpoints are; null: the description's first, or in run the controller's",
     )
+    setpoint_jerk_max: float | None = Field(
+        None,
+        gt=0,
+        description="greatest jerk of positions, of all joints [rad/s³ or m/s³]; null: that of "
+        "the description",
+    )
     plant: PlantSettings = PlantSettings()
     loss_policy: Literal["hold", "extrapolate"] = Field(
         "hold", description="what the robot does with a missed setpoint"

@@ -88,9 +88,7 @@ class RobotLoop:
     ) -> None:
         self._description, self._config = description, config
         self._description_json = description.to_json()
-        self._old_description = description.model_copy(
-            update={"state_arrays": {}, "servo_rate_1_s": None}
-        ).to_json()
+        self._old_description = description.for_old_peers().to_json()
         self._config_json = config.model_dump_json().encode()
         lockstep = isinstance(clock, VirtualClock)
         self._requests_per_tick = None if lockstep else REQUESTS_PER_TICK

@@ -10,6 +10,7 @@ from hoap3.robot_emulator.filters.acceleration import (
     TorqueFilter,
 )
 from hoap3.robot_emulator.filters.base import SetpointFilter
+from hoap3.robot_emulator.filters.jerk import JerkFilter, limits_jerk
 from hoap3.robot_emulator.filters.position import PositionFilter
 from hoap3.robot_emulator.plants.base import Plant
 from hoap3.robot_emulator.plants.registry import build_plant
@@ -28,7 +29,8 @@ def build_body(
     kind = description.command_kinds[0]
     plant: Plant = build_plant(description, config.plant, config.seed)
     if kind == "position":
-        return plant, PositionFilter(description, description.period_s)
+        chosen = JerkFilter if limits_jerk(description) else PositionFilter
+        return plant, chosen(description, description.period_s)
     if kind == "acceleration":
         return plant, AccelerationFilter(description, plant, config.hold_ticks)
     model = plant.torque_model or RigidBody.of_another(description, config.plant, plant)

@@ -18,6 +18,7 @@ from hoap3.protocol.runtime.realtime import prepare_process, schedule_start
 from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.filters.jerk import jerk_notes
 from hoap3.robot_emulator.loop import GRACE_TICKS, RobotLoop
 from hoap3.robot_emulator.plants.registry import declared, find_plant
 from hoap3.robot_emulator.robots import load
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 KERNELS = (
     "hoap3.robot_emulator.plants.motion_kernels",
     "hoap3.robot_emulator.filters.position_kernels",
+    "hoap3.robot_emulator.filters.jerk_kernels",
     "hoap3.protocol.robot.viability_bounds_kernels",
     "hoap3.protocol.robot.followers.followers_kernels",
 )
@@ -56,6 +58,10 @@ def describe(
         description = description.model_copy(update={"initial_posture": config.posture})
     if config.name is not None:
         description = description.model_copy(update={"name": config.name})
+    if config.setpoint_jerk_max is not None:
+        change = {"setpoint_jerk_max": config.setpoint_jerk_max}
+        joints = tuple(joint.model_copy(update=change) for joint in description.joints)
+        description = description.model_copy(update={"joints": joints})
     kind = config.command or description.command_kinds[0]
     if kind not in description.command_kinds and config.plant.kind is None:
         takes = " or ".join(description.command_kinds)
@@ -144,7 +150,7 @@ def serve(
     plant = find_plant(config.plant, description.command_kinds[0])[0]
     warm_up((*KERNELS, *contact, *plant.kernels), lambda name: report(Detail(f"kernels: {name}")))
     measures = prepare_process(config.realtime)
-    for note in (*follower_notes(description), *told(measures)):
+    for note in (*follower_notes(description), *jerk_notes(description), *told(measures)):
         report(note)
     clock = MonotonicClock()
     with closing(_open_link(config, description, report)) as link:
@@ -172,7 +178,7 @@ def serve_lockstep(
     """
     from hoap3.protocol.link.remote_lockstep import RemoteLockstepLink
 
-    for note in follower_notes(description):
+    for note in (*follower_notes(description), *jerk_notes(description)):
         report(note)
     clock = VirtualClock()
     compute_time = round(config.lockstep.compute_time_us * 1e3)

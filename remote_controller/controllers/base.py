@@ -16,6 +16,7 @@ from hoap3.protocol.description import CommandKind, RobotDescription
 from hoap3.protocol.errors import BadProblemError, DescriptionError, UsageError
 from hoap3.protocol.messages import COMMANDS, FloatArray, Setpoint, State, schema
 from hoap3.remote_controller.controllers.in_flight import InFlight
+from hoap3.remote_controller.controllers.jerk_judge import judge_of
 from hoap3.remote_controller.references.live.live import Live
 from hoap3.remote_controller.tasks.accuracy import TaskError
 
@@ -228,10 +229,11 @@ class VelocityController(Controller):
     come; all else in it is as it was published. Where the robot applies something else than was
     foreseen, that answer is not certified either.
 
-    Where the robot would hold a joint back at a limit of position, speed or acceleration, nothing
-    is certified, whatever `velocity` said. How fast the reference moves is known from two States
-    in a row, and where the robot begins to follow: it is at rest then. After a State that was
-    missed one answer is not certified, because nobody knows whether the robot can do it.
+    Where the robot would hold a joint back at a limit of position, speed, acceleration or jerk,
+    nothing is certified, whatever `velocity` said. How fast the reference moves is known from two
+    States in a row, and where the robot begins to follow: it is at rest then. After a State that
+    was missed one answer is not certified, because nobody knows whether the robot can do it; three,
+    where a limit of jerk counts.
     """
 
     follows_delay = True
@@ -260,6 +262,7 @@ class VelocityController(Controller):
             ]
         )
         self._fastest = self._limits[2]
+        self._jerk = judge_of(description)
         self._no_velocity = np.full(description.n, np.nan)
         self._earlier = np.zeros(description.n)  # reference
         self._periods = -1  # of the last State
@@ -318,6 +321,14 @@ class VelocityController(Controller):
         command.active_joints = active
         if command.decision.size:  # a command of somebody's own may be without
             command.decision[:] = u
+        if self._jerk is not None:
+            at_rest, followed, _ = self._histories
+            beyond += self._jerk.holds_back(
+                command.values,
+                state.reference,
+                at_rest=history == at_rest,
+                followed=history == followed,
+            )
         if beyond and command.solver_status == STATUS["certified"]:
             command.solver_status = STATUS["uncertified"]
         if flight is not None:

@@ -115,10 +115,17 @@ class PositionFilter:
 
     def _apply(self) -> int:
         """Move towards the target as far as the limits allow; the joint held back, or -1."""
+        return self._count(self._step())
+
+    def _step(self) -> int:
         held: int = self._filter(
             self._target, self._before, self._limits, self._dt, self.value, self.rate
         )
         self._before[:] = self._target
+        return held
+
+    def _count(self, held: int) -> int:
+        """Note who was held back, or -1."""
         self.held_back = held
         self.interventions += held >= 0
         if self._outside:

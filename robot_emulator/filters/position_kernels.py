@@ -19,7 +19,36 @@ from hoap3.protocol.robot.setpoint_limits_kernels import (
     taken_over,
     within,
 )
-from hoap3.protocol.runtime.numba_jit import kernel
+from hoap3.protocol.runtime.numba_jit import inlined, kernel
+
+
+@inlined
+def follow_one(
+    setpoint: float, before: float, q: float, v: float, limits: JointLimits, T: float
+) -> tuple[float, float]:
+    """Where one joint goes, and how fast; see `filter_setpoint`."""
+    lower, upper, speed, A = limits
+    change = A * T
+    s = within(setpoint, lower, upper)
+    start = own_start(within(before, lower, upper), s, q, speed, T)
+    if math.isnan(setpoint) or not abs(s) < math.inf:
+        s = start = q
+    elif math.isnan(before):
+        start = s
+    if taken_over(s, start, q, v, limits, T):
+        tight = change - 2.0 * ULP * (abs(v) + change)
+        # kept without the slack that `taken_over` grants to the rounding of (s − q)/T
+        return s, within((s - q) / T, max(-speed, v - tight), min(speed, v + tight))
+    A, apart = INSIDE * A, start - q
+    along, least, most = (s - start) / T, v - A * T, v + A * T
+    fast = abs(along) + min(speed, max(-least, most))  # no more is of use
+    w = along + math.copysign(approach_speed(fast, abs(apart), s, speed, A, T), apart)
+    w = within(within(w, -speed, speed), least, most)
+    if w > 0.0:
+        w = max(approach_speed(w, upper - q, upper, speed, A, T), least)
+    elif w < 0.0:
+        w = min(-approach_speed(-w, q - lower, lower, speed, A, T), most)
+    return within(q + w * T, lower, upper), w
 
 
 @kernel("i8(f8[::1], f8[::1], f8[:,::1], f8, f8[::1], f8[::1])")
@@ -49,31 +78,8 @@ def filter_setpoint(
     """
     held = -1
     for i in range(value.size):
-        lower, upper, speed, A = limits[0, i], limits[1, i], limits[2, i], limits[3, i]
-        q, v, change = value[i], velocity[i], A * T
-        s = within(setpoint[i], lower, upper)
-        start = own_start(within(before[i], lower, upper), s, q, speed, T)
-        if not (setpoint[i] == setpoint[i] and abs(s) < math.inf):
-            s = start = q
-        elif before[i] != before[i]:
-            start = s
-        if taken_over(s, start, q, v, JointLimits(lower, upper, speed, A), T):
-            tight = change - 2.0 * ULP * (abs(v) + change)
-            # kept without the slack that `taken_over` grants to the rounding of (s − q)/T
-            w = within((s - q) / T, max(-speed, v - tight), min(speed, v + tight))
-            value[i], velocity[i] = s, w
-        else:
-            A, apart = INSIDE * A, start - q
-            along, least, most = (s - start) / T, v - A * T, v + A * T
-            fast = abs(along) + min(speed, max(-least, most))  # no more is of use
-            w = along + math.copysign(approach_speed(fast, abs(apart), s, speed, A, T), apart)
-            w = within(within(w, -speed, speed), least, most)
-            if w > 0.0:
-                w = max(approach_speed(w, upper - q, upper, speed, A, T), least)
-            elif w < 0.0:
-                w = min(-approach_speed(-w, q - lower, lower, speed, A, T), most)
-            velocity[i] = w
-            value[i] = within(q + w * T, lower, upper)
+        limit = JointLimits(limits[0, i], limits[1, i], limits[2, i], limits[3, i])
+        value[i], velocity[i] = follow_one(setpoint[i], before[i], value[i], velocity[i], limit, T)
         if value[i] != setpoint[i] and held < 0:
             held = i
     return held

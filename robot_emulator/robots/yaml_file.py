@@ -13,6 +13,7 @@ What is not written has a default:
                              velocity: full speed within 4 ms
 `brake_acceleration`         the one at the top of the file, for all joints; else 10/s times the
                              velocity: rest within 0.1 s
+`setpoint_jerk_max`          the one at the top of the file, for all joints; else no limit
 `postures`                   `zero` is added: all joints at 0, or at the limit nearest to it
 `initial_posture`            `zero`
 `armature`                   0
@@ -41,7 +42,7 @@ from hoap3.robot_emulator.robots.follower_limits import limits_with_followers
 
 SETPOINT_RATE = 250.0  # [1/s] default setpoint_acceleration_max / velocity
 BRAKE_RATE = 10.0  # [1/s] default brake_acceleration / velocity
-_ACCELERATIONS = {"setpoint_acceleration_max", "brake_acceleration"}
+_OF_ALL_JOINTS = {"setpoint_acceleration_max", "brake_acceleration", "setpoint_jerk_max"}
 
 
 def _not_text(value: object) -> object:
@@ -68,6 +69,7 @@ class JointEntry(Settings):
     velocity: Figure | None = Field(None, description="greatest speed [rad/s]")
     setpoint_acceleration_max: Figure | None = Field(None, description="[rad/s²]")
     brake_acceleration: Figure | None = Field(None, description="[rad/s²]")
+    setpoint_jerk_max: Figure | None = Field(None, description="of positions [rad/s³]")
     effort: Figure | None = Field(None, description="peak torque [N m]")
     effort_average: Figure | None = Field(None, description="torque that can be held [N m]")
     encoder_counts_per_rad: Figure | None = Field(None, description="signed scale [1/rad]")
@@ -128,6 +130,9 @@ class RobotFile(Settings):
     )
     setpoint_acceleration_max: Figure | None = Field(None, description="of all joints [rad/s²]")
     brake_acceleration: Figure | None = Field(None, description="of all joints [rad/s²]")
+    setpoint_jerk_max: Figure | None = Field(
+        None, description="of all joints, of positions [rad/s³]; null: no limit"
+    )
     postures: dict[StrictStr, tuple[Figure, ...]] = Field(
         {}, description="joint positions in wire order [rad]"
     )
@@ -181,7 +186,7 @@ def describe(robot: RobotFile, urdf: str) -> RobotDescription:
         entries = tuple(JointEntry(name=name) for name in structure.movable)
     joints = [_joint(robot, entry, structure) for entry in entries]
     zero = tuple(min(max(0.0, joint["lower"]), joint["upper"]) for joint in joints)
-    given = robot.model_dump(exclude=_ACCELERATIONS | {"meshes"})
+    given = robot.model_dump(exclude=_OF_ALL_JOINTS | {"meshes"})
     return RobotDescription.model_validate(
         {
             **given,
@@ -222,7 +227,7 @@ def _joint(robot: RobotFile, entry: JointEntry, structure: UrdfStructure) -> dic
     accelerations = {
         "setpoint_acceleration_max": SETPOINT_RATE * velocity,
         "brake_acceleration": BRAKE_RATE * velocity,
-        **robot.model_dump(include=_ACCELERATIONS, exclude_none=True),
+        **robot.model_dump(include=_OF_ALL_JOINTS, exclude_none=True),
     }
     stops = {"lower_hard": given["lower"], "upper_hard": given["upper"]}
     return {**stops, **accelerations, **given}

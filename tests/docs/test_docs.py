@@ -30,6 +30,7 @@ STORIES = [
     "new_robot.md",
     "robots.md",
     "limits.md",
+    "jerk.md",
     "priorities.md",
     "gains.md",
     "trajectories.md",

@@ -37,6 +37,22 @@ def test_round_trip_keeps_bytes_digest_and_equality():
     assert len(arm.digest) == 64
 
 
+def test_a_limit_of_jerk_travels_only_where_there_is_one():
+    """So logs and programs from before there were any keep their bytes and their digests."""
+    arm = describe()
+    assert "setpoint_jerk_max" not in json.loads(arm.to_json())["joints"][0]
+    assert np.all(np.isinf(arm.setpoint_jerk_max))
+    fast = arm.joints[0].model_copy(update={"setpoint_jerk_max": 7e3})
+    smooth = describe(joints=(fast, *arm.joints[1:]))
+    twin = RobotDescription.from_json(smooth.to_json())
+    assert twin.setpoint_jerk_max.tolist() == [7e3, np.inf, np.inf]
+    assert twin.to_json() == smooth.to_json()
+    assert twin.digest != arm.digest
+    assert smooth.for_old_peers().to_json() == arm.to_json()
+    with pytest.raises(DescriptionError, match="setpoint_jerk_max"):
+        Joint.model_validate({**fast.model_dump(), "setpoint_jerk_max": 0.0})
+
+
 def test_a_rule_for_what_is_late_travels_only_where_it_is_not_the_usual_one():
     usual = describe(deadline="next_tick", delay_ticks=0, servo_rate_1_s=None)
     assert usual.to_json() == describe().to_json()

@@ -15,6 +15,7 @@ from hoap3.protocol.robot.torque_bounds import torque_acceleration_bounds
 from hoap3.protocol.robot.viability_bounds import AccelerationBounds
 from hoap3.remote_controller.controllers.acceleration.tsid import TsidController
 from hoap3.remote_controller.solvers.qp.qp_backends import Array, Program
+from hoap3.robot_emulator.filters.jerk import JerkFilter
 from hoap3.robot_emulator.filters.position import PositionFilter
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.bench import qp_peers
@@ -34,13 +35,14 @@ def bench_limits(samples: int = 5000, report: Report = silent) -> list[dict[str,
     """Rows {solver, n, samples, min_us, …, times_reference} of what each cycle may call.
 
     "bounds" and "naive bounds" are `AccelerationBounds`, "setpoint filter" is what the emulator
-    does to a setpoint, "tsid step" a whole cycle of the controller along a motion of Baxter's arm
+    does to a setpoint, "jerk filter" the same with a limit of jerk: to a wave that passes, and to
+    jumps of all joints, "tsid step" a whole cycle of the controller along a motion of Baxter's arm
     to a limit and along it, "tsid QP" its solver alone with its proof; the others solve the same
     programs as ready arrays, cold.
     """
     rng = np.random.default_rng(0)
     contenders = [each for n in SIZES for each in _bounds(rng, n)]
-    contenders += [_filter(rng, 21), *_tsid()]
+    contenders += [_filter(rng, 21), *_jerk_filters(rng), *_tsid()]
     times = race([*contenders, reference()], samples, report=report)
     return [
         {
@@ -101,6 +103,26 @@ def _filter(rng: np.random.Generator, n: int) -> Contender:
         setpoint_filter.follow,
         [(each, tick) for tick, each in enumerate(walk)],
     )
+
+
+def _jerk_filters(rng: np.random.Generator) -> list[Contender]:
+    """HOAP-3 with 1e4 rad/s³: along a wave within all limits, and to a new place every 0.3 s."""
+    plain = load("hoap3")
+    change = {"setpoint_jerk_max": 1e4}
+    joints = tuple(joint.model_copy(update=change) for joint in plain.joints)
+    robot = plain.model_copy(update={"joints": joints})
+    t = 2.0 * np.pi * np.linspace(0.0, 1.0, 1200)[:, None]
+    start = robot.initial_position
+    inwards = np.where(start > 0.5 * (robot.lower + robot.upper), -1.0, 1.0)
+    wave = start + 0.05 * inwards * (1.0 - np.cos(t - np.sin(t)))
+    jumps = np.repeat(rng.uniform(robot.lower, robot.upper, (4, robot.n)), 300, axis=0)
+    found = []
+    for name, path in (("a wave", wave), ("jumps", jumps)):
+        filtered = JerkFilter(robot, robot.period_s)
+        filtered.reset(start)
+        stream = [(each, tick) for tick, each in enumerate(path)]
+        found.append(Contender(f"jerk filter, {name} of {robot.n}", filtered.follow, stream))
+    return found
 
 
 def _tsid() -> list[Contender]:

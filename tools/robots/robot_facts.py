@@ -70,6 +70,7 @@ def as_json(facts: Facts) -> dict[str, Any]:
                 },
                 "setpoint_acceleration_max": joint.setpoint_acceleration_max,
                 "brake_acceleration": joint.brake_acceleration,
+                "setpoint_jerk_max": _or_null(joint.setpoint_jerk_max),
                 "guessed": guessed.get(joint.name, []),
             }
             for joint in robot.joints

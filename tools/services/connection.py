@@ -28,7 +28,13 @@ from hoap3.protocol.answers import (
     parse_description,
 )
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import BadProblemError, LinkError, UsageError, WireError
+from hoap3.protocol.errors import (
+    BadProblemError,
+    Hoap3Error,
+    LinkError,
+    UsageError,
+    WireError,
+)
 from hoap3.protocol.messages import MAX_ELEMENTS, Event, State, Target
 from hoap3.tools.services.client import check_name, client_settings
 
@@ -38,7 +44,8 @@ EVENTS = 256  # that are kept until somebody reads them
 EVENT_NAMES = {
     value: name for name, value in Event.schema.constants.items() if not name.startswith("REASON_")
 }
-RENEWALS = 4  # of the operator's lease, within each lease
+RENEWED_S = 0.5  # between two renewals of the operator's lease of 2 s
+RETRY_S = 0.2
 
 
 def connect(robot: str = "hoap3", endpoint: str = ENDPOINT) -> Connection:
@@ -82,6 +89,7 @@ class Connection:
         self._states: Any = None
         self._events: Any = None
         self._operator: dict[str, Any] | None = None
+        self._lost: Hoap3Error | None = None  # why we steer no longer
         self._number, self._closing = 0, threading.Event()
         self._renewer: threading.Thread | None = None
         try:
@@ -115,6 +123,8 @@ class Connection:
 
     def close(self) -> None:
         """Steer no longer, and leave the network."""
+        if self._session.is_closed():
+            return
         self._closing.set()
         if self._renewer is not None:
             self._renewer.join(timeout=self._network.QUERY_TIMEOUT_S + 1.0)
@@ -148,6 +158,7 @@ class Connection:
 
         Each is `event`, one of `Event.msg`, with `tick`, `stamp_ns` and `detail`.
         """
+        self._check_open()
         if self._events is None:
             ring: Any = self._network.zenoh.handlers.RingChannel(EVENTS)
             key = self._network.key(self.robot, "events")
@@ -197,29 +208,53 @@ class Connection:
         """
         return self._control("change", json.dumps(what).encode())
 
-    def acquire(self) -> list[dict[str, Any]]:
+    def acquire(self, timeout_s: float = 0.0) -> list[dict[str, Any]]:
         """Become the one who steers; the live targets of the controller, in their order.
 
         It is renewed until `release` or `close`.
 
+        Args:
+            timeout_s: for how long to try: a controller that starts may have to compile first.
+
         Raises:
-            LinkError: the robot follows no controller.
+            LinkError: no controller answers.
             UsageError: somebody else steers, or the controller has no live target.
         """
-        before = self._operator
-        self._operator = found = self._control("acquire")
-        if before is None or before["epoch"] != found["epoch"]:
-            self._number = 0
-        if self._renewer is None:
-            self._renewer = threading.Thread(target=self._renew, name="renew", daemon=True)
-            self._renewer.start()
+        until = time.monotonic() + timeout_s
+        while True:
+            try:
+                found = self._acquire()
+            except (LinkError, UsageError):
+                if time.monotonic() > until:
+                    raise
+                time.sleep(RETRY_S)
+            else:
+                break
+        self._keep()
         targets: list[dict[str, Any]] = found["targets"]
         return targets
 
     def release(self) -> None:
         """Steer no longer: somebody else may at once."""
-        self._operator = None
+        self._operator = self._lost = None
         self._control("release")
+
+    def counts(self) -> dict[str, Any]:
+        """What came of what was sent: `taken`, `late_points`, and `refused` by reason.
+
+        Raises:
+            LinkError: no controller answers.
+            UsageError: we do not steer.
+        """
+        found = self._acquire()
+        return {name: found[name] for name in ("taken", "late_points", "refused")}
+
+    def _acquire(self) -> dict[str, Any]:
+        before, found = self._operator, self._control("acquire")
+        if before is None or before["epoch"] != found["epoch"]:
+            self._number = 0
+        self._operator, self._lost = found, None
+        return found
 
     def send_target(
         self, values: ArrayLike, target: str | None = None, first_tick: int | None = None
@@ -238,7 +273,7 @@ class Connection:
             UsageError: no such target, or somebody else steers.
             BadProblemError: not d finite numbers.
         """
-        points = np.asarray(values, float)
+        points = _numbers(values, "a target")
         if points.ndim != 1:
             raise BadProblemError(f"a target is one row of numbers (found {points.ndim} axes)")
         return self._send(points[None], 0 if first_tick is None else first_tick, 1, None, target)
@@ -267,7 +302,7 @@ class Connection:
             UsageError: no such target, or somebody else steers.
             BadProblemError: the arrays do not fit, or a tick is none.
         """
-        return self._send(np.asarray(points, float), first_tick, step_ticks, rates, target)
+        return self._send(_numbers(points, "points"), first_tick, step_ticks, rates, target)
 
     def _send(
         self,
@@ -277,34 +312,56 @@ class Connection:
         rates: ArrayLike | None,
         name: str | None,
     ) -> int:
-        operator = self._operator
-        if operator is None:
-            self.acquire()
-            operator = self._operator
-        if operator is None:
-            raise UsageError("steering was given up while this was sent; acquire it again")
+        operator = self._steers()
         number, dimension = _place(operator["targets"], name)
-        speeds = np.zeros((0, dimension)) if rates is None else np.asarray(rates, float)
+        speeds = np.zeros((0, dimension)) if rates is None else _numbers(rates, "rates")
         _check(points, speeds, dimension, first_tick, step_ticks)
         message = Target(len(points), dimension, rates=bool(speeds.size))
         message.values[:], message.rates[:] = points.ravel(), speeds.ravel()
         message.target, message.tick_step, message.first_tick = number, step_ticks, first_tick
         message.session_id, message.epoch = operator["session_id"], operator["epoch"]
+        self._check_open()
         self._number += 1
         message.number = self._number
         self._targets.put(message.dump())
         return self._number
 
+    def _steers(self) -> dict[str, Any]:
+        """What an operator knows, if we are one and the robot follows.
+
+        Raises:
+            LinkError, UsageError: we are not, or it does not; say why.
+        """
+        lost, self._lost = self._lost, None
+        if lost is not None:
+            raise lost
+        operator = self._operator
+        if operator is None or not operator["following"]:
+            operator = self._acquire()
+            self._keep()
+        if not operator["following"]:
+            remedy = f"`hoap3 recover --connect {self._endpoint}`, or `recover()`"
+            raise UsageError(
+                f"robot {self.robot!r} does not follow its controller now, so targets do not "
+                f"count. Where it is stopped: {remedy}"
+            )
+        return operator
+
+    def _keep(self) -> None:
+        """Have a thread renew the lease."""
+        if self._renewer is None:
+            self._renewer = threading.Thread(target=self._renew, name="renew", daemon=True)
+            self._renewer.start()
+
     def _renew(self) -> None:
-        """In a thread of its own: keep the lease, as long as we have it."""
-        pause_s = 0.5
-        while not self._closing.wait(pause_s):
-            if self._operator is not None:
-                pause_s = self._operator["lease_s"] / RENEWALS
-                with contextlib.suppress(LinkError, UsageError, WireError):  # `_send` tells
-                    found = self._control("acquire")
-                    if self._operator is not None and found["epoch"] != self._operator["epoch"]:
-                        self._operator, self._number = found, 0
+        """In a thread of its own: keep the lease, as long as we have it; the next send tells."""
+        while not self._closing.wait(RENEWED_S):
+            if self._operator is None:
+                continue
+            try:
+                self._acquire()
+            except (LinkError, UsageError, WireError) as error:
+                self._operator, self._lost = None, error
 
     def _told(self, verb: str) -> dict[str, Any]:
         raw = self._ask(verb, whom="ask")
@@ -320,14 +377,25 @@ class Connection:
         return answer.now
 
     def _ask(self, verb: str, body: bytes = b"", whom: Any = "ask") -> bytes:
+        self._check_open()
         reply = self._network.ask(self._session, self.robot, verb, self.who, body, whom)
-        if reply is None:
-            asked = f"robot {self.robot!r}" if whom == "ask" else f"controller of {self.robot!r}"
-            raise LinkError(f"no {asked} answers {verb!r} at {self._endpoint}: `hoap3 status`")
-        return bytes(reply)
+        if reply is not None:
+            return bytes(reply)
+        look = f"`hoap3 status --connect {self._endpoint}`"
+        if whom == "ask":
+            raise LinkError(f"no robot called {self.robot!r} answers {verb!r}: {look}")
+        raise LinkError(
+            f"no controller of robot {self.robot!r} answers {verb!r}: {look} says whom it follows. "
+            "One that starts for the first time compiles for some tens of seconds"
+        )
+
+    def _check_open(self) -> None:
+        if self._session.is_closed():
+            raise LinkError(f"the connection to robot {self.robot!r} was closed: connect again")
 
     def _look(self) -> bool:
         """Take the newest State, if one has come."""
+        self._check_open()
         if self._states is None:
             ring: Any = self._network.zenoh.handlers.RingChannel(1)
             key = self._network.state_key(self.robot)
@@ -407,6 +475,18 @@ class AsyncConnection:
         if self._connection is None:
             raise UsageError("connect first: `async with hoap3.connect_async(…) as robot`")
         return self._connection
+
+
+def _numbers(given: ArrayLike, what: str) -> np.ndarray[Any, Any]:
+    """An array of floats.
+
+    Raises:
+        BadProblemError: it is none.
+    """
+    try:
+        return np.asarray(given, float)
+    except (TypeError, ValueError) as error:
+        raise BadProblemError(f"{what} must be numbers (found {given!r:.60})") from error
 
 
 def _place(targets: list[Mapping[str, Any]], name: str | None) -> tuple[int, int]:

@@ -17,6 +17,7 @@ from hoap3.protocol.runtime.notes import Note
 from hoap3.protocol.runtime.recorder import BlockingRecorder, Recorder
 from hoap3.remote_controller.config import ControllerConfig, of_another_robot
 from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.robot_emulator.filters.jerk import jerk_notes
 from hoap3.robot_emulator.robots.follower_limits import follower_notes
 from hoap3.tools.logs.log import Log, payload_hash
 from hoap3.tools.machine.loopback_links import free_port
@@ -142,7 +143,7 @@ def run_lockstep(
 
     check_open_files()
     emulator, description = suited(emulator, controller, files)
-    for note in follower_notes(description):
+    for note in (*follower_notes(description), *jerk_notes(description)):
         to_people(note)
     made, refused = is_new(out), False
     folder = run_folder(emulator.log, out)

@@ -12,10 +12,13 @@ from hoap3.tools.verify.claims import RELATIVE, Claims
 Rows = NDArray[np.void]
 
 ROUNDINGS = 8  # ulp of a position, per difference
+OF_JERK = 12
+"""The same of third differences, near zero of the way in three periods: 8 that a setpoint may be
+beyond the limit when it is taken over, and 4 of the roundings of four positions."""
 
 
 def check_motion(states: Rows, robot: RobotDescription, claims: Claims) -> None:
-    """Position, speed and acceleration of the applied reference, by its differences.
+    """Position, speed, acceleration and jerk of the applied reference, by its differences.
 
     Each State is one period of the body after the last: it does not move in skipped periods. Of a
     robot that takes accelerations or torques the reference is where its body is.
@@ -49,6 +52,21 @@ def check_motion(states: Rows, robot: RobotDescription, claims: Claims) -> None:
     greatest = np.broadcast_to(robot.setpoint_acceleration_max, change.shape)
     off = RELATIVE * greatest + ROUNDINGS * ulp / T**2
     claims.at_most("applied acceleration", tick[1:], change, greatest, off)
+    if kind == "position" and np.isfinite(robot.setpoint_jerk_max).any():
+        _check_jerk(tick, s, robot, claims)
+
+
+def _check_jerk(
+    tick: NDArray[np.int64], s: NDArray[np.float64], robot: RobotDescription, claims: Claims
+) -> None:
+    """Third differences over T³, of joints with a limit, from rest on."""
+    T, some = robot.period_s, np.isfinite(robot.setpoint_jerk_max)
+    s, most = s[:, some], robot.setpoint_jerk_max[some]
+    jerk = np.abs(np.diff(np.vstack([s[:1], s[:1], s]), 3, axis=0)) / T**3
+    ulp = np.spacing(np.abs(s).max(0) + 3.0 * robot.velocity[some] * T)
+    greatest = np.broadcast_to(most, jerk.shape)
+    off = RELATIVE * greatest + OF_JERK * ulp / T**3
+    claims.at_most("applied jerk", tick[1:], jerk, greatest, off)
 
 
 def _check_rest(states: Rows, claims: Claims) -> None:

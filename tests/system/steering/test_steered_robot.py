@@ -30,6 +30,7 @@ from hoap3.protocol.errors import BadProblemError, LinkError, UsageError
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.tools.logs.log import Log
 from hoap3.tools.replay import replay
+from hoap3.tools.services.connection import Connection
 
 pytestmark = pytest.mark.slow
 
@@ -111,13 +112,64 @@ def test_a_target_is_reached(steered, at):
 def test_wrong_targets_are_refused_before_they_are_sent(steered, at):
     with hoap3.connect(ROBOT, at) as robot:
         patiently(robot.acquire)
-        for wrong in ([1.0, 2.0], [[1.0, 2.0, 3.0]], [np.nan, 0.0, 0.0]):
+        for wrong in ([1.0, 2.0], [[1.0, 2.0, 3.0]], [np.nan, 0.0, 0.0], "hello"):
             with pytest.raises(BadProblemError):
                 robot.send_target(wrong)
         with pytest.raises(BadProblemError):
             robot.send_chunk(np.zeros((400, 3)), 0, 1)
         with pytest.raises(UsageError, match="hand"):
             robot.send_target([0.0, 0.0, 0.0], target="foot")
+
+
+def test_what_was_refused_can_be_asked_for(steered, at):
+    with hoap3.connect(ROBOT, at) as robot:
+        patiently(robot.acquire)
+        before = robot.counts()["refused"].get("out_of_range", 0)
+        robot.send_target([-500.0, -150.0, 350.0])  # millimetres
+        patiently(lambda: assert_counted(robot, before + 1))
+
+
+def assert_counted(robot: Connection, times: int) -> None:
+    """Raise what `patiently` waits for until it is counted."""
+    if robot.counts()["refused"].get("out_of_range", 0) < times:
+        raise UsageError("not yet")
+
+
+def keep_sending(robot: Connection) -> None:
+    """As a teleoperator does, until something is raised."""
+    for _ in range(600):
+        robot.send_target([-0.5, -0.15, 0.35])
+        time.sleep(0.01)
+
+
+def test_who_steers_no_longer_is_told(steered, at):
+    with hoap3.connect(ROBOT, at) as first, hoap3.connect(ROBOT, at) as second:
+        patiently(first.acquire)
+        first._control("release")  # as if its lease had gone while it froze
+        patiently(second.acquire)
+        with pytest.raises(UsageError, match=second.who):
+            keep_sending(first)
+
+
+def test_a_robot_that_stands_still_is_not_steered_in_silence(steered, at):
+    with hoap3.connect(ROBOT, at) as robot:
+        patiently(robot.acquire)
+        robot.stop()
+        wait_for_mode("stopped", at, ROBOT)
+        with pytest.raises(UsageError, match="recover"):
+            keep_sending(robot)
+        robot.recover()
+        wait_for_mode("active", at, ROBOT)
+        patiently(lambda: robot.send_target([-0.5, -0.15, 0.35]))
+
+
+def test_a_closed_connection_says_that_it_is(steered, at):
+    with hoap3.connect(ROBOT, at) as robot:
+        pass
+    for use in (robot.state, robot.status, robot.acquire, lambda: next(robot.events())):
+        with pytest.raises(LinkError, match="closed"):
+            use()
+    robot.close()
 
 
 def test_one_steers_at_a_time_and_the_next_when_it_gives_up(steered, at):
@@ -172,7 +224,8 @@ def test_the_slow_policy_of_the_examples_steers_it(steered, at):
     words = [sys.executable, str(EXAMPLE), "--connect", at, "--seconds", "5"]
     done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
-    assert int(done.stdout.split()[0]) > 10
+    assert "'refused': {}" in done.stdout
+    assert int(done.stdout.splitlines()[-1].split()[0]) > 50
 
 
 def test_a_robot_that_is_not_there_is_said_to_be():

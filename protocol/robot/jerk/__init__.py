@@ -1,0 +1,1 @@
+"""What a joint can do that has a limit of jerk besides."""

@@ -1,0 +1,95 @@
+"""The filter of positions of a robot that has a limit of jerk besides."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.jerk.jerk_limits import WITHOUT, limits_with_jerk
+from hoap3.robot_emulator.filters.braking_curve import BrakingCurve
+from hoap3.robot_emulator.filters.position import PositionFilter
+
+
+def limits_jerk(robot: RobotDescription) -> bool:
+    """Whether some joint has a limit of jerk that its accelerations do not keep anyway."""
+    return bool(np.isfinite(limits_with_jerk(robot)[4]).any())
+
+
+def jerk_notes(robot: RobotDescription) -> list[str]:
+    """What people should know of it: which joints may not use all of their acceleration."""
+    if robot.command_kinds[0] != "position":
+        return []
+    asked, (_, _, _, kept, jerks) = robot.setpoint_acceleration_max, limits_with_jerk(robot)
+    return [
+        f"joint {name!r}: accelerates by {kept[i]:.6g} at most instead of {asked[i]:.6g}, because "
+        f"its range and speed are too small to change more by a jerk of {jerk:.6g}"
+        for i, (name, jerk) in enumerate(zip(robot.joint_names, jerks, strict=True))
+        if kept[i] < asked[i]
+    ]
+
+
+class JerkFilter(PositionFilter):
+    """The applied reference, kept inside all limits of the description, `setpoint_jerk_max` too.
+
+    Every change goes through the kernels of `jerk_kernels`. A stop ends the acceleration that there
+    is, and brakes all joints together in a straight line, with half of the jerk for either.
+    """
+
+    def __init__(self, description: RobotDescription, period_s: float) -> None:
+        from hoap3.robot_emulator.filters import jerk_kernels as kernels
+
+        super().__init__(description, period_s)
+        n = description.n
+        self._kernels = kernels
+        self._limits = limits_with_jerk(description)
+        jerk = self._limits[4]
+        self._lower, self._upper = self._limits[0], self._limits[1]
+        some = np.where(np.isfinite(jerk), jerk, WITHOUT * self._limits[3] / period_s)
+        self._curve = BrakingCurve(np.minimum(self._brake, self._limits[3]), some, period_s)
+        self._acceleration, self._lowest, self._highest = np.zeros((3, n))
+        self._history = np.zeros((3, n))
+
+    def reset(self, q: FloatArray) -> None:
+        """Be at rest at `q`, (n,)."""
+        self._acceleration[:] = 0.0
+        super().reset(q)
+
+    def _begin_at_value(self) -> None:
+        """Let the range of a joint end where it gets to at least, if that is beyond its usable."""
+        self._kernels.brake_ends(
+            self._limits, self._dt, self.value, self.rate, self._acceleration,
+            self._lowest, self._highest,
+        )  # fmt: skip
+        lower, upper = self._usable
+        np.minimum(lower, self._lowest, out=self._lower)
+        np.maximum(upper, self._highest, out=self._upper)
+        self._outside = bool((self._lower < lower).any() or (self._upper > upper).any())
+
+    def forget(self) -> None:
+        """Forget earlier setpoints: there is nothing to hold or extrapolate but the place."""
+        super().forget()
+        self._history[:] = self.value
+
+    def begin_stop(self) -> None:
+        """Plan to brake to rest: all joints together, as soon as the slowest can."""
+        self._curve.begin(self.rate, self._acceleration)
+        self._stopped_for = 0
+
+    def brake(self) -> bool:
+        """One period of the planned stop; True once at rest, and no acceleration is left."""
+        self._stopped_for += 1
+        over = self._curve.at(self._stopped_for, self._target)
+        self._count(
+            self._kernels.steer(
+                self._target, self._limits, self._dt, self.value, self.rate, self._acceleration
+            )
+        )
+        return over and not self.rate.any() and not self._acceleration.any()
+
+    def _step(self) -> int:
+        held: int = self._kernels.filter_jerk(
+            self._target, self._history, self._limits, self._dt, self.value, self.rate,
+            self._acceleration,
+        )  # fmt: skip
+        return held
