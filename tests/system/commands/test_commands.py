@@ -175,6 +175,7 @@ def test_all_logs_of_a_folder_are_mended(folder: Path, tmp_path: Path) -> None:
     assert "controller.mcap" in again.stderr
 
 
+@pytest.mark.slow
 def test_status_live_list_and_a_recording_from_outside(tmp_path: Path) -> None:
     at, out = endpoint(), tmp_path / "log"
     with (

@@ -30,11 +30,9 @@ from hoap3.tools.verify.verify import verify
 
 HERE = Path(__file__).parent
 NEAR_M = 3e-5
-SHORTLY = [("paper", 22), ("legacy", 21)]
-PAIRS = [
-    *SHORTLY,
-    *(pytest.param(*pair, marks=pytest.mark.slow) for pair in (("paper", 21), ("legacy", 22))),
-]
+SHORTLY = [("paper", 22)]
+LATER = ("paper", 21), ("legacy", 21), ("legacy", 22)
+PAIRS = [*SHORTLY, *(pytest.param(*pair, marks=pytest.mark.slow) for pair in LATER)]
 COMPILER = shutil.which("cc")
 DRIVERS = (
     [COMPILER, pytest.param(None, marks=pytest.mark.slow)] if COMPILER else [None]
@@ -147,8 +145,10 @@ def driver(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     return [str(made)]
 
 
-@pytest.mark.parametrize("order", ["paper", "legacy"])
-@pytest.mark.parametrize("how", ["--lockstep", "--no-realtime"])
+@pytest.mark.parametrize("order", ["paper", pytest.param("legacy", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "how", ["--lockstep", pytest.param("--no-realtime", marks=pytest.mark.slow)]
+)
 def test_another_program_has_its_500_exchanges(
     how: str, order: str, driver: list[str], tmp_path: Path
 ) -> None:
@@ -177,7 +177,9 @@ def test_another_program_has_its_500_exchanges(
     assert verify(folder).claims.by_tick() == []
 
 
-@pytest.mark.parametrize("sent", [0, 1, 84, 167])
+@pytest.mark.parametrize(
+    "sent", [84, *(pytest.param(n, marks=pytest.mark.slow) for n in (0, 1, 167))]
+)
 def test_a_robot_whose_client_is_cut_off_within_an_exchange_comes_to_rest(
     sent: int, tmp_path: Path
 ) -> None:

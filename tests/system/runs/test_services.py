@@ -48,6 +48,7 @@ def robot(at: str) -> Iterator[Command]:
         command.assert_no_orphan()
 
 
+@pytest.mark.slow
 def test_one_controller_commands_until_it_gives_authority_back(robot: Command, at: str) -> None:
     with controller("qp12", *QUIET, at=at) as first:
         first.hear("following robot")

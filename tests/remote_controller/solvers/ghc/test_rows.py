@@ -352,6 +352,7 @@ def lexicographic_problems(seeds):
     return held
 
 
+@pytest.mark.slow
 def test_strict_levels_are_lexicographic_with_rows():
     assert lexicographic_problems(range(40)) > 20
 
