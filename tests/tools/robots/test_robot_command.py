@@ -149,6 +149,14 @@ def test_a_shipped_robot_is_checked_by_its_name():
     assert not any(each["guessed"] for each in found["joints"])
 
 
+def test_what_an_import_advises_means_the_new_robot(here):
+    """A shipped robot has the same name."""
+    done = inside("robot", "import", ARM, "--name", "ur5")
+    advised = [line.partition("hoap3 ")[2].split() for line in done.stderr.splitlines()]
+    (check,) = [words for words in advised if words[:2] == ["robot", "check"]]
+    assert len(inside(*check, "--json").json()["joints"]) == 3  # UR5 has 6
+
+
 @pytest.mark.parametrize("command", ["import", "check"])
 @pytest.mark.parametrize("as_json", [(), ("--json",)])
 def test_what_is_wrong_ends_in_one_line_and_exit_code_2(here, command, as_json):
