@@ -14,6 +14,7 @@ from hoap3.protocol.urdf_followers import Follower, Mimic, resolve
 from hoap3.robot_emulator.robots.urdf_import.figures import figure
 from hoap3.robot_emulator.robots.urdf_import.notes import Notes
 
+AGAINST_MASTER = "the range of followers that would leave their masters none"
 AMPLE = 2.0  # times what its master gives it: a velocity that bounds nothing
 
 Range = tuple[float, float]
@@ -40,8 +41,7 @@ def relax_followers(joints: list[ET.Element], without_velocity: set[str], notes:
             left[master] = both
         else:
             _drop_range(joint)
-            text = "the range of followers that would leave their masters none"
-            notes.add("left out", text, name)
+            notes.add("left out", AGAINST_MASTER, name)
         if name in without_velocity:
             limit = moving[master].find("limit")
             speed = figure(limit, "velocity", f"URDF joint {master!r:.80}") or 0.0

@@ -149,6 +149,15 @@ def test_a_shipped_robot_is_checked_by_its_name():
     assert not any(each["guessed"] for each in found["joints"])
 
 
+def test_names_of_any_script_come_back_from_the_folder(here):
+    """Emoji lie beyond 16 bits; U+0085 and U+2028 break lines of YAML."""
+    name = "hand \U0001f916 \u0631\u0648\u0628\u0648\u062a \x85\u2028\ufeff end"
+    vendor_folder(here, urdf().replace('"hand"', f'"{name}"').replace('"base"', f'"base {name}"'))
+    assert inside("robot", "import", ARM).code == 0
+    assert load_robot("./acme_arm").default_task.point == name
+    assert load_robot("./acme_arm").digest == import_robot(ARM).description.digest
+
+
 def test_what_an_import_advises_means_the_new_robot(here):
     """A shipped robot has the same name."""
     done = inside("robot", "import", ARM, "--name", "ur5")

@@ -112,6 +112,23 @@ def test_half_a_range_has_its_other_end_at_zero_as_the_format_says(tmp_path):
     assert imported(tmp_path, text).description.lower.tolist() == [0.0] * 3
 
 
+@pytest.mark.parametrize(
+    ("lower", "upper", "kept"),
+    [
+        ("-1.5", "1e5", (-1.5, 1e4)),
+        ("-inf", "0.5", (-1e4, 0.5)),
+        ("2", "1e16", (2.0, 1e4)),
+    ],
+)
+def test_a_stop_is_kept_where_only_the_other_one_is_endless(tmp_path, lower, upper, kept):
+    limit = f'<limit lower="{lower}" upper="{upper}" velocity="1" effort="4"/>'
+    text = urdf(LINKS + link("tool"), JOINTS + joint("extra", "base", "tool", limit))
+    robot = imported(tmp_path, text)
+    assert (robot.description.lower[3], robot.description.upper[3]) == kept
+    assert robot.description.structure.moved["extra"].kind == "revolute"
+    assert told(robot, "guessed", "extra")
+
+
 def test_without_effort_no_torques_are_taken(tmp_path):
     robot = imported(tmp_path, urdf(joints=JOINTS.replace(' effort="30"', "", 1)))
     assert robot.description.command_kinds == ("position", "acceleration")

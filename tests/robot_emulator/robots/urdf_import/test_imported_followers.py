@@ -40,8 +40,13 @@ def test_a_follower_without_limits_bounds_nothing(tmp_path, kind):
     assert robot.effort[2] == 30.0
 
 
-def test_a_followers_range_against_its_masters_is_left_out(tmp_path):
-    limit = '<limit lower="2.6" upper="3" velocity="1" effort="1"/>'
+@pytest.mark.parametrize(
+    ("lower", "upper"),
+    [("2.6", "3"), ("1", "1"), ("1", "-1"), ("2e4", "3e4")],
+    ids=["beside", "empty", "reversed", "far"],
+)
+def test_a_followers_range_against_its_masters_is_left_out(tmp_path, lower, upper):
+    limit = f'<limit lower="{lower}" upper="{upper}" velocity="1" effort="1"/>'
     robot = imported(tmp_path, finger(f'{limit}<mimic joint="wrist"/>'))
     assert (robot.description.lower[2], robot.description.upper[2]) == (-2.0, 2.5)
     assert told(robot, "left out", "grip")
