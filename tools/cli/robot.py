@@ -21,7 +21,10 @@ PackagePath = Annotated[
     ),
 ]
 Strict = Annotated[
-    bool, typer.Option("--strict", help="A mesh that cannot be found or read is an error.")
+    bool,
+    typer.Option(
+        "--strict", help="A mesh that is missing, cannot be read or is another one is an error."
+    ),
 ]
 
 

@@ -143,6 +143,31 @@ def test_a_check_says_what_the_robot_is(here, as_folder):
     assert "grip follows wrist" in shown.stdout
 
 
+def test_a_check_finds_meshes_that_are_missing_or_others(here):
+    """The two links drawn with `base.stl` are one finding."""
+    vendor_folder(here, urdf(LINKS.replace(link("fore"), link("fore", "base.stl"))))
+    assert inside("robot", "import", ARM).code == 0
+    kept = here / "acme_arm" / "meshes"
+    good = inside("robot", "check", "acme_arm", "--strict", "--json")
+    assert (good.code, good.json()["meshes"], good.json()["notes"]) == (0, 3, [])
+    content = (kept / "base.stl").read_bytes()
+    (kept / "base.stl").write_bytes(content + b"\n")
+    (kept / "upper.stl").unlink()
+    found = inside("robot", "check", "acme_arm", "--json")
+    assert found.code == 0
+    changed, gone = found.json()["notes"]
+    assert "meshes/base.stl" in changed
+    assert hashlib.sha256(content + b"\n").hexdigest() in changed
+    assert "'upper.stl'" in gone
+    shown = inside("robot", "check", "acme_arm")
+    assert {changed, gone} <= set(shown.stdout.splitlines())  # a line each
+    strict = inside("robot", "check", "acme_arm", "--strict")
+    assert strict.code == 2
+    assert not strict.stdout
+    assert "meshes/base.stl" in strict.stderr
+    assert "'upper.stl'" in strict.stderr
+
+
 def test_a_shipped_robot_is_checked_by_its_name():
     found = inside("robot", "check", "ur5", "--json").json()
     assert len(found["joints"]) == 6

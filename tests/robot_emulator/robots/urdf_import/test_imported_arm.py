@@ -65,7 +65,7 @@ def test_the_box_of_a_turned_mesh_is_around_its_vertices(tmp_path, rpy):
     xyz, own = (np.array(found.find("origin").get(key).split(), float) for key in ("xyz", "rpy"))
     size = np.array(found.find("geometry/box").get("size").split(), float)
     corners = np.array(np.meshgrid([-0.1, 0.1], [-0.2, 0.2], [0.0, 0.05])).reshape(3, -1).T
-    vertices = Rotation.from_euler("xyz", rpy).apply(corners) + (0.1, 0.0, 0.2)
+    vertices = Rotation.from_euler("xyz", rpy).apply(corners) + np.array([0.1, 0.0, 0.2])
     inside = Rotation.from_euler("xyz", own).inv().apply(vertices - xyz)
     assert (np.abs(inside) <= size / 2).all()
     np.testing.assert_allclose(sorted(size), (0.05, 0.2, 0.4), atol=1e-5)
