@@ -110,12 +110,16 @@ def test_rows_fail_where_a_bar_is_broken():
     good = a_run()
     far = replace(good, error=np.full((5, 3), 1e-3))
     fallen = a_run(largest_tilt_deg={"r_sole": 40.0}, periods_off_the_ground={"r_sole": 3})
+    beyond = replace(good, error=np.full((5, 3), 0.2), certified=(0, 5))
     name = "stable_qp, both soles kept"
-    made = own_feet.rows({(PINV, 0.0): good}, {name: good, "QP12": far}, good)
+    made = own_feet.rows({(PINV, 0.0): good}, {name: good, "QP12": far}, beyond)
     assert all(row.passed is not False for row in made)
-    assert [row.passed for row in made].count(None) == 4
-    broken = own_feet.rows({(PINV, 0.0): far}, {name: fallen}, replace(good, certified=(1, 5)))
+    assert [row.passed for row in made].count(None) == 3
+    broken = own_feet.rows({(PINV, 0.0): far}, {name: fallen}, replace(beyond, certified=(1, 5)))
     assert [row.passed for row in broken].count(False) == 4
+    for no_fall in (replace(beyond, error=good.error), replace(beyond, certified=(0, 0))):
+        made = own_feet.rows({(PINV, 0.0): good}, {name: good}, no_fall)
+        assert [row.passed for row in made].count(False) == 1
     assert own_feet.draw({(law, 0.0): good for law in LAWS}, {name: good}).panels
 
 
