@@ -11,6 +11,7 @@ from hoap3.remote_controller.config import read_config
 from hoap3.remote_controller.controllers.servo_rate import loop_rate
 from hoap3.tools.reproduce.papers.qp12 import own_feet
 from hoap3.tools.reproduce.papers.qp12.own_feet import (
+    FALLEN_MM,
     LAWS,
     NEAR_MM,
     NOISE_RAD,
@@ -95,6 +96,7 @@ def test_v_rises_where_the_loop_is_faster_than_the_servos(law, kv, scale, stays)
     stood = stand("hoap3_one_foot", settings, 6.0, kv=kv)
     assert (stood.certified[0] > 0) == stays
     assert stood.rise_mm < 0.01 if stays else stood.rise_mm > 0.1
+    assert (stood.end_mm > FALLEN_MM) == ((law, kv, scale) == (EVEN, 6.0, "C"))
 
 
 def test_rows_fail_where_a_bar_is_broken():
