@@ -47,6 +47,11 @@ class Follower:
     ratio: float
     offset: float
 
+    def seen_by_master(self, lower: float, upper: float) -> tuple[float, float]:
+        """The positions of the master, from and to, at which this one is between two of its own."""
+        first, last = ((end - self.offset) / self.ratio for end in (lower, upper))
+        return min(first, last), max(first, last)
+
 
 def resolve(mimics: Mapping[str, Mimic | None]) -> dict[str, Follower]:
     """The master of each follower, through other followers if need be.

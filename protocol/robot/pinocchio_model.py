@@ -164,3 +164,10 @@ def one_coordinate_each(description: RobotDescription) -> str:
         limit.set("lower", str(-SOME_RANGE))
         limit.set("upper", str(SOME_RANGE))
     return ET.tostring(robot, encoding="unicode")
+
+
+def roll_pitch_yaw(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """As a URDF writes a rotation R = Rz(yaw)·Ry(pitch)·Rx(roll), (3, 3): `rpy`, (3,) [rad]."""
+    import pinocchio as pin
+
+    return np.array(pin.rpy.matrixToRpy(rotation), np.float64)

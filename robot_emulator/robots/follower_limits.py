@@ -6,6 +6,8 @@ speed v where |dq| ≤ v/|r|. Its effort bounds nothing: the motor is the master
 
 from __future__ import annotations
 
+import math
+
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.urdf import UrdfStructure
@@ -72,12 +74,8 @@ def _own(structure: UrdfStructure, name: str) -> dict[str, float]:
 def _seen_from_master(structure: UrdfStructure, name: str) -> dict[str, float]:
     """What a follower's limits leave its master."""
     follower, own = structure.followers[name], _own(structure, name)
-    ends = ("lower", "upper") if follower.ratio > 0.0 else ("upper", "lower")
-    seen = {
-        end: (own[key] - follower.offset) / follower.ratio
-        for end, key in zip(("lower", "upper"), ends, strict=True)
-        if key in own
-    }
+    lower, upper = follower.seen_by_master(own.get("lower", -math.inf), own.get("upper", math.inf))
+    seen = {key: end for key, end in (("lower", lower), ("upper", upper)) if math.isfinite(end)}
     if "velocity" in own:
         seen["velocity"] = own["velocity"] / abs(follower.ratio)
     return seen

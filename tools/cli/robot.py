@@ -21,7 +21,10 @@ PackagePath = Annotated[
     ),
 ]
 Strict = Annotated[
-    bool, typer.Option("--strict", help="A mesh that cannot be found or read is an error.")
+    bool,
+    typer.Option(
+        "--strict", help="A mesh that is missing, cannot be read or is another one is an error."
+    ),
 ]
 
 
@@ -61,8 +64,9 @@ def import_(
     for note in robot.notes:
         print_note(str(note))
     print_line(f"{robot.file.name}: {robot.description.n} joints, {len(written)} files in {folder}")
-    print_note(f"next:  hoap3 robot check {folder}")
-    print_note(f"       hoap3 run --robot {folder if folder.is_absolute() else f'./{folder}'}")
+    path = folder if folder.is_absolute() else f"./{folder}"  # a bare name would come first
+    print_note(f"next:  hoap3 robot check {path}")
+    print_note(f"       hoap3 run --robot {path}")
 
 
 @robot_app.command("check")

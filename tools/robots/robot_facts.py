@@ -14,10 +14,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.robot.pinocchio_model import build_model
 from hoap3.protocol.urdf import MOVABLE
 from hoap3.robot_emulator.robots import find_file, load
 from hoap3.robot_emulator.robots.urdf_import.imported import import_robot
+from hoap3.robot_emulator.robots.urdf_import.kept_meshes import wrong_meshes
 from hoap3.robot_emulator.robots.urdf_import.source import is_source
 from hoap3.robot_emulator.robots.yaml_file import RobotFile, read_files
 from hoap3.tools.show.output import print_line, results
@@ -36,6 +38,11 @@ class Facts:
 def look(name: str, package_path: Sequence[Path] = (), *, strict: bool = False) -> Facts:
     """Read a robot: a vendor's URDF, a folder, a YAML file, or a name.
 
+    Args:
+        name: which.
+        package_path: where the packages of a URDF are looked for first.
+        strict: a mesh that is missing, or is another than the file says, is an error.
+
     Raises:
         UsageError: it is none, or something in it is wrong.
     """
@@ -47,7 +54,11 @@ def look(name: str, package_path: Sequence[Path] = (), *, strict: bool = False) 
     if path is None:
         return Facts(description)
     file = read_files(path)[0]
-    return Facts(description, file, meshes=len(file.meshes))
+    wrong = wrong_meshes(path, file)
+    if wrong and strict:
+        first, *others = wrong
+        raise ConfigError(first.file, first.key, first.value, first.problem, first.remedy, others)
+    return Facts(description, file, [str(error) for error in wrong], len(file.meshes))
 
 
 def as_json(facts: Facts) -> dict[str, Any]:

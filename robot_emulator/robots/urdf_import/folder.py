@@ -129,12 +129,13 @@ def _mesh(visual: Visual, name: str) -> Iterator[str]:
 
 
 def _value(value: object) -> str:
-    """As YAML; JSON is YAML, and plain words need no quotes."""
+    """As YAML: JSON, but for escapes of 16 bits in pairs; plain words need no quotes."""
     if isinstance(value, str) and re.fullmatch(r"[a-z][a-z0-9_]{2,31}(\.urdf)?", value):
         return value if value not in {"null", "true", "false", "yes", "off"} else json.dumps(value)
     if isinstance(value, tuple | list):
         return f"[{', '.join(map(_value, value))}]"
-    return json.dumps(value)
+    text = json.dumps(value, ensure_ascii=False)
+    return "".join(each if each.isprintable() else f"\\U{ord(each):08x}" for each in text)
 
 
 def _plain(text: str) -> str:

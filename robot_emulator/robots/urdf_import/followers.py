@@ -10,10 +10,11 @@ import math
 from xml.etree import ElementTree as ET
 
 from hoap3.protocol.errors import DescriptionError
-from hoap3.protocol.urdf_followers import Follower, Mimic, resolve
+from hoap3.protocol.urdf_followers import Mimic, resolve
 from hoap3.robot_emulator.robots.urdf_import.figures import figure
 from hoap3.robot_emulator.robots.urdf_import.notes import Notes
 
+AGAINST_MASTER = "the range of followers that would leave their masters none"
 AMPLE = 2.0  # times what its master gives it: a velocity that bounds nothing
 
 Range = tuple[float, float]
@@ -35,13 +36,12 @@ def relax_followers(joints: list[ET.Element], without_velocity: set[str], notes:
     left = {name: _range(joint) for name, joint in moving.items()}
     for name, follower in followers.items():
         joint, master = moving[name], follower.master
-        both = _intersection(left[master], _seen_by_master(_range(joint), follower))
+        both = _intersection(left[master], follower.seen_by_master(*_range(joint)))
         if both[0] < both[1]:
             left[master] = both
         else:
             _drop_range(joint)
-            text = "the range of followers that would leave their masters none"
-            notes.add("left out", text, name)
+            notes.add("left out", AGAINST_MASTER, name)
         if name in without_velocity:
             limit = moving[master].find("limit")
             speed = figure(limit, "velocity", f"URDF joint {master!r:.80}") or 0.0
@@ -64,12 +64,6 @@ def _range(joint: ET.Element) -> Range:
     limit, name = joint.find("limit"), f"URDF joint {joint.get('name')!r:.80}"
     lower, upper = (figure(limit, key, name) for key in ("lower", "upper"))
     return -math.inf if lower is None else lower, math.inf if upper is None else upper
-
-
-def _seen_by_master(own: Range, follower: Follower) -> Range:
-    """The positions of the master in which the follower is within its range."""
-    first, last = ((end - follower.offset) / follower.ratio for end in own)
-    return min(first, last), max(first, last)
 
 
 def _intersection(one: Range, other: Range) -> Range:

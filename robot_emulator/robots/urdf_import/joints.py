@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 
 from hoap3.protocol.errors import DescriptionError, did_you_mean
 from hoap3.robot_emulator.robots.urdf_import.figures import figure, triple
-from hoap3.robot_emulator.robots.urdf_import.followers import relax_followers
+from hoap3.robot_emulator.robots.urdf_import.followers import AGAINST_MASTER, relax_followers
 from hoap3.robot_emulator.robots.urdf_import.names import joint_names
 from hoap3.robot_emulator.robots.urdf_import.notes import Notes
 
@@ -187,21 +187,23 @@ def _range(
     """Its limits, or None of both where it has none; makes it continuous there.
 
     A missing limit is 0, as the format says, if the other one is given. Where neither is, or both
-    are 0 as exporters leave them, nobody has filled them in.
+    are 0 as exporters leave them, nobody has filled them in. An angle has two limits or none: one
+    beyond `ENDLESS` is that where the other one is a stop.
     """
-    kind = new.attrib["type"]
+    kind, name = new.attrib["type"], new.attrib["name"]
     if kind == "continuous":
         return None, None
     lower, upper = (figure(limit, key, where) or 0.0 for key in ("lower", "upper"))
-    if lower > upper:
-        raise DescriptionError(
-            f"{where}: its limits are reversed, lower {lower:g} and upper {upper:g}. Swap them."
-        )
-    if lower == upper != 0.0:
-        raise DescriptionError(
-            f"{where}: its limits leave it no range, both are {lower:g}. "
-            "Widen them, or make it fixed."
-        )
+    wrong = _what_is_wrong(lower, upper, kind)
+    if wrong and not follower:
+        raise DescriptionError(f"{where}: its limits {wrong}")
+    if wrong:
+        notes.add("left out", AGAINST_MASTER, name)
+        lower = upper = 0.0
+    if kind == "revolute" and max(-lower, upper) >= ENDLESS > min(-lower, upper):
+        text = f"a limit of {ENDLESS:g} rad, because one beyond is given, and the other is a stop"
+        notes.add("guessed", text, name)
+        return max(lower, -ENDLESS), min(upper, ENDLESS)
     most = ENDLESS if kind == "revolute" else math.inf
     if lower < upper and max(-lower, upper) < most:
         return lower, upper
@@ -209,8 +211,8 @@ def _range(
         new.set("type", "continuous")  # its master's range is its own
         return None, None
     if kind == "revolute":
-        text = "turns without end, because no limits are given (or 0 0, or above 10000 rad)"
-        notes.add("guessed", text, new.attrib["name"])
+        text = "turns without end, because no limits are given (or 0 0, or both beyond 10000 rad)"
+        notes.add("guessed", text, name)
         new.set("type", "continuous")
         return None, None
     if follower:
@@ -218,3 +220,14 @@ def _range(
     raise DescriptionError(
         f'{where}: prismatic, and without a range. Write its <limit lower=".." upper="..">, in m.'
     )
+
+
+def _what_is_wrong(lower: float, upper: float, kind: str) -> str | None:
+    """Why no joint could keep such limits, and what would do; None of both 0, as of others."""
+    if lower > upper:
+        return f"are reversed, lower {lower:g} and upper {upper:g}. Swap them."
+    if lower == upper != 0.0:
+        return f"leave it no range, both are {lower:g}. Widen them, or make it fixed."
+    if kind == "revolute" and (lower >= ENDLESS or upper <= -ENDLESS):
+        return f"leave it no angle below {ENDLESS:g} rad. Write them in rad, near 0."
+    return None

@@ -10,6 +10,7 @@ import numpy as np
 
 from hoap3.protocol.errors import DescriptionError
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.pinocchio_model import roll_pitch_yaw
 from hoap3.robot_emulator.robots.urdf_import.figures import figure, triple, written
 from hoap3.robot_emulator.robots.urdf_import.inertia import read_inertial
 from hoap3.robot_emulator.robots.urdf_import.joints import copy_attributes
@@ -165,7 +166,7 @@ class _Geometry:
         outer = Rotation.from_euler("xyz", rpy)
         axes = (outer * Rotation.from_matrix(shape.axes)).as_matrix()
         center = xyz + outer.apply(shape.center)
-        turn = written(_rpy(axes))
+        turn = written(roll_pitch_yaw(axes))
         if shape.kind == "box":
             return [_element(element.tag, center, turn, "box", size=written(shape.size))]
         radius, length = (*shape.size, 0.0)[:2]
@@ -199,12 +200,3 @@ def _element(
     ET.SubElement(new, "origin", place)
     ET.SubElement(ET.SubElement(new, "geometry"), shape, sizes)
     return new
-
-
-def _rpy(axes: FloatArray) -> FloatArray:
-    """Roll, pitch and yaw of a rotation Rz(yaw)·Ry(pitch)·Rx(roll), (3,) [rad]."""
-    pitch = np.arctan2(-axes[2, 0], np.hypot(axes[0, 0], axes[1, 0]))
-    if np.hypot(axes[0, 0], axes[1, 0]) < 1e-9:  # gimbal lock: yaw and roll turn the same
-        return np.array([0.0, pitch, np.arctan2(-axes[0, 1], axes[1, 1])])
-    roll, yaw = np.arctan2(axes[2, 1], axes[2, 2]), np.arctan2(axes[1, 0], axes[0, 0])
-    return np.array([roll, pitch, yaw])

@@ -11,6 +11,7 @@ from hoap3.remote_controller.config import read_config
 from hoap3.remote_controller.controllers.servo_rate import loop_rate
 from hoap3.tools.reproduce.papers.qp12 import own_feet
 from hoap3.tools.reproduce.papers.qp12.own_feet import (
+    FALLEN_MM,
     LAWS,
     NEAR_MM,
     NOISE_RAD,
@@ -95,6 +96,7 @@ def test_v_rises_where_the_loop_is_faster_than_the_servos(law, kv, scale, stays)
     stood = stand("hoap3_one_foot", settings, 6.0, kv=kv)
     assert (stood.certified[0] > 0) == stays
     assert stood.rise_mm < 0.01 if stays else stood.rise_mm > 0.1
+    assert (stood.end_mm > FALLEN_MM) == ((law, kv, scale) == (EVEN, 6.0, "C"))
 
 
 def test_rows_fail_where_a_bar_is_broken():
@@ -110,12 +112,16 @@ def test_rows_fail_where_a_bar_is_broken():
     good = a_run()
     far = replace(good, error=np.full((5, 3), 1e-3))
     fallen = a_run(largest_tilt_deg={"r_sole": 40.0}, periods_off_the_ground={"r_sole": 3})
+    beyond = replace(good, error=np.full((5, 3), 0.2), certified=(0, 5))
     name = "stable_qp, both soles kept"
-    made = own_feet.rows({(PINV, 0.0): good}, {name: good, "QP12": far}, good)
+    made = own_feet.rows({(PINV, 0.0): good}, {name: good, "QP12": far}, beyond)
     assert all(row.passed is not False for row in made)
-    assert [row.passed for row in made].count(None) == 4
-    broken = own_feet.rows({(PINV, 0.0): far}, {name: fallen}, replace(good, certified=(1, 5)))
+    assert [row.passed for row in made].count(None) == 3
+    broken = own_feet.rows({(PINV, 0.0): far}, {name: fallen}, replace(beyond, certified=(1, 5)))
     assert [row.passed for row in broken].count(False) == 4
+    for no_fall in (replace(beyond, error=good.error), replace(beyond, certified=(0, 0))):
+        made = own_feet.rows({(PINV, 0.0): good}, {name: good}, no_fall)
+        assert [row.passed for row in made].count(False) == 1
     assert own_feet.draw({(law, 0.0): good for law in LAWS}, {name: good}).panels
 
 

@@ -143,10 +143,52 @@ def test_a_check_says_what_the_robot_is(here, as_folder):
     assert "grip follows wrist" in shown.stdout
 
 
+def test_a_check_finds_meshes_that_are_missing_or_others(here):
+    """The two links drawn with `base.stl` are one finding."""
+    vendor_folder(here, urdf(LINKS.replace(link("fore"), link("fore", "base.stl"))))
+    assert inside("robot", "import", ARM).code == 0
+    kept = here / "acme_arm" / "meshes"
+    good = inside("robot", "check", "acme_arm", "--strict", "--json")
+    assert (good.code, good.json()["meshes"], good.json()["notes"]) == (0, 3, [])
+    content = (kept / "base.stl").read_bytes()
+    (kept / "base.stl").write_bytes(content + b"\n")
+    (kept / "upper.stl").unlink()
+    found = inside("robot", "check", "acme_arm", "--json")
+    assert found.code == 0
+    changed, gone = found.json()["notes"]
+    assert "meshes/base.stl" in changed
+    assert hashlib.sha256(content + b"\n").hexdigest() in changed
+    assert "'upper.stl'" in gone
+    shown = inside("robot", "check", "acme_arm")
+    assert {changed, gone} <= set(shown.stdout.splitlines())  # a line each
+    strict = inside("robot", "check", "acme_arm", "--strict")
+    assert strict.code == 2
+    assert not strict.stdout
+    assert "meshes/base.stl" in strict.stderr
+    assert "'upper.stl'" in strict.stderr
+
+
 def test_a_shipped_robot_is_checked_by_its_name():
     found = inside("robot", "check", "ur5", "--json").json()
     assert len(found["joints"]) == 6
     assert not any(each["guessed"] for each in found["joints"])
+
+
+def test_names_of_any_script_come_back_from_the_folder(here):
+    """Emoji lie beyond 16 bits; U+0085 and U+2028 break lines of YAML."""
+    name = "hand \U0001f916 \u0631\u0648\u0628\u0648\u062a \x85\u2028\ufeff end"
+    vendor_folder(here, urdf().replace('"hand"', f'"{name}"').replace('"base"', f'"base {name}"'))
+    assert inside("robot", "import", ARM).code == 0
+    assert load_robot("./acme_arm").default_task.point == name
+    assert load_robot("./acme_arm").digest == import_robot(ARM).description.digest
+
+
+def test_what_an_import_advises_means_the_new_robot(here):
+    """A shipped robot has the same name."""
+    done = inside("robot", "import", ARM, "--name", "ur5")
+    advised = [line.partition("hoap3 ")[2].split() for line in done.stderr.splitlines()]
+    (check,) = [words for words in advised if words[:2] == ["robot", "check"]]
+    assert len(inside(*check, "--json").json()["joints"]) == 3  # UR5 has 6
 
 
 @pytest.mark.parametrize("command", ["import", "check"])

@@ -8,6 +8,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from support.urdfs.vendor_arm import INERTIAL, JOINTS, LINKS, joint, link, urdf, vendor_folder
 
 from hoap3.protocol.description import RobotDescription
@@ -53,6 +54,21 @@ def test_a_collision_mesh_becomes_the_shape_that_fits_it(tmp_path):
     assert shapes(robot.description, "base") == ["box"]
     assert shapes(robot.description, "upper") == ["cylinder", "sphere", "sphere"]  # a capsule
     assert told(robot, "read", "upper")
+
+
+@pytest.mark.parametrize("rpy", [(0.3, -0.8, 2.0), (0.4, math.pi / 2, -0.7)], ids=str)
+def test_the_box_of_a_turned_mesh_is_around_its_vertices(tmp_path, rpy):
+    """Roll, pitch and yaw of the box are its own; the second is where yaw and roll turn alike."""
+    origin = f'<origin xyz="0.1 0 0.2" rpy="{rpy[0]} {rpy[1]} {rpy[2]}"/>'
+    text = urdf().replace("<collision>", f"<collision>{origin}", 1)
+    found = ET.fromstring(imported(tmp_path, text).description.urdf).find("link/collision")
+    xyz, own = (np.array(found.find("origin").get(key).split(), float) for key in ("xyz", "rpy"))
+    size = np.array(found.find("geometry/box").get("size").split(), float)
+    corners = np.array(np.meshgrid([-0.1, 0.1], [-0.2, 0.2], [0.0, 0.05])).reshape(3, -1).T
+    vertices = Rotation.from_euler("xyz", rpy).apply(corners) + np.array([0.1, 0.0, 0.2])
+    inside = Rotation.from_euler("xyz", own).inv().apply(vertices - xyz)
+    assert (np.abs(inside) <= size / 2).all()
+    np.testing.assert_allclose(sorted(size), (0.05, 0.2, 0.4), atol=1e-5)
 
 
 def test_a_visual_mesh_stays_here_and_is_known_by_its_digest(tmp_path):
@@ -110,6 +126,23 @@ def test_missing_figures_get_their_defaults_and_each_is_said(tmp_path, case):
 def test_half_a_range_has_its_other_end_at_zero_as_the_format_says(tmp_path):
     text = urdf(joints=JOINTS.replace('lower="-2" ', ""))
     assert imported(tmp_path, text).description.lower.tolist() == [0.0] * 3
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "kept"),
+    [
+        ("-1.5", "1e5", (-1.5, 1e4)),
+        ("-inf", "0.5", (-1e4, 0.5)),
+        ("2", "1e16", (2.0, 1e4)),
+    ],
+)
+def test_a_stop_is_kept_where_only_the_other_one_is_endless(tmp_path, lower, upper, kept):
+    limit = f'<limit lower="{lower}" upper="{upper}" velocity="1" effort="4"/>'
+    text = urdf(LINKS + link("tool"), JOINTS + joint("extra", "base", "tool", limit))
+    robot = imported(tmp_path, text)
+    assert (robot.description.lower[3], robot.description.upper[3]) == kept
+    assert robot.description.structure.moved["extra"].kind == "revolute"
+    assert told(robot, "guessed", "extra")
 
 
 def test_without_effort_no_torques_are_taken(tmp_path):

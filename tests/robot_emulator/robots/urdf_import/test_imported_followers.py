@@ -33,6 +33,38 @@ def test_a_follower_is_no_joint_of_its_own(tmp_path):
     assert told(robot, "read", "grip")
 
 
+@pytest.mark.parametrize(
+    ("limit", "left"),
+    [
+        ("-3 2.1", (-1.0, 1.55)),  # (0.1 - 2.1)/2, (0.1 + 3)/2
+        ("-9 2.1", (-1.0, 2.5)),  # the other end stays the master's
+        ("6 9", (-2.0, 2.5)),  # nothing would be left, so it is not used
+    ],
+)
+def test_a_follower_that_turns_the_other_way_narrows_the_other_end(tmp_path, limit, left):
+    lower, upper = limit.split()
+    inside = f'<limit lower="{lower}" upper="{upper}" velocity="3" effort="1"/>'
+    mimic = '<mimic joint="wrist" multiplier="-2" offset="0.1"/>'
+    robot = imported(tmp_path, finger(inside + mimic))
+    found = robot.description.lower[2], robot.description.upper[2], robot.description.velocity[2]
+    assert found == pytest.approx((*left, 1.5))
+    assert bool(told(robot, "left out", "grip")) == (limit == "6 9")
+
+
+def test_a_follower_of_a_follower_narrows_their_master(tmp_path):
+    """wrist → grip by -2 q + 0.1 → claw by 1.5 q - 0.2 = -3 q - 0.05."""
+    wide = '<limit lower="-9" upper="9" velocity="9" effort="1"/>'
+    inside = '<limit lower="-3" upper="1.5" velocity="3" effort="1"/>'
+    grip = f'{wide}<mimic joint="wrist" multiplier="-2" offset="0.1"/>'
+    claw = f'{inside}<mimic joint="grip" multiplier="1.5" offset="-0.2"/>'
+    joints = joint("claw", "finger", "tip", claw) + joint("grip", "hand", "finger", grip)
+    text = urdf(LINKS + link("finger") + link("tip"), joints + JOINTS)
+    robot = imported(tmp_path, text).description
+    number = robot.joint_names.index("wrist")
+    found = robot.lower[number], robot.upper[number], robot.velocity[number]
+    assert found == pytest.approx((-1.55 / 3, 2.95 / 3, 1.0))
+
+
 @pytest.mark.parametrize("kind", ["revolute", "prismatic", "continuous"])
 def test_a_follower_without_limits_bounds_nothing(tmp_path, kind):
     robot = imported(tmp_path, finger('<mimic joint="wrist" multiplier="3"/>', kind)).description
@@ -40,8 +72,13 @@ def test_a_follower_without_limits_bounds_nothing(tmp_path, kind):
     assert robot.effort[2] == 30.0
 
 
-def test_a_followers_range_against_its_masters_is_left_out(tmp_path):
-    limit = '<limit lower="2.6" upper="3" velocity="1" effort="1"/>'
+@pytest.mark.parametrize(
+    ("lower", "upper"),
+    [("2.6", "3"), ("1", "1"), ("1", "-1"), ("2e4", "3e4")],
+    ids=["beside", "empty", "reversed", "far"],
+)
+def test_a_followers_range_against_its_masters_is_left_out(tmp_path, lower, upper):
+    limit = f'<limit lower="{lower}" upper="{upper}" velocity="1" effort="1"/>'
     robot = imported(tmp_path, finger(f'{limit}<mimic joint="wrist"/>'))
     assert (robot.description.lower[2], robot.description.upper[2]) == (-2.0, 2.5)
     assert told(robot, "left out", "grip")

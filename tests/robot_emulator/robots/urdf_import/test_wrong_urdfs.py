@@ -47,6 +47,10 @@ WRONG = {
         "'shoulder'.*reversed.*Swap",
     ),
     "no range": (urdf(joints=JOINTS.replace('lower="-2"', 'lower="2.5"', 1)), "'shoulder'.*range"),
+    "far range": (
+        urdf(joints=JOINTS.replace('"-2" upper="2.5"', '"2e4" upper="3e4"', 1)),
+        "'shoulder'.*rad",
+    ),
     "slider": (
         urdf(joints=JOINTS.replace('"revolute"', '"prismatic"', 1).replace(LIMIT, "", 1)),
         "'shoulder'.*prismatic.*in m",

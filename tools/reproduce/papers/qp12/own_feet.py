@@ -28,6 +28,8 @@ LAWS = (*TRIALS, Law(0.99, adaptive=False), Law(None))
 SHOWN_EVERY = 20  # ticks
 NEAR_MM, RISE_MM, STANDING_MM, TILT_DEG = 0.3, 0.5, 0.5, 1.0
 """What must hold: |e| at the end on one foot, √(2(V − least V so far)), |e| and tilt standing."""
+FALLEN_MM = 1e3 * TARGET_M[2] / 2.0
+"""|e| that is a fall: half the height that the centre of mass shall have above the sole."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,11 +227,18 @@ def rows(
             measured(f"standing, {name}: |e| in the world", None, stood.beside_mm, why, unit="mm")
         )
     limit = beyond.told["servo_rate_limit_1_s"]
+    certified, certifiable = beyond.certified
     why = f"faster than the servos, {limit:.2f} 1/s: it falls, and nothing is certified"
-    made.append(measured("psi_scale one, kv 6: |e| after 5 s", None, beyond.end_mm, why, unit="mm"))
-    made.append(
+    return [
+        *made,
         bounded(
-            "psi_scale one, kv 6: certified answers", None, beyond.certified[0], (0.0, 0.0), why
-        )
-    )
-    return made
+            "psi_scale one, kv 6: |e| after 5 s",
+            None,
+            beyond.end_mm,
+            (FALLEN_MM, None),
+            why,
+            unit="mm",
+        ),
+        bounded("psi_scale one, kv 6: certified answers", None, certified, (0.0, 0.0), why),
+        bounded("psi_scale one, kv 6: answers to certify", None, certifiable, (1.0, None), why),
+    ]
