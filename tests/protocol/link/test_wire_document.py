@@ -241,7 +241,7 @@ def test_requests_are_answered_as_the_table_says():
     words = {*get_args(CommandKind), *get_args(Gravity)}
     words |= {"default_task", *DefaultTask.model_fields}  # which this robot does not have
     words |= {"deadline", "delay_ticks", "servo_rate_1_s", *get_args(DeadlineRule)}
-    words |= {"state_arrays", "wrench"}
+    words |= {"state_arrays", "wrench", "setpoint_jerk_max"}
     named = set(re.findall(r"`(\w+)`", section("Asking").split("The description is")[1]))
     assert keys <= named <= keys | words
     assert set(found[1]) == status
