@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, NotInstalledError, one_of
 from hoap3.protocol.messages import FloatArray
-from hoap3.robot_emulator.plants.mujoco.collisions import keep_apart, let_touch
+from hoap3.robot_emulator.plants.mujoco.collisions import keep_apart, let_touch, surround
+from hoap3.robot_emulator.plants.mujoco.files.mjcf import check_types, read_mjcf
 from hoap3.robot_emulator.plants.mujoco.inertias import repair
-from hoap3.robot_emulator.plants.mujoco.rerooted_urdf import rerooted, root_inertia, rotation_of
-from hoap3.robot_emulator.plants.mujoco.settings import FloorSettings, MujocoParameters
+from hoap3.robot_emulator.plants.mujoco.rerooted_urdf import rerooted, root_inertia
+from hoap3.robot_emulator.plants.mujoco.settings import MujocoParameters
 from hoap3.robot_emulator.plants.mujoco.ties import Ties, ties_of
 
 MOTORS, SERVOS = 0, 1  # groups of actuators
@@ -59,7 +60,8 @@ class MujocoModel:
 
     def site(self, frame: str) -> int:
         """MuJoCo's number of the site that stands for a frame."""
-        return int(self.model.site(FRAME + frame).id)
+        sites = [self.model.site(place).name for place in range(self.model.nsite)]
+        return sites.index(FRAME + frame if FRAME + frame in sites else frame)
 
 
 def mujoco_module() -> Any:
@@ -109,35 +111,24 @@ def build_model(
     welded = description.base_frame if moved else description.structure.root
     urdf, altered = "", dict[str, str]()
     if parameters.mjcf is not None:
-        spec = _from_file(mujoco, parameters.mjcf)
+        spec = read_mjcf(mujoco, parameters.mjcf)
         welded = ""
     else:
         urdf = description.urdf if free or not moved else rerooted(description.urdf, welded)
         spec, altered = _from_urdf(mujoco, urdf, parameters, description)
     _check_joints(spec, description, parameters)
+    check_types(mujoco, spec, description)
     _add_frames(spec, frames, file=parameters.mjcf is not None)
     _add_imus(spec, mujoco, imus)
     _set_joints(spec, mujoco, description, parameters)
     _set_options(spec, mujoco, description, parameters)
-    _surround(spec, mujoco, parameters)
+    surround(spec, mujoco, parameters)
     if not urdf:
         return _assembled(mujoco, _compiled(spec, description), description, "", urdf, altered)
     let_touch(spec, description, parameters)
     keep_apart(mujoco, spec, _compiled(spec.copy(), description), description)
     model = _compiled(spec, description)
     return _assembled(mujoco, model, description, "" if free else welded, urdf, altered)
-
-
-def _from_file(mujoco: Any, path: str) -> Any:
-    """A spec of the user's own file, without its motors."""
-    try:
-        spec = mujoco.MjSpec.from_file(path)
-    except (ValueError, OSError) as error:
-        problem = f"MuJoCo cannot read it: {_one_line(error)}"
-        raise ConfigError("", "parameters.mjcf", path, problem, "Correct the file") from error
-    for actuator in list(spec.actuators):
-        spec.delete(actuator)
-    return spec
 
 
 def _from_urdf(
@@ -189,14 +180,17 @@ def _add_frames(spec: Any, frames: tuple[str, ...], *, file: bool) -> None:
     """Sites for frames: links of a URDF; bodies or sites of a file."""
     for frame in frames:
         body, site = spec.body(frame), spec.site(frame) if file else None
-        if site is not None:
-            site.parent.add_site(name=FRAME + frame, pos=site.pos, quat=site.quat)
-        elif body is not None:
-            body.add_site(name=FRAME + frame)
-        else:
+        if site is None and body is not None:
+            body.add_site(name=FRAME + frame, pos=[0.0, 0.0, 0.0], quat=[1.0, 0.0, 0.0, 0.0])
+        elif site is None:
             known = [each.name for each in (*spec.bodies, *spec.sites)]
             hint = one_of(frame, known, "Its bodies and sites")
             raise ConfigError("", "parameters.mjcf", frame, "the file has no such frame", hint)
+
+
+def _site_name(spec: Any, frame: str) -> str:
+    """Of the site that stands for a frame: ours on a body, or the file's own."""
+    return FRAME + frame if spec.site(FRAME + frame) is not None else frame
 
 
 def _add_imus(spec: Any, mujoco: Any, frames: tuple[str, ...]) -> None:
@@ -205,7 +199,7 @@ def _add_imus(spec: Any, mujoco: Any, frames: tuple[str, ...]) -> None:
     for frame in frames:
         for name, kind in zip(IMU, types, strict=True):
             sensor = spec.add_sensor(name=f"{name} {frame}", type=kind)
-            sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_SITE, FRAME + frame
+            sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_SITE, _site_name(spec, frame)
 
 
 def _set_joints(
@@ -218,8 +212,8 @@ def _set_joints(
     for joint, lower, upper, effort, rotor in zip(robot.joints, *figures, strict=True):
         ours = spec.joint(joint.name)
         ours.limited = bool(np.isfinite(lower) or np.isfinite(upper))
-        if ours.limited:
-            ours.range = np.nan_to_num([lower, upper], posinf=NO_END, neginf=-NO_END)
+        if ours.limited:  # any range here: a file may count in degrees, the model never does
+            ours.range = [-1.0, 1.0]
         ours.armature = _of(parameters.armature, joint.name, rotor)
         if 0.0 < effort < np.inf:
             ours.actfrclimited, ours.actfrcrange = True, [-effort, effort]
@@ -250,23 +244,6 @@ def _set_options(
         spec.option.gravity = [0.0, 0.0, 0.0]
 
 
-def _surround(spec: Any, mujoco: Any, parameters: MujocoParameters) -> None:
-    """The floor and the boxes."""
-    floor = parameters.floor
-    if floor is None and parameters.base == "free" and parameters.mjcf is None:
-        floor = FloorSettings()
-    around = {"contype": 1, "conaffinity": 0}
-    if floor is not None:
-        plane = spec.worldbody.add_geom(name="floor", size=[5.0, 5.0, 0.1], **around)
-        plane.type = mujoco.mjtGeom.mjGEOM_PLANE
-        plane.pos, plane.friction = [0.0, 0.0, floor.height_m], [floor.friction, 0.005, 0.0001]
-    for number, each in enumerate(parameters.boxes):
-        box = spec.worldbody.add_geom(name=f"box {number}", **around)
-        box.type, box.size = mujoco.mjtGeom.mjGEOM_BOX, [0.5 * size for size in each.size_m]
-        mujoco.mju_mat2Quat(box.quat, rotation_of(each.rotation_rad).ravel())
-        box.pos, box.friction = each.position_m, [each.friction, 0.005, 0.0001]
-
-
 def _compiled(spec: Any, description: RobotDescription) -> Any:
     try:
         return spec.compile()
@@ -286,6 +263,8 @@ def _assembled(
 ) -> MujocoModel:
     free = bool(model.njnt and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE)
     joints = [model.joint(name) for name in description.joint_names]
+    stops = np.transpose([description.lower_hard, description.upper_hard])
+    model.jnt_range[[joint.id for joint in joints]] = np.clip(stops, -NO_END, NO_END)
     return MujocoModel(
         model=model,
         q_at=np.array([joint.qposadr[0] for joint in joints], np.intp),
