@@ -85,6 +85,7 @@ class MujocoPlant(Plant):
         efforts = np.where(description.effort > 0.0, description.effort, np.inf)
         self._most, self._full = efforts * (1.0 - ROUNDING), np.zeros(n, np.bool_)
         self._wanted = np.zeros(self.model.nv)
+        self._lifted = self.model.jnt_actgravcomp[self.model.dof_jntid[self.built.v_at]]
         self._step, self._braked = self._mujoco.mj_step, False
         if self._kind == "torque":
             self.torque_model = ContactTorques(
@@ -137,7 +138,7 @@ class MujocoPlant(Plant):
 
     def reset(self, q: FloatArray) -> None:
         """Be at rest at `q`, (n,) [rad or m], in static equilibrium where there is one."""
-        torques = self._place(q)
+        torques = self._place(q) - self._compensation()
         np.divide(torques, self.gains.kp, out=self.start, where=self.gains.kp > 0.0)
         self.start += q
         if self._kind == "position":
@@ -168,7 +169,7 @@ class MujocoPlant(Plant):
     def hold(self, dt: float) -> None:
         """The servos hold it where it was when they were set."""
         if self._kind != "position" and not self._braked:
-            self._brake(self.data.qfrc_actuator[self.built.v_at])
+            self._brake(self.data.qfrc_actuator[self.built.v_at] - self._compensation())
         self._advance(dt)
 
     def notes(self) -> list[str]:
@@ -219,8 +220,12 @@ class MujocoPlant(Plant):
         model.actuator_biasprm[servos, 1] = -self.gains.kp
         model.actuator_biasprm[servos, 2] = -self.gains.kv
 
+    def _compensation(self) -> FloatArray:
+        """What gravity compensation adds to servos and motors, (n,)."""
+        return np.asarray(self.data.qfrc_gravcomp[self.built.v_at] * self._lifted)
+
     def _brake(self, torques: FloatArray) -> None:
-        """Hold the joints by the servos where they are, under these torques."""
+        """Hold the joints by the servos where they are, under these torques of theirs."""
         held, kp = self._held, self.gains.kp
         np.take(self.data.qpos, self.built.q_at, out=held)
         held += np.divide(torques, kp, out=np.zeros_like(kp), where=kp > 0.0)
@@ -237,6 +242,7 @@ class MujocoPlant(Plant):
                 self.data.qacc[:] = self._wanted
                 self._inverse(self.model, self.data)
                 np.matmul(self.data.qfrc_inverse, self.built.ties.matrix, out=self._driven)
+                self._driven -= self._compensation()
                 self.data.ctrl[self._motors] = self._driven
             self._step(self.model, self.data)
             if senses.feels:
