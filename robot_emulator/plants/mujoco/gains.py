@@ -58,8 +58,6 @@ def servo_gains(
                 gains[place] = value
     mass = _mass_on_one_foot(mujoco, built, data, parameters, description)
     damped = np.sqrt(kv)
-    if not damped.all():
-        return Gains(kp, kv, 0.0)
     scaled = mass / np.outer(damped, damped)
     return Gains(kp, kv, 1.0 / float(np.linalg.eigvalsh(scaled)[-1]))
 

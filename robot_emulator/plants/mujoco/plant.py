@@ -134,12 +134,12 @@ class MujocoPlant(Plant):
         if description.command_kinds[0] != "position":
             return measures
         made = cls(description, parameters)
-        return replace(measures, servo_rate_1_s=made.gains.rate_limit or None)
+        return replace(measures, servo_rate_1_s=made.gains.rate_limit)
 
     def reset(self, q: FloatArray) -> None:
         """Be at rest at `q`, (n,) [rad or m], in static equilibrium where there is one."""
         torques = self._place(q) - self._compensation()
-        np.divide(torques, self.gains.kp, out=self.start, where=self.gains.kp > 0.0)
+        np.divide(torques, self.gains.kp, out=self.start)
         self.start += q
         if self._kind == "position":
             self.data.ctrl[:] = self.start
@@ -226,9 +226,9 @@ class MujocoPlant(Plant):
 
     def _brake(self, torques: FloatArray) -> None:
         """Hold the joints by the servos where they are, under these torques of theirs."""
-        held, kp = self._held, self.gains.kp
+        held = self._held
         np.take(self.data.qpos, self.built.q_at, out=held)
-        held += np.divide(torques, kp, out=np.zeros_like(kp), where=kp > 0.0)
+        held += torques / self.gains.kp
         self.data.ctrl[self._motors] = 0.0
         self.data.ctrl[self._servos] = held
         self.model.opt.disableactuator = 1 << MOTORS

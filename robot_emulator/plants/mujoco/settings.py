@@ -14,8 +14,9 @@ Point = tuple[Metre, Metre, Metre]
 Angle = Annotated[float, Field(ge=-10.0, le=10.0)]
 Angles = tuple[Angle, Angle, Angle]
 Length = Annotated[float, Field(gt=0, le=FAR_M)]
-Gain = Annotated[float, Field(ge=0, le=1e9)]
-PerJoint = Gain | dict[str, Gain]
+Gain = Annotated[float, Field(gt=0, le=1e9)]
+Inertia = Annotated[float, Field(ge=0, le=1e9)]
+Gains = Gain | dict[str, Gain]
 
 
 class FloorSettings(Settings):
@@ -53,17 +54,17 @@ class MujocoParameters(Settings):
     rotation_rad: Angles | None = Field(
         None, description="of a free root link at the start; null: the first sole level"
     )
-    kp: PerJoint | None = Field(
+    kp: Gains | None = Field(
         None,
         description="stiffness of the position servos, of all or by joint [N m/rad or N/m]; null: "
         "servo_rad_s² times the inertia that the joint moves at the start",
     )
-    kv: PerJoint | None = Field(
+    kv: Gains | None = Field(
         None,
         description="damping of the servos [N m s/rad or N s/m]; null: 2 servo_rad_s times that",
     )
     servo_rad_s: float = Field(100.0, gt=0, le=1e4, description="where kp or kv is null")
-    armature: PerJoint | None = Field(
+    armature: Inertia | dict[str, Inertia] | None = Field(
         None,
         description="inertia of the rotors [kg m² or kg]; null: the description's",
     )
