@@ -169,7 +169,11 @@ def _check_joints(spec: Any, description: RobotDescription, parameters: MujocoPa
             hint = one_of(name, known, "Its joints")
             raise ConfigError("", "parameters.mjcf", name, "the file lacks this joint", hint)
     for key in ("kp", "kv", "armature"):
-        for name in getattr(parameters, key) if isinstance(getattr(parameters, key), dict) else ():
+        given = getattr(parameters, key)
+        for name, value in given.items() if isinstance(given, dict) else ():
+            if key != "armature" and not value > 0.0:
+                problem, remedy = "a servo needs some", "Write a number above 0"
+                raise ConfigError("", f"parameters.{key}.{name}", value, problem, remedy)
             if name not in description.joint_names:
                 hint = one_of(name, description.joint_names, "Its joints")
                 problem = f"robot {description.name!r} has no such joint"

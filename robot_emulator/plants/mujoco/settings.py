@@ -16,7 +16,7 @@ Angles = tuple[Angle, Angle, Angle]
 Length = Annotated[float, Field(gt=0, le=FAR_M)]
 Gain = Annotated[float, Field(gt=0, le=1e9)]
 Inertia = Annotated[float, Field(ge=0, le=1e9)]
-Gains = Gain | dict[str, Gain]
+Gains = Gain | dict[str, Inertia]  # 0 has a better message where joints are known
 
 
 class FloorSettings(Settings):

@@ -78,7 +78,7 @@ def test_an_unknown_name_has_the_nearest_one():
         ({"plant": {"kind": "mujoco", "parameters": {"kv": 0.0}}}, "plant.parameters.kv"),
         (
             {"plant": {"kind": "mujoco", "parameters": {"kv": {"joint_2": 0.0}}}},
-            "plant.parameters.kv",
+            "plant.parameters.kv.joint_2",
         ),
         ({"plant": {"kind": "mujoco", "parameters": {"kp": 0.0}}}, "plant.parameters.kp"),
         (
