@@ -184,7 +184,7 @@ class MujocoPlant(Plant):
         if self._kind == "position":
             said.append(
                 f"a loop around these servos must be slower than {self.gains.rate_limit:.3g} 1/s "
-                "(2 zeta omega of the slowest mode, docs/plants.md)"
+                "in the start posture (docs/plants.md)"
             )
         return said
 
