@@ -49,21 +49,16 @@ def let_touch(spec: Any, description: RobotDescription, parameters: MujocoParame
                 geom.conaffinity = AROUND | ROBOT | BASE if moves else 0
 
 
-def keep_apart(mujoco: Any, spec: Any, model: Any, description: RobotDescription) -> None:
+def keep_apart(spec: Any, model: Any, data: Any) -> None:
     """Let links less than `APART` joints apart, or that touch at the start, not touch each other.
 
     Covers overlap, and so do the shapes that stand for meshes.
 
     Args:
-        mujoco: the module.
         spec: is changed.
         model: what became of a copy of it.
-        description: its start posture is looked at.
+        data: of that model, in the start posture.
     """
-    data = mujoco.MjData(model)
-    for name, value in zip(description.joint_names, description.initial_position, strict=True):
-        data.qpos[model.joint(name).qposadr[0]] = value
-    mujoco.mj_forward(model, data)
     pairs = {tuple(sorted(model.geom_bodyid[pair])) for pair in data.contact.geom}
     ours = sorted({int(body) for body, kind in _kinds(model) if kind == ROBOT})
     pairs |= {pair for pair in combinations(ours, 2) if _joints_between(model, *pair) < APART}

@@ -126,7 +126,12 @@ def build_model(
     if not urdf:
         return _assembled(mujoco, _compiled(spec, description), description, "", urdf, altered)
     let_touch(spec, description, parameters)
-    keep_apart(mujoco, spec, _compiled(spec.copy(), description), description)
+    touching = _compiled(spec.copy(), description)
+    start = mujoco.MjData(touching)
+    built = _assembled(mujoco, touching, description, "", urdf, altered)
+    built.pose(start, description.initial_position)
+    mujoco.mj_forward(touching, start)
+    keep_apart(spec, touching, start)
     model = _compiled(spec, description)
     return _assembled(mujoco, model, description, "" if free else welded, urdf, altered)
 
