@@ -35,8 +35,10 @@ class MujocoModel:
         model: `mujoco.MjModel`.
         q_at, v_at: (n,) where each joint is in qpos and qvel.
         ties: what all coordinates have to do with the joints of the wire.
-        free: whether the root link may move; it is at the begin of qpos and qvel then.
+        free: whether the root link may move.
         root: MuJoCo's number of the root link's body, 0 where the world holds it.
+        base_q, base_v: where a free root link is in qpos and qvel.
+        trees: bodies on the world that the robot hangs from: not what else a file has.
         welded: the link that the world holds, "" of a free base.
         urdf: text of what was read, with `welded` as its root; "" of an MJCF file.
         altered: by body, what MuJoCo did not take as the URDF has it.
@@ -48,6 +50,9 @@ class MujocoModel:
     ties: Ties
     free: bool
     root: int
+    base_q: slice
+    base_v: slice
+    trees: NDArray[np.intp]
     welded: str
     urdf: str
     altered: Mapping[str, str]
@@ -270,17 +275,25 @@ def _assembled(
     urdf: str,
     altered: dict[str, str],
 ) -> MujocoModel:
-    free = bool(model.njnt and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE)
     joints = [model.joint(name) for name in description.joint_names]
     stops = np.transpose([description.lower_hard, description.upper_hard])
     model.jnt_range[[joint.id for joint in joints]] = np.clip(stops, -NO_END, NO_END)
+    ties = ties_of(mujoco, model, [int(joint.id) for joint in joints])
+    moved = np.flatnonzero(ties.matrix.any(axis=1))
+    trees = np.unique(model.body_rootid[model.dof_bodyid[moved]]).astype(np.intp)
+    first = int(model.body_jntadr[trees[0]])
+    free = first >= 0 and model.jnt_type[first] == mujoco.mjtJoint.mjJNT_FREE
+    q_of, v_of = (int(model.jnt_qposadr[first]), int(model.jnt_dofadr[first])) if free else (0, 0)
     return MujocoModel(
         model=model,
         q_at=np.array([joint.qposadr[0] for joint in joints], np.intp),
         v_at=np.array([joint.dofadr[0] for joint in joints], np.intp),
-        ties=ties_of(mujoco, model, [int(joint.id) for joint in joints]),
-        free=free,
-        root=int(model.jnt_bodyid[0]) if free else 0,
+        ties=ties,
+        free=bool(free),
+        root=int(trees[0]) if free else 0,
+        base_q=slice(q_of, q_of + 7),
+        base_v=slice(v_of, v_of + 6),
+        trees=trees,
         welded=welded,
         urdf=urdf,
         altered=altered,

@@ -67,6 +67,9 @@ class MujocoPlant(Plant):
             found = "free" if self.built.free else "fixed"
             problem, remedy = f"its base is {found}", f"Write base: {found}, or change the file"
             raise ConfigError("", "parameters.mjcf", parameters.mjcf, problem, remedy)
+        if self.built.free and len(self.built.trees) > 1:
+            problem, remedy = "its joints hang from several bodies", "Name those of one robot"
+            raise ConfigError("", "parameters.mjcf", parameters.mjcf, problem, remedy)
         self.model = self.built.model
         self.data = self._mujoco.MjData(self.model)
         self._sole = soles[0] if soles else None

@@ -102,3 +102,36 @@ def test_a_joint_that_slides_in_the_file_and_turns_in_the_description_is_named(t
     with pytest.raises(ConfigError) as found:
         plant(tmp_path, ARM.replace('name="second"', 'name="second" type="slide"'))
     assert (found.value.key, found.value.value) == ("plant.parameters.mjcf", "second")
+
+
+@pytest.mark.parametrize("world", [TABLE + ARM, CUBE + ARM, ARM + CUBE])
+def test_figures_are_those_of_the_robot_and_not_of_what_stands_beside_it(
+    tmp_path: Path, world: str
+):
+    alone, among = plant(tmp_path), plant(tmp_path, world)
+    for each in (alone, among):
+        each.step(each.start, T)
+    assert among.summary()["com_world_m"] == pytest.approx(alone.summary()["com_world_m"])
+    np.testing.assert_allclose(among.gains.rate_limit, alone.gains.rate_limit)
+
+
+@pytest.mark.parametrize("world", [CUBE + FREE, FREE + CUBE])
+@pytest.mark.parametrize("kind", ["position", "torque"])
+def test_the_base_is_that_of_the_robot_and_not_a_cubes(tmp_path: Path, world: str, kind: str):
+    given = {"base": "free", "imu_frames": [], "position_m": [0.0, 0.0, 3.0]}
+    alone, among = plant(tmp_path, FREE, kind=kind, **given), plant(
+        tmp_path, world, kind=kind, **given)  # fmt: skip
+    np.testing.assert_array_equal(among.base[:3], [0.0, 0.0, 3.0])
+    np.testing.assert_array_equal(among.data.body("cube").xpos, [5.0, 0.0, 3.0])
+    for each in (alone, among):
+        for _ in range(50):
+            each.step(0.1 + each.start, T)
+    assert np.abs(alone.base[10:13]).max() > 0.01
+    np.testing.assert_allclose(among.base, alone.base, atol=1e-9)
+    assert among.summary()["com_world_m"] == pytest.approx(alone.summary()["com_world_m"])
+    if kind == "torque":
+        needed, beside = np.zeros((2, 2))
+        for each, found in ((alone, needed), (among, beside)):
+            assert each.torque_model is not None
+            each.torque_model.torques(np.array([1.0, -2.0]), T, found)
+        np.testing.assert_allclose(beside, needed, rtol=1e-6)
