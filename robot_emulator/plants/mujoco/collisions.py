@@ -7,7 +7,7 @@ from typing import Any
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, one_of
-from hoap3.robot_emulator.plants.mujoco.rerooted_urdf import rotation_of
+from hoap3.robot_emulator.plants.mujoco.rerooted_urdf import body_of, rotation_of
 from hoap3.robot_emulator.plants.mujoco.settings import FloorSettings, MujocoParameters
 
 AROUND, ROBOT, BASE = 1, 2, 4
@@ -39,7 +39,7 @@ def let_touch(spec: Any, description: RobotDescription, parameters: MujocoParame
     Raises:
         ConfigError: the robot has no such link.
     """
-    links = _chosen(description, parameters)
+    links = {body_of(link) for link in _chosen(description, parameters)}
     for body in spec.bodies[1:]:
         moves = _carrier(body).name != "world"
         for geom in body.geoms:

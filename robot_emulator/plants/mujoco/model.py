@@ -15,7 +15,12 @@ from hoap3.protocol.messages import FloatArray
 from hoap3.robot_emulator.plants.mujoco.collisions import keep_apart, let_touch, surround
 from hoap3.robot_emulator.plants.mujoco.files.mjcf import check_types, read_mjcf
 from hoap3.robot_emulator.plants.mujoco.inertias import repair
-from hoap3.robot_emulator.plants.mujoco.rerooted_urdf import rerooted, root_inertia
+from hoap3.robot_emulator.plants.mujoco.rerooted_urdf import (
+    body_of,
+    rerooted,
+    root_inertia,
+    without_world,
+)
 from hoap3.robot_emulator.plants.mujoco.settings import MujocoParameters
 from hoap3.robot_emulator.plants.mujoco.ties import Ties, ties_of
 
@@ -150,7 +155,7 @@ def _from_urdf(
         That, and by body what MuJoCo does not take as it is.
     """
     try:
-        spec = mujoco.MjSpec.from_string(urdf)
+        spec = mujoco.MjSpec.from_string(without_world(urdf))
     except ValueError as error:
         problem = f"MuJoCo cannot read its URDF: {_one_line(error)}"
         raise ConfigError("", "kind", description.name, problem, "Correct the URDF") from error
@@ -163,7 +168,7 @@ def _from_urdf(
         for joint in spec.joints:
             joint.damping, joint.frictionloss = [0.0, 0.0, 0.0], 0.0
     if parameters.base == "free":
-        root = spec.body(description.structure.root)
+        root = spec.body(body_of(description.structure.root))
         mass, centre, inertia = root_inertia(urdf, description.structure.root)
         if mass > 0.0:
             root.mass, root.ipos, root.explicitinertial = mass, centre, True
@@ -193,7 +198,8 @@ def _check_joints(spec: Any, description: RobotDescription, parameters: MujocoPa
 def _add_frames(spec: Any, frames: tuple[str, ...], *, file: bool) -> None:
     """Sites for frames: links of a URDF; bodies or sites of a file."""
     for frame in frames:
-        body, site = spec.body(frame), spec.site(frame) if file else None
+        body = spec.body(frame if file else body_of(frame))
+        site = spec.site(frame) if file else None
         if site is None and body is not None:
             body.add_site(name=FRAME + frame, pos=[0.0, 0.0, 0.0], quat=[1.0, 0.0, 0.0, 0.0])
         elif site is None:
