@@ -15,6 +15,7 @@ from hoap3.robot_emulator.config import PlantSettings
 from hoap3.robot_emulator.plants.base import Declared, Plant
 from hoap3.robot_emulator.plants.mujoco.balance import Balance
 from hoap3.robot_emulator.plants.mujoco.equilibrium import place
+from hoap3.robot_emulator.plants.mujoco.files.mjcf import refuse_unheeded
 from hoap3.robot_emulator.plants.mujoco.gains import Gains, servo_gains
 from hoap3.robot_emulator.plants.mujoco.model import MOTORS, SERVOS, build_model, mujoco_module
 from hoap3.robot_emulator.plants.mujoco.senses import Encoders, Senses
@@ -112,8 +113,9 @@ class MujocoPlant(Plant):
     def declare(
         cls, description: RobotDescription, settings: PlantSettings, parameters: Any
     ) -> Declared:
-        """Refuse frames that the robot lacks, and accelerations of what may fall."""
+        """Refuse frames that the robot lacks, accelerations of what may fall, keys of no use."""
         mujoco_module()
+        refuse_unheeded(parameters)
         if settings.encoder == "counts" and description.counts_per_rad is None:
             problem = f"robot {description.name!r} has no encoder scales"
             remedy = "Give each joint encoder_counts_per_rad, or write ideal"
@@ -184,6 +186,10 @@ class MujocoPlant(Plant):
         if self.built.altered:
             listing = "; ".join(f"{body} {why}" for body, why in self.built.altered.items())
             said.append(f"inertias that MuJoCo does not take as they are: {listing}")
+        if what.base == "free" and what.mjcf is not None and what.floor is None:
+            said.append("no floor but what the MJCF file has")
+        if self._unbalanced > FIRM:
+            said.append(f"{self._unbalanced:.1%} of its weight is out of balance at the start")
         if self._kind == "position":
             said.append(
                 f"a loop around these servos must be slower than {self.gains.rate_limit:.3g} 1/s "
@@ -208,8 +214,8 @@ class MujocoPlant(Plant):
 
     def _place(self, q: FloatArray) -> FloatArray:
         found = place(self._mujoco, self.built, self.data, q, self._parameters, self._sole)
-        unbalanced = self._parameters.base == "free" and found.unbalanced > FIRM
-        if unbalanced and self._parameters.position_m is None and self._parameters.mjcf is None:
+        self._unbalanced = found.unbalanced
+        if self._unbalanced > FIRM and self._parameters.mjcf is None:
             raise DescriptionError(
                 f"robot {self._description.name!r} does not stand by itself in its start posture: "
                 f"{found.unbalanced:.1%} of its weight is out of balance. Choose another posture, "

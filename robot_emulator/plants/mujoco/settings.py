@@ -68,17 +68,20 @@ class MujocoParameters(Settings):
         None,
         description="inertia of the rotors [kg m² or kg]; null: the description's",
     )
-    joint_friction: bool = Field(True, description="damping and friction of the URDF's joints")
+    joint_friction: bool = Field(
+        True, description="damping and friction of the URDF's joints; not with mjcf"
+    )
     substeps: int = Field(1, ge=1, le=100, description="integration steps a period")
     floor: FloorSettings | None = Field(
-        None, description="null: none below a fixed base, one at height 0 below a free one"
+        None,
+        description="null: one at height 0 below a free base of a URDF, else none",
     )
     boxes: tuple[BoxSettings, ...] = Field((), max_length=100, description="that stand around")
     collide: Literal["auto", "none", "all"] | tuple[str, ...] = Field(
         "auto",
         description="links that touch the surroundings, and each other where they are more than "
         "two joints apart and apart at the start; auto: those with soles, or all where there are "
-        "none",
+        "none; not with mjcf",
     )
     contact_frames: tuple[str, ...] | None = Field(
         None,
