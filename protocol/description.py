@@ -82,7 +82,7 @@ class RobotDescription(Part):
             tick, or `after_receipt`, from when its State was published.
         delay_ticks: d; the answer to tick k is applied at tick k + 1 + d, and has 1 + d periods.
         servo_rate_1_s: rate below which a loop around its position servos must stay, as they give
-            way: 2ζω of their slowest mode [1/s]; None: they follow their reference.
+            way, in the start posture [1/s]; None: they follow their reference.
         state_arrays: lengths of the arrays of its States that version 1 of the wire does not have,
             by name; those that are not named are empty.
     """

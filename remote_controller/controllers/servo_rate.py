@@ -46,7 +46,8 @@ def slow_enough(description: RobotDescription, rate: float, kinematics_from: str
     """Whether the certificate of a law counts, though servos give way.
 
     It is for joints that follow their reference. Where a law answers to what servos have made of
-    that, it is a loop around them, and `servo_rate_1_s` says how fast that may be.
+    that, it is a loop around them, and `servo_rate_1_s` says how fast that may be. Both rates are
+    those of the start posture; what becomes of them on the way is not looked at.
     """
     limit = description.servo_rate_1_s
     return limit is None or kinematics_from == "reference" or rate < limit

@@ -85,7 +85,9 @@ def declared(
         UnknownNameError, ConfigError: as `find_plant`, and as the plant says.
     """
     plant, parameters = find_plant(settings, kind, file)
-    description = description.model_copy(update={"command_kinds": (kind,)})
+    description = description.model_copy(
+        update={"command_kinds": (kind,), "gravity": settings.gravity}
+    )
     with located(file, "plant"):
         said: Declared = plant.declare(description, settings, parameters)
     lengths = {name: getattr(said, name) for name in TOLD if getattr(said, name)}

@@ -57,10 +57,10 @@ class Balance:
 
     def com(self) -> FloatArray:
         """Centre of mass of the whole robot in the world, (3,) [m], as of the last step's begin."""
-        data, model = self._data, self._built.model
-        mass = float(model.body_subtreemass[self._built.root])
-        weighed = mass * data.subtree_com[self._built.root] + self._root_mass * self._root_com
-        return np.asarray(weighed / (mass + self._root_mass))
+        trees = self._built.trees
+        masses = self._built.model.body_subtreemass[trees]
+        weighed = masses @ self._data.subtree_com[trees] + self._root_mass * self._root_com
+        return np.asarray(weighed / (masses.sum() + self._root_mass))
 
     def com_in_sole(self) -> FloatArray:
         """The same seen from the first sole, in its axes, (3,) [m]."""
@@ -100,7 +100,7 @@ class Balance:
         self._mujoco.mj_rnePostConstraint(model, data)
         place, axes = self._frame(0)
         force, moment = np.zeros(3), np.zeros(3)
-        for body in range(1, model.nbody):
+        for body in np.flatnonzero(np.isin(model.body_rootid, self._built.trees)):
             whole = data.cfrc_ext[body] if self._built.free else data.cfrc_int[body]
             if self._built.free or model.body_parentid[body] == 0:
                 about = data.subtree_com[model.body_rootid[body]]

@@ -1,4 +1,4 @@
-"""Which links of a robot can touch what."""
+"""What stands around a robot, and which of its links can touch what."""
 
 from __future__ import annotations
 
@@ -7,12 +7,30 @@ from typing import Any
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, one_of
-from hoap3.robot_emulator.plants.mujoco.settings import MujocoParameters
+from hoap3.robot_emulator.plants.mujoco.rerooted_urdf import body_of, rotation_of
+from hoap3.robot_emulator.plants.mujoco.settings import FloorSettings, MujocoParameters
 
 AROUND, ROBOT, BASE = 1, 2, 4
 """Bits of what geoms are: what stands around, links that move, links that the world holds."""
 
 APART = 3  # joints between links that may touch each other
+
+
+def surround(spec: Any, mujoco: Any, parameters: MujocoParameters) -> None:
+    """The floor and the boxes."""
+    floor = parameters.floor
+    if floor is None and parameters.base == "free" and parameters.mjcf is None:
+        floor = FloorSettings()
+    around = {"contype": AROUND, "conaffinity": 0}
+    if floor is not None:
+        plane = spec.worldbody.add_geom(name="floor", size=[5.0, 5.0, 0.1], **around)
+        plane.type = mujoco.mjtGeom.mjGEOM_PLANE
+        plane.pos, plane.friction = [0.0, 0.0, floor.height_m], [floor.friction, 0.005, 0.0001]
+    for number, each in enumerate(parameters.boxes):
+        box = spec.worldbody.add_geom(name=f"box {number}", **around)
+        box.type, box.size = mujoco.mjtGeom.mjGEOM_BOX, [0.5 * size for size in each.size_m]
+        mujoco.mju_mat2Quat(box.quat, rotation_of(each.rotation_rad).ravel())
+        box.pos, box.friction = each.position_m, [each.friction, 0.005, 0.0001]
 
 
 def let_touch(spec: Any, description: RobotDescription, parameters: MujocoParameters) -> None:
@@ -21,7 +39,7 @@ def let_touch(spec: Any, description: RobotDescription, parameters: MujocoParame
     Raises:
         ConfigError: the robot has no such link.
     """
-    links = _chosen(description, parameters)
+    links = {body_of(link) for link in _chosen(description, parameters)}
     for body in spec.bodies[1:]:
         moves = _carrier(body).name != "world"
         for geom in body.geoms:
@@ -31,21 +49,16 @@ def let_touch(spec: Any, description: RobotDescription, parameters: MujocoParame
                 geom.conaffinity = AROUND | ROBOT | BASE if moves else 0
 
 
-def keep_apart(mujoco: Any, spec: Any, model: Any, description: RobotDescription) -> None:
+def keep_apart(spec: Any, model: Any, data: Any) -> None:
     """Let links less than `APART` joints apart, or that touch at the start, not touch each other.
 
     Covers overlap, and so do the shapes that stand for meshes.
 
     Args:
-        mujoco: the module.
         spec: is changed.
         model: what became of a copy of it.
-        description: its start posture is looked at.
+        data: of that model, in the start posture.
     """
-    data = mujoco.MjData(model)
-    for name, value in zip(description.joint_names, description.initial_position, strict=True):
-        data.qpos[model.joint(name).qposadr[0]] = value
-    mujoco.mj_forward(model, data)
     pairs = {tuple(sorted(model.geom_bodyid[pair])) for pair in data.contact.geom}
     ours = sorted({int(body) for body, kind in _kinds(model) if kind == ROBOT})
     pairs |= {pair for pair in combinations(ours, 2) if _joints_between(model, *pair) < APART}

@@ -69,28 +69,25 @@ def _set_down(
     mujoco: Any, built: MujocoModel, data: Any, parameters: MujocoParameters, sole: str | None
 ) -> None:
     """Turn and move the root link to where it starts."""
-    model, rpy = built.model, parameters.rotation_rad
-    data.qpos[:3] = 0.0
-    _turn(mujoco, data, np.eye(3) if rpy is None else rotation_of(rpy))
+    model, rpy, pose = built.model, parameters.rotation_rad, data.qpos[built.base_q]
+    pose[:3] = 0.0
+    _turn(mujoco, pose, np.eye(3) if rpy is None else rotation_of(rpy))
     mujoco.mj_kinematics(model, data)
     if sole is not None and rpy is None:
         site = built.site(sole)
-        _turn(mujoco, data, data.site_xmat[site].reshape(3, 3).T)
+        _turn(mujoco, pose, data.site_xmat[site].reshape(3, 3).T)
         mujoco.mj_kinematics(model, data)
-        data.qpos[:3] -= data.site_xpos[site]
+        pose[:3] -= data.site_xpos[site]
     if parameters.position_m is not None:
-        data.qpos[:3] = parameters.position_m
+        pose[:3] = parameters.position_m
         return
     floors = [i for i in range(model.ngeom) if model.geom_type[i] == mujoco.mjtGeom.mjGEOM_PLANE]
-    ours = [i for i in range(model.ngeom) if _of_robot(model, i) and model.geom_contype[i]]
-    if floors and ours:
+    theirs = model.body_rootid[model.geom_bodyid] == built.root
+    ours = np.flatnonzero(theirs & (model.geom_contype > 0))
+    if floors and len(ours):
         mujoco.mj_kinematics(model, data)
         height = max(float(data.geom_xpos[floor, 2]) for floor in floors)
-        data.qpos[2] += height - DEEP - min(_lowest(model, data, geom) for geom in ours)
-
-
-def _of_robot(model: Any, geom: int) -> bool:
-    return int(model.geom_bodyid[geom]) > 0
+        pose[2] += height - DEEP - min(_lowest(model, data, int(geom)) for geom in ours)
 
 
 def _lowest(model: Any, data: Any, geom: int) -> float:
@@ -100,31 +97,31 @@ def _lowest(model: Any, data: Any, geom: int) -> float:
     return float(data.geom_xpos[geom, 2] + up @ centre - np.abs(up) @ half)
 
 
-def _turn(mujoco: Any, data: Any, rotation: FloatArray) -> None:
-    mujoco.mju_mat2Quat(data.qpos[3:7], np.ascontiguousarray(rotation).ravel())
+def _turn(mujoco: Any, pose: FloatArray, rotation: FloatArray) -> None:
+    mujoco.mju_mat2Quat(pose[3:7], np.ascontiguousarray(rotation).ravel())
 
 
 def _balance(mujoco: Any, built: MujocoModel, data: Any) -> float:
     """Newton's method for height, roll and pitch; what is left, as a share of the weight."""
     model = built.model
     weight = float(np.linalg.norm(model.opt.gravity)) * float(model.body_subtreemass[built.root])
-    change = np.zeros(model.nv)
-    moves = np.array([2, 3, 4])  # up, and the axes of the root link that are turned
+    change, here = np.zeros(model.nv), data.qpos[built.base_q]
+    moves = built.base_v.start + np.array([2, 3, 4])  # up, and axes of the root link to turn about
 
     def residual(pose: FloatArray) -> FloatArray:
-        data.qpos[:7] = pose
+        here[:] = pose
         data.qvel[:] = data.qacc[:] = 0.0
         mujoco.mj_inverse(model, data)
         return np.array(data.qfrc_inverse[moves])
 
     def moved(pose: FloatArray, step: FloatArray) -> FloatArray:
-        data.qpos[:7] = pose
+        here[:] = pose
         change[:] = 0.0
         change[moves] = step
         mujoco.mj_integratePos(model, data.qpos, change, 1.0)
-        return np.array(data.qpos[:7])
+        return np.array(here, np.float64)
 
-    pose = np.array(data.qpos[:7])
+    pose = here.copy()
     found = residual(pose)
     for _ in range(ROUNDS):
         if weight == 0.0 or np.abs(found).max() <= BALANCED * weight:
@@ -141,5 +138,5 @@ def _balance(mujoco: Any, built: MujocoModel, data: Any) -> float:
         else:
             break
         pose, found = candidate, left
-    data.qpos[:7] = pose
+    here[:] = pose
     return float(np.abs(found).max() / weight) if weight else 0.0

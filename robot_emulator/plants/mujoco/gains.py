@@ -11,6 +11,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
 from hoap3.robot_emulator.plants.mujoco.model import MujocoModel, build_model
 from hoap3.robot_emulator.plants.mujoco.settings import MujocoParameters
+from hoap3.robot_emulator.plants.servo_loop import rate_limit
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,7 @@ class Gains:
     Attributes:
         kp: (n,) [N m/rad or N/m].
         kv: (n,) [N m s/rad or N s/m].
-        rate_limit: least eigenvalue of M⁻¹·kv at the start [1/s]: 2ζω of the slowest mode.
+        rate_limit: that of `servo_loop`, for M of the start posture [1/s].
     """
 
     kp: FloatArray
@@ -37,12 +38,6 @@ def servo_gains(
 ) -> Gains:
     """The gains that the settings give, or else ω²·I and 2ω·I with I the inertia that moves.
 
-    **The limit.** With u = −λ·P·(q − q_d) integrated into q*, P symmetric with eigenvalues 0 to 1,
-    and servos alike in all joints, M·q̈ + kv·q̇ + kp·q = kp·q*, q̇* = u. For a mode s with the vector
-    x, |x| = 1, m = x*·M·x and p = x*·P·x:  m·s³ + kv·s² + kp·s + kp·λ·p = 0, which by Routh's
-    criterion has no root on the right exactly where λ·p·m < kv. So every λ < kv/λ_max(M), the least
-    2ζω = kv/m of all modes, is stable.
-
     Args:
         mujoco, built, data: module, model and its `MjData`, at the start posture.
         parameters, description: of the robot.
@@ -57,11 +52,7 @@ def servo_gains(
             if value is not None:
                 gains[place] = value
     mass = _mass_on_one_foot(mujoco, built, data, parameters, description)
-    damped = np.sqrt(kv)
-    if not damped.all():
-        return Gains(kp, kv, 0.0)
-    scaled = mass / np.outer(damped, damped)
-    return Gains(kp, kv, 1.0 / float(np.linalg.eigvalsh(scaled)[-1]))
+    return Gains(kp, kv, rate_limit(mass, kp, kv))
 
 
 def _moved(mujoco: Any, built: MujocoModel, data: Any, soles: list[int]) -> FloatArray:

@@ -12,10 +12,16 @@ from numpy.typing import NDArray
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, NotInstalledError, one_of
 from hoap3.protocol.messages import FloatArray
-from hoap3.robot_emulator.plants.mujoco.collisions import keep_apart, let_touch
+from hoap3.robot_emulator.plants.mujoco.collisions import keep_apart, let_touch, surround
+from hoap3.robot_emulator.plants.mujoco.files.mjcf import check_types, read_mjcf
 from hoap3.robot_emulator.plants.mujoco.inertias import repair
-from hoap3.robot_emulator.plants.mujoco.rerooted_urdf import rerooted, root_inertia, rotation_of
-from hoap3.robot_emulator.plants.mujoco.settings import FloorSettings, MujocoParameters
+from hoap3.robot_emulator.plants.mujoco.rerooted_urdf import (
+    body_of,
+    rerooted,
+    root_inertia,
+    without_world,
+)
+from hoap3.robot_emulator.plants.mujoco.settings import MujocoParameters
 from hoap3.robot_emulator.plants.mujoco.ties import Ties, ties_of
 
 MOTORS, SERVOS = 0, 1  # groups of actuators
@@ -34,8 +40,10 @@ class MujocoModel:
         model: `mujoco.MjModel`.
         q_at, v_at: (n,) where each joint is in qpos and qvel.
         ties: what all coordinates have to do with the joints of the wire.
-        free: whether the root link may move; it is at the begin of qpos and qvel then.
+        free: whether the root link may move.
         root: MuJoCo's number of the root link's body, 0 where the world holds it.
+        base_q, base_v: where a free root link is in qpos and qvel.
+        trees: bodies on the world that the robot hangs from: not what else a file has.
         welded: the link that the world holds, "" of a free base.
         urdf: text of what was read, with `welded` as its root; "" of an MJCF file.
         altered: by body, what MuJoCo did not take as the URDF has it.
@@ -47,6 +55,9 @@ class MujocoModel:
     ties: Ties
     free: bool
     root: int
+    base_q: slice
+    base_v: slice
+    trees: NDArray[np.intp]
     welded: str
     urdf: str
     altered: Mapping[str, str]
@@ -59,7 +70,8 @@ class MujocoModel:
 
     def site(self, frame: str) -> int:
         """MuJoCo's number of the site that stands for a frame."""
-        return int(self.model.site(FRAME + frame).id)
+        sites = [self.model.site(place).name for place in range(self.model.nsite)]
+        return sites.index(FRAME + frame if FRAME + frame in sites else frame)
 
 
 def mujoco_module() -> Any:
@@ -109,35 +121,29 @@ def build_model(
     welded = description.base_frame if moved else description.structure.root
     urdf, altered = "", dict[str, str]()
     if parameters.mjcf is not None:
-        spec = _from_file(mujoco, parameters.mjcf)
+        spec = read_mjcf(mujoco, parameters.mjcf)
         welded = ""
     else:
         urdf = description.urdf if free or not moved else rerooted(description.urdf, welded)
         spec, altered = _from_urdf(mujoco, urdf, parameters, description)
     _check_joints(spec, description, parameters)
+    check_types(mujoco, spec, description)
     _add_frames(spec, frames, file=parameters.mjcf is not None)
     _add_imus(spec, mujoco, imus)
     _set_joints(spec, mujoco, description, parameters)
     _set_options(spec, mujoco, description, parameters)
-    _surround(spec, mujoco, parameters)
+    surround(spec, mujoco, parameters)
     if not urdf:
         return _assembled(mujoco, _compiled(spec, description), description, "", urdf, altered)
     let_touch(spec, description, parameters)
-    keep_apart(mujoco, spec, _compiled(spec.copy(), description), description)
+    touching = _compiled(spec.copy(), description)
+    start = mujoco.MjData(touching)
+    built = _assembled(mujoco, touching, description, "", urdf, altered)
+    built.pose(start, description.initial_position)
+    mujoco.mj_forward(touching, start)
+    keep_apart(spec, touching, start)
     model = _compiled(spec, description)
     return _assembled(mujoco, model, description, "" if free else welded, urdf, altered)
-
-
-def _from_file(mujoco: Any, path: str) -> Any:
-    """A spec of the user's own file, without its motors."""
-    try:
-        spec = mujoco.MjSpec.from_file(path)
-    except (ValueError, OSError) as error:
-        problem = f"MuJoCo cannot read it: {_one_line(error)}"
-        raise ConfigError("", "parameters.mjcf", path, problem, "Correct the file") from error
-    for actuator in list(spec.actuators):
-        spec.delete(actuator)
-    return spec
 
 
 def _from_urdf(
@@ -149,7 +155,7 @@ def _from_urdf(
         That, and by body what MuJoCo does not take as it is.
     """
     try:
-        spec = mujoco.MjSpec.from_string(urdf)
+        spec = mujoco.MjSpec.from_string(without_world(urdf))
     except ValueError as error:
         problem = f"MuJoCo cannot read its URDF: {_one_line(error)}"
         raise ConfigError("", "kind", description.name, problem, "Correct the URDF") from error
@@ -162,7 +168,7 @@ def _from_urdf(
         for joint in spec.joints:
             joint.damping, joint.frictionloss = [0.0, 0.0, 0.0], 0.0
     if parameters.base == "free":
-        root = spec.body(description.structure.root)
+        root = spec.body(body_of(description.structure.root))
         mass, centre, inertia = root_inertia(urdf, description.structure.root)
         if mass > 0.0:
             root.mass, root.ipos, root.explicitinertial = mass, centre, True
@@ -178,7 +184,11 @@ def _check_joints(spec: Any, description: RobotDescription, parameters: MujocoPa
             hint = one_of(name, known, "Its joints")
             raise ConfigError("", "parameters.mjcf", name, "the file lacks this joint", hint)
     for key in ("kp", "kv", "armature"):
-        for name in getattr(parameters, key) if isinstance(getattr(parameters, key), dict) else ():
+        given = getattr(parameters, key)
+        for name, value in given.items() if isinstance(given, dict) else ():
+            if key != "armature" and not value > 0.0:
+                problem, remedy = "a servo needs some", "Write a number above 0"
+                raise ConfigError("", f"parameters.{key}.{name}", value, problem, remedy)
             if name not in description.joint_names:
                 hint = one_of(name, description.joint_names, "Its joints")
                 problem = f"robot {description.name!r} has no such joint"
@@ -188,15 +198,19 @@ def _check_joints(spec: Any, description: RobotDescription, parameters: MujocoPa
 def _add_frames(spec: Any, frames: tuple[str, ...], *, file: bool) -> None:
     """Sites for frames: links of a URDF; bodies or sites of a file."""
     for frame in frames:
-        body, site = spec.body(frame), spec.site(frame) if file else None
-        if site is not None:
-            site.parent.add_site(name=FRAME + frame, pos=site.pos, quat=site.quat)
-        elif body is not None:
-            body.add_site(name=FRAME + frame)
-        else:
+        body = spec.body(frame if file else body_of(frame))
+        site = spec.site(frame) if file else None
+        if site is None and body is not None:
+            body.add_site(name=FRAME + frame, pos=[0.0, 0.0, 0.0], quat=[1.0, 0.0, 0.0, 0.0])
+        elif site is None:
             known = [each.name for each in (*spec.bodies, *spec.sites)]
             hint = one_of(frame, known, "Its bodies and sites")
             raise ConfigError("", "parameters.mjcf", frame, "the file has no such frame", hint)
+
+
+def _site_name(spec: Any, frame: str) -> str:
+    """Of the site that stands for a frame: ours on a body, or the file's own."""
+    return FRAME + frame if spec.site(FRAME + frame) is not None else frame
 
 
 def _add_imus(spec: Any, mujoco: Any, frames: tuple[str, ...]) -> None:
@@ -205,7 +219,7 @@ def _add_imus(spec: Any, mujoco: Any, frames: tuple[str, ...]) -> None:
     for frame in frames:
         for name, kind in zip(IMU, types, strict=True):
             sensor = spec.add_sensor(name=f"{name} {frame}", type=kind)
-            sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_SITE, FRAME + frame
+            sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_SITE, _site_name(spec, frame)
 
 
 def _set_joints(
@@ -218,8 +232,8 @@ def _set_joints(
     for joint, lower, upper, effort, rotor in zip(robot.joints, *figures, strict=True):
         ours = spec.joint(joint.name)
         ours.limited = bool(np.isfinite(lower) or np.isfinite(upper))
-        if ours.limited:
-            ours.range = np.nan_to_num([lower, upper], posinf=NO_END, neginf=-NO_END)
+        if ours.limited:  # any range here: a file may count in degrees, the model never does
+            ours.range = [-1.0, 1.0]
         ours.armature = _of(parameters.armature, joint.name, rotor)
         if 0.0 < effort < np.inf:
             ours.actfrclimited, ours.actfrcrange = True, [-effort, effort]
@@ -250,23 +264,6 @@ def _set_options(
         spec.option.gravity = [0.0, 0.0, 0.0]
 
 
-def _surround(spec: Any, mujoco: Any, parameters: MujocoParameters) -> None:
-    """The floor and the boxes."""
-    floor = parameters.floor
-    if floor is None and parameters.base == "free" and parameters.mjcf is None:
-        floor = FloorSettings()
-    around = {"contype": 1, "conaffinity": 0}
-    if floor is not None:
-        plane = spec.worldbody.add_geom(name="floor", size=[5.0, 5.0, 0.1], **around)
-        plane.type = mujoco.mjtGeom.mjGEOM_PLANE
-        plane.pos, plane.friction = [0.0, 0.0, floor.height_m], [floor.friction, 0.005, 0.0001]
-    for number, each in enumerate(parameters.boxes):
-        box = spec.worldbody.add_geom(name=f"box {number}", **around)
-        box.type, box.size = mujoco.mjtGeom.mjGEOM_BOX, [0.5 * size for size in each.size_m]
-        mujoco.mju_mat2Quat(box.quat, rotation_of(each.rotation_rad).ravel())
-        box.pos, box.friction = each.position_m, [each.friction, 0.005, 0.0001]
-
-
 def _compiled(spec: Any, description: RobotDescription) -> Any:
     try:
         return spec.compile()
@@ -284,15 +281,25 @@ def _assembled(
     urdf: str,
     altered: dict[str, str],
 ) -> MujocoModel:
-    free = bool(model.njnt and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE)
     joints = [model.joint(name) for name in description.joint_names]
+    stops = np.transpose([description.lower_hard, description.upper_hard])
+    model.jnt_range[[joint.id for joint in joints]] = np.clip(stops, -NO_END, NO_END)
+    ties = ties_of(mujoco, model, [int(joint.id) for joint in joints])
+    moved = np.flatnonzero(ties.matrix.any(axis=1))
+    trees = np.unique(model.body_rootid[model.dof_bodyid[moved]]).astype(np.intp)
+    first = int(model.body_jntadr[trees[0]])
+    free = first >= 0 and model.jnt_type[first] == mujoco.mjtJoint.mjJNT_FREE
+    q_of, v_of = (int(model.jnt_qposadr[first]), int(model.jnt_dofadr[first])) if free else (0, 0)
     return MujocoModel(
         model=model,
         q_at=np.array([joint.qposadr[0] for joint in joints], np.intp),
         v_at=np.array([joint.dofadr[0] for joint in joints], np.intp),
-        ties=ties_of(mujoco, model, [int(joint.id) for joint in joints]),
-        free=free,
-        root=int(model.jnt_bodyid[0]) if free else 0,
+        ties=ties,
+        free=bool(free),
+        root=int(trees[0]) if free else 0,
+        base_q=slice(q_of, q_of + 7),
+        base_v=slice(v_of, v_of + 6),
+        trees=trees,
         welded=welded,
         urdf=urdf,
         altered=altered,

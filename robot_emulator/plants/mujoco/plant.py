@@ -15,6 +15,7 @@ from hoap3.robot_emulator.config import PlantSettings
 from hoap3.robot_emulator.plants.base import Declared, Plant
 from hoap3.robot_emulator.plants.mujoco.balance import Balance
 from hoap3.robot_emulator.plants.mujoco.equilibrium import place
+from hoap3.robot_emulator.plants.mujoco.files.mjcf import refuse_unheeded
 from hoap3.robot_emulator.plants.mujoco.gains import Gains, servo_gains
 from hoap3.robot_emulator.plants.mujoco.model import MOTORS, SERVOS, build_model, mujoco_module
 from hoap3.robot_emulator.plants.mujoco.senses import Encoders, Senses
@@ -72,6 +73,9 @@ class MujocoPlant(Plant):
             found = "free" if self.built.free else "fixed"
             problem, remedy = f"its base is {found}", f"Write base: {found}, or change the file"
             raise ConfigError("", "parameters.mjcf", parameters.mjcf, problem, remedy)
+        if self.built.free and len(self.built.trees) > 1:
+            problem, remedy = "its joints hang from several bodies", "Name those of one robot"
+            raise ConfigError("", "parameters.mjcf", parameters.mjcf, problem, remedy)
         self.model = self.built.model
         self.data = self._mujoco.MjData(self.model)
         self._sole = soles[0] if soles else None
@@ -94,6 +98,7 @@ class MujocoPlant(Plant):
         efforts = np.where(description.effort > 0.0, description.effort, np.inf)
         self._most, self._full = efforts * (1.0 - ROUNDING), np.zeros(n, np.bool_)
         self._wanted = np.zeros(self.model.nv)
+        self._lifted = self.model.jnt_actgravcomp[self.model.dof_jntid[self.built.v_at]]
         self._step, self._braked = self._mujoco.mj_step, False
         if self._kind == "torque":
             self.torque_model = ContactTorques(
@@ -117,8 +122,9 @@ class MujocoPlant(Plant):
     def declare(
         cls, description: RobotDescription, settings: PlantSettings, parameters: Any
     ) -> Declared:
-        """Refuse frames that the robot lacks, and accelerations of what may fall."""
+        """Refuse frames that the robot lacks, accelerations of what may fall, keys of no use."""
         mujoco_module()
+        refuse_unheeded(parameters)
         for number, push in enumerate(parameters.pushes):
             if push.frame not in description.frames and parameters.mjcf is None:
                 key, hint = f"parameters.pushes.{number}.frame", "Its links"
@@ -149,11 +155,11 @@ class MujocoPlant(Plant):
         if description.command_kinds[0] != "position":
             return measures
         made = cls(description, parameters)
-        return replace(measures, servo_rate_1_s=made.gains.rate_limit or None)
+        return replace(measures, servo_rate_1_s=made.gains.rate_limit)
 
     def reset(self, q: FloatArray) -> None:
         """Be at rest at `q`, (n,) [rad or m], in static equilibrium where there is one."""
-        torques = self._place(q)
+        torques = self._place(q) - self._compensation()
         self._senses.begin()
         np.divide(torques, self.gains.kp, out=self.start, where=self.gains.kp > 0.0)
         self.start += q
@@ -185,7 +191,7 @@ class MujocoPlant(Plant):
     def hold(self, dt: float) -> None:
         """The servos hold it where it was when they were set."""
         if self._kind != "position" and not self._braked:
-            self._brake(self.data.qfrc_actuator[self.built.v_at])
+            self._brake(self.data.qfrc_actuator[self.built.v_at] - self._compensation())
         self._advance(dt)
 
     def notes(self) -> list[str]:
@@ -197,10 +203,14 @@ class MujocoPlant(Plant):
         if self.built.altered:
             listing = "; ".join(f"{body} {why}" for body, why in self.built.altered.items())
             said.append(f"inertias that MuJoCo does not take as they are: {listing}")
+        if what.base == "free" and what.mjcf is not None and what.floor is None:
+            said.append("no floor but what the MJCF file has")
+        if self._unbalanced > FIRM:
+            said.append(f"{self._unbalanced:.1%} of its weight is out of balance at the start")
         if self._kind == "position":
             said.append(
                 f"a loop around these servos must be slower than {self.gains.rate_limit:.3g} 1/s "
-                "(2 zeta omega of the slowest mode, docs/plants.md)"
+                "in the start posture (docs/plants.md)"
             )
         return said
 
@@ -221,8 +231,8 @@ class MujocoPlant(Plant):
 
     def _place(self, q: FloatArray) -> FloatArray:
         found = place(self._mujoco, self.built, self.data, q, self._parameters, self._sole)
-        unbalanced = self._parameters.base == "free" and found.unbalanced > FIRM
-        if unbalanced and self._parameters.position_m is None and self._parameters.mjcf is None:
+        self._unbalanced = found.unbalanced
+        if self._unbalanced > FIRM and self._parameters.mjcf is None:
             raise DescriptionError(
                 f"robot {self._description.name!r} does not stand by itself in its start posture: "
                 f"{found.unbalanced:.1%} of its weight is out of balance. Choose another posture, "
@@ -236,11 +246,15 @@ class MujocoPlant(Plant):
         model.actuator_biasprm[servos, 1] = -self.gains.kp
         model.actuator_biasprm[servos, 2] = -self.gains.kv
 
+    def _compensation(self) -> FloatArray:
+        """What gravity compensation adds to servos and motors, (n,)."""
+        return np.asarray(self.data.qfrc_gravcomp[self.built.v_at] * self._lifted)
+
     def _brake(self, torques: FloatArray) -> None:
-        """Hold the joints by the servos where they are, under these torques."""
-        held, kp = self._held, self.gains.kp
+        """Hold the joints by the servos where they are, under these torques of theirs."""
+        held = self._held
         np.take(self.data.qpos, self.built.q_at, out=held)
-        held += np.divide(torques, kp, out=np.zeros_like(kp), where=kp > 0.0)
+        held += torques / self.gains.kp
         self.data.ctrl[self._motors] = 0.0
         self.data.ctrl[self._servos] = held
         self.model.opt.disableactuator = 1 << MOTORS
@@ -256,6 +270,7 @@ class MujocoPlant(Plant):
                 self.data.qacc[:] = self._wanted
                 self._inverse(self.model, self.data)
                 np.matmul(self.data.qfrc_inverse, self.built.ties.matrix, out=self._driven)
+                self._driven -= self._compensation()
                 self.data.ctrl[self._motors] = self._driven
             self._step(self.model, self.data)
             if senses.feels:

@@ -1,4 +1,4 @@
-"""A URDF with another link as its root, for a robot whose foot is held instead of its pelvis."""
+"""A URDF as MuJoCo takes it: another link as its root, a foot instead of a pelvis; no `world`."""
 
 from __future__ import annotations
 
@@ -42,6 +42,22 @@ def rerooted(urdf: str, link: str) -> str:
     return ET.tostring(robot, encoding="unicode")
 
 
+def body_of(link: str) -> str:
+    """MuJoCo's name of a link: its own body is called world, and no other can be."""
+    return f"link {link}" if link == "world" else link
+
+
+def without_world(urdf: str) -> str:
+    """The same robot with links called as `body_of` has it."""
+    robot = ET.fromstring(urdf)  # noqa: S314 (`read_urdf` lets no DTD pass)
+    for link in robot.findall("link"):
+        link.set("name", body_of(link.get("name", "")))
+    for joint in robot.findall("joint"):
+        for end in ("parent", "child"):
+            _set_end(joint, end, body_of(_end(joint, end)))
+    return ET.tostring(robot, encoding="unicode")
+
+
 def rotation_of(rpy: FloatArray | tuple[float, float, float]) -> FloatArray:
     """R_z(yaw)·R_y(pitch)·R_x(roll), (3, 3), as a URDF's `rpy` means it [rad]."""
     (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
@@ -57,7 +73,8 @@ def root_inertia(urdf: str, link: str) -> tuple[float, FloatArray, FloatArray]:
     All zero where the link has no <inertial>.
     """
     robot = ET.fromstring(urdf)  # noqa: S314 (`read_urdf` lets no DTD pass)
-    inertial = robot.find(f"link[@name='{link}']/inertial")
+    found = [each for each in robot.findall("link") if each.get("name") == link]
+    inertial = found[0].find("inertial") if found else None
     mass = None if inertial is None else inertial.find("mass")
     inertia = None if inertial is None else inertial.find("inertia")
     if inertial is None or mass is None or inertia is None:

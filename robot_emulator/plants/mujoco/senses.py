@@ -103,7 +103,7 @@ class Senses:
                 first = int(built.model.sensor(f"{kind} {frame}").adr[0])
                 order += range(first, first + 3)
         self._imu = np.array(order, np.intp)
-        self._free = built.free
+        self._free, self._base_q, self._base_v = built.free, built.base_q, built.base_v
 
     @property
     def feels(self) -> bool:
@@ -141,9 +141,10 @@ class Senses:
         if imu.size:
             np.take(data.sensordata, self._imu, mode="clip", out=imu)
         if self._free and base.size:
-            base[:3], base[3:6], base[6] = data.qpos[:3], data.qpos[4:7], data.qpos[3]
-            base[7:10] = data.qvel[:3]
-            self._rotate(base[10:13], data.qvel[3:6], data.qpos[3:7])
+            pose, rates = data.qpos[self._base_q], data.qvel[self._base_v]
+            base[:3], base[3:6], base[6] = pose[:3], pose[4:7], pose[3]
+            base[7:10] = rates[:3]
+            self._rotate(base[10:13], rates[3:6], pose[3:7])
 
 
 def _carries(model: Any, body: int, other: int) -> bool:

@@ -16,8 +16,9 @@ Newton = Annotated[float, Field(ge=-1e6, le=1e6)]
 Angle = Annotated[float, Field(ge=-10.0, le=10.0)]
 Angles = tuple[Angle, Angle, Angle]
 Length = Annotated[float, Field(gt=0, le=FAR_M)]
-Gain = Annotated[float, Field(ge=0, le=1e9)]
-PerJoint = Gain | dict[str, Gain]
+Gain = Annotated[float, Field(gt=0, le=1e9)]
+Inertia = Annotated[float, Field(ge=0, le=1e9)]
+Gains = Gain | dict[str, Inertia]  # 0 has a better message where joints are known
 
 
 class FloorSettings(Settings):
@@ -64,31 +65,34 @@ class MujocoParameters(Settings):
     rotation_rad: Angles | None = Field(
         None, description="of a free root link at the start; null: the first sole level"
     )
-    kp: PerJoint | None = Field(
+    kp: Gains | None = Field(
         None,
         description="stiffness of the position servos, of all or by joint [N m/rad or N/m]; null: "
         "servo_rad_s² times the inertia that the joint moves at the start",
     )
-    kv: PerJoint | None = Field(
+    kv: Gains | None = Field(
         None,
         description="damping of the servos [N m s/rad or N s/m]; null: 2 servo_rad_s times that",
     )
     servo_rad_s: float = Field(100.0, gt=0, le=1e4, description="where kp or kv is null")
-    armature: PerJoint | None = Field(
+    armature: Inertia | dict[str, Inertia] | None = Field(
         None,
         description="inertia of the rotors [kg m² or kg]; null: the description's",
     )
-    joint_friction: bool = Field(True, description="damping and friction of the URDF's joints")
+    joint_friction: bool = Field(
+        True, description="damping and friction of the URDF's joints; not with mjcf"
+    )
     substeps: int = Field(1, ge=1, le=100, description="integration steps a period")
     floor: FloorSettings | None = Field(
-        None, description="null: none below a fixed base, one at height 0 below a free one"
+        None,
+        description="null: one at height 0 below a free base of a URDF, else none",
     )
     boxes: tuple[BoxSettings, ...] = Field((), max_length=100, description="that stand around")
     collide: Literal["auto", "none", "all"] | tuple[str, ...] = Field(
         "auto",
         description="links that touch the surroundings, and each other where they are more than "
         "two joints apart and apart at the start; auto: those with soles, or all where there are "
-        "none",
+        "none; not with mjcf",
     )
     contact_frames: tuple[str, ...] | None = Field(
         None,

@@ -11,7 +11,6 @@ from hoap3.protocol.messages import FloatArray
 from hoap3.robot_emulator.plants.mujoco.model import SERVOS, MujocoModel
 
 ROUNDS = 3
-BASE = 6  # coordinates of a free base, before those of joints
 ROUNDING = 1e-9  # of an effort: a torque that exceeds it by no more was meant to be it
 
 
@@ -53,7 +52,7 @@ class ContactTorques:
         n, dofs = len(effort), built.model.nv
         self._motors = np.arange(0, 2 * n, 2)
         self._mass = np.zeros((dofs, dofs))
-        self._tied, self._free = built.ties.matrix, built.free
+        self._tied, self._free, self._base = built.ties.matrix, built.free, built.base_v
         self._found, self._torque, self._idle, self._none = np.zeros((4, n))
 
     def accelerations(self, command: FloatArray, dt: float, out: FloatArray) -> int:
@@ -114,5 +113,5 @@ class ContactTorques:
         joints = self._tied.T @ self._mass @ self._tied
         if not self._free:
             return np.asarray(joints)
-        across, base = self._mass[:BASE] @ self._tied, self._mass[:BASE, :BASE]
+        across, base = self._mass[self._base] @ self._tied, self._mass[self._base, self._base]
         return np.asarray(joints - across.T @ np.linalg.solve(base, across))

@@ -75,6 +75,12 @@ def test_an_unknown_name_has_the_nearest_one():
             {"plant": {"kind": "mujoco", "parameters": {"kp": {"link_9": 1.0}}}},
             "plant.parameters.kp",
         ),
+        ({"plant": {"kind": "mujoco", "parameters": {"kv": 0.0}}}, "plant.parameters.kv"),
+        (
+            {"plant": {"kind": "mujoco", "parameters": {"kv": {"joint_2": 0.0}}}},
+            "plant.parameters.kv.joint_2",
+        ),
+        ({"plant": {"kind": "mujoco", "parameters": {"kp": 0.0}}}, "plant.parameters.kp"),
         (
             {"plant": {"kind": "mujoco", "parameters": {"imu_frames": ["hand"]}}},
             "plant.parameters.imu_frames.0",
@@ -98,6 +104,13 @@ def test_what_does_not_fit_is_refused_with_its_key(content: dict, key: str):
     with pytest.raises(ConfigError) as found:
         plant_of(**{"command": "position", **content})
     assert found.value.key == key
+
+
+def test_a_plant_declares_itself_under_the_gravity_that_it_gets():
+    """Without any, nothing falls, and the start of a free base needs no support."""
+    floating = {"kind": "mujoco", "gravity": "none", "parameters": {"base": "free"}}
+    described = describe(config(command="position", plant=floating), "my.yaml")
+    assert described.servo_rate_1_s is not None
 
 
 def test_without_the_extra_its_command_is_told(monkeypatch: pytest.MonkeyPatch):

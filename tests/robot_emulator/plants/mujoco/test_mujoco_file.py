@@ -39,7 +39,7 @@ def write(folder: Path, *, free: bool = False, name: str = "lwr") -> Path:
     (folder / "robot.xml").write_text(text)
     base = "free" if free else "fixed"
     file = folder / "mine.yaml"
-    parameters = f"{{mjcf: robot.xml, base: {base}, collide: none, imu_frames: []}}"
+    parameters = f"{{mjcf: robot.xml, base: {base}, imu_frames: []}}"
     file.write_text(f"robot: {name}\nplant: {{kind: mujoco, parameters: {parameters}}}\n")
     return file
 
@@ -76,9 +76,11 @@ def test_it_is_the_same_robot_as_that_of_the_urdf(tmp_path: Path):
         ({"mjcf": "/nowhere.xml"}, "plant.parameters.mjcf"),
         ({"base": "free"}, "plant.parameters.mjcf"),
         ({"contact_frames": ["no_such_site"]}, "plant.parameters.mjcf"),
+        ({"joint_friction": False}, "plant.parameters.joint_friction"),
+        ({"collide": "none"}, "plant.parameters.collide"),
     ],
 )
-def test_what_the_file_lacks_is_named(tmp_path: Path, change: dict, key: str):
+def test_what_the_file_lacks_or_does_not_heed_is_named(tmp_path: Path, change: dict, key: str):
     file = write(tmp_path)
     with pytest.raises(ConfigError) as found:
         plant(file, **change)

@@ -10,6 +10,7 @@ from hoap3.protocol.description import CommandKind, RobotDescription
 from hoap3.protocol.robot.pinocchio_model import build_model
 from hoap3.protocol.robot.rigid_body_dynamics import Dynamics
 from hoap3.robot_emulator.plants.mujoco.plant import MujocoPlant
+from hoap3.robot_emulator.plants.servo_loop import rate_limit
 
 T = 0.001
 GIVES_WAY = 1e-4  # rad and m: MuJoCo's equalities are springs
@@ -48,9 +49,8 @@ def test_servos_know_what_followers_weigh():
     mass = Dynamics(robot).mass(robot.initial_position)
     np.testing.assert_allclose(made.gains.kp, 50.0**2 * mass.diagonal(), rtol=1e-9)
     np.testing.assert_allclose(made.gains.kv, 2.0 * 50.0 * mass.diagonal(), rtol=1e-9)
-    damped = np.sqrt(made.gains.kv)
-    slowest = 1.0 / np.linalg.eigvalsh(mass / np.outer(damped, damped))[-1]
-    assert made.gains.rate_limit == pytest.approx(slowest, rel=1e-9)
+    limit = rate_limit(mass, made.gains.kp, made.gains.kv)
+    assert made.gains.rate_limit == pytest.approx(limit, rel=1e-6)
 
 
 def test_it_starts_under_the_torques_that_hold_followers_too():

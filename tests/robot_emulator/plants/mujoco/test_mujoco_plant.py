@@ -220,3 +220,19 @@ def test_a_state_that_is_not_finite_ends_it():
     made.data.qvel[0] = np.nan
     with pytest.raises(SolverError, match="substeps"):
         made.step(np.zeros(description.n), T)
+
+
+@pytest.mark.parametrize("command", ["position", "acceleration", "torque"])
+def test_what_is_compensated_already_is_not_held_a_second_time(command: str):
+    settings = PlantSettings(kind="mujoco", gravity="compensated")
+    config = EmulatorConfig(robot="lwr", command=command, posture="bent", plant=settings)
+    description = describe(config)
+    made = MujocoPlant(description, MujocoPlant.Parameters(servo_rad_s=20.0))
+    made.reset(description.initial_position)
+    np.testing.assert_allclose(made.start, description.initial_position, atol=POINT)
+    if command != "position":
+        made.step(np.zeros(description.n), T)  # so that brakes are let go, and close anew
+    for _ in range(300):
+        made.step(made.start, T) if command == "position" else made.hold(T)
+    np.testing.assert_allclose(made.q, description.initial_position, atol=POINT)
+    assert np.abs(made.tau).max() > 1.0  # what compensates it

@@ -1,0 +1,79 @@
+"""An MJCF file of the user's own: read without its motors, and checked."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError
+from hoap3.robot_emulator.plants.mujoco.settings import MujocoParameters
+
+ACTUATOR = (
+    *("actearly", "actlimited", "actrange", "armature", "biasprm", "biastype", "cranklength"),
+    *("ctrllimited", "ctrlrange", "damping", "delay", "dynprm", "dyntype", "forcelimited"),
+    *("forcerange", "gainprm", "gaintype", "gear", "inheritrange", "interp", "lengthrange"),
+    "nsample",
+)
+GEOM = ("adhesion", "condim", "gap", "margin", "priority", "solimp", "solmix", "solref")
+UNHEEDED: dict[str, Any] = {"collide": "auto", "joint_friction": True}
+"""Settings that are for a URDF, and what they are where nobody wrote them."""
+
+
+def refuse_unheeded(parameters: MujocoParameters) -> None:
+    """Refuse what a file decides by itself.
+
+    Raises:
+        ConfigError: with a key below `plant`.
+    """
+    for key, usual in UNHEEDED.items():
+        value = getattr(parameters, key)
+        if parameters.mjcf is not None and value != usual:
+            problem = "is for a URDF: contacts and friction of an MJCF file are its own"
+            raise ConfigError("", f"parameters.{key}", value, problem, "Leave it out")
+
+
+def read_mjcf(mujoco: Any, path: str) -> Any:
+    """A spec of the file, without its motors, what measures them, and defaults for new ones.
+
+    Raises:
+        ConfigError: MuJoCo cannot read it.
+    """
+    try:
+        spec = mujoco.MjSpec.from_file(path)
+    except (ValueError, OSError) as error:
+        problem = f"MuJoCo cannot read it: {' '.join(str(error).split())}"
+        raise ConfigError("", "parameters.mjcf", path, problem, "Correct the file") from error
+    for sensor in list(spec.sensors):
+        if sensor.objtype == mujoco.mjtObj.mjOBJ_ACTUATOR:
+            spec.delete(sensor)
+    for actuator in list(spec.actuators):
+        spec.delete(actuator)
+    _forget_defaults(mujoco, spec)
+    return spec
+
+
+def _forget_defaults(mujoco: Any, spec: Any) -> None:
+    """Have what we add be as MuJoCo has it: what was read has the file's <default> already."""
+    blank = mujoco.MjSpec()
+    for kind, keys in (("actuator", ACTUATOR), ("geom", GEOM)):
+        ours, usual = getattr(spec.default, kind), getattr(blank.default, kind)
+        for key in keys:
+            setattr(ours, key, getattr(usual, key))
+
+
+def check_types(mujoco: Any, spec: Any, description: RobotDescription) -> None:
+    """Refuse joints of a file that move otherwise than those of the description.
+
+    Raises:
+        ConfigError: one turns and the other slides, or is a ball.
+    """
+    types = mujoco.mjtJoint
+    told = {types.mjJNT_HINGE: "turns", types.mjJNT_SLIDE: "slides"}
+    for name in description.joint_names:
+        kind = description.structure.movable[name].kind
+        wanted = "slides" if kind == "prismatic" else "turns"
+        found = told.get(spec.joint(name).type, "has more than one degree of freedom")
+        if found != wanted:
+            problem = f"the joint {found} in the file, and {wanted} in the description"
+            remedy = "Correct the one that is wrong"
+            raise ConfigError("", "parameters.mjcf", name, problem, remedy)
