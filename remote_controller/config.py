@@ -8,9 +8,10 @@ from typing import Any
 
 from pydantic import Field
 
+from hoap3.protocol.config.endpoints import Endpoint
 from hoap3.protocol.config.plugins import building
+from hoap3.protocol.config.regular_file import check_path
 from hoap3.protocol.config.settings import (
-    Endpoint,
     LinkSettings,
     LogSettings,
     RealtimeSettings,
@@ -66,7 +67,7 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
     can lie beside it; not where `user_code` forbids to import it.
 
     Raises:
-        ConfigError: the file cannot be read.
+        ConfigError: the file cannot be read, or a path leads nowhere.
         UnknownNameError: neither a shipped config, nor a file, nor a controller.
     """
     if name in available_configs():
@@ -85,6 +86,7 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
         return content, str(path)
     if ":" in name:
         return {"controller": name}, f"controller {name}"
+    check_path(name, "a controller's config, a YAML file")
     known = {*available_configs(), *registered()}
     raise UnknownNameError("controller config", name, known, " Or name a file.")
 

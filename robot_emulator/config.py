@@ -9,8 +9,9 @@ from typing import Any, Literal
 
 from pydantic import Field, field_validator
 
+from hoap3.protocol.config.endpoints import Endpoint
+from hoap3.protocol.config.regular_file import check_path
 from hoap3.protocol.config.settings import (
-    Endpoint,
     LinkSettings,
     LogSettings,
     RealtimeSettings,
@@ -184,7 +185,7 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
     beside it; not where `user_code` forbids to import it.
 
     Raises:
-        ConfigError: the file cannot be read.
+        ConfigError: the file cannot be read, or a path leads nowhere.
         UnknownNameError: neither a shipped config nor a file.
     """
     path = Path(name)
@@ -193,6 +194,7 @@ def read_config(name: str) -> tuple[dict[str, Any], str]:
     elif path.suffix not in {".yaml", ".yml"} and not path.exists():
         from hoap3.robot_emulator.robots import available
 
+        check_path(name, "an emulator config, or a robot's folder, YAML file or URDF")
         known = {*available_configs(), *available()}
         raise UnknownNameError("robot or emulator config", name, known, " Or name a file.")
     content = load_yaml(path)

@@ -21,7 +21,7 @@ from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.filters.jerk import jerk_notes
 from hoap3.robot_emulator.loop import GRACE_TICKS, RobotLoop
 from hoap3.robot_emulator.plants.registry import declared, find_plant
-from hoap3.robot_emulator.robots import load
+from hoap3.robot_emulator.robots import load_configured
 from hoap3.robot_emulator.robots.follower_limits import follower_notes
 
 if TYPE_CHECKING:
@@ -49,8 +49,11 @@ def describe(
     Args:
         config, file: settings, and where they stand, for errors.
         robot: what `config.robot` names, if it was read already.
+
+    Raises:
+        UsageError: there is no such robot, or it has not what is configured.
     """
-    description = robot or load(config.robot)
+    description = robot or load_configured(config.robot, file)
     if config.posture is not None:
         if config.posture not in description.postures:
             known = f"Known: {', '.join(sorted(description.postures))}"

@@ -28,7 +28,7 @@ from hoap3.robot_emulator.config import EmulatorConfig, available_configs
 from hoap3.robot_emulator.config import read_config as read_emulator_config
 from hoap3.robot_emulator.loop import RobotLoop
 from hoap3.robot_emulator.robots import available as available_robots
-from hoap3.robot_emulator.robots import load
+from hoap3.robot_emulator.robots import load_configured
 from hoap3.robot_emulator.robots.urdf_import.source import DESCRIPTIONS, is_source
 from hoap3.robot_emulator.service import build_loop, describe
 from hoap3.tools.logs.motion_files import as_written, enclosed
@@ -242,7 +242,10 @@ def suited(
     """
     if emulator.command is not None:
         return emulator, describe(emulator, files[0])
-    gives, robot = find(controller.controller, files[1]).commands, load(emulator.robot)
+    gives, robot = (
+        find(controller.controller, files[1]).commands,
+        load_configured(emulator.robot, files[0]),
+    )
     for kind in gives:
         if kind in robot.command_kinds:
             emulator = emulator.model_copy(update={"command": kind})

@@ -63,6 +63,20 @@ def read_named(path: Path, limit: int, label: str, what: str) -> bytes:
         raise ConfigError(label, "", None, reason, f"Name {what} that can be read") from error
 
 
+def check_path(name: str, what: str) -> None:
+    """Refuse a path that leads nowhere; a name without a slash may be known otherwise.
+
+    Args:
+        name: what the user wrote.
+        what: it should be, such as "a YAML file".
+
+    Raises:
+        ConfigError: there is no such file or folder.
+    """
+    if "/" in name and not os.path.exists(name):
+        raise ConfigError(name, "", None, "no such file or folder", f"Name {what}")
+
+
 def _check(mode: int, path: Path) -> None:
     if stat.S_ISDIR(mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))

@@ -22,6 +22,7 @@ from pydantic import (
 )
 from pydantic_core import core_schema
 
+from hoap3.protocol.config.endpoints import Endpoint
 from hoap3.protocol.config.regular_file import read_named
 from hoap3.protocol.config.strict_numbers import make_strict
 from hoap3.protocol.config.wrong_settings import config_error, models_below
@@ -33,8 +34,6 @@ MAX_PARTS = 32  # of a dotted key
 SNIFFED = 4096  # bytes of a file in which a URDF is told from YAML
 NAME_PATTERN = r"^[a-z][a-z0-9_]{0,31}$"
 RobotName = Annotated[str, Field(pattern=NAME_PATTERN)]
-ENDPOINT_PATTERN = r"^[a-z][a-z-]*/\S+$"
-Endpoint = Annotated[str, Field(pattern=ENDPOINT_PATTERN)]
 
 Model = TypeVar("Model", bound="Settings")
 

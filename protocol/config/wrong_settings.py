@@ -6,6 +6,7 @@ Each wrong place is told once, also where a union tried several models on it.
 from __future__ import annotations
 
 import difflib
+import re
 import typing
 from collections.abc import Sequence
 from typing import Any
@@ -20,6 +21,8 @@ MISSPELT = 0.7  # and of one that it rather is than a key inside `parameters`
 MOST_ERRORS = 50  # of pydantic's that are looked at
 MOST_TOLD = 10  # places that are told,
 LONGEST = 1300  # characters in all; a hostile file gets no long answer
+_NAME = re.compile(rf"[\w.:]{{1,{LONGEST_GUESS}}}")
+_INSTANCE = re.compile(r" or instance of \w+$")
 
 
 def config_error(
@@ -139,7 +142,17 @@ def _in_words(
         return ConfigError(file, key, error["input"], problem, "Add to the list")
     siblings = errors[:MOST_ERRORS]
     members = [_plain(each["msg"]) for each in siblings if _written(content, each) == path]
-    return ConfigError(file, key, error["input"], ", or ".join(members), "Change the value")
+    remedy = error.get("ctx", {}).get("remedy") or _remedy(model, path, error["input"])
+    return ConfigError(file, key, error["input"], ", or ".join(members), remedy)
+
+
+def _remedy(model: type[BaseModel], path: Sequence[str], value: Any) -> str:
+    """Change the value; of a name in the place of settings that have one, where that belongs."""
+    below = models_below(_models_at(model, path[:-1]), path[-1]) if path else []
+    named = isinstance(value, str) and _NAME.fullmatch(value)
+    if named and any("kind" in inner.model_fields for inner in below):
+        return f"Write {path[-1]}: {{kind: {value}}}"
+    return "Change the value"
 
 
 def _hint(model: type[BaseModel], path: Sequence[str], close: str | None) -> str:
@@ -175,6 +188,7 @@ def _nearest_key(given: str, known: Sequence[str]) -> str | None:
 def _plain(message: str) -> str:
     message = message.removeprefix("Value error, ").removeprefix("Input ")
     message = message.replace("valid tuple", "valid list")  # what it is called in YAML
+    message = _INSTANCE.sub("", message)  # which nobody can write there
     return message[:1].lower() + message[1:]
 
 

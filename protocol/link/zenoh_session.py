@@ -86,6 +86,7 @@ def open_session(settings: LinkSettings) -> zenoh.Session:
     except zenoh.ZError as error:
         text = str(error)
         endpoints = ", ".join(settings.listen or settings.connect)
+        key = "link.listen" if settings.listen else "link.connect"
         if "in use" in text:
             raise PortInUseError(
                 f"{endpoints} is in use: another robot runs there. Stop it, or set link.listen "
@@ -96,7 +97,7 @@ def open_session(settings: LinkSettings) -> zenoh.Session:
                 f"nobody answers at {endpoints}: is the robot running, and is this its endpoint?"
             ) from error
         reason = text.partition(" at /")[0]  # without the place in Zenoh's source
-        raise LinkError(f"cannot open {endpoints}: {reason}") from error
+        raise LinkError(f"{key}: cannot open {endpoints}: {reason}. Correct {key}") from error
     session.info.declare_link_events_listener(_forbid_lingering, history=True)
     return session
 

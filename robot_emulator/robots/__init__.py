@@ -11,11 +11,11 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import ConfigError, UnknownNameError, UrdfWarning
+from hoap3.protocol.errors import ConfigError, NotInstalledError, UnknownNameError, UrdfWarning
 from hoap3.robot_emulator.robots.urdf_import.source import is_source
 from hoap3.robot_emulator.robots.yaml_file import read_robot
 
-__all__ = ["GROUP", "available", "find_file", "load"]
+__all__ = ["GROUP", "available", "find_file", "load", "load_configured"]
 
 GROUP = "hoap3.robots"
 FILE = "robot.yaml"
@@ -56,6 +56,23 @@ def load(name_or_path: str | Path) -> RobotDescription:
         hint = " Or write the path of a folder, of a YAML file or of a URDF."
         raise UnknownNameError("robot", str(name_or_path), available(), hint)
     return read_robot(path / FILE if path.is_dir() else path)
+
+
+def load_configured(name: str, file: str) -> RobotDescription:
+    """`load` of what the key `robot` of a config names; that there is none is said of that key.
+
+    Raises:
+        UsageError: as of `load`.
+    """
+    if "/" in name and not Path(name).exists():
+        remedy = "Name a robot's folder, its YAML file or a URDF; paths count from the config"
+        raise ConfigError(file, "robot", name, "no such file or folder", remedy)
+    try:
+        return load(name)
+    except NotInstalledError:
+        raise
+    except UnknownNameError as error:
+        raise UnknownNameError(error.kind, name, error.known, f" ({file}: robot)") from error
 
 
 def find_file(name_or_path: str | Path) -> Path | None:

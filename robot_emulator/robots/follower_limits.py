@@ -51,6 +51,8 @@ def follower_notes(robot: RobotDescription) -> list[str]:
         own = _own(structure, joint.name)
         told = []
         for key, left in (limits_with_followers(structure, joint.name) if led else {}).items():
+            if key == "effort":  # followers leave it as it is
+                continue
             used = getattr(joint, key)
             if used == left != own.get(key):
                 told.append(f"{key} {left:.6g} instead of {_said(own.get(key))}")

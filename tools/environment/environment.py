@@ -13,7 +13,7 @@ from hoap3.protocol.description import CommandKind, RobotDescription
 from hoap3.protocol.errors import ConfigError, UsageError, did_you_mean
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.robot_emulator.config import EmulatorConfig
-from hoap3.robot_emulator.robots import load
+from hoap3.robot_emulator.robots import load_configured
 from hoap3.robot_emulator.service import describe
 from hoap3.tools.environment.spaces import Box, Dict, Env
 from hoap3.tools.environment.stepwise import StepwiseRobot
@@ -110,7 +110,7 @@ class Environment(Env):
         self._config = emulator_settings(robot, 0)
         if command is not None:
             self._config = self._config.model_copy(update={"command": command})
-        self._loaded = load(self._config.robot)
+        self._loaded = load_configured(self._config.robot, "Environment(robot)")
         self.description: RobotDescription = describe(
             self._config, "Environment(robot)", self._loaded
         )

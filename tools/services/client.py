@@ -9,8 +9,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from hoap3.protocol.answers import MAX_CONTROL_BYTES, ROBOT_ANSWERS, ControlAnswer, parse_answer
-from hoap3.protocol.config.settings import ENDPOINT_PATTERN, NAME_PATTERN, LinkSettings
-from hoap3.protocol.errors import LinkError, UsageError
+from hoap3.protocol.config.endpoints import endpoint_fault
+from hoap3.protocol.config.settings import NAME_PATTERN, LinkSettings
+from hoap3.protocol.errors import ConfigError, LinkError, UsageError
 from hoap3.protocol.link.session_limits import MAX_REQUEST_BYTES
 
 
@@ -80,20 +81,12 @@ def client_settings(endpoint: str) -> LinkSettings:
     """Settings of a client that connects to one endpoint.
 
     Raises:
-        UsageError: not the form of an endpoint.
+        ConfigError: not the form of an endpoint, or no port.
     """
-    if not re.fullmatch(ENDPOINT_PATTERN, endpoint):
-        raise UsageError(
-            f"--connect {endpoint!r:.100} is not an endpoint, which has the form "
-            f"PROTOCOL/ADDRESS:PORT: write --connect tcp/{_address(endpoint)}"
-        )
+    fault = endpoint_fault(endpoint)
+    if fault is not None:
+        raise ConfigError("--connect", "", endpoint, *fault)
     return LinkSettings(connect=(endpoint,), mode="client")
-
-
-def _address(endpoint: str) -> str:
-    """What was probably meant as address and port."""
-    words = endpoint.replace("://", "/").rpartition("/")[2].strip()
-    return words if re.fullmatch(r"[\w.\[\]:-]+:[0-9]{1,5}", words) else "127.0.0.1:7447"
 
 
 def check_name(robot: str) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from hoap3.protocol.config.regular_file import check_path
 from hoap3.protocol.config.settings import Settings, apply_overrides, load_yaml, parse
 from hoap3.protocol.config.user_code import UserCode
 from hoap3.protocol.config.wrong_settings import likeness
@@ -46,6 +47,7 @@ def _read(name: str, overrides: list[str]) -> tuple[EmulatorConfig | ControllerC
     path = Path(name)
     named = name in known or ":" in name or path.suffix in {".yaml", ".yml"}
     if not (named or is_source(name) or path.exists()):
+        check_path(name, "a config, or a robot's folder, YAML file or URDF")
         raise UnknownNameError("config", name, known, " Or name a file.")
     if not _is_emulator(name):
         return controller_config(name, overrides)

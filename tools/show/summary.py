@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from hoap3.tools.show.certificate_count import in_a_line
+from hoap3.tools.show.final_error import final_error_words
 from hoap3.tools.show.output import Meter, notes, print_note, results, watched
 from hoap3.tools.show.plant_rows import plant_rows
 from hoap3.tools.show.verdicts import NAMES, NOT_JUDGED, deadline_words, in_words
@@ -139,8 +140,9 @@ def show_summary(summary: dict[str, Any]) -> None:
     unproved = in_a_line(summary.get("certificates"))
     if unproved is not None:
         table.add_row("certificates", f"[{COLOURS['warn']}]{escape(unproved)}[/]")
-    if summary["final_error"] is not None:
-        table.add_row("final error", f"{summary['final_error']:.3g}, in the unit of the task")
+    final_error = final_error_words(summary)
+    if final_error is not None:
+        table.add_row("final error", final_error)
     for name, told in plant_rows(summary.get("plant") or {}):
         table.add_row(name, escape(told))
     if "lockstep" in summary:

@@ -13,12 +13,14 @@ NAMES = {"deadlines": "deadlines", "task": "task", "limits_and_balance": "limits
 FAILED = ("unfit", "bad")
 NOT_JUDGED = "not judged"
 
-NOT_TOLD, NO_TARGET, DAMAGED = "not_told_by_controller", "no_target", "damaged"
+NOT_TOLD, NOT_TOLD_BY_ROBOT = "not_told_by_controller", "not_told_by_robot"
+NO_TARGET, DAMAGED = "no_target", "damaged"
 NOT_REACHED, NOT_CERTIFIED = "not_reached", "not_certified"
 HELD_BACK, WEAK = "held_back", "torque_limited"
 MARGIN, OUTSIDE = "margin_below_zero", "com_outside_support"
 REASONS = {
     NOT_TOLD: "not told by the controller",
+    NOT_TOLD_BY_ROBOT: "not told by the robot",
     NO_TARGET: "no target with a tolerance",
     DAMAGED: "what it rests on is lost with the log",
     NOT_REACHED: "error above tolerance at the end",
@@ -29,6 +31,11 @@ REASONS = {
     OUTSIDE: "the centre of mass left the support polygon",
 }
 """Why a verdict is bad, or why there is none, in words."""
+_UNTOLD = {
+    NOT_TOLD: "constraints and balance: not told by the controller",
+    NOT_TOLD_BY_ROBOT: "joints held back: not told by the robot",
+}
+"""The same of limits and balance, of which each side knows a part."""
 
 
 def judge(
@@ -85,7 +92,9 @@ def in_words(judged: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _verdict(reasons: list[str], *, expected: bool) -> str | None:
-    if reasons == [NO_TARGET] or (reasons == [NOT_TOLD] and not expected):
+    if reasons == [NO_TARGET]:
+        return None
+    if reasons and not expected and {NOT_TOLD, NOT_TOLD_BY_ROBOT}.issuperset(reasons):
         return None
     return "bad" if reasons else "good"
 
@@ -128,10 +137,10 @@ def _limits(
         reasons.append(MARGIN)
     if balance.get("outside"):
         reasons.append(OUTSIDE)
-    said = {"robot": held_back, "controller": outcome}
-    silent = {side for side, what in said.items() if what is None}
+    silent = {"controller": NOT_TOLD} if outcome is None else {}
+    silent |= {"robot": NOT_TOLD_BY_ROBOT} if held_back is None else {}
     if silent:
-        reasons.append(NOT_TOLD if silent.isdisjoint(damaged) else DAMAGED)
+        reasons += silent.values() if silent.keys().isdisjoint(damaged) else [DAMAGED]
     return {
         "held_back": held_back,
         "torque_limited": torque_limited,
@@ -158,7 +167,7 @@ def _task_words(judged: Mapping[str, Any]) -> str:
 
 def _limits_words(judged: Mapping[str, Any]) -> str:
     limits = judged["limits_and_balance"]
-    parts = [REASONS[reason] for reason in limits["reasons"]]
+    parts = [_UNTOLD.get(reason, REASONS[reason]) for reason in limits["reasons"]]
     if limits["held_back"] is not None:
         held = limits["held_back"]
         which = _joint_words(limits.get("held_back_joints"))

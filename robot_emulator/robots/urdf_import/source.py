@@ -15,7 +15,7 @@ from xml.etree import ElementTree as ET
 
 from hoap3.protocol.config.regular_file import read_named
 from hoap3.protocol.errors import ConfigError, DescriptionError, NotInstalledError
-from hoap3.robot_emulator.robots.urdf_import.shapes.packages import SearchPath
+from hoap3.robot_emulator.robots.urdf_import.shapes.packages import SearchPath, check_folders
 from hoap3.robot_emulator.robots.urdf_import.xml_tree import MAX_BYTES, is_xacro, parse_robot
 
 SUFFIXES = {".urdf", ".xacro"}
@@ -57,10 +57,11 @@ def read_source(name: str | Path, package_path: Sequence[Path] = ()) -> Source:
         package_path: folders in which packages are looked for first.
 
     Raises:
-        ConfigError: the file cannot be read.
+        ConfigError: the file cannot be read, or a folder of `package_path` is none.
         DescriptionError: it is no URDF.
         NotInstalledError: it needs a library that is not installed.
     """
+    check_folders(package_path)
     if str(name).startswith(f"{DESCRIPTIONS}:"):
         return _of_descriptions(str(name), package_path)
     return _of_file(Path(name), str(name), SearchPath(Path(name).parent, package_path))

@@ -82,6 +82,31 @@ def refused(content: dict[str, Any], **more: str) -> ConfigError:
     return error
 
 
+@pytest.mark.parametrize(
+    ("key", "found", "remedy"),
+    [
+        ("listen", "127.0.0.1:17447", "tcp/127.0.0.1:17447"),
+        ("connect", "tcp://10.0.0.2:7447", "tcp/10.0.0.2:7447"),
+        ("listen", "somewhere", "tcp/127.0.0.1:7447"),
+        ("listen", "tcp/127.0.0.1:99999", "65535"),
+        ("connect", "tcp/[::1]:65536", "65535"),
+        ("connect", "udp/host:70000#iface=eth0", "65535"),
+    ],
+)
+def test_what_is_no_endpoint_is_told_with_its_key_and_what_to_write(key, found, remedy):
+    error = refused({"link": {key: ["tcp/127.0.0.1:65535", found]}})
+    assert (error.key, error.value) == (f"link.{key}.1", found)
+    assert remedy in error.remedy
+    assert "pattern" not in str(error)
+
+
+def test_a_name_in_the_place_of_settings_is_told_where_it_belongs():
+    assert "gains: {kind: a}" in refused({"gains": "a"}).remedy
+    for text in ("a\nb", "x" * 500, ""):
+        assert "kind" not in refused({"gains": text}).remedy
+    assert "Gains" not in str(refused({"gains": "a"}))
+
+
 def test_what_is_right_is_taken():
     content = {
         "robot": "arm_2",

@@ -69,6 +69,13 @@ def test_what_becomes_of_limits_is_told_of_each_master(tmp_path):
     assert "upper" not in elbow
 
 
+def test_an_effort_is_not_said_to_be_bounded_by_followers(tmp_path):
+    """A vendor who does not know an effort writes 0; the robot's file then says otherwise."""
+    stronger = YAML.replace("{name: elbow, ", "{name: elbow, effort: 900.0, ")
+    (_, elbow) = follower_notes(following_arm(tmp_path, stronger))
+    assert "effort" not in elbow
+
+
 def test_a_joint_that_its_followers_leave_no_room_is_refused(tmp_path):
     urdf = URDF.replace('multiplier="0.5" offset="0.1"', 'multiplier="0.5" offset="9"')
     with pytest.raises(DescriptionError, match=r"joint 'elbow': .*'far_elbow'"):

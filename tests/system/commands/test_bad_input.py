@@ -78,8 +78,8 @@ WRONG_EMULATOR = {
     "unknown key": ("robot: hoap3\nplant: {servos: lag}\n", ("plant.servos", "Did you mean")),
     "wrong choice": ("loss_policy: pray\n", ("loss_policy", "'pray'", "'hold' or 'extrapolate'")),
     "unknown posture": ("posture: lotus\n", ("posture", "'lotus'", "Known: ")),
-    "unknown robot": ("robot: hoap4\n", ("'hoap4'", "Did you mean 'hoap3'?")),
-    "robot without folder": ("robot: ./nowhere\n", ("nowhere", "No such file")),
+    "unknown robot": ("robot: hoap4\n", ("'hoap4'", "Did you mean 'hoap3'?", "mine.yaml: robot")),
+    "robot without folder": ("robot: ./nowhere\n", ("mine.yaml: robot: ", "/nowhere'")),
 }
 
 
@@ -121,6 +121,9 @@ def test_a_wrong_set(set_: str, words: tuple[str, ...]) -> None:
         ((*RUN, "--robot", "hoap4"), ("'hoap4'", "Did you mean 'hoap3'?")),
         ((*RUN, "--robot", "nowhere.yaml"), ("nowhere.yaml", "No such file")),
         ((*RUN, "--controller", "nowhere.yaml"), ("nowhere.yaml", "No such file")),
+        ((*RUN, "--robot", "./nowhere"), ("./nowhere: ", "no such file")),
+        ((*RUN, "--controller", "./nowhere"), ("./nowhere: ", "no such file")),
+        (("config", "check", "./nowhere"), ("./nowhere: ", "no such file")),
         ((*RUN, "--controller", "no.such:Thing"), ("no.such:Thing", "cannot be imported")),
         ((*RUN, "--controller", "json:dumps"), ("json:dumps", "is not a controller class")),
         (("config", "check", "qp21"), ("'qp21'", "Did you mean 'qp12'?")),

@@ -245,7 +245,7 @@ def test_what_is_no_endpoint_is_one_error_with_the_remedy(words, name):
     assert done.code == 2
     (line,) = done.stderr.splitlines()
     assert line.startswith("error: ")
-    assert line.endswith("write --connect tcp/127.0.0.1:7447")
+    assert line.endswith("tcp/127.0.0.1:7447")
 
 
 def test_a_silent_robot_is_followed_again_in_a_new_session(robots, monkeypatch):

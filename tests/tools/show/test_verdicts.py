@@ -107,10 +107,25 @@ def test_words_have_the_figures_that_people_need():
         assert part in words["task"]
     for part in ("4 periods", "12.1 mm outside", "7 of 100"):
         assert part in words["limits_and_balance"]
-    assert in_words(judge(None, None, None, None)) == {
-        "task": "not told by the controller",
-        "limits_and_balance": "not told by the controller",
-    }
+
+
+@pytest.mark.parametrize(
+    ("held_back", "outcome", "silent", "verdict"),
+    [
+        (None, told(), {"robot"}, None),
+        (0, None, {"controller"}, None),
+        (3, None, {"controller"}, "bad"),
+        (None, None, {"robot", "controller"}, None),
+        (None, told(margin={"least": -1.0, "tolerance": 0.0}), {"robot"}, "bad"),
+    ],
+)
+def test_limits_name_the_side_that_told_nothing(held_back, outcome, silent, verdict):
+    judged = judge("fit", held_back, held_back, outcome)
+    limits = judged["limits_and_balance"]["reasons"]
+    assert {side for side in ("robot", "controller") if f"not_told_by_{side}" in limits} == silent
+    assert judged["verdicts"]["limits_and_balance"] == verdict
+    words = in_words(judged)["limits_and_balance"]
+    assert {side for side in ("robot", "controller") if f"told by the {side}" in words} == silent
 
 
 def test_the_joints_that_were_held_back_are_named():

@@ -14,7 +14,7 @@ from urllib.parse import unquote
 from xml.etree import ElementTree as ET
 
 from hoap3.protocol.config.regular_file import read_at_most
-from hoap3.protocol.errors import DescriptionError
+from hoap3.protocol.errors import ConfigError, DescriptionError
 from hoap3.robot_emulator.robots.urdf_import.xml_tree import MAX_BYTES
 
 VARIABLES = ("HOAP3_PACKAGE_PATH", "ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
@@ -98,6 +98,18 @@ class SearchPath:
         if path.is_dir():
             raise UnresolvedError("a folder")
         return path
+
+
+def check_folders(package_path: Sequence[Path]) -> None:
+    """Refuse a folder that a user named and that is none; the environment may name such.
+
+    Raises:
+        ConfigError: there is no such folder.
+    """
+    for path in package_path:
+        if not Path(path).is_dir():
+            remedy = "Name a folder that holds packages, or is one"
+            raise ConfigError("--package-path", "", str(path), "no such folder", remedy)
 
 
 def _of_environment() -> Iterable[Path]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from support.urdfs.vendor_arm import PACKAGE, stl, tube, urdf, vendor_folder
 
-from hoap3.protocol.errors import DescriptionError
+from hoap3.protocol.errors import ConfigError, DescriptionError
 from hoap3.robot_emulator.robots.urdf_import.imported import import_robot
 from hoap3.robot_emulator.robots.urdf_import.shapes.packages import SearchPath, UnresolvedError
 
@@ -34,6 +34,14 @@ def test_a_link_to_the_file_leads_to_the_parents_of_what_it_links_to(tmp_path, a
     here = tmp_path / "shortcut"
     here.symlink_to(apart[1] / PACKAGE / "urdf")
     assert SearchPath(here).find(MESH).name == "upper.stl"
+
+
+def test_a_folder_that_is_named_and_does_not_exist_is_refused(tmp_path):
+    file, nowhere = vendor_folder(tmp_path), tmp_path / "nowhere"
+    with pytest.raises(ConfigError) as caught:
+        import_robot(file, [tmp_path, nowhere])
+    assert (caught.value.file, caught.value.value) == ("--package-path", str(nowhere))
+    import_robot(file, [tmp_path])
 
 
 @pytest.mark.parametrize("inside", [".", PACKAGE])
