@@ -141,7 +141,7 @@ def show_summary(summary: dict[str, Any]) -> None:
         table.add_row("certificates", f"[{COLOURS['warn']}]{escape(unproved)}[/]")
     if summary["final_error"] is not None:
         table.add_row("final error", f"{summary['final_error']:.3g}, in the unit of the task")
-    for name, told in plant_rows(summary.get("plant") or {}):
+    for name, told in plant_rows(summary.get("plant"), summary["limits_and_balance"].get("base")):
         table.add_row(name, escape(told))
     if "lockstep" in summary:
         lockstep = summary["lockstep"]
