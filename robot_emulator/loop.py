@@ -29,6 +29,7 @@ from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.protocol.stop_reasons import STOP_REASONS
 from hoap3.robot_emulator.authority import Authority
+from hoap3.robot_emulator.body_watch import BodyWatch
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.filters.base import SetpointFilter
 from hoap3.robot_emulator.plant_factory import build_body
@@ -142,6 +143,7 @@ class RobotLoop:
             (getattr(self._state, name), getattr(plant, name))
             for name in ("q", "dq", "tau", "wrench", *TOLD)
         ]
+        self._body = BodyWatch(description, plant.q, plant.base)
         self._followed = -1  # tick of the setpoint in use
         self._earlier_rate = np.zeros(description.n)
         self.tick = self._published = -1
@@ -192,6 +194,7 @@ class RobotLoop:
             "safe_stops": self.safe_stops,
             "interventions": self._setpoint_filter.interventions,
             "held_back_joints": self._held_back_joints(),
+            **self._body.summary(),
             "torque_limited": self._setpoint_filter.torque_limited + self.plant.saturated,
             "conflicting": self.validator.conflicting,
             "rejections": {name: n for name, n in self.validator.rejections.items() if n},
@@ -399,6 +402,7 @@ class RobotLoop:
         state.rejected, state.success_rate = validator.rejected, deadlines.success_rate
         for told, measured in self._measured:
             told[:] = measured
+        self._body.look(ticker.tick)
         state.reference[:] = self._setpoint_filter.reference
         if self._tells_motion:
             self._tell_motion()

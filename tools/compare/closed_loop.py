@@ -13,6 +13,7 @@ from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.tools.compare.answers import MOST_TIMED, Answers, RecordedInputs, table
 from hoap3.tools.compare.candidates import Candidate
+from hoap3.tools.show.body_findings import body_of
 from hoap3.tools.show.verdicts import judge
 from hoap3.tools.simulate import Lockstep
 
@@ -72,4 +73,5 @@ def _judged(lockstep: Lockstep) -> dict[str, Any]:
     deadlines = verdict(robot.validator.deadlines.run_rate, safe_stop=robot.safe_stops > 0)
     held_back, limited = counted["interventions"], counted["torque_limited"]
     outcome, joints = lockstep.controller_loop.summary, counted["held_back_joints"]
-    return judge(deadlines, held_back, limited, outcome, joints=joints)
+    seen = {"joints": joints, "body": body_of(counted)}
+    return judge(deadlines, held_back, limited, outcome, **seen)

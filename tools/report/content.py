@@ -21,6 +21,7 @@ from hoap3.tools.report.plots.motion_plots import motion_drawings
 from hoap3.tools.report.plots.timing_plots import timing_drawings
 from hoap3.tools.report.sources import Sources, of_ours
 from hoap3.tools.report.timing import Timing, read_timing
+from hoap3.tools.show.body_findings import body_of
 from hoap3.tools.show.verdicts import judge
 
 
@@ -91,6 +92,7 @@ class Content:
             expected=untold,
             damaged=sources.lost,
             joints=sources.held_back_joints,
+            body=body_of(sources.summary),
         )
 
     @property

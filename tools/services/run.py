@@ -25,6 +25,7 @@ from hoap3.tools.machine.processes import Child, StopFlag, check_open_files, to_
 from hoap3.tools.services.observer import ObserverHandle
 from hoap3.tools.services.placement import placed
 from hoap3.tools.services.services import as_yaml, observer_for, run_folder, told, watched_cpus
+from hoap3.tools.show.body_findings import body_of
 from hoap3.tools.show.certificate_count import CountingRecorder
 from hoap3.tools.show.refusal import forget, is_new, nothing_happened
 from hoap3.tools.show.verdicts import judge
@@ -335,8 +336,13 @@ def _join(summary: dict[str, Any], controller: dict[str, Any]) -> None:
         summary["certificates"]["reasons"] = theirs["reasons"]
     held_back, limited = summary["interventions"], summary["torque_limited"]
     deadlines = summary["verdicts"]["deadlines"] or "unfit"  # it should have asked something
-    joints, outcome = summary["limits_and_balance"]["held_back_joints"], controller.get("outcome")
-    summary |= judge(deadlines, held_back, limited, outcome, expected=True, joints=joints)
+    robot, outcome = summary["limits_and_balance"], controller.get("outcome")
+    summary |= judge(
+        *(deadlines, held_back, limited, outcome),
+        expected=True,
+        joints=robot["held_back_joints"],
+        body=body_of(robot),
+    )
 
 
 def _watched(

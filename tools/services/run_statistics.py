@@ -14,6 +14,7 @@ from hoap3.protocol.runtime.deadlines import Durations, Jitter, verdict
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.robot_emulator.setpoint_validator import HISTORY
 from hoap3.tools.services.stall_attribution import FOREVER, OutsideStalls
+from hoap3.tools.show.body_findings import body_of
 from hoap3.tools.show.certificate_count import CertificateCount, reasons_on_wire
 from hoap3.tools.show.verdicts import judge
 
@@ -112,7 +113,11 @@ class RunStatistics:
             deadlines = None  # nothing was asked: there was nothing to be in time for
         interventions, limited = robot.get("interventions", 0), robot.get("torque_limited", 0)
         result: dict[str, Any] = {
-            **judge(deadlines, interventions, limited, None, joints=robot.get("held_back_joints")),
+            **judge(
+                *(deadlines, interventions, limited, None),
+                joints=robot.get("held_back_joints"),
+                body=body_of(robot),
+            ),
             "deadline": self._deadline,
             "delay_ticks": self._delay_ticks,
             "ticks": robot.get("asked", 0),

@@ -4,15 +4,22 @@ from __future__ import annotations
 
 from typing import Any
 
+from hoap3.tools.show.body_findings import base_words
 
-def plant_rows(plant: dict[str, Any]) -> list[tuple[str, str]]:
-    """Name and words of each row, as far as a plant's figures are known."""
-    rows = []
+
+def plant_rows(
+    plant: dict[str, Any] | None, base: dict[str, Any] | None = None
+) -> list[tuple[str, str]]:
+    """Name and words of each row, as far as the figures of a plant and a free base are known."""
+    plant = plant or {}
+    rows = [("base", base_words(base))] if base else []
     if plant.get("com_m") is not None:
         com, by_model = _millimetres(plant["com_m"]), _millimetres(plant["com_by_model_m"])
         zmp = _millimetres(plant["zmp_m"]) if plant.get("zmp_m") else "none"
         text = f"CoM {com}, by the model {by_model}; ZMP {zmp} mm, seen from {plant['frame']}"
         rows.append(("plant", text))
+    elif plant.get("com_world_m") is not None:
+        rows.append(("plant", f"CoM {_millimetres(plant['com_world_m'])} mm in the world"))
     off = plant.get("periods_off_the_ground") or {}
     tilts = plant.get("largest_tilt_deg") or {}
     if tilts:

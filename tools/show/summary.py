@@ -143,7 +143,7 @@ def show_summary(summary: dict[str, Any]) -> None:
     final_error = final_error_words(summary)
     if final_error is not None:
         table.add_row("final error", final_error)
-    for name, told in plant_rows(summary.get("plant") or {}):
+    for name, told in plant_rows(summary.get("plant"), summary["limits_and_balance"].get("base")):
         table.add_row(name, escape(told))
     if "lockstep" in summary:
         lockstep = summary["lockstep"]

@@ -6,6 +6,8 @@ import sys
 from collections.abc import Collection, Mapping
 from typing import Any
 
+from hoap3.tools.show.body_findings import BODY_REASONS, body_reasons, body_words
+
 CERTIFIED_SHARE = 0.95
 """Least share of the answers that must be certified, of those that the controller can certify."""
 
@@ -29,6 +31,7 @@ REASONS = {
     WEAK: "torques were too small to keep the limits",
     MARGIN: "a constraint was violated",
     OUTSIDE: "the centre of mass left the support polygon",
+    **BODY_REASONS,
 }
 """Why a verdict is bad, or why there is none, in words."""
 _UNTOLD = {
@@ -47,6 +50,7 @@ def judge(
     expected: bool = False,
     damaged: Collection[str] = (),
     joints: Mapping[str, Any] | None = None,
+    body: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Verdicts, and what two of them rest on.
 
@@ -61,12 +65,14 @@ def judge(
             known of these is lost, which is bad; ticks that nobody sees were perhaps not in time,
             so the deadlines of such a robot are unfit or not judged.
         joints: which the robot held back, as its summary has them; None where that is not known.
+        body: what the robot measured of its body, see `hoap3.tools.show.body_findings`; None where
+            that is not known.
 
     Returns:
         `verdicts`, `task` and `limits_and_balance`, as docs/concepts.md defines them.
     """
     task = _task(outcome, damaged)
-    limits = _limits(held_back, torque_limited, outcome, damaged)
+    limits = _limits(held_back, torque_limited, outcome, damaged, body or {})
     partly = "robot" in damaged and deadlines not in FAILED
     verdicts = {
         "deadlines": None if partly else deadlines,
@@ -127,12 +133,14 @@ def _limits(
     torque_limited: int | None,
     outcome: Mapping[str, Any] | None,
     damaged: Collection[str],
+    body: Mapping[str, Any],
 ) -> dict[str, Any]:
     told = outcome or {}
     margin, balance = told.get("margin") or {}, told.get("balance") or {}
     least = margin.get("least")
     reasons = [HELD_BACK] if held_back else []
     reasons += [WEAK] if torque_limited else []
+    reasons += body_reasons(body)
     if least is not None and least < -margin["tolerance"]:
         reasons.append(MARGIN)
     if balance.get("outside"):
@@ -144,6 +152,8 @@ def _limits(
     return {
         "held_back": held_back,
         "torque_limited": torque_limited,
+        "beyond_stops": body.get("beyond_stops"),
+        "base": body.get("base"),
         "smallest_margin": None if least is None else max(least, -sys.float_info.max),
         "margin_tolerance": margin.get("tolerance"),
         "smallest_margin_of": margin.get("of"),
@@ -174,6 +184,7 @@ def _limits_words(judged: Mapping[str, Any]) -> str:
         parts.append(f"held back in {held} periods{which}" if held else "no limit held back")
     if limits["torque_limited"]:
         parts.append(f"too little torque in {limits['torque_limited']} periods")
+    parts += body_words(limits)
     if limits["smallest_margin"] is not None:
         parts.append(_margin_words(limits))
     if limits["com_to_edge_m"] is not None:

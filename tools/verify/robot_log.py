@@ -1,12 +1,15 @@
-"""What a robot's log claims of itself: its schedule, its counts, and whom it follows."""
+"""What a robot's log claims of itself: its schedule, counts and body, and whom it follows."""
 
 from __future__ import annotations
 
 import json
+import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import LogError
 from hoap3.protocol.messages import Event, State
 from hoap3.protocol.runtime.shm_ring import Kind
@@ -19,6 +22,12 @@ from hoap3.tools.verify.deadline_checker import COUNTED, Recount
 EVENTS = Event.schema.constants
 FAILURES = EVENTS["REASON_MISSES"], EVENTS["REASON_HOLDER_LOST"]
 SUMMED = ("asked", "in_time", "longest_run")
+
+STOPS = {"rad": math.radians(0.5), "m": 1e-3}
+"""How far beyond its stops a joint counts, as docs/concepts.md has it."""
+
+FALLEN_DEG = 45.0
+ANGLE = 1e-5  # degrees: acos next to 1 has half the digits
 
 
 def check_robot(log: Log, misses_to_stop: int | None, claims: Claims) -> None:
@@ -45,6 +54,7 @@ def check_robot(log: Log, misses_to_stop: int | None, claims: Claims) -> None:
         return
     rows: list[tuple[Any, ...]] = []
     states: list[bytes] = []
+    summary: dict[str, Any] = {}
     epoch = stops = 0
     for kind, stamp, payload in log.records():
         if kind == Kind.GAP:
@@ -61,11 +71,14 @@ def check_robot(log: Log, misses_to_stop: int | None, claims: Claims) -> None:
             epoch = detail if event == EVENTS["GRANTED"] else epoch
             stops += event == EVENTS["SAFE_STOP"] and detail in FAILURES
         elif kind == Kind.SUMMARY:
-            _check_summary(json.loads(payload), recount, stops, claims)
+            summary = json.loads(payload)
+            _check_summary(summary, recount, stops, claims)
     if rows:
         _check_counts(recount, misses_to_stop, claims)
         _check_schedule(rows, round(log.description.period_s * 1e9), claims)
-        check_motion(as_table(State, states), log.description, claims)
+        table = as_table(State, states)
+        check_motion(table, log.description, claims)
+        check_body(summary, table, log.description, claims)
 
 
 _SCHEDULE = (
@@ -118,3 +131,62 @@ def _check_summary(summary: dict[str, Any], recount: Recount, stops: int, claims
             claims.equal(f"summary: {name}", tick, float(summary[name]), getattr(recount, name))
     if "safe_stops" in summary:
         claims.equal("summary: safe_stops", tick, float(summary["safe_stops"]), stops, 0.0)
+
+
+def check_body(
+    summary: dict[str, Any], states: NDArray[np.void], robot: RobotDescription, claims: Claims
+) -> None:
+    """Recount `beyond_stops` and `base`, where a robot's summary has them.
+
+    Args:
+        summary: of a robot of any version.
+        states: all of its States.
+        robot: its description.
+        claims: takes what was compared.
+    """
+    if "beyond_stops" in summary:
+        _check_stops(summary["beyond_stops"], states, robot, claims)
+    if summary.get("base") is not None:
+        _check_base(summary["base"], states, claims)
+
+
+def _check_stops(
+    told: dict[str, Any] | None, states: NDArray[np.void], robot: RobotDescription, claims: Claims
+) -> None:
+    joints = robot.structure.movable
+    kinds = [joints[name].kind for name in robot.joint_names]
+    slack = np.array([STOPS["m" if kind == "prismatic" else "rad"] for kind in kinds])
+    by = np.maximum(states["q"] - robot.upper_hard, robot.lower_hard - states["q"])
+    share = (by - slack) / slack
+    outside, last = (share > 0.0).any(axis=1), int(states["tick"][-1])
+    periods = 0 if told is None else told["periods"]
+    claims.equal("summary: beyond_stops", last, float(periods), int(outside.sum()), 0.0)
+    if told is None or not outside.any():
+        return
+    row = int(np.argmax(outside))
+    tick = int(states["tick"][row])
+    first = robot.joint_names[int(np.argmax(share[row]))]
+    claims.equal("summary: first beyond its stops", last, told["first_tick"], tick, 0.0)
+    claims.equal("summary: first beyond its stops", last, told["first"] == first, True, 0.0)
+    joint = int(np.unravel_index(np.argmax(share), share.shape)[1])
+    most = float(by[:, joint].max())
+    named = told["furthest"] == robot.joint_names[joint]
+    claims.equal("summary: furthest beyond its stops", last, named, True, 0.0)
+    claims.equal("summary: furthest beyond its stops", last, told["furthest_by"], most)
+
+
+def _check_base(told: dict[str, Any], states: NDArray[np.void], claims: Claims) -> None:
+    last, base = int(states["tick"][-1]), states["base"]
+    place, turned, w = base[:, :3], base[:, 3:6], base[:, 6:7]
+    upright = np.tile([0.0, 0.0, 1.0], (len(base), 1))
+    across = np.cross(upright, turned)  # the inverse rotation, of a vector
+    up = upright + 2.0 * (w * across + np.cross(across, turned))
+    tilts = np.degrees(np.arccos(np.clip(up @ up[0], -1.0, 1.0)))
+    fallen = np.flatnonzero(tilts > FALLEN_DEG)
+    tick = int(states["tick"][fallen[0]]) if fallen.size else -1
+    said = -1 if told["fallen_tick"] is None else told["fallen_tick"]
+    claims.equal("summary: base tilt", last, told["tilt_deg"], tilts[-1], ANGLE)
+    claims.equal("summary: base tilt", last, told["largest_tilt_deg"], tilts.max(), ANGLE)
+    claims.equal("summary: base fell", last, said, tick, 0.0)
+    for moved, found in zip(told["moved_m"], place[-1] - place[0], strict=True):
+        claims.equal("summary: base moved", last, moved, found)
