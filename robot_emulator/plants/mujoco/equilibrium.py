@@ -119,9 +119,9 @@ def _balance(mujoco: Any, built: MujocoModel, data: Any) -> float:
         change[:] = 0.0
         change[moves] = step
         mujoco.mj_integratePos(model, data.qpos, change, 1.0)
-        return here.copy()
+        return np.array(here)
 
-    pose = here.copy()
+    pose = np.array(here)
     found = residual(pose)
     for _ in range(ROUNDS):
         if weight == 0.0 or np.abs(found).max() <= BALANCED * weight:
