@@ -121,7 +121,7 @@ def _balance(mujoco: Any, built: MujocoModel, data: Any) -> float:
         mujoco.mj_integratePos(model, data.qpos, change, 1.0)
         return np.array(here, np.float64)
 
-    pose = here.copy()
+    pose = np.array(here)
     found = residual(pose)
     for _ in range(ROUNDS):
         if weight == 0.0 or np.abs(found).max() <= BALANCED * weight:

@@ -13,7 +13,8 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, NotInstalledError, one_of
 from hoap3.protocol.messages import FloatArray
 from hoap3.robot_emulator.plants.mujoco.collisions import keep_apart, let_touch, surround
-from hoap3.robot_emulator.plants.mujoco.files.mjcf import check_types, read_mjcf
+from hoap3.robot_emulator.plants.mujoco.files.joints import check_joints
+from hoap3.robot_emulator.plants.mujoco.files.mjcf import read_mjcf
 from hoap3.robot_emulator.plants.mujoco.inertias import repair
 from hoap3.robot_emulator.plants.mujoco.rerooted_urdf import (
     body_of,
@@ -126,8 +127,7 @@ def build_model(
     else:
         urdf = description.urdf if free or not moved else rerooted(description.urdf, welded)
         spec, altered = _from_urdf(mujoco, urdf, parameters, description)
-    _check_joints(spec, description, parameters)
-    check_types(mujoco, spec, description)
+    check_joints(mujoco, spec, description, parameters)
     _add_frames(spec, frames, file=parameters.mjcf is not None)
     _add_imus(spec, mujoco, imus)
     _set_joints(spec, mujoco, description, parameters)
@@ -175,24 +175,6 @@ def _from_urdf(
             root.fullinertia = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
         root.add_freejoint()
     return spec, repair(spec)
-
-
-def _check_joints(spec: Any, description: RobotDescription, parameters: MujocoParameters) -> None:
-    known = [joint.name for joint in spec.joints]
-    for name in description.joint_names:
-        if name not in known:
-            hint = one_of(name, known, "Its joints")
-            raise ConfigError("", "parameters.mjcf", name, "the file lacks this joint", hint)
-    for key in ("kp", "kv", "armature"):
-        given = getattr(parameters, key)
-        for name, value in given.items() if isinstance(given, dict) else ():
-            if key != "armature" and not value > 0.0:
-                problem, remedy = "a servo needs some", "Write a number above 0"
-                raise ConfigError("", f"parameters.{key}.{name}", value, problem, remedy)
-            if name not in description.joint_names:
-                hint = one_of(name, description.joint_names, "Its joints")
-                problem = f"robot {description.name!r} has no such joint"
-                raise ConfigError("", f"parameters.{key}", name, problem, hint)
 
 
 def _add_frames(spec: Any, frames: tuple[str, ...], *, file: bool) -> None:

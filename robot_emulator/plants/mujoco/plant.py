@@ -15,9 +15,11 @@ from hoap3.robot_emulator.config import PlantSettings
 from hoap3.robot_emulator.plants.base import Declared, Plant
 from hoap3.robot_emulator.plants.mujoco.balance import Balance
 from hoap3.robot_emulator.plants.mujoco.equilibrium import place
+from hoap3.robot_emulator.plants.mujoco.files.joints import check_base
 from hoap3.robot_emulator.plants.mujoco.files.mjcf import refuse_unheeded
 from hoap3.robot_emulator.plants.mujoco.gains import Gains, servo_gains
 from hoap3.robot_emulator.plants.mujoco.model import MOTORS, SERVOS, build_model, mujoco_module
+from hoap3.robot_emulator.plants.mujoco.rerooted_urdf import body_of
 from hoap3.robot_emulator.plants.mujoco.senses import Encoders, Senses
 from hoap3.robot_emulator.plants.mujoco.settings import (
     MujocoParameters,
@@ -69,18 +71,12 @@ class MujocoPlant(Plant):
         soles = tuple(sole.frame for sole in description.soles)
         frames = dict.fromkeys((*soles, *contacts, *imus, *description.wrench_sensors))
         self.built = build_model(description, parameters, tuple(frames), imus)
-        if self.built.free != (parameters.base == "free"):
-            found = "free" if self.built.free else "fixed"
-            problem, remedy = f"its base is {found}", f"Write base: {found}, or change the file"
-            raise ConfigError("", "parameters.mjcf", parameters.mjcf, problem, remedy)
-        if self.built.free and len(self.built.trees) > 1:
-            problem, remedy = "its joints hang from several bodies", "Name those of one robot"
-            raise ConfigError("", "parameters.mjcf", parameters.mjcf, problem, remedy)
+        check_base(parameters, free=self.built.free, trees=len(self.built.trees))
         self.model = self.built.model
         self.data = self._mujoco.MjData(self.model)
         self._sole = soles[0] if soles else None
         self._pushes = [
-            (self.model.body(push.frame).id, push.at_s, push.at_s + push.for_s, push.force_n)
+            (self.model.body(body_of(push.frame)).id, push.at_s, push.at_s + push.for_s, push.force_n)
             for push in parameters.pushes
         ]
         self._senses = Senses(self._mujoco, self.built, self.data, description, contacts, imus)

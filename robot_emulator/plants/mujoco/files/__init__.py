@@ -1,1 +1,1 @@
-"""The user's own files of robots in MuJoCo's format."""
+"""What MuJoCo reads, and whether it fits the robot and the settings."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.robot_emulator.plants.mujoco.settings import MujocoParameters
 
@@ -59,21 +58,3 @@ def _forget_defaults(mujoco: Any, spec: Any) -> None:
         ours, usual = getattr(spec.default, kind), getattr(blank.default, kind)
         for key in keys:
             setattr(ours, key, getattr(usual, key))
-
-
-def check_types(mujoco: Any, spec: Any, description: RobotDescription) -> None:
-    """Refuse joints of a file that move otherwise than those of the description.
-
-    Raises:
-        ConfigError: one turns and the other slides, or is a ball.
-    """
-    types = mujoco.mjtJoint
-    told = {types.mjJNT_HINGE: "turns", types.mjJNT_SLIDE: "slides"}
-    for name in description.joint_names:
-        kind = description.structure.movable[name].kind
-        wanted = "slides" if kind == "prismatic" else "turns"
-        found = told.get(spec.joint(name).type, "has more than one degree of freedom")
-        if found != wanted:
-            problem = f"the joint {found} in the file, and {wanted} in the description"
-            remedy = "Correct the one that is wrong"
-            raise ConfigError("", "parameters.mjcf", name, problem, remedy)

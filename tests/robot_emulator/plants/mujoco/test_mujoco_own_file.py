@@ -146,3 +146,9 @@ def test_a_file_without_a_floor_says_that_its_robot_falls(tmp_path: Path):
     for each in (held, put):
         assert "floor" not in " ".join(each.notes())
         assert "weight" not in " ".join(each.notes())
+
+
+def test_joints_of_two_free_bodies_are_no_robot(tmp_path: Path):
+    apart = FREE.replace(SECOND, "") + f'<body name="other"><freejoint/>{WEIGHT}{SECOND}</body>'
+    with pytest.raises(ConfigError, match="several bodies"):
+        plant(tmp_path, apart, base="free", imu_frames=[])
