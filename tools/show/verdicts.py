@@ -35,8 +35,8 @@ REASONS = {
 }
 """Why a verdict is bad, or why there is none, in words."""
 _UNTOLD = {
-    NOT_TOLD: "constraints and balance: not told by the controller",
-    NOT_TOLD_BY_ROBOT: "joints held back: not told by the robot",
+    NOT_TOLD: "not told by the controller (constraints and balance)",
+    NOT_TOLD_BY_ROBOT: "not told by the robot (joints held back)",
 }
 """The same of limits and balance, of which each side knows a part."""
 
