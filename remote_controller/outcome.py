@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections import Counter
 from typing import Any
 
 from hoap3.protocol.description import RobotDescription
@@ -33,6 +34,7 @@ class Outcome:
         self._controller = controller
         self._balance = balance_of(description)
         self.answers = self._certifiable = self._certified = 0
+        self._without = Counter[int]()  # conditions, by bit, of answers that could be certified
         self._least_margin, self._least_of = math.inf, ("", "")
 
     def note(self, state: State, answer: Setpoint) -> None:
@@ -49,7 +51,10 @@ class Outcome:
             self._least_of = controller.margin_of()
         if controller.certifies and not controller.present & controller.not_certified_in:
             self._certifiable += 1
-            self._certified += status in PROVED
+            if status in PROVED:
+                self._certified += 1
+            else:
+                self._without[controller.present] += 1
 
     def as_json(self) -> dict[str, Any]:
         """All of it as a JSON object; docs/logs.md has the keys.
@@ -67,6 +72,16 @@ class Outcome:
             "tasks": [error.as_json() for error in self._controller.task_errors()],
             "certifiable": self._certifiable,
             "certified": self._certified,
+            "not_certified": self._not_certified(),
             "margin": margin if judged else None,
             "balance": None if self._balance is None else self._balance.as_json(),
         }
+
+    def _not_certified(self) -> dict[str, int]:
+        """Conditions that held during answers without certificate, in how many, most first."""
+        found = Counter[str]()
+        for present, count in self._without.items():
+            for bit, name in enumerate(self._controller.conditions):
+                if present >> bit & 1:
+                    found[name] += count
+        return dict(found.most_common())

@@ -291,6 +291,8 @@ class Service:
         if self._controller is None or description.digest != self._digest:
             self._controller = build(self._config, description, self._file)
             self._digest, self._outcome = description.digest, None
+            for note in self._controller.notes():
+                self._report(note)
         if self._outcome is None or status.session_id != self._session_id:
             self._outcome = Outcome(self._controller, description)
             self._session_id = status.session_id

@@ -90,8 +90,8 @@ class Controller(ABC):
         certifies: whether it can certify its answers. False for one that certifies only some, by
             its design: then the share of certified answers says nothing of the motion.
         not_certified_in: conditions, by bit, in which nothing is certified by design.
-        within_servos: whether its law is slow enough for the robot's servos: else nothing is
-            certified, see `servo_rate`.
+        too_fast: bit of the condition that its law is too fast for the robot's servos, where
+            nothing is certified; 0 where it is slow enough. See `servo_rate`.
         live: its targets that somebody steers, in the order in which messages count them.
         margin_tolerance: how far the certificate's `margin` may be below 0 by rounding, in its
             unit; None for a controller without constraints.
@@ -114,7 +114,7 @@ class Controller(ABC):
         self.conditions: tuple[str, ...] = ()
         self.present = 0
         self.certifies, self.not_certified_in = True, 0
-        self.within_servos = True
+        self.too_fast = 0
         self.live: Sequence[Live] = ()
         self.margin_tolerance: float | None = None
         self.description, self.parameters = description, parameters
@@ -187,9 +187,27 @@ class Controller(ABC):
             at_target: whether it is that nothing is left to do.
             proven: whether all that the certificate claims is shown to hold.
         """
-        proven = proven and self.within_servos
+        proven = proven and not self.too_fast
         verdict = "at_target" if at_target else "certified" if proven else "uncertified"
         self.command.solver_status = STATUS[verdict if solved else "infeasible"]
+
+    def heed_servos(self, condition: str) -> None:
+        """Certify nothing where the law is too fast for the robot's servos.
+
+        Args:
+            condition: why, as `servo_rate.too_fast` says; "" where it is not.
+        """
+        if condition:
+            self.too_fast = 1 << len(self.conditions)
+            self.conditions = (*self.conditions, condition)
+
+    def notes(self) -> list[str]:
+        """What people should know of it at the start, a line each."""
+        if not self.too_fast:
+            return []
+        why = self.conditions[self.too_fast.bit_length() - 1]
+        remedy = "Slow the law, damp the servos, or write kinematics_from: reference"
+        return [f"no answer will be certified: {why} (docs/plants.md). {remedy}"]
 
     def task_errors(self) -> list[TaskError]:
         """Errors of the tasks at the last `step`, each with its tolerance; empty without a target.
@@ -294,6 +312,7 @@ class VelocityController(Controller):
         if flight is not None:
             state = flight.ahead(state)
         u = self.velocity(state)
+        self.present |= self.too_fast
         start = state.q if self._from_measured else state.reference
         history = self._history(state)
         if flight is not None and not flight.foreseen:

@@ -42,12 +42,19 @@ def loop_rate(
     return c * greatest * (1.0 if pseudo_inverse else greatest / least)
 
 
-def slow_enough(description: RobotDescription, rate: float, kinematics_from: str) -> bool:
-    """Whether the certificate of a law counts, though servos give way.
+def too_fast(description: RobotDescription, rate: float, kinematics_from: str) -> str:
+    """Why the certificate of a law does not count where servos give way; "" where it does.
 
     It is for joints that follow their reference. Where a law answers to what servos have made of
     that, it is a loop around them, and `servo_rate_1_s` says how fast that may be. Both rates are
     those of the start posture; what becomes of them on the way is not looked at.
+
+    Args:
+        description: of the robot.
+        rate: `loop_rate` of the law [1/s].
+        kinematics_from: "measured" or "reference".
     """
     limit = description.servo_rate_1_s
-    return limit is None or kinematics_from == "reference" or rate < limit
+    if limit is None or kinematics_from == "reference" or rate < limit:
+        return ""
+    return f"loop {rate:.3g}/s >= servos {limit:.3g}/s"

@@ -161,7 +161,8 @@ def euler_step(
             taken over.
         reference: that the robot applies.
         limits: (4, n) of the robot: least and greatest position, greatest speed, greatest
-            acceleration.
+            acceleration. As in the robot, the range of a joint ends where its reference is, if that
+            is beyond: servos that give way may need it there from the start.
         earlier: reference of one period ago; becomes that of now.
         out: the last answer; becomes the new one.
 
@@ -173,8 +174,9 @@ def euler_step(
     if start.size != out.size or u.size != out.size:
         return -1, beyond
     for i in range(out.size):
-        lower, upper, speed, acceleration = limits[0, i], limits[1, i], limits[2, i], limits[3, i]
         q, s = reference[i], start[i] + u[i] * T
+        lower, upper = min(limits[0, i], q), max(limits[1, i], q)
+        speed, acceleration = limits[2, i], limits[3, i]
         v = (q - earlier[i]) / T if history == FOLLOWED else 0.0
         before = within(out[i], lower, upper) if history == FOLLOWED else q
         begin = own_start(before, s, q, speed, T)

@@ -172,6 +172,8 @@ def run_lockstep(
             robot_log = recorder_for("robot", emulator)
             controller_log = recorder_for("controller", controller)
         lockstep = Lockstep(emulator, controller, robot_log, controller_log, files=files)
+        for note in (*lockstep.robot.plant.notes(), *lockstep.controller.notes()):
+            to_people(note)
         began = time.monotonic()
         lockstep.run(duration, should_stop or (lambda: False), report)
         wall = time.monotonic() - began

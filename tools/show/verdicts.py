@@ -14,6 +14,7 @@ CERTIFIED_SHARE = 0.95
 NAMES = {"deadlines": "deadlines", "task": "task", "limits_and_balance": "limits and balance"}
 FAILED = ("unfit", "bad")
 NOT_JUDGED = "not judged"
+MOST_CONDITIONS = 3  # in words
 
 NOT_TOLD, NOT_TOLD_BY_ROBOT = "not_told_by_controller", "not_told_by_robot"
 NO_TARGET, DAMAGED = "no_target", "damaged"
@@ -124,6 +125,7 @@ def _task(outcome: Mapping[str, Any] | None, damaged: Collection[str]) -> dict[s
         "certifiable": certifiable,
         "certified": certified,
         "certified_share": share,
+        "not_certified": dict(outcome.get("not_certified") or {}),
         "reasons": reasons,
     }
 
@@ -171,6 +173,8 @@ def _task_words(judged: Mapping[str, Any]) -> str:
     parts += [_error_words(each) for each in task["errors"] if each["judged"]]
     if task["certifiable"]:
         parts.append(f"certified {task['certified']} of {task['certifiable']} answers")
+    if NOT_CERTIFIED in task["reasons"] and task["not_certified"]:
+        parts.append("not certified: " + ", ".join(list(task["not_certified"])[:MOST_CONDITIONS]))
     others = [f"{_error_words(each)} ({each['note']})" for each in task["errors"] if each["note"]]
     return "; ".join([*parts, *(["not judged: " + ", ".join(others)] if others else [])])
 

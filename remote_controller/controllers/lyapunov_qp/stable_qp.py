@@ -22,7 +22,7 @@ from hoap3.remote_controller.controllers.lyapunov_qp.diagnostics import Diagnost
 from hoap3.remote_controller.controllers.lyapunov_qp.objective import check_objective, solver_of
 from hoap3.remote_controller.controllers.qp12.lyapunov_descent_kernels import GAMMA_SLOPE
 from hoap3.remote_controller.controllers.ramp import Ramp
-from hoap3.remote_controller.controllers.servo_rate import loop_rate, slow_enough
+from hoap3.remote_controller.controllers.servo_rate import loop_rate, too_fast
 from hoap3.remote_controller.default_task import default_goal
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.solvers.base import status
@@ -129,7 +129,7 @@ class StableQpController(VelocityController):
             self.function.update(self.kinematics, 0.0)
             jacobian = getattr(self.function, "jacobian", None)  # of a V that is none of |e|²/2
             fastest = math.inf if jacobian is None else loop_rate(psi.form, rate.scales, jacobian)
-            self.within_servos = slow_enough(description, fastest, parameters.kinematics_from)
+            self.heed_servos(too_fast(description, fastest, parameters.kinematics_from))
 
     @classmethod
     def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Self:

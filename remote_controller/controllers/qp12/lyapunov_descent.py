@@ -13,7 +13,7 @@ from hoap3.protocol.description import COM, RobotDescription
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.controllers.base import CERTIFIED_RESIDUAL, VelocityController
 from hoap3.remote_controller.controllers.ramp import Ramp
-from hoap3.remote_controller.controllers.servo_rate import loop_rate, slow_enough
+from hoap3.remote_controller.controllers.servo_rate import loop_rate, too_fast
 from hoap3.remote_controller.default_task import default_goal
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.solvers.base import status
@@ -82,7 +82,7 @@ class DescentController(VelocityController):
             self.kinematics.update(description.initial_position)
             self.task.update(self.kinematics)
             rate = self.fastest(parameters)
-            self.within_servos = slow_enough(description, rate, parameters.kinematics_from)
+            self.heed_servos(too_fast(description, rate, parameters.kinematics_from))
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Begin again from rest."""

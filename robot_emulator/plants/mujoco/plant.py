@@ -76,7 +76,12 @@ class MujocoPlant(Plant):
         self.data = self._mujoco.MjData(self.model)
         self._sole = soles[0] if soles else None
         self._pushes = [
-            (self.model.body(body_of(push.frame)).id, push.at_s, push.at_s + push.for_s, push.force_n)
+            (
+                self.model.body(body_of(push.frame)).id,
+                push.at_s,
+                push.at_s + push.for_s,
+                push.force_n,
+            )
             for push in parameters.pushes
         ]
         self._senses = Senses(self._mujoco, self.built, self.data, description, contacts, imus)

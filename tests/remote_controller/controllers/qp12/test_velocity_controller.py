@@ -147,6 +147,19 @@ def test_who_heads_for_a_wall_faster_than_it_can_brake_is_not_certified():
     assert statuses(controller, *states[1:]) == ["certified", "uncertified"]
 
 
+@pytest.mark.parametrize(
+    ("u", "expected"), [(0.0, "certified"), (-0.5, "certified"), (0.5, "uncertified")]
+)
+def test_a_joint_whose_reference_rests_beyond_its_range_may_stay_there_but_not_go_on(u, expected):
+    """Where servos give way, what holds a joint at its limit lies beyond it."""
+    beyond = np.array([2.0005, 0.0, 0.0])  # its range ends at 2 rad
+    robot = PositionFilter(arm(), 1e-3)
+    robot.reset(beyond)
+    controller = given(u, 0.0, 0.0)
+    assert statuses(controller, followed(0, beyond)) == [expected]
+    assert (robot.follow(controller.command.values, 0) < 0) == (expected == "certified")
+
+
 def test_what_is_certified_the_robot_takes_over_bit_by_bit():
     """Random velocities about all limits: the robot's own filter is the judge."""
     rng = np.random.default_rng(11)
