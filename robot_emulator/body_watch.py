@@ -48,7 +48,7 @@ class BodyWatch:
         np.maximum(self._q, self._least, out=inside)
         np.minimum(inside, self._most, out=inside)
         np.subtract(self._q, inside, out=beyond)
-        if beyond.any():
+        if np.logical_or.reduce(beyond):
             self._count(tick)
         if self._free:
             self._look_at_base(tick)
