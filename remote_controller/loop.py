@@ -58,6 +58,7 @@ class ControllerLoop:
 
     Attributes:
         steering: who steers its live targets.
+        steered: whether there are any.
         epoch: authority under which it answers, 0 for none.
         steps: States that the controller has processed.
         answered, overwritten, repeated, rejected: counts of States.
@@ -87,7 +88,7 @@ class ControllerLoop:
         self.steps = self.answered = self.overwritten = self.repeated = self.rejected = 0
         self.stale = False
         self.steering = Steering(controller.live, session_id, controller.description.period_s)
-        self._silent = False
+        self.steered, self._silent = bool(controller.live), False
         self._robot_event = Event()
         self._conflict_due = self._stop_due = 0  # when the next such word is recorded
         self._strange = 0  # States in a row that do not fit what was agreed
@@ -196,7 +197,7 @@ class ControllerLoop:
             raise failure(controller, f"failed at tick {tick}", error) from error
         if controller.present != self._present:
             self._note_conditions(controller.present)
-        if not asked or self._falls_silent(tick):
+        if not asked or (self.steered and self._falls_silent(tick)):
             self._last_answer = None
             return None
         command.session_id, command.tick, command.epoch = session_id, tick, epoch
@@ -278,7 +279,7 @@ class ControllerLoop:
         self._summed_up = self._outcome.answers
         try:
             self.summary = self._outcome.as_json()
-            if self.steering:
+            if self.steered:
                 self.summary["targets"] = self.steering.as_json()
             payload = json.dumps({"session_id": self._session_id, **self.summary}).encode()
         except (Exception, SystemExit) as error:

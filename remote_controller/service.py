@@ -414,7 +414,7 @@ class Service:
                 if request is not None:
                     serve(request, loop)
                     watch.reset()
-                if loop.steering:
+                if loop.steered:
                     self._hear_senders(link, loop)
                 if loop.stale:
                     break
@@ -432,7 +432,7 @@ class Service:
 
     def _sum_up(self, loop: ControllerLoop) -> None:
         loop.sum_up()
-        if loop.steering:
+        if loop.steered:
             self._report(Routine(str(loop.steering)))
 
     def _hear_senders(self, link: Link, loop: ControllerLoop) -> None:

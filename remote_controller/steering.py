@@ -54,10 +54,6 @@ class Steering:
         self.refused = dict.fromkeys(REFUSALS, 0)
         self._before = self.counts()  # when somebody began to steer
 
-    def __bool__(self) -> bool:
-        """Whether there is anything to steer."""
-        return bool(self._live)
-
     def acquire(
         self, who: str, authority: int, tick: int, *, following: bool = True
     ) -> dict[str, Any]:
