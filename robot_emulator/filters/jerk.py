@@ -6,7 +6,7 @@ import numpy as np
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
-from hoap3.protocol.robot.jerk.jerk_limits import WITHOUT, limits_with_jerk
+from hoap3.protocol.robot.jerk.jerk_limits import limits_with_jerk
 from hoap3.robot_emulator.filters.braking_curve import BrakingCurve
 from hoap3.robot_emulator.filters.position import PositionFilter
 
@@ -37,6 +37,7 @@ class JerkFilter(PositionFilter):
     """
 
     def __init__(self, description: RobotDescription, period_s: float) -> None:
+        from hoap3.protocol.robot.jerk.jerk_takeover_kernels import WITHOUT
         from hoap3.robot_emulator.filters import jerk_kernels as kernels
 
         super().__init__(description, period_s)

@@ -9,9 +9,6 @@ from hoap3.protocol.description import RobotDescription
 
 Array = NDArray[np.float64]
 
-WITHOUT = 4.0
-"""Of A/T: a jerk that no change of acceleration has, for joints without a limit."""
-
 INSIDE = 1.0 - 1e-9  # because of rounding
 
 

@@ -9,10 +9,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from hoap3.protocol.robot.jerk.jerk_limits import WITHOUT
 from hoap3.protocol.robot.jerk.jerk_limits_kernels import able_to_brake, release
 from hoap3.protocol.robot.setpoint_limits_kernels import rounding, within
 from hoap3.protocol.runtime.numba_jit import Matrix, inlined
+
+WITHOUT = 4.0
+"""Of A/T: a jerk that no change of acceleration has, for joints without a limit."""
 
 SLACKS = 4.0
 """Units of the last place of a position that a third difference of roundings may make."""

@@ -10,4 +10,5 @@ from hoap3.testing import ControllerProperties
 
 class TestShipped(ControllerProperties):
     cases = available_configs()
+    resting = ("steered_ur5",)
     slow, long = pytest.mark.slow, pytest.mark.long

@@ -79,7 +79,7 @@ WRONG_EMULATOR = {
     "wrong choice": ("loss_policy: pray\n", ("loss_policy", "'pray'", "'hold' or 'extrapolate'")),
     "unknown posture": ("posture: lotus\n", ("posture", "'lotus'", "Known: ")),
     "unknown robot": ("robot: hoap4\n", ("'hoap4'", "Did you mean 'hoap3'?", "mine.yaml: robot")),
-    "robot without folder": ("robot: ./nowhere\n", ("mine.yaml: robot: ", "/nowhere'")),
+    "robot without folder": ("robot: ./nowhere\n", ("mine.yaml: robot: ", "no such")),
 }
 
 

@@ -26,6 +26,7 @@ CELLS = [(config, robot) for config, names in PAIRS.items() for robot in names]
 OF_THE_ROBOT = ["qp12", "pinv", "osqp", "stable_qp", "clik_sdp", "tsid"]
 """Configs that leave the task to the robot."""
 NOT_FALLING = {
+    "steered_ur5": "nobody steers it",
     "clik_sdp_writing": "V falls to a floor only",
     "clik_ur5": "gains of 2/s and 1/s: slower than what is asked here",
     "com_circulation": "a motion for ever",

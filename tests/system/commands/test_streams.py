@@ -28,6 +28,7 @@ from support.command_bench import (
 from hoap3.tools.cli.app import app
 
 LOCKSTEP = ("run", "--lockstep", "--duration", 0.05, "--no-realtime")
+WAVE = HOUSE / "examples" / "trajectory" / "wave.csv"
 UR5 = HOUSE / "robot_emulator" / "robots" / "ur5" / "ur5.urdf"
 LOCAL: dict[str, tuple[object, ...]] = {
     "list": ("list",),
@@ -51,6 +52,8 @@ LOCAL: dict[str, tuple[object, ...]] = {
     "export": ("export", "{log}", "--to", "{out}.csv"),
     "robot import": ("robot", "import", UR5, "--out", "{out}"),
     "robot check": ("robot", "check", UR5),
+    "trajectory check": ("trajectory", "check", WAVE, "--robot", "ur5"),
+    "trajectory from": ("trajectory", "from", "{log}", "--out", "{out}.csv"),
 }
 """What needs no robot that runs."""
 
@@ -58,6 +61,8 @@ ELSEWHERE = {
     "reproduce": "tests/tools/reproduce: a paper takes minutes",
     "bench hierarchy": "tests/tools/bench/test_bench_hierarchy.py",
     "bench gains": "tests/tools/bench/test_bench_gains.py",
+    "bench pushes": "tests/tools/bench/test_pushes.py",
+    "new": "tests/tools/new",
     "priorities": "tests/system/runs/test_live_changes.py",
 }
 LIVE: dict[str, tuple[object, ...]] = {
@@ -68,7 +73,10 @@ LIVE: dict[str, tuple[object, ...]] = {
     "release": ("release", "lwr"),
 }
 SERVICES = {"emulator", "controller"}
-ONE_FORM = {"change", "config show", "config check", "config schema", "export", "controller"}
+ONE_FORM = {
+    *("change", "config show", "config check", "config schema", "export", "controller"),
+    "trajectory from",
+}
 """Commands without `--json`."""
 
 
