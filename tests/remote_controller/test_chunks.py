@@ -115,7 +115,7 @@ def assert_follows(seconds: float) -> None:
     assert error <= 2e-3
     assert jerk <= 0.1 * naive_jerk
     again, _ = steered(seconds)
-    assert [tuple(record) for record in again.records] == [tuple(record) for record in run.records]
+    assert all(one == other for one, other in zip(again.records, run.records, strict=True))
     assert replay_records(run.records, controller_settings("steered_ur5")).identical
     found = verified(run.records)
     assert (found["false"], found["unverified"]) == (0, 0)
