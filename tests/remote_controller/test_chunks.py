@@ -129,7 +129,7 @@ def verified(records: list[Record]) -> dict[str, Any]:
 
 
 def test_chunks_that_come_late_are_followed_without_lag_and_repeated_to_the_bit():
-    assert_follows(6.0)
+    assert_follows(4.5)
 
 
 @pytest.mark.long

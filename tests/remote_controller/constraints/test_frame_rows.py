@@ -117,6 +117,7 @@ def test_a_pinned_foot_stays_while_the_rest_moves():
 @pytest.mark.parametrize("axes", [("rz",), ("x", "ry")])
 @settings(max_examples=5)
 @given(seed=SEEDS, eta=st.floats(2.0, 1000.0))
+@pytest.mark.slow
 def test_a_frame_that_turns_freely_drifts_no_further_than_is_stated(axes, seed, eta):
     """ω on the axes that are kept would not do: ω_z = 0 allows turns that end up about z."""
     bench = Bench(

@@ -168,6 +168,7 @@ def arm(folder: Path) -> Path:
     return arm3.write(folder)
 
 
+@pytest.mark.slow
 def test_a_robot_without_a_default_task(tmp_path: Path) -> None:
     words = ("qp12.yaml", "parameters.target_m", "'arm3' has no default task", "robot.yaml")
     robot = arm(tmp_path)

@@ -55,6 +55,7 @@ def test_the_only_robot_needs_neither_name_nor_endpoint(runtime):
     assert not path.exists()
 
 
+@pytest.mark.slow
 def test_a_recording_takes_the_only_robot_of_this_machine(tmp_path):
     with emulator("hoap3", *QUIET, "--set", "name=arm", at=endpoint()) as robot:
         done = inside("record", "--duration", 0.2, "--out", tmp_path / "log", "--json")
@@ -106,6 +107,7 @@ def test_a_robot_that_does_not_run_here_is_looked_for_on_the_network(monkeypatch
     assert asked == [("leg", "stop", ENDPOINT), ("leg", "stop", "tcp/10.0.0.1:1")]
 
 
+@pytest.mark.slow
 def test_who_asks_for_a_robot_that_is_not_there_is_told_which_are(monkeypatch):
     def silent(name: str, verb: str, endpoint: str) -> dict:
         raise LinkError(f"nobody answers at {endpoint}")

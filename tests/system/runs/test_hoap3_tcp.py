@@ -119,6 +119,7 @@ def test_in_real_time_it_ends_there_too(order: str, slots: int, tmp_path: Path) 
 
 
 @pytest.mark.parametrize("order", ["legacy", pytest.param("paper", marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_a_run_in_real_time_is_answered_and_told(order: str, tmp_path: Path) -> None:
     folder = tmp_path / "run"
     words = "emulator.link.kind=hoap3_tcp", f"emulator.link.hoap3_tcp.order={order}"
@@ -180,6 +181,7 @@ def test_another_program_has_its_500_exchanges(
 @pytest.mark.parametrize(
     "sent", [84, *(pytest.param(n, marks=pytest.mark.slow) for n in (0, 1, 167))]
 )
+@pytest.mark.slow
 def test_a_robot_whose_client_is_cut_off_within_an_exchange_comes_to_rest(
     sent: int, tmp_path: Path
 ) -> None:

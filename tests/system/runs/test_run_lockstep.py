@@ -98,6 +98,7 @@ def test_a_wrong_value_under_a_former_name_is_told_with_its_key(tmp_path: Path) 
 
 
 @pytest.mark.filterwarnings("always")
+@pytest.mark.slow
 def test_constraints_under_their_former_names_give_the_same_run(tmp_path: Path) -> None:
     dotted = "'remote_controller.constraints.joint_speed:JointSpeed'"
     hashes = set()
@@ -277,6 +278,7 @@ def test_a_log_without_setpoints_proves_nothing(first: Done, folder: Path, tmp_p
     assert "no setpoint to compare" in empty.stdout
 
 
+@pytest.mark.slow
 def test_code_is_not_run_on_the_word_of_a_log(first: Done, folder: Path, tmp_path: Path) -> None:
     (tmp_path / "evil.py").write_text(
         "from pathlib import Path\n"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
 from support.command_bench import inside
 
 from hoap3.protocol.runtime.recorder import MemoryRecorder, NoRecorder
@@ -29,6 +30,7 @@ def test_a_default_run_passes_all_three(tmp_path: Path) -> None:
     assert re.findall(r'class="badge (\w+)"', page) == ["fit", "good", "good"]
 
 
+@pytest.mark.slow
 def test_an_unreachable_target_is_no_success(tmp_path: Path) -> None:
     words = ("run", "--lockstep", "--duration", "2", *FAR)
     done = inside(*words, "--out", tmp_path / "log")

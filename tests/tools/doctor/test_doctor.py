@@ -158,6 +158,7 @@ print(json.dumps({"levels": levels, "placement": measure_placement(ticks=20)}))
 """
 
 
+@pytest.mark.slow
 def test_without_rights_everything_is_still_found_out():
     with tempfile.TemporaryDirectory() as folder:  # for claims, and open to everybody
         Path(folder).chmod(0o777)

@@ -384,6 +384,7 @@ def test_a_force_across_the_normal_that_shall_be_none_lets_the_hand_go_there():
     assert abs(x + 0.5) > 5e-3
 
 
+@pytest.mark.slow
 def test_put_in_again_it_lies_down_as_gently_as_at_first():
     out = {"at_s": 3.2, "remove": "hand", "over_s": 0.2}
     back = {"at_s": 3.8, "insert": "hand", "over_s": 0.2}

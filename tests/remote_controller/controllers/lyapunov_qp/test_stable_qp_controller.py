@@ -124,6 +124,7 @@ def test_a_curve_is_kept_where_its_speed_is_never_to_be_had():
     assert "infeasible" not in found.statuses
 
 
+@pytest.mark.slow
 def test_a_curve_is_kept_where_its_speed_is_only_just_to_be_had():
     wish = {"joints": ["r_elbow", "l_elbow"], "radii_rad": [0.1, 0.1]}
     task = {"task": "joint_curve", "parameters": {"curve_parameters": wish, "speed_rad_s": 0.2}}

@@ -146,6 +146,7 @@ def test_writing_keeps_within_its_floor_of_two_hundredths_of_a_millimetre():
     assert left.max() <= floor <= 2e-5
 
 
+@pytest.mark.slow
 def test_half_the_period_leaves_a_quarter_of_the_remainder(tmp_path):
     folder = shutil.copytree(ROBOT_FOLDER / "ur5", tmp_path / "ur5")
     text = (folder / "robot.yaml").read_text()

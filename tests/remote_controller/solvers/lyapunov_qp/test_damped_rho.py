@@ -22,6 +22,7 @@ def solved(problem, ratio: float) -> StableQp:
 
 
 @pytest.mark.parametrize("ratio", [0.5, 10.0])
+@pytest.mark.slow
 def test_it_is_the_optimum_for_the_fall_that_it_has(ratio):
     seen = 0
     for _, problem in degenerate(3, COUNT):
