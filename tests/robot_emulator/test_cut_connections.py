@@ -67,7 +67,7 @@ def test_it_comes_to_rest_wherever_the_connection_is_cut(order: str, slots: int)
             inner._ask("recover", "test")
             cut_off(inner.ports, sent, order, struct.Struct(f"<{slots}d"))
             until(lambda stops=sent + 1: robot.safe_stops == stops)
-            until(lambda: robot.mode == State.STOPPED)
+            until(lambda: robot._state.mode == State.STOPPED)  # published: the tick is over
             assert robot._status()["stop_reason"] == STOP_REASONS[LOST]
             assert not robot.plant.dq.any()
 
