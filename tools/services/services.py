@@ -33,7 +33,7 @@ from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.robots import load
 from hoap3.robot_emulator.service import describe, serve, serve_lockstep
 from hoap3.tools.logs.log_format import SIDES, file_name
-from hoap3.tools.logs.motion_files import as_written, attachments_of, enclosed
+from hoap3.tools.logs.motion_files import LOG_SUFFIX, as_written, attachments_of, enclosed
 from hoap3.tools.machine.machine import machine_block
 from hoap3.tools.machine.processes import StopFlag, check_open_files, to_people
 from hoap3.tools.machine.software import software
@@ -132,12 +132,15 @@ def run_folder(
         sides: those whose logs will be written there.
 
     Raises:
-        ConfigError: the folder cannot be made or written, or holds such a log already.
+        ConfigError: the folder cannot be made or written, holds such a log already, or has the name
+            of a file.
     """
     if not log.record:
         return None
     folder = out or new_name(Path(log.directory))
     try:
+        if folder.suffix == LOG_SUFFIX:
+            raise NotADirectoryError(errno.ENOTDIR, "is the name of a log, not of its folder")
         folder.mkdir(parents=True, exist_ok=out is not None)
         if not os.access(folder, os.W_OK | os.X_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
