@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.steered_hand import MOVING, T, hands, lag_and_error, peak_jerk
 
 import hoap3
 from hoap3.protocol.messages import State, Target
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.remote_controller.loop import ControllerLoop
-from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.tools.replay import replay_records
 from hoap3.tools.simulate import Simulation, controller_settings
 from hoap3.tools.verify.claims import Claims
@@ -24,8 +24,6 @@ from hoap3.tools.verify.controllers.velocity import ghc_velocity
 EXAMPLE = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "slow_policy.py"))
 STEP: int = EXAMPLE["STEP_TICKS"]
 CENTRE = np.array([-0.55, -0.11, 0.3])
-SETTLED, LAST = 3000, 700  # ticks: after the way to the curve, and before the end
-T = 1e-3
 
 
 class Sender:
@@ -64,36 +62,6 @@ def steered(seconds: float, seed: int = 0) -> tuple[Simulation, Sender]:
     return hoap3.simulate("ur5", "steered_ur5", seconds, steer=sender), sender
 
 
-def hands(run: Simulation) -> np.ndarray:
-    """Where the hand is at each State, (ticks, 3) [m]."""
-    robot = hoap3.load_robot("ur5")
-    kinematics = Kinematics(robot)
-    frames = kinematics.frame_id("tool0"), kinematics.frame_id(robot.base_frame)
-    place, turn, jacobian = np.zeros(3), np.zeros((3, 3)), np.zeros((6, 6))
-    found = np.zeros((len(run.states), 3))
-    for row, q in enumerate(run.states["q"]):
-        kinematics.update(q)
-        kinematics.frame(*frames, place, turn, jacobian)
-        found[row] = place
-    return found
-
-
-def lag_and_error(path: np.ndarray, ticks: np.ndarray, policy: Any) -> tuple[int, float]:
-    """The delay [ticks] that explains a path best, and the RMS error that is left [m]."""
-    inside = slice(SETTLED, -LAST)
-    errors = {
-        lag: float(np.sqrt(((path - policy.place(ticks - lag))[inside] ** 2).sum(1).mean()))
-        for lag in range(-50, 51)
-    }
-    lag = min(errors, key=errors.__getitem__)
-    return lag, errors[lag]
-
-
-def peak_jerk(path: np.ndarray) -> float:
-    """Greatest third difference over T³ of any axis [m/s³]."""
-    return float(np.abs(np.diff(path, 3, axis=0)).max() / T**3)
-
-
 def assert_follows(seconds: float) -> None:
     """What a policy may rely on."""
     run, sender = steered(seconds)
@@ -103,13 +71,13 @@ def assert_follows(seconds: float) -> None:
     assert (np.abs(active["reference_rate"]) <= robot.velocity * (1 + 1e-9)).all()
     most = robot.setpoint_acceleration_max
     assert (np.abs(active["reference_acceleration"]) <= most * (1 + 1e-9) + 1e-7).all()
-    path = hands(run)
-    lag, error = lag_and_error(path, states["tick"].astype(int), sender.policy)
+    path = hands(states["q"])
+    ticks = states["tick"].astype(int)
+    lag, error = lag_and_error(path, ticks, sender.policy.place)
     naive = np.zeros_like(path)
     for tick, place in sender.held:
         naive[tick:] = place
-    moving = slice(SETTLED, -LAST)
-    jerk, naive_jerk = peak_jerk(path[moving]), peak_jerk(naive[moving])
+    jerk, naive_jerk = (peak_jerk(each[MOVING], ticks[MOVING]) for each in (path, naive))
     print(f"lag {lag} ms, RMS {1e3 * error:.4f} mm, jerk {jerk:.3g} against {naive_jerk:.3g} m/s^3")
     assert lag <= 20
     assert error <= 2e-3
