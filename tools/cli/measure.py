@@ -224,6 +224,32 @@ def bench_pushes(
     raise typer.Exit(any(row["share"] < row["wanted"] for row in rows))
 
 
+@bench_app.command("clients")
+def bench_clients(
+    count: Annotated[int, typer.Option(min=1, help="Clients; the first one steers.")] = 20,
+    rate: Annotated[
+        float, typer.Option(min=1.0, max=1000.0, help="Of what each reads and sends [Hz].")
+    ] = 60.0,
+    pairs: Annotated[int, typer.Option(min=2, help="Runs with clients, and without.")] = 10,
+    seconds: Annotated[float, typer.Option(min=1.0, help="Of each run [s].")] = 60.0,
+    as_json: AsJson = False,
+    no_realtime: Annotated[
+        bool, typer.Option("--no-realtime", help="Neither pin nor ask for priority.")
+    ] = False,
+) -> None:
+    """Run UR5 in real time by turns with Python clients beside it and without any."""
+    from hoap3.tools.bench.beside.race import CLIENTS, race
+    from hoap3.tools.bench.beside.show import show_race
+
+    machine = _begin()
+    order = {"count": count, "rate_hz": rate}
+    with progress("bench clients") as meter:
+        raced = race(CLIENTS, order, pairs, seconds, meter.part, realtime=not no_realtime)
+    if not as_json:
+        show_race(raced)
+    _end(as_json, raced, machine, {})
+
+
 def _begin() -> dict[str, object]:
     """The machine that all is measured on; kernels that are compiled first are told."""
     from hoap3.tools.machine.machine import machine_block

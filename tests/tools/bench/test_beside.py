@@ -1,0 +1,57 @@
+"""What something beside a robot adds to its misses: from pairs of runs."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import ttest_1samp
+from support.command_bench import hoap3
+
+from hoap3.tools.bench.beside.race import added
+
+SHARES = st.lists(
+    st.tuples(*(st.floats(0.0, 0.1).map(lambda x: round(x, 5)) for _ in range(2))),
+    min_size=2,
+    max_size=12,
+)
+
+
+def runs(shares: list[tuple[float, float]]) -> list[dict[str, object]]:
+    """Pairs of runs with these shares of missed ticks, the later ones first."""
+    return [
+        {"pair": pair, "beside": there, "missed": share, "missed_outside": share, "rtt_p99_us": 1e3}
+        for pair, both in reversed(list(enumerate(shares)))
+        for there, share in zip((False, True), both, strict=True)
+    ]
+
+
+@given(shares=SHARES)
+def test_the_bound_is_that_of_students_t_over_the_pairs(shares):
+    found = added(runs(shares))
+    differences = np.array([there - without for without, there in shares])
+    assert found["missed"]["mean"] == pytest.approx(differences.mean(), abs=1e-15)
+    if np.ptp(differences) > 1e-6:
+        high = ttest_1samp(differences, 0.0, alternative="less").confidence_interval(0.95).high
+        assert found["missed"]["upper"] == pytest.approx(high, rel=1e-9)
+    assert found["pairs"] == len(shares)
+
+
+def test_without_a_watch_for_stalls_nothing_is_said_of_what_is_outside_them():
+    rows = runs([(0.1, 0.2), (0.1, 0.1)])
+    rows[1]["missed_outside"] = None
+    assert added(rows)["missed_outside"] is None
+
+
+@pytest.mark.slow
+def test_clients_steer_and_look_in_every_other_run():
+    words = "--count", 3, "--rate", 50, "--pairs", 2, "--seconds", 1, "--json"
+    done = hoap3("bench", "clients", *words, "--no-realtime")
+    assert done.process.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert [row["beside"] for row in told["rows"]] == [False, True, True, False]
+    assert all(each["targets"] > 0 and each["states"] > 0 for each in told["did"])
+    assert len(told["did"]) == told["added"]["pairs"] == 2

@@ -1,0 +1,129 @@
+"""Runs of a robot in real time, by turns with something beside them and without it."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from scipy.stats import t
+
+from hoap3.protocol.errors import Hoap3Error
+from hoap3.tools.machine.processes import Child
+from hoap3.tools.services.run import run_realtime
+from hoap3.tools.services.services import controller_config, emulator_config
+
+CONFIDENCE = 0.95
+END_S = 10.0
+CLIENTS = "hoap3.tools.bench.beside.clients"
+ROBOT, LAW = "ur5", "steered_ur5"
+
+
+def race(
+    module: str,
+    order: Mapping[str, Any],
+    pairs: int,
+    seconds: float,
+    report: Callable[[int, int], None],
+    *,
+    realtime: bool = True,
+) -> dict[str, Any]:
+    """Pairs of runs, one with it and one without; which of them comes first changes by turns.
+
+    Args:
+        module: whose process runs beside the robot, such as `CLIENTS`.
+        order: what it is told, besides `robot` and `endpoint`.
+        pairs: how many, at least 2.
+        seconds: of each run [s].
+        report: takes how many runs are done, of how many.
+        realtime: whether services pin and ask for priority.
+
+    Returns:
+        `rows`, a figure of each run; `added`, what it adds to misses outside stalls and to the
+        RTT; `did`, what the processes beside did.
+
+    Raises:
+        Hoap3Error: a run failed, or what runs beside it did.
+    """
+    rows, did = [], []
+    for number in range(2 * pairs):
+        pair, second = divmod(number, 2)
+        there = bool(second) != bool(pair % 2)
+        figures, done = _run(module if there else None, order, seconds, realtime=realtime)
+        rows.append({"pair": pair, "beside": there, **figures})
+        did += [done] if done else []
+        report(number + 1, 2 * pairs)
+    return {"rows": rows, "added": added(rows), "did": did}
+
+
+def added(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """What the second of two ways to run adds, from pairs of runs.
+
+    Returns:
+        `pairs`; of the share of ticks missed or skipped outside stalls, and of all of them, the
+        `mean` of the differences and its one-sided `upper` 95 % bound (Student's t), None where
+        stalls were not watched; `rtt_p99_ratio`, the median over the pairs.
+    """
+    found: dict[str, Any] = {}
+    sides = [sorted((r for r in rows if r["beside"] is way), key=_pair) for way in (False, True)]
+    for name in ("missed", "missed_outside"):
+        pairs = [(a[name], b[name]) for a, b in zip(*sides, strict=True)]
+        if any(None in pair for pair in pairs):
+            found[name] = None
+        else:
+            found[name] = _bound([b - a for a, b in pairs])
+    ratios = sorted(b["rtt_p99_us"] / a["rtt_p99_us"] for a, b in zip(*sides, strict=True))
+    middle = len(ratios) // 2
+    found["rtt_p99_ratio"] = 0.5 * (ratios[middle] + ratios[~middle])
+    return {"pairs": len(ratios), **found}
+
+
+def _pair(row: Mapping[str, Any]) -> int:
+    return int(row["pair"])
+
+
+def _bound(differences: Sequence[float]) -> dict[str, float]:
+    n = len(differences)
+    mean = sum(differences) / n
+    deviation = math.sqrt(sum((each - mean) ** 2 for each in differences) / (n - 1))
+    return {"mean": mean, "upper": mean + float(t.ppf(CONFIDENCE, n - 1)) * deviation / n**0.5}
+
+
+def _run(
+    module: str | None, order: Mapping[str, Any], seconds: float, *, realtime: bool
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Figures of one run, and what the process beside it did."""
+    unlogged = ["log.record=false"]
+    law, law_file = controller_config(LAW, unlogged, realtime=realtime)
+    emulator, file = emulator_config(ROBOT, unlogged, realtime=realtime)
+    children: list[Child] = []
+
+    def hear(news: dict[str, Any]) -> None:
+        if module and news["news"] == "begins":
+            told = json.dumps({**order, "robot": news["robot"], "endpoint": news["at"]})
+            children.append(Child([module], told, stdout=subprocess.PIPE))
+
+    done: dict[str, Any] = {}
+    try:
+        summary = run_realtime(emulator, law, seconds, None, hear, (file, law_file))
+    finally:
+        for child in children:
+            child.cut()
+            said, _ = child.communicate(timeout=END_S)
+            done = json.loads(said or "{}")
+            child.end(END_S)
+    if done.get("failed"):
+        raise Hoap3Error(f"what ran beside the robot failed: {done['failed'][0]}")
+    asked = summary["ticks"] + summary["skipped"]
+    missed = summary["misses"]["late"] + summary["misses"]["lost"] + summary["skipped"]
+    outside = summary["misses_outside_stalls"]
+    return {
+        "ticks": asked,
+        "missed": missed / asked,
+        "missed_outside": None if outside is None else outside / asked,
+        "rtt_p50_us": summary["rtt_us"]["p50"],
+        "rtt_p99_us": summary["rtt_us"]["p99"],
+        "safe_stops": summary["safe_stops"],
+    }, done

@@ -1,0 +1,38 @@
+"""What runs with and without something beside the robot came to, as a table for people."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.table import Table
+
+from hoap3.tools.bench.beside.race import CONFIDENCE
+from hoap3.tools.show.output import results
+
+COLUMNS = ("pair", "beside", "ticks", "missed", "missed_outside", "rtt_p50_us", "rtt_p99_us")
+
+
+def show_race(raced: dict[str, Any]) -> None:
+    """Print a row a run on standard output, and what was added below them."""
+    table = Table(*COLUMNS, box=None, header_style="bold")
+    for row in raced["rows"]:
+        table.add_row(*(_cell(row[name]) for name in COLUMNS))
+    results.print(table)
+    added = raced["added"]
+    for name, words in (("missed", "of all ticks"), ("missed_outside", "outside host stalls")):
+        found = added[name]
+        results.print(
+            f"added misses, {words}: not known, as nobody watched for stalls"
+            if found is None
+            else f"added misses, {words}: {found['mean']:.1e}, at most {found['upper']:.1e} "
+            f"({CONFIDENCE:.0%}, one-sided; {added['pairs']} pairs)"
+        )
+    results.print(f"RTT p99: {added['rtt_p99_ratio']:.2f} times as long (median of the pairs)")
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.5f}" if isinstance(value, float) and value < 1.0 else f"{value:.0f}"
