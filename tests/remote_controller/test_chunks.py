@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.steered_hand import MOVING, T, hands, lag_and_error, peak_jerk
+from support.robots.steered_hand import MOVING, T, hands, lag_and_error, peak_jerk
 
 import hoap3
 from hoap3.protocol.messages import State, Target

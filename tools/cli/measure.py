@@ -238,8 +238,8 @@ def bench_clients(
     ] = False,
 ) -> None:
     """Run UR5 in real time by turns with Python clients beside it and without any."""
-    from hoap3.tools.bench.beside.race import CLIENTS, race
-    from hoap3.tools.bench.beside.show import show_race
+    from hoap3.tools.beside.race import CLIENTS, race
+    from hoap3.tools.beside.show import show_race
 
     machine = _begin()
     order = {"count": count, "rate_hz": rate}

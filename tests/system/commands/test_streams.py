@@ -61,7 +61,7 @@ ELSEWHERE = {
     "reproduce": "tests/tools/reproduce: a paper takes minutes",
     "bench hierarchy": "tests/tools/bench/test_bench_hierarchy.py",
     "bench gains": "tests/tools/bench/test_bench_gains.py",
-    "bench clients": "tests/tools/bench/test_beside.py",
+    "bench clients": "tests/tools/beside/test_beside.py",
     "bench pushes": "tests/tools/bench/test_pushes.py",
     "new": "tests/tools/new",
     "priorities": "tests/system/runs/test_live_changes.py",

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.command_bench import PATIENT, controller, emulator, endpoint, inside, wait_for_mode
-from support.steered_hand import MOVING, hands, lag_and_error, peak_jerk
+from support.robots.steered_hand import MOVING, hands, lag_and_error, peak_jerk
 
 import hoap3
 from hoap3.protocol.messages import State, Target

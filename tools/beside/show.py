@@ -6,7 +6,7 @@ from typing import Any
 
 from rich.table import Table
 
-from hoap3.tools.bench.beside.race import CONFIDENCE
+from hoap3.tools.beside.race import CONFIDENCE
 from hoap3.tools.show.output import results
 
 COLUMNS = ("pair", "beside", "ticks", "missed", "missed_outside", "rtt_p50_us", "rtt_p99_us")

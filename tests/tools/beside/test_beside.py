@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.stats import ttest_1samp
 from support.command_bench import hoap3
 
-from hoap3.tools.bench.beside.race import added
+from hoap3.tools.beside.race import added
 
 SHARES = st.lists(
     st.tuples(*(st.floats(0.0, 0.1).map(lambda x: round(x, 5)) for _ in range(2))),

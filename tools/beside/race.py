@@ -6,18 +6,22 @@ import json
 import math
 import subprocess
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from typing import Any
 
 from scipy.stats import t
 
 from hoap3.protocol.errors import Hoap3Error
+from hoap3.tools.machine.loopback_links import free_port
 from hoap3.tools.machine.processes import Child
 from hoap3.tools.services.run import run_realtime
 from hoap3.tools.services.services import controller_config, emulator_config
 
 CONFIDENCE = 0.95
 END_S = 10.0
-CLIENTS = "hoap3.tools.bench.beside.clients"
+READY = b"ready\n"
+"""What a process says that now waits for the robot."""
+CLIENTS = "hoap3.tools.beside.clients"
 ROBOT, LAW = "ur5", "steered_ur5"
 
 
@@ -94,26 +98,27 @@ def _bound(differences: Sequence[float]) -> dict[str, float]:
 def _run(
     module: str | None, order: Mapping[str, Any], seconds: float, *, realtime: bool
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Figures of one run, and what the process beside it did."""
+    """Figures of one run, and what the process beside it did, which is there before it begins."""
     unlogged = ["log.record=false"]
     law, law_file = controller_config(LAW, unlogged, realtime=realtime)
     emulator, file = emulator_config(ROBOT, unlogged, realtime=realtime)
-    children: list[Child] = []
-
-    def hear(news: dict[str, Any]) -> None:
-        if module and news["news"] == "begins":
-            told = json.dumps({**order, "robot": news["robot"], "endpoint": news["at"]})
-            children.append(Child([module], told, stdout=subprocess.PIPE))
-
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    links = {"listen": (endpoint,)}, {"connect": (endpoint,), "kind": "zenoh"}
     done: dict[str, Any] = {}
-    try:
-        summary = run_realtime(emulator, law, seconds, None, hear, (file, law_file))
-    finally:
-        for child in children:
+    with ExitStack() as stack:
+        if module:
+            told = json.dumps({**order, "robot": ROBOT, "endpoint": endpoint})
+            child = Child([module], told, stdout=subprocess.PIPE)
+            stack.callback(child.end, END_S)
+            if child.stdout is None or child.stdout.readline() != READY:
+                raise Hoap3Error(f"{module} ended at its start")
+        summary = run_realtime(
+            emulator, law, seconds, None, lambda _: None, (file, law_file), links=links
+        )
+        if module:
             child.cut()
             said, _ = child.communicate(timeout=END_S)
             done = json.loads(said or "{}")
-            child.end(END_S)
     if done.get("failed"):
         raise Hoap3Error(f"what ran beside the robot failed: {done['failed'][0]}")
     asked = summary["ticks"] + summary["skipped"]

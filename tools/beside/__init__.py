@@ -1,4 +1,4 @@
-"""`hoap3 bench beside`: what something that runs beside a robot adds to its misses.
+"""What something that runs beside a robot adds to its misses: `hoap3 bench clients`.
 
 `race` runs pairs with and without it, `clients` is one such thing, `show` prints the table.
 """

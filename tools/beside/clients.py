@@ -85,8 +85,9 @@ class Clients:
 
 def main() -> int:
     """Be clients until the lifeline is cut; what they did goes to standard output as JSON."""
-    lifeline = Lifeline()
-    clients = Clients(read_order())
+    lifeline, order = Lifeline(), read_order()
+    print("ready", flush=True)
+    clients = Clients(order)
     while not lifeline.cut():
         time.sleep(0.05)
     clients.end()
