@@ -83,7 +83,7 @@ class ControllerLoop:
         self._session_id = session_id
         self._event = Event()
         self._event.session_id = session_id
-        self._request_limit = EventLimit(("change", "show"))
+        self._request_limit = EventLimit(("change", "show", "tasks"))
         self.epoch = 0
         self.steps = self.answered = self.overwritten = self.repeated = self.rejected = 0
         self.stale = False
@@ -346,6 +346,17 @@ class ControllerLoop:
         except (Exception, SystemExit) as error:
             raise failure(self._controller, "failed to say what can be changed", error) from error
         return present
+
+    def task_errors(self) -> list[dict[str, Any]]:
+        """How the tasks stand, and which tolerance was violated on the way, as the outcome has it.
+
+        Raises:
+            Hoap3Error: the controller failed.
+        """
+        try:
+            return [error.as_json() for error in self._controller.task_errors()]
+        except (Exception, SystemExit) as error:
+            raise failure(self._controller, "failed to say how its tasks stand", error) from error
 
     @property
     def last_tick(self) -> int:

@@ -93,6 +93,8 @@ def serve(request: Request, loop: ControllerLoop) -> None:
     try:
         if request.verb in OPERATES:
             now = loop.operate(request.verb, request.who)
+        elif request.verb == "tasks":
+            now = {"tasks": loop.task_errors()}
         else:
             if request.verb == "change":
                 loop.change(request.body)

@@ -28,7 +28,7 @@ class Request:
 
     Attributes:
         verb: of a robot "description", "config", "status", "acquire", "release", "stop", "recover",
-            or "gone" for a client that vanished; of a controller "change" or "show".
+            or "gone" for a client that vanished; of a controller "change", "show" or "tasks".
         who: identity of the client, "" where it is not known.
         answer: takes the answer, a JSON object or bytes; for "gone" it does nothing.
         body: what came with it.

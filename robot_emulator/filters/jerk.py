@@ -39,6 +39,7 @@ class JerkFilter(PositionFilter):
     def __init__(self, description: RobotDescription, period_s: float) -> None:
         from hoap3.protocol.robot.jerk.jerk_takeover_kernels import WITHOUT
         from hoap3.robot_emulator.filters import jerk_kernels as kernels
+        from hoap3.robot_emulator.filters.jerk_approach_kernels import WORK
 
         super().__init__(description, period_s)
         n = description.n
@@ -49,7 +50,7 @@ class JerkFilter(PositionFilter):
         some = np.where(np.isfinite(jerk), jerk, WITHOUT * self._limits[3] / period_s)
         self._curve = BrakingCurve(np.minimum(self._brake, self._limits[3]), some, period_s)
         self._acceleration, self._lowest, self._highest = np.zeros((3, n))
-        self._history = np.zeros((3, n))
+        self._history, self._work = np.zeros((3, n)), np.zeros(WORK)
 
     def reset(self, q: FloatArray) -> None:
         """Be at rest at `q`, (n,)."""
@@ -91,6 +92,6 @@ class JerkFilter(PositionFilter):
     def _step(self) -> int:
         held: int = self._kernels.filter_jerk(
             self._target, self._history, self._limits, self._dt, self.value, self.rate,
-            self._acceleration,
+            self._acceleration, self._work,
         )  # fmt: skip
         return held

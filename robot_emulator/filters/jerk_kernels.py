@@ -13,7 +13,6 @@ import math
 from hoap3.protocol.robot.jerk.jerk_limits_kernels import (
     below_wall,
     brake_rise,
-    next_for_stop,
     release_reserve,
     within_velocity,
 )
@@ -30,6 +29,14 @@ from hoap3.protocol.robot.setpoint_limits_kernels import (
     within,
 )
 from hoap3.protocol.runtime.numba_jit import Matrix, Vector, inlined, kernel
+from hoap3.robot_emulator.filters.jerk_approach_kernels import (
+    ANSWER,
+    JOINT,
+    JOINTS,
+    OFFSET,
+    ask_stop,
+    solve_stops,
+)
 from hoap3.robot_emulator.filters.position_kernels import follow_one
 
 PLANNED = 1.0 - 1e-8
@@ -44,10 +51,8 @@ def within_all(wanted: float, at: Motion, own: Limits) -> float:
     asked = wanted * own.acceleration
     y, far = within(asked, least, most), abs(at.q)
     fast = own.fast - release_reserve(far * own.place, own.fast, y)
-    if y > 0.0:
-        y = max(within_velocity(u, y, fast), least)
-    elif y < 0.0:
-        y = min(-within_velocity(-u, -y, fast), most)
+    side, bound = (1.0, least) if y > 0.0 else (-1.0, -most)
+    y = side * max(within_velocity(side * u, side * y, fast), bound)
     up, down = (own.upper - at.q) * own.place, (at.q - own.lower) * own.place
     y = below_wall(u, y, least, up, max(far, abs(own.upper)) * own.place, N)
     y = -below_wall(-u, -y, -most, down, max(far, abs(own.lower)) * own.place, N)
@@ -64,32 +69,35 @@ def moved(a: float, at: Motion, own: Limits) -> Motion:
 
 
 @inlined
-def approached(start: float, r: float, c: float, at: Motion, own: Limits) -> Motion:
-    """One period nearer to a setpoint that comes from `start`, so that it can be met there.
-
-    The joint does as one at rest does whose place, velocity and acceleration are the differences
-    from the setpoint's, with what the setpoint's acceleration leaves of A.
-    """
+def approach_unit(own: Limits) -> float:
+    """What turns accelerations into those of an approach, in units of what it counts on."""
     more = 1.0 / PLANNED
-    unit = own.acceleration * more
-    x, y, N = at.a * unit, c * unit, own.A * unit
-    u, away = (at.v - r) * own.velocity * more + y, (start - at.q) * own.place * more
-    least, most = max(x - more, -N) - y, min(x + more, N) - y
-    left = max(own.N - abs(y), 0.125 * own.N)
-    found = y + next_for_stop(u, x - y, away, least, most, left)
-    return moved(within_all(found / unit, at, own), at, own)
+    return own.acceleration * more
 
 
 @inlined
-def followed(
-    setpoint: float, history: tuple[float, float, float], at: Motion, own: Limits
-) -> Motion:
-    """One period of a joint; see `filter_jerk`."""
-    s, start, r, c, slack = asked_of(setpoint, history, at.q, own)
-    there, motion = taken(s, r, c, slack, at, own)
-    if there:
-        return motion
-    return approached(start, r, c, at, own)
+def ask_approach(
+    work: Vector,
+    asked: int,
+    left: int,
+    start: float,
+    r: float,
+    c: float,
+    at: Motion,
+    own: Limits,
+) -> int:
+    """Ask what brings a joint nearer to a setpoint that comes from `start`, so as to meet it there.
+
+    The joint does as one at rest does whose place, velocity and acceleration are the differences
+    from the setpoint's, with what the setpoint's acceleration leaves of A; see `ask_stop`.
+    """
+    more, unit = 1.0 / PLANNED, approach_unit(own)
+    x, y, N = at.a * unit, c * unit, own.A * unit
+    u, away = (at.v - r) * own.velocity * more + y, (start - at.q) * own.place * more
+    least, most = max(x - more, -N) - y, min(x + more, N) - y
+    work[OFFSET + asked] = y
+    greatest = max(own.N - abs(y), 0.125 * own.N)
+    return ask_stop(work, asked, left, u, x - y, away, least, most, greatest)
 
 
 @kernel()
@@ -101,6 +109,7 @@ def filter_jerk(
     value: Vector,
     velocity: Vector,
     acceleration: Vector,
+    work: Vector,
 ) -> int:
     """Move `value` to the setpoint, or as near and as fast as the limits allow; arrays are (n,).
 
@@ -115,24 +124,41 @@ def filter_jerk(
         T: period [s].
         value: applied reference, changed in place.
         velocity, acceleration: of the reference over the last period, changed in place.
+        work: (WORK,) room for the problems of `jerk_approach_kernels`; nothing is kept in it.
 
     Returns:
         The number of the first joint that was held back, or -1.
     """
     held = -1
-    for i in range(value.size):
-        at, before = Motion(value[i], velocity[i], acceleration[i]), history[0, i]
-        if limits[4, i] < math.inf:
-            earlier = before, history[1, i], history[2, i]
-            at = followed(setpoint[i], earlier, at, of_joint(limits, i, T))
-            value[i], velocity[i], acceleration[i] = at
-        else:
-            plain = JointLimits(limits[0, i], limits[1, i], limits[2, i], limits[3, i])
-            q, w = follow_one(setpoint[i], before, at.q, at.v, plain, T)
-            value[i], velocity[i], acceleration[i] = q, w, (w - at.v) / T
-        history[2, i], history[1, i], history[0, i] = history[1, i], before, setpoint[i]
-        if value[i] != setpoint[i] and held < 0:
-            held = i
+    for first in range(0, value.size, JOINTS):
+        last = min(first + JOINTS, value.size)
+        asked, left = 0, 0
+        for i in range(first, last):
+            at, before = Motion(value[i], velocity[i], acceleration[i]), history[0, i]
+            if limits[4, i] < math.inf:
+                own, earlier = of_joint(limits, i, T), (before, history[1, i], history[2, i])
+                s, start, r, c, slack = asked_of(setpoint[i], earlier, at.q, own)
+                there, motion = taken(s, r, c, slack, at, own)
+                if there:
+                    value[i], velocity[i], acceleration[i] = motion
+                else:
+                    left = ask_approach(work, asked, left, start, r, c, at, own)
+                    work[JOINT + asked] = i
+                    asked += 1
+            else:
+                plain = JointLimits(limits[0, i], limits[1, i], limits[2, i], limits[3, i])
+                q, w = follow_one(setpoint[i], before, at.q, at.v, plain, T)
+                value[i], velocity[i], acceleration[i] = q, w, (w - at.v) / T
+            history[2, i], history[1, i], history[0, i] = history[1, i], before, setpoint[i]
+        solve_stops(work, left)
+        for place in range(asked):
+            i = int(work[JOINT + place])
+            own, at = of_joint(limits, i, T), Motion(value[i], velocity[i], acceleration[i])
+            wanted = (work[OFFSET + place] + work[ANSWER + place]) / approach_unit(own)
+            value[i], velocity[i], acceleration[i] = moved(within_all(wanted, at, own), at, own)
+        for i in range(first, last):
+            if value[i] != setpoint[i] and held < 0:
+                held = i
     return held
 
 

@@ -101,6 +101,16 @@ class DefaultTaskEntry(Settings):
     )
 
 
+class CompanionEntry(Settings):
+    """A file that a mesh names, such as a material or a texture, beside it in that folder."""
+
+    file: StrictStr = Field(
+        pattern=r"^[A-Za-z0-9_][A-Za-z0-9_. -]*(/[A-Za-z0-9_][A-Za-z0-9_. -]*)*$",
+        description="its name as seen from the mesh",
+    )
+    sha256: StrictStr = Field(pattern=r"^[0-9a-f]{64}$", description="of its content")
+
+
 class MeshEntry(Settings):
     """A mesh that a link is drawn with: a file in the folder `meshes` beside the robot's."""
 
@@ -114,6 +124,7 @@ class MeshEntry(Settings):
     rpy_rad: tuple[Figure, Figure, Figure] = Field(
         (0.0, 0.0, 0.0), description="roll, pitch, yaw there [rad]"
     )
+    companions: tuple[CompanionEntry, ...] = Field((), description="files that it names")
 
 
 def _entry(value: object) -> object:

@@ -21,6 +21,7 @@ from hoap3.tools.services.run_statistics import RunStatistics
 
 STORIES = [
     "tutorial.md",
+    "examples.md",
     "choosing.md",
     "concepts.md",
     "configuration.md",

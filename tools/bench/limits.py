@@ -36,8 +36,9 @@ def bench_limits(samples: int = 5000, report: Report = silent) -> list[dict[str,
 
     "bounds" and "naive bounds" are `AccelerationBounds`, "setpoint filter" is what the emulator
     does to a setpoint, "jerk filter" the same with a limit of jerk: to a wave that passes, and to
-    jumps of all joints, "tsid step" a whole cycle of the controller along a motion of Baxter's arm
-    to a limit and along it, "tsid QP" its solver alone with its proof; the others solve the same
+    jumps of all joints, now and then or in every period. "tsid step" is a whole cycle of the
+    controller along a motion of Baxter's arm to a limit and along it, "tsid QP" its solver alone
+    with its proof; the others solve the same
     programs as ready arrays, cold.
     """
     rng = np.random.default_rng(0)
@@ -106,7 +107,10 @@ def _filter(rng: np.random.Generator, n: int) -> Contender:
 
 
 def _jerk_filters(rng: np.random.Generator) -> list[Contender]:
-    """HOAP-3 with 1e4 rad/s³: along a wave within all limits, and to a new place every 0.3 s."""
+    """HOAP-3 with 1e4 rad/s³: along a wave within all limits, and to places that jump.
+
+    Those are anywhere and new every 0.3 s, or new in every period: anywhere, and about the start.
+    """
     plain = load("hoap3")
     change = {"setpoint_jerk_max": 1e4}
     joints = tuple(joint.model_copy(update=change) for joint in plain.joints)
@@ -116,8 +120,14 @@ def _jerk_filters(rng: np.random.Generator) -> list[Contender]:
     inwards = np.where(start > 0.5 * (robot.lower + robot.upper), -1.0, 1.0)
     wave = start + 0.05 * inwards * (1.0 - np.cos(t - np.sin(t)))
     jumps = np.repeat(rng.uniform(robot.lower, robot.upper, (4, robot.n)), 300, axis=0)
+    paths = {
+        "a wave": wave,
+        "jumps": jumps,
+        "new jumps": rng.uniform(robot.lower, robot.upper, (1200, robot.n)),
+        "noise": start + rng.normal(0.0, 1e-3, (1200, robot.n)),
+    }
     found = []
-    for name, path in (("a wave", wave), ("jumps", jumps)):
+    for name, path in paths.items():
         filtered = JerkFilter(robot, robot.period_s)
         filtered.reset(start)
         stream = [(each, tick) for tick, each in enumerate(path)]

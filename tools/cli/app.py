@@ -11,7 +11,7 @@ import os
 import sys
 import warnings
 from pathlib import Path
-from typing import Annotated, TextIO
+from typing import Annotated, Any, TextIO
 
 import typer
 
@@ -447,6 +447,9 @@ def _tell(robot: str | None, verb: str, connect: str | None, as_json: bool) -> N
     from hoap3.tools.cli.find_robot import ask_robot
 
     name, answer = ask_robot(robot, verb, connect)
+    tasks = _tasks(name, answer, connect) if verb == "status" else None
+    if verb == "status":
+        answer = {**answer, "tasks": tasks}
     failed = answer.get("recovered") is False
     if as_json:
         print_json({"robot": name, **answer})
@@ -455,9 +458,23 @@ def _tell(robot: str | None, verb: str, connect: str | None, as_json: bool) -> N
         if waits_for_recovery(answer["mode"], answer.get("stop_reason")):
             words += f"; {stop_words(answer.get('stop_reason'))}: {recovery_words(name, connect)}"
         print_line(words)
+        for task in tasks or ():
+            if task.get("reason"):
+                label = one_line(str(task.get("task", "")))
+                print_line(f"  task {label} has failed: {one_line(str(task['reason']))}")
     if failed:
         to_people(f"error: {name} is {answer['mode']}: only a stopped robot can be recovered")
         raise typer.Exit(1)
+
+
+def _tasks(name: str, answer: dict[str, Any], connect: str | None) -> list[dict[str, Any]] | None:
+    """How the tasks of the controller stand that moves a robot; None where nobody tells."""
+    from hoap3.tools.cli.find_robot import reach_robot
+    from hoap3.tools.services.client import task_errors
+
+    if answer["mode"] != "active" or answer["lockstep"]:
+        return None
+    return task_errors(*reach_robot(name, connect))
 
 
 def _show_warning(

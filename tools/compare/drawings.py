@@ -10,7 +10,7 @@ from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.tools.compare.comparison import Comparison
 from hoap3.tools.compare.series import SPEED, Series
-from hoap3.tools.compare.words import unit
+from hoap3.tools.compare.words import OF_TASK, unit
 from hoap3.tools.html.canvas import Canvas, canvas, thin
 from hoap3.tools.html.drawing import Drawing, Key
 from hoap3.tools.html.numbers import count, number
@@ -43,7 +43,7 @@ def drawings(made: Comparison) -> list[Drawing]:
 
 
 def _error(made: Comparison) -> Drawing:
-    label = "√(2V) [unit of the task], logarithmic"
+    label = f"√(2V) [{unit(OF_TASK, made)}], logarithmic"
     titles = "The error of each controller", "The error at the States of the log"
     return _falling(made, "error", titles, lambda each: each.error, label)
 

@@ -8,6 +8,7 @@ from hoap3.tools.compare.comparison import Comparison
 from hoap3.tools.compare.figures import WORDS, Figures, Word, value
 from hoap3.tools.html.numbers import number
 from hoap3.tools.report.motion import UNITS
+from hoap3.tools.show.final_error import units_of_v
 
 OF_U = dict(
     zip(
@@ -28,8 +29,15 @@ def shown_words(made: Comparison) -> list[Word]:
     return [word for word in WORDS if any(_shown(found, word.key) for found in made.figures)]
 
 
+OF_TASK = "unit of the task"
+
+
 def unit(what: str, made: Comparison) -> str:
-    """Unit of a figure, which has u in it where controllers differ in what it is."""
+    """Unit of a figure, which has u or the task in it where controllers differ in what it is."""
+    if what.startswith(OF_TASK):
+        told = {" and ".join(units_of_v(found)) for found in made.figures}
+        name = told.pop()
+        return what if told or not name or " and " in name else what.replace(OF_TASK, name)
     units = {found["unit"] for found in made.figures}
     known = OF_U.get(units.pop(), {}) if len(units) == 1 else {}
     return known.get(what, what)

@@ -40,7 +40,7 @@ def look(name: str, package_path: Sequence[Path] = (), *, strict: bool = False) 
 
     Args:
         name: which.
-        package_path: where the packages of a URDF are looked for first.
+        package_path: where the packages of a URDF are looked for first; of no use to the others.
         strict: a mesh that is missing, or is another than the file says, is an error.
 
     Raises:
@@ -50,6 +50,10 @@ def look(name: str, package_path: Sequence[Path] = (), *, strict: bool = False) 
         found = import_robot(name, package_path, strict=strict)
         notes = [note.line() for note in found.notes]
         return Facts(found.description, found.file, notes, len(found.parts.visuals))
+    if package_path:
+        problem = f"is of no use for {name}, whose meshes lie in its own folder"
+        remedy = "Leave it out, or name the URDF that the robot was made of"
+        raise ConfigError("--package-path", "", str(package_path[0]), problem, remedy)
     description, path = load(name), find_file(name)
     if path is None:
         return Facts(description)

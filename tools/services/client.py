@@ -11,7 +11,7 @@ from typing import Any
 from hoap3.protocol.answers import MAX_CONTROL_BYTES, ROBOT_ANSWERS, ControlAnswer, parse_answer
 from hoap3.protocol.config.endpoints import endpoint_fault
 from hoap3.protocol.config.settings import NAME_PATTERN, LinkSettings
-from hoap3.protocol.errors import ConfigError, LinkError, UsageError
+from hoap3.protocol.errors import ConfigError, LinkError, UsageError, WireError
 from hoap3.protocol.link.session_limits import MAX_REQUEST_BYTES
 
 
@@ -55,14 +55,37 @@ def change(robot: str, request: Mapping[str, Any] | None, endpoint: str) -> dict
         LinkError: the robot cannot be reached, or follows no controller.
         WireError: the controller's answer makes no sense.
     """
-    from hoap3.protocol.link.zenoh_session import ask, open_session
-
-    check_name(robot)
     verb, body = ("show", "") if request is None else ("change", json.dumps(request))
     if len(body.encode()) > MAX_REQUEST_BYTES:
         raise UsageError(
             f"the change has {len(body.encode())} bytes; a robot takes {MAX_REQUEST_BYTES} at most"
         )
+    return _ask_controller(robot, verb, body, endpoint)
+
+
+def task_errors(robot: str, endpoint: str) -> list[dict[str, Any]] | None:
+    """How the tasks of a running robot's controller stand, as its outcome will have them.
+
+    Args:
+        robot: its name.
+        endpoint: where it, or a router, listens.
+
+    Returns:
+        None where nobody tells: no controller, an older one, or one of somebody else.
+    """
+    try:
+        tasks = _ask_controller(robot, "tasks", "", endpoint).get("tasks")
+    except (LinkError, UsageError, WireError):
+        return None
+    told = isinstance(tasks, list) and all(isinstance(each, dict) for each in tasks)
+    return tasks if told else None
+
+
+def _ask_controller(robot: str, verb: str, body: str, endpoint: str) -> dict[str, Any]:
+    """What the controller of a running robot answers."""
+    from hoap3.protocol.link.zenoh_session import ask, open_session
+
+    check_name(robot)
     with open_session(client_settings(endpoint)) as session:
         reply = ask(session, robot, verb, f"tool-{os.getpid()}", body.encode(), whom="control")
     if reply is None:

@@ -26,9 +26,17 @@ def final_error_words(summary: Mapping[str, Any]) -> str | None:
     size = summary["final_error"]
     if not size:
         return None
-    told = summary["task"]["errors"]
-    units = sorted({_IN_V.get(error["unit"], error["unit"]) for error in told})
+    units = units_of_v(summary)
     if len(units) == 1:
         return f"{size:.3g} {units[0]}"
     without = f"{' and '.join(units)} added" if units else "in the unit of the controller's task"
     return f"{size:.3g} = √(2V), {without}"
+
+
+def units_of_v(summary: Mapping[str, Any]) -> list[str]:
+    """Units of what V adds: one where all tasks have it, none where no controller told.
+
+    Args:
+        summary: with the `task` that `judge` returns.
+    """
+    return sorted({_IN_V.get(error["unit"], error["unit"]) for error in summary["task"]["errors"]})

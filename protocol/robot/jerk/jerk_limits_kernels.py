@@ -19,11 +19,10 @@ import math
 
 import numpy as np
 
-from hoap3.protocol.robot.setpoint_limits_kernels import ULP, stopping_speed, within
+from hoap3.protocol.robot.setpoint_limits_kernels import ULP, stopping_speed
 from hoap3.protocol.runtime.numba_jit import inlined
 
 MOST_STEPS_OF_NEWTON = 60  # it ends sooner; this is for what rounding may do
-NEAR = 1e-9  # of JT: what is as near as that to a solution on one straight piece is on it
 ROUNDINGS = 8.0  # units of the last place of a position, in a step
 
 
@@ -86,16 +85,14 @@ def stop_way(u: float, x: float, N: float) -> tuple[float, float]:
     f = b - m
     inside = u + 0.5 * m * (m + 1.0) + m * f + f * f
     k = max(np.floor(math.sqrt(max(inside, 0.0)) - b), 0.0, -m - 1.0)
-    steeper, h = max(0.0, np.floor(N - b)), 0.0
-    capped = k >= steeper
-    if capped:
-        k = steeper
+    steeper = max(0.0, np.floor(N - b))
+    fast = u - steeper * b - 0.5 * steeper * (steeper + 1.0)
+    h = max(0.0, np.floor((fast - release(N)) / N)) if k >= steeper else 0.0
+    k = min(k, steeper)
     end = u - k * b - 0.5 * k * (k + 1.0)
     way = k * u - 0.5 * k * (k + 1.0) * (b + (k + 2.0) / 3.0)
-    if capped:
-        h = max(0.0, np.floor((end - release(N)) / N))
-        way += h * end - 0.5 * N * h * (h + 1.0)
-        end -= h * N
+    way += h * end - 0.5 * N * h * (h + 1.0)
+    end -= h * N
     end = max(end, 0.0)
     n = max(1.0, np.ceil(0.5 * (math.sqrt(1.0 + 8.0 * end) - 1.0)))
     last = end / n + 0.5 * (n - 1.0)
@@ -144,10 +141,8 @@ def below_wall(u: float, x: float, least: float, room: float, place: float, N: f
         N: greatest acceleration.
     """
     top, steps = brake_steps(u + x, x, N)
-    if not top > 0.0:
-        return x
     reserve = brake_reserve(place, top * steps, steps)
-    if u + x + top * steps + reserve <= room:
+    if (not top > 0.0) | (u + x + top * steps + reserve <= room):
         return x
     return most_for_wall(u, room - reserve, least, x, N)
 
@@ -181,41 +176,6 @@ def most_for_wall(u: float, room: float, least: float, most: float, N: float) ->
             return x
         x = nearer
     return x
-
-
-@inlined
-def next_for_stop(u: float, x: float, away: float, least: float, most: float, N: float) -> float:
-    """Next acceleration from `least` to `most` after which the stop ends `away`, or nearest to it.
-
-    Where the stop ends rises with it, convex where the stop is downwards and concave where it is
-    upwards. Newton's method passes the solution once at most, and then comes nearer from one side.
-    It begins where the stop goes on as it did.
-
-    Args:
-        u, x: velocity and acceleration over the last period.
-        away: how far away the place to stop at is.
-        least, most: see above.
-        N: greatest acceleration of the stop.
-    """
-    side = 1.0
-    if away < 0.0:
-        side, u, x, away, least, most = -1.0, -u, -x, -away, -most, -least
-    ahead = max(most, 0.0)
-    top = max(u + most + 0.5 * ahead * ahead, 0.0)
-    steps = ahead + top / N + N + 2.0
-    if u + most + top * steps <= away:
-        return side * most
-    eased = x < 0.0 and u <= 0.5 * x * (x - 1.0)
-    guess = x + 1.0 if eased or u + 0.5 * top * steps <= away else x - 1.0
-    y = within(guess, least, most)
-    for _ in range(MOST_STEPS_OF_NEWTON):
-        way, slope = stop_way(u + y, y, N)
-        nearer = within(y - (u + y + way - away) / (1.0 + slope), least, most)
-        near = abs(nearer - y) <= NEAR
-        y = nearer
-        if near:
-            break
-    return side * y
 
 
 @inlined

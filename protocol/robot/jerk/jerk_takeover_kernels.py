@@ -85,14 +85,13 @@ def own_motion(
     near = SLACKS * slack * per_s
     r, last = (s - before) * per_s, (before - earlier) * per_s
     c, b = (r - last) * per_s, (last - (earlier - first) * per_s) * per_s
-    within_all_limits = (
-        abs(r) <= own.speed + slack < math.inf
-        and abs(c) <= own.A + near
-        and abs(c - b) <= own.J * own.T + 2.0 * near
+    moves = (
+        (abs(r) <= own.speed + slack)
+        & (own.speed + slack < math.inf)
+        & (abs(c) <= own.A + near)
+        & (abs(c - b) <= own.J * own.T + 2.0 * near)
     )
-    if within_all_limits:
-        return before, r, c
-    return s, 0.0, 0.0
+    return before if moves else s, r if moves else 0.0, c if moves else 0.0
 
 
 @inlined
@@ -135,15 +134,20 @@ def taken(
     per_s = 1.0 / own.T
     w, near, step = (s - at.q) / own.T, SLACKS * slack * per_s, own.J * own.T
     a = (w - at.v) / own.T
-    if not (own.lower <= s <= own.upper and abs(w) <= own.speed + slack < math.inf):
-        return False, at
-    if not (abs(a - at.a) <= step + near and abs(a) <= own.A + near):
-        return False, at
-    near += near
     onward = (r + c * own.T - w) * per_s
-    if abs(onward - a) > step + near or abs(c - onward) > step + near:
-        return False, at
-    if abs(onward) > own.A + near:
+    fast = own.speed + slack
+    kept = (
+        (own.lower <= s)
+        & (s <= own.upper)
+        & (abs(w) <= fast)
+        & (fast < math.inf)
+        & (abs(a - at.a) <= step + near)
+        & (abs(a) <= own.A + near)
+        & (abs(onward - a) <= step + 2.0 * near)
+        & (abs(c - onward) <= step + 2.0 * near)
+        & (abs(onward) <= own.A + 2.0 * near)
+    )
+    if not kept:
         return False, at
     u, x = w * own.velocity, a * own.acceleration
     if x * u > 0.0 and abs(u) + release(abs(x)) > own.fast + SLACKS * slack * own.velocity:

@@ -10,6 +10,10 @@ from pathlib import Path
 from hoap3.protocol.errors import ConfigError
 from hoap3.robot_emulator.robots.urdf_import.imported import RISE_S, ImportedRobot
 from hoap3.robot_emulator.robots.urdf_import.links import Visual
+from hoap3.robot_emulator.robots.urdf_import.shapes.companions import (
+    Companion,
+    companion_content,
+)
 from hoap3.robot_emulator.robots.urdf_import.shapes.mesh_files import MeshError, content
 from hoap3.robot_emulator.robots.yaml_file import JointEntry
 
@@ -37,6 +41,11 @@ def write_folder(robot: ImportedRobot, folder: Path) -> list[Path]:
         FILE: _yaml(robot, meshes).encode(),
         robot.file.urdf: robot.parts.urdf.encode(),
         **{f"{MESHES}/{name}": _content(visual) for visual, name in meshes.items()},
+        **{
+            f"{MESHES}/{each.name}": _beside(each)
+            for visual in meshes
+            for each in visual.companions
+        },
     }
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -44,7 +53,7 @@ def write_folder(robot: ImportedRobot, folder: Path) -> list[Path]:
             problem, remedy = "is not empty", "Name a new folder with --out"
             raise ConfigError("--out", "", str(folder), problem, remedy)
         for name, data in files.items():
-            (folder / name).parent.mkdir(exist_ok=True)
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_bytes(data)
     except OSError as error:
         reason = error.strerror or "cannot be written"
@@ -71,8 +80,18 @@ def _content(visual: Visual) -> bytes:
     try:
         return content(visual.path)
     except MeshError as error:
-        problem, remedy = str(error), "Make it readable, and import again"
-        raise ConfigError(str(visual.path), "", None, problem, remedy) from error
+        raise _unreadable(visual.path, error) from error
+
+
+def _beside(companion: Companion) -> bytes:
+    try:
+        return companion_content(companion.path)
+    except MeshError as error:
+        raise _unreadable(companion.path, error) from error
+
+
+def _unreadable(path: Path, error: MeshError) -> ConfigError:
+    return ConfigError(str(path), "", None, str(error), "Make it readable, and import again")
 
 
 def _yaml(robot: ImportedRobot, meshes: dict[Visual, str]) -> str:
@@ -126,6 +145,10 @@ def _mesh(visual: Visual, name: str) -> Iterator[str]:
     for key, values in (("xyz_m", visual.xyz), ("rpy_rad", visual.rpy)):
         if values.any():
             yield f"    {key}: {_value(values.tolist())}"
+    if visual.companions:
+        yield "    companions:"
+    for each in visual.companions:
+        yield f"      - {{file: {_value(each.name)}, sha256: {_value(each.sha256)}}}"
 
 
 def _value(value: object) -> str:

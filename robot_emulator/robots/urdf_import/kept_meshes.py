@@ -6,6 +6,7 @@ from pathlib import Path
 
 from hoap3.protocol.errors import ConfigError
 from hoap3.robot_emulator.robots.urdf_import.folder import MESHES
+from hoap3.robot_emulator.robots.urdf_import.shapes.companions import companion_digest
 from hoap3.robot_emulator.robots.urdf_import.shapes.mesh_files import MeshError, digest
 from hoap3.robot_emulator.robots.yaml_file import RobotFile
 
@@ -19,19 +20,25 @@ def wrong_meshes(file: Path, robot: RobotFile) -> list[ConfigError]:
     """
     wrong, seen = [], set()
     for number, mesh in enumerate(robot.meshes):
-        if (mesh.file, mesh.sha256) in seen:  # several links may be drawn with one
-            continue
-        seen.add((mesh.file, mesh.sha256))
-        try:
-            found = digest(file.parent / MESHES / mesh.file)
-        except MeshError as error:
-            remedy = f"Put it into {MESHES}/ again, or take it out of {file.name}"
-            key, value, problem = "file", mesh.file, str(error)
-        else:
-            if found == mesh.sha256:
+        named = [(f"meshes.{number}", mesh.file, mesh.sha256, digest)]
+        named += [
+            (f"meshes.{number}.companions.{place}", each.file, each.sha256, companion_digest)
+            for place, each in enumerate(mesh.companions)
+        ]
+        for where, name, expected, digest_of in named:
+            if (name, expected) in seen:  # several links may be drawn with one
                 continue
-            remedy = f"Import again, or if it is meant, write {found}"
-            key, value = "sha256", mesh.sha256
-            problem = f"{MESHES}/{mesh.file} has another digest"
-        wrong.append(ConfigError(str(file), f"meshes.{number}.{key}", value, problem, remedy))
+            seen.add((name, expected))
+            try:
+                found = digest_of(file.parent / MESHES / name)
+            except MeshError as error:
+                remedy = f"Put it into {MESHES}/ again, or take it out of {file.name}"
+                key, value, problem = "file", name, str(error)
+            else:
+                if found == expected:
+                    continue
+                remedy = f"Import again, or if it is meant, write {found}"
+                key, value = "sha256", expected
+                problem = f"{MESHES}/{name} has another digest"
+            wrong.append(ConfigError(str(file), f"{where}.{key}", value, problem, remedy))
     return wrong

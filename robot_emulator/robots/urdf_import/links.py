@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -15,8 +16,9 @@ from hoap3.robot_emulator.robots.urdf_import.figures import figure, triple, writ
 from hoap3.robot_emulator.robots.urdf_import.inertia import read_inertial
 from hoap3.robot_emulator.robots.urdf_import.joints import copy_attributes
 from hoap3.robot_emulator.robots.urdf_import.notes import Notes
+from hoap3.robot_emulator.robots.urdf_import.shapes.companions import Companion, companions
 from hoap3.robot_emulator.robots.urdf_import.shapes.fitting import Shape
-from hoap3.robot_emulator.robots.urdf_import.shapes.mesh_files import MeshError, digest, shape_of
+from hoap3.robot_emulator.robots.urdf_import.shapes.mesh_files import MeshError, content, shape_of
 from hoap3.robot_emulator.robots.urdf_import.shapes.packages import SearchPath, UnresolvedError
 
 PRIMITIVES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}
@@ -31,6 +33,7 @@ class Visual:
         path: of the file, here.
         sha256: of its content.
         scale, xyz, rpy: (3,) of the mesh, and where it is in the link [m, rad].
+        companions: files beside it that it names.
     """
 
     link: str
@@ -39,6 +42,7 @@ class Visual:
     scale: FloatArray
     xyz: FloatArray
     rpy: FloatArray
+    companions: tuple[Companion, ...] = ()
 
 
 @dataclass
@@ -121,10 +125,28 @@ class _Geometry:
         xyz, rpy = (triple(origin, key, self.where, 0.0) for key in ("xyz", "rpy"))
         try:
             path = self.search.find(shape.get("filename", ""))
-            meshes.append(Visual(self.link, path, digest(path), scale, xyz, rpy))
+            data = content(path)
+            own = self._companions(path, data, meshes)
+            digest = hashlib.sha256(data).hexdigest()
+            meshes.append(Visual(self.link, path, digest, scale, xyz, rpy, own))
         except (MeshError, UnresolvedError) as error:
             self._missing("visual", shape, error)
         return []
+
+    def _companions(self, path: Path, data: bytes, meshes: list[Visual]) -> tuple[Companion, ...]:
+        """What a mesh names that can be kept beside it, and beside those of the other meshes."""
+        taken = {each.name: each.sha256 for mesh in meshes for each in mesh.companions}
+        found = []
+        for each in companions(path, data):
+            if not isinstance(each, Companion):
+                name, why = each
+            elif taken.setdefault(each.name, each.sha256) == each.sha256:
+                found.append(each)
+                continue
+            else:
+                name, why = each.name, "another one is called so"
+            self.notes.add("left out", f"files that meshes name, {why}", name[-120:])
+        return tuple(found)
 
     def _missing(self, what: str, mesh: ET.Element, error: DescriptionError) -> None:
         name = mesh.get("filename", "")

@@ -15,6 +15,7 @@ from braking_joints import T, asked_of, braking_joints, rounding
 
 from hoap3.protocol.robot.jerk import jerk_limits_reference as plain
 from hoap3.protocol.robot.jerk.jerk_limits import kept_acceleration
+from hoap3.robot_emulator.filters.jerk_approach_kernels import WORK
 from hoap3.robot_emulator.filters.jerk_filter_reference import filtered, own_motion, room_left
 from hoap3.robot_emulator.filters.jerk_kernels import brake_ends, filter_jerk, steer
 
@@ -87,7 +88,8 @@ def test_a_robot_goes_to_setpoints_or_approaches_them(seeds):
         setpoint = asked_of(rng, limits, at, history)
         q, v, a = at
         place, velocity, acceleration = q.copy(), v.copy(), a.copy()
-        filter_jerk(setpoint, history.copy(), limits, T, place, velocity, acceleration)
+        work = np.full(WORK, np.nan)
+        filter_jerk(setpoint, history.copy(), limits, T, place, velocity, acceleration, work)
         close = rounding(limits, at)
         left = room_left(setpoint, history, limits, T, at)
         known = np.abs(left) > close

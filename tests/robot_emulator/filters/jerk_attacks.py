@@ -7,6 +7,7 @@ from setpoint_attacks import Attacked, N, T, greedy, jitter, jumps, noise, rando
 
 from hoap3.protocol.messages import FloatArray
 from hoap3.protocol.robot.jerk.jerk_limits import kept_acceleration
+from hoap3.robot_emulator.filters.jerk_approach_kernels import WORK
 from hoap3.robot_emulator.filters.jerk_kernels import filter_jerk
 
 ULPS = 12
@@ -31,7 +32,7 @@ class JerkAttacked(Attacked):
         A = kept_acceleration(*self.limits, self.jerk, T)
         self.limits[3] = A
         self.all = np.ascontiguousarray([*self.limits, self.jerk])
-        self.history = np.tile(self.value, (3, 1))
+        self.history, self.work = np.tile(self.value, (3, 1)), np.full(WORK, np.nan)
 
     def forget(self) -> None:
         super().forget()
@@ -42,7 +43,7 @@ class JerkAttacked(Attacked):
         held = int(
             filter_jerk(
                 asked, self.history, self.all, T,
-                self.value, self.velocity, self.acceleration,
+                self.value, self.velocity, self.acceleration, self.work,
             )
         )  # fmt: skip
         self.before = asked

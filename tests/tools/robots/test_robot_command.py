@@ -116,6 +116,14 @@ def test_packages_elsewhere_are_named_by_an_option(here):
     assert found["shapes"]["upper"] == {"cylinder": 1, "sphere": 2}
 
 
+def test_a_folder_that_has_its_meshes_takes_no_packages(here):
+    assert inside("robot", "import", ARM).code == 0
+    done = inside("robot", "check", "./acme_arm", "--package-path", "share")
+    assert done.code == 2
+    assert "--package-path" in done.stderr
+    assert inside("robot", "check", "./acme_arm").code == 0
+
+
 @pytest.mark.parametrize("as_folder", [False, True])
 def test_a_check_says_what_the_robot_is(here, as_folder):
     follower = joint("grip", "hand", "finger", '<mimic joint="wrist" multiplier="0.5"/>')
