@@ -46,13 +46,14 @@ if TYPE_CHECKING:
     from hoap3.remote_controller.tasks.task import Task
     from hoap3.robot_emulator.robots import load as load_robot
     from hoap3.tools.environment.environment import Environment
-    from hoap3.tools.services.connection import connect, connect_async
+    from hoap3.tools.services.connection import Connection, connect, connect_async
     from hoap3.tools.simulate import simulate
 
 __all__ = [
     "AuthorityError",
     "BadProblemError",
     "ConfigError",
+    "Connection",
     "Constraint",
     "Controller",
     "DescriptionError",
@@ -86,6 +87,7 @@ __all__ = [
 ]
 
 _LAZY = {
+    "Connection": "hoap3.tools.services.connection:Connection",
     "Constraint": "hoap3.remote_controller.constraints.constraint:Constraint",
     "Controller": "hoap3.remote_controller.controllers.base:Controller",
     "Environment": "hoap3.tools.environment.environment:Environment",

@@ -20,12 +20,10 @@ The tip goes along a square over the desk, corner by corner; a corner that lies 
 from __future__ import annotations
 
 import argparse
-import time
 
 import numpy as np
 
 import hoap3
-from hoap3.tools.services.connection import Connection
 
 CORNERS = [[0.40, -0.1, 0.2], [0.40, 0.1, 0.2], [0.30, 0.1, 0.2], [0.30, -0.1, 0.2]]  # [m]
 OUTSIDE = [0.40, -0.1, -0.2]  # below the desk
@@ -33,7 +31,7 @@ STILL_RAD_S = 1e-3
 QUIET_TICKS = 300  # for so long before the motion counts as over
 
 
-def go(robot: Connection, place: list[float]) -> np.ndarray:
+def go(robot: hoap3.Connection, place: list[float]) -> np.ndarray:
     """Send a target, and wait until no joint has moved for a while; where they are, (4,) [rad]."""
     before, number = counted(robot), robot.send_target(place)
     quiet_since = None
@@ -47,7 +45,7 @@ def go(robot: Connection, place: list[float]) -> np.ndarray:
     raise RuntimeError(f"the robot ended before it answered message {number}")
 
 
-def counted(robot: Connection) -> int:
+def counted(robot: hoap3.Connection) -> int:
     """How many messages the controller has taken or refused."""
     counts = robot.counts()
     return int(counts["taken"]) + sum(counts["refused"].values())
@@ -57,8 +55,6 @@ def square(endpoint: str) -> list[np.ndarray]:
     """Go to each corner; the joints at each of them, and after a target that is refused."""
     with hoap3.connect("desk_arm", endpoint) as robot:
         (target,) = robot.acquire(timeout_s=60.0)  # the controller may still compile
-        while robot.status()["mode"] != "active":  # it begins to follow
-            time.sleep(0.05)
         print(f"we steer {target['name']!r}: {target['dimension']} numbers in {target['unit']}")
         found = []
         for place in [*CORNERS, OUTSIDE]:

@@ -214,7 +214,8 @@ class Connection:
         It is renewed until `release` or `close`.
 
         Args:
-            timeout_s: for how long to try: a controller that starts may have to compile first.
+            timeout_s: for how long to try, and then to wait until the robot follows its
+                controller, unless it is stopped: one that starts may have to compile first.
 
         Raises:
             LinkError: no controller answers.
@@ -229,7 +230,9 @@ class Connection:
                     raise
                 time.sleep(RETRY_S)
             else:
-                break
+                if found["following"] or self._stays(until):
+                    break
+                time.sleep(RETRY_S)
         self._keep()
         targets: list[dict[str, Any]] = found["targets"]
         return targets
@@ -248,6 +251,10 @@ class Connection:
         """
         found = self._acquire()
         return {name: found[name] for name in ("taken", "late_points", "refused")}
+
+    def _stays(self, until: float) -> bool:
+        """Whether to wait for the robot to follow is in vain."""
+        return time.monotonic() > until or self.status()["mode"] == "stopped"
 
     def _acquire(self) -> dict[str, Any]:
         before, found = self._operator, self._control("acquire")
