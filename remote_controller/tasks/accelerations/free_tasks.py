@@ -90,8 +90,9 @@ class FreeTasks(AccelerationTasks):
         if task is PostureTask:
             return super()._kind_of(task, parameters)
         if task is FrameOrientationTask:
-            turns = parameters.weights or parameters.reference or parameters.turn_s
-            return kernels.GIVEN if turns else kernels.TURN
+            turns = parameters.turn_s or parameters.target is not None
+            other = parameters.weights or parameters.reference or turns
+            return kernels.GIVEN if other else kernels.TURN
         if task not in {FramePositionTask, FramePoseTask} or parameters.weights:
             return kernels.GIVEN
         if parameters.reference is not None:
@@ -136,7 +137,7 @@ class FreeTasks(AccelerationTasks):
     def _aim_at_pose(self, i: int, frame: int, wanted: FramePoseTask.Parameters) -> None:
         if isinstance(wanted.target, PointSettings):
             self._targets[i, 0] = wanted.target.position_m
-            self._turns[i] = turned(NO_ROTATION, wanted.rotation_rad)
+            self._turns[i] = turned(NO_ROTATION, wanted.rotation)
         elif wanted.posture is None and not wanted.posture_rad:
             self._held.append((i, frame))
         else:

@@ -13,8 +13,10 @@ from scipy.interpolate import BPoly, CubicSpline
 from hoap3.protocol.errors import ConfigError
 from hoap3.remote_controller.references.live.live import Live, check_names, collected
 from hoap3.remote_controller.references.live.live_plan import Bounds, Chunk
+from hoap3.remote_controller.references.live.live_space import Space
 
 T = 1e-3
+SPACE = Space(3)
 BOUNDS = Bounds(0.25, 1.0, 20.0)
 NO_RATES = np.zeros((0, 3))
 HOME = np.array([0.3, -0.1, 0.5])
@@ -64,7 +66,7 @@ def test_a_chunk_is_the_natural_cubic_spline_through_its_points(points, step):
     points = np.array(points)
     times = 2.0 + step * np.arange(len(points))
     spline = CubicSpline(times, points, bc_type="natural")
-    curve, found = Chunk(2.0, step, points, NO_RATES), np.zeros((3, 3))
+    curve, found = Chunk(2.0, step, points, NO_RATES, SPACE), np.zeros((3, 3))
     for time_s in np.linspace(times[0], times[-1], 37):
         curve.look(time_s, found)
         for order in range(3):
@@ -81,7 +83,7 @@ def test_a_chunk_with_rates_has_its_points_and_rates_and_differences_of_these(se
     bends = np.gradient(rates, step, axis=0)
     curve = BPoly.from_derivatives(times, np.stack([points, rates, bends], 1))
     found = np.zeros((3, 3))
-    made = Chunk(0.0, step, points, rates)
+    made = Chunk(0.0, step, points, rates, SPACE)
     for time_s in np.linspace(0.0, times[-1], 23):
         made.look(time_s, found)
         for order in range(3):
