@@ -1,0 +1,244 @@
+"""Every kind of live target in every family of controllers: replayed to the bit, and verified."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import hoap3
+from hoap3.protocol.messages import State, Target
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.remote_controller.loop import ControllerLoop
+from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.tools.replay import replay_records
+from hoap3.tools.simulate import Simulation, controller_settings
+from hoap3.tools.verify.checkers import checker_of
+from hoap3.tools.verify.claims import Claims
+from hoap3.tools.verify.controller_log import runs
+
+T = 1e-3
+EVERY, STEP = 40, 30  # ticks
+SIZES = {"x": 0.01, "q": 0.05, "j": 0.05, "N": 3.0}
+"""How far targets lie from the begin: places [m], rotation vectors [rad], joints, forces [N]."""
+
+
+def posed(robot: str, posture: str, frame: str) -> np.ndarray:
+    """Where a frame is in a posture, in the base frame, (7,): position and quaternion."""
+    description = hoap3.load_robot(robot)
+    kinematics = Kinematics(description)
+    kinematics.update(np.array(description.postures[posture]))
+    frames = kinematics.frame_id(frame), kinematics.frame_id(description.base_frame)
+    place, turn = np.zeros(3), np.zeros((3, 3))
+    kinematics.frame(*frames, place, turn, np.zeros((6, description.n)))
+    return np.hstack([place, Rotation.from_matrix(turn).as_quat()])
+
+
+class Sender:
+    """Steers all live targets of a controller in turn, by targets and chunks, with rates or not."""
+
+    def __init__(self, begins: Mapping[str, np.ndarray], seed: int = 0) -> None:
+        self.rng, self.begins = np.random.default_rng(seed), begins
+        self.number = 0
+        self.loop: ControllerLoop | None = None
+
+    def __call__(self, loop: ControllerLoop) -> None:
+        self.loop, tick = loop, loop.last_tick
+        if not loop.epoch or tick % EVERY:
+            return
+        grant = loop.operate("acquire", "me")
+        self.number += 1
+        place = self.number % len(grant["targets"])
+        target = grant["targets"][place]
+        count = int(self.rng.choice([1, 8]))
+        values, rates = self.points(target, count)
+        moves = target["rates"] if self.number % 3 == 0 and count > 1 else 0
+        made = Target(count, target["dimension"], rates=moves)
+        made.values[:] = values.ravel()
+        if moves:
+            made.rates[:] = rates.ravel()
+        made.number, made.target, made.tick_step = self.number, place, STEP
+        made.first_tick = max(0, tick - 60)
+        made.session_id, made.epoch = grant["session_id"], grant["epoch"]
+        loop.steer("me", made.dump())
+
+    def points(self, target: Mapping[str, Any], count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Points near the begin that go on evenly, (p, d), and their rates."""
+        begin, layout = self.begins[target["name"]], target["layout"]
+        plain = sum(name not in {"qx", "qy", "qz", "qw"} for name in layout)
+        kind = {"m": "x", "N": "N"}.get(target["unit"].split()[0].rstrip(","), "j")
+        times = STEP * T * np.arange(count)[:, None]
+        spread = SIZES[kind] * self.rng.normal(size=plain)
+        speed = 0.3 * SIZES[kind] * self.rng.normal(size=plain)
+        values, rates = begin[:plain] + spread + times * speed, np.tile(speed, (count, 1))
+        if len(layout) > plain:
+            omega = 0.1 * self.rng.normal(size=3)
+            away = Rotation.from_rotvec(SIZES["q"] * self.rng.normal(size=3))
+            turns = Rotation.from_rotvec(times * omega) * away * Rotation.from_quat(begin[plain:])
+            values = np.hstack([values, turns.as_quat()])
+            rates = np.hstack([rates, np.tile(omega, (count, 1))])
+        return values, rates
+
+
+def task(kind: str, name: str = "", gains: Any = None, **parameters: Any) -> dict[str, Any]:
+    """An entry of `parameters.tasks`, or `parameters.task`."""
+    named = {"name": name} if name else {}
+    return {**named, "task": kind, **(gains or {}), "parameters": parameters}
+
+
+TOOL = {"frame": "tool0"}
+POSE = {"kind": "live", "name": "pose", "stale_after_s": 0.3, "when_stale": "return"}
+UR5 = hoap3.load_robot("ur5")
+START = np.array(UR5.initial_position)
+AT = posed("ur5", UR5.initial_posture, "tool0")
+BEGINS = {"pose": AT, "turn": AT[3:], "place": AT[:3], "joints": START}
+ACCELERATED = {"robot": "ur5", "command": "acceleration"}
+PRESSES = {"force": np.array([10.0]), "place": np.array([-0.5, -0.25, 0.48])}  # below the table
+CASES: dict[str, tuple[Any, str, dict[str, Any], Mapping[str, np.ndarray]]] = {
+    "ghc_velocity": (
+        "ur5",
+        "ghc_velocity",
+        {
+            "tasks": [task("frame_pose", "hand", **TOOL, target=POSE), task("posture", "rest")],
+            "priorities": {"order": ["hand", "rest"]},
+            "bounds": {"speed_rad_s": 1.5},
+        },
+        BEGINS,
+    ),
+    "clik": (
+        "ur5",
+        "clik",
+        {
+            "tasks": [
+                task("frame_orientation", "axes", **TOOL, target={"kind": "live", "name": "turn"}),
+                task("frame_position", "tip", **TOOL, target={"kind": "live", "name": "place"}),
+            ],
+            "bounds": {"acceleration_rad_s2": 200.0},
+        },
+        BEGINS,
+    ),
+    "stable_qp": ("ur5", "stable_qp", {"task": task("frame_pose", **TOOL, target=POSE)}, BEGINS),
+    "stable_qp of a sum": (
+        "ur5",
+        "stable_qp",
+        {
+            "task": task(
+                "weighted_sum",
+                terms=[
+                    task("frame_orientation", **TOOL, target={"kind": "live", "name": "turn"}),
+                    task("posture", target={"kind": "live", "name": "joints"}),
+                ],
+            )
+        },
+        BEGINS,
+    ),
+    "ghc": (
+        ACCELERATED,
+        "ghc",
+        {
+            "tasks": [
+                task("frame_position", "tip", **TOOL, target={"kind": "live", "name": "place"}),
+                task("posture", "rest", target={"kind": "live", "name": "joints"}),
+            ],
+            "priorities": {"order": ["tip", "rest"]},
+        },
+        BEGINS,
+    ),
+    "hqp": (
+        ACCELERATED,
+        "hqp",
+        {
+            "tasks": [task("frame_pose", "hand", **TOOL, target=POSE), task("posture", "rest")],
+            "priorities": {"order": ["hand", "rest"]},
+        },
+        BEGINS,
+    ),
+    "weighted": (
+        ACCELERATED,
+        "weighted",
+        {
+            "tasks": [
+                task("frame_orientation", "axes", **TOOL, target={"kind": "live", "name": "turn"}),
+                task("frame_position", "tip", **TOOL, target={"kind": "live", "name": "place"}),
+            ],
+            "priorities": {"weights": {"axes": 1.0, "tip": 1.0}},
+        },
+        BEGINS,
+    ),
+    "tsid": (ACCELERATED, "tsid", {"tasks": [task("frame_pose", **TOOL, target=POSE)]}, BEGINS),
+    "force": (
+        "lwr_with_table",
+        "ghc",
+        {
+            "tasks": [
+                task(
+                    "wrench",
+                    "hand",
+                    {"kp": 30.0, "kd": 20.0},
+                    frame="ee",
+                    target={"kind": "live", "name": "place"},
+                    normal=[0.0, 0.0, 1.0],
+                    force_n=10.0,
+                    wrench_target={"kind": "live", "name": "force", "rate_n_s": 50.0},
+                ),
+                task("posture", "rest", {"kp": 30.0, "kd": 20.0}, posture="bent"),
+            ],
+            "priorities": {"order": ["hand", "rest"]},
+        },
+        PRESSES,
+    ),
+}
+QUICK = {"stable_qp", "hqp"}
+
+
+def marked() -> list[Any]:
+    """All cases; those that are not quick are slow."""
+    slow = pytest.mark.slow
+    return [pytest.param(each, marks=() if each in QUICK else slow) for each in CASES]
+
+
+def steered(case: str, seconds: float) -> tuple[Simulation, dict[str, Any], ControllerLoop]:
+    """A run, its controller's settings, and its loop."""
+    robot, controller, parameters, begins = CASES[case]
+    sender = Sender(begins)
+    law = {"controller": controller, "parameters": parameters}
+    done = hoap3.simulate(robot, law, seconds, steer=sender)
+    assert sender.loop is not None
+    return done, law, sender.loop
+
+
+def verified(records: list[Record], law: Mapping[str, Any]) -> dict[str, Any]:
+    """What is recomputed of the answers."""
+    (logged,), claims = list(runs(records)), Claims()
+    checker = checker_of(law["controller"])
+    assert checker is not None
+    checker(logged, law["parameters"], claims)
+    return claims.as_json()
+
+
+def changed(records: list[Record], which: int, size: float) -> list[Record]:
+    """The same with the first number of each message for a target a little greater."""
+    found = list(records)
+    for at, record in enumerate(records):
+        if record.kind == Kind.TARGET and Target.scalars(record.payload, "target") == (which,):
+            target = Target.like(record.payload)
+            target.load(record.payload)
+            target.values[0] += size
+            found[at] = record._replace(payload=target.dump())
+    return found
+
+
+@pytest.mark.parametrize("case", marked())
+def test_targets_are_taken_replayed_to_the_bit_and_verified(case):
+    seconds = 1.5 if case == "force" else 0.6  # until it touches
+    done, law, loop = steered(case, seconds)
+    assert loop.steering.taken >= 8, loop.steering.refused
+    assert (done.states["mode"][: round(seconds / T)] != State.STOPPED).all()
+    assert replay_records(done.records, controller_settings(law)).identical
+    found = verified(done.records, law)
+    assert (found["false"], found["unverified"]) == (0, 0), found
+    for which in range(len(done.controller.live)):
+        assert verified(changed(done.records, which, 1e-4), law)["false"] > 0
