@@ -34,6 +34,7 @@ STORIES = [
     "priorities.md",
     "gains.md",
     "trajectories.md",
+    "steering.md",
     "contact.md",
     "plants.md",
     "environment.md",
