@@ -280,7 +280,7 @@ def test_ten_thousand_messages_break_no_limit_and_are_counted_by_reason():
     assert_arm_keeps_limits(10_000, 100)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_ten_thousand_messages_for_force_and_pose_break_no_limit_either():
     assert_presses_within_limits(10_000, 100)
 

@@ -11,6 +11,7 @@ from pydantic import Field, field_validator, model_validator
 from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.references.live.live import Live
 from hoap3.remote_controller.references.live.live_settings import LiveWrenchSettings
 from hoap3.remote_controller.references.settings import TargetSettings
 from hoap3.remote_controller.tasks.accelerations.standing import turned
@@ -272,7 +273,9 @@ class WrenchControl:
         self.touches, self._learns = False, False
         steered = settings.wrench_target
         least = -math.inf if settings.force_n is None else 0.0
-        self._steered = steered and steered.build(self._torques, self._axes, least)
+        self._steered: Live | None = None
+        if steered is not None:
+            self._steered = steered.build(self._torques, self._axes, least)
         self._rates = np.zeros(k)
 
     @property
