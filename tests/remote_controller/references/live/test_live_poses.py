@@ -129,6 +129,11 @@ def test_a_pose_goes_and_turns_at_the_same_time():
     places, turns, _ = motion(target, range(3000))
     shares = (places[:, 0] - HOME[0]) / 0.2
     np.testing.assert_allclose((turns * TURN.inv()).magnitude(), 0.4 * shares, atol=1e-9)
+    place, speed = np.zeros((2, 6))
+    for tick in range(1, 2999, 100):
+        target.at(tick * T, place, speed)
+        found = (places[tick + 1] - places[tick - 1]) / (2.0 * T)
+        np.testing.assert_allclose(found, speed[:3], atol=BOUNDS.jerk * T * T)
     assert shares[-1] == pytest.approx(1.0, abs=1e-12)
 
 
