@@ -262,6 +262,7 @@ def built(kind: str, level: str, **parameters: Any) -> Any:
 
 
 LIVE = {"kind": "live"}
+STANDING = "hoap3_standing_torque"
 XYZ, TURN = ["x", "y", "z"], ["qx", "qy", "qz", "qw"]
 
 
@@ -320,6 +321,17 @@ def test_two_live_targets_of_one_wrench_need_names():
         built("wrench", "acceleration", **pressed, wrench_target=LIVE)
     named = {**LIVE, "name": "force"}
     assert len(built("wrench", "acceleration", **pressed, wrench_target=named)) == 2
+
+
+@pytest.mark.parametrize("kind", ["frame_orientation", "frame_pose"])
+def test_with_a_free_base_orientations_are_steered_against_a_frame_alone(kind):
+    config = controller_settings("ghc_standing").model_copy(deep=True)
+    tasks, robot = config.parameters["tasks"], describe(emulator_settings(STANDING, 0))
+    tasks[1] = task(kind, "upright", frame="head", target=LIVE)
+    with pytest.raises(ConfigError, match="reference"):
+        build(config, robot)
+    tasks[1]["parameters"]["reference"] = "pelvis"
+    assert len(build(config, robot).live) == 1
 
 
 def sent_once(values: np.ndarray, at: int = 50) -> Callable[[ControllerLoop], None]:
