@@ -27,7 +27,7 @@ from weakref import WeakSet
 
 import numpy as np
 
-from hoap3.protocol.errors import ConfigError
+from hoap3.protocol.errors import BadProblemError, ConfigError
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.references.live.live_plan import Bounds, Chunk, Plan, Rest, Ways
 from hoap3.remote_controller.references.live.live_space import Space
@@ -193,7 +193,7 @@ class Live(Target):
         try:
             self._plans.append(self._ways.plan(begin, self._where(begin), curve))
             self._grow_stale(now_s + self._stale_after)
-        except self._ways.error:
+        except BadProblemError:
             self._plans, self.stops_at_s = before
             return "too_fast"
         return int(min(max(math.ceil((now_s - first_s) / step_s), 0), count)) if count > 1 else 0

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hoap3.protocol.errors import BadProblemError
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.references.live.live_space import Space
 from hoap3.remote_controller.references.target import smooth_step
@@ -87,7 +88,8 @@ class Chunk:
         self._kernels.extremes(
             begin, self._step, self._nodes, self._d, space.place, self._work, found
         )
-        return bool((found[:, : space.dimension] <= USED * bounds).all())
+        kept = found[:, : space.dimension] <= USED * bounds
+        return bool(np.isfinite(self._nodes).all() and kept.all())
 
 
 class Plan:
@@ -121,9 +123,6 @@ class Ways:
     Args:
         space: of the points.
         bounds: speed, acceleration and jerk of each axis, (3, dimension).
-
-    Attributes:
-        error: what `plan` raises where there is no way.
     """
 
     def __init__(self, space: Space, bounds: FloatArray) -> None:
@@ -133,7 +132,6 @@ class Ways:
         self._make: Any = ruckig.Ruckig(space.dimension)
         self._space, self._bounds = space, bounds
         self._limits = (USED * bounds).tolist()
-        self.error: type[Exception] = ruckig.RuckigError
 
     def rehearse(self) -> None:
         """Do all of it once, so that nothing is compiled while a robot moves."""
@@ -148,7 +146,11 @@ class Ways:
             self.plan(0.0, state, chunk)
 
     def plan(self, begin_s: float, state: FloatArray, curve: Rest | Chunk) -> Plan:
-        """From a state to a curve, as soon as it can be met, and along it to its end."""
+        """From a state to a curve, as soon as it can be met, and along it to its end.
+
+        Raises:
+            BadProblemError: there is no way.
+        """
         if isinstance(curve, Rest):
             return self._to_rest(begin_s, state, curve, 0.0)
         there = np.zeros((3, self._space.numbers))
@@ -186,7 +188,7 @@ class Ways:
         """The way that is there at just that time, or None: the bounds do not allow it."""
         try:
             way, lasts_s = self._way(begin_s, state, there, later_s)
-        except self._library.RuckigError:
+        except BadProblemError:
             return None
         return way if abs(lasts_s - later_s) <= ROUNDING else None
 
@@ -209,7 +211,10 @@ class Ways:
         if least_s > 0.0:
             asked.minimum_duration = least_s
         found: Any = library.Trajectory(d)
-        self._make.calculate(asked, found)
+        try:
+            self._make.calculate(asked, found)
+        except (library.RuckigError, ValueError) as error:  # the latter of hours and more
+            raise BadProblemError(f"there is no way within the bounds: {error}") from error
         lasts_s = float(found.duration)
         miss = np.zeros(d) if aim is None else aim[0] - found.at_time(lasts_s)[0]
         work = np.zeros((3, d))

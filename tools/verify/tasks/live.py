@@ -246,7 +246,7 @@ class LiveTarget(Target):
         found: Any = ruckig.Trajectory(d)
         try:
             ruckig.Ruckig(d).calculate(asked, found)
-        except ruckig.RuckigError as error:
+        except (ruckig.RuckigError, ValueError) as error:
             raise RuntimeError(str(error)) from error
         lasts = float(found.duration)
         miss = np.zeros(d) if aim is None else aim[0] - np.array(found.at_time(lasts)[0])

@@ -194,6 +194,19 @@ def test_what_cannot_be_followed_is_refused_and_nothing_moves(given, reason):
     np.testing.assert_array_equal(motion(target, range(3000)), before)
 
 
+@pytest.mark.parametrize("size", [1e5, 1e6, 1e12, 1e300, 1.7e308])
+@pytest.mark.parametrize("points", [[[1.0, -1.0, 0.0]], np.eye(3), np.ones((3, 3))])
+def test_what_is_absurdly_far_is_refused_where_nothing_bounds_it(points, size):
+    anywhere = np.full(3, np.inf)
+    target = Live("hand", "m", BOUNDS, -anywhere, anywhere)
+    target.start(HOME, 0.0)
+    target.take(0.0, T, HOME[None] + 0.2, NO_RATES, 0.001)
+    before = motion(target, range(1000))
+    with np.errstate(over="ignore", invalid="ignore"):
+        assert target.take(0.45, 0.05, size * np.array(points), NO_RATES, 0.5) == "too_fast"
+    np.testing.assert_array_equal(motion(target, range(1000)), before)
+
+
 def test_live_targets_are_found_in_their_order_and_two_of_one_name_refused():
     with collected() as found:
         first, second = live(), live()
