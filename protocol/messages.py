@@ -408,10 +408,9 @@ class Target(Message):
     values: FloatArray
     rates: FloatArray
 
-    def __new__(cls, points: int, dimension: int, *, rates: bool = False) -> Self:
-        """Of so many points with `dimension` numbers each, with or without their rates."""
-        length = points * dimension
-        message = cls.allocate(values=length, rates=length if rates else 0)
+    def __new__(cls, points: int, dimension: int, *, rates: int = 0) -> Self:
+        """Of so many points with `dimension` numbers each, and so many of a rate; 0 for none."""
+        message = cls.allocate(values=points * dimension, rates=points * rates)
         message.points, message.dimension = points, dimension
         return message
 

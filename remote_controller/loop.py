@@ -113,6 +113,8 @@ class ControllerLoop:
             "extra": self._controller.extra_names,
             "conditions": self._controller.conditions,
         }
+        if self.steered:
+            session["targets"] = [live.name for live in self._controller.live]
         self._recorder.record(Kind.DESCRIPTION, now, description.to_json())
         self._recorder.record(Kind.SESSION, now, json.dumps(session).encode())
 

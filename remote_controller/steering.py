@@ -21,6 +21,7 @@ REFUSALS = (
     "behind",
     "wrong_size",
     "not_finite",
+    "not_unit",
     "late",
     "too_far_ahead",
     "out_of_range",
@@ -127,13 +128,15 @@ class Steering:
         shape = target.points, target.dimension
         if target.values.size != shape[0] * shape[1] or not target.values.size:
             return "wrong_size"
-        if target.rates.size not in {0, target.values.size}:
+        live = self._live[target.target]
+        rates = target.points, live.space.dimension
+        if target.rates.size not in {0, rates[0] * rates[1]}:
             return "wrong_size"
-        found = self._live[target.target].take(
+        found = live.take(
             target.first_tick * self._period,
             target.tick_step * self._period,
             target.values.reshape(shape),
-            target.rates.reshape(shape if target.rates.size else (0, shape[1])),
+            target.rates.reshape(rates if target.rates.size else (0, rates[1])),
             (tick + 1) * self._period,
         )
         if isinstance(found, str):

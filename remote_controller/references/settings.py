@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from hoap3.protocol.config.settings import RobotName, Settings
-from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.config.settings import Settings
 from hoap3.remote_controller.references.curves import Circle, Lemniscate, Plane
-from hoap3.remote_controller.references.live.live import Live, WhenStale
-from hoap3.remote_controller.references.live.live_plan import Bounds
+from hoap3.remote_controller.references.live.live_settings import (
+    LivePoseSettings,
+    LivePostureSettings,
+    LiveSettings,
+    Position,
+    Positive,
+)
 from hoap3.remote_controller.references.spline import Spline, read_csv
 from hoap3.remote_controller.references.target import Approach, Hold, Point, Target
 from hoap3.remote_controller.references.trajectories.trajectory_settings import TrajectorySettings
 from hoap3.remote_controller.references.waypoints import Profile, Waypoints
-
-Position = tuple[float, float, float]
-Positive = Annotated[float, Field(gt=0)]
 
 
 class PointSettings(Settings):
@@ -130,56 +130,6 @@ class SplineSettings(_MovingSettings):
         return Approach(curve, self.approach_s)
 
 
-class _SteeredSettings(Settings):
-    name: RobotName = Field("target", description="by which senders call it")
-    stale_after_s: Positive | None = Field(
-        None, description="how long the last target counts [s]; null: for ever"
-    )
-    when_stale: WhenStale = Field(
-        "hold", description="what then: hold, return to where the task began, or stop the robot"
-    )
-
-    @property
-    def _stale(self) -> tuple[float, WhenStale]:
-        after = self.stale_after_s
-        return math.inf if after is None else after, self.when_stale
-
-
-class LiveSettings(_SteeredSettings):
-    """Where somebody steers it while the robot moves; before that, where the robot is."""
-
-    kind: Literal["live"]
-    speed_m_s: Positive = Field(0.25, description="most along each axis [m/s]")
-    acceleration_m_s2: Positive = Field(1.0, description="most along each axis [m/s²]")
-    jerk_m_s3: Positive = Field(20.0, description="most along each axis [m/s³]")
-    lower_m: Position | None = Field(None, description="least that is taken [m]; null: anything")
-    upper_m: Position | None = Field(None, description="most that is taken [m]; null: anything")
-
-    def build(self, folder: Path) -> Target:
-        """The target; files are sought in `folder`."""
-        del folder
-        bounds = Bounds(self.speed_m_s, self.acceleration_m_s2, self.jerk_m_s3)
-        lower, upper = (
-            np.full(3, anything) if given is None else np.array(given)
-            for given, anything in ((self.lower_m, -np.inf), (self.upper_m, np.inf))
-        )
-        return Live(self.name, "m", bounds, lower, upper, *self._stale)
-
-
-class LivePostureSettings(_SteeredSettings):
-    """A posture that somebody steers; before that, where the robot is."""
-
-    kind: Literal["live"]
-    speed_rad_s: Positive = Field(0.5, description="most of each joint [rad/s or m/s]")
-    acceleration_rad_s2: Positive = Field(2.0, description="likewise [rad/s² or m/s²]")
-    jerk_rad_s3: Positive = Field(40.0, description="likewise [rad/s³ or m/s³]")
-
-    def build(self, lower: FloatArray, upper: FloatArray) -> Target:
-        """The target, of joints with these limits, (m,)."""
-        bounds = Bounds(self.speed_rad_s, self.acceleration_rad_s2, self.jerk_rad_s3)
-        return Live(self.name, "rad or m", bounds, lower, upper, *self._stale)
-
-
 TargetSettings = Annotated[
     PointSettings
     | WaypointSettings
@@ -191,10 +141,21 @@ TargetSettings = Annotated[
     Field(discriminator="kind"),
 ]
 
+PoseTarget = Annotated[
+    PointSettings
+    | WaypointSettings
+    | CircleSettings
+    | LemniscateSettings
+    | SplineSettings
+    | LivePoseSettings
+    | TrajectorySettings,
+    Field(discriminator="kind"),
+]
+
 PostureTarget = Annotated[TrajectorySettings | LivePostureSettings, Field(discriminator="kind")]
 
 
-def target_of(settings: TargetSettings | None, folder: Path) -> Target:
+def target_of(settings: TargetSettings | PoseTarget | None, folder: Path) -> Target:
     """The target, (3,) [m], that settings ask for; none: where the robot is at the start.
 
     Args:

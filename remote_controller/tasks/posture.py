@@ -12,8 +12,9 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.references.live.live_settings import LivePostureSettings
 from hoap3.remote_controller.references.postures import posture_of
-from hoap3.remote_controller.references.settings import LivePostureSettings, PostureTarget
+from hoap3.remote_controller.references.settings import PostureTarget
 from hoap3.remote_controller.references.target import Approach, Point
 from hoap3.remote_controller.tasks.accuracy import (
     TOLERANCE_DEG,
@@ -89,11 +90,11 @@ class PostureTask(Task):
         if aim is None:
             point = Approach(Point(target), parameters.approach_s)
             return TaskFunction(task, point, parameters.weights)
+        names = [robot.joint_names[i] for i in joints]
         if isinstance(aim, LivePostureSettings):
-            steered = aim.build(robot.lower[joints], robot.upper[joints])
+            steered = aim.build(robot.lower[joints], robot.upper[joints], names)
             return TaskFunction(task, steered, parameters.weights)
         path = aim.posture(context.folder, robot, joints)
-        names = [robot.joint_names[i] for i in joints]
         units = ["m" if slides else "rad" for slides in task.prismatic]
         tolerances = aim.tolerances(path, names, units)
         return TaskFunction(task, path, parameters.weights, tolerances)

@@ -35,6 +35,7 @@ STORIES = [
     "priorities.md",
     "gains.md",
     "trajectories.md",
+    "steering.md",
     "contact.md",
     "plants.md",
     "environment.md",

@@ -20,7 +20,7 @@ MAKERS = {
     "State": lambda n: State(n, 6, reference_rate=n, followed=1, base=13),
     "Setpoint": lambda n: Setpoint(n, 3, decision=n, gains=2),
     "Event": lambda n: Event(),
-    "Target": lambda n: Target(n, 3, rates=True),
+    "Target": lambda n: Target(n, 3, rates=3),
 }
 PYTHON_TYPES = {"I": int, "Q": int, "q": int, "d": float, "d[]": messages.FloatArray}
 KINDS = pytest.mark.parametrize("kind", MAKERS)

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import hoap3
 from hoap3.protocol.errors import UsageError
 from hoap3.protocol.messages import State, Target
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.loop import ControllerLoop
+from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.references.live.live import Live
 from hoap3.remote_controller.references.live.live_plan import Bounds
 from hoap3.remote_controller.steering import LEASE_S, REFUSALS, Steering
 from hoap3.tools.replay import replay_records
-from hoap3.tools.simulate import controller_settings
+from hoap3.tools.simulate import Simulation, controller_settings
 
 T = 1e-3
 LEASE = round(LEASE_S / T)
@@ -75,11 +79,62 @@ def test_a_controller_without_live_targets_has_nothing_to_steer():
         Steering([], 7, T).acquire(ME, 1, 0)
 
 
-class Fuzz:
-    """Sends messages of every kind, wrong in every way, to a robot that moves."""
+PLACE = {"lower_m": [-1.0] * 3, "upper_m": [1.0] * 3}
 
-    def __init__(self, seed: int, most: int) -> None:
-        self.rng, self.left = np.random.default_rng(seed), most
+
+def steered_task(kind: str, key: str = "target", /, **parameters: Any) -> dict[str, Any]:
+    """An entry of `parameters.tasks`, called as its live target is, which stands under a key."""
+    name = str(parameters.pop("name"))
+    live = {"kind": "live", "name": name, **parameters.pop("live", {})}
+    return {"name": name, "task": kind, "parameters": {**parameters, key: live}}
+
+
+def law(controller: str, tasks: list[dict[str, Any]], **more: Any) -> dict[str, Any]:
+    """Settings of a controller with these tasks, the first above all."""
+    order = {"order": [each["name"] for each in tasks]}
+    return {"controller": controller, "parameters": {"tasks": tasks, "priorities": order, **more}}
+
+
+ARM = law(
+    "ghc_velocity",
+    [
+        steered_task("frame_position", name="hand", frame="tool0", live=PLACE),
+        steered_task("frame_pose", name="pose", frame="tool0", live={**PLACE, "within_rad": 1.0}),
+        steered_task("frame_orientation", name="turn", frame="wrist_2_link"),
+        steered_task("com", name="mass", frame="base", live=PLACE),
+        steered_task("posture", name="joints"),
+    ],
+    bounds={"speed_rad_s": 1.5},
+)
+PRESS = law(
+    "ghc",
+    [
+        steered_task(
+            "wrench",
+            "wrench_target",
+            name="force",
+            frame="ee",
+            normal=[0.0, 0.0, 1.0],
+            force_n=10.0,
+            target={"kind": "point", "position_m": [-0.5, -0.25, 0.49]},
+            live={"upper": [20.0]},
+        ),
+        steered_task("frame_pose", name="elbow", frame="elbow", live=PLACE),
+        steered_task("posture", name="joints"),
+    ],
+)
+
+
+class Fuzz:
+    """Sends messages of every kind, wrong in every way, to all live targets of a robot that moves.
+
+    Args:
+        seed, most: of the messages.
+        begins: by target, where it is at the begin as its messages count.
+    """
+
+    def __init__(self, seed: int, most: int, begins: Mapping[str, np.ndarray]) -> None:
+        self.rng, self.left, self.begins = np.random.default_rng(seed), most, begins
         self.grant: dict = {}
         self.number = 0
         self.steering: Steering | None = None
@@ -95,59 +150,106 @@ class Fuzz:
             self.left -= 1
             loop.steer(*self.one(loop.last_tick))
 
+    def target_for(self, wrong: str) -> tuple[int, dict[str, Any]]:
+        """A target that can be wrong so."""
+        fit = [
+            (place, target)
+            for place, target in enumerate(self.grant["targets"])
+            if wrong != "not_unit" or "qx" in target["layout"]
+            if wrong != "out_of_range" or target["layout"][0] != "qx"
+        ]
+        return fit[int(self.rng.integers(len(fit)))]
+
+    def points(self, target: dict[str, Any], count: int) -> np.ndarray:
+        """Points that follow each other closely, (p, d)."""
+        rng, begin, turns = self.rng, self.begins[target["name"]], "qx" in target["layout"]
+        plain = begin.size - 4 * turns
+        place = begin[:plain] + np.cumsum(rng.normal(0, 3e-3, (count, plain)), axis=0)
+        if not turns:
+            return place
+        away = Rotation.from_rotvec(np.cumsum(rng.normal(0, 3e-3, (count, 3)), axis=0))
+        turned = (away * Rotation.from_quat(begin[plain:])).as_quat()
+        return np.hstack([place, rng.choice([-1.0, 1.0]) * turned])
+
     def one(self, tick: int) -> tuple[str, bytes]:
         rng, wrong = self.rng, self.rng.choice(["none", *REFUSALS])
-        count = int(rng.integers(1, 8))
+        count = int(rng.integers(1, 8)) if wrong not in {"late", "too_fast"} else 2
+        place, target = self.target_for(wrong)
+        moves = target["rates"] if rng.random() < 0.3 else 0
+        made = Target(count, target["dimension"], rates=moves)
         self.number += 1
-        made = message(
-            self.number,
-            self.grant["epoch"],
-            count,
-            session_id=self.grant["session_id"],
-            first_tick=max(0, tick + int(rng.integers(-20, 300))),
-        )
-        place = np.array([0.3, 0.3, 0.4]) + np.cumsum(rng.normal(0, 3e-3, (count, 3)), axis=0)
-        made.values[:] = place.ravel()
+        made.number, made.epoch, made.tick_step = self.number, self.grant["epoch"], 50
+        made.session_id, made.target = self.grant["session_id"], place
+        made.first_tick = max(0, tick + int(rng.integers(-20, 300)))
+        made.values[:] = self.points(target, count).ravel()
+        made.rates[:] = rng.normal(0.0, 1e-3, made.rates.size)
         if wrong == "other_session":
             made.session_id += 1
         elif wrong == "unknown_target":
-            made.target = int(rng.integers(1, 2**32))
+            made.target = int(rng.integers(len(self.grant["targets"]), 2**32))
         elif wrong == "behind":
             made.number = int(rng.integers(0, self.number))
         elif wrong == "wrong_size":
-            made.points = int(rng.integers(0, 2**32))
+            made.points = int(rng.integers(count + 1, 2**32))
         elif wrong == "not_finite":
             made.values[rng.integers(made.values.size)] = rng.choice([np.nan, np.inf, -np.inf])
+        elif wrong == "not_unit":
+            made.values[:] *= rng.choice([0.0, 0.5, 1.01, -7.0])
         elif wrong == "late":
-            made = message(self.number, made.epoch, 2, session_id=made.session_id, tick_step=1)
+            made.first_tick, made.tick_step = 0, 1
         elif wrong == "too_far_ahead":
             made.first_tick = tick + int(rng.integers(11_000, 2**40))
         elif wrong == "out_of_range":
             made.values[0] = rng.choice([-1e3, 1e300])
         elif wrong == "too_fast":
-            made = message(
-                self.number, made.epoch, 2, session_id=made.session_id, first_tick=tick + 5
-            )
-            made.values[:] = rng.uniform(-0.9, 0.9, 6)
+            made.first_tick, made.tick_step = tick + 5, 1
         payload = made.dump()
         if wrong == "malformed":
             payload = bytes(rng.bytes(int(rng.integers(0, 200))))
         return OTHER if wrong == "not_operator" else ME, payload
 
 
-def assert_fuzzed(messages: int, each: int) -> None:
-    """So many messages: none breaks a limit, every reason is hit so often."""
-    target = {"kind": "live", "lower_m": [-1.0] * 3, "upper_m": [1.0] * 3}
-    config = controller_settings("steered_ur5").model_copy(deep=True)
-    config.parameters["tasks"][0]["parameters"]["target"] = target
-    fuzz = Fuzz(0, messages)
-    done = hoap3.simulate("ur5", config, messages / 10 * T + 0.1, steer=fuzz)
+def begins(robot: str, posture: str, frames: Mapping[str, str]) -> dict[str, np.ndarray]:
+    """Where the robot is in a posture, by target: its joints, and frames as poses, (7,)."""
+    description = hoap3.load_robot(robot)
+    kinematics, q = Kinematics(description), np.array(description.postures[posture])
+    kinematics.update(q)
+    found, place, turn = {"joints": q}, np.zeros(3), np.zeros((3, 3))
+    base = kinematics.frame_id(description.base_frame)
+    for name, frame in frames.items():
+        twist = np.zeros((6, description.n))
+        kinematics.frame(kinematics.frame_id(frame), base, place, turn, twist)
+        found[name] = np.hstack([place, Rotation.from_matrix(turn).as_quat()])
+    return found
+
+
+def fuzzed(
+    robot: str, config: dict[str, Any], start: dict[str, np.ndarray], messages: int, each: int
+) -> Simulation:
+    """So many messages: each reason is hit so often, and all of it is replayed to the bit."""
+    fuzz = Fuzz(0, messages, start)
+    done = hoap3.simulate(robot, config, messages / 10 * T + 0.1, steer=fuzz)
     assert fuzz.left == 0
     assert fuzz.steering is not None
     refused = fuzz.steering.refused
-    assert all(refused[reason] >= each for reason in REFUSALS if reason != "not_following")
+    assert all(refused[reason] >= each for reason in REFUSALS if reason != "not_following"), refused
     assert fuzz.steering.taken >= each
+    taken = [record for record in done.records if record.kind == Kind.TARGET]
+    assert len(taken) == fuzz.steering.taken
+    sent = {Target.scalars(record.payload, "target") for record in taken}
+    assert len(sent) == len(done.controller.live)
+    assert replay_records(done.records, controller_settings(config)).identical
+    told = [json.loads(r.payload) for r in done.records if r.kind == Kind.SUMMARY][-1]["targets"]
+    assert told["taken"] == fuzz.steering.taken
+    return done
+
+
+def assert_arm_keeps_limits(messages: int, each: int) -> None:
+    """An arm by velocities: positions, speeds and accelerations of its reference."""
     robot = hoap3.load_robot("ur5")
+    start = begins("ur5", robot.initial_posture, {"pose": "tool0", "turn": "wrist_2_link"})
+    start |= {"hand": start["pose"][:3], "turn": start["turn"][3:], "mass": np.full(3, 0.1)}
+    done = fuzzed("ur5", ARM, start, messages, each)
     moving = done.states[done.states["mode"] == State.ACTIVE]
     assert (moving["reference"] >= robot.lower).all()
     assert (moving["reference"] <= robot.upper).all()
@@ -155,20 +257,32 @@ def assert_fuzzed(messages: int, each: int) -> None:
     assert (np.abs(speed) <= robot.velocity * (1 + 1e-9)).all()
     most = robot.setpoint_acceleration_max
     assert (np.abs(moving["reference_acceleration"]) <= most * (1 + 1e-9) + 1e-7).all()
-    taken = [record for record in done.records if record.kind == Kind.TARGET]
-    assert len(taken) == fuzz.steering.taken
-    assert replay_records(done.records, config).identical
-    told = [json.loads(r.payload) for r in done.records if r.kind == Kind.SUMMARY][-1]["targets"]
-    assert told["taken"] == fuzz.steering.taken
+
+
+def assert_presses_within_limits(messages: int, each: int) -> None:
+    """An arm that presses on a table, by torques: positions, speeds and torques."""
+    start = begins("lwr", "bent", {"elbow": "elbow"}) | {"force": np.array([10.0])}
+    done = fuzzed("lwr_with_table", PRESS, start, messages, each)
+    robot = hoap3.load_robot("lwr")
+    moving = done.states[done.states["mode"] == State.ACTIVE]
+    assert (moving["q"] >= robot.lower).all()
+    assert (moving["q"] <= robot.upper).all()
+    assert (np.abs(moving["dq"]) <= robot.velocity).all()
+    assert (np.abs(done.setpoints["values"]) <= robot.effort * (1 + 1e-9)).all()
 
 
 def test_messages_of_every_kind_break_no_limit_and_are_counted_by_reason():
-    assert_fuzzed(2000, 20)
+    assert_arm_keeps_limits(2000, 20)
 
 
 @pytest.mark.long
 def test_ten_thousand_messages_break_no_limit_and_are_counted_by_reason():
-    assert_fuzzed(10_000, 100)
+    assert_arm_keeps_limits(10_000, 100)
+
+
+@pytest.mark.slow
+def test_ten_thousand_messages_for_force_and_pose_break_no_limit_either():
+    assert_presses_within_limits(10_000, 100)
 
 
 def test_without_a_robot_that_follows_nothing_is_taken():

@@ -269,7 +269,9 @@ class Connection:
         """Send one target; the task goes there as fast as its bounds allow, and stays.
 
         Args:
-            values: (d,), in the unit of the target.
+            values: (d,), in the unit of the target: x, y, z [m]; an orientation is a unit
+                quaternion x, y, z, w, a pose both; joints in the order of the task; forces and
+                torques in that of its directions. `acquire` tells the `layout`.
             target: its name; None where there is only one.
             first_tick: from which it holds; None: at once.
 
@@ -296,10 +298,11 @@ class Connection:
         """Send the next points, each with its tick: the task is there at that tick.
 
         Args:
-            points: (p, d), in the unit of the target.
+            points: (p, d), in the unit of the target; see `send_target`.
             first_tick: of the first, such as the tick of the State that the sender saw.
             step_ticks: between two points, ≥ 1.
-            rates: (p, d), per second; None: those of a smooth curve through the points.
+            rates: (p, d), per second, but of an orientation ω, 3 numbers [rad/s], so that those
+                of a pose are (p, 6); None: those of a smooth curve through the points.
             target: its name; None where there is only one.
 
         Returns:
@@ -320,10 +323,10 @@ class Connection:
         name: str | None,
     ) -> int:
         operator = self._steers()
-        number, dimension = _place(operator["targets"], name)
-        speeds = np.zeros((0, dimension)) if rates is None else _numbers(rates, "rates")
-        _check(points, speeds, dimension, first_tick, step_ticks)
-        message = Target(len(points), dimension, rates=bool(speeds.size))
+        number, dimension, moves = _place(operator["targets"], name)
+        speeds = np.zeros((0, moves)) if rates is None else _numbers(rates, "rates")
+        _check(points, speeds, (dimension, moves), first_tick, step_ticks)
+        message = Target(len(points), dimension, rates=moves if speeds.size else 0)
         message.values[:], message.rates[:] = points.ravel(), speeds.ravel()
         message.target, message.tick_step, message.first_tick = number, step_ticks, first_tick
         message.session_id, message.epoch = operator["session_id"], operator["epoch"]
@@ -496,32 +499,33 @@ def _numbers(given: ArrayLike, what: str) -> np.ndarray[Any, Any]:
         raise BadProblemError(f"{what} must be numbers (found {given!r:.60})") from error
 
 
-def _place(targets: list[Mapping[str, Any]], name: str | None) -> tuple[int, int]:
-    """Number and dimension of a target by its name."""
+def _place(targets: list[Mapping[str, Any]], name: str | None) -> tuple[int, int, int]:
+    """Number of a target by its name, numbers of a point of it, and of a rate."""
     names = [str(each["name"]) for each in targets]
     if name is None and len(names) == 1:
         name = names[0]
     if name not in names:
         raise UsageError(f"no live target is called {name!r}; there are {', '.join(names)}")
     at = names.index(name)
-    return at, int(targets[at]["dimension"])
+    return at, int(targets[at]["dimension"]), int(targets[at]["rates"])
 
 
 def _check(
     points: np.ndarray[Any, Any],
     rates: np.ndarray[Any, Any],
-    dimension: int,
+    numbers: tuple[int, int],
     first_tick: int,
     step_ticks: int,
 ) -> None:
-    """Refuse what no controller can take."""
+    """Refuse what no controller can take; numbers: of a point, and of its rate."""
+    dimension, moves = numbers
     if points.ndim != 2 or points.shape[1] != dimension or not 0 < points.size <= MAX_ELEMENTS:
         raise BadProblemError(
             f"points of shape {points.shape}: expected (p, {dimension}), at most {MAX_ELEMENTS} "
             "numbers"
         )
-    if rates.size and rates.shape != points.shape:
-        raise BadProblemError(f"rates of shape {rates.shape}: expected that of points")
+    if rates.size and rates.shape != (len(points), moves):
+        raise BadProblemError(f"rates of shape {rates.shape}: expected ({len(points)}, {moves})")
     if not (np.isfinite(points).all() and np.isfinite(rates).all()):
         raise BadProblemError("points and rates must be finite numbers")
     if not (0 <= first_tick < 2**64 and 1 <= step_ticks < 2**32):

@@ -19,7 +19,7 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import Event, Message, Setpoint, State, Target
 from hoap3.protocol.runtime.shm_ring import Kind, Record
-from hoap3.tools.verify.tasks.live import Taken
+from hoap3.tools.verify.tasks.live import Messages, Taken
 
 Rows = NDArray[Any]
 EVENTS = Event.schema.constants
@@ -60,6 +60,11 @@ class ControllerRun:
     _answers: list[bytes] = field(default_factory=list)
     _answered: list[int] = field(default_factory=list)
     _forms: dict[type[Message], Message] = field(default_factory=dict)
+
+    @property
+    def messages(self) -> Messages:
+        """What it took for its live targets."""
+        return Messages(self.targets, self.session.get("targets") or ())
 
     @cached_property
     def states(self) -> Rows:
@@ -144,7 +149,7 @@ def _add_target(run: ControllerRun, payload: bytes) -> None:
             target.first_tick * period,
             target.tick_step * period,
             target.values.reshape(shape).copy(),
-            target.rates.reshape(shape if target.rates.size else (0, shape[1])).copy(),
+            target.rates.reshape(target.points if target.rates.size else 1, -1).copy(),
         )
     )
 

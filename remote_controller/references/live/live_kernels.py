@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from hoap3.protocol.runtime.numba_jit import Matrix, Vector, kernel
+from hoap3.protocol.runtime.numba_jit import Matrix, kernel
+from hoap3.remote_controller.references.live.turn_kernels import normalise
 
 LOOKS = 8
 """Times between two points at which a curve's speed, acceleration and jerk are looked at."""
@@ -87,14 +88,17 @@ def curve_at(elapsed: float, step: float, nodes: Matrix, d: int, out: Matrix) ->
 
 
 @kernel()
-def extremes(begin: float, step: float, nodes: Matrix, d: int, work: Matrix, out: Vector) -> None:
-    """Write the greatest speed, acceleration and jerk of any axis from a time on, (3,).
+def extremes(
+    begin: float, step: float, nodes: Matrix, d: int, place: int, work: Matrix, out: Matrix
+) -> None:
+    """Write the greatest speed, acceleration and jerk of each axis from a time on, (3, d).
 
     Looked at `LOOKS` times between two nodes.
 
     Args:
         begin: since the first node [s].
         step, nodes, d: as of `curve_at`.
+        place: first column of a quaternion, whose ω, dω/dt and d²ω/dt² are meant; −1 for none.
         work: (4, d).
         out: written.
     """
@@ -103,6 +107,8 @@ def extremes(begin: float, step: float, nodes: Matrix, d: int, work: Matrix, out
     first = min(max(int(begin / step * LOOKS), 0), last)
     for look in range(first, last + 1):
         curve_at(look * step / LOOKS, step, nodes, d, work)
+        if place >= 0:
+            normalise(work, place)
         for k in range(3):
             for j in range(d):
-                out[k] = max(out[k], abs(work[k + 1, j]))
+                out[k, j] = max(out[k, j], abs(work[k + 1, j]))

@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from hoap3.protocol.errors import BadProblemError
 from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.references.live.live_space import Space
 from hoap3.remote_controller.references.target import smooth_step
 
 FIRST_MEETING_S = 0.02  # after which a curve is met at the earliest, unless it is met already
@@ -18,12 +20,12 @@ ROUNDING = 1e-9  # of a duration [s]
 USED = 0.99  # of the bounds; ruckig ends up to 1e-8 beside its aim, and the rest takes that up
 
 Look = Callable[[float, FloatArray], None]
-"""Writes position, velocity and acceleration at a time [s], (3, d)."""
+"""Writes the state at a time [s], (3, numbers): see `live_space.Space`."""
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """What the motion of each axis keeps: speed, acceleration and jerk, in units of the target."""
+    """What the motion of an axis keeps: speed, acceleration and jerk, in units of the target."""
 
     speed: float
     acceleration: float
@@ -31,7 +33,7 @@ class Bounds:
 
 
 class Rest:
-    """A place, (d,)."""
+    """A point, (numbers,)."""
 
     def __init__(self, place: FloatArray) -> None:
         self.place = np.array(place, float)
@@ -47,20 +49,22 @@ class Chunk:
 
     Args:
         first_s, step_s: time of the first point, and between two [s].
-        points: (p, d), p ≥ 2.
-        rates: (p, d), or empty: then those of the natural cubic spline.
+        points: (p, numbers), p ≥ 2.
+        rates: (p, dimension), or empty: then those of the natural cubic spline.
+        space: of the points. Quaternions are four numbers of the curve, divided by their length.
 
     Attributes:
         end_s: time of the last point [s].
     """
 
     def __init__(
-        self, first_s: float, step_s: float, points: FloatArray, rates: FloatArray
+        self, first_s: float, step_s: float, points: FloatArray, rates: FloatArray, space: Space
     ) -> None:
         from hoap3.remote_controller.references.live import live_kernels as kernels
 
-        self._kernels, self._first, self._step = kernels, first_s, step_s
+        self._kernels, self._first, self._step, self._space = kernels, first_s, step_s, space
         count, self._d = points.shape
+        points, rates = space.curve(points, rates)
         self.end_s = first_s + (count - 1) * step_s
         speeds, accelerations = rates.copy(), np.zeros_like(points)
         if speeds.size:
@@ -74,15 +78,18 @@ class Chunk:
     def look(self, time_s: float, out: FloatArray) -> None:
         """Write where it is at a time [s]."""
         self._kernels.curve_at(time_s - self._first, self._step, self._nodes, self._d, self._work)
+        self._space.look(self._work)
         out[:] = self._work[:3]
 
-    def within(self, begin_s: float, bounds: Bounds) -> bool:
-        """Whether it keeps the bounds from a time on [s]."""
-        found = np.zeros(3)
+    def within(self, begin_s: float, bounds: FloatArray) -> bool:
+        """Whether it keeps bounds of each axis, (3, dimension), from a time on [s]."""
+        found, space = np.zeros((3, self._d)), self._space
         begin = begin_s - self._first
-        self._kernels.extremes(begin, self._step, self._nodes, self._d, self._work, found)
-        most = np.array([bounds.speed, bounds.acceleration, bounds.jerk])
-        return bool((found <= USED * most).all())
+        self._kernels.extremes(
+            begin, self._step, self._nodes, self._d, space.place, self._work, found
+        )
+        kept = found[:, : space.dimension] <= USED * bounds
+        return bool(np.isfinite(self._nodes).all() and kept.all())
 
 
 class Plan:
@@ -98,7 +105,7 @@ class Plan:
         self.begin_s, self._rest, self._pieces = begin_s, rest, tuple(pieces)
 
     def look(self, time_s: float, out: FloatArray) -> None:
-        """Write position, velocity and acceleration at a time [s], (3, d)."""
+        """Write the state at a time [s], (3, numbers)."""
         for end_s, look in self._pieces:
             if time_s < end_s:
                 look(time_s, out)
@@ -109,31 +116,44 @@ class Plan:
 class Ways:
     """Time-optimal ways of bounded speed, acceleration and jerk, by ruckig.
 
+    Those of an orientation are of the rotation vector from where the way begins, of each of its
+    components. Where it begins faster than its bounds, as a way before was seen from elsewhere, it
+    comes back within them first.
+
     Args:
-        dimension: d.
-        bounds: of each axis.
+        space: of the points.
+        bounds: speed, acceleration and jerk of each axis, (3, dimension).
     """
 
-    def __init__(self, dimension: int, bounds: Bounds) -> None:
+    def __init__(self, space: Space, bounds: FloatArray) -> None:
         import ruckig
 
         self._library: Any = ruckig
-        self._make: Any = ruckig.Ruckig(dimension)
-        self._d, self._bounds = dimension, bounds
+        self._make: Any = ruckig.Ruckig(space.dimension)
+        self._space, self._bounds = space, bounds
+        self._limits = (USED * bounds).tolist()
 
     def rehearse(self) -> None:
         """Do all of it once, so that nothing is compiled while a robot moves."""
-        points = np.zeros((3, self._d))
-        for rates in (points[:0], points):
-            chunk = Chunk(0.0, 0.1, points, rates)
+        space = self._space
+        here = space.point(np.zeros(space.dimension))
+        points, rates = np.tile(here, (3, 1)), np.zeros((3, space.dimension))
+        for given in (rates[:0], rates):
+            chunk = Chunk(0.0, 0.1, points, given, space)
             chunk.within(0.0, self._bounds)
-            self.plan(0.0, np.full((3, self._d), MET), chunk)
+            state = np.zeros((3, space.numbers))
+            space.state(here, np.full((3, space.dimension), MET), state)
+            self.plan(0.0, state, chunk)
 
     def plan(self, begin_s: float, state: FloatArray, curve: Rest | Chunk) -> Plan:
-        """From a state, (3, d), to a curve, as soon as it can be met, and along it to its end."""
+        """From a state to a curve, as soon as it can be met, and along it to its end.
+
+        Raises:
+            BadProblemError: there is no way.
+        """
         if isinstance(curve, Rest):
             return self._to_rest(begin_s, state, curve, 0.0)
-        there = np.zeros((3, self._d))
+        there = np.zeros((3, self._space.numbers))
         curve.look(curve.end_s, there)
         brake, brake_s = self._way(curve.end_s, there, None, 0.0)
         end_s = curve.end_s + brake_s
@@ -141,7 +161,7 @@ class Ways:
         rest = Rest(there[0])
         pieces = [(curve.end_s, curve.look), (end_s, brake)]
         curve.look(begin_s, there)
-        if (np.abs(state - there) <= MET).all():
+        if self._met(state, there):
             return Plan(begin_s, rest, pieces)
         later_s = FIRST_MEETING_S
         while begin_s + later_s < curve.end_s:
@@ -153,10 +173,14 @@ class Ways:
         return self._to_rest(begin_s, state, rest, end_s - begin_s)
 
     def _to_rest(self, begin_s: float, state: FloatArray, rest: Rest, least_s: float) -> Plan:
-        there = np.zeros((3, self._d))
+        there = np.zeros((3, self._space.numbers))
         there[0] = rest.place
         way, lasts_s = self._way(begin_s, state, there, least_s)
         return Plan(begin_s, rest, [(begin_s + lasts_s, way)])
+
+    def _met(self, state: FloatArray, there: FloatArray) -> bool:
+        here, seen_from = self._space.coordinates, state[0]
+        return bool((np.abs(here(seen_from, state) - here(seen_from, there)) <= MET).all())
 
     def _meet(
         self, begin_s: float, state: FloatArray, there: FloatArray, later_s: float
@@ -164,7 +188,7 @@ class Ways:
         """The way that is there at just that time, or None: the bounds do not allow it."""
         try:
             way, lasts_s = self._way(begin_s, state, there, later_s)
-        except self._library.RuckigError:
+        except BadProblemError:
             return None
         return way if abs(lasts_s - later_s) <= ROUNDING else None
 
@@ -172,30 +196,36 @@ class Ways:
         self, begin_s: float, state: FloatArray, there: FloatArray | None, least_s: float
     ) -> tuple[Look, float]:
         """The quickest way from one state to another, or to any rest, and how long it takes [s]."""
-        library, bounds = self._library, self._bounds
-        asked: Any = library.InputParameter(self._d)
-        asked.current_position, asked.current_velocity, asked.current_acceleration = state.tolist()
-        asked.max_velocity = [USED * bounds.speed] * self._d
-        asked.max_acceleration = [USED * bounds.acceleration] * self._d
-        asked.max_jerk = [USED * bounds.jerk] * self._d
-        if there is None:
+        library, space, d = self._library, self._space, self._space.dimension
+        anchor, limits = state[0].copy(), self._limits
+        here = space.coordinates(anchor, state)
+        aim = None if there is None else space.coordinates(anchor, there)
+        asked: Any = library.InputParameter(d)
+        asked.current_position, asked.current_velocity, asked.current_acceleration = here.tolist()
+        asked.max_velocity, asked.max_acceleration, asked.max_jerk = limits
+        if aim is None:
             asked.control_interface = library.ControlInterface.Velocity
         else:
             asked.synchronization = library.Synchronization.Phase
-            asked.target_position, asked.target_velocity, asked.target_acceleration = there.tolist()
+            asked.target_position, asked.target_velocity, asked.target_acceleration = aim.tolist()
         if least_s > 0.0:
             asked.minimum_duration = least_s
-        found: Any = library.Trajectory(self._d)
-        self._make.calculate(asked, found)
+        found: Any = library.Trajectory(d)
+        try:
+            self._make.calculate(asked, found)
+        except (library.RuckigError, ValueError) as error:  # the latter of hours and more
+            raise BadProblemError(f"there is no way within the bounds: {error}") from error
         lasts_s = float(found.duration)
-        miss = np.zeros(self._d) if there is None else there[0] - found.at_time(lasts_s)[0]
+        miss = np.zeros(d) if aim is None else aim[0] - found.at_time(lasts_s)[0]
+        work = np.zeros((3, d))
 
         def look(time_s: float, out: FloatArray) -> None:
             elapsed_s = time_s - begin_s
-            out[0], out[1], out[2] = found.at_time(elapsed_s)
+            work[0], work[1], work[2] = found.at_time(elapsed_s)
             share, slope = smooth_step(elapsed_s / lasts_s if lasts_s > 0.0 else 1.0)
-            out[0] += share * miss
+            work[0] += share * miss
             if slope:
-                out[1] += slope / lasts_s * miss
+                work[1] += slope / lasts_s * miss
+            space.state(anchor, work, out)
 
         return look, lasts_s

@@ -182,7 +182,7 @@ class AccelerationTasks:
         for i, place in self._places:
             place.start(dynamics.origins[self.tasks[i, 3]], time_s, next_s)
         for press in self.presses.values():
-            press.reset()
+            press.begin(time_s)
 
     def update(
         self,
@@ -235,6 +235,7 @@ class AccelerationTasks:
         self._add_friction(dq)
         for i, press in presses.items():
             sensed, motion = self._views[i]
+            press.aim(time_s)
             press.feel(sensed, float(absent[i]))
             if press.touches:
                 press.update(dynamics.mass, motion)

@@ -12,6 +12,10 @@ from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.model.frame_dynamics import POSE, FrameRows
 from hoap3.remote_controller.model.free_dynamics import BASE, FreeDynamics
+from hoap3.remote_controller.references.live.live_settings import (
+    LiveOrientationSettings,
+    LivePoseSettings,
+)
 from hoap3.remote_controller.references.postures import posture_of
 from hoap3.remote_controller.references.settings import PointSettings, target_of
 from hoap3.remote_controller.tasks.accelerations.acceleration_tasks import (
@@ -85,13 +89,16 @@ class FreeTasks(AccelerationTasks):
         if task is WrenchTask:
             problem, remedy = "presses from a base that stands", "Leave it out with a free base"
             raise ConfigError(self._file, "parameters.tasks", "wrench", problem, remedy)
+        if task in {FrameOrientationTask, FramePoseTask} and parameters.reference is None:
+            self._check_stays(parameters.target)
         if task is ComTask and not parameters.weights:
             return kernels.POSITION
         if task is PostureTask:
             return super()._kind_of(task, parameters)
         if task is FrameOrientationTask:
-            turns = parameters.weights or parameters.reference or parameters.turn_s
-            return kernels.GIVEN if turns else kernels.TURN
+            turns = parameters.turn_s or parameters.target is not None
+            other = parameters.weights or parameters.reference or turns
+            return kernels.GIVEN if other else kernels.TURN
         if task not in {FramePositionTask, FramePoseTask} or parameters.weights:
             return kernels.GIVEN
         if parameters.reference is not None:
@@ -100,6 +107,17 @@ class FreeTasks(AccelerationTasks):
             return kernels.POSITION if parameters.axes == AXES else kernels.GIVEN
         turns = parameters.turn_s or not is_still(parameters.target)
         return kernels.GIVEN if turns else kernels.POSE
+
+    def _check_stays(self, target: Any) -> None:
+        """Refuse to steer an orientation in the world.
+
+        Raises:
+            ConfigError: somebody would.
+        """
+        if isinstance(target, LivePoseSettings | LiveOrientationSettings):
+            problem = "orientations in the world, as of a free base, stay"
+            remedy = "Give the task a `reference`, or steer a `frame_position`"
+            raise ConfigError(self._file, "parameters.tasks", target.name, problem, remedy)
 
     def _dynamics_of(self, frames: list[FrameRows], rows: int) -> FreeDynamics:
         soles = self._robot.soles
@@ -136,7 +154,7 @@ class FreeTasks(AccelerationTasks):
     def _aim_at_pose(self, i: int, frame: int, wanted: FramePoseTask.Parameters) -> None:
         if isinstance(wanted.target, PointSettings):
             self._targets[i, 0] = wanted.target.position_m
-            self._turns[i] = turned(NO_ROTATION, wanted.rotation_rad)
+            self._turns[i] = turned(NO_ROTATION, wanted.rotation)
         elif wanted.posture is None and not wanted.posture_rad:
             self._held.append((i, frame))
         else:

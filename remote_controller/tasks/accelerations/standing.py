@@ -79,7 +79,7 @@ def pose_of(
     if isinstance(wanted.target, PointSettings):
         origin, axes = reference_of(robot, dynamics, wanted.reference, "reference")
         place = origin + axes @ np.array(wanted.target.position_m)
-        return place, turned(axes, wanted.rotation_rad)
+        return place, turned(axes, wanted.rotation)
     if wanted.posture is None and not wanted.posture_rad:
         return None
     q = posture_of(robot, wanted.posture, wanted.posture_rad, "posture")

@@ -11,6 +11,8 @@ from pydantic import Field, field_validator, model_validator
 from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.references.live.live import Live
+from hoap3.remote_controller.references.live.live_settings import LiveWrenchSettings
 from hoap3.remote_controller.references.settings import TargetSettings
 from hoap3.remote_controller.tasks.accelerations.standing import turned
 from hoap3.remote_controller.tasks.accuracy import (
@@ -73,6 +75,10 @@ class WrenchTask(FramePositionTask):
         wrench: tuple[float, ...] = Field(
             (), description="what it shall feel along each of `axes` [N, N m]"
         )
+        wrench_target: LiveWrenchSettings | None = Field(
+            None,
+            description="`kind: live`: somebody steers the wrench, from `force_n` or `wrench` on",
+        )
         axes_rad: tuple[float, float, float] | None = Field(
             None,
             description="axis × angle of the contact's axes, in the reference [rad]; null: the "
@@ -122,6 +128,10 @@ class WrenchTask(FramePositionTask):
                 raise ValueError("should have `normal` and `force_n`, or `axes` and `wrench`")
             if len(self.wrench) != len(self.axes):
                 raise ValueError("should have one value of `wrench` for each of `axes`")
+            steered = self.wrench_target
+            for given in (steered.lower, steered.upper) if steered is not None else ():
+                if given is not None and len(given) != len(self.kept):
+                    raise ValueError("should have one value of lower and upper for each direction")
             if self.integral_max and len(self.integral_max) != len(self.kept):
                 raise ValueError("should have one value of `integral_max` for each of `axes`")
             if any(most < 0.0 for most in self.integral_max):
@@ -220,6 +230,9 @@ class WrenchControl:
     wrench that it may not, or cannot, have it learns nothing. A task that is out forgets it, and
     that it touched: put in again, it comes to its target as at first.
 
+    Where the wrench is steered, w_d is where that reference is; along what it begins to touch, and
+    how much the integral adds, follow from what the settings want by themselves.
+
     Args:
         settings: of the task.
         axes: the contact's as columns, in the root, (3, 3).
@@ -246,7 +259,8 @@ class WrenchControl:
         held = [axis for axis in AXES if axis not in self._axes] if settings.oriented else []
         self._held = np.array([directions[axis] for axis in held]).reshape(-1, m)
         self._torques = [is_torque(axis) for axis in self._axes]
-        self._wanted = np.array([value for _, value in settings.kept])
+        self._begins = np.array([value for _, value in settings.kept])
+        self._wanted = self._begins.copy()
         self._most = np.array(settings.integral_max or self._greatest_of_kind())
         self._along = self._wanted @ self.S[:, :3]  # of torques the first three are 0
         if self._along.any():
@@ -257,6 +271,12 @@ class WrenchControl:
         self._inverse_inertia = np.zeros((k, k))
         self.measured, self._aimed, self._integral = np.zeros((3, k))
         self.touches, self._learns = False, False
+        steered = settings.wrench_target
+        least = -math.inf if settings.force_n is None else 0.0
+        self._steered: Live | None = None
+        if steered is not None:
+            self._steered = steered.build(self._torques, self._axes, least)
+        self._rates = np.zeros(k)
 
     @property
     def errors(self) -> list[TaskError]:
@@ -281,6 +301,18 @@ class WrenchControl:
         """Nothing touches yet."""
         self.touches = False
         self.measured[:] = self._integral[:] = 0.0
+
+    def begin(self, time_s: float) -> None:
+        """Nothing touches yet, and nobody asked for another wrench, at a time [s]."""
+        self.reset()
+        if self._steered is not None:
+            self._steered.start(self._begins, time_s)
+            self.aim(time_s)
+
+    def aim(self, time_s: float) -> None:
+        """Take what is wanted at a time [s]."""
+        if self._steered is not None:
+            self._steered.at(time_s, self._wanted, self._rates)
 
     def feel(self, sensed: Sensed, absent: float) -> None:
         """Take what the surroundings do to the robot.

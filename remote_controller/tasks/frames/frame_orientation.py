@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Self
+
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.references.live.live_settings import LiveOrientationSettings
 from hoap3.remote_controller.references.target import Approach, Hold, Point
 from hoap3.remote_controller.tasks.accuracy import (
     TOLERANCE_DEG,
@@ -47,10 +50,19 @@ class FrameOrientationTask(Task):
             description="axis × angle of its orientation, in that frame [rad]; null: as it is at "
             "the start",
         )
+        target: LiveOrientationSettings | None = Field(
+            None, description="or `kind: live`: somebody turns it, by quaternions in that frame"
+        )
         turn_s: float = Field(
             0.0, ge=0, description="duration of the turn from where it is [s]; 0: at once"
         )
         tolerance_deg: ToleranceDeg = TOLERANCE_DEG
+
+        @model_validator(mode="after")
+        def _one_goal(self) -> Self:
+            if self.target is not None and (self.rotation_rad is not None or self.turn_s):
+                raise ValueError("should have one of target and rotation_rad with turn_s")
+            return self
 
     def __init__(
         self, kinematics: Kinematics, frame: str, reference: str, target: FloatArray
@@ -76,6 +88,8 @@ class FrameOrientationTask(Task):
         reference = parameters.reference or context.description.base_frame
         task = cls(context.kinematics, parameters.frame, reference, np.zeros(3))
         task.tolerance_deg = parameters.tolerance_deg
+        if parameters.target is not None:
+            return TaskFunction(task, parameters.target.build(), parameters.weights)
         if parameters.rotation_rad is None:
             return TaskFunction(task, Hold(3), parameters.weights)
         turn = Approach(Point(np.array(parameters.rotation_rad)), parameters.turn_s)

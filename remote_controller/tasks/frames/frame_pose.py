@@ -11,8 +11,11 @@ from pydantic import Field, model_validator
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.references.live.live_settings import (
+    LivePoseSettings,
+)
 from hoap3.remote_controller.references.postures import posture_of
-from hoap3.remote_controller.references.settings import TargetSettings, target_of
+from hoap3.remote_controller.references.settings import PoseTarget, target_of
 from hoap3.remote_controller.references.target import Approach, Hold, Joined, Point, Target
 from hoap3.remote_controller.references.trajectories.trajectory_settings import (
     AXES,
@@ -64,11 +67,15 @@ class FramePoseTask(Task):
         reference: str | None = Field(
             None, description="frame that it is seen from; null: the base frame"
         )
-        target: TargetSettings | None = Field(
-            None, description="where its origin shall be, in that frame"
+        target: PoseTarget | None = Field(
+            None,
+            description="where its origin shall be, in that frame; `kind: live`: the whole pose, "
+            "or beside rotation_rad the origin alone",
         )
-        rotation_rad: tuple[float, float, float] = Field(
-            (0.0, 0.0, 0.0), description="axis × angle of its orientation, in that frame [rad]"
+        rotation_rad: tuple[float, float, float] | None = Field(
+            None,
+            description="axis × angle of its orientation, in that frame [rad]; null: its axes, or "
+            "steered as well",
         )
         posture: str | None = Field(
             None,
@@ -87,9 +94,17 @@ class FramePoseTask(Task):
             given = self.target is not None, self.posture is not None, bool(self.posture_rad)
             if sum(given) > 1:
                 raise ValueError("should have one of target, posture and posture_rad")
-            if not given[0] and (any(self.rotation_rad) or self.turn_s):
+            if not given[0] and (any(self.rotation_rad or ()) or self.turn_s):
                 raise ValueError("should have a target beside rotation_rad and turn_s")
+            live = isinstance(self.target, LivePoseSettings)
+            if live and self.rotation_rad is None and self.turn_s:
+                raise ValueError("should have no turn_s where the orientation is steered")
             return self
+
+        @property
+        def rotation(self) -> tuple[float, float, float]:
+            """`rotation_rad`, or none."""
+            return self.rotation_rad or (0.0, 0.0, 0.0)
 
     def __init__(
         self, kinematics: Kinematics, frame: str, reference: str, target: FloatArray
@@ -123,8 +138,10 @@ class FramePoseTask(Task):
             path = parameters.target.pose(context.folder)
             if path.dimension == len(self.target):
                 return _alone(path, parameters)
+        if isinstance(parameters.target, LivePoseSettings) and parameters.rotation_rad is None:
+            return parameters.target.pose()
         if parameters.target is not None:
-            turn = Approach(Point(np.array(parameters.rotation_rad)), parameters.turn_s)
+            turn = Approach(Point(np.array(parameters.rotation)), parameters.turn_s)
             return Joined(target_of(parameters.target, context.folder), turn)
         if parameters.posture is None and not parameters.posture_rad:
             return Hold(6)

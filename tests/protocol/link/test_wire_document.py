@@ -93,7 +93,7 @@ MAKERS = {
     "State": usual_state,
     "Setpoint": lambda n: Setpoint(n, decision=n),
     "Event": lambda n: Event(),
-    "Target": lambda n: Target(n, 1, rates=True),
+    "Target": lambda n: Target(n, 1, rates=1),
 }
 
 

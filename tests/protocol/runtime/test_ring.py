@@ -208,7 +208,7 @@ def test_the_largest_messages_pass_through_a_ring_of_the_usual_slots():
     setpoint = Setpoint(128, **MAX_LENGTHS)
     ring = Ring(slots=8)
     try:
-        for message in (state, setpoint, Event(), Target(1, 1024, rates=True)):
+        for message in (state, setpoint, Event(), Target(1, 1024, rates=1024)):
             assert ring.write(Kind.STATE, 0, message.dump())
             assert [record.payload for record in ring.read()] == [message.dump()]
     finally:

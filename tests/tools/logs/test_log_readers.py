@@ -235,7 +235,7 @@ def test_what_a_stranger_sends_does_not_break_readers(
 def test_targets_are_logged_as_they_were_sent(
     tmp_path: Path, read: Callable[[Path], Iterator[tuple[str, int, Any]]]
 ) -> None:
-    target = Target(2, 3, rates=True)
+    target = Target(2, 3, rates=3)
     target.first_tick, target.tick_step, target.epoch = 120, 50, 3
     target.values[:], target.rates[:] = range(6), range(10, 16)
     records = [*inputs(describe(2)), Record(Kind.TARGET, START + 1, target.dump())]

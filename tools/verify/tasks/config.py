@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,12 @@ from numpy.typing import NDArray
 from hoap3.protocol.description import COM, DefaultTask, RobotDescription
 from hoap3.protocol.errors import FrameNotFoundError
 from hoap3.tools.verify.robot import Robot
-from hoap3.tools.verify.tasks.live import live_of, live_posture_of
+from hoap3.tools.verify.tasks.live import (
+    live_of,
+    live_orientation_of,
+    live_pose_of,
+    live_posture_of,
+)
 from hoap3.tools.verify.tasks.logarithm import nearer, rotation_vector
 from hoap3.tools.verify.tasks.targets import (
     Hold,
@@ -122,9 +127,15 @@ def _weights(given: Settings, dimension: int) -> Array:
 def _aim(given: Settings, robot: Robot, *, turns: bool = False) -> Target:
     """Where `target` leads, (3,); (6,) where it `turns` and says so."""
     target = given.get("target")
-    if target is not None and target.get("kind") == "live":
-        return live_of(target, robot.messages)
-    return place_of(target, turns=turns)
+    if not is_live(target):
+        return place_of(target, turns=turns)
+    steered = turns and given.get("rotation_rad") is None
+    return (live_pose_of if steered else live_of)(target, robot.messages)
+
+
+def is_live(target: Settings | None) -> TypeGuard[Settings]:
+    """Whether a config's `target` is steered."""
+    return target is not None and target.get("kind") == "live"
 
 
 def _com(given: Settings, robot: Robot) -> PlaceTask:
@@ -140,7 +151,10 @@ def _frame_position(given: Settings, robot: Robot) -> PlaceTask:
 
 
 def _frame_orientation(given: Settings, robot: Robot) -> PoseTask:
+    steered = given.get("target")
     aim: Target = Hold(3) if given.get("rotation_rad") is None else _turn(given)
+    if is_live(steered):
+        aim = live_orientation_of(steered, robot.messages)
     return PoseTask(aim, _weights(given, 3), *_frames(given, robot))
 
 
@@ -167,7 +181,7 @@ def _posture(given: Settings, robot: Robot) -> PostureTask:
         names = [known[i] for i in joints]
         aim: Target = (
             live_posture_of(steered, robot.messages, len(joints))
-            if steered.get("kind") == "live"
+            if is_live(steered)
             else trajectory_of(steered, names)
         )
         return PostureTask(aim, _weights(given, len(joints)), joints)

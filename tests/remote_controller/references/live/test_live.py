@@ -13,8 +13,10 @@ from scipy.interpolate import BPoly, CubicSpline
 from hoap3.protocol.errors import ConfigError
 from hoap3.remote_controller.references.live.live import Live, check_names, collected
 from hoap3.remote_controller.references.live.live_plan import Bounds, Chunk
+from hoap3.remote_controller.references.live.live_space import Space
 
 T = 1e-3
+SPACE = Space(3)
 BOUNDS = Bounds(0.25, 1.0, 20.0)
 NO_RATES = np.zeros((0, 3))
 HOME = np.array([0.3, -0.1, 0.5])
@@ -64,7 +66,7 @@ def test_a_chunk_is_the_natural_cubic_spline_through_its_points(points, step):
     points = np.array(points)
     times = 2.0 + step * np.arange(len(points))
     spline = CubicSpline(times, points, bc_type="natural")
-    curve, found = Chunk(2.0, step, points, NO_RATES), np.zeros((3, 3))
+    curve, found = Chunk(2.0, step, points, NO_RATES, SPACE), np.zeros((3, 3))
     for time_s in np.linspace(times[0], times[-1], 37):
         curve.look(time_s, found)
         for order in range(3):
@@ -81,7 +83,7 @@ def test_a_chunk_with_rates_has_its_points_and_rates_and_differences_of_these(se
     bends = np.gradient(rates, step, axis=0)
     curve = BPoly.from_derivatives(times, np.stack([points, rates, bends], 1))
     found = np.zeros((3, 3))
-    made = Chunk(0.0, step, points, rates)
+    made = Chunk(0.0, step, points, rates, SPACE)
     for time_s in np.linspace(0.0, times[-1], 23):
         made.look(time_s, found)
         for order in range(3):
@@ -190,6 +192,19 @@ def test_what_cannot_be_followed_is_refused_and_nothing_moves(given, reason):
     before = motion(target, range(3000))
     assert target.take(*given) == reason
     np.testing.assert_array_equal(motion(target, range(3000)), before)
+
+
+@pytest.mark.parametrize("size", [1e5, 1e6, 1e12, 1e300, 1.7e308])
+@pytest.mark.parametrize("points", [[[1.0, -1.0, 0.0]], np.eye(3), np.ones((3, 3))])
+def test_what_is_absurdly_far_is_refused_where_nothing_bounds_it(points, size):
+    anywhere = np.full(3, np.inf)
+    target = Live("hand", "m", BOUNDS, -anywhere, anywhere)
+    target.start(HOME, 0.0)
+    target.take(0.0, T, HOME[None] + 0.2, NO_RATES, 0.001)
+    before = motion(target, range(1000))
+    with np.errstate(over="ignore", invalid="ignore"):
+        assert target.take(0.45, 0.05, size * np.array(points), NO_RATES, 0.5) == "too_fast"
+    np.testing.assert_array_equal(motion(target, range(1000)), before)
 
 
 def test_live_targets_are_found_in_their_order_and_two_of_one_name_refused():

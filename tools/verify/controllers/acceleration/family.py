@@ -123,7 +123,9 @@ def _built(
     names = labels_of(entries)
     kinds = run.description.command_kinds
     torques = next(kind for kind in kinds if kind != "position") == "torque"
-    hierarchy = Hierarchy(run.description, entries, settings, torques=torques)
+    hierarchy = Hierarchy(
+        run.description, entries, settings, torques=torques, messages=run.messages
+    )
     family.schedule(names, settings)  # which must be readable
     return hierarchy, lambda: family.schedule(names, settings), names
 

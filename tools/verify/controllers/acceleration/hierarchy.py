@@ -26,6 +26,7 @@ from hoap3.tools.verify.controllers.acceleration.model.wanted import (
 )
 from hoap3.tools.verify.robot import RigidBody, Robot
 from hoap3.tools.verify.tasks.config import in_todays_words
+from hoap3.tools.verify.tasks.live import Messages
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -85,6 +86,7 @@ class Hierarchy:
         entries: the tasks of the config.
         settings: its parameters, complete.
         torques: whether answers are torques; else accelerations.
+        messages: of live targets.
 
     Attributes:
         tasks, gains: of each task.
@@ -103,9 +105,10 @@ class Hierarchy:
         settings: Mapping[str, Any],
         *,
         torques: bool,
+        messages: Messages,
     ) -> None:
         self.description, self.torques = description, torques
-        self.robot = robot = Robot(description)
+        self.robot = robot = Robot(description, messages)
         entries = [in_todays_words(entry) for entry in entries]
         self.tasks: list[Wanted] = [
             Press(entry["parameters"], robot)

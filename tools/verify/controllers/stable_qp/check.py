@@ -42,7 +42,7 @@ def check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims) -> 
 
 
 def _check(run: ControllerRun, settings: Settings, claims: Claims) -> None:
-    robot, delayed = Robot(run.description), run.description.delay_ticks > 0
+    robot, delayed = Robot(run.description, run.messages), run.description.delay_ticks > 0
     if delayed and settings.rest["kinematics_from"] == "reference":
         raise UnverifiableError(DELAYED)
     entry = settings.task or default_entry(run.description)

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from hoap3.tools.verify.controller_log import ControllerRun
 from hoap3.tools.verify.robot import Robot
 from hoap3.tools.verify.tasks.config import default_entry, task_of
-from hoap3.tools.verify.tasks.live import Messages
 from hoap3.tools.verify.tasks.tasks import AnyTask
 
 Array = NDArray[np.float64]
@@ -73,8 +72,8 @@ class Tasks:
         Raises:
             UnknownTaskError: one that cannot be recomputed.
         """
-        description, messages = run.description, Messages(run.targets)
-        robot = Robot(description, messages)
+        description = run.description
+        robot = Robot(description, run.messages)
         entries = [default_entry(description)] if given is None else list(given)
         labels = [str(entry.get("name") or entry.get("task")) for entry in entries]
         return cls(robot, labels, entries, [task_of(entry, robot) for entry in entries])

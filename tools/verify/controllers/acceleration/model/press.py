@@ -18,12 +18,14 @@ from hoap3.tools.verify.controllers.acceleration.model.wanted import (
     Place,
     Rows,
     Wanted,
+    place_target_of,
     root_pose,
     stacked,
 )
 from hoap3.tools.verify.robot import Robot
+from hoap3.tools.verify.tasks.live import live_wrench_of
 from hoap3.tools.verify.tasks.logarithm import rotation_of, rotation_vector
-from hoap3.tools.verify.tasks.targets import UnknownTaskError, target_of
+from hoap3.tools.verify.tasks.targets import UnknownTaskError
 
 Array = NDArray[np.float64]
 Settings = Mapping[str, Any]
@@ -61,7 +63,9 @@ class Press(Wanted):
         if self.sensor not in description.wrench_sensors:
             raise UnknownTaskError("the robot has no wrench sensor there")
         standing = given.get("reference") or description.base_frame
-        self._place = Place(target_of(given.get("target")), self.frame, standing, robot)
+        self._place = Place(
+            place_target_of(given.get("target"), robot), self.frame, standing, robot
+        )
         robot.place(description.initial_position)
         _, axes = root_pose(robot, standing)
         turn = given.get("rotation_rad")
@@ -82,6 +86,9 @@ class Press(Wanted):
         self._P = np.array(others).reshape(-1, m)
         self._wanted = np.array(wanted, float)
         self._most = np.array(given.get("integral_max") or self._greatest(), float)
+        self._begins, steered = self._wanted, given.get("wrench_target")
+        torques = [axis in AXES[3:] for axis in self.kept]
+        self._steered = steered and live_wrench_of(steered, robot.messages, torques)
         along = self._wanted @ self._S[:, :3]
         self._along = along / np.linalg.norm(along) if along.any() else along
         self.touches, self._learns = False, False
@@ -90,12 +97,16 @@ class Press(Wanted):
     def begin(self, robot: Robot, time_s: float) -> None:
         """Set out; nothing touches yet."""
         self._place.begin(robot, time_s)
+        if self._steered is not None:
+            self._steered.start(self._begins, time_s)
         if self.held:
             _, self._turn = root_pose(robot, self.frame)
         self._forget()
 
     def at(self, robot: Robot, dq: Array, time_s: float, period_s: float) -> Rows:
         """A place and, below it, φ with exp[φ] = R_d Rᵀ in the root's axes."""
+        if self._steered is not None:
+            self._wanted, _ = self._steered.at(time_s)
         place = self._place.at(robot, dq, time_s, period_s)
         if not self._oriented or self._turn is None:
             return place

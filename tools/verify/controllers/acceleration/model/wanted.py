@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from hoap3.protocol.description import RobotDescription
 from hoap3.tools.verify.controllers.acceleration.model.parameters import is_number
 from hoap3.tools.verify.robot import Robot
-from hoap3.tools.verify.tasks.config import posture_of, task_of
+from hoap3.tools.verify.tasks.config import is_live, place_of, posture_of, task_of
+from hoap3.tools.verify.tasks.live import live_of
 from hoap3.tools.verify.tasks.logarithm import pose_logarithm, rotation_of
-from hoap3.tools.verify.tasks.targets import Target, UnknownTaskError, target_of
+from hoap3.tools.verify.tasks.targets import Target, UnknownTaskError
 from hoap3.tools.verify.tasks.tasks import AnyTask
 from hoap3.tools.verify.tasks.trajectories import TRAJECTORY
 
@@ -189,7 +190,7 @@ def wanted_of(entry: Settings, robot: Robot) -> Wanted:
         return Given(task)
     if (given.get("target") or {}).get("kind") == TRAJECTORY:
         return Given(task)
-    if name == "posture" and not given.get("approach_s"):
+    if name == "posture" and not given.get("approach_s") and given.get("target") is None:
         joints = [*robot.description.joint_names]
         named = [joints.index(joint) for joint in given.get("joints") or joints]
         values = given.get("target_rad") or ()
@@ -201,11 +202,16 @@ def wanted_of(entry: Settings, robot: Robot) -> Wanted:
         return Given(task)
     if name == "frame_position":
         whole = list(given.get("axes") or AXES) == AXES
-        target = target_of(given.get("target"))
+        target = place_target_of(given.get("target"), robot)
         return Place(target, given["frame"], reference, robot) if whole else Given(task)
     if given.get("turn_s") or not _still(given.get("target")):
         return Given(task)
     return Pose(given["frame"], _goal(given, reference, robot))
+
+
+def place_target_of(given: Settings | None, robot: Robot) -> Target:
+    """The target of a position, (3,)."""
+    return live_of(given, robot.messages) if is_live(given) else place_of(given)
 
 
 def stands(description: RobotDescription, frame: str) -> bool:
