@@ -458,6 +458,7 @@ class VelocityController(Controller):
         unchanged = self.velocity(state)
         if (np.abs(now - unchanged) > self._jump).any():
             self.present |= self._held_back
+            changes.hold()
             return unchanged
         changes.redo()
         changes.keep()

@@ -130,22 +130,25 @@ class Changes:
         self.moving = self._changed = True
 
     def advance(self, tick: int) -> None:
-        """Move to a tick; `keep` or `undo` follows."""
+        """Move to a tick; `keep` follows, or `undo` and `hold`."""
         gone = 1 if self._tick < 0 else max(tick - self._tick, 0)
         self._tick, self._before = tick, self._clock
         self._ahead = self._clock + gone * self._pace
         self.redo()
 
     def undo(self) -> None:
-        """Be where we were before `advance`, and go on from there more slowly."""
+        """Be where we were before `advance`."""
         self._clock = self._before
-        self._pace = max(self._pace * SLOWER, LEAST_PACE)
         self._write()
 
     def redo(self) -> None:
         """Be where `advance` led, after all."""
         self._clock = self._ahead
         self._write()
+
+    def hold(self) -> None:
+        """Stay where `undo` led, and go on from there more slowly."""
+        self._pace = max(self._pace * SLOWER, LEAST_PACE)
 
     def keep(self) -> None:
         """Stay where `advance` led."""

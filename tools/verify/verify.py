@@ -12,6 +12,7 @@ from hoap3.protocol.errors import ConfigError, LogError, WireError
 from hoap3.tools.logs.log import Log
 from hoap3.tools.logs.log_format import SIDES
 from hoap3.tools.verify.both_sides import check_both
+from hoap3.tools.verify.changes import with_numbers
 from hoap3.tools.verify.checkers import checker_of
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import runs
@@ -130,4 +131,5 @@ def _check_controller(
         if check is None:
             claims.unverified("certificate", len(run.answers), reason)
         elif len(run.answers):
-            check(run, (config or {}).get("parameters") or {}, claims)
+            for part, parameters in with_numbers(run, name, (config or {}).get("parameters") or {}):
+                check(part, parameters, claims)

@@ -130,7 +130,7 @@ class StableQpController(VelocityController):
             self.function.update(self.kinematics, 0.0)
             jacobian = getattr(self.function, "jacobian", None)  # of a V that is none of |e|²/2
             self._at_start = None if jacobian is None else jacobian.copy()
-            fastest = self._fastest(parameters)
+            fastest = self._fastest_rate(parameters)
             self.heed_servos(too_fast(description, fastest, parameters.kinematics_from))
 
     def parts(self) -> list[Part]:
@@ -153,9 +153,9 @@ class StableQpController(VelocityController):
 
     def fits(self, parameters: Any) -> None:
         """Refuse a law that becomes too fast for the robot's servos."""
-        refuse_too_fast(self, self._fastest(parameters), parameters.kinematics_from)
+        refuse_too_fast(self, self._fastest_rate(parameters), parameters.kinematics_from)
 
-    def _fastest(self, parameters: Any) -> float:
+    def _fastest_rate(self, parameters: Any) -> float:
         if self._at_start is None:
             return math.inf
         return loop_rate(parameters.psi.form, _rate_of(parameters.psi).scales, self._at_start)
