@@ -34,6 +34,7 @@ VIOLATED = "tolerance of a trajectory violated"
 """The condition of controllers with tasks that have tolerances; the last of their conditions."""
 HELD_BACK = "a change is held back"
 """The condition of controllers of velocities in ticks at which numbers that move may not."""
+ROUNDING = 1e-9  # of a jump of velocities
 OVER_S = 0.5  # how long changed numbers take, where nobody says
 ACTIVE_SPEED = 1e-3  # rad/s: below it a joint counts as inactive (QP12, section V-C)
 
@@ -355,7 +356,7 @@ class VelocityController(Controller):
         self._jerk = judge_of(description)
         self._no_velocity = np.full(description.n, np.nan)
         jump: float | None = getattr(parameters, "change_jump_rad_s", None)
-        self._jump = np.array(jump or description.brake_acceleration * self._dt)
+        self._jump = (1.0 + ROUNDING) * (jump or description.brake_acceleration * self._dt)
         self._held_back = 0  # bit of the condition
         self._candidate = np.zeros(description.n)
         self._earlier = np.zeros(description.n)  # reference

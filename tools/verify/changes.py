@@ -30,7 +30,7 @@ OF_PRIORITIES = frozenset({"set", "order", "insert", "remove", "weights"})
 """Keys of requests for other priorities, which the checkers follow themselves."""
 OF_CHANGES = frozenset({"change_over_s", "change_jump_rad_s"})
 """Parameters that say how numbers change, and nothing of a cycle."""
-WHOLE = frozenset({"joint_acceleration"})
+WHOLE = frozenset({"joint_acceleration", "stable_qp"})
 """Controllers whose answers follow from those before: a part of a run cannot be judged alone."""
 OVER_S = 0.5  # where neither request nor config says
 HELD_BACK = "a change is held back"

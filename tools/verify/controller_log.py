@@ -88,6 +88,20 @@ class ControllerRun:
         reset, gap = (_last(places, self.answered) for places in (self.resets, self.gaps))
         return (reset >= 0) & (reset >= gap)
 
+    def settings(
+        self, parameters: Mapping[str, Any]
+    ) -> list[tuple[NDArray[np.bool_], Mapping[str, Any]]]:
+        """At which States, (S,), which parameters count: those of the config, unless they changed.
+
+        Args:
+            parameters: of the config.
+        """
+        if not self.in_force:
+            return [(np.ones(len(self.states), bool), parameters)]
+        which = np.array([id(each) for each in self.in_force])
+        different = {id(each): each for each in self.in_force}
+        return [(which == number, each) for number, each in different.items()]
+
     def only(self, answers: NDArray[np.bool_]) -> ControllerRun:
         """The same with some of its answers, (N,)."""
         chosen = np.flatnonzero(answers).tolist()

@@ -192,9 +192,15 @@ class LabelledTasksController(VelocityController):
 
     def _follow(self, state: State) -> None:
         """Bound the velocities by where the reference is, and how it has moved since."""
-        if state.tick == self._followed:  # asked again
-            return
+        if state.tick != self._followed:  # else it is asked again
+            self._measure(state)
         self._followed = state.tick
+        self._velocity_bounds(
+            state.reference, self._dq, self._bounds, self._dt, self.lower, self.upper
+        )
+
+    def _measure(self, state: State) -> None:
+        """How the reference has moved since the State before."""
         periods = state.tick - state.skipped - self._periods_seen
         if self._begun and periods > 0:
             np.subtract(state.reference, self._before, out=self._dq)
@@ -204,9 +210,6 @@ class LabelledTasksController(VelocityController):
             np.nan_to_num(self._dq, copy=False, posinf=0.0, neginf=0.0)
         self._before[:] = state.reference
         self._begun, self._periods_seen = True, state.tick - state.skipped
-        self._velocity_bounds(
-            state.reference, self._dq, self._bounds, self._dt, self.lower, self.upper
-        )
 
     def _watch(self, state: State, base: FloatArray, now: float) -> bool:
         """Whether a tolerance is, or was, violated by the robot as it was measured."""
