@@ -391,6 +391,7 @@ class VelocityController(Controller):
         if flight is not None:
             state = flight.ahead(state)
         changes = self._changes
+        self.present &= ~self._held_back
         moving = changes is not None and changes.moving
         u = self._changing(changes, state) if changes and moving else self.velocity(state)
         self.present |= self.too_fast
