@@ -229,7 +229,8 @@ class _Followed:
             entry = entry[part] if isinstance(part, int) else getattr(entry, part)
         kind = constraints.find if hasattr(entry, "constraint") else tasks.find
         named = entry.constraint if hasattr(entry, "constraint") else entry.task
-        return parse(kind(named).Parameters, dict(content), "config")
+        own: Settings = parse(kind(named).Parameters, dict(content), "config")
+        return own
 
     def _put(self, content: Any, place: Place, value: Any) -> None:
         for i, part in enumerate(place[:-1]):

@@ -20,8 +20,8 @@ from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.tsid.tsid import Tsid
 from hoap3.remote_controller.tasks.registry import labels_of
 
-TOLERANCES = frozenset({"tolerance_m", "tolerance_deg"})
-OF_GOAL = TOLERANCES | {"task.kp", "task.kd"}  # without effect where there are tasks
+OF_GOAL = frozenset({"tolerance_m", "tolerance_deg", "task.kp", "task.kd"})
+"""Numbers without effect where there are tasks."""
 REST_OF_FREE = 1e-2  # of the posture's weight: that of what neither tasks nor posture determine
 LEAST_WEIGHT = 1e-9  # of the posture: without any the accelerations are not determined
 
@@ -69,13 +69,15 @@ class TsidController(WeighedController):
         own: Any = self.parameters
         given = len(own.tasks or ())
         written = [part for part in super().parts() if part.place[:1] != ("tasks",)]
-        written[0] = replace(written[0], fixed=OF_GOAL if given else TOLERANCES)
+        written[0] = replace(written[0], fixed=OF_GOAL if given else frozenset())
         tasks = [part for part in self.tasks.parts() if int(part.place[1]) < given]
         return [*written, *tasks]
 
     def tune(self, parameters: Any) -> None:
         """Take the gains of the tasks, or of the goal, and of the posture; the greatest speed."""
         self.tasks.gain([*(parameters.tasks or [parameters.task]), parameters.posture])
+        if parameters.tasks is None:
+            self.tasks.tolerate(0, parameters.tolerance_m, parameters.tolerance_deg)
         self.bounds.tune(parameters.bounds)
 
     @classmethod

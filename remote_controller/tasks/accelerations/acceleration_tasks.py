@@ -293,6 +293,11 @@ class AccelerationTasks:
         for i, each in enumerate(gains):
             self._gains[i] = each.both
 
+    def tolerate(self, i: int, length_m: float, angle_deg: float) -> None:
+        """Take the tolerances of a pose, task i."""
+        wanted = {"tolerance_m": length_m, "tolerance_deg": angle_deg}
+        self._parameters[i] = self._parameters[i].model_copy(update=wanted)
+
     def brake(self, braking_per_s: float) -> None:
         """Take d."""
         self._braking = -min(braking_per_s, 1.0 / self._robot.period_s)

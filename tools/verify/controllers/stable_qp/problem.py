@@ -109,7 +109,8 @@ class Problems:
         which = "reference" if self._settings.rest["kinematics_from"] == "reference" else "q"
         states, robot = self._states, self._robot
         for number, q in enumerate(states[which]):
-            watched = not isinstance(self._task, Curve) and self._task.watched
+            watched = None if isinstance(self._task, Curve) else self._task
+            watched = watched if watched is not None and watched.watched else None
             if not (self._these[number] or self._cycles.fresh[number] or watched):
                 continue
             robot.place(q)
@@ -117,9 +118,9 @@ class Problems:
                 self._task.begin(robot, self._time(number))
                 for constraint in self._with_rows:
                     constraint.begin(states[number])
-            if watched:
+            if watched is not None:
                 robot.place(states["q"][number])
-                self._task.watch(robot, self._time(number))
+                watched.watch(robot, self._time(number))
                 robot.place(q)
             if self._these[number]:
                 yield self._cycle(number)
