@@ -13,9 +13,9 @@ from hoap3.remote_controller.tasks import registry as tasks
 from hoap3.tools.services.config_keys import config_keys
 
 
-def tables() -> dict[str, set[str]]:
-    """Keys by each name of the first cell."""
-    text = page("changes.md").split("## What may change")[1].split("## What is guaranteed")[0]
+def table(head: str) -> dict[str, set[str]]:
+    """Keys by each name of the first cell, in the table of that head."""
+    text = page("changes.md").split(f"| {head} | |")[1].split("\n\n")[0]
     found: dict[str, set[str]] = {}
     for names, keys in re.findall(r"^\| (`.*?) \| (.*) \|$", text, flags=re.MULTILINE):
         for name in re.findall(r"`(\w+)`", names):
@@ -31,7 +31,7 @@ def changing(kind: str, name: str | None = None) -> set[str]:
 
 @pytest.mark.parametrize("name", BUILTIN)
 def test_the_numbers_of_a_controller_are_named(name):
-    assert tables()[name] == changing(name)
+    assert table("controller")[name] == changing(name)
 
 
 @pytest.mark.parametrize(
@@ -43,4 +43,4 @@ def test_the_numbers_of_a_controller_are_named(name):
 )
 def test_the_numbers_of_a_task_or_a_constraint_are_named(kind, name):
     wanted = changing(kind, name) - ({"weights"} if name == "wrench" else set())
-    assert tables().get(name, set()) == wanted
+    assert table("task or constraint").get(name, set()) == wanted

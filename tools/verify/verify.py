@@ -12,13 +12,13 @@ from hoap3.protocol.errors import ConfigError, LogError, WireError
 from hoap3.tools.logs.log import Log
 from hoap3.tools.logs.log_format import SIDES
 from hoap3.tools.verify.both_sides import check_both
-from hoap3.tools.verify.changes import with_numbers
 from hoap3.tools.verify.checkers import checker_of
 from hoap3.tools.verify.claims import Claims
 from hoap3.tools.verify.controller_log import runs
 from hoap3.tools.verify.controller_order import check_order
 from hoap3.tools.verify.robot_log import check_robot
 from hoap3.tools.verify.summaries import Summaries
+from hoap3.tools.verify.tasks.changes import with_numbers
 from hoap3.tools.verify.tasks.trajectories import with_motions
 
 

@@ -41,21 +41,19 @@ SLOWER, FASTER, LEAST_PACE = 0.5, 1.25, 2.0**-20
 class Way:
     """From a value to another, both numbers of one length, in periods of the transitions' clock."""
 
-    before: Any
-    after: Any
-    start: tuple[float, ...]
-    goal: tuple[float, ...]
-    begin: float
-    over: float
+    ends: tuple[Any, Any]
+    numbers: tuple[tuple[float, ...], tuple[float, ...]]
+    since: float
+    periods: float
 
     def at(self, clock: float) -> Any:
         """The value."""
-        gone = (clock - self.begin) / self.over
+        gone = (clock - self.since) / self.periods
         if gone >= 1.0 or gone <= 0.0:
-            return self.after if gone >= 1.0 else self.before
+            return self.ends[int(gone >= 1.0)]
         share = 0.5 - 0.5 * math.cos(math.pi * gone)
-        found = [a + (b - a) * share for a, b in zip(self.start, self.goal, strict=True)]
-        many = isinstance(self.before, list | tuple) or isinstance(self.after, list | tuple)
+        found = [a + (b - a) * share for a, b in zip(*self.numbers, strict=True)]
+        many = any(isinstance(end, list | tuple) for end in self.ends)
         return found if many else found[0]
 
 
@@ -132,7 +130,7 @@ class _Followed:
                 self._values = {**self._values, **{key: way.at(clock) for key, way in ways.items()}}
                 pace = max(pace * SLOWER, LEAST_PACE) if held[place] else min(pace * FASTER, 1.0)
                 if not held[place]:
-                    ways = {k: way for k, way in ways.items() if clock < way.begin + way.over}
+                    ways = {k: way for k, way in ways.items() if clock < way.since + way.periods}
                 if not ways:
                     last, pace = -1, 1.0
             found.append(self._values)
@@ -177,7 +175,7 @@ class _Followed:
             ends = [self._spread(place, value) for value in (before, after)]
             longest = max(map(len, ends))
             start, goal = (each * longest if len(each) == 1 else each for each in ends)
-            ways[place] = Way(before, after, start, goal, clock, over)
+            ways[place] = Way((before, after), (start, goal), clock, over)
         return ways
 
     def _spread(self, place: Place, value: Any) -> tuple[float, ...]:
