@@ -120,6 +120,7 @@ class GhcVelocityController(LabelledTasksController):
         self.lower, self.upper = self._solver.qdd_lower, self._solver.qdd_upper
         self._weight = parameters.regularisation
         self._mass, self._bias = np.eye(n), np.zeros(n)
+        self._settled, self._settled_at = True, -1
         self._first, self._time = 0, 0.0  # tick of the reset, and seconds since then
         self._top: list[LyapunovFunction] = []
         self.not_certified_in = MOVING | IDLE
@@ -166,14 +167,16 @@ class GhcVelocityController(LabelledTasksController):
         """Begin anew, also with the timeline; the tasks do at the next State that is finite."""
         super().reset(state, last_command)
         self.priorities.reset()
-        self._first, self._time = state.tick, 0.0
+        self._first, self._time, self._settled_at = state.tick, 0.0, -1
         self._top, self._stale = [], True
 
     def answer(self, state: State, base: FloatArray, now: float, noted: int) -> None:
         """Joint velocities, and their certificate."""
         command, solver, priorities = self.command, self._solver, self.priorities
         self._time = (state.tick - self._first) * self._dt
-        settled = not (priorities.update(self._time) or priorities.moving)
+        if state.tick != self._settled_at:  # else it is asked again
+            self._settled = not (priorities.update(self._time) or priorities.moving)
+        self._settled_at, settled = state.tick, self._settled
         self._stale = self._stale or not settled
         if (settled and self._stale) or not self._top:
             top = top_level(priorities.alpha).tolist()
