@@ -55,6 +55,17 @@ LAWS: dict[str, dict[str, Any]] = {
 }
 """By the config of a law: numbers in each way in which people may write them."""
 
+WITH_CONSTRAINTS: dict[str, dict[str, Any]] = {
+    "obstacle": {
+        "constraints.joint_velocity.parameters.limit_rad_s": 0.4,
+        "constraints.joint_position.parameters": {"eta_per_s": 5.0, "return_speed_rad_s": 0.2},
+        "constraints.distance.parameters": {"eta_per_s": 4.0, "return_speed_m_s": 0.1},
+        "psi.beta": 20.0,
+    }
+}
+"""The same for a config whose constraints have numbers that change."""
+REQUESTS = {**LAWS, **WITH_CONSTRAINTS}
+
 TICK, OVER_S = 60, 0.03
 
 
@@ -82,7 +93,7 @@ def changed_run(law: str) -> tuple[ControllerConfig, Simulation]:
     config = case.config
     if law in {"ghc", "ghc_torque", "hqp"}:  # the posture first keeps all where they are
         config = with_parameters(config, priorities={"order": ["hand", "elbow", "posture"]})
-    request = {**LAWS[law], "over_s": OVER_S}
+    request = {**REQUESTS[law], "over_s": OVER_S}
     return config, simulate(case.emulator, config, 0.15, steer=asking({TICK: request}))
 
 

@@ -10,7 +10,9 @@ import pytest
 from changed_numbers import (
     LAWS,
     OVER_S,
+    REQUESTS,
     TICK,
+    WITH_CONSTRAINTS,
     answers,
     asking,
     built,
@@ -93,14 +95,16 @@ def flat(node: Any, *prefix: str) -> list[tuple[list[str], Any]]:
     return found
 
 
-@pytest.mark.parametrize("law", EACH)
+@pytest.mark.parametrize(
+    "law", [*EACH, *(pytest.param(name, marks=pytest.mark.slow) for name in WITH_CONSTRAINTS)]
+)
 def test_in_the_end_it_is_as_if_it_had_begun_with_the_new_numbers(law):
     """Caches, warm starts and compiled gains follow: all that it decides is the same."""
     config, done = changed_run(law)
     case = controller_case(law, None)
-    changed = answers(built(case, config), done, {5: {**LAWS[law], "over_s": OVER_S}})
+    changed = answers(built(case, config), done, {5: {**REQUESTS[law], "over_s": OVER_S}})
     parameters = json.loads(json.dumps(config.parameters))
-    for keys, value in flat(LAWS[law]):
+    for keys, value in flat(REQUESTS[law]):
         written(parameters, keys, value)
     fresh = answers(built(case, with_parameters(config, **parameters)), done, {})
     arrived = slice(TICK, None)
@@ -176,6 +180,15 @@ def test_a_change_is_refused_that_a_config_would_be(law, request_, problem):
     with pytest.raises(UsageError, match=problem):
         controller.change(request_)
     assert controller.changeable() == before
+
+
+def test_a_limit_of_speed_that_others_reckon_with_is_only_lowered():
+    case = controller_case("ghc", None)
+    limits = [{"constraint": "joint_velocity", "parameters": {"limit_rad_s": 1.0}}]
+    controller = built(case, with_parameters(case.config, constraints=limits))
+    controller.change({"constraints.joint_velocity.parameters.limit_rad_s": 0.5})
+    with pytest.raises(UsageError, match="other constraints reckon with"):
+        controller.change({"constraints.joint_velocity.parameters.limit_rad_s": 1.5})
 
 
 def resting(controller: Any) -> State:

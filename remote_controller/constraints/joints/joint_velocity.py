@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from hoap3.protocol.config.changeable import CHANGEABLE
+from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.constraint import Constraint, Guarantee, Level
 from hoap3.remote_controller.constraints.joints.limits import least_limits
@@ -43,6 +44,16 @@ class JointVelocity(Constraint):
         self._intersect_box, self._change_within = kernels.intersect_box, kernels.change_within
         self._upper = self.speed_max = self._limits(parameters)
         self._lower = -self._upper
+        self._first = np.full(self.n, np.inf)  # what limits must not exceed
+
+    def fits(self, parameters: Parameters) -> None:
+        """Refuse limits above those on which rows of accelerations rest: their η fits the brakes."""
+        above = self._limits(parameters) > self._first
+        if above.any():
+            joint = int(np.argmax(above))
+            problem = "is above the limit that other constraints reckon with"
+            remedy = f"At most {self._first[joint]}, that of the config"
+            raise ConfigError("", "limit_rad_s", parameters.limit_rad_s, problem, remedy)
 
     def tune(self, parameters: Parameters) -> None:
         """Take ω."""
@@ -63,7 +74,7 @@ class JointVelocity(Constraint):
 
     def prepare_accelerations(self, speed: FloatArray, deceleration: FloatArray) -> None:
         """Keep what joints brake with."""
-        self._brake = deceleration
+        self._brake, self._first = deceleration, self._upper.copy()
 
     def bound_accelerations(
         self, state: State, lower_out: FloatArray, upper_out: FloatArray
