@@ -158,7 +158,7 @@ class Changes:
             self.moving, self._tick, self._pace = False, -1, 1.0
 
     def shown(self) -> dict[str, Any]:
-        """What may change, as it is now, by its keys, and whether something is on its way."""
+        """What may change, as it is now, by its keys."""
         found: dict[str, Any] = {}
         for number in self.numbers:
             inner = found

@@ -47,7 +47,7 @@ class JointVelocity(Constraint):
         self._first = np.full(self.n, np.inf)  # what limits must not exceed
 
     def fits(self, parameters: Parameters) -> None:
-        """Refuse limits above those on which rows of accelerations rest: their η fits the brakes."""
+        """Refuse limits above those to which η of rows of accelerations was fitted."""
         above = self._limits(parameters) > self._first
         if above.any():
             joint = int(np.argmax(above))

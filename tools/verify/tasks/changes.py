@@ -8,7 +8,6 @@ log tells, and (15) of Liu, Tan and Padois (2015) between both ends.
 
 from __future__ import annotations
 
-import copy
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -101,7 +100,7 @@ class _Followed:
     def __init__(
         self, run: ControllerRun, controller: str, given: Parameters, over_s: float
     ) -> None:
-        self._run, self._given, self._over_s = run, copy.deepcopy(given), over_s
+        self._run, self._given, self._over_s = run, dict(given), over_s
         model: type[Settings] = find(controller).Parameters
         if self._given.get("tasks", 0) is None or (
             "tasks" not in self._given and model.model_fields.keys() >= {"tasks", "damping"}
@@ -138,9 +137,9 @@ class _Followed:
 
     def with_values(self, values: Mapping[Place, Any]) -> Parameters:
         """The parameters of the config with other values."""
-        content = copy.deepcopy(self._given)
+        content = self._given
         for place, value in values.items():
-            self._put(content, place, value)
+            content = self._with(content, place, value)
         return content
 
     def with_each(self, found: Sequence[Mapping[Place, Any]]) -> list[Mapping[str, Any]]:
@@ -230,13 +229,16 @@ class _Followed:
         own: Settings = parse(kind(named).Parameters, dict(content), "config")
         return own
 
-    def _put(self, content: Any, place: Place, value: Any) -> None:
-        for i, part in enumerate(place[:-1]):
-            if isinstance(content, dict) and content.get(str(part)) is None:
-                inner = self._read(place[: i + 1])
-                content[str(part)] = inner.model_dump() if isinstance(inner, Settings) else {}
-            content = content[part]
-        content[place[-1]] = value
+    def _with(self, content: Any, place: Place, value: Any, depth: int = 0) -> Any:
+        """Content of the config with another value at a place; all else is shared."""
+        part, last = place[depth], depth == len(place) - 1
+        copied: Any = list(content) if isinstance(part, int) else dict(content)
+        inner = None if last else copied[part] if isinstance(part, int) else copied.get(part)
+        if inner is None and not last:
+            usual = self._read(place[: depth + 1])
+            inner = usual.model_dump() if isinstance(usual, Settings) else {}
+        copied[part] = value if last else self._with(inner, place, value, depth + 1)
+        return copied
 
 
 def _leaves(
