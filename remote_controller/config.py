@@ -123,6 +123,7 @@ def build(config: ControllerConfig, description: RobotDescription, file: str = "
         hint = of_another_robot(config, description) or _runs_on(file, description)
         raise (DescriptionError(f"{error}. {hint}") if hint else error) from error
     built.live = tuple(live)
+    built.begin_changes()
     with located(file, "parameters"):
         check_names(built.live)
     warn_of_limits_above(description, parameters, file)

@@ -406,6 +406,7 @@ class ControllerLoop:
         """Have the controller begin anew; what it last sent, or None."""
         command = self._controller.command
         last: FloatArray | None = command.values.copy() if self._last_answer else None
+        self._controller.forget_changes()
         self._controller.reset(state, last)
         self._started = True
         return last

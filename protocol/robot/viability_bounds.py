@@ -114,6 +114,10 @@ class AccelerationBounds:
         self._limits[5] = np.where(np.isfinite(ends), ends, 0.0).max(axis=0)
         self._kernel, self._naive = kernels.acceleration_bounds_kernel, kernels.naive_bounds_kernel
 
+    def limit_speed(self, velocity: FloatArray) -> None:
+        """Take other greatest speeds, (n,), that satisfy (11) as those before did."""
+        self._limits[2] = velocity
+
     def solve(
         self, q: FloatArray, dq: FloatArray, lower_out: FloatArray, upper_out: FloatArray
     ) -> None:

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import Field
 
+from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.constraint import Constraint, Guarantee, Level
 from hoap3.remote_controller.model.kinematics import Kinematics
@@ -51,12 +52,16 @@ class Barrier(Constraint):
             gt=0,
             description="η of (25), at most 1/period [1/s]; for accelerations at most 0.6/period, "
             "and this default no more than joints can brake with",
+            json_schema_extra=CHANGEABLE,
         )
         reserve_m: float = Field(
             1e-5, ge=0, description="kept for the curvature that one Euler step does not see [m]"
         )
         return_speed_m_s: float = Field(
-            0.05, gt=0, description="fastest return from outside that is asked for [m/s]"
+            0.05,
+            gt=0,
+            description="fastest return from outside that is asked for [m/s]",
+            json_schema_extra=CHANGEABLE,
         )
 
     def prepare(self, parameters: Any, kinematics: Kinematics) -> None:
@@ -68,9 +73,23 @@ class Barrier(Constraint):
             kernels.limit_accelerations,
         )
         self.check_rate(parameters.eta_per_s)
-        self._eta, self._reserve = parameters.eta_per_s, parameters.reserve_m
-        self._return_speed = parameters.return_speed_m_s
+        self._reserve = parameters.reserve_m
+        self._brakes: tuple[FloatArray, FloatArray] | None = None  # where rows are of accelerations
+        self.tune(parameters)
         self.events["immovable"] = 0
+
+    def tune(self, parameters: Any) -> None:
+        """Take η and the speed of the return."""
+        self._return_speed = parameters.return_speed_m_s
+        self._eta = parameters.eta_per_s
+        if self._brakes is not None:
+            self._eta = self.fit_rate(parameters, *self._brakes)
+
+    def fits(self, parameters: Any) -> None:
+        """Refuse an η that oversteps the limit, or asks for more than joints brake with."""
+        self.check_rate(parameters.eta_per_s)
+        if self._brakes is not None:
+            self.fit_rate(parameters, *self._brakes)
 
     def name_rows(self, names: tuple[str, ...]) -> None:
         """One row and one margin for each name."""
@@ -115,7 +134,8 @@ class Barrier(Constraint):
 
     def prepare_accelerations(self, speed: FloatArray, deceleration: FloatArray) -> None:
         """Fit η to the period and the brakes, and size the buffers."""
-        self._eta = self.fit_rate(self.parameters, speed, deceleration)
+        self._brakes = speed, deceleration
+        self.tune(self.parameters)
         self._rates, self._bend, self._spare = np.zeros((3, self.rows))
         self._row_ahead, self._row_behind = np.zeros((2, self.rows, self.n))
 

@@ -116,6 +116,24 @@ class Constraint:
             parameters, kinematics: as `__init__` got them; everything else is set already.
         """
 
+    def tune(self, parameters: Any) -> None:
+        """Take changed parameters, whose numbers that are declared changeable may be others.
+
+        Comes between two updates. Only of a class with a `tune` of its own they can be changed.
+        """
+
+    def fits(self, parameters: Any) -> None:
+        """Refuse changed parameters, as when it is made.
+
+        Raises:
+            ConfigError: with file "" and the key inside the parameters.
+        """
+
+    def stands_for(self, key: str) -> float | None:
+        """What a number that is null stands for; None where no number does."""
+        del key
+        return None
+
     def reset(self) -> None:
         """Forget what was kept from earlier states; events stay counted."""
         self._started = False

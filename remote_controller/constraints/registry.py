@@ -19,6 +19,7 @@ from hoap3.remote_controller.constraints.constraint import Constraint, Level
 from hoap3.remote_controller.constraints.constraint_validation import check_first_update
 from hoap3.remote_controller.constraints.stack import ConstraintStack
 from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.scheduling.numbers import Part, private
 
 GROUP = "hoap3.constraints"
 _OURS = "hoap3.remote_controller.constraints"
@@ -171,6 +172,28 @@ def build_accelerations(
         entries, description, kinematics, period_s, file, key, "acceleration"
     )
     return AccelerationStack(made, labels, keys, description, kinematics, file, brake, ranges)
+
+
+def parts_of(
+    entries: Sequence[ConstraintSettings],
+    constraints: Sequence[Constraint],
+    labels: Sequence[str],
+) -> list[Part]:
+    """Parameters of constraints, as far as they may change.
+
+    Args:
+        entries: of which they were made.
+        constraints, labels: of their stack.
+    """
+    found: list[Part] = []
+    for i, (entry, constraint, label) in enumerate(zip(entries, constraints, labels, strict=True)):
+        if type(constraint).tune is Constraint.tune:
+            continue
+        parameters = private(parse(type(constraint).Parameters, entry.parameters, "config"))
+        path, place = ("constraints", label, "parameters"), ("constraints", i, "parameters")
+        given = constraint.tune, constraint.fits, constraint.stands_for
+        found.append(Part(path, place, parameters, *given))
+    return found
 
 
 def _make(

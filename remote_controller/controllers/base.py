@@ -18,6 +18,8 @@ from hoap3.protocol.messages import COMMANDS, FloatArray, Setpoint, State, schem
 from hoap3.remote_controller.controllers.in_flight import InFlight
 from hoap3.remote_controller.controllers.jerk_judge import judge_of
 from hoap3.remote_controller.references.live.live import Live
+from hoap3.remote_controller.scheduling.changes import Changes
+from hoap3.remote_controller.scheduling.numbers import FILE, Part, private
 from hoap3.remote_controller.tasks.accuracy import TaskError
 
 STATUS = {
@@ -30,6 +32,10 @@ STATUS = {
 CERTIFIED_RESIDUAL = 1e-9  # greatest kkt_residual of an answer that counts as the optimum
 VIOLATED = "tolerance of a trajectory violated"
 """The condition of controllers with tasks that have tolerances; the last of their conditions."""
+HELD_BACK = "a change is held back"
+"""The condition of controllers of velocities in ticks at which numbers that move may not."""
+ROUNDING = 1e-9  # of a jump of velocities
+OVER_S = 0.5  # how long changed numbers take, where nobody says
 ACTIVE_SPEED = 1e-3  # rad/s: below it a joint counts as inactive (QP12, section V-C)
 
 
@@ -98,7 +104,15 @@ class Controller(ABC):
     """
 
     class Parameters(Settings):
-        """Settings of this controller; none here."""
+        """Settings that every controller has."""
+
+        change_over_s: float = Field(
+            OVER_S,
+            ge=0,
+            le=3600,
+            description="duration of the way of numbers that are changed while it runs, where the "
+            "change gives none [s]",
+        )
 
     extra_names: tuple[str, ...] = ()
     arrays: Mapping[str, int] = MappingProxyType({})
@@ -118,6 +132,7 @@ class Controller(ABC):
         self.live: Sequence[Live] = ()
         self.margin_tolerance: float | None = None
         self.description, self.parameters = description, parameters
+        self._changes: Changes | None = None
         self.now: Callable[[], int] = time.monotonic_ns
         self.command = Setpoint(description.n, len(self.extra_names), **self.arrays)
         self.command.solver_status = STATUS["none"]
@@ -222,17 +237,69 @@ class Controller(ABC):
         Comes between two steps. The log has what was taken over, so that a replay does the same.
 
         Args:
-            request: a JSON object of the controller's own making.
+            request: numbers that are declared changeable, by their keys as in the config, nested
+                or with dots, tasks by their names; and `over_s`, how long they take [s].
 
         Raises:
             UsageError: it is refused; says what is wrong with it and what is not.
         """
-        del request
-        raise UsageError(f"controller {type(self).__name__} takes no changes while it runs")
+        self.begin_changes()
+        changes = self._ready_for_changes()
+        if not changes.numbers:
+            raise UsageError(f"controller {type(self).__name__} takes no changes while it runs")
+        changes.request(request)
 
     def changeable(self) -> dict[str, Any]:
-        """What `change` can change, as it is now: a JSON object, empty here."""
-        return {}
+        """What `change` can change, as it is now: a JSON object, empty where nothing can."""
+        return self._ready_for_changes().shown()
+
+    def parts(self) -> list[Part]:
+        """Settings whose numbers may change: its own, and then those of its tasks and the like."""
+        return [Part((), (), self.parameters, self.tune, self.fits, self.stands_for)]
+
+    def tune(self, parameters: Any) -> None:  # noqa: B027 - who reads the parameters has them
+        """Take changed numbers: here nothing, for who reads `self.parameters` has them already.
+
+        Args:
+            parameters: its own, of which only numbers that are declared changeable have changed.
+        """
+
+    def fits(self, parameters: Any) -> None:  # noqa: B027 - most have nothing to add
+        """Refuse changed parameters that do not fit the robot, as at the start.
+
+        Raises:
+            ConfigError: with file "" and the key inside the parameters.
+        """
+
+    def stands_for(self, key: str) -> float | Sequence[float] | None:
+        """What a number that is null stands for, by its key; None where no number does."""
+        del key
+        return None
+
+    def begin_changes(self) -> None:
+        """Make ready for changes: called once it is built, or by the first change."""
+        self._ready_for_changes()
+
+    def advance(self, state: State) -> None:
+        """Move changed numbers to the tick of a State: the first thing that `step` does."""
+        if self._changes is not None and self._changes.moving:
+            self._changes.advance(state.tick)
+            self._changes.keep()
+
+    def forget_changes(self) -> None:
+        """Have the numbers of the config again: whoever begins anew does."""
+        if self._changes is not None:
+            self._changes.reset()
+
+    def _ready_for_changes(self) -> Changes:
+        if self._changes is None:
+            self.parameters = private(self.parameters)
+            over_s = getattr(self.parameters, "change_over_s", OVER_S)
+            check, period_s = type(self).check, self.description.period_s
+            self._changes = Changes(
+                self.parts(), lambda given: check(given, FILE), over_s, period_s
+            )
+        return self._changes
 
 
 class VelocityController(Controller):
@@ -262,6 +329,12 @@ class VelocityController(Controller):
         integrate_from: Literal["measured", "reference"] = Field(
             "reference", description="joint positions that setpoints are integrated from"
         )
+        change_jump_rad_s: float | None = Field(
+            None,
+            gt=0,
+            description="most by which a change alone may alter a velocity in one period; null: "
+            "what joints brake with in one [rad/s or m/s]",
+        )
 
     def __init__(self, description: RobotDescription, parameters: Settings) -> None:
         from hoap3.remote_controller.model import kinematics_kernels as kernels
@@ -282,6 +355,10 @@ class VelocityController(Controller):
         self._fastest = self._limits[2]
         self._jerk = judge_of(description)
         self._no_velocity = np.full(description.n, np.nan)
+        jump: float | None = getattr(parameters, "change_jump_rad_s", None)
+        self._jump = (1.0 + ROUNDING) * (jump or description.brake_acceleration * self._dt)
+        self._held_back = 0  # bit of the condition
+        self._candidate = np.zeros(description.n)
         self._earlier = np.zeros(description.n)  # reference
         self._periods = -1  # of the last State
         self._from_measured = getattr(parameters, "integrate_from", "reference") == "measured"
@@ -300,6 +377,8 @@ class VelocityController(Controller):
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Nothing to remember: every setpoint starts from the robot's applied reference."""
+        del state, last_command
+        self.forget_changes()
 
     def step(self, state: State) -> Setpoint:
         """Integrate `velocity` over one period.
@@ -311,7 +390,10 @@ class VelocityController(Controller):
         command.stamp_kinematics = self.now()
         if flight is not None:
             state = flight.ahead(state)
-        u = self.velocity(state)
+        changes = self._changes
+        self.present &= ~self._held_back
+        moving = changes is not None and changes.moving
+        u = self._changing(changes, state) if changes and moving else self.velocity(state)
         self.present |= self.too_fast
         start = state.q if self._from_measured else state.reference
         history = self._history(state)
@@ -353,6 +435,36 @@ class VelocityController(Controller):
         if flight is not None:
             flight.sent(state.tick, command.values)
         return command
+
+    def begin_changes(self) -> None:
+        """Make ready, with a condition that holds where a change is held back."""
+        if self._ready_for_changes().numbers and not self._held_back:
+            self._held_back = 1 << len(self.conditions)
+            self.conditions = (*self.conditions, HELD_BACK)
+
+    def _changing(self, changes: Changes, state: State) -> FloatArray:
+        """Velocities while numbers move, which alter none by more than the configured jump.
+
+        The velocities u of a tick's own numbers count where they are no further than that from
+        those of the tick before, or from u₀, which the numbers of the tick before give now. Else
+        u₀ counts, and the numbers stay.
+        """
+        before, now = self.command.decision, self._candidate
+        changes.advance(state.tick)
+        u = self.velocity(state)
+        if before.size and not (np.abs(u - before) > self._jump).any():
+            changes.keep()
+            return u
+        now[:] = u
+        changes.undo()
+        unchanged = self.velocity(state)
+        if (np.abs(now - unchanged) > self._jump).any():
+            self.present |= self._held_back
+            changes.hold()
+            return unchanged
+        changes.redo()
+        changes.keep()
+        return self.velocity(state)
 
     def _history(self, state: State) -> int:
         """What the States seen so far say of the reference's velocity."""

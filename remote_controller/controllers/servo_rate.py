@@ -7,7 +7,9 @@ import math
 import numpy as np
 
 from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.controllers.base import Controller
 
 
 def loop_rate(
@@ -58,3 +60,19 @@ def too_fast(description: RobotDescription, rate: float, kinematics_from: str) -
     if limit is None or kinematics_from == "reference" or rate < limit:
         return ""
     return f"loop {rate:.3g}/s >= servos {limit:.3g}/s"
+
+
+def refuse_too_fast(controller: Controller, rate: float, kinematics_from: str) -> None:
+    """Refuse a change after which nothing would be certified, as the law is too fast for servos.
+
+    Args:
+        controller: which is to change, and was not built so.
+        rate, kinematics_from: as of `too_fast`.
+
+    Raises:
+        ConfigError: it would be so.
+    """
+    problem = too_fast(controller.description, rate, kinematics_from)
+    if problem and not controller.too_fast:
+        remedy = "Slow the law, or write kinematics_from: reference and begin anew"
+        raise ConfigError("", "", None, f"nothing would be certified: {problem}", remedy)

@@ -61,6 +61,11 @@ class Schedule(ABC):
     def _set_out(self, change: Any) -> None:
         """Send on their way those numbers that a change is about."""
 
+    @classmethod
+    def is_asked(cls, request: Mapping[str, Any]) -> bool:
+        """Whether a request is for such a change, and not for one of other numbers."""
+        return not cls.request.model_fields.keys().isdisjoint(request.keys() - {"over_s"})
+
     @abstractmethod
     def shown(self) -> dict[str, Any]:
         """What it is now, for people."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.references.trajectories.tolerances import Violation
@@ -20,15 +21,36 @@ TOLERANCE_DEG = 0.5
 JointToleranceDeg = Annotated[
     float,
     Field(
-        gt=0, description="error of each revolute joint at the end that counts as reached [degrees]"
+        gt=0,
+        description="error of each revolute joint at the end that counts as reached [degrees]",
+        json_schema_extra=CHANGEABLE,
     ),
 ]
-JointToleranceM = Annotated[float, Field(gt=0, description="the same for prismatic joints [m]")]
+JointToleranceM = Annotated[
+    float,
+    Field(
+        gt=0,
+        description="the same for prismatic joints [m]",
+        json_schema_extra=CHANGEABLE,
+    ),
+]
 
 ToleranceM = Annotated[
-    float, Field(gt=0, description="error at the end that counts as reached [m]")
+    float,
+    Field(
+        gt=0,
+        description="error at the end that counts as reached [m]",
+        json_schema_extra=CHANGEABLE,
+    ),
 ]
-ToleranceDeg = Annotated[float, Field(gt=0, description="the same for its orientation [degrees]")]
+ToleranceDeg = Annotated[
+    float,
+    Field(
+        gt=0,
+        description="the same for its orientation [degrees]",
+        json_schema_extra=CHANGEABLE,
+    ),
+]
 
 LOWER = "lower priority"
 ABSENT = "takes no part"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
@@ -49,10 +51,14 @@ class ComTask(Task):
     def configured(cls, context: BuildContext, parameters: Parameters) -> TaskFunction:
         """V of this task."""
         task = cls(context.kinematics, parameters.frame, np.zeros(3))
-        task.tolerance_m = parameters.tolerance_m
+        task.tune(parameters)
         target = target_of(parameters.target, context.folder)
         tolerances = tolerances_of(parameters.target, target, AXES, "m")
         return TaskFunction(task, target, parameters.weights, tolerances)
+
+    def tune(self, parameters: Any) -> None:
+        """Take the tolerance."""
+        self.tolerance_m = parameters.tolerance_m
 
     def update(self, kinematics: Kinematics) -> None:
         """Recompute e [m] and J [m/rad]."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self
@@ -127,6 +128,24 @@ class LyapunovFunction(ABC):
             kinematics: up to date.
             time_s: tick of the robot × its period [s].
         """
+
+    def tune(self, parameters: Any) -> None:  # noqa: B027 - most have nothing that changes
+        """Take changed parameters, whose numbers that are declared changeable may be others.
+
+        Comes between two updates. Only of a class with a `tune` of its own they can be changed.
+        """
+
+    def fits(self, parameters: Any) -> None:  # noqa: B027 - most refuse nothing
+        """Refuse changed parameters, as when it is built.
+
+        Raises:
+            ConfigError: with file "" and the key inside the parameters.
+        """
+
+    def stands_for(self, key: str) -> float | Sequence[float] | None:
+        """What a number that is null, or empty, stands for; None where no number does."""
+        del key
+        return None
 
     def accuracy(self) -> list[TaskError]:
         """Errors at the last `update`, each with its tolerance; empty where nothing is judged."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,7 +86,7 @@ class PostureTask(Task):
         target = positions_of(robot, parameters, joints)
         task = cls(context.kinematics, joints, target)
         task.prismatic = prismatic_joints(robot)[joints]
-        task.tolerances = parameters.tolerance_m, parameters.tolerance_deg
+        task.tune(parameters)
         if aim is None:
             point = Approach(Point(target), parameters.approach_s)
             return TaskFunction(task, point, parameters.weights)
@@ -98,6 +98,10 @@ class PostureTask(Task):
         units = ["m" if slides else "rad" for slides in task.prismatic]
         tolerances = aim.tolerances(path, names, units)
         return TaskFunction(task, path, parameters.weights, tolerances)
+
+    def tune(self, parameters: Any) -> None:
+        """Take the tolerances."""
+        self.tolerances = parameters.tolerance_m, parameters.tolerance_deg
 
     def update(self, kinematics: Kinematics) -> None:
         """Recompute e [rad or m]."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
@@ -32,7 +33,9 @@ class Task(ABC):
         """Settings that every task has."""
 
         weights: tuple[float, ...] = Field(
-            (), description="W of V = ½ eᵀWe: one number, or one for each component of e; empty: 1"
+            (),
+            description="W of V = ½ eᵀWe: one number, or one for each component of e; empty: 1",
+            json_schema_extra=CHANGEABLE,
         )
 
     levels: ClassVar[tuple[Level, ...]] = LyapunovFunction.levels
@@ -53,6 +56,9 @@ class Task(ABC):
     @abstractmethod
     def update(self, kinematics: Kinematics) -> None:
         """Recompute error and Jacobian; `kinematics` is up to date."""
+
+    def tune(self, parameters: Any) -> None:  # noqa: B027 - some have nothing else
+        """Take changed parameters; weights are the function's."""
 
     @abstractmethod
     def read(self, kinematics: Kinematics, out: FloatArray) -> None:

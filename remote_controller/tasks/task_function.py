@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from hoap3.protocol.errors import BadProblemError
+from hoap3.protocol.errors import BadProblemError, ConfigError
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.references.target import Point, Target
@@ -89,6 +90,23 @@ class TaskFunction(LyapunovFunction):
             self.gradient,
         )
         self.status = task.status
+
+    def tune(self, parameters: Any) -> None:
+        """Take weights, and what the task has."""
+        self._roots[:] = np.sqrt(_checked(parameters.weights, self._roots.size))
+        self.task.tune(parameters)
+
+    def fits(self, parameters: Any) -> None:
+        """Refuse weights that make no V."""
+        try:
+            _checked(parameters.weights, self._roots.size)
+        except BadProblemError as error:
+            given, remedy = parameters.weights, "Correct them"
+            raise ConfigError("", error.key, given, str(error), remedy) from error
+
+    def stands_for(self, key: str) -> float | None:
+        """Weights are 1 where none is given."""
+        return 1.0 if key == "weights" else None
 
     def accuracy(self) -> list[TaskError]:
         """Errors of the task, without weights; components of weight 0 are left out.

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from typing import Annotated
+from collections.abc import Sequence
+from typing import Annotated, Any
 
 import typer
 
@@ -16,8 +17,11 @@ _EXAMPLE = '\'{"order": ["foot", "com", "posture"]}\''
 
 def change(
     request: Annotated[
-        str | None,
-        typer.Argument(help="JSON object of the controller's own making. Default: only show."),
+        list[str] | None,
+        typer.Argument(
+            help="KEY=VALUE of numbers that may change, such as gamma=0.8 over_s=1; or one JSON "
+            "object. Default: only show."
+        ),
     ] = None,
     robot: Annotated[
         str | None,
@@ -29,17 +33,45 @@ def change(
     from hoap3.tools.cli.find_robot import reach_robot
     from hoap3.tools.services.client import change as ask
 
-    try:
-        content = None if request is None else json.loads(request)
-    except ValueError as error:
-        raise UsageError(f"{request!r:.60} is not JSON ({error})") from error
-    if request is not None and not isinstance(content, dict):
-        raise UsageError(
-            f"{request!r:.60} is no JSON object: write what the controller takes, such as "
-            f"{_EXAMPLE} with ghc_velocity"
-        )
+    content = _content(request or [])
     name, endpoint = reach_robot(robot, connect)
     print_json(ask(name, content, endpoint))
+
+
+def _content(given: Sequence[str]) -> dict[str, Any] | None:
+    """What shall be otherwise; None where nothing is given.
+
+    Raises:
+        UsageError: neither a JSON object nor KEY=VALUE.
+    """
+    if not given:
+        return None
+    if len(given) > 1 or ("=" in given[0] and given[0].lstrip()[:1] not in {"{", "["}):
+        return _pairs(given)
+    try:
+        content = json.loads(given[0])
+    except ValueError as error:
+        raise UsageError(f"{given[0]!r:.60} is not JSON ({error})") from error
+    if not isinstance(content, dict):
+        raise UsageError(
+            f"{given[0]!r:.60} is no JSON object: write what the controller takes, such as "
+            f"gamma=0.8 with qp12, or {_EXAMPLE} with ghc_velocity"
+        )
+    return content
+
+
+def _pairs(given: Sequence[str]) -> dict[str, Any]:
+    from hoap3.protocol.config.settings import apply_overrides
+
+    content: dict[str, Any] = {}
+    for pair in given:
+        key, equals, _ = pair.partition("=")
+        if not equals or not key.strip():
+            raise UsageError(
+                f"{pair!r:.60} is not KEY=VALUE, such as gamma=0.8: write so, or one JSON object"
+            )
+        content = apply_overrides(content, [pair])
+    return content
 
 
 def priorities() -> None:

@@ -46,18 +46,23 @@ _SUFFIX = re.compile("(" + "|".join(sorted(_UNITS, key=len, reverse=True)) + ")$
 
 
 class ConfigKey(NamedTuple):
-    """One key: its dotted path, with N for the place in a list, and what may stand there."""
+    """One key: its dotted path, with N for the place in a list, and what may stand there.
+
+    `changes` says whether it may be changed while the controller runs.
+    """
 
     key: str
     type: str
     unit: str
     default: str
     meaning: str
+    changes: bool = False
 
     def __str__(self) -> str:
         unit = f" [{self.unit}]" if self.unit else ""
         default = REQUIRED if self.default == REQUIRED else f"default {self.default}"
-        return f"{self.key}: {self.type}{unit}; {default}. {self.meaning}"
+        changes = " (changes while it runs)" if self.changes else ""
+        return f"{self.key}: {self.type}{unit}; {default}. {self.meaning}{changes}"
 
 
 def config_keys(kind: str, name: str | None = None) -> list[ConfigKey]:
@@ -113,7 +118,8 @@ class _Walk:
         suffix = _SUFFIX.search(key)
         unit = _UNITS[suffix[0]] if suffix else ""
         meaning = node.get("description", "").removesuffix(f" [{unit}]")
-        yield ConfigKey(key, _type(node), unit, _shown(default), meaning)
+        changes = node.get("changeable") is True
+        yield ConfigKey(key, _type(node), unit, _shown(default), meaning, changes)
         for option in node.get("anyOf", [node]):
             yield from self._inside(key, option)
 

@@ -199,14 +199,18 @@ class Connection:
         """
         return self._control("show")
 
-    def change(self, **what: Any) -> dict[str, Any]:
+    def change(self, what: Mapping[str, Any] | None = None, /, **more: Any) -> dict[str, Any]:
         """Change something in the controller, all of it or nothing; what it is now.
+
+        Args:
+            what: numbers by their keys as in the config, such as {"tasks.hand.kp": 40.0}.
+            more: the same, where keys are Python's, such as gamma=0.8; and `over_s` [s].
 
         Raises:
             LinkError: the robot follows no controller.
             UsageError: the controller refuses; says why.
         """
-        return self._control("change", json.dumps(what).encode())
+        return self._control("change", json.dumps({**(what or {}), **more}).encode())
 
     def acquire(self, timeout_s: float = 0.0) -> list[dict[str, Any]]:
         """Become the one who steers; the live targets of the controller, in their order.

@@ -7,7 +7,7 @@ and session anew. Each becomes a `ControllerRun`; nothing is carried from one to
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -41,6 +41,10 @@ class ControllerRun:
         targets: messages of live targets that it took.
         epochs: (how many States were processed before it, epoch) of each authority.
         summaries: (how many answers were sent before it, what was counted) of each.
+        in_force: the controller's parameters at each State, where they changed and it is judged as
+            a whole; else empty.
+        conditions: (place of the State, number, whether it began) of each condition that began or
+            ended, in their order.
         strange: messages that no State or Setpoint of this robot can be.
         orphans: answers to States that are missing from the log.
     """
@@ -54,6 +58,8 @@ class ControllerRun:
     overwritten: dict[int, int] = field(default_factory=dict)
     epochs: list[tuple[int, int]] = field(default_factory=list)
     summaries: list[tuple[int, dict[str, Any]]] = field(default_factory=list)
+    in_force: list[Mapping[str, Any]] = field(default_factory=list)
+    conditions: list[tuple[int, int, bool]] = field(default_factory=list)
     strange: int = 0
     orphans: int = 0
     _states: list[bytes] = field(default_factory=list)
@@ -87,14 +93,30 @@ class ControllerRun:
         reset, gap = (_last(places, self.answered) for places in (self.resets, self.gaps))
         return (reset >= 0) & (reset >= gap)
 
+    def settings(
+        self, parameters: Mapping[str, Any]
+    ) -> list[tuple[NDArray[np.bool_], Mapping[str, Any]]]:
+        """At which States, (S,), which parameters count: those of the config, unless they changed.
+
+        Args:
+            parameters: of the config.
+        """
+        if not self.in_force:
+            return [(np.ones(len(self.states), bool), parameters)]
+        which = np.array([id(each) for each in self.in_force])
+        different = {id(each): each for each in self.in_force}
+        return [(which == number, each) for number, each in different.items()]
+
     def only(self, answers: NDArray[np.bool_]) -> ControllerRun:
         """The same with some of its answers, (N,)."""
         chosen = np.flatnonzero(answers).tolist()
-        return replace(
+        part = replace(
             self,
             _answers=[self._answers[place] for place in chosen],
             _answered=[self._answered[place] for place in chosen],
         )
+        part.__dict__["states"] = self.states  # which are many, and the same
+        return part
 
 
 def runs(records: Iterable[Record]) -> Iterator[ControllerRun]:
@@ -125,6 +147,9 @@ def _add(run: ControllerRun, kind: Kind, payload: bytes) -> None:
             run.resets.append(max(0, len(run._states) - 1))
         elif event == EVENTS["OVERWRITTEN"]:
             run.overwritten[len(run._states)] = detail
+        elif event in {EVENTS["CONDITION_BEGAN"], EVENTS["CONDITION_ENDED"]}:
+            began = event == EVENTS["CONDITION_BEGAN"]
+            run.conditions.append((max(0, len(run._states) - 1), detail, began))
     elif kind == Kind.AUTHORITY:
         run.epochs.append((len(run._states), int(json.loads(payload)["epoch"])))
     elif kind == Kind.CHANGE:

@@ -18,6 +18,7 @@ from hoap3.tools.verify.controller_log import runs
 from hoap3.tools.verify.controller_order import check_order
 from hoap3.tools.verify.robot_log import check_robot
 from hoap3.tools.verify.summaries import Summaries
+from hoap3.tools.verify.tasks.changes import with_numbers
 from hoap3.tools.verify.tasks.trajectories import with_motions
 
 
@@ -130,4 +131,5 @@ def _check_controller(
         if check is None:
             claims.unverified("certificate", len(run.answers), reason)
         elif len(run.answers):
-            check(run, (config or {}).get("parameters") or {}, claims)
+            for part, parameters in with_numbers(run, name, (config or {}).get("parameters") or {}):
+                check(part, parameters, claims)

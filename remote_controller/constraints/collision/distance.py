@@ -9,6 +9,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, one_of
 from hoap3.protocol.messages import FloatArray, State
@@ -23,7 +24,7 @@ from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.model.motion import Motion
 
 Pair = tuple[str, str]
-CLEARANCE, ACTIVATION, ETA = 0, 1, 3  # places in the settings of the kernels
+CLEARANCE, ACTIVATION, ETA, RETURN = 0, 1, 3, 5  # places in the settings of the kernels
 
 
 class Distance(Constraint):
@@ -92,12 +93,16 @@ class Distance(Constraint):
             gt=0,
             description="η of (25), at most 1/period [1/s]; for accelerations at most 0.6/period, "
             "and this default no more than joints can brake with",
+            json_schema_extra=CHANGEABLE,
         )
         reserve_m: float = Field(
             1e-5, ge=0, description="kept for the curvature that one Euler step does not see [m]"
         )
         return_speed_m_s: float = Field(
-            0.05, gt=0, description="fastest return from outside that is asked for [m/s]"
+            0.05,
+            gt=0,
+            description="fastest return from outside that is asked for [m/s]",
+            json_schema_extra=CHANGEABLE,
         )
 
     def prepare(self, parameters: Parameters, kinematics: Kinematics) -> None:
@@ -106,6 +111,7 @@ class Distance(Constraint):
 
         self.check_rate(parameters.eta_per_s)
         self._write_rows = distance_rows
+        self._brakes: tuple[FloatArray, FloatArray] | None = None  # where rows are of accelerations
         self._settings = np.array(
             (
                 *(parameters.clearance_m, parameters.activation_m, parameters.spread_m),
@@ -127,6 +133,19 @@ class Distance(Constraint):
         self.events.update(rows_short=0, crossing=0, immovable=0)
         self._place(self._chosen(parameters, kinematics), kinematics)
 
+    def tune(self, parameters: Parameters) -> None:
+        """Take η and the speed of the return."""
+        eta = parameters.eta_per_s
+        if self._brakes is not None:
+            eta = self.fit_rate(parameters, *self._brakes)
+        self._settings[ETA], self._settings[RETURN] = eta, parameters.return_speed_m_s
+
+    def fits(self, parameters: Parameters) -> None:
+        """Refuse an η that oversteps the limit, or asks for more than joints brake with."""
+        self.check_rate(parameters.eta_per_s)
+        if self._brakes is not None:
+            self.fit_rate(parameters, *self._brakes)
+
     def update(
         self, kinematics: Kinematics, state: State, A_out: FloatArray, b_out: FloatArray
     ) -> None:
@@ -139,6 +158,7 @@ class Distance(Constraint):
             distance_curvature_kernels as kernels,
         )
 
+        self._brakes = speed, deceleration
         self._settings[ETA] = self.fit_rate(self.parameters, speed, deceleration)
         self._margins_at = kernels.distance_margins
         self._accelerate = kernels.distance_accelerations

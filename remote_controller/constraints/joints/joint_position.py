@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 from pydantic import Field
 
+from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.constraint import (
     Constraint,
@@ -37,12 +38,20 @@ class JointPosition(Constraint):
     class Parameters(Constraint.Parameters):
         """Range, and how fast its ends may be approached."""
 
-        eta_per_s: float = Field(10.0, gt=0, description="η of (25), at most 1/period [1/s]")
+        eta_per_s: float = Field(
+            10.0,
+            gt=0,
+            description="η of (25), at most 1/period [1/s]",
+            json_schema_extra=CHANGEABLE,
+        )
         margin_rad: float = Field(
             0.0, ge=0, description="taken off both ends of the usable range [rad or m]"
         )
         return_speed_rad_s: float = Field(
-            0.1, gt=0, description="fastest return from outside [rad/s or m/s]"
+            0.1,
+            gt=0,
+            description="fastest return from outside [rad/s or m/s]",
+            json_schema_extra=CHANGEABLE,
         )
         joints: tuple[str, ...] | None = Field(None, description="by name; none: all of them")
         positions_from: PositionSource = Field(
@@ -62,9 +71,16 @@ class JointPosition(Constraint):
         names = self.description.joint_names if parameters.joints is None else parameters.joints
         self._range = JointRange(self, parameters.margin_rad, names)
         self._least, self._greatest = self._range.least, self._range.greatest
-        self._eta = parameters.eta_per_s
-        self._return_speed = parameters.return_speed_rad_s
+        self.tune(parameters)
         self._source = parameters.positions_from
+
+    def tune(self, parameters: Parameters) -> None:
+        """Take η and the speed of the return."""
+        self._eta, self._return_speed = parameters.eta_per_s, parameters.return_speed_rad_s
+
+    def fits(self, parameters: Parameters) -> None:
+        """Refuse an η that oversteps the limit."""
+        self.check_rate(parameters.eta_per_s)
 
     def bounds(self, state: State, lower_out: FloatArray, upper_out: FloatArray) -> None:
         """Narrow by (25)."""

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+import numpy as np
 from pydantic import Field
 
+from hoap3.protocol.config.changeable import CHANGEABLE
+from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.constraints.constraint import Constraint, Guarantee, Level
 from hoap3.remote_controller.constraints.joints.limits import least_limits
@@ -22,7 +25,10 @@ class JointVelocity(Constraint):
         """Limits; none is above what the robot can do."""
 
         limit_rad_s: float | None = Field(
-            None, gt=0, description="ω of every joint; none: the robot's own [rad/s or m/s]"
+            None,
+            gt=0,
+            description="ω of every joint; none: the robot's own [rad/s or m/s]",
+            json_schema_extra=CHANGEABLE,
         )
         joints_rad_s: dict[str, float] = Field(
             {}, description="other limits of single joints, 0 and above [rad/s or m/s]"
@@ -36,14 +42,31 @@ class JointVelocity(Constraint):
         from hoap3.remote_controller.constraints import limit_kernels as kernels
 
         self._intersect_box, self._change_within = kernels.intersect_box, kernels.change_within
-        self._upper = self.speed_max = least_limits(
-            self,
-            self.description.velocity,
-            parameters.limit_rad_s,
-            parameters.joints_rad_s,
-            "joints_rad_s",
-        )
+        self._upper = self.speed_max = self._limits(parameters)
         self._lower = -self._upper
+        self._first = np.full(self.n, np.inf)  # what limits must not exceed
+
+    def fits(self, parameters: Parameters) -> None:
+        """Refuse limits above those to which η of rows of accelerations was fitted."""
+        above = self._limits(parameters) > self._first
+        if above.any():
+            joint = int(np.argmax(above))
+            problem = "is above the limit that other constraints reckon with"
+            remedy = f"At most {self._first[joint]}, that of the config"
+            raise ConfigError("", "limit_rad_s", parameters.limit_rad_s, problem, remedy)
+
+    def tune(self, parameters: Parameters) -> None:
+        """Take ω."""
+        self._upper[:] = self._limits(parameters)
+        np.negative(self._upper, out=self._lower)
+
+    def stands_for(self, key: str) -> float | None:
+        """The greatest speed of any joint, which limits none."""
+        return float(self.description.velocity.max()) if key == "limit_rad_s" else None
+
+    def _limits(self, parameters: Parameters) -> FloatArray:
+        own, all_of_them = parameters.joints_rad_s, parameters.limit_rad_s
+        return least_limits(self, self.description.velocity, all_of_them, own, "joints_rad_s")
 
     def bounds(self, state: State, lower_out: FloatArray, upper_out: FloatArray) -> None:
         """Narrow to [−ω, ω]."""
@@ -51,7 +74,7 @@ class JointVelocity(Constraint):
 
     def prepare_accelerations(self, speed: FloatArray, deceleration: FloatArray) -> None:
         """Keep what joints brake with."""
-        self._brake = deceleration
+        self._brake, self._first = deceleration, self._upper.copy()
 
     def bound_accelerations(
         self, state: State, lower_out: FloatArray, upper_out: FloatArray

@@ -6,11 +6,10 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import located
@@ -18,12 +17,33 @@ from hoap3.protocol.messages import FloatArray, Setpoint, State
 from hoap3.remote_controller.constraints.acceleration_stack import KERNELS
 from hoap3.remote_controller.constraints.event_conditions import EventConditions
 from hoap3.remote_controller.constraints.registry import (
-    ConstraintSettings,
     build_accelerations,
+    parts_of,
     read,
 )
-from hoap3.remote_controller.controllers.acceleration.bounds import HierarchyBounds, bounds_of
-from hoap3.remote_controller.controllers.acceleration.problem import Problem
+from hoap3.remote_controller.controllers.acceleration.bounds import bounds_of
+from hoap3.remote_controller.controllers.acceleration.problem import (
+    CONDITIONS,
+    GAVE_UP,
+    HALF_A_TURN,
+    HELD,
+    IDLE,
+    LOADED,
+    MOVING,
+    NEAREST,
+    NOT_FINITE,
+    OVERFLOWN,
+    OVERLOADED_MOTORS,
+    SOLVED,
+    STOPPED,
+    STOPS,
+    TOO_SMALL,
+    TOUCHES,
+    UNPROVED,
+    WHY,
+    Problem,
+)
+from hoap3.remote_controller.controllers.acceleration.settings import HierarchyParameters
 from hoap3.remote_controller.controllers.acceleration.soles.free_base import FreeBase
 from hoap3.remote_controller.controllers.acceleration.soles.settings import (
     ContactSettings,
@@ -31,18 +51,18 @@ from hoap3.remote_controller.controllers.acceleration.soles.settings import (
 )
 from hoap3.remote_controller.controllers.base import STATUS, VIOLATED, Controller
 from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.scheduling.numbers import Part
 from hoap3.remote_controller.scheduling.schedule import Schedule
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.tsid.tsid import Tsid
 from hoap3.remote_controller.tasks.accelerations.acceleration_tasks import AccelerationTasks
 from hoap3.remote_controller.tasks.accelerations.free_tasks import FreeTasks
-from hoap3.remote_controller.tasks.accelerations.settings import AccelerationTask
+from hoap3.remote_controller.tasks.accelerations.settings import critical_damping
 from hoap3.remote_controller.tasks.accuracy import ABSENT, LOWER, TaskError
 
 CERTIFIED_RESIDUAL = 1e-9
 CURVATURE = 1e-6  # of a margin of constraints: what one period of a curved one may overstep
 MARGIN_ROUNDING = 1e-9  # relative to the greatest acceleration or torque
-SOLVED, NEAREST, OVERLOADED_MOTORS, GAVE_UP, STOPPED = range(5)  # Setpoint.fallback
 FALLBACKS = {
     status.OK: NEAREST,
     status.INFEASIBLE: OVERLOADED_MOTORS,
@@ -50,26 +70,6 @@ FALLBACKS = {
     status.INFEASIBLE_CONSTRAINTS: STOPPED,
 }
 BRAKE_PER_S = 10.0  # of −dq, where not even the bounds of accelerations have an answer
-CONDITIONS = (
-    "state not finite",
-    "tasks have no answer within bounds",
-    "torques too small",
-    "QP not solved",
-    "held by bounds of joints",
-    "half a turn from the goal",
-    "cannot hold its load",
-    "priorities in transition",
-    "touches",
-    "no task takes part",
-    "its solver proves nothing",
-    "answer not finite",
-    "stops for a constraint",
-)
-BITS = [1 << bit for bit in range(len(CONDITIONS))]
-NOT_FINITE, UNFIT, TOO_SMALL, UNSOLVED, HELD, HALF_A_TURN = BITS[:6]
-LOADED, MOVING, TOUCHES, IDLE, UNPROVED, OVERFLOWN, STOPS = BITS[6:]
-WHY = [0, UNFIT, UNFIT | TOO_SMALL, UNFIT | UNSOLVED, UNFIT]
-"""By what became of the tasks' problem, in the order of `fallback`."""
 UNCERTIFIED, INFEASIBLE = STATUS["uncertified"], STATUS["infeasible"]
 
 
@@ -122,40 +122,7 @@ class HierarchyController(Controller):
         ConfigError: tasks, priorities or bounds that do not fit the robot, or each other.
     """
 
-    class Parameters(Controller.Parameters):
-        """Tasks and bounds."""
-
-        tasks: tuple[AccelerationTask, ...] = Field(min_length=1, description="what shall be")
-        constraints: tuple[ConstraintSettings, ...] = Field(
-            (), description="what is kept beside the bounds, as rows of the accelerations"
-        )
-        bounds: HierarchyBounds = Field(HierarchyBounds(), description="of the motion")
-        compensate_friction: bool = Field(
-            True, description="count the viscous friction of the URDF among the torques"
-        )
-        base: Literal["fixed", "free"] = Field(
-            "fixed", description="free: the robot may fall, and its soles stand on the ground"
-        )
-        contacts: ContactSettings = Field(
-            ContactSettings(), description="of the soles of a free base"
-        )
-
-    class RegularisedParameters(Parameters):
-        """And what damps them."""
-
-        w_r: float = Field(
-            0.01,
-            ge=1e-6,
-            le=1e3,
-            description="ω_r: weight of the regularisation; less is more exact, but livelier",
-        )
-        null_damping_per_s: float = Field(
-            10.0,
-            ge=0,
-            le=1e4,
-            description="d: motion that no task speaks of brakes with −d·dq; 0: it goes on",
-        )
-
+    Parameters: ClassVar[Any] = HierarchyParameters
     commands = ("torque", "acceleration")
     importance: Schedule
     word: ClassVar[str] = "priorities"
@@ -371,23 +338,47 @@ class HierarchyController(Controller):
         """
 
     def change(self, request: Mapping[str, Any]) -> None:
-        """Begin a change of priorities, from the next tick that is not settled yet on.
+        """Begin a change of priorities, from the next tick that is not settled, or of numbers.
 
         Args:
-            request: as for `Priorities.change`, or `Weights.change`.
+            request: as for `Priorities.change`, or `Weights.change`; or numbers by their keys.
 
         Raises:
             ConfigError: something is wrong with it; nothing has been changed then.
         """
-        self.importance.change(request, self._settled * self._dt)
+        if self.importance.is_asked(request):
+            self.importance.change(request, self._settled * self._dt)
+        else:
+            super().change(request)
 
     def changeable(self) -> dict[str, Any]:
-        """The priorities, or weights, as they are settled."""
-        return {self.word: self.importance.shown()}
+        """The numbers as they are, and the priorities, or weights, as they are settled."""
+        return {**super().changeable(), self.word: self.importance.shown()}
+
+    def parts(self) -> list[Part]:
+        """Its own settings, and those of its tasks and constraints."""
+        own: Any = self.parameters
+        stack = self.stack
+        kept = parts_of(own.constraints, stack.constraints, stack.labels)
+        return [*super().parts(), *self.tasks.parts(), *kept]
+
+    def tune(self, parameters: Any) -> None:
+        """Take the tasks' gains, and the greatest speed."""
+        self.tasks.gain(parameters.tasks)
+        self.bounds.tune(parameters.bounds)
+
+    def fits(self, parameters: Any) -> None:
+        """Refuse bounds that do not fit the robot."""
+        self.bounds.fits(parameters.bounds)
+
+    def stands_for(self, key: str) -> float | None:
+        """Critical damping."""
+        return critical_damping(self.parameters, key)
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Begin where the robot is; a joint that is outside its bounds here may stay there."""
         del last_command
+        self.forget_changes()
         self.bounds.begin(state.q)
         self.stack.reset()
         if self._free is not None:
@@ -399,6 +390,7 @@ class HierarchyController(Controller):
 
     def step(self, state: State) -> Setpoint:
         """Torques, or accelerations, for one period."""
+        self.advance(state)
         command, tasks, q, dq = self.command, self.tasks, state.q, state.dq
         check_finite = self._check_finite
         free = self._free

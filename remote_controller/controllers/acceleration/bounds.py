@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from pydantic import Field
 
+from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
 from hoap3.protocol.messages import FloatArray
@@ -22,7 +25,9 @@ class HierarchyBounds(BoundSettings):
     margin_rad: float = Field(
         4e-3, ge=0, description="distance from the ends of the usable range [rad or m]"
     )
-    speed_share: float = Field(0.97, gt=0, le=1, description="of the greatest speed")
+    speed_share: float = Field(
+        0.97, gt=0, le=1, description="of the greatest speed", json_schema_extra=CHANGEABLE
+    )
     brake_share: float = Field(
         0.85, gt=0, le=1, description="of the acceleration that stopping in time counts on"
     )
@@ -62,3 +67,20 @@ def _least(own: FloatArray, given: tuple[float, ...], key: str) -> FloatArray:
         raise ConfigError("", key, None, problem, remedy)
     least: FloatArray = np.minimum(own, np.array(given or own))
     return least
+
+
+def refuse_other_brakes(parameters: Any, *, brakes: bool) -> None:
+    """Refuse a d that becomes 0, or no longer is 0.
+
+    Args:
+        parameters: with `null_damping_per_s`.
+        brakes: whether it was above 0 when the controller was built.
+
+    Raises:
+        ConfigError: it is so.
+    """
+    d = parameters.null_damping_per_s
+    if (d > 0.0) != brakes:
+        problem = "switches the braking off" if brakes else "switches the braking on"
+        remedy = "Take more than 0" if brakes else "Write it in the config, and begin anew"
+        raise ConfigError("", "null_damping_per_s", d, problem, remedy)

@@ -11,6 +11,8 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import located
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.controllers.acceleration.base import HierarchyController
+from hoap3.remote_controller.controllers.acceleration.bounds import refuse_other_brakes
+from hoap3.remote_controller.controllers.acceleration.settings import RegularisedParameters
 from hoap3.remote_controller.scheduling.priorities import Priorities
 from hoap3.remote_controller.scheduling.priority_matrix import top_level
 from hoap3.remote_controller.scheduling.settings import PrioritySettings
@@ -24,7 +26,7 @@ MOST_LOGGED = 6  # tasks whose priorities are logged, k² columns
 class RankedController(HierarchyController):
     """Tasks with priorities over each other."""
 
-    class Parameters(HierarchyController.RegularisedParameters):
+    class Parameters(RegularisedParameters):
         """Tasks, bounds and priorities."""
 
         priorities: PrioritySettings = Field(
@@ -43,6 +45,17 @@ class RankedController(HierarchyController):
         self.alpha = np.zeros((len(self.tasks.names) + 1,) * 2)
         self._brakes = parameters.null_damping_per_s > 0.0
         self.alpha[-1] = 0.0 if self._brakes else 1.0  # out of all, also itself: there is no such
+
+    def tune(self, parameters: Any) -> None:
+        """Take ω_r and d as well."""
+        super().tune(parameters)
+        self.w_r = parameters.w_r
+        self.tasks.brake(parameters.null_damping_per_s)
+
+    def fits(self, parameters: Any) -> None:
+        """Refuse to begin to brake, or to end it: that is another problem."""
+        super().fits(parameters)
+        refuse_other_brakes(parameters, brakes=self._brakes)
 
     @classmethod
     def importance_of(cls, parameters: Any) -> Priorities:

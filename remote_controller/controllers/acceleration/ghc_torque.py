@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import Field
 
+from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.controllers.acceleration.ghc import (
@@ -37,6 +38,7 @@ class GhcTorqueController(RankedController):
             ge=1e-8,
             le=1e3,
             description="ω_r: weight of the tasks' torques; less is more exact, but livelier",
+            json_schema_extra=CHANGEABLE,
         )
 
     proves = True

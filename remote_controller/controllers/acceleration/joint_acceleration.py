@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from pydantic import Field
 
+from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray, Setpoint, State
 from hoap3.remote_controller.controllers.acceleration.joint_bounds import (
@@ -16,6 +18,7 @@ from hoap3.remote_controller.controllers.acceleration.joint_bounds import (
 )
 from hoap3.remote_controller.controllers.base import STATUS, Controller
 from hoap3.remote_controller.references.postures import posture_of
+from hoap3.remote_controller.tasks.accelerations.settings import critical_damping
 from hoap3.remote_controller.tasks.accuracy import (
     TOLERANCE_DEG,
     TOLERANCE_M,
@@ -58,8 +61,12 @@ class JointAccelerationController(Controller):
         posture_rad: tuple[float, ...] = Field((), description="q_r itself instead [rad or m]")
         tolerance_deg: JointToleranceDeg = TOLERANCE_DEG
         tolerance_m: JointToleranceM = TOLERANCE_M
-        kp: float = Field(100.0, gt=0, description="of q_r − q [1/s²]")
-        kd: float | None = Field(None, ge=0, description="of dq [1/s]; null: 2√kp")
+        kp: float = Field(
+            100.0, gt=0, description="of q_r − q [1/s²]", json_schema_extra=CHANGEABLE
+        )
+        kd: float | None = Field(
+            None, ge=0, description="of dq [1/s]; null: 2√kp", json_schema_extra=CHANGEABLE
+        )
         bounds: BoundSettings = Field(BoundSettings(), description="of the accelerations")
 
     commands = ("acceleration", "position")
@@ -81,10 +88,8 @@ class JointAccelerationController(Controller):
         self._target = posture_of(description, *wanted, "posture")
         self._bounds = JointBounds(description, parameters.bounds)
         self._viable = parameters.bounds.kind == "viability"
-        kd = 2.0 * math.sqrt(parameters.kp) if parameters.kd is None else parameters.kd
-        self._gains = parameters.kp, kd
         self._prismatic = prismatic_joints(description)
-        self._tolerances = parameters.tolerance_m, parameters.tolerance_deg
+        self.tune(parameters)
         self.certifies, self.margin_tolerance = self._viable, MARGIN_ROUNDING
         self._positions = self.kind == "position"
         self._dt, n = description.period_s, description.n
@@ -92,6 +97,21 @@ class JointAccelerationController(Controller):
         self._sent = np.full(n, np.nan)
         self._tick = -1
         self.conditions = ("state not finite", "held by bounds of joints")
+
+    def tune(self, parameters: Any) -> None:
+        """Take gains, tolerances and the greatest speed."""
+        kd = 2.0 * math.sqrt(parameters.kp) if parameters.kd is None else parameters.kd
+        self._gains = parameters.kp, kd
+        self._tolerances = parameters.tolerance_m, parameters.tolerance_deg
+        self._bounds.tune(parameters.bounds)
+
+    def fits(self, parameters: Any) -> None:
+        """Refuse bounds that do not fit the robot."""
+        self._bounds.fits(parameters.bounds)
+
+    def stands_for(self, key: str) -> float | None:
+        """Critical damping."""
+        return critical_damping(self.parameters, key)
 
     def margin_of(self) -> tuple[str, str]:
         """The bounds."""
@@ -106,11 +126,13 @@ class JointAccelerationController(Controller):
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Begin with the motion that the robot has: its reference, as fast as its joints move."""
         del last_command
+        self.forget_changes()
         self._bounds.begin(state.reference)
         self._sent[:], self._tick = np.nan, -1
 
     def step(self, state: State) -> Setpoint:
         """Accelerate for one period."""
+        self.advance(state)
         command = self.command
         if self._positions:
             elapsed = (state.tick - self._tick) * self._dt

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import BadProblemError, ConfigError
@@ -40,7 +41,13 @@ class BoundSettings(Settings):
     margin_rad: float = Field(
         1e-9, ge=0, description="distance from the ends of the usable range [rad or m]"
     )
-    speed_share: float = Field(1.0 - 1e-9, gt=0, le=1, description="of the greatest speed")
+    speed_share: float = Field(
+        1.0 - 1e-9,
+        gt=0,
+        le=1,
+        description="of the greatest speed",
+        json_schema_extra=CHANGEABLE,
+    )
     brake_share: float = Field(
         1.0, gt=0, le=1, description="of the acceleration that stopping in time counts on"
     )
@@ -86,6 +93,22 @@ class JointBounds:
         self.most -= settings.margin_rad
         self._bounds = self._usual = self._between(self.least, self.most)
         self.greatest = np.minimum(self._bounds.up, self._bounds.down)
+
+    def tune(self, settings: BoundSettings) -> None:
+        """Take the share of the greatest speed."""
+        for bounds in (self._usual, self._bounds):
+            bounds.limit_speed(self._description.velocity * settings.speed_share)
+
+    def fits(self, settings: BoundSettings) -> None:
+        """Refuse bounds that do not fit the robot, or that would shrink accelerations.
+
+        Raises:
+            ConfigError: it is so.
+        """
+        if (JointBounds(self._description, settings).greatest != self.greatest).any():
+            problem, remedy = "shrinks the accelerations", "Take a greater share"
+            key, value = "bounds.speed_share", settings.speed_share
+            raise ConfigError("", key, value, problem, remedy)
 
     def begin(self, q: FloatArray) -> None:
         """A joint that is outside its range here, (n,), may stay, and not go further out."""

@@ -1,10 +1,32 @@
-"""What the solvers of several tasks are given."""
+"""What the solvers of several tasks are given, what became of it, and what may hold in a cycle."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 from hoap3.protocol.messages import FloatArray
+
+SOLVED, NEAREST, OVERLOADED_MOTORS, GAVE_UP, STOPPED = range(5)  # Setpoint.fallback
+CONDITIONS = (
+    "state not finite",
+    "tasks have no answer within bounds",
+    "torques too small",
+    "QP not solved",
+    "held by bounds of joints",
+    "half a turn from the goal",
+    "cannot hold its load",
+    "priorities in transition",
+    "touches",
+    "no task takes part",
+    "its solver proves nothing",
+    "answer not finite",
+    "stops for a constraint",
+)
+BITS = [1 << bit for bit in range(len(CONDITIONS))]
+NOT_FINITE, UNFIT, TOO_SMALL, UNSOLVED, HELD, HALF_A_TURN = BITS[:6]
+LOADED, MOVING, TOUCHES, IDLE, UNPROVED, OVERFLOWN, STOPS = BITS[6:]
+WHY = [0, UNFIT, UNFIT | TOO_SMALL, UNFIT | UNSOLVED, UNFIT]
+"""By what became of the tasks' problem, in the order of `fallback`."""
 
 
 class Problem(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,11 +14,14 @@ from hoap3.remote_controller.controllers.acceleration import tsid_settings as se
 from hoap3.remote_controller.controllers.acceleration.base import FALLBACKS
 from hoap3.remote_controller.controllers.acceleration.joint_bounds import NO_BOUND
 from hoap3.remote_controller.controllers.acceleration.weighted import WeighedController
+from hoap3.remote_controller.scheduling.numbers import Part
 from hoap3.remote_controller.scheduling.weights import Weights
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.tsid.tsid import Tsid
 from hoap3.remote_controller.tasks.registry import labels_of
 
+OF_GOAL = frozenset({"tolerance_m", "tolerance_deg", "task.kp", "task.kd"})
+"""Numbers without effect where there are tasks."""
 REST_OF_FREE = 1e-2  # of the posture's weight: that of what neither tasks nor posture determine
 LEAST_WEIGHT = 1e-9  # of the posture: without any the accelerations are not determined
 
@@ -48,6 +52,7 @@ class TsidController(WeighedController):
         self, description: RobotDescription, parameters: Any, file: str = "config"
     ) -> None:
         super().__init__(description, settings.with_all_tasks(description, parameters), file)
+        self.parameters = parameters  # as a change of them is written
         given, free = self.problem, parameters.base == "free"
         torque_max = np.full(description.n, NO_BOUND) if free else self.torque_max
         self.solver = Tsid(torque_max, len(given.rows))
@@ -58,6 +63,22 @@ class TsidController(WeighedController):
         self._rest = given.towards if free else given.wanted[m:]
         self._weighed = np.zeros_like(self._jacobian), np.zeros(m)
         self._found = status.OK
+
+    def parts(self) -> list[Part]:
+        """As others, of the tasks that the config has."""
+        own: Any = self.parameters
+        given = len(own.tasks or ())
+        written = [part for part in super().parts() if part.place[:1] != ("tasks",)]
+        written[0] = replace(written[0], fixed=OF_GOAL if given else frozenset())
+        tasks = [part for part in self.tasks.parts() if int(part.place[1]) < given]
+        return [*written, *tasks]
+
+    def tune(self, parameters: Any) -> None:
+        """Take the gains of the tasks, or of the goal, and of the posture; the greatest speed."""
+        self.tasks.gain([*(parameters.tasks or [parameters.task]), parameters.posture])
+        if parameters.tasks is None:
+            self.tasks.tolerate(0, parameters.tolerance_m, parameters.tolerance_deg)
+        self.bounds.tune(parameters.bounds)
 
     @classmethod
     def importance_of(cls, parameters: Any) -> Weights:

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from hoap3.protocol.description import COM, RobotDescription
 from hoap3.protocol.errors import ConfigError, located, one_of
-from hoap3.remote_controller.controllers.acceleration.base import HierarchyController
+from hoap3.remote_controller.controllers.acceleration.settings import HierarchyParameters
 from hoap3.remote_controller.default_task import default_goal
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.references.postures import posture_of
@@ -46,7 +46,7 @@ class PostureSettings(Gains):
     )
 
 
-class Parameters(HierarchyController.Parameters):
+class Parameters(HierarchyParameters):
     """Problem (33), part by part."""
 
     tasks: tuple[AccelerationTask, ...] | None = Field(  # type: ignore[assignment]

@@ -13,6 +13,8 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import SolverError, located
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.controllers.acceleration.base import HierarchyController
+from hoap3.remote_controller.controllers.acceleration.bounds import refuse_other_brakes
+from hoap3.remote_controller.controllers.acceleration.settings import RegularisedParameters
 from hoap3.remote_controller.scheduling.weights import Weights, WeightSettings
 from hoap3.remote_controller.solvers.ghc.weighted import weighted
 from hoap3.remote_controller.tasks.registry import labels_of
@@ -61,7 +63,7 @@ class WeightedController(WeighedController):
     tasks with weight.
     """
 
-    class Parameters(HierarchyController.RegularisedParameters):
+    class Parameters(RegularisedParameters):
         """Tasks, bounds and weights."""
 
         regularise: Literal["gravity_compensated", "torque", "none"] = Field(
@@ -80,8 +82,19 @@ class WeightedController(WeighedController):
         self, description: RobotDescription, parameters: Any, file: str = "config"
     ) -> None:
         super().__init__(description, parameters, file, parameters.null_damping_per_s)
-        self.w_r = parameters.w_r
+        self.w_r, self._brakes = parameters.w_r, parameters.null_damping_per_s > 0.0
         self._regularise = parameters.regularise if parameters.base == "fixed" else "none"
+
+    def tune(self, parameters: Any) -> None:
+        """Take ω_r and d as well."""
+        super().tune(parameters)
+        self.w_r = parameters.w_r
+        self.tasks.brake(parameters.null_damping_per_s)
+
+    def fits(self, parameters: Any) -> None:
+        """Refuse to begin to brake, or to end it: that is another problem."""
+        super().fits(parameters)
+        refuse_other_brakes(parameters, brakes=self._brakes)
 
     def solve(self, torque_max: FloatArray) -> bool:
         """One quadratic program of all."""

@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
+from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.config.settings import Settings
 from hoap3.remote_controller.constraints.registry import ConstraintSettings
 from hoap3.remote_controller.controllers.base import VelocityController
@@ -20,7 +21,13 @@ class Qp12Objective(Settings):
     """Φ = γ|W u|₁ + (1−γ)/2·|W u|₂²."""
 
     kind: Literal["qp12"] = "qp12"
-    gamma: float = Field(0.5, ge=0, le=1, description="0: all joints; towards 1: few")
+    gamma: float = Field(
+        0.5,
+        ge=0,
+        le=1,
+        description="0: all joints; towards 1: few",
+        json_schema_extra=CHANGEABLE,
+    )
     adaptive_gamma: bool = Field(
         False, description="γ·(2/π)·atan(100·|∇V|) instead of γ: no chattering at the target"
     )
@@ -41,7 +48,12 @@ class LeastSquares(Settings):
     """Φ of the task itself: of a curve φ in (23), else ½|de/dt + g·e|² of its error e."""
 
     kind: Literal["least_squares"]
-    gain_per_s: float = Field(1.0, gt=0, description="g [1/s]; without effect on curves")
+    gain_per_s: float = Field(
+        1.0,
+        gt=0,
+        description="g [1/s]; without effect on curves",
+        json_schema_extra=CHANGEABLE,
+    )
 
 
 Objective = Annotated[Qp12Objective | Lp | LeastSquares, Field(discriminator="kind")]
@@ -55,10 +67,24 @@ class RateSettings(Settings):
         description="u_max·|∇V|₂·R/√n as (16) has it, without 1/√n, u_max·|∇V|∞·R, "
         "η·V·tanh(κ|∇V|), or η·V",
     )
-    u_max_rad_s: float = Field(0.6, gt=0, description="joint speed that the first three scale by")
-    beta: float = Field(46.0, gt=0, description="β of R = (2/π)·atan(β|e|), (41) [1/m]")
-    eta_per_s: float = Field(1.0, gt=0, description="η of the last two [1/s]")
-    kappa: float = Field(10.0, gt=0, description="κ of tanh, in 1/|∇V|")
+    u_max_rad_s: float = Field(
+        0.6,
+        gt=0,
+        description="joint speed that the first three scale by",
+        json_schema_extra=CHANGEABLE,
+    )
+    beta: float = Field(
+        46.0,
+        gt=0,
+        description="β of R = (2/π)·atan(β|e|), (41) [1/m]",
+        json_schema_extra=CHANGEABLE,
+    )
+    eta_per_s: float = Field(
+        1.0, gt=0, description="η of the last two [1/s]", json_schema_extra=CHANGEABLE
+    )
+    kappa: float = Field(
+        10.0, gt=0, description="κ of tanh, in 1/|∇V|", json_schema_extra=CHANGEABLE
+    )
     ramp_s: float = Field(
         0.0,
         ge=0,

@@ -22,9 +22,10 @@ from hoap3.remote_controller.controllers.lyapunov_qp.diagnostics import Diagnost
 from hoap3.remote_controller.controllers.lyapunov_qp.objective import check_objective, solver_of
 from hoap3.remote_controller.controllers.qp12.lyapunov_descent_kernels import GAMMA_SLOPE
 from hoap3.remote_controller.controllers.ramp import Ramp
-from hoap3.remote_controller.controllers.servo_rate import loop_rate, too_fast
+from hoap3.remote_controller.controllers.servo_rate import loop_rate, refuse_too_fast, too_fast
 from hoap3.remote_controller.default_task import default_goal
 from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.scheduling.numbers import Part
 from hoap3.remote_controller.solvers.base import status
 from hoap3.remote_controller.solvers.lyapunov_qp.descent_rate import DescentRate
 from hoap3.remote_controller.solvers.lyapunov_qp.max_descent_lp import MaxDescentLp
@@ -104,13 +105,10 @@ class StableQpController(VelocityController):
         self._solver = solver_of(parameters, description, m, len(self._C))
         self.u = self._solver.u
         self._adaptive = getattr(parameters.objective, "adaptive_gamma", False)
-        self._gamma = getattr(parameters.objective, "gamma", 0.0)
         self._M, self._y = self._squares(parameters)
         self._equality = parameters.lyapunov == "equality"
-        self._gain = getattr(parameters.objective, "gain_per_s", 0.0)
         self._rate_kernel, psi = rate_kernel, parameters.psi
-        rate = DescentRate(psi.form, psi.u_max_rad_s, psi.beta, psi.eta_per_s, psi.kappa)
-        self._psi = rate.arguments
+        self.tune(parameters)
         self._ramp = Ramp(psi.ramp_s, description.period_s)
         self._from_reference = parameters.kinematics_from == "reference"
         self._watch = Diagnostics(self.stack)
@@ -119,17 +117,48 @@ class StableQpController(VelocityController):
         if self.function.watched:
             self.conditions = (*self.conditions, VIOLATED)
         self.margin_tolerance = CURVATURE if parameters.constraints else None
-        self._task_name = task.task
+        self._task, self._task_name, self._file = parameters.task, task.task, file
         self._begun = False
         self._brake_step = description.brake_acceleration * self._dt
         self._last, self._stopping = np.zeros(n), status.OK
+        self._earlier_last, self._earlier_stopping = np.zeros(n), status.OK
+        self._answered = -1
+        self._at_start: FloatArray | None = None  # the task's Jacobian
         if description.servo_rate_1_s is not None:
             self.kinematics.update(description.initial_position)
             self.function.reset(self.kinematics, 0.0)
             self.function.update(self.kinematics, 0.0)
             jacobian = getattr(self.function, "jacobian", None)  # of a V that is none of |e|²/2
-            fastest = math.inf if jacobian is None else loop_rate(psi.form, rate.scales, jacobian)
+            self._at_start = None if jacobian is None else jacobian.copy()
+            fastest = self._fastest_rate(parameters)
             self.heed_servos(too_fast(description, fastest, parameters.kinematics_from))
+
+    def parts(self) -> list[Part]:
+        """Its own settings, and those of its task and of the constraints."""
+        own: Any = self.parameters
+        found, stack = super().parts(), self.stack
+        if self._task is not None:
+            place = "task"
+            task = tasks.part_of(self._task, self.function, (place,), (place,), self._file)
+            found += [] if task is None else [task]
+        return [*found, *constraints.parts_of(own.constraints, stack.constraints, stack.labels)]
+
+    def tune(self, parameters: Any) -> None:
+        """Take γ, the gain, and Ψ."""
+        self._gamma = getattr(parameters.objective, "gamma", 0.0)
+        self._gain = getattr(parameters.objective, "gain_per_s", 0.0)
+        if not self._adaptive:
+            self._solver.gamma = self._gamma
+        self._psi = _rate_of(parameters.psi).arguments
+
+    def fits(self, parameters: Any) -> None:
+        """Refuse a law that becomes too fast for the robot's servos."""
+        refuse_too_fast(self, self._fastest_rate(parameters), parameters.kinematics_from)
+
+    def _fastest_rate(self, parameters: Any) -> float:
+        if self._at_start is None:
+            return math.inf
+        return loop_rate(parameters.psi.form, _rate_of(parameters.psi).scales, self._at_start)
 
     @classmethod
     def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Self:
@@ -162,6 +191,7 @@ class StableQpController(VelocityController):
         super().reset(state, last_command)
         self._begun = False
         self._last[:], self._stopping = 0.0, status.OK
+        self._answered = -1
 
     def _begin(self, state: State) -> None:
         """Have the task start where the robot is, and ρ at 1; `kinematics` is up to date."""
@@ -176,6 +206,7 @@ class StableQpController(VelocityController):
         function, stack, solver, command = self.function, self.stack, self._solver, self.command
         if not np.isfinite(state.q @ state.reference):
             return self._refuse()
+        self._recall(state.tick)
         self.kinematics.update(state.reference if self._from_reference else state.q)
         if not self._begun:
             self._begin(state)
@@ -222,6 +253,14 @@ class StableQpController(VelocityController):
         if violated:
             self.present |= self._violation
         return self.u
+
+    def _recall(self, tick: int) -> None:
+        """Know what was known before a State, also where it comes once more."""
+        if tick == self._answered:
+            self._last[:], self._stopping = self._earlier_last, self._earlier_stopping
+        else:
+            self._earlier_last[:], self._earlier_stopping = self._last, self._stopping
+        self._answered = tick
 
     def _violated(self, state: State) -> bool:
         """Whether a tolerance of the task is, or was, violated by the robot as it was measured."""
@@ -329,3 +368,7 @@ class StableQpController(VelocityController):
         if margin == math.inf:
             margin = float((self._fastest - np.abs(self.u)).min())
         return margin if math.isfinite(margin) else 0.0
+
+
+def _rate_of(psi: settings.RateSettings) -> DescentRate:
+    return DescentRate(psi.form, psi.u_max_rad_s, psi.beta, psi.eta_per_s, psi.kappa)

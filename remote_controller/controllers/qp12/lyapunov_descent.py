@@ -9,11 +9,12 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
+from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.description import COM, RobotDescription
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.controllers.base import CERTIFIED_RESIDUAL, VelocityController
 from hoap3.remote_controller.controllers.ramp import Ramp
-from hoap3.remote_controller.controllers.servo_rate import loop_rate, too_fast
+from hoap3.remote_controller.controllers.servo_rate import loop_rate, refuse_too_fast, too_fast
 from hoap3.remote_controller.default_task import default_goal
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.remote_controller.solvers.base import status
@@ -48,10 +49,17 @@ class DescentController(VelocityController):
             None, description="where it shall be, in that frame [m]; null: as the default task"
         )
         tolerance_m: float = Field(
-            TOLERANCE_M, gt=0, description="|e| at the end that counts as reached [m]"
+            TOLERANCE_M,
+            gt=0,
+            description="|e| at the end that counts as reached [m]",
+            json_schema_extra=CHANGEABLE,
         )
-        u_max_rad_s: float = Field(0.6, gt=0, description="joint speed that Ψ is scaled by")
-        beta: float = Field(46.0, gt=0, description="β of R(q), (41) [1/m]")
+        u_max_rad_s: float = Field(
+            0.6, gt=0, description="joint speed that Ψ is scaled by", json_schema_extra=CHANGEABLE
+        )
+        beta: float = Field(
+            46.0, gt=0, description="β of R(q), (41) [1/m]", json_schema_extra=CHANGEABLE
+        )
         psi_scale: BoundedForm = Field(
             "inverse_sqrt_n",
             description="Ψ = u_max·|∇V|₂·R/√n as (16) has it, without 1/√n, or u_max·|∇V|∞·R",
@@ -70,19 +78,33 @@ class DescentController(VelocityController):
         super().__init__(description, parameters)
         self.kinematics = Kinematics(description)
         self.task = _task(self.kinematics, parameters)
-        self.task.tolerance_m = parameters.tolerance_m
         self._point = parameters.point or "task"
         self._ramp = Ramp(parameters.ramp_s, description.period_s)
         self._from_reference = parameters.kinematics_from == "reference"
-        self._u_max = parameters.u_max_rad_s
-        self._rate = parameters.beta, FORMS.index(parameters.psi_scale)
-        self._least_margin = -ROUNDING * self._u_max
+        self._form = FORMS.index(parameters.psi_scale)
+        self.tune(parameters)
         self.u, self.gradient = np.zeros((2, description.n))
         if description.servo_rate_1_s is not None:
-            self.kinematics.update(description.initial_position)
-            self.task.update(self.kinematics)
+            self._look_at_start()
             rate = self.fastest(parameters)
             self.heed_servos(too_fast(description, rate, parameters.kinematics_from))
+
+    def tune(self, parameters: Any) -> None:
+        """Take u_max, β and the tolerance."""
+        self.task.tolerance_m = parameters.tolerance_m
+        self._u_max = parameters.u_max_rad_s
+        self._rate = parameters.beta, self._form
+        self._least_margin = -ROUNDING * self._u_max
+
+    def fits(self, parameters: Any) -> None:
+        """Refuse a law that becomes too fast for the robot's servos."""
+        if self.description.servo_rate_1_s is not None:
+            self._look_at_start()
+            refuse_too_fast(self, self.fastest(parameters), parameters.kinematics_from)
+
+    def _look_at_start(self) -> None:
+        self.kinematics.update(self.description.initial_position)
+        self.task.update(self.kinematics)
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Begin again from rest."""
@@ -129,7 +151,13 @@ class DescentController(VelocityController):
 class GammaParameters(DescentController.Parameters):
     """γ of (40), and whether it falls near the target."""
 
-    gamma: float = Field(0.5, ge=0, le=1, description="0: all joints; towards 1: few")
+    gamma: float = Field(
+        0.5,
+        ge=0,
+        le=1,
+        description="0: all joints; towards 1: few",
+        json_schema_extra=CHANGEABLE,
+    )
     adaptive_gamma: bool = Field(
         False, description="γ·(2/π)·atan(100·|∇V|) instead of γ: no chattering at the target"
     )

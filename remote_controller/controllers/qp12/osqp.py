@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from pydantic import Field
 
 from hoap3.protocol.description import RobotDescription
@@ -48,7 +50,6 @@ class OsqpController(DescentController):
 
         super().__init__(description, parameters)
         self._problem, self._certify = osqp_problem, osqp_certificate
-        self._settings = *self._rate, parameters.gamma, parameters.adaptive_gamma
         self.certifies = False  # only what OSQP could polish is the optimum to 1e-9
         self._solver = OsqpQp12(
             description.n,
@@ -56,6 +57,11 @@ class OsqpController(DescentController):
             polish=parameters.polish,
             max_iterations=parameters.max_iterations,
         )
+
+    def tune(self, parameters: Any) -> None:
+        """Take γ as well."""
+        super().tune(parameters)
+        self._settings = *self._rate, parameters.gamma, parameters.adaptive_gamma
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Forget earlier answers, that OSQP would start from."""

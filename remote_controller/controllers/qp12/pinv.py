@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
+from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray
 from hoap3.remote_controller.controllers.qp12.lyapunov_descent import DescentController
@@ -22,7 +23,9 @@ class PinvController(DescentController):
         law: Literal["lyapunov", "plain"] = Field(
             "lyapunov", description="lyapunov: V̇ = −Ψ, a fair comparison; plain: u = −k·J⁺e"
         )
-        gain_per_s: float = Field(10.0, gt=0, description="k of the plain law [1/s]")
+        gain_per_s: float = Field(
+            10.0, gt=0, description="k of the plain law [1/s]", json_schema_extra=CHANGEABLE
+        )
 
     def __init__(self, description: RobotDescription, parameters: Parameters) -> None:
         from hoap3.remote_controller.controllers.qp12.lyapunov_descent_kernels import pinv_descent
@@ -30,8 +33,12 @@ class PinvController(DescentController):
 
         super().__init__(description, parameters)
         self._kernel = pinv_descent
-        self._gain = parameters.gain_per_s if parameters.law == "plain" else 0.0
         self._work = np.zeros(work_shape(3, description.n))
+
+    def tune(self, parameters: Any) -> None:
+        """Take k as well."""
+        super().tune(parameters)
+        self._gain = parameters.gain_per_s if parameters.law == "plain" else 0.0
 
     def fastest(self, parameters: Any) -> float:
         """The rate of the plain law, or of the pseudo-inverse with V̇ = −Ψ [1/s]."""

@@ -22,6 +22,10 @@ class Qp12Controller(DescentController):
 
         super().__init__(description, parameters)
         self._kernel = qp12_descent
+
+    def tune(self, parameters: Any) -> None:
+        """Take γ as well."""
+        super().tune(parameters)
         self._settings = *self._rate, parameters.gamma, parameters.adaptive_gamma
 
     def descend(self, certificate: FloatArray) -> int:

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import Field
 
+from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.controllers.base import STATUS
@@ -52,7 +53,11 @@ class WeightedTask(LabelledTask):
     """A task of V = ½ Σ w|e|²."""
 
     weight: float = Field(
-        1.0, ge=1e-12, le=1e12, description="w of V = ½ Σ w|e|²; more for the upper tasks"
+        1.0,
+        ge=1e-12,
+        le=1e12,
+        description="w of V = ½ Σ w|e|²; more for the upper tasks",
+        json_schema_extra=CHANGEABLE,
     )
 
 
@@ -61,7 +66,13 @@ class SteadyTask(WeightedTask):
 
     hints: ClassVar = dict.fromkeys(("kp", "kd"), "Velocities have one gain, gain_per_s [1/s]")
 
-    gain_per_s: float = Field(1.0, gt=0, le=1e6, description="λ of all its rows [1/s]")
+    gain_per_s: float = Field(
+        1.0,
+        gt=0,
+        le=1e6,
+        description="λ of all its rows [1/s]",
+        json_schema_extra=CHANGEABLE,
+    )
 
 
 class ClikParameters(LabelledTaskParameters):
@@ -69,12 +80,17 @@ class ClikParameters(LabelledTaskParameters):
 
     tasks: tuple[WeightedTask, ...] | None = Field(None, min_length=1, description=TASKS)
     damping: float = Field(
-        0.0, ge=0, le=1e6, description="d: Jᵀ(JJᵀ + d²I)⁻¹ stands for the pseudoinverse J⁺"
+        0.0,
+        ge=0,
+        le=1e6,
+        description="d: Jᵀ(JJᵀ + d²I)⁻¹ stands for the pseudoinverse J⁺",
+        json_schema_extra=CHANGEABLE,
     )
     floor_tolerance: float = Field(
         1e-4,
         gt=0,
         description="beside a moving target only what brings √(Σ w|e|²) below this is certified",
+        json_schema_extra=CHANGEABLE,
     )
 
 
@@ -88,9 +104,19 @@ class SdpParameters(ClikParameters):
     """Gains by semidefinite programming."""
 
     beta_per_s: float = Field(
-        4.0, gt=0, le=1e6, description="β̃: the rate at which V shall fall [1/s]"
+        4.0,
+        gt=0,
+        le=1e6,
+        description="β̃: the rate at which V shall fall [1/s]",
+        json_schema_extra=CHANGEABLE,
     )
-    delta: float = Field(DELTA, ge=1e-12, le=1e3, description="δ: what large gains cost [1]")
+    delta: float = Field(
+        DELTA,
+        ge=1e-12,
+        le=1e3,
+        description="δ: what large gains cost [1]",
+        json_schema_extra=CHANGEABLE,
+    )
     budget: int = Field(
         60,
         ge=1,
@@ -147,22 +173,30 @@ class _Clik(LabelledTasksController):
         if parameters.tasks is None:
             parameters = _with_default_task(parameters, description)
         super().__init__(description, parameters, file)
-        self._tasks = parameters.tasks
-        self._weights = [task.weight for task in self._tasks]
         first = len(self.labels)
         self._errors_logged = slice(0, first)
         self._figures = slice(first, first + len(FIGURES))
         self._gains_logged = slice(first + len(FIGURES), len(self.extra_names))
         self.not_certified_in = TOO_FAST
-        self._row_weights = np.repeat(self._weights, self.sizes)
+        self._weigh(parameters)
         self._slices = [slice(*ends) for ends in pairwise(self.offsets.tolist())]
         self._moved = [  # rows of errors: a speed along a curve is the derivative of none
             (errors[: len(function.error)], rates[: len(function.error)])
             for function, (errors, rates, _) in zip(self.functions, self._rows, strict=True)
         ]
         self._shrunk, self._fed_back = np.zeros(len(self.errors)), np.zeros(description.n)
-        self._floor_tolerance = parameters.floor_tolerance
         self._has_gains = len(self.extra_names) > first + len(FIGURES)
+
+    def tune(self, parameters: Any) -> None:
+        """Take weights, damping and the floor as well."""
+        super().tune(parameters)
+        self._weigh(parameters)
+        self.solver.weights[:], self.solver.damping = self._row_weights, parameters.damping
+
+    def _weigh(self, parameters: Any) -> None:
+        self._weights = [task.weight for task in parameters.tasks]
+        self._row_weights = np.repeat(self._weights, self.sizes)
+        self._floor_tolerance = parameters.floor_tolerance
 
     def columns(self) -> tuple[str, ...]:
         """Figures of the certificate, and gains."""
@@ -319,14 +353,21 @@ class ClikController(_Clik):
         self, description: RobotDescription, parameters: Any, file: str = "config"
     ) -> None:
         super().__init__(description, parameters, file)
-        gains = [task.gain_per_s for task in self._tasks]
         self.solver = ConstantGains(
             self.sizes,
             description.n,
-            np.repeat(gains, self.sizes),
-            weights=np.repeat(self._weights, self.sizes),
+            self._gains_of(self.parameters),
+            weights=self._row_weights,
             damping=parameters.damping,
         )
+
+    def tune(self, parameters: Any) -> None:
+        """Take the gains as well."""
+        super().tune(parameters)
+        self.solver.wanted[:] = self._gains_of(parameters)
+
+    def _gains_of(self, parameters: Any) -> FloatArray:
+        return np.repeat([task.gain_per_s for task in parameters.tasks], self.sizes)
 
     def solve(self) -> tuple[int, int, float, float]:
         """Apply the gains."""
@@ -358,17 +399,26 @@ class ClikSdpController(_Clik):
         super().__init__(description, parameters, file)
         from hoap3.remote_controller.solvers.sdp.sdp_kernels import FASTEST
 
-        self._desired = min(parameters.beta_per_s, FASTEST / description.period_s)
-        self._delta = parameters.delta
-        self._little = LITTLE * min(self._desired, 1.0 / description.period_s)
+        self._fastest_beta = FASTEST / description.period_s
+        self._want(parameters)
         self._patience, self._slow = round(LASTING_S / description.period_s), 0
         self.solver = SdpGains(
             self.sizes,
             description.n,
-            weights=np.repeat(self._weights, self.sizes),
+            weights=self._row_weights,
             damping=parameters.damping,
             budget=parameters.budget,
         )
+
+    def tune(self, parameters: Any) -> None:
+        """Take β̃ and δ as well."""
+        super().tune(parameters)
+        self._want(parameters)
+
+    def _want(self, parameters: Any) -> None:
+        self._desired = min(parameters.beta_per_s, self._fastest_beta)
+        self._delta = parameters.delta
+        self._little = LITTLE * min(self._desired, 1.0 / self._dt)
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Begin anew, also with the gains."""

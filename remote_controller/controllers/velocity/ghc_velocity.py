@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import Field
 
+from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import located
 from hoap3.protocol.messages import FloatArray, State
@@ -47,7 +48,12 @@ class RankedTask(LabelledTask):
 
     hints: ClassVar = dict.fromkeys(("kp", "kd"), "Velocities have one gain, gain_per_s [1/s]")
 
-    gain_per_s: float = Field(5.0, gt=0, description="g of the wanted velocity −g·e − ∂e/∂t [1/s]")
+    gain_per_s: float = Field(
+        5.0,
+        gt=0,
+        description="g of the wanted velocity −g·e − ∂e/∂t [1/s]",
+        json_schema_extra=CHANGEABLE,
+    )
 
 
 class RankedParameters(LabelledTaskParameters):
@@ -58,7 +64,10 @@ class RankedParameters(LabelledTaskParameters):
         PrioritySettings(), description="which tasks keep which out; without any, none does"
     )
     regularisation: float = Field(
-        1e-6, ge=1e-6, description="ω_r: how soon a task gives way near a singularity [m² or rad²]"
+        1e-6,
+        ge=1e-6,
+        description="ω_r: how soon a task gives way near a singularity [m² or rad²]",
+        json_schema_extra=CHANGEABLE,
     )
     smoothing: float = Field(
         0.0,
@@ -111,6 +120,7 @@ class GhcVelocityController(LabelledTasksController):
         self.lower, self.upper = self._solver.qdd_lower, self._solver.qdd_upper
         self._weight = parameters.regularisation
         self._mass, self._bias = np.eye(n), np.zeros(n)
+        self._settled, self._settled_at = True, -1
         self._first, self._time = 0, 0.0  # tick of the reset, and seconds since then
         self._top: list[LyapunovFunction] = []
         self.not_certified_in = MOVING | IDLE
@@ -133,29 +143,40 @@ class GhcVelocityController(LabelledTasksController):
         return [function in self._top for function in self.functions]
 
     def change(self, request: Mapping[str, Any]) -> None:
-        """Begin a change of priorities now, as `Priorities.change` has it.
+        """Begin a change of priorities now, as `Priorities.change` has it, or of numbers.
 
         Raises:
             ConfigError: something is wrong with it; nothing has been changed then.
         """
-        self.priorities.change(request, self._time)
+        if self.priorities.is_asked(request):
+            self.priorities.change(request, self._time)
+        else:
+            super().change(request)
 
     def changeable(self) -> dict[str, Any]:
-        """The priorities as they are now."""
-        return {"priorities": self.priorities.shown()}
+        """The numbers, and the priorities, as they are now."""
+        return {**super().changeable(), "priorities": self.priorities.shown()}
+
+    def tune(self, parameters: Any) -> None:
+        """Take gains and ω_r as well."""
+        super().tune(parameters)
+        gains = [task.gain_per_s for task in parameters.tasks]
+        self._gains[:], self._weight = np.repeat(gains, self.sizes), parameters.regularisation
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Begin anew, also with the timeline; the tasks do at the next State that is finite."""
         super().reset(state, last_command)
         self.priorities.reset()
-        self._first, self._time = state.tick, 0.0
+        self._first, self._time, self._settled_at = state.tick, 0.0, -1
         self._top, self._stale = [], True
 
     def answer(self, state: State, base: FloatArray, now: float, noted: int) -> None:
         """Joint velocities, and their certificate."""
         command, solver, priorities = self.command, self._solver, self.priorities
         self._time = (state.tick - self._first) * self._dt
-        settled = not (priorities.update(self._time) or priorities.moving)
+        if state.tick != self._settled_at:  # else it is asked again
+            self._settled = not (priorities.update(self._time) or priorities.moving)
+        self._settled_at, settled = state.tick, self._settled
         self._stale = self._stale or not settled
         if (settled and self._stale) or not self._top:
             top = top_level(priorities.alpha).tolist()

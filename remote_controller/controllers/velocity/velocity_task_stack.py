@@ -17,6 +17,7 @@ from hoap3.remote_controller.controllers.velocity.velocity_task_stack_settings i
     LabelledTaskParameters,
 )
 from hoap3.remote_controller.model.kinematics import Kinematics
+from hoap3.remote_controller.scheduling.numbers import Part
 from hoap3.remote_controller.tasks import registry as tasks
 from hoap3.remote_controller.tasks import status as task_status
 from hoap3.remote_controller.tasks.accuracy import LOWER, TaskError
@@ -73,6 +74,7 @@ class LabelledTasksController(VelocityController):
             )
             for number, task in enumerate(given)
         ]
+        self._entries, self._file = given, file
         self.sizes = [len(function.followed[0]) for function in self.functions]
         self.extra_names = (*(f"error_{label}" for label in self.labels), *self.columns())
         n, m = description.n, sum(self.sizes)
@@ -94,7 +96,7 @@ class LabelledTasksController(VelocityController):
         self._violation = 1 << len(self.conditions)
         if self._watched:
             self.conditions = (*self.conditions, VIOLATED)
-        self._begun, self._periods_seen = False, 0
+        self._begun, self._periods_seen, self._followed = False, 0, -1
         self.margin_tolerance = MARGIN_ROUNDING
 
     @classmethod
@@ -110,6 +112,28 @@ class LabelledTasksController(VelocityController):
             tasks.check_parameters(task, file, f"parameters.tasks.{number}")
         with located(file, "parameters"):
             labels_of(given)
+
+    def parts(self) -> list[Part]:
+        """Its own settings, and those of its tasks."""
+        own, file = super().parts(), self._file
+        entries = zip(self._entries, self.functions, strict=True)
+        found = (
+            tasks.part_of(entry, function, ("tasks", entry.label), ("tasks", place), file)
+            for place, (entry, function) in enumerate(entries)
+        )
+        return [*own, *(part for part in found if part is not None)]
+
+    def tune(self, parameters: Any) -> None:
+        """Take the bounds."""
+        self._bounds[:] = parameters.bounds.limits(self.description)
+
+    def fits(self, parameters: Any) -> None:
+        """Refuse bounds that do not fit the robot."""
+        parameters.bounds.limits(self.description)
+
+    def stands_for(self, key: str) -> float | None:
+        """The greatest speed of any joint, which bounds none."""
+        return float(self.description.velocity.max()) if key == "bounds.speed_rad_s" else None
 
     @abstractmethod
     def judged(self) -> list[bool]:
@@ -147,7 +171,7 @@ class LabelledTasksController(VelocityController):
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Begin anew; the tasks do at the next State that is finite."""
         super().reset(state, last_command)
-        self._begun = False
+        self._begun, self._followed = False, -1
 
     def velocity(self, state: State) -> FloatArray:
         """Joint velocities, and their certificate."""
@@ -168,6 +192,15 @@ class LabelledTasksController(VelocityController):
 
     def _follow(self, state: State) -> None:
         """Bound the velocities by where the reference is, and how it has moved since."""
+        if state.tick != self._followed:  # else it is asked again
+            self._measure(state)
+        self._followed = state.tick
+        self._velocity_bounds(
+            state.reference, self._dq, self._bounds, self._dt, self.lower, self.upper
+        )
+
+    def _measure(self, state: State) -> None:
+        """How the reference has moved since the State before."""
         periods = state.tick - state.skipped - self._periods_seen
         if self._begun and periods > 0:
             np.subtract(state.reference, self._before, out=self._dq)
@@ -177,9 +210,6 @@ class LabelledTasksController(VelocityController):
             np.nan_to_num(self._dq, copy=False, posinf=0.0, neginf=0.0)
         self._before[:] = state.reference
         self._begun, self._periods_seen = True, state.tick - state.skipped
-        self._velocity_bounds(
-            state.reference, self._dq, self._bounds, self._dt, self.lower, self.upper
-        )
 
     def _watch(self, state: State, base: FloatArray, now: float) -> bool:
         """Whether a tolerance is, or was, violated by the robot as it was measured."""

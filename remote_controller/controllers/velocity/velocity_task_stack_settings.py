@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.config.settings import Settings
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError
@@ -22,7 +23,9 @@ class VelocityBounds(Settings):
     """What joints may do, beside their ranges; the robot need not intervene then."""
 
     speed_rad_s: Positive | None = Field(
-        None, description="greatest speed of every joint; null: the description's [rad/s or m/s]"
+        None,
+        description="greatest speed of every joint; null: the description's [rad/s or m/s]",
+        json_schema_extra=CHANGEABLE,
     )
     acceleration_rad_s2: Positive | None = Field(
         None, description="greatest acceleration; null: what the robot brakes with [rad/s² or m/s²]"

@@ -22,10 +22,11 @@ from hoap3.remote_controller.references.settings import (
     target_of,
 )
 from hoap3.remote_controller.references.trajectories.trajectory_settings import TrajectorySettings
+from hoap3.remote_controller.scheduling.numbers import Part, nothing, private
 from hoap3.remote_controller.tasks import status
 from hoap3.remote_controller.tasks.accelerations.by_differences import TaskRows, TasksByDifferences
 from hoap3.remote_controller.tasks.accelerations.position_reference import PositionReference
-from hoap3.remote_controller.tasks.accelerations.settings import AccelerationTask
+from hoap3.remote_controller.tasks.accelerations.settings import AccelerationTask, Gains
 from hoap3.remote_controller.tasks.accelerations.standing import (
     pose_of,
     reference_of,
@@ -57,6 +58,7 @@ from hoap3.remote_controller.tasks.registry import (
 )
 
 SENSOR = POSE  # rows
+FIXED = frozenset({"weights"})  # of tasks that the kernel knows: these have none
 
 
 class AccelerationTasks:
@@ -139,7 +141,7 @@ class AccelerationTasks:
         self.error, self.motion, self.rate, self.slope = np.zeros((4, m))
         self.with_rest = self.dynamics.jacobian[: m + n], np.zeros(m + n)
         self.wanted, self._brakes = self.with_rest[1][:m], self.with_rest[1][m:]
-        self._braking = -min(braking_per_s, 1.0 / robot.period_s)  # no faster than to rest at once
+        self.brake(braking_per_s)  # no faster than to rest at once
         self._rows = (self.error, self.motion, self.rate, self.slope, self.wanted)
         self._targets, self._turns = np.zeros((k, 3, 3)), np.zeros((k, 3, 3))
         self._posture, self._of_joint = np.zeros(m), np.zeros(m, np.int64)
@@ -285,6 +287,35 @@ class AccelerationTasks:
             found += angle_error(error[POSITION:], settings.tolerance_deg)
         if i in self.presses:
             found += self.presses[i].errors
+        return found
+
+    def gain(self, gains: Sequence[Gains]) -> None:
+        """Take gains kp and kd of all tasks."""
+        for i, each in enumerate(gains):
+            self._gains[i] = each.both
+
+    def tolerate(self, i: int, length_m: float, angle_deg: float) -> None:
+        """Take the tolerances of a pose, task i."""
+        wanted = {"tolerance_m": length_m, "tolerance_deg": angle_deg}
+        self._parameters[i] = self._parameters[i].model_copy(update=wanted)
+
+    def brake(self, braking_per_s: float) -> None:
+        """Take d."""
+        self._braking = -min(braking_per_s, 1.0 / self._robot.period_s)
+
+    def parts(self) -> list[Part]:
+        """Parameters of the tasks, as far as they may change."""
+        found: list[Part] = []
+        for i, (name, parameters) in enumerate(zip(self.names, self._parameters, strict=True)):
+            path, place = ("tasks", name, "parameters"), ("tasks", i, "parameters")
+            function = self._functions.get(i)
+            if function is None:  # what counts is read where it is needed
+                self._parameters[i] = private(parameters)
+                part = Part(path, place, self._parameters[i], nothing, fixed=FIXED)
+                found.append(part)
+            elif type(function).tune is not LyapunovFunction.tune:
+                given = function.tune, function.fits, function.stands_for
+                found.append(Part(path, place, private(parameters), *given))
         return found
 
     def _located(self, i: int) -> AbstractContextManager[None]:

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Self
 
 from pydantic import Field, model_validator
 
+from hoap3.protocol.config.changeable import CHANGEABLE
 from hoap3.protocol.config.settings import Settings, parse, warn_renamed
 from hoap3.protocol.errors import ConfigError
 from hoap3.remote_controller.tasks.registry import LabelledTask
@@ -30,13 +31,28 @@ Triple = tuple[float, float, float]
 class Gains(Settings):
     """Of a wanted acceleration kp·error − kd·velocity."""
 
-    kp: float = Field(10.0, gt=0, description="of the error [1/s²]")
-    kd: float | None = Field(None, ge=0, description="[1/s]; null: 2√kp, critical damping")
+    kp: float = Field(10.0, gt=0, description="of the error [1/s²]", json_schema_extra=CHANGEABLE)
+    kd: float | None = Field(
+        None,
+        ge=0,
+        description="[1/s]; null: 2√kp, critical damping",
+        json_schema_extra=CHANGEABLE,
+    )
 
     @property
     def both(self) -> tuple[float, float]:
         """Gains kp and kd."""
         return self.kp, 2.0 * math.sqrt(self.kp) if self.kd is None else self.kd
+
+
+def critical_damping(parameters: Any, key: str) -> float | None:
+    """What a kd that is null stands for, by its dotted key among parameters: 2√kp."""
+    *place, name = key.split(".")
+    if name != "kd":
+        return None
+    for part in place:
+        parameters = parameters[int(part)] if part.isdigit() else getattr(parameters, part)
+    return 2.0 * math.sqrt(parameters.kp)
 
 
 class GoalSettings(Settings):

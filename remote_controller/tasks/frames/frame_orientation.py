@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,13 +87,17 @@ class FrameOrientationTask(Task):
         """V of this task."""
         reference = parameters.reference or context.description.base_frame
         task = cls(context.kinematics, parameters.frame, reference, np.zeros(3))
-        task.tolerance_deg = parameters.tolerance_deg
+        task.tune(parameters)
         if parameters.target is not None:
             return TaskFunction(task, parameters.target.build(), parameters.weights)
         if parameters.rotation_rad is None:
             return TaskFunction(task, Hold(3), parameters.weights)
         turn = Approach(Point(np.array(parameters.rotation_rad)), parameters.turn_s)
         return TaskFunction(task, turn, parameters.weights)
+
+    def tune(self, parameters: Any) -> None:
+        """Take the tolerance."""
+        self.tolerance_deg = parameters.tolerance_deg
 
     def update(self, kinematics: Kinematics) -> None:
         """Recompute e [rad], J = ∂e/∂q, and ∂e/∂t from `target_rate`."""

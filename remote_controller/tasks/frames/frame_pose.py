@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,7 +126,7 @@ class FramePoseTask(Task):
         """V of this task."""
         reference = parameters.reference or context.description.base_frame
         task = cls(context.kinematics, parameters.frame, reference, np.zeros(6))
-        task.tolerances = parameters.tolerance_m, parameters.tolerance_deg
+        task.tune(parameters)
         target, names = task._aim(context, parameters), (*AXES, *TURNS)
         units = ["m"] * len(AXES) + ["rad"] * len(TURNS)
         tolerances = tolerances_of(parameters.target, target, names, units)
@@ -150,6 +150,10 @@ class FramePoseTask(Task):
         pose = np.zeros(6)
         self.read(context.kinematics, pose)
         return Point(pose)
+
+    def tune(self, parameters: Any) -> None:
+        """Take the tolerances."""
+        self.tolerances = parameters.tolerance_m, parameters.tolerance_deg
 
     def update(self, kinematics: Kinematics) -> None:
         """Recompute e, J = ∂e/∂q, and ∂e/∂t from `target_rate`."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,10 +89,14 @@ class FramePositionTask(Task):
         frame, axes = parameters.frame, parameters.axes
         reference = parameters.reference or context.description.base_frame
         task = cls(context.kinematics, frame, reference, np.zeros(3), axes)
-        task.tolerance_m = parameters.tolerance_m
+        task.tune(parameters)
         target = target_of(parameters.target, context.folder)
         tolerances = tolerances_of(parameters.target, target, axes, "m")
         return TaskFunction(task, target, parameters.weights, tolerances)
+
+    def tune(self, parameters: Any) -> None:
+        """Take the tolerance."""
+        self.tolerance_m = parameters.tolerance_m
 
     def update(self, kinematics: Kinematics) -> None:
         """Recompute e [m] and J [m/rad]."""

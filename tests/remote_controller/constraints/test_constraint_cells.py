@@ -12,7 +12,7 @@ from test_constraint_levels import TRIED
 
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.remote_controller.config import ControllerConfig, build
-from hoap3.remote_controller.controllers.acceleration.base import (
+from hoap3.remote_controller.controllers.acceleration.problem import (
     GAVE_UP,
     OVERLOADED_MOTORS,
     STOPPED,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from support.command_bench import (
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.log import Log
 from hoap3.tools.replay import replay
+from hoap3.tools.verify.verify import verify
 
 pytestmark = pytest.mark.slow
 
@@ -82,12 +84,33 @@ def test_a_change_that_breaks_the_controller_ends_it_and_the_robot_stops(robot, 
     assert hoap3("recover", "hoap3", "--connect", at).process.returncode == 0
 
 
+def test_a_number_moves_and_the_log_is_true_of_it(robot, at, tmp_path):
+    log = tmp_path / "log"
+    with controller("qp12", "--out", log, at=at) as command:
+        command.hear("following robot")
+        wait_for_mode("active", at)
+        assert inside("change", "--connect", at).json()["gamma"] == 0.5
+        done = inside("change", "gamma=0.8", "beta=20", "over_s=0.2", "--connect", at)
+        assert done.code == 0
+        deadline = time.monotonic() + 20.0
+        while inside("change", "--connect", at).json()["gamma"] != 0.8:
+            assert time.monotonic() < deadline
+        assert command.end(2) == 0
+    assert replay(log, []).identical
+    claims = verify(log).claims
+    assert claims.checked
+    assert not claims.false
+
+
 def test_what_cannot_be_changed_is_said(robot, at):
     with controller("qp12", *QUIET, at=at) as command:
         command.hear("following robot")
         wait_for_mode("active", at)
         for arguments, problem in [
-            (("change", '{"gamma": 0.3}'), "takes no changes while it runs"),
+            (("change", '{"gama": 0.3}'), "gama: unknown key"),
+            (("change", "gamma=3"), "gamma: should be less than or equal to 1"),
+            (("change", "gamma=0.5", "psi_scale=one"), "does not change while it runs"),
+            (("change", "gamma=0.5", "beta"), "is not KEY=VALUE"),
             (("change", "[1]"), "is no JSON object"),
             (("change", "{"), "is not JSON"),
             (("change", "{}", "--robot", "no robot"), "is not the name of"),

@@ -96,6 +96,18 @@ def test_it_says_what_it_does(steered, at):
         assert "priorities" in robot.changeable()
 
 
+def test_its_numbers_change_by_key_or_by_name(steered, at):
+    with hoap3.connect(ROBOT, at) as robot:
+        before = robot.changeable()
+        now = robot.change({"tasks.posture.gain_per_s": 2.5}, over_s=0.01)
+        assert now.keys() == before.keys()
+        until = time.monotonic() + 20.0
+        while robot.changeable()["tasks"]["posture"]["gain_per_s"] != 2.5:
+            assert time.monotonic() < until
+        with pytest.raises(UsageError, match="regularisation: should be greater"):
+            robot.change(regularisation=-1.0)
+
+
 def test_a_target_is_reached(steered, at):
     aim = np.array([-0.5, -0.15, 0.35])
     with hoap3.connect(ROBOT, at) as robot:

@@ -22,6 +22,7 @@ from hoap3.tools.verify.controllers.velocity import clik, ghc_velocity, joint_bo
 from hoap3.tools.verify.controllers.velocity.clik_law import certified_rates, law_of
 from hoap3.tools.verify.controllers.velocity.gain_optimum import Gains
 from hoap3.tools.verify.controllers.velocity.hierarchy import condensed, multipliers, projectors
+from hoap3.tools.verify.tasks.changes import OF_CHANGES
 from hoap3.tools.verify.tasks.priorities import Priorities, top_tasks
 from hoap3.tools.verify.tasks.targets import UnknownTaskError
 
@@ -224,7 +225,7 @@ def test_defaults_are_those_of_the_controllers() -> None:
 
 
 def test_each_setting_of_a_controller_is_known_to_verify_or_changes_no_claim() -> None:
-    no_claim = {"budget"}
+    no_claim = {"budget", *OF_CHANGES}
     for name, own in (
         ("clik", clik.STEADY),
         ("clik_sdp", clik.SDP),

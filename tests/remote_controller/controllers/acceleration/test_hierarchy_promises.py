@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hierarchy_runs import made, robot, state_of, states
 
-from hoap3.remote_controller.controllers.acceleration.base import CONDITIONS
+from hoap3.remote_controller.controllers.acceleration.problem import CONDITIONS
 from hoap3.remote_controller.controllers.base import STATUS
 from hoap3.remote_controller.solvers import ghc
 

@@ -7,7 +7,7 @@ import pytest
 from hierarchy_runs import content, made, robot, state_of
 
 from hoap3.protocol.errors import ConfigError
-from hoap3.remote_controller.controllers.acceleration.base import STOPPED
+from hoap3.remote_controller.controllers.acceleration.problem import STOPPED
 from hoap3.remote_controller.controllers.base import STATUS
 
 STILL = np.zeros(7)

@@ -12,7 +12,7 @@ from obstacle_runs import RANKED, avoiding
 
 from hoap3.protocol.config.settings import parse
 from hoap3.remote_controller.config import ControllerConfig, build
-from hoap3.remote_controller.controllers.acceleration.base import SOLVED
+from hoap3.remote_controller.controllers.acceleration.problem import SOLVED
 from hoap3.tools.simulate import Simulation, simulate
 
 RUNS = [(place, name) for place in PLACES for name in RANKED]

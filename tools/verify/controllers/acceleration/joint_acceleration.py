@@ -9,7 +9,7 @@ something else. It is followed here likewise, and damped by the law itself.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -96,13 +96,16 @@ def check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims) -> 
     if wrong:
         claims.unverified("certificate", len(run.answers), wrong)
         return
-    law = _law(run.description, settings)
-    motion = _motion(run, law)
+    laws = _laws(run, settings)
+    motion = _motion(run, laws)
     claims.unverified("certificate", int((~motion.known).sum()), NOT_REMEMBERED)
     check_refused(run.only(motion.known & ~motion.finite), claims)
     judged = motion.known & motion.finite
-    if judged.any():
-        _check_answers(run.only(judged), _of(motion, judged), law, claims)
+    at_answers = [id(laws[place]) for place in run.answered.tolist()]
+    for law in {id(law): law for law in laws}.values():
+        mine = judged & (np.array(at_answers) == id(law))
+        if mine.any():
+            _check_answers(run.only(mine), _of(motion, mine), law, claims)
 
 
 def _unfit(settings: Mapping[str, Any], robot: RobotDescription) -> str:
@@ -131,25 +134,41 @@ def _law(robot: RobotDescription, settings: Mapping[str, Any]) -> Law:
     )
 
 
-def _motion(run: ControllerRun, law: Law) -> Motion:
-    rows = list(_motions(run, law))
+def _laws(run: ControllerRun, settings: Mapping[str, Any]) -> list[Law]:
+    """The law at each State; one object where numbers are the same."""
+    if not run.in_force:
+        return [_law(run.description, settings)] * len(run.states)
+    laws: list[Law] = []
+    for i, given in enumerate(run.in_force):
+        same = i > 0 and given is run.in_force[i - 1]
+        laws.append(laws[-1] if same else _law(run.description, filled(given, DEFAULTS)[0]))
+    return laws
+
+
+def _motion(run: ControllerRun, laws: Sequence[Law]) -> Motion:
+    rows = list(_motions(run, laws))
     known, finite = (np.array([row[place] for row in rows], bool) for place in (0, 1))
     return Motion(known, finite, *np.moveaxis(np.array([row[2] for row in rows]), 1, 0))
 
 
-def _motions(run: ControllerRun, law: Law) -> Iterator[tuple[bool, bool, Array]]:
+def _motions(run: ControllerRun, laws: Sequence[Law]) -> Iterator[tuple[bool, bool, Array]]:
     """Row by row: known, finite, and q, q̇, q̈ with its bounds, (5, n)."""
     states, values = run.states, run.answers["values"]
     resets, remembered = np.array([*run.resets, len(states)]), run.remembered
-    limits, begun, last, lost = law.bounds, -1, -1, False
+    begun, last, lost = -1, -1, False
+    start, limits = states["reference"][0], laws[0].bounds
+    limits_of: Law | None = None
     led_to, follows = np.zeros(run.description.n), False
     for i, at in enumerate(run.answered.tolist()):
         reset = int(resets[np.searchsorted(resets, at, "right") - 1])
         if reset != begun:
             begun, lost, follows = reset, False, False
-            limits = law.bounds.begun(states["reference"][reset % len(states)])
+            start, limits_of = states["reference"][reset % len(states)], None
         elif at > last + 1:
             lost = True  # an answer between them, and what it led to, is missing
+        law = laws[at]
+        if law is not limits_of:
+            limits_of, limits = law, law.bounds.begun(start)
         q, v = states["reference" if law.positions else "q"][at], states["dq"][at]
         if law.positions and follows:
             v = led_to

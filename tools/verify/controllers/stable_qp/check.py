@@ -9,11 +9,12 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import FrameNotFoundError
 from hoap3.tools.verify.claims import Claims
-from hoap3.tools.verify.constraints.cycles import cycles_of
+from hoap3.tools.verify.constraints.cycles import Cycles, cycles_of
 from hoap3.tools.verify.constraints.parameters import UnverifiableError
 from hoap3.tools.verify.constraints.stack import constraints_of
 from hoap3.tools.verify.controller_log import ControllerRun
@@ -36,22 +37,16 @@ DELAYED = "answers are delayed: where u starts from is not in the log"
 def check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims) -> None:
     """Everything that the certificate of `stable_qp` says."""
     try:
-        _check(run, Settings.of(parameters), claims)
+        _check(run, parameters, claims)
     except (UnverifiableError, UnknownTaskError, FrameNotFoundError) as error:
         claims.unverified("certificate", len(run.answers), f"{error!s:.120}")
 
 
-def _check(run: ControllerRun, settings: Settings, claims: Claims) -> None:
-    robot, delayed = Robot(run.description, run.messages), run.description.delay_ticks > 0
+def _check(run: ControllerRun, parameters: Mapping[str, Any], claims: Claims) -> None:
+    settings, delayed = Settings.of(parameters), run.description.delay_ticks > 0
     if delayed and settings.rest["kinematics_from"] == "reference":
         raise UnverifiableError(DELAYED)
-    entry = settings.task or default_entry(run.description)
-    on_curve = entry["task"] in CURVES
-    task = Curve(entry, robot) if on_curve else task_of(entry, robot)
-    objective = _objective(
-        settings, run.description, constrained=bool(settings.constraints) or on_curve
-    )
-    constraints, unknown = constraints_of(settings.constraints, robot)
+    _, unknown = constraints_of(settings.constraints, Robot(run.description, run.messages))
     cycles = cycles_of(run)
     judged = cycles.answers >= 0
     lost = len(run.answers) - int(judged.sum())
@@ -59,7 +54,6 @@ def _check(run: ControllerRun, settings: Settings, claims: Claims) -> None:
     claims.unverified("certificate", lost, reason)
     if not judged.any():
         return
-    problems = Problems(run, cycles, task, constraints, settings, robot)
     sent = Answers.of(run, cycles, settings.rest)
     for name, why in unknown.items():
         claims.unverified(f"constraint {name}", int(judged.sum()), why)
@@ -69,9 +63,46 @@ def _check(run: ControllerRun, settings: Settings, claims: Claims) -> None:
         kept = np.zeros(len(run.answers), bool)
         kept[cycles.answers[judged]] = True
         check_values(run.only(kept), settings.rest, claims)
+    for states, given in run.settings(parameters):
+        these = states[cycles.places]
+        if (these & judged).any():
+            of_some = Settings.of(given)
+            _check_some(
+                run, cycles, these, of_some, sent, claims, proved=not delayed and not unknown
+            )
+
+
+def _check_some(
+    run: ControllerRun,
+    cycles: Cycles,
+    these: NDArray[np.bool_],
+    settings: Settings,
+    sent: Answers,
+    claims: Claims,
+    *,
+    proved: bool,
+) -> None:
+    """Check some of the cycles, those of one set of parameters.
+
+    Args:
+        run, cycles, sent: all of them.
+        these: which are checked, (N,).
+        settings: theirs.
+        claims: takes what was compared.
+        proved: whether the optimum can be recomputed, too.
+    """
+    robot = Robot(run.description, run.messages)
+    entry = settings.task or default_entry(run.description)
+    on_curve = entry["task"] in CURVES
+    task = Curve(entry, robot) if on_curve else task_of(entry, robot)
+    constrained = bool(settings.constraints) or on_curve
+    objective = _objective(settings, run.description, constrained=constrained)
+    constraints, _ = constraints_of(settings.constraints, robot)
+    problems = Problems(run, cycles, these, task, constraints, settings, robot)
+    delayed = run.description.delay_ticks > 0
     for chunk in _chunks(problems):
         check_certificate(chunk, sent, settings, claims, u_known=not delayed)
-        if not delayed and not unknown:
+        if proved:
             margins = problems.margins()
             check_proof(
                 chunk,

@@ -81,6 +81,7 @@ class Problems:
     Args:
         run: whose States they are of.
         cycles: which of them.
+        these: of which cycles it is asked, (N,).
         task: what V is.
         constraints: that u keeps, all on one robot with the task.
         settings: of the controller.
@@ -91,13 +92,14 @@ class Problems:
         self,
         run: ControllerRun,
         cycles: Cycles,
+        these: NDArray[np.bool_],
         task: AnyTask | Curve,
         constraints: Sequence[Constraint],
         settings: Settings,
         robot: Robot,
     ) -> None:
         self._task, self._settings, self._robot = task, settings, robot
-        self._cycles, self._states = cycles, run.states[cycles.places]
+        self._cycles, self._these, self._states = cycles, these, run.states[cycles.places]
         self._constraints, self._period = constraints, run.description.period_s
         self._with_rows = [each for each in constraints if each.has_rows]
         self._shares = cycles.shares(settings.psi["ramp_s"], self._period)
@@ -107,16 +109,21 @@ class Problems:
         which = "reference" if self._settings.rest["kinematics_from"] == "reference" else "q"
         states, robot = self._states, self._robot
         for number, q in enumerate(states[which]):
+            watched = None if isinstance(self._task, Curve) else self._task
+            watched = watched if watched is not None and watched.watched else None
+            if not (self._these[number] or self._cycles.fresh[number] or watched):
+                continue
             robot.place(q)
             if self._cycles.fresh[number]:
                 self._task.begin(robot, self._time(number))
                 for constraint in self._with_rows:
                     constraint.begin(states[number])
-            if not isinstance(self._task, Curve) and self._task.watched:
+            if watched is not None:
                 robot.place(states["q"][number])
-                self._task.watch(robot, self._time(number))
+                watched.watch(robot, self._time(number))
                 robot.place(q)
-            yield self._cycle(number)
+            if self._these[number]:
+                yield self._cycle(number)
 
     def margins(self) -> tuple[Array, Array]:
         """Smallest margin of the constraints, and how exactly it is known, (N,) and (N,).
