@@ -299,6 +299,7 @@ class Controller(ABC):
             self._changes = Changes(
                 self.parts(), lambda given: check(given, FILE), over_s, period_s
             )
+            self._changes.rehearse()
         return self._changes
 
 

@@ -93,6 +93,10 @@ class Changes:
         for part in self._parts:
             part.take(part.settings)
 
+    def rehearse(self) -> None:
+        """Check the present numbers once, as a request is: the first time takes milliseconds."""
+        self._validated([(number, number.read()) for number in self.numbers])
+
     def request(self, content: Mapping[str, Any]) -> None:
         """Let numbers set out for others, from the next tick on.
 
