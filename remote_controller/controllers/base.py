@@ -448,18 +448,18 @@ class VelocityController(Controller):
 
         The velocities u of a tick's own numbers count where they are no further than that from
         those of the tick before, or from u₀, which the numbers of the tick before give now. Else
-        u₀ counts, and the numbers stay.
+        u₀ counts, and the numbers stay; so do they where one of these is no number.
         """
         before, now = self.command.decision, self._candidate
         changes.advance(state.tick)
         u = self.velocity(state)
-        if before.size and not (np.abs(u - before) > self._jump).any():
+        if before.size and (np.abs(u - before) <= self._jump).all():
             changes.keep()
             return u
         now[:] = u
         changes.undo()
         unchanged = self.velocity(state)
-        if (np.abs(now - unchanged) > self._jump).any():
+        if not (np.abs(now - unchanged) <= self._jump).all():
             self.present |= self._held_back
             changes.hold()
             return unchanged

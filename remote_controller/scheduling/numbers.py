@@ -16,6 +16,10 @@ FILE = "change"
 """What errors call a change, in place of a file."""
 
 
+FOLLOWS = {"kd": "2√kp"}
+"""Numbers that follow another one where they are null, which may be on its own way: no goals."""
+
+
 def nothing(_: Any) -> None:
     """Refuse nothing."""
 
@@ -152,6 +156,8 @@ class Way:
             return self.after
         if gone <= 0.0:
             return self.before
+        if self.before is None and self.after is None:
+            return None  # whatever it stands for now
         done = share(gone)
         found = tuple(a + (b - a) * done for a, b in zip(self.start, self.goal, strict=True))
         many = isinstance(self.after, tuple) or isinstance(self.before, tuple)
@@ -162,10 +168,13 @@ def way_of(number: Number, part: Part, after: Any, begin: float, over: float) ->
     """The way of a number from what it is now to another value.
 
     Raises:
-        ConfigError: nothing leads there: one of both is null and says nothing of itself, or they
-            are of different lengths.
+        ConfigError: nothing leads there: one of both is null and says nothing of itself, the goal
+            would follow another number, or they are of different lengths.
     """
     before = number.read()
+    if after is None and before is not None and number.name in FOLLOWS:
+        problem = f"is null, and would follow {FOLLOWS[number.name]} at once"
+        raise ConfigError(FILE, number.key, after, problem, "Give it as a number")
     key = ".".join(str(each) for each in number.inner)
     start, goal = (_spread(value, part.unset(key)) for value in (before, after))
     if start is None or goal is None:

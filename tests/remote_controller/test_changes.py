@@ -260,6 +260,41 @@ def test_a_jump_is_no_greater_than_is_configured_however_soon_it_is_asked_for():
     assert held > 0
 
 
+class Unsure(Steady):
+    """The same; it has no answer to a posture that is no number."""
+
+    def velocity(self, state: State) -> Any:
+        return np.full(state.q.size, np.nan) if np.isnan(state.q[0]) else super().velocity(state)
+
+
+def test_an_answer_that_was_no_number_lets_no_jump_pass():
+    controller = Unsure(load("hoap3"), Unsure.Parameters(change_jump_rad_s=1e-3))
+    state = resting(controller)
+    last = controller.step(state).decision[0]
+    place = state.q[0]
+    controller.change({"speed_rad_s": 0.009, "over_s": 0.0})
+    for state.tick, state.q[0] in ((2, np.nan), (3, place), (4, np.nan), (5, place)):
+        now = controller.step(state).decision[0]
+        if not np.isnan(now):
+            assert abs(now - last) <= 1e-3 * (1.0 + 1e-9)
+            last = now
+
+
+def test_a_damping_that_follows_another_gain_is_no_goal():
+    case = controller_case("joint_acceleration", None)
+    controller = built(case, with_parameters(case.config, kp=100.0, kd=20.0))
+    with pytest.raises(UsageError, match="kd"):
+        controller.change({"kp": 400.0, "kd": None})
+    following = built(case, with_parameters(case.config, kp=100.0, kd=None))
+    state = resting(following)
+    following.change({"kp": 400.0, "kd": None, "over_s": 0.01})
+    for state.tick in range(2, 20):
+        following.step(state)
+        kp = following.parameters.kp
+        np.testing.assert_allclose(following._gains, [kp, 2.0 * np.sqrt(kp)], rtol=1e-15)
+    assert kp == 400.0
+
+
 def test_a_change_that_is_held_back_is_repeated_and_true():
     case = controller_case("qp12", None)
     config = with_parameters(case.config, gamma=0.2, ramp_s=0.1, change_jump_rad_s=2e-4)

@@ -68,9 +68,10 @@ class Clients:
         except Hoap3Error as error:
             if not states:  # else it is the robot that ended
                 self.figures["failed"].append(str(error))
-        with self._lock:
-            self.figures["states"] += states
-            self.figures["targets"] += targets
+        finally:
+            with self._lock:
+                self.figures["states"] += states
+                self.figures["targets"] += targets
 
     def _connected(self) -> Connection:
         """A connection, as soon as the robot answers."""

@@ -119,8 +119,9 @@ def _run(
             child.cut()
             said, _ = child.communicate(timeout=END_S)
             done = json.loads(said or "{}")
-    if done.get("failed"):
-        raise Hoap3Error(f"what ran beside the robot failed: {done['failed'][0]}")
+            if child.returncode or not done or done["failed"]:
+                why = (done.get("failed") or [f"it ended with code {child.returncode}"])[0]
+                raise Hoap3Error(f"what ran beside the robot failed: {why}")
     asked = summary["ticks"] + summary["skipped"]
     missed = summary["misses"]["late"] + summary["misses"]["lost"] + summary["skipped"]
     outside = summary["misses_outside_stalls"]

@@ -249,8 +249,9 @@ def test_a_folder_that_cannot_be_written_or_is_taken(tmp_path: Path) -> None:
     file = written(tmp_path, "", "file")
     refusal(inside(*LOCKSTEP, "--out", file), "--out", str(file), "File exists")
     refusal(inside(*LOCKSTEP, "--out", file / "below"), "Not a directory")
-    refusal(inside(*LOCKSTEP, "--out", tmp_path / "run.mcap"), "--out", "run.mcap")
-    assert not (tmp_path / "run.mcap").exists()
+    named = tmp_path / "x.mcap"
+    refusal(inside(*LOCKSTEP, "--out", named), "--out", "name of a log")
+    assert not named.exists()
     assert_ran(inside(*LOCKSTEP, "--out", tmp_path / "log"))
     for command in (LOCKSTEP, RUN):
         refusal(inside(*command, "--out", tmp_path / "log"), "--out", "holds robot.mcap already")

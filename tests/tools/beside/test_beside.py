@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from hypothesis import strategies as st
 from scipy.stats import ttest_1samp
 from support.command_bench import hoap3
 
-from hoap3.tools.beside.race import added
+from hoap3.protocol.errors import Hoap3Error
+from hoap3.tools.beside.race import added, race
 
 SHARES = st.lists(
     st.tuples(*(st.floats(0.0, 0.1).map(lambda x: round(x, 5)) for _ in range(2))),
@@ -44,6 +46,14 @@ def test_without_a_watch_for_stalls_nothing_is_said_of_what_is_outside_them():
     rows = runs([(0.1, 0.2), (0.1, 0.1)])
     rows[1]["missed_outside"] = None
     assert added(rows)["missed_outside"] is None
+
+
+@pytest.mark.slow
+def test_what_dies_beside_the_robot_is_no_race(tmp_path, monkeypatch):
+    (tmp_path / "dies.py").write_text("print('ready', flush=True)\nraise SystemExit(3)\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+    with pytest.raises(Hoap3Error, match="code 3"):
+        race("dies", {}, 2, 0.5, lambda *_: None, realtime=False)
 
 
 @pytest.mark.slow

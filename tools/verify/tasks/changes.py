@@ -50,6 +50,8 @@ class Way:
         gone = (clock - self.since) / self.periods
         if gone >= 1.0 or gone <= 0.0:
             return self.ends[int(gone >= 1.0)]
+        if self.ends == (None, None):
+            return None
         share = 0.5 - 0.5 * math.cos(math.pi * gone)
         found = [a + (b - a) * share for a, b in zip(*self.numbers, strict=True)]
         many = any(isinstance(end, list | tuple) for end in self.ends)
