@@ -166,6 +166,7 @@ OTHERS = [
     ("clik_ur5", {"tasks.hand": 2.0}, "has numbers below it"),
     ("clik_ur5", {"tasks.hand.parameters.weights": [1.0, 2.0]}, "weights"),
     ("clik_ur5", {"tasks.hand.parameters.weights": [0.0]}, "weights"),
+    ("clik_ur5", {"tasks.hand.gain_per_s": 1000.1}, "At most 1000"),
     ("ghc", {"null_damping_per_s": 0.0}, "switches the braking off"),
     ("ghc", {"tasks.hand.kp": 0.0}, "tasks.0.kp: should be greater than 0"),
     ("ghc", {"bounds.speed_share": 1e-9}, "bounds"),

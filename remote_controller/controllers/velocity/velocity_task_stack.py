@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import located
+from hoap3.protocol.errors import ConfigError, located
 from hoap3.protocol.messages import FloatArray, State
 from hoap3.remote_controller.controllers.base import VIOLATED, VelocityController
 from hoap3.remote_controller.controllers.velocity.velocity_task_stack_settings import (
@@ -88,6 +88,7 @@ class LabelledTasksController(VelocityController):
         ]
         self._stack, self._cut = kernels.stack, kernels.cut
         self._velocity_bounds = velocity_bounds
+        self.fits(parameters)
         self._bounds = parameters.bounds.limits(description)
         self.lower, self.upper, self.u, self._dq, self._before, self._next = np.zeros((6, n))
         self._from_reference = parameters.kinematics_from == "reference"
@@ -128,8 +129,14 @@ class LabelledTasksController(VelocityController):
         self._bounds[:] = parameters.bounds.limits(self.description)
 
     def fits(self, parameters: Any) -> None:
-        """Refuse bounds that do not fit the robot."""
+        """Refuse bounds that do not fit the robot, and gains beyond 1/T: they pass the target."""
         parameters.bounds.limits(self.description)
+        period_s = self.description.period_s
+        for place, task in enumerate(parameters.tasks or ()):
+            gain = getattr(task, "gain_per_s", 0.0)
+            if gain * period_s > 1.0:
+                key, problem = f"tasks.{place}.gain_per_s", "passes the target in one period"
+                raise ConfigError("", key, gain, problem, f"At most {1.0 / period_s:g}, 1/T")
 
     def stands_for(self, key: str) -> float | None:
         """The greatest speed of any joint, which bounds none."""
