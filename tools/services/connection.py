@@ -13,7 +13,7 @@ import os
 import secrets
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import AsyncIterator, Iterator, Mapping
 from types import TracebackType
 from typing import Any, Self
 
@@ -484,6 +484,12 @@ class AsyncConnection:
         states = self._connected().states(timeout_s)
         while True:
             yield await asyncio.to_thread(next, states)
+
+    async def events(self, timeout_s: float = 2.0) -> AsyncIterator[dict[str, Any]]:
+        """What happens to the robot; see `Connection.events`."""
+        events = self._connected().events(timeout_s)
+        while (event := await asyncio.to_thread(next, events, None)) is not None:
+            yield event
 
     def _connected(self) -> Connection:
         if self._connection is None:

@@ -1,0 +1,91 @@
+"""`hoap3.connect` without a network: what it sends, and what it refuses before it does."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from support.small_arm import arm
+
+import hoap3
+from hoap3.protocol.link import zenoh_session
+from hoap3.protocol.messages import Event
+from hoap3.tools.services.connection import Connection
+
+ROBOT = arm().name
+
+
+class Network:
+    """A robot that answers, and whose controller does; what was asked of it, and sent."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[str, bytes]] = []
+        self.sent: list[bytes] = []
+        self.samples: list[Any] = []
+        self.looked: set[int] = set()
+        self.following = self.answers = True
+
+    def ask(self, _: Any, robot: str, verb: str, who: str, body: bytes, whom: str) -> bytes | None:
+        del robot, who
+        self.asked.append((verb, body))
+        if verb == "description":
+            return arm().to_json()
+        if whom == "control" and not self.answers:
+            return None
+        target = {"name": "hand", "dimension": 3, "rates": 3}
+        grant = {"epoch": 1, "session_id": 7, "following": self.following, "targets": [target]}
+        counts = {"taken": 0, "late_points": 0, "refused": {}}
+        return json.dumps({"error": None, "now": {**grant, **counts}}).encode()
+
+    def session(self, _: Any) -> Any:
+        """As zenoh has it."""
+        subscriber = SimpleNamespace(try_recv=self._sample)
+        return SimpleNamespace(
+            is_closed=lambda: False,
+            close=lambda: None,
+            liveliness=lambda: SimpleNamespace(declare_token=lambda _: None),
+            declare_publisher=lambda *_, **__: SimpleNamespace(put=self.sent.append),
+            declare_subscriber=lambda *_: subscriber,
+        )
+
+    def _sample(self) -> Any:
+        self.looked.add(threading.get_ident())
+        return self.samples.pop(0) if self.samples else None
+
+    def verbs(self) -> list[str]:
+        """What was asked, but for the description."""
+        return [verb for verb, _ in self.asked if verb != "description"]
+
+
+@pytest.fixture
+def network(monkeypatch: pytest.MonkeyPatch) -> Network:
+    made = Network()
+    monkeypatch.setattr(zenoh_session, "ask", made.ask)
+    monkeypatch.setattr(zenoh_session, "open_session", made.session)
+    return made
+
+
+@pytest.fixture
+def robot(network: Network) -> Iterator[Connection]:
+    with hoap3.connect(ROBOT) as connected:
+        yield connected
+
+
+def test_events_come_to_asyncio_and_the_loop_goes_on(network: Network) -> None:
+    event = Event()
+    event.kind, event.tick = Event.schema.constants["RECOVERED"], 5
+    payload = event.dump()
+    network.samples = [SimpleNamespace(payload=SimpleNamespace(to_bytes=lambda: payload))]
+
+    async def story() -> list[Any]:
+        async with hoap3.connect_async(ROBOT) as robot:
+            return [each async for each in robot.events(timeout_s=0.01)]
+
+    (found,) = asyncio.run(story())
+    assert (found["event"], found["tick"]) == ("RECOVERED", 5)
+    assert threading.get_ident() not in network.looked
