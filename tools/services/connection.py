@@ -9,6 +9,7 @@ import asyncio
 import contextlib
 import functools
 import json
+import operator
 import os
 import secrets
 import threading
@@ -326,14 +327,15 @@ class Connection:
         rates: ArrayLike | None,
         name: str | None,
     ) -> int:
-        operator = self._steers()
-        number, dimension, moves = _place(operator["targets"], name)
+        grant = self._steers()
+        number, dimension, moves = _place(grant["targets"], name)
+        first_tick, step_ticks = _whole(first_tick, "first_tick"), _whole(step_ticks, "step_ticks")
         speeds = np.zeros((0, moves)) if rates is None else _numbers(rates, "rates")
         _check(points, speeds, (dimension, moves), first_tick, step_ticks)
         message = Target(len(points), dimension, rates=moves if speeds.size else 0)
         message.values[:], message.rates[:] = points.ravel(), speeds.ravel()
         message.target, message.tick_step, message.first_tick = number, step_ticks, first_tick
-        message.session_id, message.epoch = operator["session_id"], operator["epoch"]
+        message.session_id, message.epoch = grant["session_id"], grant["epoch"]
         self._check_open()
         self._number += 1
         message.number = self._number
@@ -349,17 +351,17 @@ class Connection:
         lost, self._lost = self._lost, None
         if lost is not None:
             raise lost
-        operator = self._operator
-        if operator is None or not operator["following"]:
-            operator = self._acquire()
+        grant = self._operator
+        if grant is None or not grant["following"]:
+            grant = self._acquire()
             self._keep()
-        if not operator["following"]:
+        if not grant["following"]:
             remedy = f"`hoap3 recover --connect {self._endpoint}`, or `recover()`"
             raise UsageError(
                 f"robot {self.robot!r} does not follow its controller now, so targets do not "
                 f"count. Where it is stopped: {remedy}"
             )
-        return operator
+        return grant
 
     def _keep(self) -> None:
         """Have a thread renew the lease."""
@@ -507,6 +509,18 @@ def _numbers(given: ArrayLike, what: str) -> np.ndarray[Any, Any]:
         return np.asarray(given, float)
     except (TypeError, ValueError) as error:
         raise BadProblemError(f"{what} must be numbers (found {given!r:.60})") from error
+
+
+def _whole(given: Any, what: str) -> int:
+    """A number of ticks.
+
+    Raises:
+        BadProblemError: it is none.
+    """
+    try:
+        return operator.index(given)
+    except TypeError as error:
+        raise BadProblemError(f"{what} must be a whole number (found {given!r:.60})") from error
 
 
 def _place(targets: list[Mapping[str, Any]], name: str | None) -> tuple[int, int, int]:

@@ -9,12 +9,14 @@ from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from support.small_arm import arm
 
 import hoap3
+from hoap3.protocol.errors import BadProblemError
 from hoap3.protocol.link import zenoh_session
-from hoap3.protocol.messages import Event
+from hoap3.protocol.messages import Event, Target
 from hoap3.tools.services.connection import Connection
 
 ROBOT = arm().name
@@ -89,3 +91,29 @@ def test_events_come_to_asyncio_and_the_loop_goes_on(network: Network) -> None:
     (found,) = asyncio.run(story())
     assert (found["event"], found["tick"]) == ("RECOVERED", 5)
     assert threading.get_ident() not in network.looked
+
+
+@pytest.mark.parametrize(
+    ("first", "step"), [(1.5, 50), (0, 50.0), ("now", 50), (0, None), (-1, 50), (0, 0), ([1], 50)]
+)
+def test_a_tick_that_is_none_is_refused(first: Any, step: Any, robot: Connection) -> None:
+    robot.acquire()
+    with pytest.raises(BadProblemError):
+        robot.send_chunk(np.zeros((2, 3)), first, step)
+
+
+def test_a_target_from_a_tick_that_is_none_is_refused(robot: Connection, network: Network) -> None:
+    robot.acquire()
+    tick: Any = "now"
+    with pytest.raises(BadProblemError):
+        robot.send_target([0.0, 0.0, 0.0], first_tick=tick)
+    assert not network.sent
+
+
+def test_a_whole_number_of_numpy_is_a_tick(robot: Connection, network: Network) -> None:
+    robot.acquire()
+    robot.send_chunk(np.zeros((2, 3)), np.uint64(9), np.int32(50))
+    (payload,) = network.sent
+    sent = Target.like(payload)
+    sent.load(payload)
+    assert (sent.first_tick, sent.tick_step) == (9, 50)
