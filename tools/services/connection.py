@@ -209,9 +209,9 @@ class Connection:
 
         Raises:
             LinkError: the robot follows no controller.
-            UsageError: the controller refuses; says why.
+            UsageError: it cannot be said in JSON, or the controller refuses; says why.
         """
-        return self._control("change", json.dumps({**(what or {}), **more}).encode())
+        return self._control("change", _request(what, more))
 
     def acquire(self, timeout_s: float = 0.0) -> list[dict[str, Any]]:
         """Become the one who steers; the live targets of the controller, in their order.
@@ -509,6 +509,30 @@ def _numbers(given: ArrayLike, what: str) -> np.ndarray[Any, Any]:
         return np.asarray(given, float)
     except (TypeError, ValueError) as error:
         raise BadProblemError(f"{what} must be numbers (found {given!r:.60})") from error
+
+
+def _request(what: Any, more: Mapping[str, Any]) -> bytes:
+    """A change as it is sent; arrays and numbers of numpy become lists and plain numbers.
+
+    Raises:
+        UsageError: no mapping of keys, or a value that JSON does not have.
+    """
+    if not isinstance(what, Mapping | None):
+        raise UsageError(f"a change is a mapping of keys to numbers (found {what!r:.60})")
+    content = {**(what or {}), **more}
+    for key in content:
+        if not isinstance(key, str):
+            raise UsageError(f"a key of a change is text, such as 'gamma' (found {key!r:.60})")
+    try:
+        return json.dumps(content, default=_plain).encode()
+    except (TypeError, ValueError, RecursionError) as error:
+        raise UsageError(f"this change cannot be sent ({error}): give plain numbers") from error
+
+
+def _plain(value: Any) -> Any:
+    if callable(to_list := getattr(value, "tolist", None)):
+        return to_list()
+    raise UsageError(f"a change has numbers (found {value!r:.60})")
 
 
 def _whole(given: Any, what: str) -> int:

@@ -14,7 +14,7 @@ import pytest
 from support.small_arm import arm
 
 import hoap3
-from hoap3.protocol.errors import BadProblemError
+from hoap3.protocol.errors import BadProblemError, UsageError
 from hoap3.protocol.link import zenoh_session
 from hoap3.protocol.messages import Event, Target
 from hoap3.tools.services.connection import Connection
@@ -117,3 +117,39 @@ def test_a_whole_number_of_numpy_is_a_tick(robot: Connection, network: Network) 
     sent = Target.like(payload)
     sent.load(payload)
     assert (sent.first_tick, sent.tick_step) == (9, 50)
+
+
+def test_numbers_of_numpy_are_changed_as_plain_ones(robot: Connection, network: Network) -> None:
+    weights = np.array([1.0, 2.0])
+    robot.change({"tasks": {"hand": {"weights": weights}}, "count": np.int64(3)}, gamma=np.ones(()))
+    verb, body = network.asked[-1]
+    assert verb == "change"
+    expected = {"tasks": {"hand": {"weights": [1.0, 2.0]}}, "count": 3, "gamma": 1.0}
+    assert json.loads(body) == expected
+
+
+ROUND: dict[str, Any] = {}
+ROUND["gamma"] = ROUND
+
+
+@pytest.mark.parametrize(
+    "what",
+    [
+        "gamma",
+        3.0,
+        ["gamma"],
+        {3: 0.5},
+        {"gamma": object()},
+        {"gamma": 1j},
+        {"gamma": np.complex128(1j)},
+        {"gamma": {0.5}},
+        {"tasks": {("hand", "kp"): 1.0}},
+        ROUND,
+    ],
+)
+def test_a_change_that_json_does_not_have_is_refused(
+    what: Any, robot: Connection, network: Network
+) -> None:
+    with pytest.raises(UsageError):
+        robot.change(what)
+    assert "change" not in network.verbs()
