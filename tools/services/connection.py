@@ -93,6 +93,7 @@ class Connection:
         self._lost: Hoap3Error | None = None  # why we steer no longer
         self._number, self._closing = 0, threading.Event()
         self._renewer: threading.Thread | None = None
+        self._steering = threading.Lock()  # so that none renews what is just released
         try:
             self._token = self._session.liveliness().declare_token(
                 network.key(robot, f"clients/{self.who}")
@@ -244,8 +245,9 @@ class Connection:
 
     def release(self) -> None:
         """Steer no longer: somebody else may at once."""
-        self._operator = self._lost = None
-        self._control("release")
+        with self._steering:
+            self._operator = self._lost = None
+            self._control("release")
 
     def counts(self) -> dict[str, Any]:
         """What came of what was sent: `taken`, `late_points`, and `refused` by reason.
@@ -254,6 +256,7 @@ class Connection:
             LinkError: no controller answers.
             UsageError: we do not steer.
         """
+        self._held()
         found = self._acquire()
         return {name: found[name] for name in ("taken", "late_points", "refused")}
 
@@ -284,7 +287,7 @@ class Connection:
             The message's number.
 
         Raises:
-            UsageError: no such target, or somebody else steers.
+            UsageError: no such target, or we do not steer.
             BadProblemError: not d finite numbers.
         """
         points = _numbers(values, "a target")
@@ -314,7 +317,7 @@ class Connection:
             The message's number.
 
         Raises:
-            UsageError: no such target, or somebody else steers.
+            UsageError: no such target, or we do not steer.
             BadProblemError: the arrays do not fit, or a tick is none.
         """
         return self._send(_numbers(points, "points"), first_tick, step_ticks, rates, target)
@@ -348,13 +351,9 @@ class Connection:
         Raises:
             LinkError, UsageError: we are not, or it does not; say why.
         """
-        lost, self._lost = self._lost, None
-        if lost is not None:
-            raise lost
-        grant = self._operator
-        if grant is None or not grant["following"]:
+        grant = self._held()
+        if not grant["following"]:
             grant = self._acquire()
-            self._keep()
         if not grant["following"]:
             remedy = f"`hoap3 recover --connect {self._endpoint}`, or `recover()`"
             raise UsageError(
@@ -362,6 +361,23 @@ class Connection:
                 f"count. Where it is stopped: {remedy}"
             )
         return grant
+
+    def _held(self) -> dict[str, Any]:
+        """What an operator knows, if we are one.
+
+        Raises:
+            LinkError, UsageError: we are not; say why, where we were.
+        """
+        self._check_open()
+        lost, self._lost = self._lost, None
+        if lost is not None:
+            raise lost
+        if self._operator is None:
+            raise UsageError(
+                f"we do not steer robot {self.robot!r}. Acquire first: `acquire()`; one steers at "
+                "a time, until `release()`"
+            )
+        return self._operator
 
     def _keep(self) -> None:
         """Have a thread renew the lease."""
@@ -372,12 +388,13 @@ class Connection:
     def _renew(self) -> None:
         """In a thread of its own: keep the lease, as long as we have it; the next send tells."""
         while not self._closing.wait(RENEWED_S):
-            if self._operator is None:
-                continue
-            try:
-                self._acquire()
-            except (LinkError, UsageError, WireError) as error:
-                self._operator, self._lost = None, error
+            with self._steering:
+                if self._operator is None:
+                    continue
+                try:
+                    self._acquire()
+                except (LinkError, UsageError, WireError) as error:
+                    self._operator, self._lost = None, error
 
     def _told(self, verb: str) -> dict[str, Any]:
         raw = self._ask(verb, whom="ask")

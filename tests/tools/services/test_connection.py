@@ -128,6 +128,49 @@ def test_numbers_of_numpy_are_changed_as_plain_ones(robot: Connection, network: 
     assert json.loads(body) == expected
 
 
+def use_all(robot: Connection) -> None:
+    """Each way to steer, and the question what came of it, are refused."""
+    for use in (
+        lambda: robot.send_target([0.0, 0.0, 0.0]),
+        lambda: robot.send_chunk(np.zeros((2, 3)), 0, 50),
+        robot.counts,
+    ):
+        with pytest.raises(UsageError):
+            use()
+
+
+def test_who_never_acquired_does_not_steer(robot: Connection, network: Network) -> None:
+    use_all(robot)
+    assert not network.verbs()
+    assert not network.sent
+
+
+def test_who_released_steers_no_longer_until_he_acquires(
+    robot: Connection, network: Network
+) -> None:
+    robot.acquire()
+    robot.send_target([0.0, 0.0, 0.0])
+    robot.release()
+    use_all(robot)
+    assert network.verbs()[-1] == "release"
+    assert len(network.sent) == 1
+    robot.acquire()
+    robot.send_target([0.0, 0.0, 0.0])
+    assert len(network.sent) == 2
+
+
+def test_who_steers_goes_on_when_the_robot_follows_again(
+    robot: Connection, network: Network
+) -> None:
+    network.following = False
+    robot.acquire(timeout_s=-1.0)
+    with pytest.raises(UsageError):
+        robot.send_target([0.0, 0.0, 0.0])
+    network.following = True
+    robot.send_target([0.0, 0.0, 0.0])
+    assert len(network.sent) == 1
+
+
 ROUND: dict[str, Any] = {}
 ROUND["gamma"] = ROUND
 
