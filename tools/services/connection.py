@@ -419,7 +419,8 @@ class Connection:
             raise LinkError(f"no robot called {self.robot!r} answers {verb!r}: {look}")
         raise LinkError(
             f"no controller of robot {self.robot!r} answers {verb!r}: {look} says whom it follows. "
-            "One that starts for the first time compiles for some tens of seconds"
+            "One that starts for the first time compiles for some tens of seconds. In lockstep a "
+            "controller answers only while its robot moves"
         )
 
     def _check_open(self) -> None:

@@ -14,7 +14,7 @@ import pytest
 from support.small_arm import arm
 
 import hoap3
-from hoap3.protocol.errors import BadProblemError, UsageError
+from hoap3.protocol.errors import BadProblemError, LinkError, UsageError
 from hoap3.protocol.link import zenoh_session
 from hoap3.protocol.messages import Event, Target
 from hoap3.tools.services.connection import Connection
@@ -196,3 +196,11 @@ def test_a_change_that_json_does_not_have_is_refused(
     with pytest.raises(UsageError):
         robot.change(what)
     assert "change" not in network.verbs()
+
+
+def test_of_a_controller_that_is_silent_lockstep_is_told(
+    robot: Connection, network: Network
+) -> None:
+    network.answers = False
+    with pytest.raises(LinkError, match="lockstep"):
+        robot.acquire()
