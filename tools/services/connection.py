@@ -8,8 +8,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import functools
-import json
-import operator
 import os
 import secrets
 import threading
@@ -36,7 +34,8 @@ from hoap3.protocol.errors import (
     UsageError,
     WireError,
 )
-from hoap3.protocol.messages import MAX_ELEMENTS, Event, State, Target
+from hoap3.protocol.messages import Event, State, Target
+from hoap3.tools.services import sent
 from hoap3.tools.services.client import check_name, client_settings
 
 ENDPOINT = "tcp/127.0.0.1:7447"
@@ -212,7 +211,7 @@ class Connection:
             LinkError: the robot follows no controller.
             UsageError: it cannot be said in JSON, or the controller refuses; says why.
         """
-        return self._control("change", _request(what, more))
+        return self._control("change", sent.request(what, more))
 
     def acquire(self, timeout_s: float = 0.0) -> list[dict[str, Any]]:
         """Become the one who steers; the live targets of the controller, in their order.
@@ -290,7 +289,7 @@ class Connection:
             UsageError: no such target, or we do not steer.
             BadProblemError: not d finite numbers.
         """
-        points = _numbers(values, "a target")
+        points = sent.numbers(values, "a target")
         if points.ndim != 1:
             raise BadProblemError(f"a target is one row of numbers (found {points.ndim} axes)")
         return self._send(points[None], 0 if first_tick is None else first_tick, 1, None, target)
@@ -320,7 +319,7 @@ class Connection:
             UsageError: no such target, or we do not steer.
             BadProblemError: the arrays do not fit, or a tick is none.
         """
-        return self._send(_numbers(points, "points"), first_tick, step_ticks, rates, target)
+        return self._send(sent.numbers(points, "points"), first_tick, step_ticks, rates, target)
 
     def _send(
         self,
@@ -331,10 +330,11 @@ class Connection:
         name: str | None,
     ) -> int:
         grant = self._steers()
-        number, dimension, moves = _place(grant["targets"], name)
-        first_tick, step_ticks = _whole(first_tick, "first_tick"), _whole(step_ticks, "step_ticks")
-        speeds = np.zeros((0, moves)) if rates is None else _numbers(rates, "rates")
-        _check(points, speeds, (dimension, moves), first_tick, step_ticks)
+        number, dimension, moves = sent.place(grant["targets"], name)
+        first_tick = sent.whole(first_tick, "first_tick")
+        step_ticks = sent.whole(step_ticks, "step_ticks")
+        speeds = np.zeros((0, moves)) if rates is None else sent.numbers(rates, "rates")
+        sent.check(points, speeds, (dimension, moves), first_tick, step_ticks)
         message = Target(len(points), dimension, rates=moves if speeds.size else 0)
         message.values[:], message.rates[:] = points.ravel(), speeds.ravel()
         message.target, message.tick_step, message.first_tick = number, step_ticks, first_tick
@@ -515,86 +515,3 @@ class AsyncConnection:
         if self._connection is None:
             raise UsageError("connect first: `async with hoap3.connect_async(…) as robot`")
         return self._connection
-
-
-def _numbers(given: ArrayLike, what: str) -> np.ndarray[Any, Any]:
-    """An array of floats.
-
-    Raises:
-        BadProblemError: it is none.
-    """
-    try:
-        return np.asarray(given, float)
-    except (TypeError, ValueError) as error:
-        raise BadProblemError(f"{what} must be numbers (found {given!r:.60})") from error
-
-
-def _request(what: Any, more: Mapping[str, Any]) -> bytes:
-    """A change as it is sent; arrays and numbers of numpy become lists and plain numbers.
-
-    Raises:
-        UsageError: no mapping of keys, or a value that JSON does not have.
-    """
-    if not isinstance(what, Mapping | None):
-        raise UsageError(f"a change is a mapping of keys to numbers (found {what!r:.60})")
-    content = {**(what or {}), **more}
-    for key in content:
-        if not isinstance(key, str):
-            raise UsageError(f"a key of a change is text, such as 'gamma' (found {key!r:.60})")
-    try:
-        return json.dumps(content, default=_plain).encode()
-    except (TypeError, ValueError, RecursionError) as error:
-        raise UsageError(f"this change cannot be sent ({error}): give plain numbers") from error
-
-
-def _plain(value: Any) -> Any:
-    if callable(to_list := getattr(value, "tolist", None)):
-        return to_list()
-    raise UsageError(f"a change has numbers (found {value!r:.60})")
-
-
-def _whole(given: Any, what: str) -> int:
-    """A number of ticks.
-
-    Raises:
-        BadProblemError: it is none.
-    """
-    try:
-        return operator.index(given)
-    except TypeError as error:
-        raise BadProblemError(f"{what} must be a whole number (found {given!r:.60})") from error
-
-
-def _place(targets: list[Mapping[str, Any]], name: str | None) -> tuple[int, int, int]:
-    """Number of a target by its name, numbers of a point of it, and of a rate."""
-    names = [str(each["name"]) for each in targets]
-    if name is None and len(names) == 1:
-        name = names[0]
-    if name not in names:
-        raise UsageError(f"no live target is called {name!r}; there are {', '.join(names)}")
-    at = names.index(name)
-    return at, int(targets[at]["dimension"]), int(targets[at]["rates"])
-
-
-def _check(
-    points: np.ndarray[Any, Any],
-    rates: np.ndarray[Any, Any],
-    numbers: tuple[int, int],
-    first_tick: int,
-    step_ticks: int,
-) -> None:
-    """Refuse what no controller can take; numbers: of a point, and of its rate."""
-    dimension, moves = numbers
-    if points.ndim != 2 or points.shape[1] != dimension or not 0 < points.size <= MAX_ELEMENTS:
-        raise BadProblemError(
-            f"points of shape {points.shape}: expected (p, {dimension}), at most {MAX_ELEMENTS} "
-            "numbers"
-        )
-    if rates.size and rates.shape != (len(points), moves):
-        raise BadProblemError(f"rates of shape {rates.shape}: expected ({len(points)}, {moves})")
-    if not (np.isfinite(points).all() and np.isfinite(rates).all()):
-        raise BadProblemError("points and rates must be finite numbers")
-    if not (0 <= first_tick < 2**64 and 1 <= step_ticks < 2**32):
-        raise BadProblemError(
-            f"first_tick {first_tick} and step_ticks {step_ticks}: expected ≥ 0 and ≥ 1"
-        )
