@@ -69,6 +69,11 @@ class Changes:
         self.numbers = numbers_of(self._parts)
         self._known = {tuple(map(str, number.place)): number for number in self.numbers}
         self._known |= {number.path: number for number in self.numbers}
+        self._words = {
+            number.place[:end]: number.path[:end]
+            for number in self.numbers
+            for end in range(1, len(number.place) + 1)
+        }
         self._first = [number.read() for number in self.numbers]
         self._file = [private(part.settings) for part in self._parts]
         self._changed = False
@@ -220,7 +225,29 @@ class Changes:
         return f"{guess}What may: {', '.join(keys)}"
 
     def _validated(self, asked: Sequence[tuple[Number, Any]]) -> list[Settings]:
-        """The settings of all parts with what is asked for, as a config that has it would."""
+        """The settings of all parts with what is asked for, as a config that has it would.
+
+        Raises:
+            ConfigError: a config with it would be refused; with keys in people's words.
+        """
+        try:
+            return self._goals_of(asked)
+        except ConfigError as error:
+            raise self._in_words(error) from error
+
+    def _in_words(self, error: ConfigError) -> ConfigError:
+        """The same error, and the others in it, with tasks and constraints by name."""
+        keys = error.key.split(".")
+        for end in range(len(keys), 0, -1):
+            place = tuple(int(key) if key.isdecimal() else key for key in keys[:end])
+            if place in self._words:
+                keys[:end] = self._words[place]
+                break
+        others = [self._in_words(each) for each in error.others]
+        key, problem, remedy = ".".join(keys), error.problem, error.remedy
+        return type(error)(error.file, key, error.value, problem, remedy, others)
+
+    def _goals_of(self, asked: Sequence[tuple[Number, Any]]) -> list[Settings]:
         root = self._goals[0]
         content = _thawed(root.model_dump(exclude_unset=True))
         for number, value in asked:

@@ -167,7 +167,8 @@ OTHERS = [
     ("clik_ur5", {"tasks.hand.parameters.weights": [1.0, 2.0]}, "weights"),
     ("clik_ur5", {"tasks.hand.parameters.weights": [0.0]}, "weights"),
     ("ghc", {"null_damping_per_s": 0.0}, "switches the braking off"),
-    ("ghc", {"tasks.hand.kp": 0.0}, "tasks.0.kp: should be greater than 0"),
+    ("ghc", {"tasks.hand.kp": 0.0}, "tasks.hand.kp: should be greater than 0"),
+    ("ghc", {"tasks.0.kp": 0.0}, "tasks.hand.kp: should be greater than 0"),
     ("ghc", {"bounds.speed_share": 1e-9}, "bounds"),
     ("stable_qp_hoap3", {"constraints.support_polygon.parameters.eta_per_s": 1e6}, "eta_per_s"),
 ]
