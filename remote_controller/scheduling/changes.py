@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Annotated, Any
 
 from pydantic import Field
@@ -118,7 +118,7 @@ class Changes:
             over_s = parse(_Over, {"over_s": wanted.pop("over_s")}, FILE).over_s
         if not self.numbers:
             raise ConfigError(FILE, "", None, "this controller takes none while it runs", "")
-        asked = list(self._asked(wanted, ()))
+        asked = self._each_once(self._asked(wanted, ()))
         if not asked:
             raise ConfigError(FILE, "", None, "names no number", self._may_change())
         goals = self._validated(asked)
@@ -182,13 +182,29 @@ class Changes:
         for part in self._moved:
             part.take(part.settings)
 
-    def _asked(self, node: Mapping[str, Any], prefix: Path) -> Iterator[tuple[Number, Any]]:
-        """Each number that is named, with what it shall be."""
+    def _each_once(self, asked: Iterable[tuple[Path, Number, Any]]) -> list[tuple[Number, Any]]:
+        """Numbers that are named, with what they shall be.
+
+        Raises:
+            ConfigError: two keys name the same.
+        """
+        found: dict[str, tuple[str, Number, Any]] = {}
+        for path, number, value in asked:
+            key = ".".join(path)
+            if number.key in found:
+                first = found[number.key][0]
+                problem = f"is the same number as {first}, which this change has, too"
+                raise ConfigError(FILE, key, value, problem, "Give one of them")
+            found[number.key] = key, number, value
+        return [(number, value) for _, number, value in found.values()]
+
+    def _asked(self, node: Mapping[str, Any], prefix: Path) -> Iterator[tuple[Path, Number, Any]]:
+        """Each number that is named, as it is, with what it shall be."""
         for key, value in node.items():
             path = (*prefix, *str(key).split("."))
             number = self._known.get(path)
             if number is not None:
-                yield number, value
+                yield path, number, value
             elif isinstance(value, Mapping) and value and self._begins(path):
                 yield from self._asked(value, path)
             else:

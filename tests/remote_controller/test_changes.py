@@ -183,6 +183,23 @@ def test_a_change_is_refused_that_a_config_would_be(law, request_, problem):
     assert controller.changeable() == before
 
 
+@pytest.mark.parametrize(
+    "request_",
+    [
+        {"tasks.hand.gain_per_s": 2.0, "tasks.0.gain_per_s": 3.0},
+        {"tasks": {"0": {"gain_per_s": 2.0}, "hand": {"gain_per_s": 3.0}}},
+    ],
+)
+def test_two_keys_of_one_number_are_refused_and_both_named(request_):
+    controller = controller_case("clik_ur5", None).make()
+    before = controller.changeable()
+    with pytest.raises(UsageError) as refused:
+        controller.change(request_)
+    assert "tasks.hand.gain_per_s" in str(refused.value)
+    assert "tasks.0.gain_per_s" in str(refused.value)
+    assert controller.changeable() == before
+
+
 def test_a_limit_of_speed_that_others_reckon_with_is_only_lowered():
     case = controller_case("ghc", None)
     limits = [{"constraint": "joint_velocity", "parameters": {"limit_rad_s": 1.0}}]
