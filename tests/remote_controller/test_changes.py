@@ -200,6 +200,22 @@ def test_two_keys_of_one_number_are_refused_and_both_named(request_):
     assert controller.changeable() == before
 
 
+@pytest.mark.parametrize(
+    ("law", "request_"),
+    [
+        ("ghc_velocity", {"set": [["foot", "com", 0.5]], "tasks.foot.gain_per_s": 3.0}),
+        ("ghc", {"order": ["hand", "posture"], "tasks": {"hand": {"kp": 40.0}}, "over_s": 1.0}),
+        ("weighted", {"weights": {"hand": 2.0}, "w_r": 1e-3}),
+    ],
+)
+def test_numbers_do_not_change_together_with_priorities_or_weights(law, request_):
+    controller = controller_case(law, None).make()
+    before = controller.changeable()
+    with pytest.raises(UsageError, match="two changes"):
+        controller.change(request_)
+    assert controller.changeable() == before
+
+
 def test_a_limit_of_speed_that_others_reckon_with_is_only_lowered():
     case = controller_case("ghc", None)
     limits = [{"constraint": "joint_velocity", "parameters": {"limit_rad_s": 1.0}}]
