@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Annotated, Any
 
 from pydantic import Field
@@ -69,6 +69,11 @@ class Changes:
         self.numbers = numbers_of(self._parts)
         self._known = {tuple(map(str, number.place)): number for number in self.numbers}
         self._known |= {number.path: number for number in self.numbers}
+        self._words = {
+            number.place[:end]: number.path[:end]
+            for number in self.numbers
+            for end in range(1, len(number.place) + 1)
+        }
         self._first = [number.read() for number in self.numbers]
         self._file = [private(part.settings) for part in self._parts]
         self._changed = False
@@ -113,7 +118,7 @@ class Changes:
             over_s = parse(_Over, {"over_s": wanted.pop("over_s")}, FILE).over_s
         if not self.numbers:
             raise ConfigError(FILE, "", None, "this controller takes none while it runs", "")
-        asked = list(self._asked(wanted, ()))
+        asked = self._each_once(self._asked(wanted, ()))
         if not asked:
             raise ConfigError(FILE, "", None, "names no number", self._may_change())
         goals = self._validated(asked)
@@ -177,13 +182,29 @@ class Changes:
         for part in self._moved:
             part.take(part.settings)
 
-    def _asked(self, node: Mapping[str, Any], prefix: Path) -> Iterator[tuple[Number, Any]]:
-        """Each number that is named, with what it shall be."""
+    def _each_once(self, asked: Iterable[tuple[Path, Number, Any]]) -> list[tuple[Number, Any]]:
+        """Numbers that are named, with what they shall be.
+
+        Raises:
+            ConfigError: two keys name the same.
+        """
+        found: dict[str, tuple[str, Number, Any]] = {}
+        for path, number, value in asked:
+            key = ".".join(path)
+            if number.key in found:
+                first = found[number.key][0]
+                problem = f"is the same number as {first}, which this change has, too"
+                raise ConfigError(FILE, key, value, problem, "Give one of them")
+            found[number.key] = key, number, value
+        return [(number, value) for _, number, value in found.values()]
+
+    def _asked(self, node: Mapping[str, Any], prefix: Path) -> Iterator[tuple[Path, Number, Any]]:
+        """Each number that is named, as it is, with what it shall be."""
         for key, value in node.items():
             path = (*prefix, *str(key).split("."))
             number = self._known.get(path)
             if number is not None:
-                yield number, value
+                yield path, number, value
             elif isinstance(value, Mapping) and value and self._begins(path):
                 yield from self._asked(value, path)
             else:
@@ -220,7 +241,29 @@ class Changes:
         return f"{guess}What may: {', '.join(keys)}"
 
     def _validated(self, asked: Sequence[tuple[Number, Any]]) -> list[Settings]:
-        """The settings of all parts with what is asked for, as a config that has it would."""
+        """The settings of all parts with what is asked for, as a config that has it would.
+
+        Raises:
+            ConfigError: a config with it would be refused; with keys in people's words.
+        """
+        try:
+            return self._goals_of(asked)
+        except ConfigError as error:
+            raise self._in_words(error) from error
+
+    def _in_words(self, error: ConfigError) -> ConfigError:
+        """The same error, and the others in it, with tasks and constraints by name."""
+        keys = error.key.split(".")
+        for end in range(len(keys), 0, -1):
+            place = tuple(int(key) if key.isdecimal() else key for key in keys[:end])
+            if place in self._words:
+                keys[:end] = self._words[place]
+                break
+        others = [self._in_words(each) for each in error.others]
+        key, problem, remedy = ".".join(keys), error.problem, error.remedy
+        return type(error)(error.file, key, error.value, problem, remedy, others)
+
+    def _goals_of(self, asked: Sequence[tuple[Number, Any]]) -> list[Settings]:
         root = self._goals[0]
         content = _thawed(root.model_dump(exclude_unset=True))
         for number, value in asked:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Container, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from hoap3.protocol.config.settings import Settings, parse
 from hoap3.protocol.errors import ConfigError, located
 from hoap3.protocol.messages import FloatArray
+from hoap3.remote_controller.scheduling.numbers import FILE
 from hoap3.remote_controller.scheduling.priority_matrix import (
     Entries,
     order_entries,
@@ -65,6 +66,23 @@ class Schedule(ABC):
     def is_asked(cls, request: Mapping[str, Any]) -> bool:
         """Whether a request is for such a change, and not for one of other numbers."""
         return not cls.request.model_fields.keys().isdisjoint(request.keys() - {"over_s"})
+
+    @classmethod
+    def check_alone(cls, request: Mapping[str, Any], numbers: Container[str]) -> None:
+        """Refuse a request that is for other numbers as well.
+
+        Args:
+            request: that is asked for such a change.
+            numbers: first parts of the keys of all other numbers that may change.
+
+        Raises:
+            ConfigError: it names one of them.
+        """
+        for key, value in request.items():
+            if str(key).split(".")[0] in numbers:
+                problem = f"does not go together with a {cls.live}"
+                remedy = "Each kind is changed at a time of its own: send two changes"
+                raise ConfigError(FILE, str(key), value, problem, remedy)
 
     @abstractmethod
     def shown(self) -> dict[str, Any]:

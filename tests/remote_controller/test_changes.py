@@ -168,7 +168,8 @@ OTHERS = [
     ("clik_ur5", {"tasks.hand.parameters.weights": [0.0]}, "weights"),
     ("clik_ur5", {"tasks.hand.gain_per_s": 1000.1}, "At most 1000"),
     ("ghc", {"null_damping_per_s": 0.0}, "switches the braking off"),
-    ("ghc", {"tasks.hand.kp": 0.0}, "tasks.0.kp: should be greater than 0"),
+    ("ghc", {"tasks.hand.kp": 0.0}, "tasks.hand.kp: should be greater than 0"),
+    ("ghc", {"tasks.0.kp": 0.0}, "tasks.hand.kp: should be greater than 0"),
     ("ghc", {"bounds.speed_share": 1e-9}, "bounds"),
     ("stable_qp_hoap3", {"constraints.support_polygon.parameters.eta_per_s": 1e6}, "eta_per_s"),
 ]
@@ -179,6 +180,39 @@ def test_a_change_is_refused_that_a_config_would_be(law, request_, problem):
     controller = controller_case(law, None).make()
     before = controller.changeable()
     with pytest.raises(UsageError, match=problem):
+        controller.change(request_)
+    assert controller.changeable() == before
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        {"tasks.hand.gain_per_s": 2.0, "tasks.0.gain_per_s": 3.0},
+        {"tasks": {"0": {"gain_per_s": 2.0}, "hand": {"gain_per_s": 3.0}}},
+    ],
+)
+def test_two_keys_of_one_number_are_refused_and_both_named(request_):
+    controller = controller_case("clik_ur5", None).make()
+    before = controller.changeable()
+    with pytest.raises(UsageError) as refused:
+        controller.change(request_)
+    assert "tasks.hand.gain_per_s" in str(refused.value)
+    assert "tasks.0.gain_per_s" in str(refused.value)
+    assert controller.changeable() == before
+
+
+@pytest.mark.parametrize(
+    ("law", "request_"),
+    [
+        ("ghc_velocity", {"set": [["foot", "com", 0.5]], "tasks.foot.gain_per_s": 3.0}),
+        ("ghc", {"order": ["hand", "posture"], "tasks": {"hand": {"kp": 40.0}}, "over_s": 1.0}),
+        ("weighted", {"weights": {"hand": 2.0}, "w_r": 1e-3}),
+    ],
+)
+def test_numbers_do_not_change_together_with_priorities_or_weights(law, request_):
+    controller = controller_case(law, None).make()
+    before = controller.changeable()
+    with pytest.raises(UsageError, match="two changes"):
         controller.change(request_)
     assert controller.changeable() == before
 

@@ -46,7 +46,7 @@ def _content(given: Sequence[str]) -> dict[str, Any] | None:
     """
     if not given:
         return None
-    if len(given) > 1 or ("=" in given[0] and given[0].lstrip()[:1] not in {"{", "["}):
+    if len(given) > 1 or given[0].lstrip()[:1] not in {"{", "["}:
         return _pairs(given)
     try:
         content = json.loads(given[0])

@@ -8,12 +8,11 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import functools
-import json
 import os
 import secrets
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import AsyncIterator, Iterator, Mapping
 from types import TracebackType
 from typing import Any, Self
 
@@ -35,7 +34,8 @@ from hoap3.protocol.errors import (
     UsageError,
     WireError,
 )
-from hoap3.protocol.messages import MAX_ELEMENTS, Event, State, Target
+from hoap3.protocol.messages import Event, State, Target
+from hoap3.tools.services import sent
 from hoap3.tools.services.client import check_name, client_settings
 
 ENDPOINT = "tcp/127.0.0.1:7447"
@@ -92,6 +92,7 @@ class Connection:
         self._lost: Hoap3Error | None = None  # why we steer no longer
         self._number, self._closing = 0, threading.Event()
         self._renewer: threading.Thread | None = None
+        self._steering = threading.Lock()  # so that none renews what is just released
         try:
             self._token = self._session.liveliness().declare_token(
                 network.key(robot, f"clients/{self.who}")
@@ -208,9 +209,9 @@ class Connection:
 
         Raises:
             LinkError: the robot follows no controller.
-            UsageError: the controller refuses; says why.
+            UsageError: it cannot be said in JSON, or the controller refuses; says why.
         """
-        return self._control("change", json.dumps({**(what or {}), **more}).encode())
+        return self._control("change", sent.request(what, more))
 
     def acquire(self, timeout_s: float = 0.0) -> list[dict[str, Any]]:
         """Become the one who steers; the live targets of the controller, in their order.
@@ -243,8 +244,9 @@ class Connection:
 
     def release(self) -> None:
         """Steer no longer: somebody else may at once."""
-        self._operator = self._lost = None
-        self._control("release")
+        with self._steering:
+            self._operator = self._lost = None
+            self._control("release")
 
     def counts(self) -> dict[str, Any]:
         """What came of what was sent: `taken`, `late_points`, and `refused` by reason.
@@ -253,6 +255,7 @@ class Connection:
             LinkError: no controller answers.
             UsageError: we do not steer.
         """
+        self._held()
         found = self._acquire()
         return {name: found[name] for name in ("taken", "late_points", "refused")}
 
@@ -283,10 +286,10 @@ class Connection:
             The message's number.
 
         Raises:
-            UsageError: no such target, or somebody else steers.
+            UsageError: no such target, or we do not steer.
             BadProblemError: not d finite numbers.
         """
-        points = _numbers(values, "a target")
+        points = sent.numbers(values, "a target")
         if points.ndim != 1:
             raise BadProblemError(f"a target is one row of numbers (found {points.ndim} axes)")
         return self._send(points[None], 0 if first_tick is None else first_tick, 1, None, target)
@@ -313,10 +316,10 @@ class Connection:
             The message's number.
 
         Raises:
-            UsageError: no such target, or somebody else steers.
+            UsageError: no such target, or we do not steer.
             BadProblemError: the arrays do not fit, or a tick is none.
         """
-        return self._send(_numbers(points, "points"), first_tick, step_ticks, rates, target)
+        return self._send(sent.numbers(points, "points"), first_tick, step_ticks, rates, target)
 
     def _send(
         self,
@@ -326,14 +329,16 @@ class Connection:
         rates: ArrayLike | None,
         name: str | None,
     ) -> int:
-        operator = self._steers()
-        number, dimension, moves = _place(operator["targets"], name)
-        speeds = np.zeros((0, moves)) if rates is None else _numbers(rates, "rates")
-        _check(points, speeds, (dimension, moves), first_tick, step_ticks)
+        grant = self._steers()
+        number, dimension, moves = sent.place(grant["targets"], name)
+        first_tick = sent.whole(first_tick, "first_tick")
+        step_ticks = sent.whole(step_ticks, "step_ticks")
+        speeds = np.zeros((0, moves)) if rates is None else sent.numbers(rates, "rates")
+        sent.check(points, speeds, (dimension, moves), first_tick, step_ticks)
         message = Target(len(points), dimension, rates=moves if speeds.size else 0)
         message.values[:], message.rates[:] = points.ravel(), speeds.ravel()
         message.target, message.tick_step, message.first_tick = number, step_ticks, first_tick
-        message.session_id, message.epoch = operator["session_id"], operator["epoch"]
+        message.session_id, message.epoch = grant["session_id"], grant["epoch"]
         self._check_open()
         self._number += 1
         message.number = self._number
@@ -346,20 +351,33 @@ class Connection:
         Raises:
             LinkError, UsageError: we are not, or it does not; say why.
         """
-        lost, self._lost = self._lost, None
-        if lost is not None:
-            raise lost
-        operator = self._operator
-        if operator is None or not operator["following"]:
-            operator = self._acquire()
-            self._keep()
-        if not operator["following"]:
+        grant = self._held()
+        if not grant["following"]:
+            grant = self._acquire()
+        if not grant["following"]:
             remedy = f"`hoap3 recover --connect {self._endpoint}`, or `recover()`"
             raise UsageError(
                 f"robot {self.robot!r} does not follow its controller now, so targets do not "
                 f"count. Where it is stopped: {remedy}"
             )
-        return operator
+        return grant
+
+    def _held(self) -> dict[str, Any]:
+        """What an operator knows, if we are one.
+
+        Raises:
+            LinkError, UsageError: we are not; say why, where we were.
+        """
+        self._check_open()
+        lost, self._lost = self._lost, None
+        if lost is not None:
+            raise lost
+        if self._operator is None:
+            raise UsageError(
+                f"we do not steer robot {self.robot!r}. Acquire first: `acquire()`; one steers at "
+                "a time, until `release()`"
+            )
+        return self._operator
 
     def _keep(self) -> None:
         """Have a thread renew the lease."""
@@ -370,12 +388,13 @@ class Connection:
     def _renew(self) -> None:
         """In a thread of its own: keep the lease, as long as we have it; the next send tells."""
         while not self._closing.wait(RENEWED_S):
-            if self._operator is None:
-                continue
-            try:
-                self._acquire()
-            except (LinkError, UsageError, WireError) as error:
-                self._operator, self._lost = None, error
+            with self._steering:
+                if self._operator is None:
+                    continue
+                try:
+                    self._acquire()
+                except (LinkError, UsageError, WireError) as error:
+                    self._operator, self._lost = None, error
 
     def _told(self, verb: str) -> dict[str, Any]:
         raw = self._ask(verb, whom="ask")
@@ -400,7 +419,8 @@ class Connection:
             raise LinkError(f"no robot called {self.robot!r} answers {verb!r}: {look}")
         raise LinkError(
             f"no controller of robot {self.robot!r} answers {verb!r}: {look} says whom it follows. "
-            "One that starts for the first time compiles for some tens of seconds"
+            "One that starts for the first time compiles for some tens of seconds. In lockstep a "
+            "controller answers only while its robot moves"
         )
 
     def _check_open(self) -> None:
@@ -485,54 +505,13 @@ class AsyncConnection:
         while True:
             yield await asyncio.to_thread(next, states)
 
+    async def events(self, timeout_s: float = 2.0) -> AsyncIterator[dict[str, Any]]:
+        """What happens to the robot; see `Connection.events`."""
+        events = self._connected().events(timeout_s)
+        while (event := await asyncio.to_thread(next, events, None)) is not None:
+            yield event
+
     def _connected(self) -> Connection:
         if self._connection is None:
             raise UsageError("connect first: `async with hoap3.connect_async(…) as robot`")
         return self._connection
-
-
-def _numbers(given: ArrayLike, what: str) -> np.ndarray[Any, Any]:
-    """An array of floats.
-
-    Raises:
-        BadProblemError: it is none.
-    """
-    try:
-        return np.asarray(given, float)
-    except (TypeError, ValueError) as error:
-        raise BadProblemError(f"{what} must be numbers (found {given!r:.60})") from error
-
-
-def _place(targets: list[Mapping[str, Any]], name: str | None) -> tuple[int, int, int]:
-    """Number of a target by its name, numbers of a point of it, and of a rate."""
-    names = [str(each["name"]) for each in targets]
-    if name is None and len(names) == 1:
-        name = names[0]
-    if name not in names:
-        raise UsageError(f"no live target is called {name!r}; there are {', '.join(names)}")
-    at = names.index(name)
-    return at, int(targets[at]["dimension"]), int(targets[at]["rates"])
-
-
-def _check(
-    points: np.ndarray[Any, Any],
-    rates: np.ndarray[Any, Any],
-    numbers: tuple[int, int],
-    first_tick: int,
-    step_ticks: int,
-) -> None:
-    """Refuse what no controller can take; numbers: of a point, and of its rate."""
-    dimension, moves = numbers
-    if points.ndim != 2 or points.shape[1] != dimension or not 0 < points.size <= MAX_ELEMENTS:
-        raise BadProblemError(
-            f"points of shape {points.shape}: expected (p, {dimension}), at most {MAX_ELEMENTS} "
-            "numbers"
-        )
-    if rates.size and rates.shape != (len(points), moves):
-        raise BadProblemError(f"rates of shape {rates.shape}: expected ({len(points)}, {moves})")
-    if not (np.isfinite(points).all() and np.isfinite(rates).all()):
-        raise BadProblemError("points and rates must be finite numbers")
-    if not (0 <= first_tick < 2**64 and 1 <= step_ticks < 2**32):
-        raise BadProblemError(
-            f"first_tick {first_tick} and step_ticks {step_ticks}: expected ≥ 0 and ≥ 1"
-        )

@@ -347,6 +347,7 @@ class HierarchyController(Controller):
             ConfigError: something is wrong with it; nothing has been changed then.
         """
         if self.importance.is_asked(request):
+            self.importance.check_alone(request, super().changeable())
             self.importance.change(request, self._settled * self._dt)
         else:
             super().change(request)

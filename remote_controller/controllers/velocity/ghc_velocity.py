@@ -149,6 +149,7 @@ class GhcVelocityController(LabelledTasksController):
             ConfigError: something is wrong with it; nothing has been changed then.
         """
         if self.priorities.is_asked(request):
+            self.priorities.check_alone(request, super().changeable())
             self.priorities.change(request, self._time)
         else:
             super().change(request)

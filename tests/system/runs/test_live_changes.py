@@ -111,6 +111,7 @@ def test_what_cannot_be_changed_is_said(robot, at):
             (("change", "gamma=3"), "gamma: should be less than or equal to 1"),
             (("change", "gamma=0.5", "psi_scale=one"), "does not change while it runs"),
             (("change", "gamma=0.5", "beta"), "is not KEY=VALUE"),
+            (("change", "gama"), "is not KEY=VALUE"),
             (("change", "[1]"), "is no JSON object"),
             (("change", "{"), "is not JSON"),
             (("change", "{}", "--robot", "no robot"), "is not the name of"),

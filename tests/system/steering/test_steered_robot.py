@@ -232,6 +232,31 @@ def test_the_same_for_asyncio(steered, at):
     assert asyncio.run(story()) > 0
 
 
+def test_events_for_asyncio(steered, at):
+    async def story() -> bool:
+        async with hoap3.connect_async(ROBOT, at) as robot:
+            await anext(robot.events(timeout_s=0.1), None)  # from now on they are kept
+            await robot.stop()
+            async for each in robot.events(timeout_s=10.0):
+                if each["event"] == "AT_REST":
+                    break
+            else:
+                return False
+            await robot.recover()
+            return True
+
+    assert asyncio.run(story())
+    wait_for_mode("active", at, ROBOT)
+
+
+def test_who_released_does_not_steer(steered, at):
+    with hoap3.connect(ROBOT, at) as robot:
+        patiently(robot.acquire)
+        robot.release()
+        with pytest.raises(UsageError, match=r"acquire\(\)"):
+            robot.send_target([-0.5, -0.15, 0.35])
+
+
 def test_the_slow_policy_of_the_examples_steers_it(steered, at):
     words = [sys.executable, str(EXAMPLE), "--connect", at, "--seconds", "5"]
     done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)

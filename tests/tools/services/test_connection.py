@@ -1,0 +1,206 @@
+"""`hoap3.connect` without a network: what it sends, and what it refuses before it does."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from support.small_arm import arm
+
+import hoap3
+from hoap3.protocol.errors import BadProblemError, LinkError, UsageError
+from hoap3.protocol.link import zenoh_session
+from hoap3.protocol.messages import Event, Target
+from hoap3.tools.services.connection import Connection
+
+ROBOT = arm().name
+
+
+class Network:
+    """A robot that answers, and whose controller does; what was asked of it, and sent."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[str, bytes]] = []
+        self.sent: list[bytes] = []
+        self.samples: list[Any] = []
+        self.looked: set[int] = set()
+        self.following = self.answers = True
+
+    def ask(self, _: Any, robot: str, verb: str, who: str, body: bytes, whom: str) -> bytes | None:
+        del robot, who
+        self.asked.append((verb, body))
+        if verb == "description":
+            return arm().to_json()
+        if whom == "control" and not self.answers:
+            return None
+        target = {"name": "hand", "dimension": 3, "rates": 3}
+        grant = {"epoch": 1, "session_id": 7, "following": self.following, "targets": [target]}
+        counts = {"taken": 0, "late_points": 0, "refused": {}}
+        return json.dumps({"error": None, "now": {**grant, **counts}}).encode()
+
+    def session(self, _: Any) -> Any:
+        """As zenoh has it."""
+        subscriber = SimpleNamespace(try_recv=self._sample)
+        return SimpleNamespace(
+            is_closed=lambda: False,
+            close=lambda: None,
+            liveliness=lambda: SimpleNamespace(declare_token=lambda _: None),
+            declare_publisher=lambda *_, **__: SimpleNamespace(put=self.sent.append),
+            declare_subscriber=lambda *_: subscriber,
+        )
+
+    def _sample(self) -> Any:
+        self.looked.add(threading.get_ident())
+        return self.samples.pop(0) if self.samples else None
+
+    def verbs(self) -> list[str]:
+        """What was asked, but for the description."""
+        return [verb for verb, _ in self.asked if verb != "description"]
+
+
+@pytest.fixture
+def network(monkeypatch: pytest.MonkeyPatch) -> Network:
+    made = Network()
+    monkeypatch.setattr(zenoh_session, "ask", made.ask)
+    monkeypatch.setattr(zenoh_session, "open_session", made.session)
+    return made
+
+
+@pytest.fixture
+def robot(network: Network) -> Iterator[Connection]:
+    with hoap3.connect(ROBOT) as connected:
+        yield connected
+
+
+def test_events_come_to_asyncio_and_the_loop_goes_on(network: Network) -> None:
+    event = Event()
+    event.kind, event.tick = Event.schema.constants["RECOVERED"], 5
+    payload = event.dump()
+    network.samples = [SimpleNamespace(payload=SimpleNamespace(to_bytes=lambda: payload))]
+
+    async def story() -> list[Any]:
+        async with hoap3.connect_async(ROBOT) as robot:
+            return [each async for each in robot.events(timeout_s=0.01)]
+
+    (found,) = asyncio.run(story())
+    assert (found["event"], found["tick"]) == ("RECOVERED", 5)
+    assert threading.get_ident() not in network.looked
+
+
+@pytest.mark.parametrize(
+    ("first", "step"), [(1.5, 50), (0, 50.0), ("now", 50), (0, None), (-1, 50), (0, 0), ([1], 50)]
+)
+def test_a_tick_that_is_none_is_refused(first: Any, step: Any, robot: Connection) -> None:
+    robot.acquire()
+    with pytest.raises(BadProblemError):
+        robot.send_chunk(np.zeros((2, 3)), first, step)
+
+
+def test_a_target_from_a_tick_that_is_none_is_refused(robot: Connection, network: Network) -> None:
+    robot.acquire()
+    tick: Any = "now"
+    with pytest.raises(BadProblemError):
+        robot.send_target([0.0, 0.0, 0.0], first_tick=tick)
+    assert not network.sent
+
+
+def test_a_whole_number_of_numpy_is_a_tick(robot: Connection, network: Network) -> None:
+    robot.acquire()
+    robot.send_chunk(np.zeros((2, 3)), np.uint64(9), np.int32(50))
+    (payload,) = network.sent
+    sent = Target.like(payload)
+    sent.load(payload)
+    assert (sent.first_tick, sent.tick_step) == (9, 50)
+
+
+def test_numbers_of_numpy_are_changed_as_plain_ones(robot: Connection, network: Network) -> None:
+    weights = np.array([1.0, 2.0])
+    robot.change({"tasks": {"hand": {"weights": weights}}, "count": np.int64(3)}, gamma=np.ones(()))
+    verb, body = network.asked[-1]
+    assert verb == "change"
+    expected = {"tasks": {"hand": {"weights": [1.0, 2.0]}}, "count": 3, "gamma": 1.0}
+    assert json.loads(body) == expected
+
+
+def use_all(robot: Connection) -> None:
+    """Each way to steer, and the question what came of it, are refused."""
+    for use in (
+        lambda: robot.send_target([0.0, 0.0, 0.0]),
+        lambda: robot.send_chunk(np.zeros((2, 3)), 0, 50),
+        robot.counts,
+    ):
+        with pytest.raises(UsageError):
+            use()
+
+
+def test_who_never_acquired_does_not_steer(robot: Connection, network: Network) -> None:
+    use_all(robot)
+    assert not network.verbs()
+    assert not network.sent
+
+
+def test_who_released_steers_no_longer_until_he_acquires(
+    robot: Connection, network: Network
+) -> None:
+    robot.acquire()
+    robot.send_target([0.0, 0.0, 0.0])
+    robot.release()
+    use_all(robot)
+    assert network.verbs()[-1] == "release"
+    assert len(network.sent) == 1
+    robot.acquire()
+    robot.send_target([0.0, 0.0, 0.0])
+    assert len(network.sent) == 2
+
+
+def test_who_steers_goes_on_when_the_robot_follows_again(
+    robot: Connection, network: Network
+) -> None:
+    network.following = False
+    robot.acquire(timeout_s=-1.0)
+    with pytest.raises(UsageError):
+        robot.send_target([0.0, 0.0, 0.0])
+    network.following = True
+    robot.send_target([0.0, 0.0, 0.0])
+    assert len(network.sent) == 1
+
+
+ROUND: dict[str, Any] = {}
+ROUND["gamma"] = ROUND
+
+
+@pytest.mark.parametrize(
+    "what",
+    [
+        "gamma",
+        3.0,
+        ["gamma"],
+        {3: 0.5},
+        {"gamma": object()},
+        {"gamma": 1j},
+        {"gamma": np.complex128(1j)},
+        {"gamma": {0.5}},
+        {"tasks": {("hand", "kp"): 1.0}},
+        ROUND,
+    ],
+)
+def test_a_change_that_json_does_not_have_is_refused(
+    what: Any, robot: Connection, network: Network
+) -> None:
+    with pytest.raises(UsageError):
+        robot.change(what)
+    assert "change" not in network.verbs()
+
+
+def test_of_a_controller_that_is_silent_lockstep_is_told(
+    robot: Connection, network: Network
+) -> None:
+    network.answers = False
+    with pytest.raises(LinkError, match="lockstep"):
+        robot.acquire()

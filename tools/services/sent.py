@@ -1,0 +1,97 @@
+"""What a connection sends, checked before: changes, points, ticks."""
+
+from __future__ import annotations
+
+import json
+import operator
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hoap3.protocol.errors import BadProblemError, UsageError
+from hoap3.protocol.messages import MAX_ELEMENTS
+
+
+def numbers(given: ArrayLike, what: str) -> np.ndarray[Any, Any]:
+    """An array of floats.
+
+    Raises:
+        BadProblemError: it is none.
+    """
+    try:
+        return np.asarray(given, float)
+    except (TypeError, ValueError) as error:
+        raise BadProblemError(f"{what} must be numbers (found {given!r:.60})") from error
+
+
+def request(what: Any, more: Mapping[str, Any]) -> bytes:
+    """A change as it is sent; arrays and numbers of numpy become lists and plain numbers.
+
+    Raises:
+        UsageError: no mapping of keys, or a value that JSON does not have.
+    """
+    if not isinstance(what, Mapping | None):
+        raise UsageError(f"a change is a mapping of keys to numbers (found {what!r:.60})")
+    content = {**(what or {}), **more}
+    for key in content:
+        if not isinstance(key, str):
+            raise UsageError(f"a key of a change is text, such as 'gamma' (found {key!r:.60})")
+    try:
+        return json.dumps(content, default=_plain).encode()
+    except (TypeError, ValueError, RecursionError) as error:
+        raise UsageError(f"this change cannot be sent ({error}): give plain numbers") from error
+
+
+def _plain(value: Any) -> Any:
+    if callable(to_list := getattr(value, "tolist", None)):
+        return to_list()
+    raise UsageError(f"a change has numbers (found {value!r:.60})")
+
+
+def whole(given: Any, what: str) -> int:
+    """A number of ticks.
+
+    Raises:
+        BadProblemError: it is none.
+    """
+    try:
+        return operator.index(given)
+    except TypeError as error:
+        raise BadProblemError(f"{what} must be a whole number (found {given!r:.60})") from error
+
+
+def place(targets: list[Mapping[str, Any]], name: str | None) -> tuple[int, int, int]:
+    """Number of a target by its name, numbers of a point of it, and of a rate."""
+    names = [str(each["name"]) for each in targets]
+    if name is None and len(names) == 1:
+        name = names[0]
+    if name not in names:
+        raise UsageError(f"no live target is called {name!r}; there are {', '.join(names)}")
+    at = names.index(name)
+    return at, int(targets[at]["dimension"]), int(targets[at]["rates"])
+
+
+def check(
+    points: np.ndarray[Any, Any],
+    rates: np.ndarray[Any, Any],
+    numbers: tuple[int, int],
+    first_tick: int,
+    step_ticks: int,
+) -> None:
+    """Refuse what no controller can take; numbers: of a point, and of its rate."""
+    dimension, moves = numbers
+    if points.ndim != 2 or points.shape[1] != dimension or not 0 < points.size <= MAX_ELEMENTS:
+        raise BadProblemError(
+            f"points of shape {points.shape}: expected (p, {dimension}), at most {MAX_ELEMENTS} "
+            "numbers"
+        )
+    if rates.size and rates.shape != (len(points), moves):
+        raise BadProblemError(f"rates of shape {rates.shape}: expected ({len(points)}, {moves})")
+    if not (np.isfinite(points).all() and np.isfinite(rates).all()):
+        raise BadProblemError("points and rates must be finite numbers")
+    if not (0 <= first_tick < 2**64 and 1 <= step_ticks < 2**32):
+        raise BadProblemError(
+            f"first_tick {first_tick} and step_ticks {step_ticks}: expected ≥ 0 and ≥ 1"
+        )
