@@ -264,10 +264,16 @@ class Changes:
         return type(error)(error.file, key, error.value, problem, remedy, others)
 
     def _goals_of(self, asked: Sequence[tuple[Number, Any]]) -> list[Settings]:
+        """The same, with keys as the config has them.
+
+        What is so already stays as it stands there: a default is no more than that, and may be
+        fitted to the robot.
+        """
         root = self._goals[0]
         content = _thawed(root.model_dump(exclude_unset=True))
         for number, value in asked:
-            _put(content, number.place, value, root)
+            if not _is(value, at(self._goals[number.part], number.inner)):
+                _put(content, number.place, value, root)
         goals: list[Settings] = []
         for part in self._parts:
             below = _content_at(content, part.place)
@@ -278,6 +284,12 @@ class Changes:
             with located(FILE, ".".join(map(str, part.place))):
                 part.fits(goal)
         return goals
+
+
+def _is(value: Any, goal: Any) -> bool:
+    """Whether a value that is asked for is the present one; only numbers are compared."""
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return number and isinstance(goal, int | float) and value == goal
 
 
 def _thawed(value: Any) -> Any:

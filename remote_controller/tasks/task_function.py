@@ -93,13 +93,28 @@ class TaskFunction(LyapunovFunction):
 
     def tune(self, parameters: Any) -> None:
         """Take weights, and what the task has."""
-        self._roots[:] = np.sqrt(_checked(parameters.weights, self._roots.size))
+        self._roots[:] = self._roots_of(parameters)
         self.task.tune(parameters)
 
     def fits(self, parameters: Any) -> None:
         """Refuse weights that make no V."""
+        self._roots_of(parameters)
+
+    def weighted(self, jacobian: FloatArray, parameters: Any) -> FloatArray:
+        """√W·∂e/∂q, (m, n), with the weights of some parameters.
+
+        Args:
+            jacobian: ∂e/∂q of the task, (m, n).
+            parameters: of the task, perhaps changed ones.
+
+        Raises:
+            ConfigError: weights that make no V, with file "".
+        """
+        return self._roots_of(parameters)[:, None] * jacobian
+
+    def _roots_of(self, parameters: Any) -> FloatArray:
         try:
-            _checked(parameters.weights, self._roots.size)
+            return np.sqrt(_checked(parameters.weights, self._roots.size))
         except BadProblemError as error:
             given, remedy = parameters.weights, "Correct them"
             raise ConfigError("", error.key, given, str(error), remedy) from error

@@ -33,6 +33,8 @@ from hoap3.remote_controller.solvers.lyapunov_qp.stable_qp import STILL
 from hoap3.remote_controller.tasks import registry as tasks
 from hoap3.remote_controller.tasks.accuracy import TaskError
 from hoap3.remote_controller.tasks.curve_following.curve_following import PersistentMotion
+from hoap3.remote_controller.tasks.lyapunov import LyapunovFunction
+from hoap3.remote_controller.tasks.task_function import TaskFunction
 
 PROVEN = (status.OK, status.STATIONARY)
 ANSWERED = (*PROVEN, status.CANNOT_DESCEND, status.DESCENDS_FASTER)
@@ -123,13 +125,13 @@ class StableQpController(VelocityController):
         self._last, self._stopping = np.zeros(n), status.OK
         self._earlier_last, self._earlier_stopping = np.zeros(n), status.OK
         self._answered = -1
-        self._at_start: FloatArray | None = None  # the task's Jacobian
+        self._goal = task
+        self._at_start: FloatArray | None = None  # the task's Jacobian, without weights
         if description.servo_rate_1_s is not None:
             self.kinematics.update(description.initial_position)
             self.function.reset(self.kinematics, 0.0)
             self.function.update(self.kinematics, 0.0)
-            jacobian = getattr(self.function, "jacobian", None)  # of a V that is none of |e|²/2
-            self._at_start = None if jacobian is None else jacobian.copy()
+            self._at_start = _jacobian_of(self.function)
             fastest = self._fastest_rate(parameters)
             self.heed_servos(too_fast(description, fastest, parameters.kinematics_from))
 
@@ -152,13 +154,18 @@ class StableQpController(VelocityController):
         self._psi = _rate_of(parameters.psi).arguments
 
     def fits(self, parameters: Any) -> None:
-        """Refuse a law that becomes too fast for the robot's servos."""
+        """Refuse a law that becomes too fast for the robot's servos, by Ψ or the task's weights."""
         refuse_too_fast(self, self._fastest_rate(parameters), parameters.kinematics_from)
 
     def _fastest_rate(self, parameters: Any) -> float:
-        if self._at_start is None:
+        jacobian = self._at_start
+        if jacobian is None:
             return math.inf
-        return loop_rate(parameters.psi.form, _rate_of(parameters.psi).scales, self._at_start)
+        if isinstance(self.function, TaskFunction):
+            given = tasks.check_parameters(parameters.task or self._goal)
+            with located("", "task.parameters"):
+                jacobian = self.function.weighted(jacobian, given)
+        return loop_rate(parameters.psi.form, _rate_of(parameters.psi).scales, jacobian)
 
     @classmethod
     def configured(cls, description: RobotDescription, parameters: Any, file: str) -> Self:
@@ -372,3 +379,10 @@ class StableQpController(VelocityController):
 
 def _rate_of(psi: settings.RateSettings) -> DescentRate:
     return DescentRate(psi.form, psi.u_max_rad_s, psi.beta, psi.eta_per_s, psi.kappa)
+
+
+def _jacobian_of(function: LyapunovFunction) -> FloatArray | None:
+    """∂e/∂q where it is now, without weights, (m, n); None of a V that is none of |e|²/2."""
+    source = function.task if isinstance(function, TaskFunction) else function
+    jacobian = getattr(source, "jacobian", None)
+    return None if jacobian is None or not jacobian.size else jacobian.copy()

@@ -84,9 +84,12 @@ class DescentController(VelocityController):
         self._form = FORMS.index(parameters.psi_scale)
         self.tune(parameters)
         self.u, self.gradient = np.zeros((2, description.n))
+        self._at_start: FloatArray | None = None  # the task's Jacobian
         if description.servo_rate_1_s is not None:
-            self._look_at_start()
-            rate = self.fastest(parameters)
+            self.kinematics.update(description.initial_position)
+            self.task.update(self.kinematics)
+            self._at_start = self.task.jacobian.copy()
+            rate = self.fastest(parameters, self._at_start)
             self.heed_servos(too_fast(description, rate, parameters.kinematics_from))
 
     def tune(self, parameters: Any) -> None:
@@ -98,13 +101,9 @@ class DescentController(VelocityController):
 
     def fits(self, parameters: Any) -> None:
         """Refuse a law that becomes too fast for the robot's servos."""
-        if self.description.servo_rate_1_s is not None:
-            self._look_at_start()
-            refuse_too_fast(self, self.fastest(parameters), parameters.kinematics_from)
-
-    def _look_at_start(self) -> None:
-        self.kinematics.update(self.description.initial_position)
-        self.task.update(self.kinematics)
+        if self._at_start is not None:
+            rate = self.fastest(parameters, self._at_start)
+            refuse_too_fast(self, rate, parameters.kinematics_from)
 
     def reset(self, state: State, last_command: FloatArray | None) -> None:
         """Begin again from rest."""
@@ -132,10 +131,10 @@ class DescentController(VelocityController):
         asked = np.ones(len(self.task.error), np.bool_)
         return [replace(error, task=self._point) for error in self.task.accuracy(asked)]
 
-    def fastest(self, parameters: Any) -> float:
-        """The largest rate at which it corrects joints, where `task` is now [1/s]."""
+    def fastest(self, parameters: Any, jacobian: FloatArray) -> float:
+        """The largest rate at which it corrects joints, for a Jacobian of the task [1/s]."""
         scales = parameters.u_max_rad_s, parameters.beta
-        return loop_rate(parameters.psi_scale, scales, self.task.jacobian)
+        return loop_rate(parameters.psi_scale, scales, jacobian)
 
     @abstractmethod
     def descend(self, certificate: FloatArray) -> int:

@@ -40,12 +40,12 @@ class PinvController(DescentController):
         super().tune(parameters)
         self._gain = parameters.gain_per_s if parameters.law == "plain" else 0.0
 
-    def fastest(self, parameters: Any) -> float:
+    def fastest(self, parameters: Any, jacobian: FloatArray) -> float:
         """The rate of the plain law, or of the pseudo-inverse with V̇ = −Ψ [1/s]."""
         if parameters.law == "plain":
             return float(parameters.gain_per_s)
         scales = parameters.u_max_rad_s, parameters.beta
-        return loop_rate(parameters.psi_scale, scales, self.task.jacobian, pseudo_inverse=True)
+        return loop_rate(parameters.psi_scale, scales, jacobian, pseudo_inverse=True)
 
     def descend(self, certificate: FloatArray) -> int:
         """Find u, and what it does to V."""

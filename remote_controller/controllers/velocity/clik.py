@@ -401,7 +401,9 @@ class ClikSdpController(_Clik):
 
         self._fastest_beta = FASTEST / description.period_s
         self._want(parameters)
-        self._patience, self._slow = round(LASTING_S / description.period_s), 0
+        self._patience = round(LASTING_S / description.period_s)
+        self._slow = self._slow_before = 0  # ticks, up to this one and the one before
+        self._answered = -1
         self.solver = SdpGains(
             self.sizes,
             description.n,
@@ -424,13 +426,16 @@ class ClikSdpController(_Clik):
         """Begin anew, also with the gains."""
         super().reset(state, last_command)
         self.solver.forget()
-        self._slow = 0
+        self._slow, self._answered = 0, -1
 
     def answer(self, state: State, base: FloatArray, now: float, noted: int) -> None:
         """Joint velocities, their certificate, and whether β stays low."""
         super().answer(state, base, now, noted)
         arrived = self.command.solver_status == STATUS["at_target"]
-        self._slow = self._slow + 1 if self.solver.beta < self._little and not arrived else 0
+        if state.tick != self._answered:  # else it is asked again
+            self._slow_before, self._answered = self._slow, state.tick
+        slow = self.solver.beta < self._little and not arrived
+        self._slow = self._slow_before + 1 if slow else 0
         if self._slow > self._patience:
             self.present |= 1 << len(CONDITIONS)
 

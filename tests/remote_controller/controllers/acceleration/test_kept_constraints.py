@@ -45,6 +45,21 @@ def test_nothing_is_certified_while_a_constraint_is_violated(name):
 
 
 @EVERY
+def test_a_default_rate_that_brakes_lower_can_be_asked_for_and_no_other_above_it(name):
+    """It is 10 by default, and as low as the joints' brakes want it; who sets it is refused."""
+    controller, rate = kept(name, wall(-0.6)), "constraints.wall.parameters.eta_per_s"
+    with pytest.raises(ConfigError, match="eta_per_s"):
+        kept(name, {**wall(-0.6), "parameters": {**wall(-0.6)["parameters"], "eta_per_s": 10.0}})
+    controller.change({"constraints": controller.changeable()["constraints"]})
+    controller.change({"constraints.wall.parameters.return_speed_m_s": 0.1})
+    with pytest.raises(ConfigError, match="eta_per_s"):
+        controller.change({rate: 10.5})
+    controller.change({rate: 1.0})
+    with pytest.raises(ConfigError, match="eta_per_s"):
+        controller.change({rate: 10.0})
+
+
+@EVERY
 def test_walls_without_room_between_them_make_all_joints_brake_together(name):
     """To a stop that is the one that was looked at: in a straight line, in whole periods."""
     controller = kept(name, wall(-0.3), wall(0.6, "other", -1.0))

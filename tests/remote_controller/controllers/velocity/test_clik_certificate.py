@@ -208,6 +208,12 @@ def test_to_begin_anew_is_to_know_nothing_of_the_last_answers():
     assert controller.command.dump() == fresh.command.dump()
 
 
+def ask(controller, body):
+    """About the next State."""
+    body.state.tick += 1
+    controller.velocity(body.state)
+
+
 class TestSlow:
     """That β stays below a tenth of β̃ is a condition, after a while, and until it no longer is."""
 
@@ -221,23 +227,33 @@ class TestSlow:
         for _ in range(2):
             said = []
             for _ in range(round(LASTING_S / T) + 5):
-                controller.velocity(body.state)
+                ask(controller, body)
                 assert 0.0 <= column(controller, "beta") < 0.4
                 said.append(holds(controller, SLOW))
             assert said == [False] * round(LASTING_S / T) + [True] * 5
             controller.reset(body.state, None)
 
+    def test_counts_states_however_often_each_is_asked_about(self):
+        controller, body = controller_of("clik_sdp", *self.NEARLY)
+        for _ in range(round(LASTING_S / T)):
+            ask(controller, body)
+            controller.velocity(body.state)
+            controller.velocity(body.state)
+            assert not holds(controller, SLOW)
+        ask(controller, body)
+        assert holds(controller, SLOW)
+
     def test_ends_when_beta_is_back(self):
         controller, body = controller_of("clik_sdp", *self.NEARLY)
         for _ in range(round(LASTING_S / T) + 1):
-            controller.velocity(body.state)
+            ask(controller, body)
         assert holds(controller, SLOW)
         controller.functions[1].jacobian[0, 1] = 1.0
-        controller.velocity(body.state)
+        ask(controller, body)
         assert column(controller, "beta") > 0.4
         assert not holds(controller, SLOW)
         controller.functions[1].jacobian[0, 1] = 1e-3
-        controller.velocity(body.state)
+        ask(controller, body)
         assert not holds(controller, SLOW)
 
     @pytest.mark.parametrize(("asked", "slow"), [(39.0, False), (41.0, True)])
@@ -246,7 +262,7 @@ class TestSlow:
         controller.solve = lambda: (1, 1, 0.0, 0.0)
         controller.solver.beta = 4.0
         for _ in range(round(LASTING_S / T) + 1):
-            controller.velocity(body.state)
+            ask(controller, body)
         assert holds(controller, SLOW) == slow
 
     def test_counts_no_more_than_can_be_had(self):
@@ -254,7 +270,7 @@ class TestSlow:
             "clik_sdp", {"rows": [[1.0]], "target": [2e-5]}, beta_per_s=1e5
         )
         for _ in range(round(LASTING_S / T) + 1):
-            controller.velocity(body.state)
+            ask(controller, body)
         assert column(controller, "beta") == pytest.approx(1.0 / T, rel=1e-2)
         assert not holds(controller, SLOW)
 
@@ -262,7 +278,7 @@ class TestSlow:
         still = tuple({**task, "target": [0.0]} for task in self.NEARLY)
         controller, body = controller_of("clik_sdp", *still)
         for _ in range(round(LASTING_S / T) + 1):
-            controller.velocity(body.state)
+            ask(controller, body)
         assert column(controller, "beta") < 0.4
         assert controller.command.solver_status == STATUS["at_target"]
         assert not holds(controller, SLOW)
