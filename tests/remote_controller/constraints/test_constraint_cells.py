@@ -45,7 +45,7 @@ NEAR = {"distance": {}}  # the watched pairs are those of everyday use, not all
 CELLS = [
     cell for cell in product(TASKS, of_constraints(), sorted(TRIED)) if serves(cell[1], cell[2])
 ]
-BY_DEFAULT = sorted(np.random.default_rng(18).choice(len(CELLS), 30, replace=False))
+BY_DEFAULT = sorted(np.random.default_rng(18).choice(len(CELLS), 12, replace=False))
 
 
 def made(task: str, controller: str, constraint: str) -> Any:
