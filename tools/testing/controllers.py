@@ -21,6 +21,9 @@ from hoap3.tools.testing.controller_case import LENGTH, ControllerCase, controll
 from hoap3.tools.testing.suite import Suite, Value, over
 
 ULP = np.finfo(float).eps
+KEPT = 1024
+"""Bytes by which 200 steps may grow: a few numbers of another size. A float kept per step is 4,800,
+in every round; what libraries keep for a while goes up and down."""
 
 
 def every(suite: ControllerProperties) -> list[Value]:
@@ -245,20 +248,22 @@ class ControllerProperties(Suite):
         rehearse(controller, case.robot)
         controller.reset(states[0], None)
         gc.collect()
+        growths: list[int] = []
         tracemalloc.start()
         try:
             for state in states:  # fills whatever has a bound
                 controller.step(state)
-            gc.collect()
-            before = tracemalloc.get_traced_memory()[0]
-            for _ in range(2):
-                for state in states:
-                    controller.step(state)
-            gc.collect()
-            growth = tracemalloc.get_traced_memory()[0] - before
+            while len(growths) < 3 and min(growths, default=KEPT + 1) > KEPT:
+                gc.collect()
+                before = tracemalloc.get_traced_memory()[0]
+                for _ in range(2):
+                    for state in states:
+                        controller.step(state)
+                gc.collect()
+                growths.append(tracemalloc.get_traced_memory()[0] - before)
         finally:
             tracemalloc.stop()
-        assert growth <= 1024  # a few numbers of another size; a float kept per step were 4,800
+        assert min(growths) <= KEPT
 
     @over("case", of_each_law)
     def test_its_rehearsal_leaves_nothing_to_compile_or_import(self, case: ControllerCase) -> None:
