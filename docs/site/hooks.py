@@ -97,13 +97,12 @@ def settings() -> str:
         lines = [
             f"## {title}",
             "",
-            "| key | type | unit | default | meaning |",
-            "|---|---|---|---|---|",
+            "| key | type | unit | default | meaning | changes while it runs |",
+            "|---|---|---|---|---|---|",
         ]
-        lines += [
-            f"| {' | '.join(_cell(cell, code=place in (0, 3)) for place, cell in enumerate(row))} |"
-            for row in rows
-        ]
+        for row in rows:
+            cells = [_cell(cell, code=place in (0, 3)) for place, cell in enumerate(row[:5])]
+            lines.append(f"| {' | '.join((*cells, 'yes' if row.changes else ''))} |")
         parts.append("\n".join(lines) if rows else f"## {title}\n\nNo keys.")
     return "\n\n".join(parts)
 
