@@ -57,7 +57,7 @@ def connect(
         robot: its name.
         endpoint: where it, or a router, listens.
         every_tick: be sent the State of each tick, not of each 16th alone. It costs the robot's
-            machine as much as a controller does.
+            machine as much as sending to a controller does.
 
     Raises:
         UsageError: that cannot be the name of a robot, or an endpoint.
