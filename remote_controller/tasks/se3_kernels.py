@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.triple_kernels import Triple, cross, plus
 from hoap3.protocol.runtime.numba_jit import inlined, kernel
-from hoap3.remote_controller.model.triple_kernels import Triple, cross, plus
 from hoap3.remote_controller.tasks.status import AT_ANTIPODE, OK
 
 SMALL = 0.2  # rad: below, series; at it, c agrees to 1e-13, d to 1e-11 and d·θ³ to 1e-13

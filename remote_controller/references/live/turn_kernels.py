@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 
+from hoap3.protocol.robot.triple_kernels import Triple, cross, plus
 from hoap3.protocol.runtime.numba_jit import Matrix, Vector, inlined, kernel
-from hoap3.remote_controller.model.triple_kernels import Triple, cross, plus
 
 Quadruple = tuple[float, float, float, float]
 
