@@ -14,6 +14,7 @@ from hoap3.protocol.runtime.recorder import MemoryRecorder
 from hoap3.remote_controller.config import ControllerConfig
 from hoap3.remote_controller.controllers.acceleration.soles.settings import ContactSettings
 from hoap3.robot_emulator.config import EmulatorConfig
+from hoap3.tools.bench.pushes.apart import LONGEST_S, answer_within
 from hoap3.tools.bench.pushes.capture import Array, Stance, impulse, room, room_by_torques
 from hoap3.tools.simulate import Lockstep, controller_settings, emulator_settings
 
@@ -66,8 +67,9 @@ def bench_pushes(
 
     Returns:
         A row for each: `robot`, `controller`, `direction_deg`, `room_m` d, `bound_ns` m·√(g/z)·d,
-        `torque_bound_ns` by the linear program, `survived_ns`, `share` of the lesser bound, and
-        `wanted`, which share is asked for.
+        `torque_bound_ns` by the linear program, `survived_ns`, `share` of the lesser bound,
+        `wanted`, which share is asked for, and `unanswered`, the share at which the peer's solver
+        did not return, or None.
 
     Raises:
         UnknownNameError: there is no such robot or controller.
@@ -169,7 +171,18 @@ def _row(
     bound = impulse(stance, distance)
     by_torques = impulse(stance, room_by_torques(stance, angle))
     least = min(bound, by_torques)
-    share = greatest_share(lambda part: survives(robot, controller, part * least, angle), tried)
+    unanswered = []
+
+    def survived(part: float) -> bool:
+        push = robot, controller, part * least, angle
+        if controller != PEER:
+            return survives(*push)
+        found = answer_within(LONGEST_S, survives, *push)
+        if found is None:
+            unanswered.append(part)
+        return bool(found)
+
+    share = greatest_share(survived, tried)
     return {
         "robot": robot,
         "controller": controller,
@@ -180,6 +193,7 @@ def _row(
         "survived_ns": share * least,
         "share": share,
         "wanted": WANTED[direction % 90 // 45],
+        "unanswered": unanswered[0] if unanswered else None,
     }
 
 
