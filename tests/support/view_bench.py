@@ -1,4 +1,4 @@
-"""A server of the live page on a free port, with a source that the test writes, and a page's words."""
+"""A server of the live page on a free port, with a source of the test's own, and a page."""
 
 from __future__ import annotations
 
