@@ -22,6 +22,7 @@ END_S = 10.0
 READY = b"ready\n"
 """What a process says that now waits for the robot."""
 CLIENTS = "hoap3.tools.beside.clients"
+PAGE = "hoap3.tools.beside.page"
 ROBOT, LAW = "ur5", "steered_ur5"
 
 

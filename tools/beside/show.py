@@ -18,9 +18,9 @@ def show_race(raced: dict[str, Any]) -> None:
     for row in raced["rows"]:
         table.add_row(*(_cell(row[name]) for name in COLUMNS))
     results.print(table)
-    for what in ("states", "targets"):
+    for what in sorted(raced["did"][0].keys() - {"failed"}):
         counts = [each[what] for each in raced["did"]]
-        results.print(f"{what} of a run, all clients: {min(counts)} to {max(counts)}")
+        results.print(f"{what} of a run: {min(counts)} to {max(counts)}")
     added = raced["added"]
     for name, words in (("missed", "of all ticks"), ("missed_outside", "outside host stalls")):
         found = added[name]

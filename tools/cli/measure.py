@@ -18,6 +18,11 @@ Samples = Annotated[int, typer.Option(min=10, help="Calls that are timed, each o
 Calls = Annotated[
     int, typer.Option(min=10, help="Calls of each peer; ours is called 20 times as often.")
 ]
+Pairs = Annotated[int, typer.Option(min=2, help="Runs with it, and as many without.")]
+Seconds = Annotated[float, typer.Option(min=1.0, help="Of each run [s].")]
+NoRealtime = Annotated[
+    bool, typer.Option("--no-realtime", help="Neither pin nor ask for priority.")
+]
 
 
 def doctor(
@@ -230,21 +235,54 @@ def bench_clients(
     rate: Annotated[
         float, typer.Option(min=1.0, max=1000.0, help="Of what each reads and sends [Hz].")
     ] = 60.0,
-    pairs: Annotated[int, typer.Option(min=2, help="Runs with clients, and without.")] = 10,
-    seconds: Annotated[float, typer.Option(min=1.0, help="Of each run [s].")] = 60.0,
+    pairs: Pairs = 10,
+    seconds: Seconds = 60.0,
     as_json: AsJson = False,
-    no_realtime: Annotated[
-        bool, typer.Option("--no-realtime", help="Neither pin nor ask for priority.")
-    ] = False,
+    no_realtime: NoRealtime = False,
 ) -> None:
     """Run UR5 in real time by turns with Python clients beside it and without any."""
-    from hoap3.tools.beside.race import CLIENTS, race
+    from hoap3.tools.beside.race import CLIENTS
+
+    order = {"count": count, "rate_hz": rate}
+    _race("clients", CLIENTS, order, (pairs, seconds), realtime=not no_realtime, as_json=as_json)
+
+
+@bench_app.command("view")
+def bench_view(
+    browser: Annotated[
+        Path | None,
+        typer.Option(help="A Chromium that draws the page; else a client that draws nothing."),
+    ] = None,
+    pairs: Pairs = 10,
+    seconds: Seconds = 60.0,
+    as_json: AsJson = False,
+    no_realtime: NoRealtime = False,
+) -> None:
+    """Run UR5 in real time by turns with the live page beside it and without."""
+    from hoap3.tools.beside.race import PAGE
+    from hoap3.tools.machine.extras import check_view
+
+    check_view()
+    order = {"browser": None if browser is None else str(browser)}
+    _race("view", PAGE, order, (pairs, seconds), realtime=not no_realtime, as_json=as_json)
+
+
+def _race(
+    name: str,
+    module: str,
+    order: dict[str, Any],
+    runs: tuple[int, float],
+    *,
+    realtime: bool,
+    as_json: bool,
+) -> None:
+    """Race a module, so many pairs of so many seconds, and print what came of it."""
+    from hoap3.tools.beside.race import race
     from hoap3.tools.beside.show import show_race
 
     machine = _begin()
-    order = {"count": count, "rate_hz": rate}
-    with progress("bench clients") as meter:
-        raced = race(CLIENTS, order, pairs, seconds, meter.part, realtime=not no_realtime)
+    with progress(f"bench {name}") as meter:
+        raced = race(module, order, *runs, meter.part, realtime=realtime)
     if not as_json:
         show_race(raced)
     _end(as_json, raced, machine, {})

@@ -65,3 +65,16 @@ def test_clients_steer_and_look_in_every_other_run():
     assert [row["beside"] for row in told["rows"]] == [False, True, True, False]
     assert all(each["targets"] > 0 and each["states"] > 0 for each in told["did"])
     assert len(told["did"]) == told["added"]["pairs"] == 2
+
+
+@pytest.mark.slow
+def test_a_page_is_looked_at_in_every_other_run():
+    words = "--pairs", 2, "--seconds", 8, "--json"  # a page takes seconds to begin
+    done = hoap3("bench", "view", *words, "--no-realtime")
+    assert done.process.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert [row["beside"] for row in told["rows"]] == [False, True, True, False]
+    assert len(told["did"]) == told["added"]["pairs"] == 2
+    for each in told["did"]:
+        assert each["frames"] > 0
+        assert each["bytes"] > 100 * each["frames"]
