@@ -191,7 +191,7 @@ class Live:
         met, newest = self._met, self.newest()
         if newest is None or newest.place == self._last:
             return None
-        if newest.state.lengths != met.frames.description.state_lengths:
+        if not met.frames.fits(newest.state):
             return None  # of a robot that is new, which is asked what it is
         self._last = newest.place
         met.verdicts.look(newest.state, newest.setpoint)

@@ -1,4 +1,4 @@
-"""The live page's server with a robot that runs: what it shows, who may move it, and who lets go."""
+"""The live page's server with a robot that runs: what it shows, who moves it, who lets go."""
 
 from __future__ import annotations
 
@@ -51,7 +51,8 @@ with connect(f"ws://{host}/socket", origin=f"http://{host}", max_size=None) as s
         global number
         number += 1
         text = json.dumps(do)
-        word = {"kind": "act", "id": number, "mac": code(f"{nonce}\\n{number}\\n{text}"), "do": text}
+        mac = code(f"{nonce}\\n{number}\\n{text}")
+        word = {"kind": "act", "id": number, "mac": mac, "do": text}
         socket.send(json.dumps(word))
         while (told := json.loads(socket.recv())).get("id") != number or told["kind"] != "told":
             pass

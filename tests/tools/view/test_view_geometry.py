@@ -13,13 +13,15 @@ import pytest
 import hoap3
 from hoap3.tools.view.geometry import looks_of, primitives, quaternion, rotation_of
 
-URDF = """<robot name="one"><material name="blue"><color rgba="0 0 1 1"/></material>
+URDF = """<robot name="one">
+<material name="blue"><color rgba="0 0 1 1"/></material>
 <link name="base"><visual><origin xyz="0.1 0.2 0.3" rpy="0 0 1.5707963267948966"/>
 <geometry><cylinder radius="0.05" length="0.4"/></geometry><material name="blue"/></visual></link>
-<link name="arm"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>
-</inertial><collision><geometry><box size="0.1 0.2 0.3"/></geometry></collision></link>
-<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
-<limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>"""
+<link name="arm"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><geometry><box size="0.1 0.2 0.3"/></geometry></collision></link>
+<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>
+<axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>"""
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
