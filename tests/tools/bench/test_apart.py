@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import threading
 
 import pytest
 
@@ -16,8 +15,8 @@ def is_even(number: int) -> bool:
 
 
 def never() -> bool:
-    threading.Event().wait()
-    return True
+    while True:
+        pass
 
 
 def die() -> bool:
@@ -25,14 +24,14 @@ def die() -> bool:
 
 
 def test_an_answer_is_told():
-    assert answer_within(60.0, is_even, 4) is True
-    assert answer_within(60.0, is_even, 5) is False
+    assert answer_within(60, is_even, 4) is True
+    assert answer_within(60, is_even, 5) is False
 
 
 def test_who_never_answers_is_ended():
-    assert answer_within(0.5, never) is None
+    assert answer_within(1, never) is None
 
 
 def test_who_dies_is_no_answer():
     with pytest.raises(Hoap3Error, match="code 3"):
-        answer_within(60.0, die)
+        answer_within(60, die)

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import multiprocessing
+import resource
+import signal
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any
 
 from hoap3.protocol.errors import Hoap3Error
 
-LONGEST_S = 120.0  # of a push that takes some 10 s where the solver answers
+LONGEST_S = 120  # of CPU, for a push that takes some 10 s where the solver answers
 
 
-def answer_within(limit_s: float, ask: Callable[..., bool], *given: Any) -> bool | None:
-    """What a function says; None where it says nothing in time, and is ended.
+def answer_within(limit_s: int, ask: Callable[..., bool], *given: Any) -> bool | None:
+    """What a function says; None where it takes too long, and is ended.
 
     Args:
-        limit_s: time that it has, the start of its process included [s].
+        limit_s: CPU time that it has, the start of its process included [s].
         ask, given: a function of a module, and what it is called with.
 
     Raises:
@@ -24,23 +26,23 @@ def answer_within(limit_s: float, ask: Callable[..., bool], *given: Any) -> bool
     """
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe(duplex=False)
-    child = context.Process(target=_answer, args=(theirs, ask, given), daemon=True)
+    child = context.Process(target=_answer, args=(theirs, limit_s, ask, given), daemon=True)
     child.start()
     theirs.close()
-    try:
-        if not ours.poll(limit_s):
-            return None
-        found: bool = ours.recv()
-    except EOFError as error:
-        child.join()
-        raise Hoap3Error(f"a process of a peer ended with code {child.exitcode}") from error
-    else:
-        return found
-    finally:
-        child.kill()
-        child.join()
-        ours.close()
+    with ours:
+        try:
+            found: bool = ours.recv()
+        except EOFError as error:
+            child.join()
+            if child.exitcode == -signal.SIGXCPU:
+                return None
+            raise Hoap3Error(f"a process of a peer ended with code {child.exitcode}") from error
+    child.join()
+    return found
 
 
-def _answer(theirs: Connection, ask: Callable[..., bool], given: tuple[Any, ...]) -> None:
+def _answer(
+    theirs: Connection, limit_s: int, ask: Callable[..., bool], given: tuple[Any, ...]
+) -> None:
+    resource.setrlimit(resource.RLIMIT_CPU, (limit_s, resource.RLIM_INFINITY))
     theirs.send(bool(ask(*given)))

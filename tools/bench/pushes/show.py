@@ -32,7 +32,7 @@ def show_pushes(rows: list[dict[str, Any]]) -> None:
         if row["unanswered"] is not None:
             results.print(
                 f"{row['controller']}, {row['direction_deg']} deg: at {row['unanswered']:.0%} its "
-                f"solver did not return within {LONGEST_S:g} s, which counts as a fall."
+                f"solver did not return within {LONGEST_S} s of CPU, which counts as a fall."
             )
     missed = sum(row["share"] < row["wanted"] for row in rows)
     results.print(f"{len(rows) - missed} of {len(rows)} survive the share that is wanted of them.")
