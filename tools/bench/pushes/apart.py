@@ -11,7 +11,7 @@ from typing import Any
 
 from hoap3.protocol.errors import Hoap3Error
 
-LONGEST_S = 120  # of CPU, for a push that takes some 10 s where the solver answers
+LONGEST_S = 60  # of CPU, for a push that takes some 10 s where the solver answers
 
 
 def answer_within(limit_s: int, ask: Callable[..., bool], *given: Any) -> bool | None:
