@@ -31,6 +31,7 @@ export class Connection extends EventTarget {
     this.socket.onopen = () => this.#tell("open");
     this.socket.onclose = () => {
       this.proved = false;
+      this.nonce = undefined;
       this.beat(false);
       this.#answerAll("the connection is lost");
       this.#tell("closed");
@@ -44,11 +45,7 @@ export class Connection extends EventTarget {
 
   #take(message) {
     if (message.kind === "hello") {
-      this.nonce = message.nonce;
-      this.id = 0;
-      if (this.token && message.writes) {
-        this.#send({ kind: "prove", proof: hmac(this.token, this.nonce + location.origin) });
-      }
+      this.#meet(message);
     } else if (message.kind === "proved") {
       this.proved = message.ok;
     } else if (message.kind === "told") {
@@ -56,6 +53,15 @@ export class Connection extends EventTarget {
       this.questions.delete(message.id);
     }
     this.#tell(message.kind, message);
+  }
+
+  /** A greeting that comes again, of a controller that is new, has the nonce that we know. */
+  #meet({ nonce, writes }) {
+    if (nonce === this.nonce) return;
+    this.nonce = nonce;
+    this.id = 0;
+    if (!this.token || !writes) return;
+    this.#send({ kind: "prove", proof: hmac(this.token, nonce + location.origin) });
   }
 
   #answerAll(error) {
@@ -87,7 +93,7 @@ export class Connection extends EventTarget {
     if (answer) this.questions.set(id, answer);
   }
 
-  /** Says each 50 ms that the page is alive, while it drags or drives. */
+  /** Says each 50 ms that the page is alive, while it steers. */
   beat(on) {
     if (on === this.beating) return;
     this.beating = on && this.proved;

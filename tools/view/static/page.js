@@ -80,22 +80,23 @@ function greet(hello) {
   document.title = `${hello.robot} · hoap3 view`;
   write(at("config"), hello.config ?? "");
   joints = new Joints(hello.joints);
-  at("events").replaceChildren();
-  for (const note of hello.notes ?? []) addEvent({ at_s: 0, label: note });
+  if (hello.log) at("events").replaceChildren();
+  for (const note of hello.notes ?? []) addEvent({ label: note });
   for (const event of hello.log?.events ?? []) addEvent(event);
   timeline = hello.log ? new Timeline(hello.log, connection) : undefined;
   plots = new Plots(at("plots"), hello, (at_s) => timeline?.seek(at_s));
   at("buttons").hidden = at("drive").hidden = Boolean(hello.log);
-  take(hello);
+  take({ changeable: [], targets: [], ...hello });
   say();
 }
 
 /** What can be changed and dragged, at the start or when the controller's answer differs. */
 function take({ changeable, targets: told }) {
-  sliders.set(changeable ?? []);
-  page.targets = told ?? [];
-  if (overlays) targets.set(page.targets, robot); // else with the first frame: only then its size is known
-  teleop.set(page.hello.log ? [] : page.targets);
+  if (changeable) sliders.set(changeable);
+  if (!told) return;
+  page.targets = told;
+  if (overlays) targets.set(told, robot); // else with the first frame: only then its size is known
+  teleop.set(page.hello.log ? [] : told);
 }
 
 function show(frame) {
@@ -130,6 +131,7 @@ function allow() {
   at("stop").disabled = at("recover").disabled = at("steer").disabled = !live;
   if (now === steering) return;
   steering = now;
+  connection.beat(now);
   write(at("steer"), now ? "Release" : "Steer");
   at("steer").setAttribute("aria-pressed", String(now));
   targets.arm(now);
@@ -194,7 +196,10 @@ const takers = {
     allow();
     say();
   },
-  told: (told) => (page.told = told),
+  told: (told) => {
+    page.told = told;
+    take(told.now ?? {});
+  },
   closed: () => {
     allow();
     say();

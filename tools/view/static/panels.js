@@ -151,10 +151,10 @@ export class Sliders {
 const MOST_EVENTS = 200;
 const EVENT_SIGNS = { error: "✕", warning: "!", warn: "!", info: "·" };
 
-/** @param {{at_s: number, label: string, severity?: string}} event newest on top */
+/** @param {{at_s?: number|null, label: string, severity?: string}} event newest on top */
 export function addEvent({ at_s, label, severity = "info" }) {
   const sign = make("i", { className: `sign ${severity}`, textContent: EVENT_SIGNS[severity] ?? "·" });
-  const when = make("time", { textContent: `${at_s.toFixed(2)} s` });
+  const when = make("time", { textContent: at_s == null ? "–" : `${at_s.toFixed(2)} s` });
   at("events").prepend(make("li", {}, sign, when, make("span", { textContent: label })));
   while (at("events").childElementCount > MOST_EVENTS) at("events").lastChild.remove();
 }

@@ -186,8 +186,8 @@ export class Plots {
   }
 
   /** @param {object} frame */
-  push({ time_s, values }) {
-    for (const chart of this.charts) chart.push(time_s, values);
+  push({ time_s, at_s = time_s, values }) {
+    for (const chart of this.charts) chart.push(at_s, values);
     const now = performance.now();
     if (now - this.drawn_ms < EACH_MS) return;
     this.drawn_ms = now;

@@ -158,12 +158,10 @@ export class Targets {
       this.dragged = { target, gizmo };
       this.sent_ms = -Infinity;
       this.late = false;
-      this.connection.beat(true);
     } else {
       this.#flush();
       this.dragged = null;
       this.connection.act({ verb: "drop" });
-      this.connection.beat(false);
     }
   }
 

@@ -87,7 +87,6 @@ export class Teleop {
     if (!this.driving) return;
     this.driving = false;
     this.connection.act({ verb: "drop" });
-    this.connection.beat(false);
     this.#tell();
   }
 
@@ -156,7 +155,6 @@ export class Teleop {
     if (!this.driving && six.every((each) => each === 0)) return; // Shift alone drives nothing
     if (!this.driving) {
       this.driving = true;
-      this.connection.beat(true);
       this.#tell();
     }
     if (performance.now() - this.sent_ms < EACH_MS) return;

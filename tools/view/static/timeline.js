@@ -64,11 +64,11 @@ export class Timeline {
   }
 
   /** @param {object} frame */
-  show({ time_s, playing }) {
+  show({ time_s, at_s = time_s, playing }) {
     if (this.pulled) return;
-    at("at").value = time_s;
-    this.#write(time_s);
-    const on = playing ?? (this.playing && time_s < this.log.to_s); // it stops at its end
+    at("at").value = at_s;
+    this.#write(at_s);
+    const on = playing ?? (this.playing && at_s < this.log.to_s); // it stops at its end
     if (on !== this.playing) this.#button(on);
   }
 }

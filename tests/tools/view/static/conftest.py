@@ -30,9 +30,7 @@ def open_page(browser: Any) -> Iterator[Callable[..., Any]]:
         contexts.append(context)
         page = context.new_page()
         page.on("pageerror", lambda error: errors.append(str(error)))
-        page.on(
-            "console", lambda said: errors.append(said.text) if said.type == "error" else None
-        )
+        page.on("console", lambda said: errors.append(said.text) if said.type == "error" else None)
         page.goto(view.address(token))
         page.wait_for_function(wait)
         return page

@@ -1,4 +1,4 @@
-"""A server that speaks the page's language and makes its frames up: what the page does is its own."""
+"""A server that speaks the page's language, and makes its frames up."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import hmac
 import json
 import math
 import mimetypes
+import secrets
 import struct
 import threading
 import time
@@ -23,8 +24,9 @@ from websockets.http11 import Response
 from websockets.sync.server import serve
 
 STATIC = HOUSE / "tools" / "view" / "static"
+POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
+POLICY += "connect-src 'self'; worker-src 'self'"
 TOKEN = "a-token-of-tests"
-NONCE = "00112233445566778899aabbccddeeff"
 GREY, BLUE = [0.75, 0.77, 0.8, 1.0], [0.3, 0.45, 0.7, 1.0]
 HERE = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
 TETRAHEDRON = struct.pack("<II", 4, 4) + (
@@ -68,8 +70,14 @@ PLOTS = [
 def hello(**more: Any) -> dict[str, Any]:
     """What the page learns first."""
     return {
-        **{"kind": "hello", "nonce": NONCE, "version": 1, "robot": "made up", "live": True},
-        **{"writes": True, "period_s": 0.001, "links": LINKS, "log": None},
+        "kind": "hello",
+        "version": 1,
+        "robot": "made up",
+        "live": True,
+        "writes": True,
+        "period_s": 0.001,
+        "links": LINKS,
+        "log": None,
         "joints": [
             {"name": "turn", "lower": -1.5, "upper": 1.5, "velocity": 2.0, "unit": "rad"},
             {"name": "lift", "lower": -0.2, "upper": 1.8, "velocity": 2.0, "unit": "rad"},
@@ -110,8 +118,14 @@ def frame(tick: int, **more: Any) -> dict[str, Any]:
     at_s = tick / 1000
     where = poses(at_s)
     return {
-        **{"kind": "frame", "tick": tick, "time_s": at_s, "stamp_ns": time.time_ns()},
-        **{"mode": "active", "stop_reason": None, "holder": "qp12-4711", "poses": where},
+        "kind": "frame",
+        "tick": tick,
+        "time_s": at_s,
+        "stamp_ns": time.time_ns(),
+        "mode": "active",
+        "stop_reason": None,
+        "holder": "qp12-4711",
+        "poses": where,
         "q": [math.sin(at_s), 1.79, 2 * at_s],
         "com": [0.05, 0.02, 0.35],
         "zmp": [0.04, 0.03],
@@ -151,7 +165,7 @@ class MadeUpView:
         self._server = serve(
             self._talk, "127.0.0.1", 0, process_request=self._static, compression=None
         )
-        self.origin = "http://127.0.0.1:{}".format(self._server.socket.getsockname()[1])
+        self.origin = f"http://127.0.0.1:{self._server.socket.getsockname()[1]}"
         self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
         self._thread.start()
 
@@ -178,6 +192,10 @@ class MadeUpView:
     def verbs(self) -> list[str]:
         return [do["verb"] for _, do in self.asked]
 
+    def wait(self, seconds: float) -> None:
+        """While the browser is busy, so that no question to it helps."""
+        self._closed.wait(seconds)
+
     def beats(self) -> int:
         return sum(message["kind"] == "beat" for message in self.taken)
 
@@ -196,23 +214,24 @@ class MadeUpView:
         headers = Headers()
         headers["Content-Type"] = kind
         headers["Content-Length"] = str(len(content))
-        headers["Content-Security-Policy"] = "default-src 'self'"
+        headers["Content-Security-Policy"] = POLICY
         return Response(200, "OK", headers, content)
 
     def _talk(self, socket: Any) -> None:
         newest = 0
         self._sockets.append(socket)
-        socket.send(json.dumps(self._hello))
+        nonce = secrets.token_hex(16)  # of this connection alone
+        socket.send(json.dumps({**self._hello, "nonce": nonce}))
         threading.Thread(target=partial(self._stream, socket), daemon=True).start()
         for text in socket:
             message = json.loads(text)
             self.taken.append(message)
             if message["kind"] == "prove":
-                ok = message["proof"] == code(NONCE + self.origin)
+                ok = message["proof"] == code(nonce + self.origin)
                 socket.send(json.dumps({"kind": "proved", "ok": ok}))
             elif message["kind"] in {"act", "beat"}:
                 said = message.get("do", "beat")
-                if message["mac"] != code(f"{NONCE}\n{message['id']}\n{said}"):
+                if message["mac"] != code(f"{nonce}\n{message['id']}\n{said}"):
                     self.wrong.append(text)
                 if message["id"] <= newest:
                     self.wrong.append(f"{message['id']} after {newest}")

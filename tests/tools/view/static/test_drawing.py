@@ -149,7 +149,9 @@ def test_nothing_is_asked_of_anybody_else(open_page, browser):
         context.close()
         assert any(url.endswith("/mesh/tetrahedron") for url in asked)
         assert any(url.endswith("/socket") for url in asked)
-        assert [url for url in asked if not url.startswith((view.origin, f"blob:{view.origin}"))] == []
+        assert [
+            url for url in asked if not url.startswith((view.origin, f"blob:{view.origin}"))
+        ] == []
 
 
 def test_a_frame_holds_what_json_has(open_page):
