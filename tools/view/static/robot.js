@@ -8,6 +8,7 @@ import {
   Color,
   CylinderGeometry,
   DoubleSide,
+  FrontSide,
   Group,
   Mesh,
   MeshLambertMaterial,
@@ -64,7 +65,7 @@ export function shapeOf(visual, opacity = visual.color[3], loaded = () => {}) {
     opacity,
     depthWrite: opacity >= 1,
     flatShading: visual.shape === "mesh",
-    side: opacity < 1 || visual.shape === "mesh" ? DoubleSide : undefined,
+    side: opacity < 1 || visual.shape === "mesh" ? DoubleSide : FrontSide,
   });
   const mesh = new Mesh(new BufferGeometry(), material);
   place(mesh, visual.origin);
