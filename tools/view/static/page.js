@@ -5,7 +5,7 @@ import { BLUE, eachScheme } from "./colours.js";
 import { Overlays } from "./overlays.js";
 import { addEvent, at, Joints, showState, showVerdicts, Sliders, write } from "./panels.js";
 import { Plots } from "./plots.js";
-import { Robot } from "./robot.js";
+import { discard, Robot } from "./robot.js";
 import { Stage } from "./scene.js";
 import { Targets } from "./targets.js";
 import { Teleop } from "./teleop.js";
@@ -16,6 +16,7 @@ const TEXT_MS = 100; // between two changes of the text
 const MOST_DRAWN = 4096;
 
 let robot, ghost, overlays, joints, plots, timeline;
+let known = false; // whether the robot is the one that was shown before
 let steering = false; // whether this page is the operator
 let cameAt_ms = 0; // when the last frame came
 let wrote_ms = 0;
@@ -65,14 +66,15 @@ stage.onDrawn = () => {
 
 /** Everything anew: the page was just opened, or the server is another one. */
 function greet(hello) {
+  known = JSON.stringify(page.hello?.links) === JSON.stringify(hello.links);
   page.hello = hello;
   page.frame = null;
   steering = false;
-  for (const old of [robot, ghost, overlays]) old?.removeFromParent();
+  for (const old of [robot, ghost, overlays]) if (old) discard(old);
   overlays = undefined;
   const loaded = () => stage.change();
   robot = new Robot(hello.links, loaded);
-  ghost = hello.log?.second ? new Robot(hello.links, loaded, BLUE) : undefined;
+  ghost = hello.log?.second || hello.second ? new Robot(hello.links, loaded, BLUE) : undefined;
   stage.scene.add(robot);
   if (ghost) stage.scene.add(ghost);
   at("ghost-key").hidden = !ghost;
@@ -105,7 +107,7 @@ function show(frame) {
   robot.move(frame.poses);
   if (ghost && frame.ghost) ghost.move(frame.ghost);
   if (!overlays) {
-    stage.frame(robot);
+    if (!known) stage.frame(robot); // else whoever looks has chosen from where
     overlays = new Overlays(page.hello, robot, stage.span);
     stage.scene.add(overlays);
     targets.set(page.targets, robot);
@@ -163,8 +165,9 @@ function warn() {
   const old = page.hello?.live && page.frame && age_ms > OLD_MS;
   at("banner").hidden = !closed && !old;
   if (at("banner").hidden) return;
-  const age = page.frame ? ` The picture is ${(age_ms / 1000).toFixed(1)} s old.` : "";
-  write(at("banner"), (closed ? "No connection; trying again." : "No frames come.") + age);
+  const [why, age] = at("banner").children;
+  write(why, closed ? "No connection; trying again." : "No frames come.");
+  write(age, page.frame ? `The picture is ${(age_ms / 1000).toFixed(1)} s old.` : "");
 }
 
 function ask(verb) {

@@ -95,50 +95,63 @@ export class Sliders {
   /** @param {import("./connection.js").Connection} connection */
   constructor(connection) {
     this.connection = connection;
+    this.made = "";
   }
 
   /** @param {{key, label, lower, upper, value, unit}[]} changeable */
   set(changeable) {
-    at("change").hidden = changeable.length === 0;
-    at("sliders").replaceChildren(
-      ...changeable.map((each) => (typeof each.value === "number" ? this.#number(each) : this.#text(each))),
-    );
-    this.enable(this.on);
+    const made = JSON.stringify(changeable.map(({ value, ...rest }) => [rest, typeof value]));
+    if (made !== this.made) {
+      this.made = made;
+      this.all = changeable.map((each) => (typeof each.value === "number" ? this.#number(each) : this.#text(each)));
+      at("sliders").replaceChildren(...this.all.map(({ row }) => row));
+      at("change").hidden = changeable.length === 0;
+      this.enable(this.on);
+    }
+    changeable.forEach(({ value }, i) => this.all[i].take(value));
   }
 
   /** What is no number is only shown. */
-  #text({ key, label, value }) {
-    const shown = make("output", { textContent: typeof value === "string" ? value : JSON.stringify(value) });
-    return make("div", { className: "setting" }, make("span", { textContent: label, title: key }), shown);
+  #text({ key, label }) {
+    const shown = make("output");
+    const told = make("small", { className: "told", textContent: key });
+    const row = make("div", { className: "setting" }, make("span", { textContent: label }), shown, told);
+    return { row, take: (value) => write(shown, typeof value === "string" ? value : JSON.stringify(value)) };
   }
 
   /** A slider between bounds; a field to type in where one of them is missing. */
-  #number({ key, label, lower, upper, value, unit }) {
+  #number({ key, label, lower, upper, unit }) {
     const bounded = typeof lower === "number" && typeof upper === "number" && upper > lower;
     const input = make("input", { type: bounded ? "range" : "number" });
     if (typeof lower === "number") input.min = lower;
     if (typeof upper === "number") input.max = upper;
     input.step = bounded ? (upper - lower) / STEPS : "any";
     const shown = make("output");
-    const told = make("small", { className: "told" });
-    const words = (number) => `${Number(number.toPrecision(3))}${unit ? ` ${unit}` : ""}`;
-    const show = () => write(shown, words(input.valueAsNumber));
-    let last = value;
-    input.value = value;
-    shown.textContent = words(value); // as it is, not as the slider's steps have it
-    input.addEventListener("input", show);
+    const told = make("small", { className: "told", textContent: key });
+    let now; // as the controller has it, which may be between two steps of the slider
+    let held = false;
+    const show = (number) => write(shown, `${Number(number.toPrecision(3))}${unit ? ` ${unit}` : ""}`);
+    const take = (value) => {
+      now = value;
+      if (held) return;
+      input.value = value;
+      show(value);
+    };
+    input.addEventListener("input", () => {
+      held = true;
+      if (!Number.isNaN(input.valueAsNumber)) show(input.valueAsNumber);
+    });
     input.addEventListener("change", () => {
+      held = false;
       const asked = input.valueAsNumber;
-      write(told, "asked …");
+      if (Number.isNaN(asked)) return take(now); // an empty field
+      write(told, `${key}: asked …`);
       this.connection.act({ verb: "change", what: { [key]: asked }, over_s: OVER_S }, (error) => {
-        write(told, error ?? "changed");
-        if (error === null) last = asked;
-        else input.value = last;
-        show();
+        write(told, `${key}: ${error ?? "changed"}`);
+        take(error === null ? asked : now);
       });
     });
-    const name = make("span", { textContent: label, title: key });
-    return make("label", { className: "setting" }, name, shown, input, told);
+    return { row: make("label", { className: "setting" }, make("span", { textContent: label }), shown, input, told), take };
   }
 
   /** Only the operator changes anything. */

@@ -81,7 +81,7 @@ class Chart {
     const series = this.curves.flatMap((_, i) => (this.log ? [curve(i), curve(i)] : [curve(i)]));
     const bands = this.log
       ? this.curves.map((_, i) => ({
-          series: [2 * i + 2, 2 * i + 1], // from the least to the greatest of each bin
+          series: [2 * i + 1, 2 * i + 2], // from the greatest to the least of each bin
           fill: () => `${readable(CURVES[i % CURVES.length])}44`,
         }))
       : [];

@@ -23,6 +23,15 @@ export function place(object, pose) {
   object.quaternion.set(pose[3], pose[4], pose[5], pose[6]);
 }
 
+/** Takes an object out of the picture, and what it holds out of the graphics memory. */
+export function discard(object) {
+  object.removeFromParent();
+  object.traverse(({ geometry, material }) => {
+    geometry?.dispose();
+    material?.dispose?.();
+  });
+}
+
 const SHAPES = {
   box: ([x, y, z]) => new BoxGeometry(x, y, z),
   sphere: ([r]) => new SphereGeometry(r, 24, 16),

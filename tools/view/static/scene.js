@@ -28,8 +28,9 @@ export class Stage {
     this.renderer = new WebGLRenderer({ antialias: true });
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     this.canvas = this.renderer.domElement;
+    this.canvas.tabIndex = 0;
     this.canvas.setAttribute("role", "img");
-    this.canvas.setAttribute("aria-label", "The robot in 3-D; drag to turn, wheel to zoom");
+    this.canvas.setAttribute("aria-label", "The robot in 3-D; arrows move the view, with Ctrl they turn it");
     box.append(this.canvas);
 
     const sun = new DirectionalLight(0xffffff, 1.6);
@@ -39,6 +40,7 @@ export class Stage {
     this.scene.add(sun, this.sky, new AmbientLight(0xffffff, 0.4));
 
     this.orbit = new OrbitControls(this.camera, this.canvas);
+    this.orbit.listenToKeyEvents(this.canvas);
     this.orbit.addEventListener("change", () => this.change());
     this.waiting = false;
     this.onDrawn = () => {};

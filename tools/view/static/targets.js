@@ -11,6 +11,7 @@ import {
 } from "./vendor.js";
 import { AXES, ORANGE, PURPLE } from "./colours.js";
 import { triad } from "./overlays.js";
+import { discard } from "./robot.js";
 
 const LEAST_MS = 1000 / 30; // between two targets that are sent
 
@@ -91,7 +92,7 @@ class Target {
       gizmo.getHelper().removeFromParent();
       gizmo.dispose();
     }
-    this.marker.removeFromParent();
+    discard(this.marker);
   }
 }
 

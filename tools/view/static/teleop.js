@@ -112,6 +112,7 @@ export class Teleop {
     if (!this.armed || event.ctrlKey || event.altKey || event.metaKey) return;
     if (!(event.code in KEYS) && !DEAD_MEN.has(event.code)) return;
     if (event.code in KEYS && event.shiftKey) event.preventDefault(); // not a letter to a list
+    if (event.repeat) return; // held since before the page let go
     this.held.add(event.code);
     this.#poll();
   }
