@@ -130,7 +130,10 @@ function show(frame) {
 function allow() {
   const live = connection.proved && !page.hello?.log;
   const now = live && page.frame?.operator === "me";
-  at("stop").disabled = at("recover").disabled = at("steer").disabled = !live;
+  if (live === at("stop").disabled) {
+    at("stop").disabled = at("recover").disabled = at("steer").disabled = !live;
+    sliders.enable(live);
+  }
   if (now === steering) return;
   steering = now;
   connection.beat(now);
@@ -138,7 +141,6 @@ function allow() {
   at("steer").setAttribute("aria-pressed", String(now));
   targets.arm(now);
   teleop.arm(now);
-  sliders.enable(now);
   say();
 }
 

@@ -141,6 +141,7 @@ export class Sliders {
       held = true;
       if (!Number.isNaN(input.valueAsNumber)) show(input.valueAsNumber);
     });
+    input.addEventListener("pointerup", () => (held = false)); // also where it was put back
     input.addEventListener("change", () => {
       held = false;
       const asked = input.valueAsNumber;
@@ -154,7 +155,7 @@ export class Sliders {
     return { row: make("label", { className: "setting" }, make("span", { textContent: label }), shown, input, told), take };
   }
 
-  /** Only the operator changes anything. */
+  /** Only who knows the token changes anything. */
   enable(on) {
     this.on = Boolean(on);
     for (const input of at("sliders").querySelectorAll("input")) input.disabled = !this.on;
