@@ -21,7 +21,9 @@ def test_every_plot_is_explained(label):
 
 
 def test_every_button_choice_and_heading_is_explained():
-    words = re.findall(r"<button[^>]*>([^<]+)|<label>([^<]+?) *<|<h2>([^<]+)|\n +<label>(\w+)", PAGE)
+    words = re.findall(
+        r"<button[^>]*>([^<]+)|<label>([^<]+?) *<|<h2>([^<]+)|\n +<label>(\w+)", PAGE
+    )
     names = {next(filter(None, found)).strip() for found in words}
     assert {"Stop", "Recover", "Steer", "Hold to drive", "Verdicts", "Axes", "Speed"} <= names
     assert {name for name in names if name not in TEXT} == set()

@@ -137,7 +137,7 @@ def test_a_slider_changes_the_controller(page, at, law):
     field = row.locator("input")
     field.fill("2.5")
     field.dispatch_event("change")
-    page.wait_for_function("document.querySelector('#sliders').innerText.includes('changed')")
+    page.wait_for_function("() => document.querySelector('#sliders').innerText.includes('changed')")
     with hoap3.connect(ROBOT, at) as robot:
         until = time.monotonic() + 20.0
         while robot.changeable()["tasks"]["posture"]["gain_per_s"] != pytest.approx(2.5, rel=0.01):

@@ -152,7 +152,7 @@ export class Sliders {
         take(error === null ? asked : now);
       });
     });
-    return { row: make("label", { className: "setting" }, make("span", { textContent: label }), shown, input, told), take };
+    return { row: make("label", { className: "setting" }, make("span", { textContent: label }), input, shown, told), take };
   }
 
   /** Only who knows the token changes anything. */

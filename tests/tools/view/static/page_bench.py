@@ -241,15 +241,15 @@ class MadeUpView:
 
     def _act(self, socket: Any, number: int, do: dict[str, Any]) -> None:
         self.asked.append((time.monotonic(), do))
-        if do["verb"] in {"acquire", "release"}:
+        if do["verb"] in {"acquire", "release"} and self.error is None:
             self.operator = "me" if do["verb"] == "acquire" else "none"
         told = {"kind": "told", "id": number, "error": self.error, "now": None}
         socket.send(json.dumps(told))
 
     def _stream(self, socket: Any) -> None:
         tick = 0
-        while self._frames is not None and not self._closed.wait(0.033):
-            tick += 33
+        while self._frames is not None and not self._closed.wait(0.066):
+            tick += 66
             try:
                 if self.flowing:
                     socket.send(json.dumps({**self._frames(tick), "operator": self.operator}))

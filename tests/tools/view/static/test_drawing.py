@@ -58,7 +58,7 @@ def test_a_second_log_is_drawn_as_a_ghost(open_page):
         page = open_page(view, wait="() => window.hoap3?.hello")
         where, other = random_poses(random), random_poses(random)
         view.say(frame(7, poses=where, ghost=other))
-        page.wait_for_function("hoap3.tick === 7")
+        page.wait_for_function("() => hoap3.tick === 7")
         seen, ghost = drawn(page), drawn(page, "ghost")
         for link, pose, shade in zip(LINKS, where, other, strict=True):
             np.testing.assert_allclose(seen[link["name"]], matrix(pose), atol=1e-6)
@@ -72,7 +72,7 @@ def test_the_picture_has_the_robot_in_it(open_page):
         pictures = []
         for tick in (1, 2):
             moved = np.array(frame(100)["poses"]) + np.array([0.1 * tick, 0, 0, 0, 0, 0, 0])
-            view.say(frame(100, tick=tick, poses=moved.tolist()))
+            view.say(frame(tick, poses=moved.tolist()))
             page.wait_for_function("tick => hoap3.tick === tick", arg=tick)
             pictures.append(page.locator("#stage canvas").screenshot())
         assert pictures[0] != pictures[1]
@@ -110,7 +110,7 @@ def test_an_old_picture_says_so_and_a_new_one_takes_that_back(open_page):
         view.cut()
         page.wait_for_selector("#banner:not([hidden])")
         page.wait_for_selector("#banner", state="hidden")  # it has connected again
-        page.wait_for_function("hoap3.proved")
+        page.wait_for_function("() => hoap3.proved")
 
 
 def test_hmac_is_that_of_python(open_page):
