@@ -119,6 +119,11 @@ class Frames:
         ]
         return found
 
+    def fits(self, state: State) -> bool:
+        """Whether a State is of this robot, by the lengths of its arrays."""
+        expected = self.description.state_lengths
+        return all(length == expected.get(name, 0) for name, length in state.lengths.items())
+
     def frame(self, state: State, setpoint: Setpoint | None) -> dict[str, Any]:
         """One frame; `setpoint` answers the State, None where nobody knows."""
         poses = self.poses

@@ -108,7 +108,7 @@ class Motion:
         self._moved.clear()
         self._driven.clear()
         self._due.clear()
-        state = self._state()
+        state = self._fitting()
         for target in self._frames().targets:
             if target.name in names and state is not None:
                 rest = rest_of(target, state, self._own_poses(), self.asked.get(target.name))
@@ -121,8 +121,8 @@ class Motion:
         if self.moves and (over or now_s - self._heard > SILENT_S):
             self.hold()
         dt, self._stepped = max(now_s - self._stepped, 0.0), now_s
-        state = self._state()
-        if state is not None and self._driven:
+        state = self._fitting() if self._driven else None
+        if state is not None:
             self._poses_at(state)
             for name, (rates, _) in self._driven.items():
                 self._advance(self._target(name), rates, min(dt, DRIVE_S), state)
@@ -167,6 +167,11 @@ class Motion:
                 return target
         known = ", ".join(target.name for target in targets) or "none"
         raise UsageError(f"no live target is called {name!r:.60}; there are {known}")
+
+    def _fitting(self) -> State | None:
+        """The newest State, if it is of the robot that is known."""
+        state = self._state()
+        return state if state is not None and self._frames().fits(state) else None
 
     def _own_poses(self) -> Poses:
         """Kinematics of our own: those of the frames show another State."""

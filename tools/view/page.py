@@ -13,7 +13,7 @@ from hoap3.protocol.errors import Hoap3Error
 from hoap3.tools.view.access import Visit
 from hoap3.tools.view.operator import Operator
 
-EVENTS = 64  # that wait to be sent to a page; of more the oldest are lost
+WAITING = 512  # words that wait to be sent to a page; of more the oldest are lost
 MOST_WRONG = 100  # words of a page that are refused, after which it is cut off
 MOST_A_SECOND = 400
 MOST_AT_ONCE = 8  # things that a page has asked for and that are not done yet
@@ -68,7 +68,7 @@ class Page:
         self._socket, self._visit = socket, visit
         self._operator, self._player = operator, player
         self._frame, self._wake = "", asyncio.Event()
-        self._words: deque[str] = deque(maxlen=EVENTS)
+        self._words: deque[str] = deque(maxlen=WAITING)
         self._doing: set[asyncio.Task[None]] = set()
         self._second, self._in_second = 0, 0
         self.wrong = self.dropped = 0
@@ -150,6 +150,7 @@ class Page:
         """Begin to do it; what asks nobody else is done in its turn, and at once."""
         if self._operator is None:
             raise WrongWordError("nobody may write here")
+        _text(do, "verb")
         if self._operator.move(self, do):
             self.tell(text({"kind": "told", "id": number, "error": None, "now": {}}))
             return

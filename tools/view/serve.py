@@ -10,8 +10,9 @@ from pathlib import Path
 
 from hoap3.tools.view.access import is_loopback, new_token
 from hoap3.tools.view.live import Live
+from hoap3.tools.view.log_source import LogSource
 from hoap3.tools.view.operator import Operator
-from hoap3.tools.view.server import PageServer, Source
+from hoap3.tools.view.server import PageServer
 
 NICE = 5
 """Behind whatever else wants a CPU: a picture may come later, a tick may not."""
@@ -61,10 +62,11 @@ def serve_log(
         LogError: one cannot be read.
         PortInUseError, ConfigError: see `PageServer.run`.
     """
-    from hoap3.tools.view.log_source import LogSource
-
     source = LogSource(logs, folder)
-    asyncio.run(_served(source, None, None, host, port, ready))
+    try:
+        asyncio.run(_until_told(PageServer(source, None, None, host, port), ready))
+    finally:
+        source.close()
 
 
 def warn_of(host: str) -> str:
@@ -96,17 +98,6 @@ async def _robot(
     finally:
         if operator is not None:
             await asyncio.to_thread(operator.close)
-
-
-async def _served(
-    source: Source,
-    operator: Operator | None,
-    token: str | None,
-    host: str,
-    port: int,
-    ready: Callable[[str], None],
-) -> None:
-    await _until_told(PageServer(source, operator, token, host, port), ready)
 
 
 async def _until_told(server: PageServer, ready: Callable[[str], None]) -> None:
