@@ -24,6 +24,8 @@ def sliders(now: object, numbers: object) -> list[dict[str, Any]]:
     )
     found = []
     for key, value in _flat(now, ()):
+        if not _is_figure(value):
+            continue
         about = told.get(key, {})
         meaning = str(about.get("meaning", ""))
         unit = _UNIT.search(meaning)
@@ -38,6 +40,14 @@ def sliders(now: object, numbers: object) -> list[dict[str, Any]]:
             }
         )
     return found[:MOST]
+
+
+def _is_figure(value: object) -> bool:
+    """Whether it is a number, some numbers, or null, which stands for one."""
+    if isinstance(value, list):
+        nested = any(isinstance(each, list) for each in value)
+        return bool(value) and not nested and all(map(_is_figure, value))
+    return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
 
 
 def _flat(node: object, path: tuple[str, ...]) -> Iterator[tuple[str, Any]]:

@@ -163,8 +163,8 @@ class ConfigScene:
             whole = len(joints) == told["dimension"] and -1 not in joints
             return Steered(name, kind if whole else "unknown", None, None, tuple(joints), told)
         if kind == "com":
-            seen = self._link(parameters, "frame", "r_sole")
-            return Steered(name, kind if seen else "unknown", None, seen, (), told)
+            whence = self._link(parameters, "frame", "r_sole")
+            return Steered(name, kind if whence else "unknown", None, whence, (), told)
         frame = self._link(parameters, "frame")
         if parameters.get("reference") is None:
             seen: str | None = robot.base_frame

@@ -107,16 +107,17 @@ def _primitive(part: ET.Element, colors: Mapping[str, list[float]]) -> Shape | N
     if geometry is None or not len(geometry):
         return None
     shape = geometry[0]
-    size = _SIZES.get(shape.tag, lambda _: None)(shape)
-    if size is None:
+    read = _SIZES.get(shape.tag)
+    if read is None:
         return None
+    size = read(shape)
     given = {} if origin is None else origin.attrib
     xyz, rpy = (_numbers(given.get(key, "0 0 0")) for key in ("xyz", "rpy"))
     where = pose(np.array(xyz), rotation_of(tuple(rpy)))
     return {"shape": shape.tag, "size": size, "origin": where, "color": _color(part, colors)}
 
 
-_SIZES: dict[str, Callable[[ET.Element], list[float] | None]] = {
+_SIZES: dict[str, Callable[[ET.Element], list[float]]] = {
     "box": lambda shape: _numbers(shape.get("size", "")),
     "sphere": lambda shape: _numbers(shape.get("radius", "")),
     "cylinder": lambda shape: _numbers(f"{shape.get('radius')} {shape.get('length')}"),

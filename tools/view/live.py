@@ -28,6 +28,7 @@ from hoap3.tools.view.questions import Answer, Questions
 from hoap3.tools.view.verdicts import LiveVerdicts
 
 ASK_S = 1.0  # between two questions of how they are
+SKIPS_S = 1.0  # between two words of skipped periods, which on a busy machine are many
 OLD_S = 1.0  # without a State for those who look on, after which every State is asked for
 KEPT = 8  # States and Setpoints, of which the newest that fit each other are shown
 EVENTS = 256
@@ -102,6 +103,7 @@ class Live:
         self._states, self._answers = Kept(maxlen=KEPT), Kept(maxlen=KEPT)
         self._heard: deque[bytes] = deque(maxlen=EVENTS)
         self._every: Any = None
+        self._skipped, self._told_s = 0, 0.0
         self._last = (-1, -1)  # session and tick of the newest frame
         self._status: Answer = {}
         self._tasks: Answer = {}
@@ -215,7 +217,15 @@ class Live:
                 event.load(self._heard.popleft())
                 if event.kind == _CONSTANTS["SAFE_STOP"]:
                     self._met.verdicts.note_stop(event.detail)
+                if event.kind == _CONSTANTS["SKIPPED"]:
+                    self._skipped += event.detail
+                    continue
                 found.append(told(event, self._met.frames))
+        now = time.monotonic()
+        if self._skipped and now > self._told_s + SKIPS_S:
+            self._told_s, label = now, f"skipped: periods: {self._skipped}"
+            found.append({**told(event, self._met.frames), "label": label, "severity": "warning"})
+            self._skipped = 0
         return found
 
     def _meet(self) -> Met:

@@ -86,9 +86,9 @@ class ShownLog:
             skipped = max(last[0].skipped - self._skipped, 0) if last else 0
             rate = (_count(told, "in_time") or 0) / (asked + skipped)
             deadlines = verdict(rate, safe_stop=bool(_count(told, "safe_stops")))
-        counts = [_count(told, key) for key in ("interventions", "torque_limited")]
+        held, limited = _count(told, "interventions"), _count(told, "torque_limited")
         try:
-            judged = judge(deadlines, *counts, outcome, body=body_of(told))
+            judged = judge(deadlines, held, limited, outcome, body=body_of(told))
         except (KeyError, TypeError, ValueError, AttributeError):  # of a summary that is none
             return dict.fromkeys(("deadlines", "task", "limits_and_balance"))
         verdicts: dict[str, str | None] = judged["verdicts"]

@@ -186,8 +186,9 @@ class Operator:
         self.page = page  # from now on no other page can, while the controller is asked
         try:
             await self._ask("ask", lambda: self._robot().acquire())
-        except BaseException:
+        except BaseException:  # also where the page goes meanwhile, and the controller has agreed
             self._free()
+            self._threads["ask"].submit(self._let_go)
             raise
         if self.page is not page:
             raise UsageError("the page has gone meanwhile")

@@ -137,5 +137,7 @@ def test_sliders_have_the_bounds_that_the_controller_tells():
     gamma, kp = sliders(now, numbers)
     assert (gamma["key"], gamma["value"], gamma["lower"], gamma["upper"]) == ("gamma", 0.5, 0, 1)
     assert (kp["key"], kp["label"], kp["unit"]) == ("tasks.hand.kp", "of the error", "1/s²")
+    words = {"names": ["a"], "alpha": [[0.0]], "on": True, "few": [1.0, 2.0], "none": None}
+    assert [each["key"] for each in sliders(words, [])] == ["few", "none"]
     assert sliders(None, None) == sliders("x", 3) == []
     assert sliders(now, None)[0]["lower"] is None
