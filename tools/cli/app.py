@@ -23,6 +23,7 @@ from hoap3.protocol.errors import (
     UrdfWarning,
     UsageError,
 )
+from hoap3.tools.cli.bridge import bridge_app
 from hoap3.tools.cli.change import change, priorities
 from hoap3.tools.cli.compare import compare
 from hoap3.tools.cli.latency import latency
@@ -45,6 +46,7 @@ app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_mar
 config_app = typer.Typer(no_args_is_help=True, help="Look at settings before anything runs.")
 app.add_typer(config_app, name="config")
 app.add_typer(bench_app, name="bench")
+app.add_typer(bridge_app, name="bridge")
 app.add_typer(robot_app, name="robot")
 app.add_typer(trajectory_app, name="trajectory")
 for command in (change, compare, doctor, latency, limits, new, report, reproduce, verify):
