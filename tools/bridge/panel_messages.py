@@ -53,7 +53,10 @@ def read_clicked(schema: str, encoding: str, data: bytes) -> Clicked:
         )
     try:
         return _from_json(leaf, data) if encoding == "json" else _from_cdr(leaf, data)
-    except (ValueError, TypeError, KeyError, OverflowError, RecursionError, struct.error) as error:
+    except (
+        *(ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError),
+        struct.error,
+    ) as error:
         raise UsageError(f"{leaf}: not such a message ({error!r:.100})") from error
 
 

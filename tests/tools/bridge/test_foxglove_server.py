@@ -93,6 +93,7 @@ def test_who_comes_later_is_given_the_description(server: FoxgloveServer, at: st
                 client.hear(lambda: client.messages.get("/robot_description"))
 
 
+@pytest.mark.slow
 def test_a_robot_that_comes_later_and_then_as_another_one_is_seen(
     server: FoxgloveServer, at: str
 ) -> None:
@@ -158,8 +159,9 @@ def test_a_client_that_publishes_is_refused(server: FoxgloveServer) -> None:
     assert "clientPublish" in client.status[0]
 
 
+@pytest.mark.slow
 def test_a_client_that_reads_nothing_holds_up_nobody(server: FoxgloveServer, at: str) -> None:
-    """One subscribes and then reads no more; the other sees every State that comes."""
+    """It misses most, and finds the newest when it reads again; another one sees all in time."""
     with (
         LookedAt(ROBOT, at) as robot,
         fed(server, lambda: (ROBOT.name, at)),
@@ -169,16 +171,19 @@ def test_a_client_that_reads_nothing_holds_up_nobody(server: FoxgloveServer, at:
         for each in (stuck, client):
             each.look_at_all()
             each.hear(lambda each=each: each.messages.get("/robot_description"))
-        topic, ticks = f"{HERE}/state", []
-        client.hear(lambda: client.messages.get(topic), lambda: robot.say(robot.state()))
-        for _ in range(3000):  # more than fits into what waits for a client, and its socket
-            server.state(robot.state().dump(), robot.state())
-        last = robot.state()
-        client.hear(lambda: client.messages[topic][-1] == last.dump(), lambda: robot.say(last))
-        ticks = [State.scalars(payload, "tick")[0] for payload in client.messages[topic]]
-        stuck.drop()
+        topic, sent = f"{HERE}/state", 20_000  # more than sockets and the queue can hold
+        for _ in range(sent):
+            state = robot.state()
+            server.state(state.dump(), state)
+        for each in (client, stuck):
+            last = robot.state().dump()
+            each.hear(
+                lambda each=each, last=last: last in each.messages.get(topic, ())[-9:],
+                lambda last=last: server.state(last, state),
+            )
+    ticks = [State.scalars(payload, "tick")[0] for payload in stuck.messages[topic]]
     assert ticks == sorted(ticks)
-    assert ticks[-1] == last.tick
+    assert len(set(ticks)) < sent / 2
 
 
 def test_a_port_that_is_taken_is_told_with_what_to_do(server: FoxgloveServer) -> None:
