@@ -85,7 +85,9 @@ class FoxgloveServer:
                     "it, or give --port another number (0: any that is free)"
                 ) from error
             remedy = "Give an address of this machine, such as 127.0.0.1"
-            raise ConfigError("--host", "", host, f"cannot listen there ({error})", remedy) from error
+            raise ConfigError(
+                "--host", "", host, f"cannot listen there ({error})", remedy
+            ) from error
         self.port = int(self._server.port)
 
     def close(self) -> None:

@@ -11,7 +11,7 @@ from support.robots.following_arm import following
 from support.small_arm import arm
 
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.robot.pinocchio_model import build_model
+from hoap3.protocol.robot.pinocchio_model import RobotModel, build_model
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.bridge.frame_transforms import SCHEMA, SCHEMA_NAME, FrameTransforms
 from hoap3.tools.bridge.link_frames import WORLD, LinkFrames
@@ -25,18 +25,16 @@ ROBOTS = {
 NOBODY = np.zeros(0)
 
 
-def by_pinocchio(robot: RobotDescription, q: np.ndarray) -> dict[str, pin.SE3]:
+def by_pinocchio(built: RobotModel, q: np.ndarray) -> dict[str, pin.SE3]:
     """Each link as seen from the root link."""
-    built = build_model(robot)
     ours = np.zeros(built.model.nq)
     ours[built.order] = built.followers.positions(q) if built.followers else q
     pin.framesForwardKinematics(built.model, built.data, ours)
-    return {link: built.data.oMf[built.frames[link]].copy() for link in robot.frames}
+    return {link: built.data.oMf[built.frames[link]].copy() for link in built.frames}
 
 
-def chained(robot: RobotDescription, poses: np.ndarray) -> dict[str, pin.SE3]:
+def chained(frames: LinkFrames, poses: np.ndarray) -> dict[str, pin.SE3]:
     """Each frame in the world, along the tree that is published."""
-    frames = LinkFrames(robot)
     waiting = list(zip(frames.parents, frames.children, poses, strict=True))
     found = {WORLD: pin.SE3.Identity()}
     while waiting:
@@ -56,9 +54,9 @@ def samples(robot: RobotDescription, count: int = 20) -> np.ndarray:
 @pytest.mark.parametrize("name", ROBOTS)
 def test_every_link_is_where_pinocchio_has_it_seen_from_the_base_frame(name: str) -> None:
     robot = ROBOTS[name]
-    frames = LinkFrames(robot)
+    frames, built = LinkFrames(robot), build_model(robot)
     for q in samples(robot):
-        ours, theirs = chained(robot, frames.poses(q, NOBODY)), by_pinocchio(robot, q)
+        ours, theirs = chained(frames, frames.poses(q, NOBODY)), by_pinocchio(built, q)
         assert ours.keys() - {WORLD} == theirs.keys()
         for link, placed in theirs.items():
             seen = theirs[robot.base_frame].actInv(placed)
@@ -69,7 +67,8 @@ def test_a_free_base_carries_the_root_link() -> None:
     robot, q = ROBOTS["hoap3"], samples(ROBOTS["hoap3"], 1)[0]
     turn = pin.Quaternion(np.array([0.1, -0.2, 0.3, 0.9])).normalized()
     base = np.concatenate([[0.1, -0.2, 0.3], turn.coeffs(), np.ones(6)])
-    ours, theirs = chained(robot, LinkFrames(robot).poses(q, base)), by_pinocchio(robot, q)
+    frames = LinkFrames(robot)
+    ours, theirs = chained(frames, frames.poses(q, base)), by_pinocchio(build_model(robot), q)
     root = pin.SE3(turn.matrix(), base[:3])
     for link, placed in theirs.items():
         seen = (root * placed).homogeneous

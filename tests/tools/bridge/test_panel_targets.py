@@ -183,9 +183,7 @@ def test_what_is_refused_keeps_the_operators_place(steering: Any) -> None:
     assert len(Steered.made) == 1
 
 
-def test_of_what_waits_the_newest_counts(
-    steering: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_of_what_waits_the_newest_counts(steering: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     gate, began = threading.Event(), threading.Event()
     plain = Steered.send_target
 

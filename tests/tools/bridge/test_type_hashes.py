@@ -46,7 +46,9 @@ def test_comments_constants_and_blank_lines_are_no_part_of_it() -> None:
     assert type_hash("std_msgs/msg/String", text) == type_hash("std_msgs/msg/String", STRING)
 
 
-@pytest.mark.parametrize("text", ["int32[3] data", "string<=5 data", "a_msgs/Other data", "float64"])
+@pytest.mark.parametrize(
+    "text", ["int32[3] data", "string<=5 data", "a_msgs/Other data", "float64"]
+)
 def test_what_is_not_understood_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="a_msgs"):
         type_hash("a_msgs/msg/Some", text)
