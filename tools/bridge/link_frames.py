@@ -104,7 +104,7 @@ def _origin(joint: ET.Element) -> tuple[FloatArray, FloatArray]:
 
 
 def _product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """a ⊗ b of quaternions, (…, 4)."""
+    """Quaternions a ⊗ b, (…, 4)."""
     vector = a[..., 3:] * b[..., :3] + b[..., 3:] * a[..., :3] + np.cross(a[..., :3], b[..., :3])
     scalar = a[..., 3:] * b[..., 3:] - np.sum(a[..., :3] * b[..., :3], axis=-1, keepdims=True)
     return np.concatenate([vector, scalar], axis=-1)

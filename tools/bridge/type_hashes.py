@@ -57,7 +57,7 @@ def dds_name(name: str) -> str:
 
 def _full(name: str) -> str:
     """`std_msgs/Header` as `std_msgs/msg/Header`."""
-    package, leaf = name.split("/")[0], name.split("/")[-1]
+    package, leaf = name.partition("/")[0], name.rpartition("/")[2]
     return f"{package}/msg/{leaf}"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -114,7 +115,7 @@ def test_a_robot_that_comes_later_and_then_as_another_one_is_seen(
                     return bool(states) and State.scalars(states[-1], "session_id") == (session,)
 
                 client.hear(seen, lambda robot=robot: robot.say(robot.state()))
-                client.hear(lambda: client.messages.get(topic))
+                client.hear(lambda topic=topic: client.messages.get(topic))
     assert tuple(client.decoded(f"{HERE}/joint_states")[-1].name) == other.joint_names
     assert client.decoded("/robot_description")[-1].data == other.urdf
 
@@ -197,8 +198,7 @@ def test_an_address_of_another_machine_is_refused() -> None:
 
 
 def test_it_listens_on_loopback_alone(server: FoxgloveServer) -> None:
-    with open("/proc/net/tcp", encoding="ascii") as table:  # noqa: PTH123
-        rows = [line.split() for line in table][1:]
+    rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
     here = f"{struct.unpack('<I', bytes([127, 0, 0, 1]))[0]:08X}:{server.port:04X}"
     listening = [row[1] for row in rows if row[3] == "0A" and row[1].endswith(here[8:])]
     assert listening == [here]
