@@ -85,8 +85,10 @@ def ros2(
 
 @bridge_app.command()
 def layouts(
-    out: Annotated[Path, typer.Option("--out", help="Folder to write them into.")],
     robot: Annotated[str, typer.Option(help="Robot: a name or a path.")] = "hoap3",
+    out: Annotated[Path, typer.Option("--out", help="Folder to write them into.")] = Path(
+        "layouts"
+    ),
     as_json: AsJson = False,
 ) -> None:
     """Write layouts for Foxglove and PlotJuggler, for a log as for a running robot."""
