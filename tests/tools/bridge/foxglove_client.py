@@ -86,6 +86,12 @@ class FoxgloveClient:
         read = generate_dynamic(name, channel["schema"])[name]
         return [read(payload) for payload in self.messages[topic]]
 
+    def decoded_newest(self, topic: str) -> Any:
+        """The newest of them."""
+        channel = self.channels[topic]
+        name = channel["schemaName"]
+        return generate_dynamic(name, channel["schema"])[name](self.messages[topic][-1])
+
     def decoded_by_rosbags(self, topic: str) -> list[Any]:
         """Likewise by rosbags, another decoder."""
         channel, store = self.channels[topic], get_typestore(Stores.EMPTY)
