@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any
 
@@ -15,8 +16,9 @@ from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, NotInstalledError, PortInUseError
 from hoap3.protocol.messages import Event, Setpoint, State
 from hoap3.tools.bridge.frame_transforms import SCHEMA, SCHEMA_NAME, FrameTransforms
+from hoap3.tools.bridge.joint_states import joint_states
 from hoap3.tools.bridge.panel_targets import PanelTargets
-from hoap3.tools.logs.log_format import JOINT_STATE, STRING, JointStates, pack_string, topic_name
+from hoap3.tools.logs.log_format import JOINT_STATE, STRING, pack_string, topic_name
 
 HOST, PORT = "127.0.0.1", 8765
 DESCRIPTION_TOPIC, FRAMES_TOPIC = "/robot_description", "/tf"
@@ -45,7 +47,8 @@ class FoxgloveServer:
 
     Args:
         host, port: where it listens; port 0: a free one.
-        targets: takes what panels publish; None: nobody may publish anything.
+        steer: whether what panels publish becomes a target; else nobody may publish anything.
+        report: is told what comes of that, as those are who look.
 
     Attributes:
         port: where it listens.
@@ -56,12 +59,20 @@ class FoxgloveServer:
         PortInUseError: somebody listens there.
     """
 
-    def __init__(self, host: str, port: int, targets: PanelTargets | None = None) -> None:
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        *,
+        steer: bool = False,
+        report: Callable[[str], None] = lambda _: None,
+    ) -> None:
         check_foxglove()
         import foxglove
         from foxglove.websocket import Capability
 
-        self._foxglove, self._targets = foxglove, targets
+        self._foxglove, self._report = foxglove, report
+        self._targets: PanelTargets | None = None
         self._context = foxglove.Context()
         self._channels: dict[str, Any] = {}
         self._published: dict[tuple[int, int], tuple[str, str, str]] = {}
@@ -73,8 +84,8 @@ class FoxgloveServer:
                 host=host,
                 port=port,
                 context=self._context,
-                capabilities=[Capability.ClientPublish] if targets is not None else [],
-                supported_encodings=["json", "cdr"] if targets is not None else None,
+                capabilities=[Capability.ClientPublish] if steer else [],
+                supported_encodings=["json", "cdr"] if steer else None,
                 server_listener=self,
                 message_backlog_size=BACKLOG,
             )
@@ -89,18 +100,24 @@ class FoxgloveServer:
                 "--host", "", host, f"cannot listen there ({error})", remedy
             ) from error
         self.port = int(self._server.port)
+        if steer:
+            self._targets = PanelTargets(self._tell)
 
     def close(self) -> None:
-        """Send everybody away."""
+        """Steer no longer, and send everybody away."""
+        if self._targets is not None:
+            self._targets.close()
         self._server.stop()
 
-    def tell(self, words: str) -> None:
-        """Show a line to whoever looks."""
+    def _tell(self, words: str) -> None:
+        """Say something to whoever looks."""
+        self._report(words)
         self._server.publish_status(words, self._foxglove.StatusLevel.Warning)
 
     def begin(self, description: RobotDescription, endpoint: str) -> None:
         """Have topics for this robot; what was shown before is forgotten."""
-        del endpoint
+        if self._targets is not None:
+            self._targets.begin(description, endpoint)
         for channel in self._channels.values():
             channel.close()
         self._server.clear_session()
@@ -109,10 +126,7 @@ class FoxgloveServer:
         topics["frames"] = (FRAMES_TOPIC, SCHEMA_NAME, SCHEMA)
         self._channels = {leaf: self._channel(*what) for leaf, what in topics.items()}
         self._frames = FrameTransforms(description)
-        self._joints = JointStates(description.joint_names)
-        lengths = description.state_lengths
-        arrays = {name: lengths.get(name, 0) for name in State.schema.arrays}
-        self._joints.learn(State.schema.dtype(arrays), arrays)
+        self._joints = joint_states(description)
         self._text = pack_string(description.urdf)
         self._describe.set()
 
@@ -142,7 +156,9 @@ class FoxgloveServer:
 
     def end(self) -> None:
         """Say that the robot is gone; what it was stays on the screen."""
-        self.tell("the robot is gone, or starts again")
+        self._server.publish_status(
+            "the robot is gone, or starts again", self._foxglove.StatusLevel.Warning
+        )
 
     def on_subscribe(self, client: Any, channel: Any) -> None:
         """Foxglove's library, in a thread of its own: somebody wants to see a topic."""

@@ -15,6 +15,7 @@ from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, LinkError, PortInUseError
 from hoap3.protocol.messages import State
+from hoap3.tools.bridge.joint_states import joint_states
 from hoap3.tools.bridge.rmw_zenoh import Node, Publisher, Qos
 from hoap3.tools.logs.log_format import JOINT_STATE, STRING, JointStates, pack_string
 
@@ -73,10 +74,7 @@ class Ros2Publisher:
     def begin(self, description: RobotDescription, endpoint: str) -> None:
         """Publish this robot's description, unless it is the one that was published last."""
         del endpoint
-        self._joints = JointStates(description.joint_names)
-        lengths = description.state_lengths
-        arrays = {name: lengths.get(name, 0) for name in State.schema.arrays}
-        self._joints.learn(State.schema.dtype(arrays), arrays)
+        self._joints = joint_states(description)
         text = pack_string(description.urdf)
         if text != self._text:
             self._description.publish(text, time.time_ns())

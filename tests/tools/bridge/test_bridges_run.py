@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -21,13 +22,13 @@ from support.command_bench import (
     endpoint,
     wait_for_mode,
 )
-from support.robots.steered_hand import hands
 
 import hoap3
 from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.errors import UsageError
 from hoap3.protocol.link.zenoh_session import open_session
 from hoap3.protocol.messages import State
+from hoap3.remote_controller.model.kinematics import Kinematics
 
 pytestmark = pytest.mark.slow
 
@@ -71,8 +72,19 @@ def clicked(place: np.ndarray, frame: str = "world") -> dict[str, Any]:
 
 def off(client: FoxgloveClient, place: np.ndarray) -> float:
     """How far the tool is from where it shall be [m]."""
-    newest = client.decoded_newest(STATES)
-    return float(np.linalg.norm(hands(np.array([newest.q]))[0] - place))
+    place_now, turn, jacobian = np.zeros(3), np.zeros((3, 3)), np.zeros((6, 6))
+    kinematics, frames = tool()
+    kinematics.update(np.array(client.decoded_newest(STATES).q))
+    kinematics.frame(*frames, place_now, turn, jacobian)
+    return float(np.linalg.norm(place_now - place))
+
+
+@cache
+def tool() -> tuple[Kinematics, tuple[int, int]]:
+    """UR5's kinematics, and its tool as seen from its base."""
+    robot = hoap3.load_robot(ROBOT)
+    kinematics = Kinematics(robot)
+    return kinematics, (kinematics.frame_id("tool0"), kinematics.frame_id(robot.base_frame))
 
 
 def test_a_client_that_publishes_moves_nothing_without_steer_and_the_tool_with_it(at: str) -> None:

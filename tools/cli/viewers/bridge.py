@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -42,18 +41,15 @@ def foxglove(
 ) -> None:
     """Serve a robot's messages, model and frames to Foxglove, until SIGINT or SIGTERM."""
     stop = StopFlag()
-    from hoap3.tools.bridge.foxglove_server import FoxgloveServer, PanelTargets
+    from hoap3.tools.bridge.foxglove_server import FoxgloveServer
 
-    told: list[Callable[[str], None]] = [to_people]
-    targets = PanelTargets(lambda words: [each(words) for each in told] and None) if steer else None
-    server = FoxgloveServer(host, port, targets)
-    told.append(server.tell)
+    server = FoxgloveServer(host, port, steer=steer, report=to_people)
     try:
         to_people(f"Foxglove: open ws://{host}:{server.port}")
+        if steer:
+            to_people("whoever reaches that port may steer, web pages of a browser here among them")
         _show(robot, connect, server, stop)
     finally:
-        if targets is not None:
-            targets.close()
         server.close()
 
 
