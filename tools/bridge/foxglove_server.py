@@ -73,6 +73,7 @@ class FoxgloveServer:
 
         self._foxglove, self._report = foxglove, report
         self._targets: PanelTargets | None = None
+        listener: Any = self  # of the methods of theirs those that are asked for
         self._context = foxglove.Context()
         self._channels: dict[str, Any] = {}
         self._published: dict[tuple[int, int], tuple[str, str, str]] = {}
@@ -86,7 +87,7 @@ class FoxgloveServer:
                 context=self._context,
                 capabilities=[Capability.ClientPublish] if steer else [],
                 supported_encodings=["json", "cdr"] if steer else None,
-                server_listener=self,
+                server_listener=listener,
                 message_backlog_size=BACKLOG,
             )
         except RuntimeError as error:
