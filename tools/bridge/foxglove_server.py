@@ -129,7 +129,6 @@ class FoxgloveServer:
         self._frames = FrameTransforms(description)
         self._joints = joint_states(description)
         self._text = pack_string(description.urdf)
-        self._describe.set()
 
     def state(self, payload: bytes, state: State) -> None:
         """Show a State, and where the joints and links are."""
@@ -150,7 +149,7 @@ class FoxgloveServer:
         self._log("events", payload, time.time_ns())
 
     def idle(self) -> None:
-        """Give the robot's description to whoever has come since."""
+        """Give the robot's description to whoever has asked for it since."""
         if self._describe.is_set() and self._channels:
             self._describe.clear()
             self._log("description", self._text, time.time_ns())

@@ -143,9 +143,12 @@ def test_what_is_no_message_of_this_robot_is_not_shown(server: FoxgloveServer, a
         client.hear(lambda: client.messages.get(topic), lambda: robot.say(robot.state()))
         wrong = State(ROBOT.n + 1)
         wrong.session_id = robot.session_id
-        last = robot.state(q=1.0)
         for _ in range(3):
             robot.say(wrong)
+            robot.say(Event())  # which is read behind it, and shown
+            heard = len(client.messages.get(f"{HERE}/events", ()))
+            client.hear(lambda heard=heard: len(client.messages.get(f"{HERE}/events", ())) > heard)
+        last = robot.state(q=1.0)
         client.hear(lambda: client.messages[topic][-1] == last.dump(), lambda: robot.say(last))
     assert wrong.dump() not in client.messages[topic]
 

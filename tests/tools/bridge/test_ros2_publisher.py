@@ -114,6 +114,8 @@ def test_who_comes_later_is_given_the_description() -> None:
             assert unpack_string(sample.payload.to_bytes()) == ROBOT.urdf
             assert seen_number(sample) == 1
             subscriber.undeclare()
+        replies = peer.liveliness().get(f"{key}/@adv/pub/**", timeout=2.0)
+        assert any(reply.ok for reply in replies)  # by which subscribers find one that comes later
 
 
 def test_an_endpoint_that_is_taken_is_told_with_what_to_do() -> None:
