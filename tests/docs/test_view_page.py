@@ -1,4 +1,4 @@
-"""The page on the live page explains every plot, button and choice, with pictures that are there."""
+"""The page on the live page explains every plot, button and choice; its pictures are there."""
 
 from __future__ import annotations
 
