@@ -11,7 +11,8 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
 
 from hoap3.tools.machine.processes import Child, Lifeline, read_order
 
@@ -46,7 +47,7 @@ def served(lifeline: Lifeline, robot: str, endpoint: str) -> tuple[Child, str]:
     raise TimeoutError(f"no page of robot {robot!r} within {PATIENCE_S:g} s")
 
 
-def take(socket: ClientConnection, lifeline: Lifeline) -> dict[str, int]:
+def take(socket: Connection, lifeline: Lifeline) -> dict[str, int]:
     """Take what the page is sent, and draw nothing, until the end."""
     frames = taken = 0
     while not lifeline.cut():

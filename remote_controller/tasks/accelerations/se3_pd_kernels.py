@@ -6,18 +6,16 @@ import math
 from typing import NamedTuple
 
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.triple_kernels import Triple, cross, plus
 from hoap3.protocol.runtime.numba_jit import Matrix, Vector, kernel
 from hoap3.remote_controller.tasks.se3_kernels import (
     ANTIPODE,
-    Triple,
-    cross,
     curvatures,
     dot,
     exponential,
     inverse_left,
     log_rate,
     logarithm,
-    plus,
     transposed_times,
 )
 
