@@ -13,6 +13,7 @@ from urllib.parse import urlsplit
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.sync.client import connect
 from websockets.sync.connection import Connection
+from websockets.typing import Origin
 
 from hoap3.tools.machine.processes import Child, Lifeline, read_order
 
@@ -70,7 +71,7 @@ def look(order: dict[str, Any], lifeline: Lifeline) -> dict[str, Any]:
         server, address = served(lifeline, order["robot"], order["endpoint"])
         if order["browser"] is None:
             page = f"ws://{urlsplit(address).netloc}/socket"
-            with connect(page, origin=address.partition("/#")[0]) as socket:
+            with connect(page, origin=Origin(address.partition("/#")[0])) as socket:
                 figures |= take(socket, lifeline)
         else:
             with tempfile.TemporaryDirectory() as profile:
