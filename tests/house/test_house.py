@@ -54,7 +54,17 @@ PACKAGES = {
         ("machine", "logs", "html"),
         ("show", "timing", "verify"),
         ("services", "bench", "environment", "report"),
-        ("beside", "compare", "doctor", "latency", "new", "reproduce", "robots", "testing"),
+        (
+            "beside",
+            "bridge",
+            "compare",
+            "doctor",
+            "latency",
+            "new",
+            "reproduce",
+            "robots",
+            "testing",
+        ),
         ("cli",),
     ),
 }

@@ -1,0 +1,154 @@
+"""Live targets from panels of Foxglove: what somebody clicks is sent to the controller.
+
+Whoever asks the controller may wait, so all of it happens in a thread of its own, and of what a
+panel publishes meanwhile the newest counts.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import Hoap3Error, UsageError
+from hoap3.tools.bridge.link_frames import WORLD
+from hoap3.tools.bridge.panel_messages import Clicked, read_clicked
+from hoap3.tools.services.connection import Connection
+
+Message = tuple[str, str, str, bytes]
+"""Topic, schema, encoding and content of what a panel published."""
+
+
+class PanelTargets:
+    """Steers with what panels publish; becomes the operator with the first message.
+
+    Args:
+        report: is told what is refused, and when we steer and no longer do.
+    """
+
+    def __init__(self, report: Callable[[str], None]) -> None:
+        self._report = report
+        self._robot: tuple[RobotDescription, str] | None = None
+        self._connection: Connection | None = None
+        self._targets: list[dict[str, Any]] = []
+        self._waiting: dict[str, Message] = {}
+        self._release = self._closing = False
+        self._news = threading.Condition()
+        self._thread = threading.Thread(target=self._work, name="steer", daemon=True)
+        self._thread.start()
+
+    def begin(self, description: RobotDescription, endpoint: str) -> None:
+        """Steer this robot from now on."""
+        with self._news:
+            self._robot = description, endpoint
+
+    def take(self, message: Message) -> None:
+        """What a panel published: it is sent as soon as may be, unless a newer one comes."""
+        with self._news:
+            self._waiting[message[0]] = message
+            self._news.notify()
+
+    def release(self) -> None:
+        """Steer no longer: nobody is there who could."""
+        with self._news:
+            self._waiting.clear()
+            self._release = True
+            self._news.notify()
+
+    def close(self) -> None:
+        """Steer no longer, and end."""
+        with self._news:
+            self._closing = True
+            self._news.notify()
+        self._thread.join()
+
+    def _work(self) -> None:
+        while True:
+            with self._news:
+                self._news.wait_for(lambda: self._waiting or self._release or self._closing)
+                messages = list(self._waiting.values())
+                self._waiting.clear()
+                ends, closing = self._release or self._closing, self._closing
+                self._release, robot = False, self._robot
+            if ends:
+                self._let_go("no longer steers")
+            if closing:
+                return
+            for message in messages:
+                try:
+                    self._steer(message, robot)
+                except Hoap3Error as error:
+                    self._report(f"{message[0]}: {error}")
+                    if not isinstance(error, UsageError) or self._targets == []:
+                        self._let_go("")
+
+    def _steer(self, message: Message, robot: tuple[RobotDescription, str] | None) -> None:
+        topic, schema, encoding, data = message
+        if robot is None:
+            raise UsageError("no robot is there")
+        description, endpoint = robot
+        clicked = read_clicked(schema, encoding, data)
+        check_frame(clicked, description)
+        if self._connection is None:
+            self._connection = Connection(description.name, endpoint)
+        if not self._targets:
+            self._targets = self._connection.acquire()
+            self._report(f"steers robot {description.name!r}")
+        target = choose(self._targets, topic, len(clicked.values))
+        try:
+            self._connection.send_target(clicked.values, target)
+        except Hoap3Error:
+            self._targets = []  # so that the next message acquires anew
+            raise
+
+    def _let_go(self, words: str) -> None:
+        if self._connection is not None:
+            self._connection.close()
+            if words:
+                self._report(words)
+        self._connection, self._targets = None, []
+
+
+def check_frame(clicked: Clicked, description: RobotDescription) -> None:
+    """Refuse what is seen from a frame of which targets are not.
+
+    Raises:
+        UsageError: from a frame that moves.
+    """
+    known = [description.base_frame]
+    if not description.state_arrays.get("base"):
+        known += [WORLD, ""]  # which is the same place
+    if clicked.frame not in known:
+        raise UsageError(
+            f"seen from the frame {clicked.frame!r:.60}: a target is taken as seen from "
+            f"{known[0]!r}. Choose it as the panel's display frame"
+        )
+
+
+def choose(targets: Sequence[Mapping[str, Any]], topic: str, count: int) -> str:
+    """Name of the live target that is meant: the last word of the topic, or the only one that fits.
+
+    Args:
+        targets: of the controller, as `acquire` tells them.
+        topic: that was published on.
+        count: of numbers.
+
+    Raises:
+        UsageError: none fits, or several do.
+    """
+    named = topic.rpartition("/")[2]
+    fitting = [str(each["name"]) for each in targets if _fits(each, count)]
+    if named in fitting or len(fitting) == 1:
+        return named if named in fitting else fitting[0]
+    all_of_them = ", ".join(f"{each['name']} ({each['dimension']} numbers)" for each in targets)
+    remedy = "" if not fitting else f". End the topic in one of {', '.join(fitting)}"
+    what = "a point" if count == 3 else "a pose"
+    found = "none" if not fitting else str(len(fitting))
+    raise UsageError(f"{found} of the live targets take {what}: {all_of_them}{remedy}")
+
+
+def _fits(target: Mapping[str, Any], count: int) -> bool:
+    """Whether a target is a point or a pose, and not forces or joints of the same number."""
+    layout = ["x", "y", "z", "qx", "qy", "qz", "qw"][:count]
+    return bool(target["layout"] == layout)

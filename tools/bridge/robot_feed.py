@@ -1,0 +1,180 @@
+"""What a running robot says, for a bridge: waits for the robot, and outlives it.
+
+A bridge is a client that only looks on. It is sent a State, and the Setpoint that answers it, of
+each 16th tick (`protocol/link/sampling.py`), which is 62.5 Hz of a robot at 1 kHz. Nothing here
+queues: of what comes faster than 100 Hz the newest counts, but for events, of which the last 256
+are kept.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import time
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from hoap3.protocol.answers import parse_description
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import Hoap3Error, LinkError, UsageError, WireError
+from hoap3.protocol.messages import WIRE_VERSION, Event, Setpoint, State
+from hoap3.protocol.wire_versions import OLDEST, upgraded
+from hoap3.tools.services.client import client_settings
+
+PERIOD_S = 0.01  # between two looks
+EVENTS = 256  # that are kept meanwhile
+SILENCE_S = 1.0  # after which it is asked whether the robot lives
+RETRY_S = 0.5
+
+
+class Viewer(Protocol):
+    """What a bridge does with what comes. All of it is called by one thread, and must not wait."""
+
+    def begin(self, description: RobotDescription, endpoint: str) -> None:
+        """A robot is there, for the first time or again, and where it was reached."""
+
+    def state(self, payload: bytes, state: State) -> None:
+        """A State: as it was sent, and read."""
+
+    def setpoint(self, payload: bytes) -> None:
+        """A Setpoint."""
+
+    def event(self, payload: bytes) -> None:
+        """An Event."""
+
+    def idle(self) -> None:
+        """Once in each period, whether something came or not."""
+
+    def end(self) -> None:
+        """The robot is gone."""
+
+
+def feed(
+    find: Callable[[], tuple[str, str]],
+    viewer: Viewer,
+    should_stop: Callable[[], bool],
+    report: Callable[[str], None],
+) -> None:
+    """Show a robot to a viewer until it is to stop; waits for the robot, at the start and later.
+
+    Args:
+        find: gives the robot's name, and where it listens. What it found first is kept.
+        viewer: is told everything.
+        should_stop: is asked in each period.
+        report: is told who is there, and who is not.
+
+    Raises:
+        UsageError: the robot's name or its endpoint is wrong, or several run.
+    """
+    found: tuple[str, str] | None = None
+    missing = False
+    while not should_stop():
+        try:
+            place = found or find()
+            with _Robot(*place) as robot:
+                found = place
+                report(f"robot {robot.name!r} is there")
+                missing = False
+                viewer.begin(robot.description, place[1])
+                try:
+                    robot.show(viewer, should_stop)
+                finally:
+                    viewer.end()
+        except UsageError:
+            raise
+        except Hoap3Error as error:
+            if not missing:
+                report(f"{error}; waiting")
+            missing = True
+        until = time.monotonic() + RETRY_S
+        while missing and not should_stop() and time.monotonic() < until:
+            viewer.idle()
+            time.sleep(PERIOD_S)
+
+
+class _Robot:
+    """One run of a robot, as one of its clients sees it.
+
+    Raises:
+        LinkError: it cannot be reached.
+        WireError: its description makes no sense.
+    """
+
+    def __init__(self, name: str, endpoint: str) -> None:
+        from hoap3.protocol.link import zenoh_session as network
+
+        self.name, self._network = name, network
+        who = f"bridge-{os.getpid()}-{secrets.token_hex(3)}"
+        self._session = network.open_session(client_settings(endpoint))
+        try:
+            version, raw = network.ask_versions(self._session, name, "description", who)
+            if raw is None:
+                raise LinkError(f"no robot called {name!r} answers at {endpoint}")
+            self.description = parse_description(raw, name)
+            ring = network.zenoh.handlers.RingChannel
+            if version == OLDEST:  # which sends all to everybody
+                keys = network.state_key(name, version), network.key(name, "setpoint")
+            else:
+                keys = (
+                    network.sampled_key(name, f"state/{WIRE_VERSION}"),
+                    network.sampled_key(name, "setpoint/*"),
+                )
+            declare = self._session.declare_subscriber
+            self._states, self._setpoints = (declare(key, ring(1)) for key in keys)
+            self._events = declare(network.key(name, "events"), ring(EVENTS))
+        except BaseException:
+            self._session.close()
+            raise
+        self._state = State.allocate(**self.description.state_lengths)
+        self._run: int | None = None  # the robot's session
+
+    def __enter__(self) -> _Robot:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._session.close()
+
+    def show(self, viewer: Viewer, should_stop: Callable[[], bool]) -> None:
+        """Until the robot is gone, or is another one.
+
+        Raises:
+            LinkError: it is gone.
+        """
+        heard, misfit = time.monotonic(), False
+        while not should_stop():
+            began = time.monotonic()
+            if (payload := self._newest(self._states, State)) is not None:
+                (run,) = State.scalars(payload, "session_id")
+                if self._run is not None and run != self._run:
+                    return
+                try:
+                    self._state.load(payload)
+                except WireError:  # anybody may publish there, and the robot may be another one
+                    misfit = True
+                else:
+                    self._run, heard, misfit = run, began, False
+                    viewer.state(payload, self._state)
+            if (payload := self._newest(self._setpoints, Setpoint)) is not None:
+                viewer.setpoint(payload)
+            while (payload := self._newest(self._events, Event)) is not None:
+                viewer.event(payload)
+            viewer.idle()
+            if began - heard > SILENCE_S:
+                if not self._network.is_alive(self._session, self.name):
+                    raise LinkError(f"robot {self.name!r} is gone")
+                if misfit:
+                    return
+                heard = began
+            time.sleep(max(0.0, began + PERIOD_S - time.monotonic()))
+
+    def _newest(self, subscriber: Any, message: Any) -> bytes | None:
+        """What came, as a message of today; None where nothing did, or what is none."""
+        while (sample := subscriber.try_recv()) is not None:
+            payload = upgraded(message, bytes(sample.payload.to_bytes()))
+            try:
+                message.schema.lengths_in(payload)
+                message.scalars(payload, "session_id")
+            except WireError:
+                continue
+            return payload
+        return None
