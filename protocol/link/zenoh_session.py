@@ -55,8 +55,12 @@ def sampled_key(robot: str, leaf: str) -> str:
     return key(robot, f"sampled/{leaf}")
 
 
-def open_session(settings: LinkSettings) -> zenoh.Session:
+def open_session(settings: LinkSettings, *, stamps: bool = False) -> zenoh.Session:
     """A session that listens, connects and discovers exactly what the settings say.
+
+    Args:
+        settings: see above.
+        stamps: whether messages get a time stamp of Zenoh's, as ROS 2 wants them.
 
     Raises:
         PortInUseError: somebody listens on one of the endpoints.
@@ -84,6 +88,7 @@ def open_session(settings: LinkSettings) -> zenoh.Session:
                 "rx": {"max_message_size": MAX_MESSAGE_BYTES},
             },
         },
+        "timestamping": {"enabled": stamps},
         "low_pass_filter": [SIZE_FILTER],
     }
     try:
