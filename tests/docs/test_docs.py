@@ -44,6 +44,7 @@ STORIES = [
     "latency.md",
     "report.md",
     "compare.md",
+    "bridges.md",
 ]
 KNOWN = {"", "file", "parsed only", "not run", "exits", "needs", "prints"}
 PLACEHOLDERS = {"emulator …": "emulator hoap3", "controller …": "controller qp12", "PATH": "hoap3"}
