@@ -38,8 +38,8 @@ class LookedAt:
             Event: key(name, "events"),
         }
         session.declare_queryable(key(name, "ask/*/*"), self._answer)
-        for leaf in (SPEAKS, "alive"):
-            session.liveliness().declare_token(key(name, leaf))
+        liveliness = session.liveliness()
+        self._tokens = [liveliness.declare_token(key(name, leaf)) for leaf in (SPEAKS, "alive")]
 
     def __enter__(self) -> Self:
         return self

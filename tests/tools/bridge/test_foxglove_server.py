@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,10 @@ from support.small_arm import arm
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import ConfigError, PortInUseError
+from hoap3.protocol.link import zenoh_session
+from hoap3.protocol.link.zenoh_session import is_alive
 from hoap3.protocol.messages import Event, State
+from hoap3.tools.bridge import robot_feed
 from hoap3.tools.bridge.foxglove_server import FoxgloveServer
 
 ROBOT = arm()
@@ -108,16 +112,37 @@ def test_a_robot_that_comes_later_and_then_as_another_one_is_seen(
         assert "waiting" in told[0]
         for session, description in ((7, ROBOT), (8, ROBOT), (9, other)):
             with LookedAt(description, at, session) as robot:
-                topic = f"{HERE}/joint_states"
+                client.hear(
+                    lambda robot=robot: shows(client, robot),
+                    lambda robot=robot: robot.say(robot.state()),
+                )
 
-                def seen(session: int = session, topic: str = topic) -> bool:
-                    states = client.messages.get(f"{HERE}/state", [])
-                    return bool(states) and State.scalars(states[-1], "session_id") == (session,)
 
-                client.hear(seen, lambda robot=robot: robot.say(robot.state()))
-                client.hear(lambda topic=topic: client.messages.get(topic))
-    assert tuple(client.decoded(f"{HERE}/joint_states")[-1].name) == other.joint_names
-    assert client.decoded("/robot_description")[-1].data == other.urdf
+def shows(client: FoxgloveClient, robot: LookedAt) -> bool:
+    """Whether the newest that a client has is of this run of a robot."""
+    topics = f"{HERE}/state", f"{HERE}/joint_states", "/robot_description"
+    if not client.messages.keys() >= set(topics):
+        return False
+    state, joints, text = (client.decoded_newest(topic) for topic in topics)
+    names = tuple(joints.name)
+    found = (state.session_id, names, text.data)
+    return found == (robot.session_id, robot.description.joint_names, robot.description.urdf)
+
+
+def test_a_robot_that_says_nothing_but_lives_is_kept(
+    server: FoxgloveServer, at: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(robot_feed, "SILENCE_S", -1.0)  # it is asked in each period
+    asked: list[bool] = []
+
+    def alive(*given: Any) -> bool:
+        asked.append(is_alive(*given))
+        return asked[-1]
+
+    monkeypatch.setattr(zenoh_session, "is_alive", alive)
+    with LookedAt(ROBOT, at), fed(server, lambda: (ROBOT.name, at)) as told:
+        until(lambda: len(asked) > 5)
+        assert len(told) == 1
 
 
 def renamed_joint(description: RobotDescription) -> RobotDescription:
