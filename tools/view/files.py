@@ -13,11 +13,13 @@ STATIC = {
     "/": ("index.html", "text/html; charset=utf-8"),
     "/style.css": ("style.css", STYLE),
     "/vendor.css": ("vendor.css", STYLE),
+    "/icon.svg": ("icon.svg", "image/svg+xml"),
     **{
         f"/{name}.js": (f"{name}.js", SCRIPT)
         for name in (
             *("page", "scene", "panels", "plots", "teleop"),
             *("connection", "hmac", "beat", "vendor"),
+            *("colours", "overlays", "robot", "targets", "timeline"),
         )
     },
 }
