@@ -27,7 +27,7 @@ from support.command_bench import (
     tell,
     wait_for_mode,
 )
-from support.view_bench import PagePen, page
+from support.pages.view_bench import PagePen, page
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
