@@ -1,1 +1,1 @@
-"""Pages in a browser, and servers of the live page."""
+"""Pages of the live page: a server for tests, what a page says, and a browser."""

@@ -13,17 +13,17 @@ import numpy as np
 
 from hoap3.protocol.errors import UsageError
 from hoap3.protocol.messages import State
-from hoap3.tools.view.config_scene import Steered
-from hoap3.tools.view.frame import Frames
-from hoap3.tools.view.hold import (
+from hoap3.tools.view.picture.config_scene import Steered
+from hoap3.tools.view.picture.frame import Frames
+from hoap3.tools.view.picture.kinematics import Poses
+from hoap3.tools.view.picture.targets import present
+from hoap3.tools.view.steering.hold import (
     conjugate,
     multiplied,
     of_rotation_vector,
     rest_of,
     rotation_vector,
 )
-from hoap3.tools.view.kinematics import Poses
-from hoap3.tools.view.targets import present
 
 SILENT_S = 0.15  # without a sign of life, after which what moves is held
 LEASE_S = 2.0  # and after which the page steers no longer
@@ -55,6 +55,11 @@ class Motion:
     def moves(self) -> bool:
         """Whether something may still move by the page's hand."""
         return bool(self._moved or self._driven)
+
+    @property
+    def waits(self) -> bool:
+        """Whether something is still to be sent."""
+        return bool(self._due)
 
     def begin(self, now_s: float) -> None:
         """A page steers from now on."""
@@ -107,7 +112,7 @@ class Motion:
         names = self._moved | self._driven.keys()
         self._moved.clear()
         self._driven.clear()
-        self._due.clear()
+        self._due = {name: each for name, each in self._due.items() if name not in names}
         state = self._fitting()
         for target in self._frames().targets:
             if target.name in names and state is not None:

@@ -16,8 +16,8 @@ from typing import Any, TypeVar
 
 from hoap3.protocol.errors import Hoap3Error, LinkError, UsageError, WireError
 from hoap3.tools.services.connection import Connection
-from hoap3.tools.view.live import Live
-from hoap3.tools.view.motion import Motion
+from hoap3.tools.view.sources.live import Live
+from hoap3.tools.view.steering.motion import Motion
 
 TICK_S = 0.02  # between two looks at what moves
 SETTLE_S = 0.2  # between a hold and a release: targets and questions come on different ways
@@ -115,6 +115,7 @@ class Operator:
         """A page has gone: what it moved is held at once, and it steers no longer soon."""
         if page is self.page:
             self._motion.hold()
+            self._flush()
             self._release_s = time.monotonic() + SETTLE_S
 
     async def run(self) -> None:
@@ -198,9 +199,10 @@ class Operator:
         return {"targets": [target.as_json() for target in self._source.frames.targets]}
 
     async def _release(self) -> None:
-        if self._motion.moves:
-            self._motion.hold()
-            self._flush()
+        if self._motion.moves or self._motion.waits:
+            self._motion.hold()  # what was held already, and not sent yet, stays as it is
+            while self._motion.waits and self._flush():
+                await asyncio.sleep(TICK_S)
             await asyncio.sleep(SETTLE_S)
         self._free()
         await self._ask("ask", self._let_go)
