@@ -7,7 +7,6 @@ what that shows.
 from __future__ import annotations
 
 import io
-import os
 import re
 import subprocess
 import sys
@@ -44,11 +43,21 @@ def steered(folder: Path) -> Path:
     return path
 
 
+def wait_for_robot(folder: Path) -> None:
+    """Until it follows its controller, which may compile first."""
+    for _ in range(100):
+        words = [*HOAP3, "status", "hoap3", "--json"]
+        told = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+        if '"active"' in told.stdout:
+            return
+    raise SystemExit("the robot does not begin")
+
+
 @contextmanager
-def command(*arguments: object) -> Iterator[subprocess.Popen[str]]:
-    """A command that runs, and is told to end."""
+def command(folder: Path, *arguments: object) -> Iterator[subprocess.Popen[str]]:
+    """A command that runs in a folder, and is told to end."""
     words = [*HOAP3, *map(str, arguments)]
-    done = subprocess.Popen(words, stdout=subprocess.PIPE, text=True, env={**os.environ})
+    done = subprocess.Popen(words, stdout=subprocess.PIPE, text=True, cwd=folder)
     try:
         yield done
     finally:
@@ -57,9 +66,9 @@ def command(*arguments: object) -> Iterator[subprocess.Popen[str]]:
 
 
 @contextmanager
-def served(*what: object) -> Iterator[str]:
+def served(folder: Path, *what: object) -> Iterator[str]:
     """The address of a page."""
-    with command("view", *what, "--port", 0) as server:
+    with command(folder, "view", *what, "--port", 0) as server:
         for line in server.stdout or ():
             if found := ADDRESS.search(line):
                 yield found[0]
@@ -138,12 +147,14 @@ def main() -> int:
         options = {"executable_path": CHROMIUM, "args": ["--no-sandbox", *SOFTWARE_GL]}
         browser = playwright.chromium.launch(**options)
         words = ("--duration", 300, "--set", PATIENT, "--out", folder / "live")
-        with command("run", "--controller", steered(folder), *words), served("hoap3") as address:
-            live(browser, address)
+        with command(folder, "run", "--controller", steered(folder), *words):
+            wait_for_robot(folder)
+            with served(folder, "hoap3") as address:
+                live(browser, address)
         for gamma in (0.5, 0.3):
             words = ("--set", f"controller.parameters.gamma={gamma}", "--out", folder / str(gamma))
             subprocess.run([*HOAP3, "run", "--lockstep", *map(str, words)], check=True)
-        with served(folder / "0.5", folder / "0.3") as address:
+        with served(folder, folder / "0.5", folder / "0.3") as address:
             log(browser, address)
         browser.close()
     return 0
