@@ -1,7 +1,6 @@
 """Which messages go to those who only look on: a page, a notebook, a bridge.
 
-Each of them would otherwise be sent every State, and twenty of them cost the robot more than its
-controller does.
+Each of them would otherwise be sent as much as a controller is.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The page on the live page explains every plot, button and choice, with pictures that are there."""
+"""The page on the live page explains every plot, button and choice, and has its pictures."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 import pytest
 from support import HOUSE
 
-from hoap3.tools.view.frame import PLOTS
+from hoap3.tools.view.picture.frame import PLOTS
 
 TEXT = (HOUSE / "docs" / "view_page.md").read_text(encoding="utf-8").replace("\\|", "|")
 PAGE = (HOUSE / "tools" / "view" / "static" / "index.html").read_text(encoding="utf-8")

@@ -144,8 +144,8 @@ def test_only_its_own_modules_import_zenoh_and_pinocchio():
                 "tools/bench/pushes/pypi_tsid.py",
                 "tools/verify/controllers/acceleration/free_base.py",
                 "tools/verify/robot.py",
-                "tools/view/geometry.py",
-                "tools/view/kinematics.py",
+                "tools/view/picture/geometry.py",
+                "tools/view/picture/kinematics.py",
             }
 
 

@@ -35,7 +35,7 @@ from hoap3.tools.cli.reproduce import reproduce
 from hoap3.tools.cli.robot import robot_app
 from hoap3.tools.cli.trajectory import trajectory_app
 from hoap3.tools.cli.verify import verify
-from hoap3.tools.cli.view import view
+from hoap3.tools.cli.viewers.view import view
 from hoap3.tools.machine.processes import StopFlag, die_with_parent, to_people
 from hoap3.tools.machine.terminal import one_line
 from hoap3.tools.show.kernel_news import watch_compilation

@@ -57,7 +57,7 @@ def connect(
         robot: its name.
         endpoint: where it, or a router, listens.
         every_tick: be sent the State of each tick, not of each 16th alone. It costs the robot's
-            machine as much as a controller does.
+            machine as much as sending to a controller does.
 
     Raises:
         UsageError: that cannot be the name of a robot, or an endpoint.
@@ -98,7 +98,7 @@ class Connection:
         self._lost: Hoap3Error | None = None  # why we steer no longer
         self._number, self._closing = 0, threading.Event()
         self._renewer: threading.Thread | None = None
-        self._steering = threading.Lock()  # so that none renews what is just released
+        self._steering = threading.RLock()  # so that none renews what is just released
         try:
             self._token = self._session.liveliness().declare_token(
                 network.key(robot, f"clients/{self.who}")
@@ -272,10 +272,11 @@ class Connection:
         return time.monotonic() > until or self.status()["mode"] == "stopped"
 
     def _acquire(self) -> dict[str, Any]:
-        before, found = self._operator, self._control("acquire")
-        if before is None or before["epoch"] != found["epoch"]:
-            self._number = 0
-        self._operator, self._lost = found, None
+        with self._steering:
+            before, found = self._operator, self._control("acquire")
+            if before is None or before["epoch"] != found["epoch"]:
+                self._number = 0
+            self._operator, self._lost = found, None
         return found
 
     def send_target(

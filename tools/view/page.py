@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 from hoap3.protocol.errors import Hoap3Error
 from hoap3.tools.view.access import Visit
-from hoap3.tools.view.operator import Operator
+from hoap3.tools.view.steering.operator import Operator
 
 WAITING = 512  # words that wait to be sent to a page; of more the oldest are lost
 MOST_WRONG = 100  # words of a page that are refused, after which it is cut off

@@ -9,10 +9,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from hoap3.tools.view.access import is_loopback, new_token
-from hoap3.tools.view.live import Live
-from hoap3.tools.view.log_source import LogSource
-from hoap3.tools.view.operator import Operator
 from hoap3.tools.view.server import PageServer
+from hoap3.tools.view.sources.live import Live
+from hoap3.tools.view.sources.log_source import LogSource
+from hoap3.tools.view.steering.operator import Operator
 
 NICE = 5
 """Behind whatever else wants a CPU: a picture may come later, a tick may not."""

@@ -17,8 +17,8 @@ from websockets.http11 import Request, Response
 from hoap3.protocol.errors import ConfigError, PortInUseError
 from hoap3.tools.view.access import Gate
 from hoap3.tools.view.files import MESH, headers, read_static
-from hoap3.tools.view.operator import Operator
 from hoap3.tools.view.page import Page, Player, text
+from hoap3.tools.view.steering.operator import Operator
 
 RATE_HZ = 30.0  # frames a second at most
 IDLE_S = 0.1  # between two looks whether somebody has come

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.chromium import chromium
 from support.command_bench import (
     PATIENT,
     QUIET,
@@ -20,6 +19,7 @@ from support.command_bench import (
     endpoint,
     wait_for_mode,
 )
+from support.pages.chromium import chromium
 
 import hoap3
 from hoap3.remote_controller.model.kinematics import Kinematics

@@ -23,15 +23,18 @@ from support.command_bench import (
     controller,
     emulator,
     endpoint,
+    spread,
     tell,
     wait_for_mode,
 )
-from support.view_bench import PagePen, page
+from support.pages.view_bench import PagePen, page
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 import hoap3
+from hoap3.protocol.link import zenoh_session as network
 from hoap3.protocol.messages import State
+from hoap3.tools.services.client import client_settings
 from hoap3.tools.services.connection import Connection
 
 pytestmark = pytest.mark.slow
@@ -148,7 +151,7 @@ def goes_to(robot: Connection, pen: PagePen, aim: list[float]) -> None:
         pen.beat()
         if np.linalg.norm(hand(robot.state()) - aim) < 1e-3:
             return
-        time.sleep(0.02)
+        pen.hear("frame")
     raise AssertionError("it never came there")
 
 
@@ -387,6 +390,60 @@ def test_a_page_that_freezes_or_is_killed_while_it_drags_lets_go(number, home, h
             free = robot.state().tick - since.tick
             print(f"the next page steers after {free} ticks")
             pen.act(verb="release")
+
+
+class Targets:
+    """When targets are sent, by anybody [s]."""
+
+    def __init__(self, at: str) -> None:
+        self._session = network.open_session(client_settings(at))
+        self.times: list[float] = []
+        self._heard = self._session.declare_subscriber(
+            network.key(ROBOT, "targets/*"), lambda _: self.times.append(time.monotonic())
+        )
+
+    def __enter__(self) -> Targets:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._session.close()
+
+    def first_since(self, begin: float) -> float:
+        """How long after a time the first came."""
+        for _ in range(3000):
+            found = [each for each in self.times if each > begin]
+            if found:
+                return found[0] - begin
+            time.sleep(1e-3)
+        raise AssertionError("nothing was sent")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL, signal.SIGTERM])
+def test_twenty_pages_that_freeze_or_go_are_held_in_time(number, host, token, robot, at):
+    """A hold within 200 ms, and the next page steers within the lease of 2 s and what it takes."""
+    held, free = [], []
+    aims = [HOME, FAR]
+    with Targets(at) as targets:
+        for turn in range(20):
+            with page(host, token) as pen:
+                steer(pen)
+                goes_to(robot, pen, aims[turn % 2])
+                pen.act(verb="release")
+            with dragging(host, token, aims[1 - turn % 2]) as process:
+                begin = time.monotonic()
+                os.kill(process.pid, number)
+                held.append(targets.first_since(begin))
+                since = robot.state().tick
+                with page(host, token) as pen:
+                    assert pen.prove()
+                    while pen.act(verb="acquire")["error"] is not None:
+                        pen.hear("frame")
+                    free.append((robot.state().tick - since) * 1e-3)
+                    pen.act(verb="release")
+    print(f"{number.name}: held after {spread(held, 's')}; free after {spread(free, 's')}")
+    assert np.median(held) < 0.2
+    assert max(free) < 4.0
 
 
 def test_a_page_that_is_closed_while_it_drags_lets_go(home, host, token, robot):

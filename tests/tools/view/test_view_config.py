@@ -9,9 +9,9 @@ import pytest
 
 import hoap3
 from hoap3.remote_controller.config import ControllerConfig, build, read_config
-from hoap3.tools.view.config_scene import ConfigScene
-from hoap3.tools.view.kinematics import Poses
-from hoap3.tools.view.targets import present
+from hoap3.tools.view.picture.config_scene import ConfigScene
+from hoap3.tools.view.picture.kinematics import Poses
+from hoap3.tools.view.picture.targets import present
 
 UR5 = hoap3.load_robot("ur5")
 POSITION = {"name": "hand", "dimension": 3, "rates": 3, "layout": ["x", "y", "z"], "unit": "m"}

@@ -8,8 +8,8 @@ import pytest
 
 import hoap3
 from hoap3.protocol.messages import State
-from hoap3.tools.view.contacts import Contacts
-from hoap3.tools.view.kinematics import Poses
+from hoap3.tools.view.picture.contacts import Contacts
+from hoap3.tools.view.picture.kinematics import Poses
 
 ARRAYS = {"base": 13, "contact": 12}
 

@@ -10,11 +10,11 @@ import pytest
 
 import hoap3
 from hoap3.protocol.messages import Setpoint, State
-from hoap3.tools.view.changeable import sliders
-from hoap3.tools.view.frame import Frames
-from hoap3.tools.view.geometry import looks_of
-from hoap3.tools.view.kinematics import Poses
-from hoap3.tools.view.verdicts import LiveVerdicts
+from hoap3.tools.view.picture.changeable import sliders
+from hoap3.tools.view.picture.frame import Frames
+from hoap3.tools.view.picture.geometry import looks_of
+from hoap3.tools.view.picture.kinematics import Poses
+from hoap3.tools.view.picture.verdicts import LiveVerdicts
 
 ROBOT = hoap3.load_robot("hoap3")
 

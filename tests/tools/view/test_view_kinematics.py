@@ -8,7 +8,7 @@ import pytest
 
 import hoap3
 from hoap3.protocol.description import RobotDescription
-from hoap3.tools.view.kinematics import Poses
+from hoap3.tools.view.picture.kinematics import Poses
 
 ROBOTS = ("hoap3", "ur5", "lwr", "baxter_left_arm", "humanoid32")
 

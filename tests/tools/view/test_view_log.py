@@ -15,10 +15,10 @@ from hoap3.protocol.messages import Event, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.logs.indexed_log import IndexedLog
 from hoap3.tools.logs.log import Log
-from hoap3.tools.view.kinematics import Poses
-from hoap3.tools.view.log_overview import Overview
-from hoap3.tools.view.log_source import LogSource
-from hoap3.tools.view.play_clock import PlayClock
+from hoap3.tools.view.picture.kinematics import Poses
+from hoap3.tools.view.sources.log_overview import Overview
+from hoap3.tools.view.sources.log_source import LogSource
+from hoap3.tools.view.sources.play_clock import PlayClock
 
 MS = 1_000_000
 BEGIN = 7_000_000_000

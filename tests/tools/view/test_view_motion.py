@@ -10,17 +10,17 @@ from hoap3.protocol.errors import UsageError
 from hoap3.protocol.messages import State
 from hoap3.remote_controller.references.live.live import Live
 from hoap3.remote_controller.references.live.live_plan import Bounds
-from hoap3.tools.view.frame import Frames
-from hoap3.tools.view.geometry import Looks
-from hoap3.tools.view.hold import (
+from hoap3.tools.view.picture.frame import Frames
+from hoap3.tools.view.picture.geometry import Looks
+from hoap3.tools.view.picture.kinematics import Poses
+from hoap3.tools.view.steering.hold import (
     braking_distance,
     multiplied,
     of_rotation_vector,
     rest_of,
     rotation_vector,
 )
-from hoap3.tools.view.kinematics import Poses
-from hoap3.tools.view.motion import Motion
+from hoap3.tools.view.steering.motion import Motion
 
 UR5 = hoap3.load_robot("ur5").model_copy(update={"state_arrays": {"reference_rate": 6}})
 BOUNDS = {"speed": [0.25] * 3, "acceleration": [1.0] * 3, "jerk": [20.0] * 3}

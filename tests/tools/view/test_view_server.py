@@ -11,7 +11,7 @@ from contextlib import suppress
 from itertools import pairwise
 
 import pytest
-from support.view_bench import NotingOperator, PagePen, Served, StillSource, page
+from support.pages.view_bench import NotingOperator, PagePen, Served, StillSource, page
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from page_bench import TOKEN, MadeUpView
-from support.chromium import chromium
+from support.pages.chromium import chromium
 
 SMALL = {"width": 760, "height": 560}  # WebGL is computed here: few pixels are soon drawn
 DRAWN = "() => window.hoap3?.drawn.length > 0"

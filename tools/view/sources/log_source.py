@@ -17,10 +17,10 @@ from hoap3.robot_emulator.robots import available
 from hoap3.tools.logs.indexed_log import IndexedLog
 from hoap3.tools.show.body_findings import body_of
 from hoap3.tools.show.verdicts import judge
-from hoap3.tools.view.frame import Frames, rounded
-from hoap3.tools.view.geometry import looks_of
-from hoap3.tools.view.log_overview import Overview
-from hoap3.tools.view.play_clock import PlayClock
+from hoap3.tools.view.picture.frame import Frames, rounded
+from hoap3.tools.view.picture.geometry import looks_of
+from hoap3.tools.view.sources.log_overview import Overview
+from hoap3.tools.view.sources.play_clock import PlayClock
 
 HEAD = 64  # chunks of a log's begin in which the first active State is looked for
 TAIL = 4  # of its end, in which a summary is

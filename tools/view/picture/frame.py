@@ -11,11 +11,11 @@ import yaml
 
 from hoap3.protocol.description import COM, RobotDescription
 from hoap3.protocol.messages import Setpoint, State
-from hoap3.tools.view.config_scene import ConfigScene
-from hoap3.tools.view.contacts import Contacts
-from hoap3.tools.view.geometry import Looks
-from hoap3.tools.view.kinematics import Poses
-from hoap3.tools.view.targets import all_present
+from hoap3.tools.view.picture.config_scene import ConfigScene
+from hoap3.tools.view.picture.contacts import Contacts
+from hoap3.tools.view.picture.geometry import Looks
+from hoap3.tools.view.picture.kinematics import Poses
+from hoap3.tools.view.picture.targets import all_present
 
 MODES = ("idle", "active", "stopping", "stopped")
 NONE = Setpoint.schema.constants["STATUS_NONE"]

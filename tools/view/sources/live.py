@@ -21,11 +21,11 @@ from hoap3.protocol.messages import WIRE_VERSION, Event, Setpoint, State
 from hoap3.robot_emulator.robots import available
 from hoap3.tools.services.client import check_name, client_settings
 from hoap3.tools.show.event_words import event_name, in_words, is_routine
-from hoap3.tools.view.changeable import sliders
-from hoap3.tools.view.frame import Frames
-from hoap3.tools.view.geometry import looks_of
-from hoap3.tools.view.questions import Answer, Questions
-from hoap3.tools.view.verdicts import LiveVerdicts
+from hoap3.tools.view.picture.changeable import sliders
+from hoap3.tools.view.picture.frame import Frames
+from hoap3.tools.view.picture.geometry import looks_of
+from hoap3.tools.view.picture.verdicts import LiveVerdicts
+from hoap3.tools.view.sources.questions import Answer, Questions
 
 ASK_S = 1.0  # between two questions of how they are
 SKIPS_S = 1.0  # between two words of skipped periods, which on a busy machine are many

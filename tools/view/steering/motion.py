@@ -13,17 +13,17 @@ import numpy as np
 
 from hoap3.protocol.errors import UsageError
 from hoap3.protocol.messages import State
-from hoap3.tools.view.config_scene import Steered
-from hoap3.tools.view.frame import Frames
-from hoap3.tools.view.hold import (
+from hoap3.tools.view.picture.config_scene import Steered
+from hoap3.tools.view.picture.frame import Frames
+from hoap3.tools.view.picture.kinematics import Poses
+from hoap3.tools.view.picture.targets import present
+from hoap3.tools.view.steering.hold import (
     conjugate,
     multiplied,
     of_rotation_vector,
     rest_of,
     rotation_vector,
 )
-from hoap3.tools.view.kinematics import Poses
-from hoap3.tools.view.targets import present
 
 SILENT_S = 0.15  # without a sign of life, after which what moves is held
 LEASE_S = 2.0  # and after which the page steers no longer

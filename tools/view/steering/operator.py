@@ -16,8 +16,8 @@ from typing import Any, TypeVar
 
 from hoap3.protocol.errors import Hoap3Error, LinkError, UsageError, WireError
 from hoap3.tools.services.connection import Connection
-from hoap3.tools.view.live import Live
-from hoap3.tools.view.motion import Motion
+from hoap3.tools.view.sources.live import Live
+from hoap3.tools.view.steering.motion import Motion
 
 TICK_S = 0.02  # between two looks at what moves
 SETTLE_S = 0.2  # between a hold and a release: targets and questions come on different ways
