@@ -1,6 +1,6 @@
-"""Makes the pictures of the live page again: `python docs/pictures/page.py`.
+"""Makes the pictures of the live page again: `python docs/pictures/page.py [live] [log]`.
 
-It runs HOAP-3 and UR5 in real time and one log, opens their pages in Debian's chromium, and keeps
+It runs HOAP-3 in real time, and two logs, opens their pages in Debian's chromium, and keeps
 what that shows.
 """
 
@@ -26,10 +26,10 @@ FOLDER = Path(__file__).parent / "view"
 CHROMIUM = "/usr/bin/chromium"
 SOFTWARE_GL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 WIDE, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
+TALL = {"width": 1280, "height": 2400}  # whatever is beside the picture at once
 HOAP3 = [sys.executable, "-m", "hoap3.tools.cli.app"]
 PATIENT = "emulator.misses_to_stop=100000"  # a browser that draws without a GPU takes both CPUs
 ADDRESS = re.compile(r"http://\S+")
-COLOURS = 200  # of a picture that is kept
 
 
 def steered(folder: Path) -> Path:
@@ -77,10 +77,9 @@ def served(folder: Path, *what: object) -> Iterator[str]:
 
 
 def keep(name: str, picture: bytes) -> None:
-    """Write a picture with few colours."""
+    """Write a picture, as small as it gets without a loss."""
     path = FOLDER / f"{name}.png"
-    image = Image.open(io.BytesIO(picture)).convert("RGB")
-    image.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+    Image.open(io.BytesIO(picture)).convert("RGB").save(path, optimize=True)
     sys.stderr.write(f"{path} {path.stat().st_size / 1000:.0f} kB\n")
 
 
@@ -118,7 +117,10 @@ def live(browser: Any, address: str) -> None:
     part(page, "scene", "#view")
     page.mouse.up()
     part(page, "header", "header")
-    for name in ("drive", "plots", "change"):
+    part(page, "drive", "#drive")
+    page.set_viewport_size(TALL)
+    page.wait_for_timeout(1000)
+    for name in ("plots", "change"):
         part(page, name, f"#{name}")
     for name in ("verdicts", "joints"):
         part(page, name, f"section:has(> #{name})")
@@ -139,23 +141,43 @@ def log(browser: Any, address: str) -> None:
     page.close()
 
 
+def make_live(browser: Any, folder: Path) -> None:
+    """Of a robot that runs."""
+    words = ("--duration", 600, "--set", PATIENT, "--out", folder / "live")
+    with command(folder, "run", "--controller", steered(folder), *words):
+        wait_for_robot(folder)
+        with served(folder, "hoap3") as address:
+            live(browser, address)
+
+
+def make_log(browser: Any, folder: Path) -> None:
+    """Of two logs."""
+    for gamma in (0.5, 0.3):
+        words = [
+            f"controller.parameters.gamma={gamma}",
+            "--duration",
+            3,
+            "--out",
+            folder / f"{gamma}",
+        ]
+        run = [*HOAP3, "run", "--lockstep", "--set", *map(str, words)]
+        subprocess.run(run, check=False)  # 1 where 3 s are too short to come there
+    with served(folder, folder / "0.5", folder / "0.3") as address:
+        log(browser, address)
+
+
+MAKE = {"live": make_live, "log": make_log}
+
+
 def main() -> int:
-    """Make them all."""
+    """Make those that are named, or all."""
     FOLDER.mkdir(exist_ok=True)
-    with tempfile.TemporaryDirectory() as temporary, sync_playwright() as playwright:
-        folder = Path(temporary)
+    with sync_playwright() as playwright:
         options = {"executable_path": CHROMIUM, "args": ["--no-sandbox", *SOFTWARE_GL]}
         browser = playwright.chromium.launch(**options)
-        words = ("--duration", 300, "--set", PATIENT, "--out", folder / "live")
-        with command(folder, "run", "--controller", steered(folder), *words):
-            wait_for_robot(folder)
-            with served(folder, "hoap3") as address:
-                live(browser, address)
-        for gamma in (0.5, 0.3):
-            words = ("--set", f"controller.parameters.gamma={gamma}", "--out", folder / str(gamma))
-            subprocess.run([*HOAP3, "run", "--lockstep", *map(str, words)], check=True)
-        with served(folder, folder / "0.5", folder / "0.3") as address:
-            log(browser, address)
+        for name in sys.argv[1:] or MAKE:
+            with tempfile.TemporaryDirectory() as folder:
+                MAKE[name](browser, Path(folder))
         browser.close()
     return 0
 
