@@ -45,7 +45,7 @@ def steered(folder: Path) -> Path:
 
 def wait_for_robot(folder: Path) -> None:
     """Until it follows its controller, which may compile first."""
-    for _ in range(100):
+    for _ in range(400):
         words = [*HOAP3, "status", "hoap3", "--json"]
         told = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
         if '"active"' in told.stdout:
@@ -86,14 +86,23 @@ def keep(name: str, picture: bytes) -> None:
 def opened(browser: Any, address: str, size: dict[str, int], scheme: str) -> Any:
     """A page that shows something."""
     page = browser.new_page(viewport=size, color_scheme=scheme)
+    page.set_default_timeout(120_000)
     page.goto(address)
-    page.wait_for_function("() => window.hoap3?.drawn.length > 30", timeout=120_000)
+    page.wait_for_function("() => window.hoap3?.drawn.length > 0")
     return page
 
 
 def part(page: Any, name: str, selector: str) -> None:
     """Keep one part of a page."""
-    keep(name, page.locator(selector).screenshot())
+    keep(name, page.screenshot(clip=page.locator(selector).bounding_box()))
+
+
+def steer(page: Any) -> None:
+    """Become the operator, or again: on a busy machine a page falls silent for a moment."""
+    if page.get_attribute("#steer", "aria-pressed") == "false":
+        page.click("#steer")
+    page.wait_for_selector("#steer[aria-pressed=true]")
+    page.wait_for_timeout(300)
 
 
 def drag(page: Any, target: str, pixels: float) -> None:
@@ -108,16 +117,19 @@ def drag(page: Any, target: str, pixels: float) -> None:
 def live(browser: Any, address: str) -> None:
     """HOAP-3, whose centre of mass is pulled."""
     page = opened(browser, address, WIDE, "light")
-    page.click("#steer")
-    page.wait_for_selector("#steer[aria-pressed=true]")
-    page.wait_for_timeout(4000)
+    for pixels in (40, -40):  # so that plots have something to show
+        steer(page)
+        drag(page, "com", pixels)
+        page.wait_for_timeout(1500)
+        page.mouse.up()
+    steer(page)
     drag(page, "com", 40)
-    page.wait_for_timeout(4000)
     keep("live", page.screenshot())
     part(page, "scene", "#view")
     page.mouse.up()
     part(page, "header", "header")
     part(page, "drive", "#drive")
+    page.evaluate("document.querySelector('#view').style.maxHeight = '20rem'")  # soon drawn
     page.set_viewport_size(TALL)
     page.wait_for_timeout(1000)
     for name in ("plots", "change"):
@@ -134,8 +146,8 @@ def live(browser: Any, address: str) -> None:
 def log(browser: Any, address: str) -> None:
     """A log, some way through."""
     page = opened(browser, address, WIDE, "dark")
-    page.fill("#at", "2")
-    page.wait_for_timeout(1000)
+    page.fill("#at", "1.2")
+    page.wait_for_timeout(3000)
     keep("log", page.screenshot())
     part(page, "timeline", "#timeline")
     page.close()

@@ -22,8 +22,19 @@ function bounds(logarithmic, least, greatest) {
   if (logarithmic) return least === null ? [1e-3, 1] : uPlot.rangeLog(least, greatest, 10, true);
   if (least === null) return [-1, 1];
   if (least < greatest) return uPlot.rangeNum(least, greatest, 0.1, true);
-  const around = Math.abs(least) / 2 || 1;
+  const around = Math.abs(least) > 1e-9 ? Math.abs(least) / 2 : 1;
   return [least - around, least + around];
+}
+
+/** Of a logarithmic axis the decades, or each second, third, … where there are many. */
+function decades(splits) {
+  const found = splits.map((each) => Math.log10(each)).filter((each) => Math.abs(each - Math.round(each)) < 1e-6);
+  const step = Math.ceil(found.length / 4);
+  const shown = new Set(found.map(Math.round).filter((each) => each % step === 0));
+  return splits.map((each) => {
+    const power = Math.log10(each);
+    return Math.abs(power - Math.round(power)) < 1e-6 && shown.has(Math.round(power)) ? each : null;
+  });
 }
 
 /** One chart: its head with a mark, a name and the newest value of each curve, and the curves. */
@@ -83,6 +94,7 @@ class Chart {
       font: "11px system-ui, sans-serif",
       gap: 4,
     };
+    const filter = logarithmic ? (_, splits) => decades(splits) : (_, splits) => splits;
     const curve = (i) => ({
       stroke: () => readable(CURVES[i % CURVES.length]),
       width: 1.75,
@@ -108,7 +120,14 @@ class Chart {
       },
       axes: [
         { ...axis, size: 22, space: 60 },
-        { ...axis, size: 50, space: 24, values: (_, all) => all.map((each) => (each === null ? "" : short(each))) },
+        {
+          ...axis,
+          size: 50,
+          space: 24,
+          filter,
+          grid: { ...axis.grid, filter },
+          values: (_, all) => all.map((each) => (each === null ? "" : short(each))),
+        },
       ],
       series: [{}, ...series],
       bands,
