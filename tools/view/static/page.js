@@ -178,7 +178,14 @@ function ask(verb) {
 
 at("stop").addEventListener("click", () => ask("stop"));
 at("recover").addEventListener("click", () => ask("recover"));
-at("steer").addEventListener("click", () => ask(steering ? "release" : "acquire"));
+at("steer").addEventListener("click", () => {
+  if (steering) return ask("release");
+  connection.beat(true); // from now on: the answer may take longer than silence is borne
+  connection.act({ verb: "acquire" }, (error) => {
+    if (error !== null) connection.beat(false);
+    say(error);
+  });
+});
 at("drive-frame").addEventListener("change", ({ target }) => targets.space(target.value === "world" ? "world" : "local"));
 // Stop before anything else that these keys mean, wherever the focus is.
 for (const kind of ["keydown", "keyup"]) {

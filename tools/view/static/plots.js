@@ -6,6 +6,7 @@ import { make, write } from "./panels.js";
 
 const WINDOW_S = 10;
 const HEIGHT = 104; // px
+const TITLES = { "V rate": "dV/dt", rtt: "Round trip" }; // of groups; else their names
 const EACH_MS = 100; // between two redraws: text and curves ten times a second are enough
 
 /** A number in at most seven characters. */
@@ -14,6 +15,26 @@ export function short(value) {
   const size = Math.abs(value);
   if (size !== 0 && (size < 1e-3 || size >= 1e5)) return value.toExponential(1);
   return String(Number(value.toPrecision(3)));
+}
+
+/** Bounds of an axis: round ones, and some where there is one value alone, or none. */
+function bounds(logarithmic, least, greatest) {
+  if (logarithmic) return least === null ? [1e-3, 1] : uPlot.rangeLog(least, greatest, 10, true);
+  if (least === null) return [-1, 1];
+  if (least < greatest) return uPlot.rangeNum(least, greatest, 0.1, true);
+  const around = Math.abs(least) > 1e-9 ? Math.abs(least) / 2 : 1;
+  return [least - around, least + around];
+}
+
+/** Of a logarithmic axis the decades, or each second, third, … where there are many. */
+function decades(splits) {
+  const found = splits.map((each) => Math.log10(each)).filter((each) => Math.abs(each - Math.round(each)) < 1e-6);
+  const step = Math.ceil(found.length / 4);
+  const shown = new Set(found.map(Math.round).filter((each) => each % step === 0));
+  return splits.map((each) => {
+    const power = Math.log10(each);
+    return Math.abs(power - Math.round(power)) < 1e-6 && shown.has(Math.round(power)) ? each : null;
+  });
 }
 
 /** One chart: its head with a mark, a name and the newest value of each curve, and the curves. */
@@ -28,6 +49,7 @@ class Chart {
     Object.assign(this, { curves, log, now: log?.from_s ?? 0, hovered: null });
     this.times = [];
     this.values = curves.map(() => []);
+    this.newest = curves.map(() => null); // also what a logarithmic axis cannot show
     this.numbers = curves.map(() => make("output", { textContent: "–" }));
     this.box = make("div", { className: "chart" });
     this.figure = make("figure", { className: "card" }, this.#head(group), this.box);
@@ -46,7 +68,7 @@ class Chart {
   #head(group) {
     const [{ label, unit }] = this.curves;
     const alone = this.curves.length === 1;
-    const name = alone ? label : group.charAt(0).toUpperCase() + group.slice(1);
+    const name = alone ? label : (TITLES[group] ?? group.charAt(0).toUpperCase() + group.slice(1));
     const title = make("h2", { textContent: name, title: name }, make("small", { textContent: unit ? ` [${unit}]` : "" }));
     if (alone) return make("figcaption", {}, title, this.numbers[0]);
     const legend = this.curves.map((curve, i) => this.#legend(curve, i, unit));
@@ -72,6 +94,7 @@ class Chart {
       font: "11px system-ui, sans-serif",
       gap: 4,
     };
+    const filter = logarithmic ? (_, splits) => decades(splits) : (_, splits) => splits;
     const curve = (i) => ({
       stroke: () => readable(CURVES[i % CURVES.length]),
       width: 1.75,
@@ -93,11 +116,18 @@ class Chart {
       cursor: { y: false, drag: { x: false, y: false }, points: { size: 5 } },
       scales: {
         x: { time: false, range: () => this.#range() },
-        y: { distr: logarithmic ? 3 : 1 },
+        y: { distr: logarithmic ? 3 : 1, range: (_, least, greatest) => bounds(logarithmic, least, greatest) },
       },
       axes: [
         { ...axis, size: 22, space: 60 },
-        { ...axis, size: 50, space: 24, values: (_, all) => all.map((each) => (each === null ? "" : short(each))) },
+        {
+          ...axis,
+          size: 50,
+          space: 24,
+          filter,
+          grid: { ...axis.grid, filter },
+          values: (_, all) => all.map((each) => (each === null ? "" : short(each))),
+        },
       ],
       series: [{}, ...series],
       bands,
@@ -129,12 +159,13 @@ class Chart {
   }
 
   #hover(index) {
-    this.hovered = this.log ? null : index;
+    this.hovered = this.log ? null : (index ?? null);
     this.#write();
   }
 
   #write() {
-    this.numbers.forEach((number, i) => write(number, short(this.values[i].at(this.hovered ?? -1))));
+    const { hovered, newest, values } = this;
+    this.numbers.forEach((number, i) => write(number, short(hovered === null ? newest[i] : values[i][hovered])));
   }
 
   push(time_s, values) {
@@ -143,6 +174,7 @@ class Chart {
     this.times.push(time_s);
     this.curves.forEach(({ key, log }, i) => {
       const value = values[key] ?? null;
+      this.newest[i] = value;
       this.values[i].push(log && value <= 0 ? null : value);
     });
     while (this.times[0] < time_s - WINDOW_S) {

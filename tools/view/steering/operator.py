@@ -185,6 +185,7 @@ class Operator:
         if self.page not in {None, page}:
             raise UsageError("another page steers; it is free when that page releases or is closed")
         self.page = page  # from now on no other page can, while the controller is asked
+        self._motion.begin(time.monotonic())  # and its silence counts from now
         try:
             await self._ask("ask", lambda: self._robot().acquire())
         except BaseException:  # also where the page goes meanwhile, and the controller has agreed
