@@ -56,26 +56,28 @@ def back_to_front(faces: Sequence[Face], toward: FloatArray, most: int) -> list[
     Args:
         faces: which all face the eye.
         toward: (3,), direction to the eye.
-        most: so many at the most; where cuts would make more, none are cut any more, and the
-            order near those is by their middles.
+        most: so many at the most, unless there are more already. Where cuts would make more,
+            nothing is cut, and the order there is by the middles of the faces.
     """
     if not faces:
         return []
     near = ROUNDING * float(np.ptp(np.concatenate([face.corners for face in faces]), axis=0).max())
-    spare = most - len(faces)
+    spare = max(0, most - len(faces))
     painted: list[Face] = []
     ahead: list[tuple[Sequence[Face], bool]] = [(faces, False)]
     while ahead:
         pieces, done = ahead.pop()
         if done or _of_one(pieces):
             painted += pieces
-        elif spare <= 0:
+            continue
+        behind, within, before = _parted(pieces, near)
+        cuts = len(behind) + len(within) + len(before) - len(pieces)
+        if cuts > spare:
             painted += sorted(pieces, key=lambda piece: float(piece.corners.mean(axis=0) @ toward))
-        else:
-            behind, within, before = _parted(pieces, near)
-            spare -= len(behind) + len(within) + len(before) - len(pieces)
-            # what lies behind is taken first
-            ahead += [(part, part is within) for part in (before, within, behind) if part]
+            continue
+        spare -= cuts
+        # what lies behind is taken first
+        ahead += [(part, part is within) for part in (before, within, behind) if part]
     return painted
 
 
