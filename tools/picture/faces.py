@@ -15,7 +15,7 @@ def faces_of(solid: Solid, sides: int) -> list[Face]:
 
     Args:
         solid: the shape.
-        sides: of what is round, a multiple of 4. Between these there are no edges.
+        sides: of what is round, a multiple of 4. Edges are those of flat ends alone.
     """
     return [
         Face(face.corners @ solid.axes.T + solid.center, face.edges)
@@ -48,11 +48,9 @@ def _turned(profile: list[tuple[float, float]], sides: int) -> list[Face]:
     angles = 2.0 * np.pi * (np.arange(sides + 1) % sides) / sides
     cosines, sines = np.cos(angles), np.sin(angles)
     rings = [np.column_stack((r * cosines, r * sines, np.full(sides + 1, z))) for r, z in profile]
-    flat = [profile[0][0] > 0.0, *[False] * (len(profile) - 2), profile[-1][0] > 0.0]
-    faces = []
+    faces, smooth = [], np.zeros(4, np.bool_)
     for level in range(len(profile) - 1):
         low, high = rings[level], rings[level + 1]
-        edges = np.array([flat[level], False, flat[level + 1], False])
         kept = [0, 1, 2, 3]
         if profile[level][0] == 0.0:
             kept = [1, 2, 3]
@@ -60,10 +58,10 @@ def _turned(profile: list[tuple[float, float]], sides: int) -> list[Face]:
             kept = [0, 1, 2]
         for k in range(sides):
             corners = np.array([low[k], low[k + 1], high[k + 1], high[k]])
-            faces.append(Face(corners[kept], edges[kept]))
-    every = np.ones(sides, np.bool_)
-    if flat[0]:
-        faces.append(Face(rings[0][:-1][::-1], every))
-    if flat[-1]:
-        faces.append(Face(rings[-1][:-1], every))
+            faces.append(Face(corners[kept], smooth[kept]))
+    edges = np.ones(sides, np.bool_)
+    if profile[0][0] > 0.0:
+        faces.append(Face(rings[0][:-1][::-1], edges))
+    if profile[-1][0] > 0.0:
+        faces.append(Face(rings[-1][:-1], edges))
     return faces

@@ -23,7 +23,7 @@ SQUARE = np.array([[10.0, 10.0], [40.0, 10.0], [40.0, 30.0], [10.0, 30.0]])
 
 def corners(path: str) -> np.ndarray:
     """Places of a path of relative steps [px]."""
-    found = re.fullmatch(r"m(.*)l([^zhv]*)(z?)", path)
+    found = re.fullmatch(r"M(.*)l([^Mz]*)z?", path)
     steps = np.array(re.findall(r"-?\d+", f"{found[1]} {found[2]}"), float).reshape(-1, 2)
     return np.cumsum(steps, axis=0) / FINE
 
@@ -41,6 +41,16 @@ def test_every_corner_is_within_a_step_of_where_it_should_be():
     assert line.attributes["class"].split() == ["l", "c-red"]
     for path in (face, line):
         assert np.abs(corners(path.attributes["d"]) - points).max() <= 0.5 / FINE + 1e-9
+
+
+def test_faces_of_one_colour_become_one_path_in_their_places():
+    shown = ((0.0, "body1"), (50.0, "body1"), (0.0, "body2"))
+    faces = [Flat("face", SQUARE + shift, role) for shift, role in shown]
+    both, single = Page(svg(faces, 100, 100)).root.all("path")
+    parts = re.findall(r"M[^M]*", both.attributes["d"])
+    assert corners(parts[0]) == pytest.approx(SQUARE)
+    assert corners(parts[1]) == pytest.approx(SQUARE + 50)
+    assert corners(single.attributes["d"]) == pytest.approx(SQUARE)
 
 
 def test_a_role_that_no_page_has_is_refused():

@@ -22,7 +22,7 @@ from hoap3.tools.report.motion import Motion
 
 SIZE = (340.0, 340.0)  # px
 MARGIN = 14.0
-FACES = 400  # of a picture: a report stays small, whatever it shows
+FACES, SEEN = 500, 330  # of the robot, of a picture: a report stays small, whatever it shows
 TOUCHING_M = 0.005  # above the ground
 _VIEW = Markup('<div class="view">{}<p><b>{}</b> · {} s, tick {}{}</p></div>')
 
@@ -32,7 +32,7 @@ def posture_views(motion: Motion) -> list[Drawing]:
     description = motion.description
     if description is None:
         return []
-    body = Body(description, 2 * FACES)
+    body = Body(description, FACES)
     seen = []
     for moment in motion.moments:
         placement = body.place(moment.q, moment.base)
@@ -44,7 +44,7 @@ def posture_views(motion: Motion) -> list[Drawing]:
     stages = _stages(body, seen)
     views = Markup("").join(
         _VIEW.format(
-            Markup(svg(stage.paint(placement, marks, FACES), *SIZE)),  # noqa: S704 - our own
+            Markup(svg(stage.paint(placement, marks, SEEN), *SIZE)),  # noqa: S704 - our own
             moment.name,
             seconds(moment.time_s),
             count(moment.tick),
