@@ -53,9 +53,7 @@ class Canvas:
         role: str,
         size: float = 14.0,
         anchor: str = "ls",
-        *,
-        bold: bool = False,
-    ) -> None:
+    ) -> float:
         """Write a line of text.
 
         Args:
@@ -64,11 +62,14 @@ class Canvas:
             role: its colour.
             size: height of the letters [px].
             anchor: which point of the text that is, as Pillow names them: "ls" its lower left.
-            bold: whether letters are.
+
+        Returns:
+            How long it is [px].
         """
+        font = _font(size * LARGER)
         place = (at[0] * LARGER, at[1] * LARGER)
-        font = _font(size * LARGER, bold=bold)
         self._draw.text(place, text, fill=self.colour(role), font=font, anchor=anchor)
+        return float(font.getlength(text)) / LARGER
 
     @property
     def image(self) -> Any:
@@ -78,13 +79,12 @@ class Canvas:
         return self._image.resize(self._size, Image.Resampling.BOX)
 
 
-def _font(size: float, *, bold: bool) -> Any:
+def _font(size: float) -> Any:
     """Matplotlib's own, so that pictures are alike everywhere."""
-    import matplotlib
+    import matplotlib as mpl
     from PIL import ImageFont
 
-    name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
-    return ImageFont.truetype(Path(matplotlib.get_data_path(), "fonts", "ttf", name), size)
+    return ImageFont.truetype(Path(mpl.get_data_path(), "fonts", "ttf", "DejaVuSans.ttf"), size)
 
 
 def _corners(points: Any) -> list[tuple[float, float]]:

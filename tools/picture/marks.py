@@ -22,6 +22,7 @@ class Marks:
         point: (3,), of what is controlled [m].
         target: (3,), where that shall be [m].
         path: (m, 3), where it has been [m].
+        way: (m, 3), where the target goes [m].
         support: (c, 2 or 3), corners of the support polygon, seen from above [m].
         plumb: whether a line leads from the point down to the floor, as from a centre of mass.
     """
@@ -29,6 +30,7 @@ class Marks:
     point: FloatArray | None = None
     target: FloatArray | None = None
     path: FloatArray | None = None
+    way: FloatArray | None = None
     support: FloatArray | None = None
     plumb: bool = False
 
@@ -36,7 +38,7 @@ class Marks:
     def points(self) -> FloatArray:
         """All of them, but for the support polygon, which lies under the robot, (k, 3)."""
         single = [each[None] for each in (self.point, self.target) if each is not None]
-        paths = [] if self.path is None else [self.path]
+        paths = [each for each in (self.path, self.way) if each is not None]
         return np.concatenate([np.empty((0, 3)), *single, *paths])
 
     def under(self, floor: Floor, camera: Camera) -> list[Flat]:
@@ -55,10 +57,10 @@ class Marks:
         found = []
         if self.support is not None and len(self.support) > 2:
             found.append(Flat("loop", camera.project(floor.on(self.support)), "green", 1.4))
+        if self.way is not None and len(self.way) > 1:
+            found.append(Flat("line", camera.project(_thin(self.way)), "red", 1.0))
         if self.path is not None and len(self.path) > 1:
-            chosen = np.linspace(0, len(self.path) - 1, min(len(self.path), MOST_POINTS))
-            path = self.path[chosen.round().astype(int)]
-            found.append(Flat("line", camera.project(path), "blue", 1.8))
+            found.append(Flat("line", camera.project(_thin(self.path)), "blue", 2.0))
         if self.plumb and self.point is not None:
             ends = np.stack((self.point, floor.on(self.point)))
             found.append(Flat("dash", camera.project(ends), "blue", 1.2))
@@ -70,3 +72,9 @@ class Marks:
             at = camera.project(self.point[None])
             found += [Flat("dot", at, "card", size + 1.5), Flat("dot", at, "blue", size)]
         return found
+
+
+def _thin(points: FloatArray) -> FloatArray:
+    """As many as can be seen."""
+    chosen = np.linspace(0, len(points) - 1, min(len(points), MOST_POINTS))
+    return points[chosen.round().astype(int)]

@@ -21,9 +21,9 @@ TOLD = {"rad/s": "told to move", "rad/s²": "told to accelerate", "N m": "given 
 """What joints are told, by the unit of u."""
 
 
-def motion_drawings(motion: Motion) -> list[Drawing]:
-    """Every figure that this motion has the data for."""
-    drawings = posture_views(motion)
+def motion_drawings(motion: Motion, robot: str | None = None) -> list[Drawing]:
+    """Every figure that this motion has the data for; `robot` as for `posture_views`."""
+    drawings = posture_views(motion, robot)
     if motion.point == COM:
         drawings.append(_sole(motion))
     drawings.append(_close_up(motion))

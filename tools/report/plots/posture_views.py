@@ -15,6 +15,7 @@ from hoap3.tools.html.numbers import count, seconds
 from hoap3.tools.picture.body import Body, Placement
 from hoap3.tools.picture.floor import hull
 from hoap3.tools.picture.marks import Marks
+from hoap3.tools.picture.meshes import dressed
 from hoap3.tools.picture.stage import Stage
 from hoap3.tools.picture.svg import svg
 from hoap3.tools.report.moments import Moment
@@ -27,12 +28,18 @@ TOUCHING_M = 0.005  # above the ground
 _VIEW = Markup('<div class="view">{}<p><b>{}</b> · {} s, tick {}{}</p></div>')
 
 
-def posture_views(motion: Motion) -> list[Drawing]:
-    """One drawing with all moments; none where there is nothing that can be drawn."""
+def posture_views(motion: Motion, robot: str | None = None) -> list[Drawing]:
+    """One drawing with all moments; none where there is nothing that can be drawn.
+
+    Args:
+        motion: what is shown.
+        robot: name or path of the robot on this machine, whose meshes are drawn.
+    """
     description = motion.description
     if description is None:
         return []
-    body = Body(description, FACES)
+    solids, notes = dressed(description, robot, FACES)
+    body = Body(description, FACES, solids)
     seen = []
     for moment in motion.moments:
         placement = body.place(moment.q, moment.base)
@@ -56,6 +63,7 @@ def posture_views(motion: Motion) -> list[Drawing]:
     figures = f"n {len(seen)} of {count(motion.states)} States · squares of {square:g} m"
     if body.left_out:
         figures += f" · {count(body.left_out)} small shapes are left out"
+    figures = " · ".join((figures, *notes))
     title = "The robot at its start, at its worst tick and at its end"
     if len(seen) < 3:
         title = f"The robot at {len(seen)} of its ticks"
