@@ -40,17 +40,18 @@ def place_legend(axes: Any, handles: Mapping[str, Any]) -> None:
     """
     taken = _taken(axes)
     low, high = (np.array(each) for each in (axes.bbox.min, axes.bbox.max))
-    widest = 1
+    widest, rows = 1, len(handles) + 1
     for columns in range(1, len(handles) + 1):
-        if math.ceil(len(handles) / columns) == math.ceil(len(handles) / max(1, columns - 1)) > 1:
+        if math.ceil(len(handles) / columns) == rows:
             continue  # no row less
+        rows = math.ceil(len(handles) / columns)
         size = _size(_legend(axes, handles, columns))
         room = high - low - size - 2.0 * APART
-        if (room < 0.0).any():
-            if columns > 1:
-                break
-            continue
+        if room[0] < 0.0:
+            break
         widest = columns
+        if room[1] < 0.0:
+            continue
         for share in _shares():
             corner = low + APART + share * room
             if not _crosses(taken, corner - APART, corner + size + APART):

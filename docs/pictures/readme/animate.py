@@ -33,6 +33,7 @@ SIZE = (560, 500)  # px; a page shows it at two thirds of that
 LEGEND = 34  # px at its lower edge
 RATE = 15  # pictures a second
 ROUND_S = 5.0  # after which it begins again, where it ends
+START_S = 2.5  # before which motions are not yet the same in every round
 FACES = 2000
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -94,46 +95,52 @@ def closed(path: Array) -> Array:
     return np.vstack((path, path[:1]))
 
 
+CORNERS = np.array([[-0.02, 0.03, 0.288], [0.0, 0.0, 0.252], [0.025, 0.028, 0.282]])  # [m]
+
+
 def com(count: int) -> Film:
-    """HOAP-3 moves its centre of mass round a circle, both feet on the ground."""
-    center, radius = (0.0, 0.03, 0.27), 0.028
-    target = {"kind": "circle", "center_m": list(center), "radius_m": radius, "plane": "yz",
-              "period_s": ROUND_S, "approach_s": 2.0}  # fmt: skip
+    """HOAP-3 brings its centre of mass to three places and back, both feet on the ground."""
+    description, quarter = load("hoap3"), ROUND_S / 4
+    visits = CORNERS[[0, 1, 2, 1, 0]]  # a way that is gone back leads back to the same posture
+    times = (START_S + quarter * np.arange(5)).tolist()
+    target = {"kind": "waypoints", "points_m": visits.tolist(), "times_s": times}
     law = {
         "controller": "stable_qp",
         "robot": "hoap3",
         "parameters": {
             "task": {"task": "com", "parameters": {"frame": "r_sole", "target": target}},
-            "objective": {"kind": "qp12", "gamma": 0.0},
-            "psi": {"form": "exponential", "eta_per_s": 10.0},
+            "objective": {"kind": "qp12", "gamma": 0.0, "weights": {"waist_pitch": 100.0}},
+            "psi": {"form": "exponential", "eta_per_s": 20.0},
             "constraints": [
                 {"constraint": "joint_velocity", "parameters": {"limit_rad_s": 2.0}},
                 {"constraint": "joint_position"},
-                {"constraint": "support_polygon", "parameters": {"margin_m": 0.0}},
+                {"constraint": "support_polygon"},
                 {"constraint": "fixed_frame", "parameters": {"frame": "l_sole"}},
             ],
         },
     }
-    description = load("hoap3")
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "run"
-        run_lockstep(emulator_settings("hoap3", 0), controller_settings(law), 8.2, folder)
+        emulator = emulator_settings("hoap3", 0)
+        run_lockstep(emulator, controller_settings(law), START_S + ROUND_S, folder)
         states = Log.open(folder, "robot").states()
-    times = (states["stamp_intended"] - states["stamp_intended"][0]) * 1e-9
-    rows = chosen(times, 3.0, count)
+    rows = chosen((states["stamp_intended"] - states["stamp_intended"][0]) * 1e-9, START_S, count)
     q = np.asarray(states["q"][rows], float)
     path = point_path(q, description, COM, "r_sole")
-    angles = 2.0 * np.pi * times[rows] / ROUND_S
-    goals = np.array(center) + radius * np.column_stack(
-        (np.zeros(count), np.cos(angles), np.sin(angles))
-    )
+    goals = visits[1 + (4 * np.arange(count)) // count]
     (sole,) = [each for each in description.soles if each.frame == "r_sole"]
     support = np.column_stack((sole.polygon, np.zeros(len(sole.polygon))))
     marks = [
-        Marks(point=path[k], target=goals[k], path=behind(path, k), way=closed(goals),
-              support=support, plumb=True)
+        Marks(
+            point=path[k],
+            target=goals[k],
+            path=behind(path, k),
+            way=CORNERS,
+            support=support,
+            plumb=True,
+        )
         for k in range(count)
-    ]  # fmt: skip
+    ]
     legend = (("blue", "dot", "centre of mass"), ("red", "ring", "target"),
               ("green", "line", "support polygon"))  # fmt: skip
     return Film("hoap3", q, marks, legend, {"azimuth_deg": 32.0, "elevation_deg": 14.0})
@@ -155,7 +162,7 @@ def dragged(count: int) -> Film:
     target = law["parameters"]["tasks"][0]["parameters"]["target"]
     target |= {"speed_m_s": 1.0, "acceleration_m_s2": 6.0, "jerk_m_s3": 120.0}
     law["parameters"]["bounds"]["speed_rad_s"] = 2.5
-    start_s, every = 3.0, 50
+    every = 50
     sent: dict[int, Array] = {}
     granted: dict[str, Any] = {}
 
@@ -170,9 +177,9 @@ def dragged(count: int) -> Film:
             message.values[:] = sent[tick] = hand(tick * 1e-3)
             loop.steer("hand", message.dump())
 
-    done = simulate("ur5", law, start_s + ROUND_S + 0.2, steer=steer)
+    done = simulate("ur5", law, START_S + ROUND_S, steer=steer)
     times = done.time - done.time[0]
-    rows = chosen(times, start_s, count)
+    rows = chosen(times, START_S, count)
     q = np.asarray(done.states["q"][rows], float)
     path = point_path(q, load("ur5"), "tool0", "base")
     goals = np.array([sent[every * int(time * 1e3 / every)] for time in times[rows]])
