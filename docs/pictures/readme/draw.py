@@ -21,7 +21,6 @@ from hoap3.tools.simulate import simulate
 
 FOLDER = Path(__file__).parent
 ROBOTS = ("hoap3", "humanoid32", "baxter_left_arm", "lwr", "ur5")
-POSTURES = {"ur5": "outstretched"}  # where another than that of its start shows more
 TITLE = 40  # px above a picture
 FACES = 4000
 TARGET = np.array([0.01, 0.025, 0.2869])  # m_d of the paper, in the right sole's frame [m]
@@ -44,9 +43,9 @@ def robots() -> Any:
     shown = []
     for name in ROBOTS:
         description = load(name)
-        q = np.array(description.postures[POSTURES.get(name, description.initial_posture)])
         body = Body(description, FACES)
-        shown.append((f"{name}, {description.n} joints", body, body.place(q), Marks()))
+        placement = body.place(description.initial_position)
+        shown.append((f"{name}, {description.n} joints", body, placement, Marks()))
     return side_by_side(shown, 250, 260)
 
 
