@@ -24,6 +24,7 @@ from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.errors import NameTakenError
 from hoap3.protocol.link.base import Arrival, Request
 from hoap3.protocol.link.local_control import LocalControl
+from hoap3.protocol.link.sampling import Sampling
 from hoap3.protocol.link.zenoh_clients import Clients, Queries, client_of, identity, leaf
 from hoap3.protocol.link.zenoh_session import (
     QUERY_TIMEOUT_S,
@@ -34,6 +35,7 @@ from hoap3.protocol.link.zenoh_session import (
     is_alive,
     key,
     open_session,
+    sampled_key,
     state_key,
     zenoh,
 )
@@ -83,6 +85,7 @@ class ZenohRobotLink:
         self._report, self._old_listens, self._old_asks = report, False, False
         self._give_way = _way_to_sender()
         self._local: LocalControl | None = None
+        self._sampling = Sampling()
         self._session = session = open_session(settings)
         try:
             if is_alive(session, robot):
@@ -93,6 +96,9 @@ class ZenohRobotLink:
             self._state = fast_publisher(session, state_key(robot), blocking)
             self._old_state = fast_publisher(session, state_key(robot, OLDEST), blocking)
             self._old_state.declare_matching_listener(self._old_listens_now)
+            self._sampled = session.declare_publisher(
+                sampled_key(robot, f"state/{WIRE_VERSION}"), express=True
+            )
             self._events = session.declare_publisher(key(robot, "events"), express=True)
             self._speaks = session.liveliness().declare_token(key(robot, SPEAKS))  # before queries
             self._queries = Queries(session, robot)
@@ -117,6 +123,8 @@ class ZenohRobotLink:
         self._state.put(state)
         if self._old_listens and self._old_asks:
             self._old_state.put(downgraded(State, state))
+        if self._sampling.takes(state):
+            self._sampled.put(state)
         self._give_way()
 
     def announce(self, event: bytes) -> None:
@@ -226,12 +234,16 @@ class ZenohControllerLink:
         self.linked, self.wire_version = False, WIRE_VERSION
         self._waking, self._closed, self._blocking = threading.Lock(), False, blocking
         self._declared: list[Any] = []  # what is for one version of the wire
+        self._sampling = Sampling()
         self._give_way = _way_to_sender()
         self._session = session = open_session(settings)
         self._answers = _Answers()
         try:
             session.info.declare_link_events_listener(self._link_changed, history=True)
             self._speak(WIRE_VERSION)
+            self._sampled = session.declare_publisher(
+                sampled_key(robot, f"setpoint/{who}"), express=True
+            )
             self._events = session.declare_subscriber(
                 key(robot, "events"), zenoh.handlers.RingChannel(EVENTS)
             )
@@ -259,9 +271,10 @@ class ZenohControllerLink:
 
     def publish(self, setpoint: bytes) -> None:
         """Send a Setpoint."""
-        if self.wire_version == OLDEST:
-            setpoint = downgraded(Setpoint, setpoint)
-        self._setpoint.put(setpoint)
+        old = self.wire_version == OLDEST
+        self._setpoint.put(downgraded(Setpoint, setpoint) if old else setpoint)
+        if self._sampling.takes(setpoint):
+            self._sampled.put(setpoint)
         self._give_way()
 
     def wake(self) -> None:

@@ -30,7 +30,7 @@ from hoap3.protocol.wire_versions import OLDEST
 
 __all__ = [
     "QUERY_TIMEOUT_S", "SPEAKS", "alive_robots", "ask", "ask_in", "ask_versions", "fast_publisher",
-    "is_alive", "key", "open_session", "state_key", "zenoh",
+    "is_alive", "key", "open_session", "sampled_key", "state_key", "zenoh",
 ]  # fmt: skip
 
 QUERY_TIMEOUT_S = 2.0
@@ -48,6 +48,11 @@ def key(robot: str, leaf: str) -> str:
 def state_key(robot: str, version: int = WIRE_VERSION) -> str:
     """Where a robot publishes its States in a version of the wire."""
     return key(robot, "state" if version == OLDEST else f"state/{version}")
+
+
+def sampled_key(robot: str, leaf: str) -> str:
+    """Where messages go to those who look on: `leaf` is `state/2` or `setpoint/<who>`."""
+    return key(robot, f"sampled/{leaf}")
 
 
 def open_session(settings: LinkSettings) -> zenoh.Session:

@@ -5,29 +5,12 @@ from __future__ import annotations
 import math
 
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.triple_kernels import Triple, cross, plus
 from hoap3.protocol.runtime.numba_jit import inlined, kernel
 from hoap3.remote_controller.tasks.status import AT_ANTIPODE, OK
 
 SMALL = 0.2  # rad: below, series; at it, c agrees to 1e-13, d to 1e-11 and d·θ³ to 1e-13
 ANTIPODE = 1e-6  # cosine of half the angle: 2e-6 rad from half a turn
-
-Triple = tuple[float, float, float]
-
-
-@inlined
-def cross(a: Triple, b: Triple) -> Triple:
-    """Triple product a × b."""
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
-
-
-@inlined
-def plus(a: Triple, factor: float, b: Triple) -> Triple:
-    """Sum a + factor·b."""
-    return a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2]
 
 
 @inlined

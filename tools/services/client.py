@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from collections.abc import Mapping
@@ -12,7 +11,6 @@ from hoap3.protocol.answers import MAX_CONTROL_BYTES, ROBOT_ANSWERS, ControlAnsw
 from hoap3.protocol.config.endpoints import endpoint_fault
 from hoap3.protocol.config.settings import NAME_PATTERN, LinkSettings
 from hoap3.protocol.errors import ConfigError, LinkError, UsageError, WireError
-from hoap3.protocol.link.session_limits import MAX_REQUEST_BYTES
 
 
 def tell(robot: str, verb: str, endpoint: str) -> dict[str, Any]:
@@ -55,12 +53,11 @@ def change(robot: str, request: Mapping[str, Any] | None, endpoint: str) -> dict
         LinkError: the robot cannot be reached, or follows no controller.
         WireError: the controller's answer makes no sense.
     """
-    verb, body = ("show", "") if request is None else ("change", json.dumps(request))
-    if len(body.encode()) > MAX_REQUEST_BYTES:
-        raise UsageError(
-            f"the change has {len(body.encode())} bytes; a robot takes {MAX_REQUEST_BYTES} at most"
-        )
-    return _ask_controller(robot, verb, body, endpoint)
+    if request is None:
+        return _ask_controller(robot, "show", b"", endpoint)
+    from hoap3.tools.services import sent
+
+    return _ask_controller(robot, "change", sent.request(request, {}), endpoint)
 
 
 def task_errors(robot: str, endpoint: str) -> list[dict[str, Any]] | None:
@@ -74,20 +71,20 @@ def task_errors(robot: str, endpoint: str) -> list[dict[str, Any]] | None:
         None where nobody tells: no controller, an older one, or one of somebody else.
     """
     try:
-        tasks = _ask_controller(robot, "tasks", "", endpoint).get("tasks")
+        tasks = _ask_controller(robot, "tasks", b"", endpoint).get("tasks")
     except (LinkError, UsageError, WireError):
         return None
     told = isinstance(tasks, list) and all(isinstance(each, dict) for each in tasks)
     return tasks if told else None
 
 
-def _ask_controller(robot: str, verb: str, body: str, endpoint: str) -> dict[str, Any]:
+def _ask_controller(robot: str, verb: str, body: bytes, endpoint: str) -> dict[str, Any]:
     """What the controller of a running robot answers."""
     from hoap3.protocol.link.zenoh_session import ask, open_session
 
     check_name(robot)
     with open_session(client_settings(endpoint)) as session:
-        reply = ask(session, robot, verb, f"tool-{os.getpid()}", body.encode(), whom="control")
+        reply = ask(session, robot, verb, f"tool-{os.getpid()}", body, whom="control")
     if reply is None:
         raise LinkError(
             f"no controller of a robot called {robot!r} answers at {endpoint}: `hoap3 status` says "

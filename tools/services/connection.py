@@ -34,7 +34,7 @@ from hoap3.protocol.errors import (
     UsageError,
     WireError,
 )
-from hoap3.protocol.messages import Event, State, Target
+from hoap3.protocol.messages import WIRE_VERSION, Event, State, Target
 from hoap3.tools.services import sent
 from hoap3.tools.services.client import check_name, client_settings
 
@@ -48,43 +48,49 @@ RENEWED_S = 0.5  # between two renewals of the operator's lease of 2 s
 RETRY_S = 0.2
 
 
-def connect(robot: str = "hoap3", endpoint: str = ENDPOINT) -> Connection:
+def connect(
+    robot: str = "hoap3", endpoint: str = ENDPOINT, *, every_tick: bool = False
+) -> Connection:
     """Connect to a running robot.
 
     Args:
         robot: its name.
         endpoint: where it, or a router, listens.
+        every_tick: be sent the State of each tick, not of each 16th alone. It costs the robot's
+            machine as much as sending to a controller does.
 
     Raises:
         UsageError: that cannot be the name of a robot, or an endpoint.
         LinkError: it cannot be reached.
         WireError: its answer makes no sense.
     """
-    return Connection(robot, endpoint)
+    return Connection(robot, endpoint, every_tick=every_tick)
 
 
-def connect_async(robot: str = "hoap3", endpoint: str = ENDPOINT) -> AsyncConnection:
+def connect_async(
+    robot: str = "hoap3", endpoint: str = ENDPOINT, *, every_tick: bool = False
+) -> AsyncConnection:
     """The same for `async with`: each method of `Connection` is awaited."""
-    return AsyncConnection(robot, endpoint)
+    return AsyncConnection(robot, endpoint, every_tick=every_tick)
 
 
 class Connection:
     """A running robot, as one of its clients sees it; closed at the end of a `with`.
 
     Args:
-        robot, endpoint: see `connect`.
+        robot, endpoint, every_tick: see `connect`.
 
     Attributes:
         who: our name.
         description: of the robot.
     """
 
-    def __init__(self, robot: str, endpoint: str = ENDPOINT) -> None:
+    def __init__(self, robot: str, endpoint: str = ENDPOINT, *, every_tick: bool = False) -> None:
         from hoap3.protocol.link import zenoh_session as network
 
         check_name(robot)
         self.robot, self.who = robot, f"client-{os.getpid()}-{secrets.token_hex(3)}"
-        self._network, self._endpoint = network, endpoint
+        self._network, self._endpoint, self._every_tick = network, endpoint, every_tick
         self._session = network.open_session(client_settings(endpoint))
         self._states: Any = None
         self._events: Any = None
@@ -92,7 +98,7 @@ class Connection:
         self._lost: Hoap3Error | None = None  # why we steer no longer
         self._number, self._closing = 0, threading.Event()
         self._renewer: threading.Thread | None = None
-        self._steering = threading.Lock()  # so that none renews what is just released
+        self._steering = threading.RLock()  # so that none renews what is just released
         try:
             self._token = self._session.liveliness().declare_token(
                 network.key(robot, f"clients/{self.who}")
@@ -135,7 +141,9 @@ class Connection:
         self._session.close()
 
     def state(self, timeout_s: float = 2.0) -> State:
-        """The newest State: of the first call the first that comes. A copy, which stays as it is.
+        """The newest State that was sent to us: of the first call the first that comes. A copy.
+
+        States of each 16th tick are sent, and where the mode changes, unless `every_tick`.
 
         Raises:
             LinkError: none comes.
@@ -264,10 +272,11 @@ class Connection:
         return time.monotonic() > until or self.status()["mode"] == "stopped"
 
     def _acquire(self) -> dict[str, Any]:
-        before, found = self._operator, self._control("acquire")
-        if before is None or before["epoch"] != found["epoch"]:
-            self._number = 0
-        self._operator, self._lost = found, None
+        with self._steering:
+            before, found = self._operator, self._control("acquire")
+            if before is None or before["epoch"] != found["epoch"]:
+                self._number = 0
+            self._operator, self._lost = found, None
         return found
 
     def send_target(
@@ -433,6 +442,8 @@ class Connection:
         if self._states is None:
             ring: Any = self._network.zenoh.handlers.RingChannel(1)
             key = self._network.state_key(self.robot)
+            if not self._every_tick:
+                key = self._network.sampled_key(self.robot, f"state/{WIRE_VERSION}")
             self._states = self._session.declare_subscriber(key, ring)
         sample = self._states.try_recv()
         if sample is None:
@@ -449,7 +460,10 @@ class Connection:
         until = time.monotonic() + timeout_s
         while not self._look():
             if time.monotonic() > until:
-                raise LinkError(f"no State of robot {self.robot!r} came within {timeout_s:g} s")
+                raise LinkError(
+                    f"no State of robot {self.robot!r} came within {timeout_s:g} s. A robot of "
+                    "before this version sends only to `connect(…, every_tick=True)`"
+                )
             time.sleep(LOOK_S)
 
     def _copy(self) -> State:
@@ -469,8 +483,8 @@ class Connection:
 class AsyncConnection:
     """`Connection` for asyncio: what it does is done by a thread, and awaited."""
 
-    def __init__(self, robot: str, endpoint: str = ENDPOINT) -> None:
-        self._make = functools.partial(Connection, robot, endpoint)
+    def __init__(self, robot: str, endpoint: str = ENDPOINT, *, every_tick: bool = False) -> None:
+        self._make = functools.partial(Connection, robot, endpoint, every_tick=every_tick)
         self._connection: Connection | None = None
 
     async def __aenter__(self) -> Self:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hoap3.protocol.errors import BadProblemError, UsageError
+from hoap3.protocol.link.session_limits import MAX_REQUEST_BYTES
 from hoap3.protocol.messages import MAX_ELEMENTS
 
 
@@ -30,7 +31,7 @@ def request(what: Any, more: Mapping[str, Any]) -> bytes:
     """A change as it is sent; arrays and numbers of numpy become lists and plain numbers.
 
     Raises:
-        UsageError: no mapping of keys, or a value that JSON does not have.
+        UsageError: no mapping of keys, a value that JSON does not have, or too long.
     """
     if not isinstance(what, Mapping | None):
         raise UsageError(f"a change is a mapping of keys to numbers (found {what!r:.60})")
@@ -39,9 +40,12 @@ def request(what: Any, more: Mapping[str, Any]) -> bytes:
         if not isinstance(key, str):
             raise UsageError(f"a key of a change is text, such as 'gamma' (found {key!r:.60})")
     try:
-        return json.dumps(content, default=_plain).encode()
+        body = json.dumps(content, default=_plain).encode()
     except (TypeError, ValueError, RecursionError) as error:
         raise UsageError(f"this change cannot be sent ({error}): give plain numbers") from error
+    if len(body) > MAX_REQUEST_BYTES:
+        raise UsageError(f"the change has {len(body)} bytes; a robot takes {MAX_REQUEST_BYTES}")
+    return body
 
 
 def _plain(value: Any) -> Any:

@@ -10,28 +10,12 @@ from __future__ import annotations
 
 import math
 
+from hoap3.protocol.robot.triple_kernels import Triple, cross, plus
 from hoap3.protocol.runtime.numba_jit import Matrix, Vector, inlined, kernel
 
-Triple = tuple[float, float, float]
 Quadruple = tuple[float, float, float, float]
 
 TERMS = 10  # of series in θ² up to 1: the last is below 1e-21 of the first
-
-
-@inlined
-def cross(a: Triple, b: Triple) -> Triple:
-    """Triple product a × b."""
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
-
-
-@inlined
-def plus(a: Triple, factor: float, b: Triple) -> Triple:
-    """Sum a + factor·b."""
-    return a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2]
 
 
 @inlined

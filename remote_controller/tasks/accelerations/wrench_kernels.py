@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 
 from hoap3.protocol.messages import FloatArray
+from hoap3.protocol.robot.triple_kernels import Triple, cross
 from hoap3.protocol.runtime.numba_jit import inlined, kernel
 from hoap3.remote_controller.solvers.linalg.dense_kernels import add, dot, solve_lower
 from hoap3.remote_controller.solvers.linalg.tiled_product_kernels import factorise
-from hoap3.remote_controller.tasks.se3_kernels import ANTIPODE, Triple, cross, logarithm
+from hoap3.remote_controller.tasks.se3_kernels import ANTIPODE, logarithm
 
 DEPENDENT = 1e-12  # of |row|²: what is left of it is rounding
 

@@ -31,7 +31,8 @@ from hoap3.protocol.errors import LinkError, NameTakenError, PortInUseError
 from hoap3.protocol.link import zenoh_link
 from hoap3.protocol.link.base import Request
 from hoap3.protocol.link.zenoh_link import FRESH_S, ZenohControllerLink, ZenohRobotLink
-from hoap3.protocol.link.zenoh_session import alive_robots, key, open_session
+from hoap3.protocol.link.zenoh_session import alive_robots, key, open_session, sampled_key
+from hoap3.protocol.messages import Setpoint, State
 
 HERE = Path(__file__).parent
 
@@ -387,3 +388,19 @@ def test_only_the_configured_endpoint_on_loopback_listens(network):
     network.keep(open_session(LinkSettings()))
     port = int(endpoint.rpartition(":")[2])
     assert listening() - before == {("tcp", f"0100007F:{port:04X}")}
+
+
+@pytest.mark.parametrize("side", ["state/2", "setpoint/us"])
+def test_who_looks_on_gets_one_message_of_sixteen_ticks(network, side):
+    robot, controller = network.pair(blocking=True)
+    sender, looker = (robot, controller) if side == "state/2" else (controller, robot)
+    message = State.allocate(q=2) if sender is robot else Setpoint.allocate(values=2)
+    leaf = side if sender is robot else f"setpoint/{controller.who}"
+    seen = looker._session.declare_subscriber(sampled_key("arm", leaf))
+    eventually(lambda: sender._sampled.matching_status.matching)
+    for message.tick in range(100):
+        sender.publish(message.dump())
+    for tick in range(0, 100, 16):
+        message.load(seen.recv().payload.to_bytes())
+        assert message.tick == tick
+    assert seen.try_recv() is None

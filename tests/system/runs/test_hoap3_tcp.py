@@ -67,6 +67,7 @@ def over_zenoh(tmp_path_factory: pytest.TempPathFactory) -> np.ndarray:
     return last_com(folder)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "slots"), PAIRS)
 def test_the_robot_ends_where_it_does_over_zenoh(
     order: str, slots: int, over_zenoh: np.ndarray, tmp_path: Path

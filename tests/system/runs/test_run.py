@@ -172,6 +172,7 @@ def test_people_get_a_summary_whatever_lies_in_their_folder(tmp_path: Path) -> N
     assert set(tmp_path.rglob("*")) == before  # nothing is written where nothing shall be
 
 
+@pytest.mark.slow
 def test_a_start_is_told_in_five_lines_and_the_end_says_what_is_next(tmp_path: Path) -> None:
     folder = tmp_path / "a log"
     words = ("run", "--duration", "0.2", "--out", folder)

@@ -152,6 +152,7 @@ def test_a_frozen_controller_is_stopped_after_so_many_misses(tmp_path: Path) -> 
     assert misses[-1 - THRESHOLD] == misses[-2 - THRESHOLD]  # the one before was in time
 
 
+@pytest.mark.slow
 def test_a_killed_controller_and_its_successor(tmp_path: Path) -> None:
     """Misses are counted, the stop latches, nothing jumps, neither then nor after `recover`."""
     at, out = endpoint(), tmp_path / "robot"

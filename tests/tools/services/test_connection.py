@@ -16,6 +16,7 @@ from support.small_arm import arm
 import hoap3
 from hoap3.protocol.errors import BadProblemError, LinkError, UsageError
 from hoap3.protocol.link import zenoh_session
+from hoap3.protocol.link.session_limits import MAX_REQUEST_BYTES
 from hoap3.protocol.messages import Event, Target
 from hoap3.tools.services.connection import Connection
 
@@ -188,9 +189,10 @@ ROUND["gamma"] = ROUND
         {"gamma": {0.5}},
         {"tasks": {("hand", "kp"): 1.0}},
         ROUND,
+        {"gamma": "x" * MAX_REQUEST_BYTES},
     ],
 )
-def test_a_change_that_json_does_not_have_is_refused(
+def test_a_change_that_json_does_not_have_or_is_too_long_is_refused(
     what: Any, robot: Connection, network: Network
 ) -> None:
     with pytest.raises(UsageError):

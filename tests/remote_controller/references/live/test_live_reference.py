@@ -35,6 +35,7 @@ def test_nodes_and_curves_are_those_of_the_equations(problems):
             np.testing.assert_allclose(out[k] * step**k, row * step**k, rtol=0, atol=1e-9 * scale)
 
 
+@pytest.mark.slow
 def test_extremes_are_the_greatest_of_many_looks():
     rng = np.random.default_rng(1)
     for _ in range(10):
