@@ -83,7 +83,7 @@ class ControllerLoop:
         self._session_id = session_id
         self._event = Event()
         self._event.session_id = session_id
-        self._request_limit = EventLimit(("change", "show", "tasks"))
+        self._request_limit = EventLimit(("about", "change", "show", "tasks"))
         self.epoch = 0
         self.steps = self.answered = self.overwritten = self.repeated = self.rejected = 0
         self.stale = False
@@ -348,6 +348,26 @@ class ControllerLoop:
         except (Exception, SystemExit) as error:
             raise failure(self._controller, "failed to say what can be changed", error) from error
         return present
+
+    def about(self) -> dict[str, Any]:
+        """What people who look on may want to know: names, live targets, what can be changed.
+
+        Raises:
+            Hoap3Error: the controller failed.
+        """
+        controller = self._controller
+        try:
+            numbers = controller.numbers()
+            json.dumps(numbers)
+        except (Exception, SystemExit) as error:
+            raise failure(controller, "failed to say what can be changed", error) from error
+        return {
+            "extra": list(controller.extra_names),
+            "conditions": list(controller.conditions),
+            "margin_tolerance": controller.margin_tolerance,
+            "targets": [live.as_json() for live in controller.live],
+            "numbers": numbers,
+        }
 
     def task_errors(self) -> list[dict[str, Any]]:
         """How the tasks stand, and which tolerance was violated on the way, as the outcome has it.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import socket
@@ -84,8 +85,13 @@ def rehearse(controller: Controller, description: RobotDescription) -> None:
         raise failure(controller, what, error) from error
 
 
-def serve(request: Request, loop: ControllerLoop) -> None:
+def serve(request: Request, loop: ControllerLoop, config: bytes = b"") -> None:
     """Do what somebody asks of the controller, between two samples, and answer.
+
+    Args:
+        request: what is asked.
+        loop: that answers the robot.
+        config: of the controller, JSON; empty where it is too long to be told.
 
     Raises:
         Hoap3Error: the controller failed.
@@ -94,7 +100,9 @@ def serve(request: Request, loop: ControllerLoop) -> None:
         if request.verb in OPERATES:
             now = loop.operate(request.verb, request.who)
         elif request.verb == "tasks":
-            now = {"tasks": loop.task_errors()}
+            now = {"tasks": loop.task_errors(), "operator": loop.steering.operator or None}
+        elif request.verb == "about":
+            now = {**loop.about(), "config": json.loads(config) if config else None}
         else:
             if request.verb == "change":
                 loop.change(request.body)
@@ -136,6 +144,7 @@ class Service:
         description: RobotDescription | None = None,
     ) -> None:
         self._config, self._file = config, file
+        self._config_json = own_config(config)  # for those who ask about it
         self._recorder, self._report, self._should_stop = recorder, report, should_stop
         self._lockstep_recorder = lockstep_recorder or recorder
         self._on_stop, self._description = on_stop, description
@@ -414,7 +423,7 @@ class Service:
                     loop.hear(told)
                 request = asked()
                 if request is not None:
-                    serve(request, loop)
+                    serve(request, loop, self._config_json)
                     watch.reset()
                 if loop.steered:
                     self._hear_senders(link, loop)

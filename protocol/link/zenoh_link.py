@@ -44,7 +44,7 @@ from hoap3.protocol.wire_versions import OLDEST, downgraded, upgraded
 
 BACKLOG = 1024  # setpoints; of more the oldest are dropped
 WAITING_ANSWERS = 256  # with as many no further request is taken: somebody takes none
-CONTROL = frozenset({"acquire", "change", "release", "show", "tasks"})
+CONTROL = frozenset({"about", "acquire", "change", "release", "show", "tasks"})
 """What a controller can be asked."""
 LONGEST_VERB = 64  # characters; more are cut off
 PENDING = 16  # requests to a controller; of more the oldest get no answer

@@ -253,6 +253,10 @@ class Controller(ABC):
         """What `change` can change, as it is now: a JSON object, empty where nothing can."""
         return self._ready_for_changes().shown()
 
+    def numbers(self) -> list[dict[str, Any]]:
+        """Key, meaning and bounds of each number that `change` can change."""
+        return self._ready_for_changes().described()
+
     def parts(self) -> list[Part]:
         """Settings whose numbers may change: its own, and then those of its tasks and the like."""
         return [Part((), (), self.parameters, self.tune, self.fits, self.stands_for)]

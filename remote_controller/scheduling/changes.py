@@ -176,6 +176,10 @@ class Changes:
             inner[number.path[-1]] = number.read()
         return found
 
+    def described(self) -> list[dict[str, Any]]:
+        """What may change: meaning and bounds of each."""
+        return [number.described() for number in self.numbers]
+
     def _write(self) -> None:
         for way in self._ways:
             way.number.write(way.at(self._clock, cosine))

@@ -78,6 +78,16 @@ class Number:
         """Let it be something else; settings are frozen for all others."""
         self.owner.__dict__[self.name] = value
 
+    def described(self) -> dict[str, Any]:
+        """Its key, what it means, and within which bounds it is taken, null where there is none."""
+        field = type(self.owner).model_fields[self.name]
+        bounds: dict[str, float | None] = {"lower": None, "upper": None}
+        for fact in field.metadata:
+            for end, names in (("lower", ("ge", "gt")), ("upper", ("le", "lt"))):
+                for name in names:
+                    bounds[end] = getattr(fact, name, bounds[end])
+        return {"key": self.key, "meaning": field.description or "", **bounds}
+
 
 def private(settings: Settings) -> Settings:
     """A copy whose numbers may be written; all else is shared."""

@@ -54,7 +54,7 @@ PACKAGES = {
         ("machine", "logs", "html"),
         ("show", "timing", "verify", "picture"),
         ("services", "bench", "environment", "report"),
-        ("beside", "compare", "doctor", "latency", "new", "reproduce", "robots", "testing"),
+        ("beside", "compare", "doctor", "latency", "new", "reproduce", "robots", "testing", "view"),
         ("cli",),
     ),
 }
@@ -144,6 +144,8 @@ def test_only_its_own_modules_import_zenoh_and_pinocchio():
                 "tools/bench/pushes/pypi_tsid.py",
                 "tools/verify/controllers/acceleration/free_base.py",
                 "tools/verify/robot.py",
+                "tools/view/picture/geometry.py",
+                "tools/view/picture/kinematics.py",
             }
 
 

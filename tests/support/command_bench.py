@@ -121,13 +121,13 @@ class Command:
         """Standard error so far."""
         return self._texts["stderr"]
 
-    def hear(self, pattern: str, times: int = 1) -> re.Match[str]:
+    def hear(self, pattern: str, times: int = 1, stream: str = "stderr") -> re.Match[str]:
         """Wait until it has said something that matches; fails where it ends without."""
         found: list[re.Match[str]] = []
 
         def heard() -> bool:
-            found[:] = re.finditer(pattern, self.stderr)
-            return len(found) >= times or "stderr" in self._ended
+            found[:] = re.finditer(pattern, self._texts[stream])
+            return len(found) >= times or stream in self._ended
 
         with self._news:
             in_time = self._news.wait_for(heard, PATIENCE_S)

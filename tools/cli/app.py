@@ -35,6 +35,7 @@ from hoap3.tools.cli.reproduce import reproduce
 from hoap3.tools.cli.robot import robot_app
 from hoap3.tools.cli.trajectory import trajectory_app
 from hoap3.tools.cli.verify import verify
+from hoap3.tools.cli.viewers.view import view
 from hoap3.tools.machine.processes import StopFlag, die_with_parent, to_people
 from hoap3.tools.machine.terminal import one_line
 from hoap3.tools.show.kernel_news import watch_compilation
@@ -47,7 +48,7 @@ app.add_typer(config_app, name="config")
 app.add_typer(bench_app, name="bench")
 app.add_typer(robot_app, name="robot")
 app.add_typer(trajectory_app, name="trajectory")
-for command in (change, compare, doctor, latency, limits, new, report, reproduce, verify):
+for command in (change, compare, doctor, latency, limits, new, report, reproduce, verify, view):
     app.command()(command)
 _ANYTHING = {"ignore_unknown_options": True, "allow_extra_args": True}
 app.command(hidden=True, context_settings=_ANYTHING)(priorities)

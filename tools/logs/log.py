@@ -103,7 +103,7 @@ class Log:
         """
         if side is not None and side not in SIDES:
             raise LogError(f"{path}: no side is called {side!r}. Choose one of {', '.join(SIDES)}")
-        log = cls(_files(Path(path), side))
+        log = cls(files_of(Path(path), side))
         if side not in {None, log.side}:
             raise LogError(f"{path}: is the log of the {log.side}. Name that of the {side}")
         return log
@@ -249,7 +249,12 @@ def payload_hash(log: Log) -> str:
     return digest.hexdigest()
 
 
-def _files(path: Path, side: str | None) -> list[Path]:
+def files_of(path: Path, side: str | None) -> list[Path]:
+    """The file, or all files of one side in the folder of a run, oldest first.
+
+    Raises:
+        LogError: there are none, or of both sides where none is named.
+    """
     if not path.is_dir():
         return [path]
     found: dict[str, dict[int, Path]] = {}
@@ -271,7 +276,8 @@ def _unbroken(files: list[Path]) -> tuple[list[McapScan], str | None]:
     scans: list[McapScan] = []
     for file in files:
         try:
-            scan = _read_ours(file)
+            scan = McapScan.of(file)
+            check_ours(scan)
         except LogError as error:
             if not scans:
                 raise
@@ -327,9 +333,13 @@ def _part(scan: McapScan) -> int:
     return int(scan.metadata["log"]["part"])
 
 
-def _read_ours(file: Path) -> McapScan:
-    """What can be read of a file, if it is one of ours."""
-    scan = McapScan.of(file)
+def check_ours(scan: McapScan) -> None:
+    """Refuse a file that is none of our logs.
+
+    Raises:
+        LogError: it is none, or of another version.
+    """
+    file = scan.path
     facts = scan.metadata.get("log", {})
     ours = {"format", "wire_version", "robot", "side", "part"} <= facts.keys()
     if not scan.whole and scan.profile in {"", PROFILE} and len(scan.channels) < LEAST_TOPICS:
@@ -347,7 +357,6 @@ def _read_ours(file: Path) -> McapScan:
     ours = len(topics) >= LEAST_TOPICS and topics.items() <= known.items()
     if scan.profile != PROFILE or not ours:
         raise LogError(f"{file}: its topics are not those of our logs. Name a log of `hoap3`")
-    return scan
 
 
 def _lost_at_begin(first: Path, facts: dict[str, str], newest: dict[str, str]) -> str | None:

@@ -56,13 +56,15 @@ McapMessage = tuple[int, int, int, int, bytes]
 
 @dataclass(frozen=True)
 class _Chunk:
-    """Where a chunk stands in the file, and how its messages are packed."""
+    """Where a chunk stands in the file, how its messages are packed, and their log times [ns]."""
 
     start: int
     length: int
     unpacked: int
     crc: int
     compression: bytes
+    first: int = 0
+    last: int = 0
 
 
 @dataclass(frozen=True)
@@ -116,10 +118,24 @@ class McapScan:
     def of(cls, path: Path) -> McapScan:
         """Scan a file, and verify its chunks.
 
+        Raises: see `indexed`.
+        """
+        return cls._scanned(path, verify=True)
+
+    @classmethod
+    def indexed(cls, path: Path) -> McapScan:
+        """Scan a file without a look into its chunks: some milliseconds for each GB.
+
+        What is damaged in one is found when it is read, and `damages` does not know of it.
+
         Raises:
             LogError: missing, empty, not MCAP, it cannot be read, or it claims to hold more than a
                 log of its size can.
         """
+        return cls._scanned(path, verify=False)
+
+    @classmethod
+    def _scanned(cls, path: Path, *, verify: bool) -> McapScan:
         try:
             with open_regular(path) as stream:
                 scan = cls(path, os.fstat(stream.fileno()).st_size)
@@ -127,7 +143,8 @@ class McapScan:
                     what = "is not an MCAP file" if scan.size else "is empty"
                     raise LogError(f"{path}: {what}. Name a log that `hoap3` has written")
                 scan._walk(stream)
-                scan._verify(stream)
+                if verify:
+                    scan._verify(stream)
         except OSError as error:
             raise LogError(
                 f"{path}: cannot be read ({error.strerror}). Name a log, or the folder of a run"
@@ -155,6 +172,23 @@ class McapScan:
         with open_regular(self.path) as stream:
             for part in self._parts:
                 yield part if isinstance(part, Damage) else self._unpack(part, stream)
+
+    @property
+    def spans(self) -> list[tuple[int, int]]:
+        """Log times [ns] of the oldest and the newest message of each chunk, as the file says."""
+        return [(chunk.first, chunk.last) for chunk in self._chunks()]
+
+    def chunk(self, place: int) -> list[McapMessage]:
+        """The messages of one chunk.
+
+        Raises:
+            LogError: it is damaged.
+        """
+        with open_regular(self.path) as stream:
+            return list(self._unpack(self._chunks()[place], stream))
+
+    def _chunks(self) -> list[_Chunk]:
+        return [part for part in self._parts if isinstance(part, _Chunk)]
 
     def _verify(self, stream: IO[bytes]) -> None:
         """Read every chunk once; neighbours that are damaged become one damage."""
@@ -345,9 +379,9 @@ def _read_chunk(start: int, length: int, stream: IO[bytes]) -> _Chunk:
     Raises:
         struct.error, ValueError: the lengths do not agree with each other.
     """
-    _, _, unpacked, crc, size = _CHUNK_HEAD.unpack(stream.read(_CHUNK_HEAD.size))
+    first, last, unpacked, crc, size = _CHUNK_HEAD.unpack(stream.read(_CHUNK_HEAD.size))
     compression = stream.read(min(size, 16))
     (packed,) = struct.unpack("<Q", stream.read(8))
     if len(compression) != size or packed != length - _CHUNK_HEAD.size - size - 8:
         raise ValueError("lengths that do not agree")
-    return _Chunk(start, length, unpacked, crc, compression)
+    return _Chunk(start, length, unpacked, crc, compression, first, last)

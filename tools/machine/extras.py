@@ -16,3 +16,13 @@ def check_drawing() -> None:
     for package in ("jinja2", "matplotlib"):
         if find_spec(package) is None:
             raise NotInstalledError("package", package, "'hoap3[report]'")
+
+
+def check_view() -> None:
+    """Refuse the live page before it begins, where it could not be served.
+
+    Raises:
+        NotInstalledError: websockets is not installed.
+    """
+    if find_spec("websockets") is None:
+        raise NotInstalledError("package", "websockets", "'hoap3[view]'")

@@ -1,0 +1,178 @@
+"""A server of the live page on a free port, with a source of the test's own, and a page."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import hmac
+import json
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, Self
+
+from websockets.sync.client import ClientConnection, connect
+
+from hoap3.protocol.errors import UsageError
+from hoap3.tools.view.server import PageServer
+
+PATIENCE_S = 60.0
+
+
+class StillSource:
+    """A source with one frame, which is new each time that it is asked."""
+
+    live = True
+
+    def __init__(self) -> None:
+        self.watched, self.version = False, 1
+        self.meshes: dict[str, bytes] = {}
+        self.tick = 0
+        self.said: list[dict[str, Any]] = []
+        self.greeting: dict[str, Any] = {"robot": "still"}
+        self.padding = ""
+
+    def hello(self) -> dict[str, Any]:
+        return self.greeting
+
+    def frame(self) -> dict[str, Any] | None:
+        self.tick += 1
+        return {"kind": "frame", "tick": self.tick, "padding": self.padding}
+
+    def events(self) -> list[dict[str, Any]]:
+        said, self.said = self.said, []
+        return said
+
+    def changeable(self) -> list[dict[str, Any]]:
+        return []
+
+    def player(self) -> None:
+        return None
+
+
+class NotingOperator:
+    """Notes what pages do."""
+
+    def __init__(self) -> None:
+        self.done: list[Any] = []
+        self.beats = 0
+        self.gone = threading.Event()
+
+    def says(self, page: object) -> str:
+        return "none"
+
+    async def act(self, page: object, do: Mapping[str, Any]) -> dict[str, Any]:
+        if do.get("verb") not in {"stop", "recover", "acquire"}:
+            raise UsageError("no such verb")
+        self.done.append(do)
+        return {"done": True}
+
+    def move(self, page: object, do: Mapping[str, Any]) -> bool:
+        if do.get("verb") != "target":
+            return False
+        self.done.append(do)
+        return True
+
+    def beat(self, page: object) -> None:
+        self.beats += 1
+
+    def left(self, page: object) -> None:
+        self.gone.set()
+
+    async def run(self) -> None:
+        await asyncio.Event().wait()
+
+
+class Served:
+    """A server that runs in a thread."""
+
+    def __init__(self, source: Any, operator: Any, token: str | None) -> None:
+        self.source, self.operator, self.token = source, operator, token
+        self._loop = asyncio.new_event_loop()
+        self._ready = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self.url, self.failed = "", ""
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        assert self._ready.wait(PATIENCE_S)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._loop.call_soon_threadsafe(self._stop.set)
+        self._thread.join(PATIENCE_S)
+        assert not self.failed, self.failed
+
+    @property
+    def host(self) -> str:
+        return self.url.removeprefix("http://").partition("/")[0]
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        self._stop = asyncio.Event()
+        server = PageServer(self.source, self.operator, self.token, "127.0.0.1", 0)
+        try:
+            self._loop.run_until_complete(server.run(self._stop, self._told))
+        except Exception as error:
+            self.failed = repr(error)
+            raise
+        finally:
+            self._ready.set()
+            self._loop.close()
+
+    def _told(self, url: str) -> None:
+        self.url = url
+        self._ready.set()
+
+
+class PagePen:
+    """What a page says and hears."""
+
+    def __init__(self, socket: ClientConnection, token: str, origin: str) -> None:
+        self.socket, self.token, self.origin = socket, token, origin
+        self.hello = self.hear("hello")
+        self.nonce = self.hello["nonce"]
+        self.number = 0
+
+    def hear(self, kind: str, **wanted: object) -> dict[str, Any]:
+        """The next word of that kind, with these values."""
+        while True:
+            word: dict[str, Any] = json.loads(self.socket.recv(PATIENCE_S))
+            if word["kind"] == kind and all(word.get(key) == wanted[key] for key in wanted):
+                return word
+
+    def say(self, **word: object) -> None:
+        self.socket.send(json.dumps(word))
+
+    def code(self, text: str) -> str:
+        return hmac.new(self.token.encode(), text.encode(), hashlib.sha256).hexdigest()
+
+    def prove(self) -> bool:
+        self.say(kind="prove", proof=self.code(self.nonce + self.origin))
+        return bool(self.hear("proved")["ok"])
+
+    def mac(self, number: int, text: str) -> str:
+        return self.code(f"{self.nonce}\n{number}\n{text}")
+
+    def send(self, **do: object) -> int:
+        """Say what is to be done; the number under which the answer comes."""
+        self.number += 1
+        text = json.dumps(do)
+        self.say(kind="act", id=self.number, mac=self.mac(self.number, text), do=text)
+        return self.number
+
+    def act(self, **do: object) -> dict[str, Any]:
+        """The same, and the answer."""
+        return self.hear("told", id=self.send(**do))
+
+    def beat(self) -> None:
+        self.number += 1
+        self.say(kind="beat", id=self.number, mac=self.mac(self.number, "beat"))
+
+
+@contextmanager
+def page(host: str, token: str = "", origin: str | None = None, **more: Any) -> Iterator[PagePen]:
+    """A page that is open."""
+    mine = f"http://{host}" if origin is None else origin
+    with connect(f"ws://{host}/socket", origin=mine, max_size=None, **more) as socket:
+        yield PagePen(socket, token, mine)

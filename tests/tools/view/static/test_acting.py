@@ -1,0 +1,361 @@
+"""What the page asks for, and that it lets go."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from page_bench import frame, made_up_view, poses
+
+pytestmark = pytest.mark.slow
+STILL = poses(0.0)
+
+
+def still(tick):
+    """A robot that stands, so that a gizmo stays under the mouse."""
+    return frame(tick, poses=STILL, targets=[STILL[3], [0.3, 0.1, 0.5], [0.0] * 6])
+
+
+def grab(page, name, pixels=60, steps=12):
+    """Pull a gizmo along x, and keep the button down."""
+    page.wait_for_function("() => hoap3.drawn.length > 5")
+    found = page.evaluate("name => hoap3.gizmo(name)", name)
+    (x0, y0), (x, y) = found["centre"], found["handle"]
+    length = np.hypot(x - x0, y - y0)
+    page.mouse.move(x, y)
+    page.mouse.down()
+    for i in range(1, steps + 1):
+        far = pixels * i / steps
+        page.mouse.move(x + far * (x - x0) / length, y + far * (y - y0) / length)
+    page.wait_for_function("() => hoap3.acting === 'drag'")
+
+
+def wait_for(page, view, verb, count=1):
+    """Until the server has been asked for it."""
+    for _ in range(200):
+        if view.verbs().count(verb) >= count:
+            return
+        page.wait_for_timeout(25)
+    pytest.fail(f"the page never asked to {verb}: {view.verbs()}")
+
+
+def no_more(page, view, kind):
+    """That nothing of a kind comes for half a second."""
+    page.wait_for_timeout(100)
+    before = [message["kind"] for message in view.taken].count(kind)
+    page.wait_for_timeout(500)
+    assert [message["kind"] for message in view.taken].count(kind) == before
+
+
+def targets(view, verb="target"):
+    return [(at_s, do) for at_s, do in view.asked if do["verb"] == verb]
+
+
+@pytest.mark.parametrize("name", ["hand", "aside"])
+def test_a_drag_sends_targets_and_letting_go_drops_them(steer, name):
+    with made_up_view(frames=still) as view:
+        page = steer(view)
+        grab(page, name)
+        page.wait_for_timeout(300)  # several beats
+        page.mouse.up()
+        wait_for(page, view, "drop")
+        sent = targets(view)
+        assert {do["name"] for _, do in sent} == {name}
+        assert view.verbs()[-1] == "drop"
+        no_more(page, view, "act")
+        start = {"hand": np.array(STILL[3]), "aside": np.array([0.3, 0.1, 0.5])}[name]
+        moved = np.array(sent[-1][1]["values"]) - start
+        # The base stands turned by nothing, so its axes are those of the world.
+        assert abs(moved[0]) > 0.01
+        assert np.abs(np.delete(moved, 0)).max() < 1e-6
+
+
+def test_a_page_that_steers_says_20_times_a_second_that_it_lives(steer):
+    with made_up_view() as view:
+        page = steer(view)
+        before = view.beats()
+        page.wait_for_timeout(1000)
+        assert 15 <= view.beats() - before <= 22
+        page.click("#steer")
+        page.wait_for_selector("#steer[aria-pressed=false]")
+        no_more(page, view, "beat")
+
+
+def test_a_page_that_computes_without_end_says_nothing(steer):
+    """Its worker goes on; what is sent is sent by the page."""
+    with made_up_view() as view:
+        page = steer(view)
+        page.wait_for_timeout(200)
+        with page.expect_event("console"):
+            page.evaluate("""setTimeout(() => {
+              console.log("busy");
+              const end = performance.now() + 1500;
+              while (performance.now() < end);
+            })""")
+        before = view.beats()
+        view.wait(1.0)
+        assert view.beats() - before <= 1
+        page.wait_for_function("() => true")
+
+
+def test_targets_are_sent_30_times_a_second_at_most(steer):
+    with made_up_view(frames=still) as view:
+        page = steer(view)
+        grab(page, "hand", steps=120)
+        page.mouse.up()
+        wait_for(page, view, "drop")
+        stamps = [at_s for at_s, _ in targets(view)]
+        assert len(stamps) - 1 <= 30 * (stamps[-1] - stamps[0]) + 2  # the last is sent at once
+
+
+def test_the_numbers_are_in_the_axes_of_the_reference(steer):
+    """Pulled along the world's x, seen from a base that is turned by 90°."""
+    half = np.sqrt(0.5)
+    turned = [[0.1, 0.2, 0.0, 0.0, 0.0, half, half], *STILL[1:]]
+
+    def frames(tick):
+        return frame(tick, poses=turned, targets=[None, [0.3, 0.1, 0.5], None])
+
+    with made_up_view(frames=frames) as view:
+        page = steer(view)
+        grab(page, "aside")
+        page.mouse.up()
+        wait_for(page, view, "drop")
+        moved = np.array(targets(view)[-1][1]["values"]) - [0.3, 0.1, 0.5]
+        assert abs(moved[1]) > 0.01
+        np.testing.assert_allclose(moved[[0, 2]], 0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "lost",
+    [
+        "dispatchEvent(new Event('blur'))",
+        "document.dispatchEvent(new Event('visibilitychange'))",
+        (
+            "document.querySelector('#stage canvas').dispatchEvent("
+            "new PointerEvent('pointercancel', { pointerId: 1 }))"
+        ),
+    ],
+)
+def test_a_page_that_loses_the_hand_lets_go(steer, lost):
+    with made_up_view(frames=still) as view:
+        page = steer(view)
+        grab(page, "hand")
+        page.evaluate(lost)
+        wait_for(page, view, "drop")
+        no_more(page, view, "act")
+        assert page.evaluate("hoap3.acting") is None
+
+
+def test_who_is_not_the_operator_any_more_drags_no_more(steer):
+    with made_up_view(frames=still) as view:
+        page = steer(view)
+        grab(page, "hand")
+        view.operator = "other"
+        wait_for(page, view, "drop")
+        no_more(page, view, "beat")
+        page.mouse.move(300, 300)
+        no_more(page, view, "act")
+
+
+@pytest.mark.parametrize("how", ["button", "Escape", "Space", "Space on another button"])
+def test_stop_stops(open_page, how):
+    with made_up_view() as view:
+        page = open_page(view)
+        page.wait_for_selector("#stop:enabled")
+        if how == "button":
+            page.click("#stop")
+        else:
+            if " on " in how:
+                page.focus("#steer")
+            page.keyboard.press(how.partition(" ")[0])
+        wait_for(page, view, "stop")
+        assert view.verbs() == ["stop"]
+
+
+def test_recover_steer_and_release_are_asked_for(open_page):
+    with made_up_view() as view:
+        page = open_page(view)
+        page.click("#recover")
+        page.click("#steer")
+        page.wait_for_selector("#steer[aria-pressed=true]")
+        page.click("#steer")
+        page.wait_for_selector("#steer[aria-pressed=false]")
+        assert view.verbs() == ["recover", "acquire", "release"]
+        view.error = "someone else steers"
+        page.click("#steer")
+        page.wait_for_selector("#note.refused")
+        assert "someone else steers" in page.inner_text("#note")
+
+
+@pytest.mark.parametrize("token", ["", "not-the-token"])
+def test_a_page_without_the_token_sends_nothing(open_page, token):
+    with made_up_view(frames=still) as view:
+        view.operator = "me"  # whatever a server says
+        page = open_page(view, token)
+        page.wait_for_function(
+            "() => document.querySelector('#note').textContent.includes('only looks')"
+        )
+        for key in ("Escape", "Space", "Shift+w"):
+            page.keyboard.press(key)
+        for button in ("stop", "recover", "steer", "dead-man"):
+            assert page.locator(f"#{button}").is_disabled()
+            page.click(f"#{button}", force=True)
+        at = page.evaluate("hoap3.gizmo('hand')")
+        page.mouse.move(*at["handle"])
+        page.mouse.down()
+        page.mouse.move(300, 200)
+        page.mouse.up()
+        assert page.locator("#sliders input:enabled").count() == 0
+        page.wait_for_timeout(300)
+        assert [each["kind"] for each in view.taken] == (["prove"] if token else [])
+
+
+def test_a_slider_is_sent_when_it_is_let_go(steer):
+    with made_up_view() as view:
+        page = steer(view)
+        assert page.locator("#sliders .setting").count() == 3
+        assert page.locator("#sliders input").count() == 2  # what is no number is only shown
+        gamma = page.locator("#sliders input[type=range]")
+        gamma.scroll_into_view_if_needed()
+        box = gamma.bounding_box()
+        middle = box["y"] + box["height"] / 2
+        page.mouse.move(box["x"] + box["width"] * 0.3, middle)
+        page.mouse.down()
+        page.mouse.move(box["x"] + box["width"] * 0.5, middle, steps=5)
+        page.wait_for_timeout(200)
+        assert "change" not in view.verbs()
+        page.mouse.up()
+        wait_for(page, view, "change")
+        ((_, do),) = targets(view, "change")
+        assert do["what"]["gamma"] == pytest.approx(2.55, abs=0.1)  # half way from 0.1 to 5
+        view.error = "too fast"
+        page.mouse.click(box["x"] + box["width"] * 0.9, middle)
+        page.wait_for_function(
+            "() => document.querySelector('#sliders').innerText.includes('too fast')"
+        )
+        assert float(gamma.input_value()) == pytest.approx(do["what"]["gamma"], abs=0.03)
+
+
+def test_keys_drive_while_the_dead_man_is_held(steer):
+    with made_up_view(frames=still) as view:
+        page = steer(view)
+        page.keyboard.down("KeyW")
+        page.wait_for_timeout(150)
+        page.keyboard.up("KeyW")
+        page.keyboard.down("Shift")
+        page.wait_for_timeout(150)
+        assert targets(view, "velocity") == []  # neither drives alone
+        page.keyboard.up("Shift")
+        for key, axis, sign in (("KeyW", 0, 1), ("KeyD", 1, -1), ("KeyR", 2, 1), ("KeyL", 5, -1)):
+            view.asked.clear()
+            page.keyboard.down("Shift")
+            page.keyboard.down(key)
+            wait_for(page, view, "velocity", 3)
+            page.keyboard.up("Shift")
+            wait_for(page, view, "drop")
+            page.keyboard.up(key)
+            values = targets(view, "velocity")[1][1]["values"]
+            assert len(values) == 6
+            assert values[axis] * sign > 0.0
+            assert np.count_nonzero(np.round(values, 9)) == 1
+        no_more(page, view, "act")
+
+
+def test_tool_axes_turn_what_is_driven(steer):
+    """Along the tool's x, for a tool that is turned by 90° about z, is along the world's y."""
+    half = np.sqrt(0.5)
+    turned = [*STILL[:3], [0.3, 0.0, 0.5, 0.0, 0.0, half, half]]
+
+    def frames(tick):
+        return frame(tick, poses=turned, targets=[turned[3], None, None])
+
+    with made_up_view(frames=frames) as view:
+        page = steer(view)
+        page.select_option("#drive-frame", "tool")
+        page.fill("#drive-speed", "40")
+        page.keyboard.down("Shift")
+        page.keyboard.down("KeyW")
+        wait_for(page, view, "velocity", 3)
+        page.keyboard.up("Shift")
+        values = targets(view, "velocity")[0][1]["values"]
+        np.testing.assert_allclose(values, [0.0, 0.4 * 0.25, 0.0, 0.0, 0.0, 0.0], atol=1e-9)
+
+
+def test_a_page_that_loses_the_keys_drives_no_more(steer):
+    with made_up_view(frames=still) as view:
+        page = steer(view)
+        page.keyboard.down("Shift")
+        page.keyboard.down("KeyW")
+        wait_for(page, view, "velocity", 2)
+        page.evaluate("dispatchEvent(new Event('blur'))")
+        wait_for(page, view, "drop")
+        no_more(page, view, "act")
+
+
+GAMEPAD = """
+  window.pad = {
+    connected: true, id: "a pad of tests", mapping: "standard", axes: [0, 0, 0, 0],
+    buttons: Array.from({ length: 17 }, () => ({ pressed: false, value: 0 })),
+  };
+  navigator.getGamepads = () => [window.pad];
+"""
+
+
+def test_a_gamepad_drives_while_its_button_is_held(steer, browser):
+    with made_up_view(frames=still) as view:
+        page = steer(view)
+        page.evaluate(GAMEPAD)
+        page.evaluate("dispatchEvent(new Event('gamepadconnected'))")
+        page.evaluate("pad.axes = [0.05, -1, 0, 0]")  # forward, and a stick that is a little off
+        page.wait_for_timeout(200)
+        assert targets(view, "velocity") == []
+        page.evaluate("pad.buttons[4].value = 1")
+        wait_for(page, view, "velocity", 3)
+        values = targets(view, "velocity")[0][1]["values"]
+        np.testing.assert_allclose(values, [0.25 * 0.25, 0, 0, 0, 0, 0], atol=1e-9)
+        page.evaluate("dispatchEvent(new Event('blur'))")
+        wait_for(page, view, "drop")
+        no_more(page, view, "act")  # held all the while: it must be let go first
+        page.evaluate("pad.buttons[4].value = 0")
+        page.wait_for_timeout(300)  # it looks some 30 times a second
+        page.evaluate("pad.buttons[4].value = 1")
+        wait_for(page, view, "velocity", len(targets(view, "velocity")) + 2)
+        page.evaluate("pad.buttons[1].value = 1")
+        wait_for(page, view, "stop")
+
+
+LOG = {
+    "from_s": 0.0,
+    "to_s": 20.0,
+    "events": [{"at_s": 3.5, "label": "holder lost", "severity": "error"}],
+    "worst": [{"at_s": 12.25, "label": "late by 3 ms"}],
+    "overview": {"error": [[t, 0.1 / (1 + t), 0.2 / (1 + t)] for t in range(21)]},
+    "second": False,
+}
+
+
+def test_of_a_log_time_is_played_pulled_and_jumped(open_page):
+    times = itertools.chain([0.0], itertools.repeat(5.0))
+
+    def frames(_):
+        return frame(1000, time_s=next(times))
+
+    with made_up_view(frames=frames, live=False, writes=False, log=LOG) as view:
+        page = open_page(view)
+        page.click("#play")
+        page.select_option("#speed", "5")
+        page.click("#play")
+        page.select_option("#jump", "12.25")
+        page.select_option("#jump", "3.5")
+        page.fill("#at", "10")
+        page.locator("figure[data-group=error] .u-over").click()
+        page.wait_for_timeout(200)
+        kinds = [message for message in view.taken if message["kind"] == "play"]
+        assert [message["speed"] for message in kinds] == [1, 5, 0]
+        sought = [message["at_s"] for message in view.taken if message["kind"] == "seek"]
+        assert sought[:2] == [12.25, 3.5]
+        assert 10 in sought
+        assert sought[-1] == pytest.approx(10.0, abs=0.2)  # the middle of the plot
+        assert page.locator("#buttons").is_hidden()

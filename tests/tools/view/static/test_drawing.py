@@ -1,0 +1,164 @@
+"""What the page draws is what it was sent."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from page_bench import LINKS, code, frame, made_up_view
+
+pytestmark = pytest.mark.slow
+PLACES = "Object.fromEntries(Object.entries(hoap3.{}))"
+
+
+def matrix(pose: Any) -> Any:
+    """Of a pose, (4, 4)."""
+    x, y, z, w = np.array(pose[3:]) / np.linalg.norm(pose[3:])
+    found = np.eye(4)
+    found[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    found[:3, 3] = pose[:3]
+    return found
+
+
+def drawn(page: Any, which: str = "poses") -> dict[str, Any]:
+    """World matrices of the links of the picture that is shown, (4, 4)."""
+    found = page.evaluate(PLACES.format(which))
+    return {name: np.reshape(columns, (4, 4)).T for name, columns in found.items()}
+
+
+def random_poses(random: Any) -> list[list[float]]:
+    turned = random.normal(size=(len(LINKS), 4))
+    turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+    return np.hstack([random.uniform(-1, 1, (len(LINKS), 3)), turned]).tolist()
+
+
+def test_links_are_where_the_frame_has_them(open_page):
+    random = np.random.default_rng(1)
+    with made_up_view(frames=None) as view:
+        page = open_page(view, wait="() => window.hoap3?.hello")
+        for tick in range(1, 21):
+            where = random_poses(random)
+            view.say(frame(tick, poses=where))
+            page.wait_for_function("tick => hoap3.tick === tick", arg=tick)
+            seen = drawn(page)
+            for link, pose in zip(LINKS, where, strict=True):
+                np.testing.assert_allclose(seen[link["name"]], matrix(pose), atol=1e-6)
+
+
+def test_a_second_log_is_drawn_as_a_ghost(open_page):
+    random = np.random.default_rng(2)
+    log = {"from_s": 0.0, "to_s": 1.0, "events": [], "worst": [], "overview": {}, "second": True}
+    with made_up_view(frames=None, live=False, log=log) as view:
+        page = open_page(view, wait="() => window.hoap3?.hello")
+        where, other = random_poses(random), random_poses(random)
+        view.say(frame(7, poses=where, ghost=other))
+        page.wait_for_function("() => hoap3.tick === 7")
+        seen, ghost = drawn(page), drawn(page, "ghost")
+        for link, pose, shade in zip(LINKS, where, other, strict=True):
+            np.testing.assert_allclose(seen[link["name"]], matrix(pose), atol=1e-6)
+            np.testing.assert_allclose(ghost[link["name"]], matrix(shade), atol=1e-6)
+
+
+def test_the_picture_has_the_robot_in_it(open_page):
+    """Of two pictures that differ in the robot's place alone, pixels differ."""
+    with made_up_view(frames=None) as view:
+        page = open_page(view, wait="() => window.hoap3?.hello")
+        pictures = []
+        for tick in (1, 2):
+            moved = np.array(frame(100)["poses"]) + np.array([0.1 * tick, 0, 0, 0, 0, 0, 0])
+            view.say(frame(tick, poses=moved.tolist()))
+            page.wait_for_function("tick => hoap3.tick === tick", arg=tick)
+            pictures.append(page.locator("#stage canvas").screenshot())
+        assert pictures[0] != pictures[1]
+
+
+def test_state_is_told_in_words(open_page):
+    said = {"mode": "stopped", "stop_reason": "misses", "q": [0.5, 1.8, 7.0]}
+    with made_up_view(frames=lambda tick: frame(tick, **said)) as view:
+        page = open_page(view)
+        page.wait_for_selector("#mode[data-mode=stopped]")
+        assert "misses" in page.inner_text("#mode")
+        assert "qp12-4711" in page.inner_text("#holder")
+        assert "fit" in page.inner_text("[data-of=deadlines]")
+        assert "bad" in page.inner_text("[data-of=task]")
+        assert "not judged" in page.inner_text("[data-of=limits_and_balance]")
+        assert page.locator("#joints li.near").count() == 1  # `lift`, at its upper limit
+        assert "gamma" in page.locator("#config").text_content()
+        figures = page.locator("figure[data-group]")
+        assert figures.count() == 4
+        assert "–" not in page.inner_text("figure[data-group=error] output")
+        view.say({"kind": "event", "at_s": 1.5, "label": "<b>held</b>", "severity": "warning"})
+        page.wait_for_selector("#events li")
+        assert "<b>held</b>" in page.inner_text("#events li")  # text, whatever it holds
+
+
+def test_an_old_picture_says_so_and_a_new_one_takes_that_back(open_page):
+    with made_up_view() as view:
+        page = open_page(view)
+        assert page.locator("#banner").is_hidden()
+        view.flowing = False
+        page.wait_for_selector("#banner:not([hidden])")
+        assert " s old" in page.inner_text("#banner")
+        view.flowing = True
+        page.wait_for_selector("#banner", state="hidden")
+        view.cut()
+        page.wait_for_selector("#banner:not([hidden])")
+        page.wait_for_selector("#banner", state="hidden")  # it has connected again
+        page.wait_for_function("() => hoap3.proved")
+
+
+def test_hmac_is_that_of_python(open_page):
+    random = np.random.default_rng(3)
+    texts = [random.bytes(int(n)).hex() for n in random.integers(0, 200, 150)]
+    texts += ["", "ä€😀", "\n", "a" * 55, "a" * 56, "a" * 63, "a" * 64, "a" * 65, "\u0000"]
+    with made_up_view() as view:
+        page = open_page(view)
+        found = page.evaluate(
+            """async ([key, texts]) => {
+                 const { hmac } = await import("/hmac.js");
+                 return texts.map((text) => hmac(key, text));
+               }""",
+            ["a-token-of-tests", texts],
+        )
+        assert found == [code(text) for text in texts]
+        keyed = page.evaluate(
+            'async (keys) => { const { hmac } = await import("/hmac.js"); '
+            "return keys.map((key) => hmac(key, 'x')); }",
+            texts,
+        )
+    import hmac
+
+    assert keyed == [hmac.new(text.encode(), b"x", "sha256").hexdigest() for text in texts]
+
+
+def test_nothing_is_asked_of_anybody_else(open_page, browser):
+    with made_up_view() as view:
+        context = browser.new_context(viewport={"width": 760, "height": 560})
+        page = context.new_page()
+        asked: list[str] = []
+        page.on("request", lambda request: asked.append(request.url))
+        page.on("websocket", lambda socket: asked.append(socket.url.replace("ws:", "http:")))
+        page.goto(view.address())
+        page.wait_for_function("() => window.hoap3?.drawn.length > 3")
+        context.close()
+        assert any(url.endswith("/mesh/tetrahedron") for url in asked)
+        assert any(url.endswith("/socket") for url in asked)
+        assert [
+            url for url in asked if not url.startswith((view.origin, f"blob:{view.origin}"))
+        ] == []
+
+
+def test_a_frame_holds_what_json_has(open_page):
+    """What is not known is null, and the page lives with it."""
+    nothing = {"com": None, "zmp": None, "polygon": None, "contacts": [], "frames": []}
+    nothing |= {"targets": [None] * 3, "values": {}, "verdicts": {}, "holder": None}
+    with made_up_view(frames=lambda tick: json.loads(json.dumps(frame(tick, **nothing)))) as view:
+        page = open_page(view)
+        page.wait_for_function("() => hoap3.drawn.length > 2")
+        assert page.inner_text("#holder") == "none"

@@ -1,0 +1,296 @@
+"""A log by time: each moment is its State, its answer, and forward kinematics of it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from support.log_samples import describe, inputs, write
+
+from hoap3.protocol.errors import LogError, UsageError
+from hoap3.protocol.messages import Event, Setpoint, State
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.logs.indexed_log import IndexedLog
+from hoap3.tools.logs.log import Log
+from hoap3.tools.view.picture.kinematics import Poses
+from hoap3.tools.view.sources.log_overview import Overview
+from hoap3.tools.view.sources.log_source import LogSource
+from hoap3.tools.view.sources.play_clock import PlayClock
+
+MS = 1_000_000
+BEGIN = 7_000_000_000
+ACTIVE = 40  # first tick that asks for an answer
+SLOW, MISSED = 1234, 2345  # ticks
+ROBOT = describe(3)
+
+
+def motion(tick: int) -> np.ndarray:
+    return np.array([np.sin(1e-3 * tick), 0.3 * np.cos(2e-3 * tick), 1e-4 * tick])
+
+
+def run(ticks: int, phase: int = 0) -> list[Record]:
+    """A robot that moves, and is answered in 300 µs; in 5 ms once, and not at all once."""
+    records = inputs(ROBOT, BEGIN - 10)
+    state, setpoint, event = State.allocate(**ROBOT.state_lengths), Setpoint(3, 1), Event()
+    event.kind, event.tick, event.stamp = Event.schema.constants["CLIPPED"], 500, BEGIN + 500 * MS
+    event.detail = 1
+    due: list[tuple[int, Record]] = []
+    for tick in range(ticks):
+        now = BEGIN + tick * MS
+        for at, late in list(due):
+            if at <= now:
+                records.append(late)
+                due.remove((at, late))
+        state.session_id, state.tick = 7, tick
+        state.mode = State.ACTIVE if tick >= ACTIVE else State.IDLE
+        state.q[:] = motion(tick + phase)
+        state.lost, state.success_rate = int(tick > MISSED), 1.0
+        state.stamp_published = now
+        records.append(Record(Kind.STATE, now, state.dump()))
+        if tick == 500:
+            records.append(Record(Kind.EVENT, event.stamp, event.dump()))
+        if tick < ACTIVE or tick == MISSED:
+            continue
+        setpoint.session_id, setpoint.tick, setpoint.stamp_state = 7, tick, now
+        setpoint.v = 1e-6 * tick
+        came = now + (5 * MS if tick == SLOW else 300_000)
+        answer = Record(Kind.SETPOINT, came, setpoint.dump())
+        due.append((came, answer)) if came > now + MS else records.append(answer)
+    summary = {"asked": ticks - ACTIVE, "in_time": ticks - ACTIVE - 2, "safe_stops": 0}
+    return [*records, Record(Kind.SUMMARY, BEGIN + ticks * MS, json.dumps(summary).encode())]
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("view") / "robot.mcap"
+    files = {"config.yaml": b"robot: sample\n", "description.json": ROBOT.to_json()}
+    write(path, run(4000), attachments=files)
+    return path
+
+
+@pytest.fixture
+def source(log: Path) -> Any:
+    found = LogSource([log])
+    yield found
+    found.close()
+
+
+def test_it_has_the_records_that_a_log_has(log):
+    indexed, whole = IndexedLog(log), Log.open(log)
+    assert indexed.chunks > 2
+    found = [each for chunk in range(indexed.chunks) for each in indexed.records(chunk)]
+    assert found == list(whole.records())
+    assert indexed.description == whole.description
+    assert indexed.config == whole.config
+
+
+@pytest.mark.parametrize("tick", [0, 1, ACTIVE, 777, 2000, SLOW, 3999])
+def test_a_moment_is_the_state_up_to_then_and_its_answer(log, tick):
+    indexed = IndexedLog(log)
+    for after in (0, 1, MS - 1):
+        state, setpoint, stamp = indexed.state_at(BEGIN + tick * MS + after)
+        assert (state.tick, stamp) == (tick, BEGIN + tick * MS)
+        assert np.array_equal(state.q, motion(tick))
+        if tick >= ACTIVE:
+            assert (setpoint.tick, setpoint.v) == (tick, pytest.approx(1e-6 * tick))
+    assert IndexedLog(log).state_at(BEGIN - 1) is None
+
+
+def test_a_tick_without_an_answer_has_none(log):
+    assert IndexedLog(log).state_at(BEGIN + MISSED * MS)[1] is None
+
+
+def test_no_more_chunks_are_kept_than_a_few(log, monkeypatch):
+    from hoap3.tools.logs import indexed_log
+
+    monkeypatch.setattr(indexed_log, "KEPT", 2)
+    indexed = IndexedLog(log)
+    for tick in range(0, 4000, 100):
+        indexed.state_at(BEGIN + tick * MS)
+        assert len(indexed._kept) <= 2
+
+
+def test_a_frame_is_forward_kinematics_of_its_state(source):
+    player = source.player()
+    for at_s in (0.0, 1.0, 2.5, 3.9):
+        player.seek(at_s)
+        frame = player.frame()
+        tick = round(at_s * 1e3) + ACTIVE
+        assert (frame["tick"], frame["at_s"]) == (tick, pytest.approx(at_s))
+        poses = Poses(ROBOT)
+        poses.update(motion(tick))
+        assert np.allclose(frame["poses"], poses.poses, atol=1e-6)
+        assert player.frame() is None  # it is shown already
+
+
+def test_each_page_has_a_place_of_its_own(source):
+    first, second = source.player(), source.player()
+    first.seek(1.0)
+    second.seek(2.0)
+    assert (first.frame()["at_s"], second.frame()["at_s"]) == (1.0, 2.0)
+
+
+def test_its_ends_are_not_passed(source):
+    player = source.player()
+    player.seek(1e9)
+    assert player.frame()["tick"] == 3999
+    player.seek(-1e9)
+    frame = player.frame()
+    assert frame is None or frame["tick"] == 0
+
+
+def test_a_clock_moves_on_at_its_speed():
+    now = [100.0]
+    clock = PlayClock(lambda: now[0])
+    clock.ends = (-1.0, 10.0)
+    clock.go(2.0)
+    now[0] += 5.0
+    assert clock.at_s == 2.0
+    clock.run(0.5)
+    now[0] += 4.0
+    assert clock.at_s == 4.0
+    clock.run(-2.0)
+    now[0] += 1.0
+    assert clock.at_s == 2.0
+    now[0] += 100.0
+    assert clock.at_s == -1.0
+    clock.run(0.0)
+    assert clock.at_s == -1.0
+
+
+def test_worst_ticks_misses_and_events_are_found(source):
+    assert source.overview.join(60.0)
+    found = source.overview.as_json()
+    assert found["done"]
+    assert (found["from_s"], found["to_s"]) == (pytest.approx(-0.04, abs=1e-6), pytest.approx(3.96))
+    slowest = found["worst"][0]
+    assert slowest["at_s"] == pytest.approx((SLOW - ACTIVE) * 1e-3 + 5e-3)
+    assert str(SLOW) in slowest["label"]
+    missed = found["worst"][-1]
+    assert missed["at_s"] == pytest.approx((MISSED + 1 - ACTIVE) * 1e-3)
+    (event,) = found["events"]
+    assert event["at_s"] == pytest.approx(0.46)
+    assert ROBOT.joint_names[1] in event["label"]
+
+
+def test_curves_have_the_least_and_the_greatest_of_each_bin(source):
+    source.overview.join(60.0)
+    curves = source.overview.as_json()["overview"]
+    values = np.array(curves["v"])
+    assert (values[:, 1] <= values[:, 2]).all()
+    assert values[:, 1].min() == pytest.approx(1e-6 * ACTIVE, abs=1e-6)
+    assert values[:, 2].max() == pytest.approx(1e-6 * 3999, abs=1e-6)
+    assert np.array(curves["answer_us"])[:, 2].max() == pytest.approx(5000.0)
+
+
+def test_what_is_found_later_is_told(source):
+    source.overview.join(60.0)
+    (word,) = [word for word in source.events() if word["kind"] == "log"][-1:]
+    assert word["log"]["done"]
+    assert source.events() == []
+
+
+def test_a_greeting_is_json(source):
+    hello = source.hello()
+    assert json.loads(json.dumps(hello, allow_nan=False)) == hello
+    assert not hello["live"]
+    assert hello["log"]["to_s"] == pytest.approx(3.96)
+
+
+def test_the_verdict_is_that_of_the_whole_run(source):
+    player = source.player()
+    assert player.frame()["verdicts"]["deadlines"] == "fit"
+
+
+def test_a_second_log_is_its_ghost(log, tmp_path):
+    other = tmp_path / "robot.mcap"
+    files = {"config.yaml": b"robot: sample\n", "description.json": ROBOT.to_json()}
+    write(other, run(1000, phase=500), attachments=files)
+    source = LogSource([log, other])
+    try:
+        player = source.player()
+        player.seek(0.2)
+        frame = player.frame()
+        poses = Poses(ROBOT)
+        poses.update(motion(200 + ACTIVE + 500))
+        assert np.allclose(frame["ghost"], poses.poses, atol=1e-6)
+        assert source.hello()["second"]
+    finally:
+        source.close()
+
+
+def test_a_second_log_of_another_robot_is_refused(log, tmp_path):
+    other, robot = tmp_path / "robot.mcap", describe(5)
+    files = {"config.yaml": b"robot: sample\n", "description.json": robot.to_json()}
+    write(other, inputs(robot), attachments=files)
+    with pytest.raises(UsageError, match="links"):
+        LogSource([log, other])
+
+
+def test_a_log_that_is_cut_off_is_shown_as_far_as_it_goes(log, tmp_path):
+    cut = tmp_path / "robot.mcap"
+    cut.write_bytes(log.read_bytes()[: log.stat().st_size * 2 // 3])
+    source = LogSource([cut])
+    try:
+        player = source.player()
+        player.seek(1e9)
+        assert 1000 < player.frame()["tick"] < 3999
+        assert source.overview.join(60.0)
+    finally:
+        source.close()
+
+
+def test_a_damaged_chunk_is_passed_over(log, tmp_path):
+    raw = bytearray(log.read_bytes())
+    middle = len(raw) // 2
+    raw[middle : middle + 64] = bytes(64)
+    damaged = tmp_path / "robot.mcap"
+    damaged.write_bytes(raw)
+    source = LogSource([damaged])
+    try:
+        player = source.player()
+        seen = set()
+        for at_s in np.linspace(-0.04, 3.96, 81):
+            player.seek(float(at_s))
+            frame = player.frame()
+            seen.add(None if frame is None else frame["tick"])
+        assert len(seen) > 20
+        assert source.overview.join(60.0)
+    finally:
+        source.close()
+
+
+def test_what_is_no_log_is_refused(tmp_path):
+    path = tmp_path / "robot.mcap"
+    for content in (b"", b"hello", b"\x89MCAP0\r\n" + bytes(100)):
+        path.write_bytes(content)
+        with pytest.raises(LogError):
+            LogSource([path])
+    with pytest.raises(LogError):
+        LogSource([tmp_path / "nothing.mcap"])
+
+
+def test_a_summary_that_is_nonsense_gives_no_verdict(tmp_path):
+    path = tmp_path / "robot.mcap"
+    nonsense = {"asked": "many", "in_time": None, "interventions": [], "base": 3}
+    records = [
+        *run(100)[:-1],
+        Record(Kind.SUMMARY, BEGIN + MS * 100, json.dumps(nonsense).encode()),
+    ]
+    files = {"config.yaml": b"- 1\n", "description.json": ROBOT.to_json()}
+    write(path, records, attachments=files)
+    source = LogSource([path])
+    try:
+        assert source.player().frame()["verdicts"]["deadlines"] is None
+    finally:
+        source.close()
+
+
+def test_an_overview_can_be_ended_early(log):
+    overview = Overview(IndexedLog(log), BEGIN)
+    overview.start()
+    overview.close()
+    assert overview.as_json()["to_s"] > 0

@@ -1,0 +1,293 @@
+"""The server over loopback: what it gives, to whom, and what strange pages come to."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from itertools import pairwise
+
+import pytest
+from support.pages.view_bench import NotingOperator, PagePen, Served, StillSource, page
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+from hoap3.protocol.errors import PortInUseError
+from hoap3.tools.view import server as server_module
+from hoap3.tools.view.access import new_token
+from hoap3.tools.view.server import PageServer
+
+DIGEST = "ab" * 32
+
+
+@pytest.fixture
+def served() -> Iterator[Served]:
+    with Served(StillSource(), NotingOperator(), new_token()) as server:
+        yield server
+
+
+def get(host: str, path: str, **headers: str) -> http.client.HTTPResponse:
+    address, _, port = host.rpartition(":")
+    connection = http.client.HTTPConnection(address, int(port), timeout=30)
+    connection.request("GET", path, headers=headers)
+    return connection.getresponse()
+
+
+def test_the_address_holds_the_token_where_no_request_does(served):
+    assert served.url == f"http://{served.host}/#{served.token}"
+
+
+def test_what_is_not_listed_is_not_there(served):
+    for path in (
+        "/..",
+        "/../access.py",
+        "//etc/passwd",
+        "/static/page.js",
+        "/%2e%2e/x",
+        "/page.py",
+    ):
+        assert get(served.host, path).status == 404
+    served.source.meshes[DIGEST] = b"mesh"
+    assert get(served.host, f"/mesh/{DIGEST}").read() == b"mesh"
+    for digest in ("cd" * 32, "../" + DIGEST, DIGEST.upper(), DIGEST + "0", ""):
+        assert get(served.host, f"/mesh/{digest}").status == 404
+
+
+def test_nothing_from_elsewhere_may_be_loaded_by_a_page(served):
+    served.source.meshes[DIGEST] = b"mesh"
+    answer = get(served.host, f"/mesh/{DIGEST}")
+    rules = dict(
+        rule.split(" ", 1) for rule in answer.headers["Content-Security-Policy"].split("; ")
+    )
+    assert rules["default-src"] == rules["frame-ancestors"] == "'none'"
+    assert rules["script-src"] == rules["style-src"] == "'self'"
+    assert rules["connect-src"] == f"'self' ws://{served.host}"
+    assert answer.headers["X-Content-Type-Options"] == "nosniff"
+
+
+def test_a_name_of_somebodys_dns_is_refused(served):
+    for host in ("evil.example", f"evil.example:{served.host.rpartition(':')[2]}"):
+        assert get(served.host, "/", Host=host).status == 403
+    with pytest.raises(InvalidStatus, match="403"):
+        connect(
+            f"ws://{served.host}/socket",
+            origin="http://evil.example",
+            additional_headers={"Host": "evil.example"},
+        )
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "https://127.0.0.1", None])
+def test_a_page_of_somebody_else_sees_nothing(served, origin):
+    with pytest.raises(InvalidStatus, match="403"):
+        connect(f"ws://{served.host}/socket", origin=origin)
+
+
+def test_a_page_is_greeted_and_then_shown_frames(served):
+    with page(served.host) as seen:
+        assert seen.hello["robot"] == "still"
+        assert seen.hello["writes"]
+        ticks = [seen.hear("frame")["tick"] for _ in range(5)]
+        assert ticks == sorted(set(ticks))
+    with page(served.host) as other:
+        assert other.nonce != seen.nonce
+
+
+def test_no_more_than_30_frames_a_second_are_sent(served):
+    with page(served.host) as seen:
+        first = seen.hear("frame")
+        begin = time.monotonic()
+        for _ in range(45):
+            last = seen.hear("frame")
+        took = time.monotonic() - begin
+    assert last["tick"] - first["tick"] >= 45
+    assert took >= 44 / server_module.RATE_HZ
+
+
+def test_who_proves_the_token_is_obeyed_and_nobody_else(served):
+    with page(served.host, served.token) as pen:
+        told = pen.act(verb="stop")
+        assert told["error"]
+        assert not served.operator.done
+        assert pen.prove()
+        assert pen.act(verb="stop")["error"] is None
+        assert served.operator.done == [{"verb": "stop"}]
+    with page(served.host, "guess") as stranger:
+        assert not stranger.prove()
+        assert stranger.act(verb="stop")["error"]
+        assert len(served.operator.done) == 1
+
+
+def test_what_was_recorded_is_of_no_use(served):
+    with page(served.host, served.token) as pen:
+        assert pen.prove()
+        text = json.dumps({"verb": "stop"})
+        word = {"kind": "act", "id": 1, "mac": pen.mac(1, text), "do": text}
+        proof = {"kind": "prove", "proof": pen.code(pen.nonce + pen.origin)}
+        pen.say(**word)
+        assert pen.hear("told", id=1)["error"] is None
+        pen.say(**word)
+        assert pen.hear("told", id=1)["error"]
+        changed = {**word, "id": 2}
+        pen.say(**changed)
+        assert pen.hear("told", id=2)["error"]
+    with page(served.host) as thief:
+        thief.say(**proof)
+        assert not thief.hear("proved")["ok"]
+        thief.say(**word)
+        assert thief.hear("told", id=1)["error"]
+    assert len(served.operator.done) == 1
+
+
+def test_beats_count_for_who_knows_the_token(served):
+    with page(served.host, served.token) as pen:
+        pen.beat()
+        pen.hear("told", id=1)
+        assert not served.operator.beats
+        pen.prove()
+        pen.beat()
+        pen.act(verb="stop")
+        assert served.operator.beats == 1
+
+
+def test_targets_are_taken_in_their_order_however_fast_they_come(served):
+    with page(served.host, served.token) as pen:
+        pen.prove()
+        numbers = [pen.send(verb="target", name="hand", values=[i, 0, 0]) for i in range(100)]
+        for number in numbers:
+            assert pen.hear("told", id=number)["error"] is None
+    assert [do["values"][0] for do in served.operator.done] == list(range(100))
+
+
+def test_a_page_that_goes_is_noticed(served):
+    with page(served.host):
+        pass
+    assert served.operator.gone.wait(30)
+
+
+WRONG = (
+    "",
+    "no JSON",
+    "[]",
+    "null",
+    "7",
+    "{}",
+    '{"kind": 7}',
+    '{"kind": "dance"}',
+    '{"kind": "prove"}',
+    '{"kind": "prove", "proof": 7}',
+    '{"kind": "act", "id": 1, "mac": 1, "do": "{}"}',
+    '{"kind": "act", "id": 1, "mac": "", "do": {"verb": "stop"}}',
+    '{"kind": "beat"}',
+    '{"kind": "seek", "at_s": 1}',
+    '{"kind": "act", "id": 1e999, "mac": "\\ud800", "do": "\\ud800"}',
+    "[" * 16000,
+    '{"id": ' + "9" * 5000 + "}",
+)
+
+
+@pytest.mark.parametrize("word", WRONG, ids=range(len(WRONG)))
+def test_a_word_that_is_none_is_answered_and_nothing_ends(served, word):
+    with page(served.host, served.token) as pen:
+        pen.socket.send(word)
+        assert pen.hear("told")["error"]
+        pen.socket.send(b"\x00\xff")
+        assert pen.hear("told")["error"]
+        assert pen.prove()
+        assert pen.act(verb="stop")["error"] is None
+
+
+@pytest.mark.parametrize("do", ["[]", "7", '{"verb": ["stop"]}', "{}", '{"verb": "dance"}'])
+def test_a_deed_that_is_none_is_answered(served, do):
+    with page(served.host, served.token) as pen:
+        pen.prove()
+        pen.say(kind="act", id=1, mac=pen.mac(1, do), do=do)
+        assert pen.hear("told", id=1)["error"]
+
+
+def closed(pen: PagePen) -> None:
+    """Hear until the server closes."""
+    with pytest.raises(ConnectionClosed):
+        for _ in iter(lambda: pen.socket.recv(60), None):
+            pass
+
+
+def test_a_page_that_says_nothing_but_nonsense_is_cut_off_and_others_are_not(served):
+    with page(served.host, served.token) as other:
+        with page(served.host) as fool:
+            for _ in range(110):
+                fool.socket.send("nonsense")
+            closed(fool)
+        with page(served.host, served.token) as flood:
+            flood.prove()
+            with suppress(ConnectionClosed):
+                for _ in range(20_000):
+                    flood.beat()
+            closed(flood)
+        with page(served.host) as large:
+            large.socket.send("x" * (server_module.MESSAGE_BYTES + 1))
+            closed(large)
+        assert other.prove()
+        assert other.hear("frame")
+
+
+def test_no_more_pages_than_the_server_serves(served):
+    with pytest.raises(InvalidStatus, match="503"):
+        open_pages(served.host, server_module.PAGES + 1)
+
+
+def open_pages(host: str, left: int) -> None:
+    if left:
+        with page(host):
+            open_pages(host, left - 1)
+
+
+def test_a_page_that_takes_nothing_gets_the_newest_frame_and_no_queue(served):
+    served.source.padding = "x" * 600_000
+    with page(served.host, max_queue=1) as slow, page(served.host) as quick:
+        slow.hear("frame")
+        for _ in range(40):  # more than sockets hold
+            newest = quick.hear("frame")
+        ticks = [slow.hear("frame")["tick"] for _ in range(20)]
+        assert max(b - a for a, b in pairwise(ticks)) > 1
+        assert ticks[-1] > newest["tick"]
+
+
+def test_what_can_be_said_otherwise_is_said_again(served):
+    with page(served.host) as seen:
+        served.source.greeting = {"robot": "other"}
+        served.source.version += 1
+        again = seen.hear("hello")
+        assert (again["robot"], again["nonce"]) == ("other", seen.nonce)
+        served.source.said.append({"kind": "event", "label": "it fell"})
+        assert seen.hear("event")["label"] == "it fell"
+
+
+def test_without_a_token_pages_only_look():
+    with Served(StillSource(), None, None) as server:
+        assert server.url.endswith("/")
+        with page(server.host) as pen:
+            assert not pen.hello["writes"]
+            assert not pen.prove()
+            assert pen.act(verb="stop")["error"]
+            assert pen.hear("frame")["operator"] == "none"
+
+
+def test_a_port_that_is_taken_is_said_to_be():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        source, port = StillSource(), taken.getsockname()[1]
+
+        async def serve() -> None:
+            import asyncio
+
+            server = PageServer(source, None, None, "127.0.0.1", port)
+            await server.run(asyncio.Event(), print)
+
+        import asyncio
+
+        with pytest.raises(PortInUseError, match="--port"):
+            asyncio.run(serve())

@@ -1,0 +1,1 @@
+"""Commands that show a robot to people and to the programs of others."""

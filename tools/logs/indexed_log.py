@@ -1,0 +1,165 @@
+"""A log by time: any moment of it within milliseconds, in memory that does not grow with it.
+
+Where the chunks of a file begin and end is read, and nothing more, until one is asked for. So a
+damaged chunk is found when it is; `Log` finds all at once.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import OrderedDict
+from functools import cached_property
+from pathlib import Path
+from typing import TypeVar
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import DescriptionError, LogError, WireError
+from hoap3.protocol.messages import WIRE_VERSION, Setpoint, State
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.protocol.wire_versions import upgraded
+from hoap3.tools.logs.log import GROWN, check_ours, files_of
+from hoap3.tools.logs.log_format import CHANNELS, KIND_CHANNELS, unpack_input
+from hoap3.tools.logs.mcap_scan import McapScan
+
+KEPT = 4  # unpacked chunks, of some 1 MiB each
+Loaded = TypeVar("Loaded", State, Setpoint)
+_KINDS = {channel: kind for kind, channel in KIND_CHANNELS.items()}
+
+
+class IndexedLog:
+    """One side of a run.
+
+    Args:
+        path: a file, or the folder of a run.
+        side: "robot" or "controller"; None for whatever there is, if it is one only.
+
+    Attributes:
+        side: whose log it is.
+        begin, end: log times of the oldest and of the newest message [ns].
+        chunks: how many there are.
+
+    Raises:
+        LogError: nothing there, not ours, or without any message.
+    """
+
+    def __init__(self, path: Path, side: str | None = None) -> None:
+        self._scans = [McapScan.indexed(file) for file in files_of(path, side)]
+        for scan in self._scans:
+            check_ours(scan)
+        first = self._scans[0].metadata["log"]
+        self.side, self.path = first["side"], path
+        self._old = int(first["wire_version"]) < WIRE_VERSION
+        self._places = [
+            (scan, place, span) for scan in self._scans for place, span in enumerate(scan.spans)
+        ]
+        if not self._places:
+            raise LogError(f"{path}: holds no message. Name a log of `hoap3`")
+        self.begin = min(span[0] for _, _, span in self._places)
+        self.end = max(span[1] for _, _, span in self._places)
+        newest, self._firsts = 0, list[int]()
+        for _, _, (start, _) in self._places:  # rising, whatever a file claims
+            newest = max(newest, start)
+            self._firsts.append(newest)
+        self.chunks = len(self._places)
+        self._kept: OrderedDict[int, list[Record]] = OrderedDict()
+
+    @cached_property
+    def description(self) -> RobotDescription:
+        """Of the robot.
+
+        Raises:
+            LogError: the log holds none, or none that is valid.
+        """
+        try:
+            return RobotDescription.from_json(self._attached("description.json"))
+        except DescriptionError as error:
+            raise LogError(f"{self.path}: its description is not valid: {error}") from error
+
+    @property
+    def config(self) -> str:
+        """The configuration that the service ran with, YAML; "" where none is enclosed."""
+        return self._attached("config.yaml").decode(errors="replace")
+
+    def records(self, chunk: int, *, keep: bool = True) -> list[Record]:
+        """The records of one chunk in their order; those of a damaged one are lost.
+
+        Args:
+            chunk: its place, from 0.
+            keep: whether it may be asked for again soon.
+        """
+        found = self._kept.get(chunk)
+        if found is None:
+            found = self._read(chunk)
+            if keep:
+                self._kept[chunk] = found
+                if len(self._kept) > KEPT:
+                    self._kept.popitem(last=False)
+        elif keep:
+            self._kept.move_to_end(chunk)
+        return found
+
+    def chunk_at(self, stamp: int) -> int:
+        """Place of the last chunk that begins at a log time [ns], or before it."""
+        return max(bisect_right(self._firsts, stamp) - 1, 0)
+
+    def state_at(self, stamp: int) -> tuple[State, Setpoint | None, int] | None:
+        """The last State up to a log time [ns], the Setpoint that answers it, and its log time.
+
+        Returns:
+            None where there is no State up to then.
+        """
+        for chunk in range(self.chunk_at(stamp), -1, -1):
+            for record in reversed(self.records(chunk)):
+                if record.kind == Kind.STATE and record.stamp <= stamp:
+                    state = _loaded(State, record.payload)
+                    if state is not None:
+                        return state, self._answer(state, chunk), record.stamp
+        return None
+
+    def _answer(self, state: State, chunk: int) -> Setpoint | None:
+        for place in (chunk, chunk + 1):
+            if place >= self.chunks:
+                return None
+            for record in self.records(place):
+                if record.kind != Kind.SETPOINT:
+                    continue
+                try:
+                    tick, session = Setpoint.scalars(record.payload, "tick", "session_id")
+                except WireError:
+                    continue
+                if (tick, session) == (state.tick, state.session_id):
+                    return _loaded(Setpoint, record.payload)
+        return None
+
+    def _read(self, chunk: int) -> list[Record]:
+        scan, place, _ = self._places[chunk]
+        try:
+            messages = scan.chunk(place)
+        except LogError:
+            return []
+        found = []
+        for channel, _, stamp, _, payload in messages:
+            kind = _KINDS.get(channel)
+            try:
+                if kind is not None:
+                    raw = upgraded(GROWN[kind], payload) if self._old and kind in GROWN else payload
+                    found.append(Record(kind, stamp, raw))
+                elif channel == CHANNELS["inputs"]:
+                    found.append(unpack_input(payload)[0])
+            except (ValueError, WireError):
+                continue  # of a version that is not known: it cannot be shown
+        return found
+
+    def _attached(self, name: str) -> bytes:
+        return next(
+            (scan.attachments[name] for scan in self._scans[::-1] if name in scan.attachments), b""
+        )
+
+
+def _loaded(kind: type[Loaded], payload: bytes) -> Loaded | None:
+    try:
+        message = kind.like(payload)
+        message.load(payload)
+    except WireError:
+        return None
+    return message

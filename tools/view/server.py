@@ -1,0 +1,245 @@
+"""The server of the live page: files by HTTP, frames and words by a websocket for each page."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from http import HTTPStatus
+from typing import Any, Protocol
+
+from websockets.asyncio.server import Server, ServerConnection, serve
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+
+from hoap3.protocol.errors import ConfigError, PortInUseError
+from hoap3.tools.view.access import Gate
+from hoap3.tools.view.files import MESH, headers, read_static
+from hoap3.tools.view.page import Page, Player, text
+from hoap3.tools.view.steering.operator import Operator
+
+RATE_HZ = 30.0  # frames a second at most
+IDLE_S = 0.1  # between two looks whether somebody has come
+PAGES = 16  # at once
+MESSAGE_BYTES = 16 << 10  # of a page, at most
+SEND_BYTES = 64 << 10  # on their way to a page that takes them slowly: a few frames
+PATH = "/socket"
+
+
+class Source(Protocol):
+    """What a page shows: a running robot, or a log."""
+
+    live: bool
+    watched: bool
+    version: int
+
+    @property
+    def meshes(self) -> Mapping[str, bytes]:
+        """By digest."""
+
+    def hello(self) -> dict[str, Any]:
+        """What a page must know before the first frame."""
+
+    def frame(self) -> dict[str, Any] | None:
+        """The newest frame that all pages see; None where there is none."""
+
+    def events(self) -> list[dict[str, Any]]:
+        """What happened since the last call."""
+
+    def changeable(self) -> list[dict[str, Any]]:
+        """What can be changed, as it is now."""
+
+    def player(self) -> Any:
+        """A place in a log for one page, with `frame`; None of a running robot."""
+
+
+class PageServer:
+    """Serves pages of one source.
+
+    Args:
+        source: what they show.
+        operator: what they may do; None: nothing.
+        token: that whoever writes must know; None: nobody may.
+        host, port: where to listen; port 0: any that is free.
+
+    Attributes:
+        port: where it listens, once it does.
+    """
+
+    def __init__(
+        self, source: Source, operator: Operator | None, token: str | None, host: str, port: int
+    ) -> None:
+        self._source, self._operator, self._token = source, operator, token
+        self._host, self.port = host, port
+        self._gate = Gate(token, host, port)
+        self._static = read_static()
+        self._pages: dict[Page, Any] = {}
+        self._changeable: list[dict[str, Any]] = []
+        self._ready = asyncio.Event()
+
+    @property
+    def url(self) -> str:
+        """What to open in a browser."""
+        name = socket.gethostname() if self._host in {"0.0.0.0", "::", ""} else self._host  # noqa: S104
+        name = f"[{name}]" if ":" in name else name
+        return f"http://{name}:{self.port}/" + (f"#{self._token}" if self._token else "")
+
+    def tell_all(self, event: Mapping[str, Any]) -> None:
+        """Send all pages an event."""
+        word = text(event)
+        for page in self._pages:
+            page.tell(word)
+
+    async def run(self, stop: asyncio.Event, ready: Callable[[str], None]) -> None:
+        """Serve until told to stop.
+
+        Args:
+            stop: set when it shall end.
+            ready: is told the address.
+
+        Raises:
+            PortInUseError: somebody listens there.
+            ConfigError: no address of this machine.
+        """
+        async with await self._listen() as server:
+            self.port = server.sockets[0].getsockname()[1]
+            self._gate = Gate(self._token, self._host, self.port)
+            tasks = [asyncio.create_task(self._show())]
+            if self._operator is not None:
+                tasks.append(asyncio.create_task(self._operator.run()))
+            ready(self.url)
+            ending = asyncio.create_task(stop.wait())
+            await asyncio.wait({ending, *tasks}, return_when=asyncio.FIRST_COMPLETED)
+            failed = [task for task in tasks if task.done()]
+            for task in (ending, *tasks):
+                task.cancel()
+            await asyncio.gather(ending, *tasks, return_exceptions=True)
+            for task in failed:
+                task.result()
+
+    async def _listen(self) -> Server:
+        try:
+            return await serve(
+                self._visited,
+                self._host,
+                self.port,
+                process_request=self._asked,
+                compression=None,
+                server_header=None,
+                open_timeout=5.0,
+                ping_interval=5.0,
+                ping_timeout=10.0,
+                close_timeout=1.0,
+                max_size=MESSAGE_BYTES,
+                max_queue=32,
+                write_limit=SEND_BYTES,
+            )
+        except OSError as error:
+            where = f"{self._host}:{self.port}"
+            if isinstance(error, socket.gaierror) or "assign" in str(error):
+                remedy = "Name an address of this machine with --host, such as 127.0.0.1"
+                raise ConfigError("--host", "", self._host, "is none of here", remedy) from error
+            raise PortInUseError(
+                f"{where} is in use, or may not be used ({error.strerror}). Choose another port "
+                "with --port; 0 takes any that is free"
+            ) from error
+
+    def _asked(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Answer a request for a file; None lets a websocket through."""
+        del connection
+        host, origin = _only(request.headers, "Host"), _only(request.headers, "Origin")
+        if host is None or not self._gate.knows_host(host):
+            return _refusal(HTTPStatus.FORBIDDEN, "this server is not called so")
+        if request.path == PATH:
+            if not self._gate.knows_origin(origin, host):
+                return _refusal(HTTPStatus.FORBIDDEN, "that page is not from here")
+            if len(self._pages) >= PAGES:
+                return _refusal(HTTPStatus.SERVICE_UNAVAILABLE, f"{PAGES} pages are open already")
+            return None
+        found = self._static.get(request.path)
+        mesh = MESH.fullmatch(request.path)
+        if mesh is not None and mesh[1] in self._source.meshes:
+            found = self._source.meshes[mesh[1]], "application/octet-stream"
+        if found is None:
+            return _refusal(HTTPStatus.NOT_FOUND, "there is no such file")
+        content, kind = found
+        given = Headers(headers(host, kind, len(content)))
+        return Response(HTTPStatus.OK, HTTPStatus.OK.phrase, given, content)
+
+    async def _visited(self, connection: ServerConnection) -> None:
+        """Serve one page, until it goes."""
+        if len(self._pages) >= PAGES or connection.request is None:
+            return
+        raw = connection.transport.get_extra_info("socket")
+        with suppress(OSError):
+            raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BYTES)
+        origin = _only(connection.request.headers, "Origin") or ""
+        player: Player | None = self._source.player()
+        page = Page(connection, self._gate.visit(origin), self._operator, player)
+        page.greet(self._source.hello())
+        self._pages[page] = player
+        sending = asyncio.create_task(page.send())
+        try:
+            async for message in connection:
+                await page.hear(message)
+        except ConnectionClosed:
+            pass  # however it went
+        finally:
+            self._pages.pop(page, None)
+            page.leave()
+            sending.cancel()
+            with suppress(asyncio.CancelledError, ConnectionClosed):
+                await sending
+
+    async def _show(self) -> None:
+        """Show frames, at most so many a second, while somebody looks."""
+        loop = asyncio.get_running_loop()
+        due, version = loop.time(), self._source.version
+        while True:
+            self._source.watched = bool(self._pages)
+            if not self._pages:
+                await asyncio.sleep(IDLE_S)
+                due = loop.time()
+                self._source.events()  # nobody sees them
+                continue
+            due = max(due + 1.0 / RATE_HZ, loop.time())
+            await asyncio.sleep(due - loop.time())
+            if self._source.version != version:
+                version = self._source.version
+                for page in self._pages:
+                    page.greet(self._source.hello())
+            self._show_once()
+
+    def _show_once(self) -> None:
+        for event in self._source.events():
+            self.tell_all(event)
+        changeable = self._source.changeable()
+        if changeable != self._changeable:
+            self._changeable = changeable
+            self.tell_all({"kind": "changed", "changeable": changeable})
+        frame = self._source.frame()
+        shown = None if frame is None else text(frame)
+        for page, player in list(self._pages.items()):
+            own = None if player is None else player.frame()
+            if own is not None:
+                page.show(text(own))
+            elif shown is not None:
+                page.show(shown)
+
+
+def _only(found: Headers, name: str) -> str | None:
+    """A header that is there once."""
+    values = found.get_all(name)
+    return values[0] if len(values) == 1 else None
+
+
+def _refusal(status: HTTPStatus, why: str) -> Response:
+    content = f"{why}\n".encode()
+    given = {
+        "Content-Type": "text/plain; charset=utf-8",
+        "Content-Length": str(len(content)),
+        "Connection": "close",
+    }
+    return Response(status, status.phrase, Headers(given), content)

@@ -1,0 +1,206 @@
+"""The whole of a log at a glance: curves, events, worst ticks; found while the page is in use.
+
+It goes through the log once, chunk by chunk, in a thread that lets others have the CPU in between,
+and keeps bins and a few ticks: its memory does not grow with the log.
+"""
+
+from __future__ import annotations
+
+import heapq
+import threading
+import time
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hoap3.protocol.errors import WireError
+from hoap3.protocol.messages import Event, Setpoint, State
+from hoap3.protocol.runtime.shm_ring import Kind, Record
+from hoap3.tools.logs.indexed_log import IndexedLog
+from hoap3.tools.show.event_words import event_name, in_words, is_routine
+
+BINS = 600  # of each curve
+WORST = 10  # ticks that are named
+EVENTS = 500  # that are named; of more the first
+APART_S = 0.05  # between two ticks that are named
+REST = 0.5  # time that others get, as a share of what a chunk took
+NEWS_S = 1.0  # between two tellings while it goes on
+_NONE = Setpoint.schema.constants["STATUS_NONE"]
+
+
+class Overview:
+    """Goes through a log.
+
+    Args:
+        log: which.
+        zero: log time from which seconds count [ns].
+
+    Attributes:
+        done: whether all of it was seen.
+        version: rises where `as_json` says more than before.
+    """
+
+    def __init__(self, log: IndexedLog, zero: int) -> None:
+        self._log, self._zero = log, zero
+        self._begin, self._span = log.begin, max(log.end - log.begin, 1)
+        self._curves: dict[str, np.ndarray[Any, Any]] = {}
+        self._events: list[dict[str, Any]] = []
+        self._worst: list[tuple[float, float, str]] = []  # a heap: µs, time, what
+        self._missed = -1
+        self._misses: list[tuple[float, str]] = []
+        self._lock, self._closing = threading.Lock(), threading.Event()
+        self._thread = threading.Thread(target=self._run, name="overview", daemon=True)
+        self.done, self.version = False, 0
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End early."""
+        self._closing.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=5.0)
+
+    def join(self, timeout_s: float) -> bool:
+        """Wait until all was seen; whether it was."""
+        self._thread.join(timeout_s)
+        return self.done
+
+    def as_json(self) -> dict[str, Any]:
+        """Curves of [time, least, greatest], events, worst ticks; times in seconds."""
+        with self._lock:
+            centres = (self._begin - self._zero + (np.arange(BINS) + 0.5) * self._span / BINS) / 1e9
+            curves = {}
+            for key, (least, most) in self._curves.items():
+                known = np.isfinite(least)
+                rows = np.stack((centres[known], least[known], most[known]), axis=1)
+                curves[key] = np.round(rows, 6).tolist()
+            worst = sorted(self._worst, reverse=True)
+            slow = [{"at_s": round(at, 6), "label": label} for _, at, label in worst]
+            missed = [{"at_s": round(at, 6), "label": label} for at, label in self._misses]
+            return {
+                "from_s": round((self._log.begin - self._zero) / 1e9, 6),
+                "to_s": round((self._log.end - self._zero) / 1e9, 6),
+                "events": list(self._events),
+                "worst": [*slow, *missed],
+                "overview": curves,
+                "done": self.done,
+            }
+
+    def _run(self) -> None:
+        news = time.monotonic()
+        for chunk in range(self._log.chunks):
+            began = time.monotonic()
+            records = self._log.records(chunk, keep=False)
+            with self._lock:
+                self._take(records)
+            now = time.monotonic()
+            if now > news + NEWS_S:
+                news = now
+                self.version += 1
+            if self._closing.wait(REST * (now - began)):
+                return
+        self.done = True
+        self.version += 1
+
+    def _take(self, records: Sequence[Record]) -> None:
+        for record in records:
+            if record.kind == Kind.EVENT:
+                self._event(record)
+        states, stamps = _rows(records, Kind.STATE)
+        if len(states):
+            missed = (states["late"] + states["lost"] + states["skipped"]).astype(float)
+            self._curve("misses", stamps, missed)
+            self._curve("success_rate", stamps, states["success_rate"])
+            self._curve("fastest", stamps, np.abs(states["dq"]).max(axis=1))
+            self._note_misses(stamps, states)
+        answers, stamps = _rows(records, Kind.SETPOINT)
+        if len(answers):
+            self._take_answers(answers, stamps)
+
+    def _take_answers(self, answers: Any, stamps: Any) -> None:
+        certified = answers["solver_status"] != _NONE
+        for key in ("v", "margin", "rho"):
+            self._curve(key, stamps[certified], answers[key][certified])
+        self._curve("error", stamps[certified], np.sqrt(2.0 * np.abs(answers["v"][certified])))
+        if self._log.side != "robot":
+            return
+        took = (stamps - answers["stamp_state"]) / 1e3
+        self._curve("answer_us", stamps, took)
+        for place in np.argsort(took)[-WORST:]:
+            at = float(stamps[place] - self._zero) / 1e9
+            label = f"tick {int(answers['tick'][place])}: answered after {took[place]:.0f} µs"
+            self._note_worst(float(took[place]), at, label)
+
+    def _curve(self, key: str, stamps: Any, values: Any) -> None:
+        """Add values to the bins of a curve."""
+        known = np.isfinite(values)
+        if not known.any():
+            return
+        if key not in self._curves:
+            self._curves[key] = np.stack((np.full(BINS, np.inf), np.full(BINS, -np.inf)))
+        least, most = self._curves[key]
+        places = ((stamps[known] - self._begin) * BINS // self._span).astype(np.int64)
+        places = np.clip(places, 0, BINS - 1)
+        np.minimum.at(least, places, values[known])
+        np.maximum.at(most, places, values[known])
+
+    def _note_worst(self, took: float, at: float, label: str) -> None:
+        for other in self._worst:
+            if abs(other[1] - at) < APART_S:
+                if other[0] >= took:
+                    return
+                self._worst.remove(other)
+                heapq.heapify(self._worst)
+                break
+        heapq.heappush(self._worst, (took, at, label))
+        if len(self._worst) > WORST:
+            heapq.heappop(self._worst)
+
+    def _note_misses(self, stamps: Any, states: Any) -> None:
+        """Where ticks were late, lost or skipped: the first of each group."""
+        missed = (states["late"] + states["lost"] + states["skipped"]).astype(np.int64)
+        before = np.concatenate(([self._missed if self._missed >= 0 else missed[0]], missed[:-1]))
+        for place in np.flatnonzero(missed > before):
+            at = float(stamps[place] - self._zero) / 1e9
+            if len(self._misses) < WORST and (not self._misses or at > self._misses[-1][0] + 1.0):
+                count = int(missed[place] - before[place])
+                label = f"tick {int(states['tick'][place])}: {count} missed just before"
+                self._misses.append((at, label))
+        self._missed = int(missed[-1])
+
+    def _event(self, record: Record) -> None:
+        event = Event()
+        try:
+            event.load(record.payload)
+        except WireError:
+            return
+        if len(self._events) < EVENTS:
+            name = event_name(event.kind, event.detail)
+            words = in_words(event.kind, event.detail, self._log.description.joint_names)
+            self._events.append(
+                {
+                    "at_s": round((record.stamp - self._zero) / 1e9, 6),
+                    "label": f"{name}: {words}" if words else name,
+                    "severity": "info" if is_routine(event.kind, event.detail) else "warning",
+                }
+            )
+
+
+def _rows(records: Sequence[Record], kind: Kind) -> tuple[Any, Any]:
+    """All messages of a kind in a chunk, of the most frequent size, and their log times [ns]."""
+    schema: Any = State.schema if kind == Kind.STATE else Setpoint.schema
+    sizes = Counter(len(record.payload) for record in records if record.kind == kind)
+    if not sizes:
+        return np.empty(0), np.empty(0)
+    size = sizes.most_common(1)[0][0]
+    found = [each for each in records if each.kind == kind and len(each.payload) == size]
+    try:
+        dtype = schema.dtype(schema.lengths_in(found[0].payload))
+    except WireError:
+        return np.empty(0), np.empty(0)
+    rows = np.frombuffer(b"".join(record.payload for record in found), dtype)
+    return rows, np.array([record.stamp for record in found], np.int64)

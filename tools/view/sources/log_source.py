@@ -1,0 +1,260 @@
+"""A log as a source of frames, or two logs over each other: each page has a place of its own."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from hoap3.protocol.config.settings import parse_yaml
+from hoap3.protocol.errors import ConfigError, LogError, UsageError
+from hoap3.protocol.messages import State
+from hoap3.protocol.runtime.deadlines import verdict
+from hoap3.protocol.runtime.shm_ring import Kind
+from hoap3.robot_emulator.robots import available
+from hoap3.tools.logs.indexed_log import IndexedLog
+from hoap3.tools.show.body_findings import body_of
+from hoap3.tools.show.verdicts import judge
+from hoap3.tools.view.picture.frame import Frames, rounded
+from hoap3.tools.view.picture.geometry import looks_of
+from hoap3.tools.view.sources.log_overview import Overview
+from hoap3.tools.view.sources.play_clock import PlayClock
+
+HEAD = 64  # chunks of a log's begin in which the first active State is looked for
+TAIL = 4  # of its end, in which a summary is
+
+
+class ShownLog:
+    """One run, as far as it is shown.
+
+    Args:
+        path: a log, or the folder of a run.
+        folder: of the robot on this machine, for its meshes; None: that of a robot that we know.
+
+    Attributes:
+        log: that is shown: the robot's, or else the controller's.
+        zero: log time of the first active State [ns], from which seconds count.
+        frames: make its frames.
+        verdicts: of the whole run.
+
+    Raises:
+        LogError: it cannot be read as one of ours.
+    """
+
+    def __init__(self, path: Path, folder: str | None = None) -> None:
+        self.log, theirs = _sides(path)
+        emulator = _settings(self.log.config) if self.log.side == "robot" else None
+        law = theirs or (self.log if self.log.side == "controller" else None)
+        about = {"config": _settings(law.config), "extra": _extra(law)} if law else {}
+        description = self.log.description
+        named = folder or _known(emulator)
+        self.frames = Frames(description, looks_of(description, named), about, emulator)
+        self.zero, self._skipped = self._begin()
+        self.verdicts = self._judge(law)
+
+    def frame(self, at_s: float) -> dict[str, Any] | None:
+        """The frame of a time [s]; None where there is no State up to then, or none that fits."""
+        found = self.log.state_at(round(at_s * 1e9) + self.zero)
+        if found is None:
+            return None
+        state, setpoint, stamp = found
+        if not self.frames.fits(state):
+            return None
+        shown = self.frames.frame(state, setpoint)
+        return {**shown, "at_s": round((stamp - self.zero) / 1e9, 6), "verdicts": self.verdicts}
+
+    def _begin(self) -> tuple[int, int]:
+        """Log time of the first active State, else of the first, and ticks skipped before."""
+        for chunk in range(min(HEAD, self.log.chunks)):
+            for record in self.log.records(chunk, keep=False):
+                if record.kind == Kind.STATE:
+                    mode, skipped = State.scalars(record.payload, "mode", "skipped")
+                    if mode == State.ACTIVE:
+                        return record.stamp, skipped
+        return self.log.begin, 0
+
+    def _judge(self, law: IndexedLog | None) -> dict[str, str | None]:
+        """The verdicts on the run, as far as its ends tell; see `hoap3.tools.show.verdicts`."""
+        robot = _summary(self.log) if self.log.side == "robot" else None
+        outcome = None if law is None else _summary(law)
+        told = robot or {}
+        asked, deadlines = _count(told, "asked"), None
+        if asked:
+            last = self.log.state_at(self.log.end)
+            skipped = max(last[0].skipped - self._skipped, 0) if last else 0
+            rate = (_count(told, "in_time") or 0) / (asked + skipped)
+            deadlines = verdict(rate, safe_stop=bool(_count(told, "safe_stops")))
+        held, limited = _count(told, "interventions"), _count(told, "torque_limited")
+        try:
+            judged = judge(deadlines, held, limited, outcome, body=body_of(told))
+        except (KeyError, TypeError, ValueError, AttributeError):  # of a summary that is none
+            return dict.fromkeys(("deadlines", "task", "limits_and_balance"))
+        verdicts: dict[str, str | None] = judged["verdicts"]
+        return verdicts
+
+
+class LogSource:
+    """A log, or two.
+
+    Args:
+        paths: of one log or two; the second is drawn as a ghost.
+        folder: of the robot on this machine, for its meshes; None: that of a robot that we know.
+
+    Attributes:
+        live: False.
+        version: stays; what is found later is told by `events`.
+
+    Raises:
+        LogError: one cannot be read as one of ours.
+        UsageError: they are of robots with different links.
+    """
+
+    live = False
+
+    def __init__(self, paths: Sequence[Path], folder: str | None = None) -> None:
+        self.first, *others = (ShownLog(path, folder) for path in paths)
+        self.second = others[0] if others else None
+        if self.second is not None and self._links(self.second) != self._links(self.first):
+            raise UsageError(f"{paths[1]}: its robot has other links than that of {paths[0]}")
+        self.overview = Overview(self.first.log, self.first.zero)
+        self.overview.start()
+        self._told = 0
+        self.watched, self.version = False, 1
+
+    def close(self) -> None:
+        """End what goes on."""
+        self.overview.close()
+
+    @property
+    def meshes(self) -> Mapping[str, bytes]:
+        """By digest."""
+        return self.first.frames.looks.meshes
+
+    def hello(self) -> dict[str, Any]:
+        """What a page must know before the first frame."""
+        return {
+            "live": False,
+            **self.first.frames.hello(),
+            "changeable": [],
+            "log": self.overview.as_json(),
+            "second": self.second is not None,
+        }
+
+    def changeable(self) -> list[dict[str, Any]]:
+        """Nothing."""
+        return []
+
+    def frame(self) -> None:
+        """None: each page has its own."""
+
+    def events(self) -> list[dict[str, Any]]:
+        """What more was found of the whole log."""
+        version = self.overview.version
+        if version == self._told:
+            return []
+        self._told = version
+        return [{"kind": "log", "log": self.overview.as_json()}]
+
+    def player(self) -> LogPlayer:
+        """A place in it."""
+        return LogPlayer(self)
+
+    @staticmethod
+    def _links(shown: ShownLog) -> tuple[str, ...]:
+        return shown.frames.poses.links
+
+
+class LogPlayer:
+    """One page's place in the log."""
+
+    def __init__(self, source: LogSource) -> None:
+        self._source = source
+        self._clock = PlayClock(time.monotonic)
+        log, zero = source.first.log, source.first.zero
+        self._clock.ends = (log.begin - zero) / 1e9, (log.end - zero) / 1e9
+        self._shown: float | None = None
+
+    def seek(self, at_s: float) -> None:
+        """Go to a time [s]."""
+        self._clock.go(at_s)
+
+    def play(self, speed: float) -> None:
+        """Move on so many times as fast as it was; 0: stay; below 0: backwards."""
+        self._clock.run(speed)
+
+    def frame(self) -> dict[str, Any] | None:
+        """The frame of the time where it is; None where that is shown already."""
+        at_s = self._clock.at_s
+        if at_s == self._shown:
+            return None
+        self._shown = at_s
+        found = self._source.first.frame(at_s)
+        second = self._source.second
+        if found is None or second is None:
+            return found
+        ghost = second.frame(at_s)
+        return {**found, "ghost": None if ghost is None else rounded(ghost["poses"])}
+
+
+def _sides(path: Path) -> tuple[IndexedLog, IndexedLog | None]:
+    """The robot's log, and the controller's beside it; or the only one that there is."""
+    if not path.is_dir():
+        return IndexedLog(path), None
+    found = []
+    wrong: LogError | None = None
+    for side in ("robot", "controller"):
+        try:
+            found.append(IndexedLog(path, side))
+        except LogError as error:
+            wrong = wrong or error
+    if not found:
+        raise wrong or LogError(f"{path}: holds no log")
+    return found[0], found[1] if len(found) > 1 else None
+
+
+def _settings(text: str) -> Any:
+    """A configuration as data; None where it is none."""
+    try:
+        return parse_yaml(text, "config")
+    except ConfigError:
+        return None
+
+
+def _extra(law: IndexedLog) -> list[str]:
+    """Names of the controller's own columns."""
+    for record in law.records(0):
+        if record.kind == Kind.SESSION:
+            found = _body(record.payload).get("extra")
+            return [str(name) for name in found] if isinstance(found, list) else []
+    return []
+
+
+def _summary(log: IndexedLog) -> dict[str, Any] | None:
+    """The last summary of its end."""
+    for chunk in range(log.chunks - 1, max(log.chunks - 1 - TAIL, -1), -1):
+        for record in reversed(log.records(chunk)):
+            if record.kind == Kind.SUMMARY:
+                return _body(record.payload)
+    return None
+
+
+def _body(payload: bytes) -> dict[str, Any]:
+    try:
+        found = json.loads(payload)
+    except (ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _count(told: Mapping[str, Any], key: str) -> int | None:
+    """A count of a summary; None where it is none."""
+    found = told.get(key)
+    return found if isinstance(found, int) else None
+
+
+def _known(emulator: Any) -> str | None:
+    """The robot that the emulator was started with, if we know that name; never a path."""
+    named = emulator.get("robot") if isinstance(emulator, Mapping) else None
+    return named if isinstance(named, str) and named in available() else None

@@ -1,0 +1,217 @@
+// The page: takes what the server sends to those who show it, and what the hand asks for to the server.
+
+import { Connection } from "./connection.js";
+import { BLUE, eachScheme } from "./colours.js";
+import { Overlays } from "./overlays.js";
+import { addEvent, at, Joints, showState, showVerdicts, Sliders, write } from "./panels.js";
+import { Plots } from "./plots.js";
+import { discard, Robot } from "./robot.js";
+import { Stage } from "./scene.js";
+import { Targets } from "./targets.js";
+import { Teleop } from "./teleop.js";
+import { Timeline } from "./timeline.js";
+
+const OLD_MS = 500; // a picture of a running robot that is older than this says so
+const TEXT_MS = 100; // between two changes of the text
+const MOST_DRAWN = 4096;
+
+let robot, ghost, overlays, joints, plots, timeline;
+let known = false; // whether the robot is the one that was shown before
+let steering = false; // whether this page is the operator
+let cameAt_ms = 0; // when the last frame came
+let wrote_ms = 0;
+let undrawn = null; // the frame that the next picture shows first
+
+const stage = new Stage(at("stage"));
+const connection = new Connection(location.hash.slice(1));
+const targets = new Targets(stage, connection);
+const sliders = new Sliders(connection);
+const teleop = new Teleop(connection, {
+  stop: () => connection.act({ verb: "stop" }),
+  driving: (on) => targets.arm(steering && !on),
+  turn: (name, three, tool) => targets.find(name)?.turn(three, tool) ?? three,
+});
+
+/** What tests look at. */
+const page = (window.hoap3 = {
+  drawn: [],
+  hello: null,
+  frame: null,
+  told: null,
+  get tick() {
+    return this.drawn.at(-1)?.tick;
+  },
+  get poses() {
+    return robot?.drawn() ?? {};
+  },
+  get ghost() {
+    return ghost?.drawn() ?? {};
+  },
+  get proved() {
+    return connection.proved;
+  },
+  get acting() {
+    return targets.dragged ? "drag" : teleop.driving ? "drive" : null;
+  },
+  gizmo: (name) => targets.gizmo(name),
+});
+
+stage.onDrawn = () => {
+  if (!undrawn) return;
+  const { tick, stamp_ns } = undrawn;
+  undrawn = null;
+  page.drawn.push({ tick, stamp_ns, shown_ms: performance.timeOrigin + performance.now() });
+  if (page.drawn.length > MOST_DRAWN) page.drawn.shift();
+};
+
+/** Everything anew: the page was just opened, or the server is another one. */
+function greet(hello) {
+  known = JSON.stringify(page.hello?.links) === JSON.stringify(hello.links);
+  page.hello = hello;
+  page.frame = null;
+  steering = false;
+  for (const old of [robot, ghost, overlays]) if (old) discard(old);
+  overlays = undefined;
+  const loaded = () => stage.change();
+  robot = new Robot(hello.links, loaded);
+  ghost = hello.log?.second || hello.second ? new Robot(hello.links, loaded, BLUE) : undefined;
+  stage.scene.add(robot);
+  if (ghost) stage.scene.add(ghost);
+  at("ghost-key").hidden = !ghost;
+  write(at("robot"), hello.robot);
+  document.title = `${hello.robot} · hoap3 view`;
+  write(at("config"), hello.config ?? "");
+  joints = new Joints(hello.joints);
+  if (hello.log) at("events").replaceChildren();
+  for (const note of hello.notes ?? []) addEvent({ label: note });
+  for (const event of hello.log?.events ?? []) addEvent(event);
+  timeline = hello.log ? new Timeline(hello.log, connection) : undefined;
+  plots = new Plots(at("plots"), hello, (at_s) => timeline?.seek(at_s));
+  at("buttons").hidden = at("drive").hidden = Boolean(hello.log);
+  take({ changeable: [], targets: [], ...hello });
+  say();
+}
+
+/** What can be changed and dragged, at the start or when the controller's answer differs. */
+function take({ changeable, targets: told }) {
+  if (changeable) sliders.set(changeable);
+  if (!told) return;
+  page.targets = told;
+  if (overlays) targets.set(told, robot); // else with the first frame: only then its size is known
+  teleop.set(page.hello.log ? [] : told);
+}
+
+function show(frame) {
+  page.frame = frame;
+  cameAt_ms = performance.now();
+  robot.move(frame.poses);
+  if (ghost && frame.ghost) ghost.move(frame.ghost);
+  if (!overlays) {
+    if (!known) stage.frame(robot); // else whoever looks has chosen from where
+    overlays = new Overlays(page.hello, robot, stage.span);
+    stage.scene.add(overlays);
+    targets.set(page.targets, robot);
+  }
+  overlays.move(frame);
+  targets.move(frame);
+  plots.push(frame);
+  timeline?.show(frame);
+  undrawn = frame;
+  stage.change();
+  allow();
+  if (cameAt_ms - wrote_ms < TEXT_MS && page.hello.live) return;
+  wrote_ms = cameAt_ms;
+  showState(frame);
+  showVerdicts(frame.verdicts);
+  joints.show(frame.q);
+}
+
+/** Buttons, handles and sliders: as much as this page may do now. */
+function allow() {
+  const live = connection.proved && !page.hello?.log;
+  const now = live && page.frame?.operator === "me";
+  if (live === at("stop").disabled) {
+    at("stop").disabled = at("recover").disabled = at("steer").disabled = !live;
+    sliders.enable(live);
+  }
+  if (now === steering) return;
+  steering = now;
+  connection.beat(now);
+  write(at("steer"), now ? "Release" : "Steer");
+  at("steer").setAttribute("aria-pressed", String(now));
+  targets.arm(now);
+  teleop.arm(now);
+  say();
+}
+
+/** The line below the buttons: why this page only looks, or what was refused. */
+function say(error) {
+  const { hello } = page;
+  let words = "";
+  if (!hello) words = "";
+  else if (hello.log) words = "A log: nothing here moves a robot.";
+  else if (!hello.writes) words = "This page only looks: the command that serves it takes no commands.";
+  else if (!connection.token) words = "This page only looks: open the address the command line printed.";
+  else if (page.refused) words = "This page only looks: its token is not the one the command line printed.";
+  else if (error) words = `Refused: ${error}`;
+  else if (steering) words = "This page steers. Drag a handle, or hold Shift to drive.";
+  else if (connection.proved) words = "Press Steer to move the robot's targets.";
+  write(at("note"), words);
+  at("note").classList.toggle("refused", Boolean(error));
+}
+
+/** The banner over the picture: how old it is when none comes. */
+function warn() {
+  const age_ms = performance.now() - cameAt_ms;
+  const closed = connection.socket.readyState !== WebSocket.OPEN;
+  const old = page.hello?.live && page.frame && age_ms > OLD_MS;
+  at("banner").hidden = !closed && !old;
+  if (at("banner").hidden) return;
+  const [why, age] = at("banner").children;
+  write(why, closed ? "No connection; trying again." : "No frames come.");
+  write(age, page.frame ? `The picture is ${(age_ms / 1000).toFixed(1)} s old.` : "");
+}
+
+function ask(verb) {
+  connection.act({ verb }, (error) => say(error));
+}
+
+at("stop").addEventListener("click", () => ask("stop"));
+at("recover").addEventListener("click", () => ask("recover"));
+at("steer").addEventListener("click", () => ask(steering ? "release" : "acquire"));
+at("drive-frame").addEventListener("change", ({ target }) => targets.space(target.value === "world" ? "world" : "local"));
+// Stop before anything else that these keys mean, wherever the focus is.
+for (const kind of ["keydown", "keyup"]) {
+  const stops = (event) => {
+    if (at("stop").disabled || (event.code !== "Escape" && event.code !== "Space")) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    if (kind === "keydown" && !event.repeat) ask("stop");
+  };
+  addEventListener(kind, stops, { capture: true });
+}
+
+const takers = {
+  hello: greet,
+  frame: show,
+  event: addEvent,
+  changed: take,
+  proved: ({ ok }) => {
+    page.refused = !ok;
+    allow();
+    say();
+  },
+  told: (told) => {
+    page.told = told;
+    take(told.now ?? {});
+  },
+  closed: () => {
+    allow();
+    say();
+  },
+};
+for (const [kind, taker] of Object.entries(takers)) {
+  connection.addEventListener(kind, ({ detail }) => taker(detail));
+}
+eachScheme(() => plots?.repaint());
+setInterval(warn, 200);

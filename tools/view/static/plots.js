@@ -1,0 +1,196 @@
+// Curves, one chart a group: of a running robot the last seconds, of a log the whole with a line at now.
+
+import { uPlot } from "./vendor.js";
+import { CURVES, DASHES, ofPage, readable } from "./colours.js";
+import { make, write } from "./panels.js";
+
+const WINDOW_S = 10;
+const HEIGHT = 104; // px
+const EACH_MS = 100; // between two redraws: text and curves ten times a second are enough
+
+/** A number in at most seven characters. */
+export function short(value) {
+  if (value === null || value === undefined || Number.isNaN(value)) return "–";
+  const size = Math.abs(value);
+  if (size !== 0 && (size < 1e-3 || size >= 1e5)) return value.toExponential(1);
+  return String(Number(value.toPrecision(3)));
+}
+
+/** One chart: its head with a mark, a name and the newest value of each curve, and the curves. */
+class Chart {
+  /**
+   * @param {string} group
+   * @param {object[]} curves of `hello.plots`
+   * @param {object|null} log
+   * @param {(at_s: number) => void} seek
+   */
+  constructor(group, curves, log, seek) {
+    Object.assign(this, { curves, log, now: log?.from_s ?? 0, hovered: null });
+    this.times = [];
+    this.values = curves.map(() => []);
+    this.numbers = curves.map(() => make("output", { textContent: "–" }));
+    this.box = make("div", { className: "chart" });
+    this.figure = make("figure", { className: "card" }, this.#head(group), this.box);
+    this.figure.dataset.group = group;
+    this.box.setAttribute("role", "img");
+    this.box.setAttribute("aria-label", `${group}: ${curves.map(({ label }) => label).join(", ")}`);
+    this.plot = new uPlot(this.#options(curves.some((curve) => curve.log)), this.#data(), this.box);
+    if (log) {
+      this.plot.over.style.cursor = "pointer";
+      this.plot.over.addEventListener("click", ({ offsetX }) => seek(this.plot.posToVal(offsetX, "x")));
+    }
+    new ResizeObserver(() => this.#fit()).observe(this.box);
+  }
+
+  /** Name and unit; of several curves the mark, name and newest number of each, too. */
+  #head(group) {
+    const [{ label, unit }] = this.curves;
+    const alone = this.curves.length === 1;
+    const name = alone ? label : group.charAt(0).toUpperCase() + group.slice(1);
+    const title = make("h2", { textContent: name, title: name }, make("small", { textContent: unit ? ` [${unit}]` : "" }));
+    if (alone) return make("figcaption", {}, title, this.numbers[0]);
+    const legend = this.curves.map((curve, i) => this.#legend(curve, i, unit));
+    return make("figcaption", {}, title, make("ul", { className: "curves" }, ...legend));
+  }
+
+  #legend({ label, unit, dashed }, i, common) {
+    const mark = make("i", { className: `line dash${this.#dash(dashed, i)}` });
+    mark.style.color = `var(--curve${i % CURVES.length})`;
+    const name = make("span", { textContent: unit === common || !unit ? label : `${label} [${unit}]`, title: label });
+    return make("li", {}, mark, name, this.numbers[i]);
+  }
+
+  #dash(dashed, i) {
+    return dashed ? 2 : i % DASHES.length;
+  }
+
+  #options(logarithmic) {
+    const axis = {
+      stroke: () => ofPage("soft"),
+      grid: { stroke: () => ofPage("rule"), width: 1 },
+      ticks: { show: false },
+      font: "11px system-ui, sans-serif",
+      gap: 4,
+    };
+    const curve = (i) => ({
+      stroke: () => readable(CURVES[i % CURVES.length]),
+      width: 1.75,
+      dash: DASHES[this.#dash(this.curves[i].dashed, i)],
+      points: { show: false },
+    });
+    const series = this.curves.flatMap((_, i) => (this.log ? [curve(i), curve(i)] : [curve(i)]));
+    const bands = this.log
+      ? this.curves.map((_, i) => ({
+          series: [2 * i + 1, 2 * i + 2], // from the greatest to the least of each bin
+          fill: () => `${readable(CURVES[i % CURVES.length])}44`,
+        }))
+      : [];
+    return {
+      width: this.box.clientWidth || 380,
+      height: HEIGHT,
+      padding: [8, 8, 0, 0],
+      legend: { show: false },
+      cursor: { y: false, drag: { x: false, y: false }, points: { size: 5 } },
+      scales: {
+        x: { time: false, range: () => this.#range() },
+        y: { distr: logarithmic ? 3 : 1 },
+      },
+      axes: [
+        { ...axis, size: 22, space: 60 },
+        { ...axis, size: 50, space: 24, values: (_, all) => all.map((each) => (each === null ? "" : short(each))) },
+      ],
+      series: [{}, ...series],
+      bands,
+      hooks: { draw: [() => this.#line()], setCursor: [({ cursor }) => this.#hover(cursor.idx)] },
+    };
+  }
+
+  #range() {
+    return this.log ? [this.log.from_s, this.log.to_s] : [this.now - WINDOW_S, this.now];
+  }
+
+  /** Of a log: what the whole looks like, bin by bin. */
+  #data() {
+    if (!this.log) return [this.times, ...this.values];
+    const rows = this.curves.map(({ key }) => this.log.overview?.[key] ?? []);
+    const column = (table, i) => table.map((row) => row[i]);
+    return uPlot.join(rows.map((table) => [column(table, 0), column(table, 2), column(table, 1)]));
+  }
+
+  /** Of a log: where its time stands. */
+  #line() {
+    if (!this.log) return;
+    const { ctx, bbox } = this.plot;
+    const x = this.plot.valToPos(this.now, "x", true);
+    ctx.save();
+    ctx.fillStyle = ofPage("ink");
+    ctx.fillRect(x - devicePixelRatio / 2, bbox.top, devicePixelRatio, bbox.height);
+    ctx.restore();
+  }
+
+  #hover(index) {
+    this.hovered = this.log ? null : index;
+    this.#write();
+  }
+
+  #write() {
+    this.numbers.forEach((number, i) => write(number, short(this.values[i].at(this.hovered ?? -1))));
+  }
+
+  push(time_s, values) {
+    if (time_s < this.now || this.log) this.#clear(); // of a log only the numbers are new
+    this.now = time_s;
+    this.times.push(time_s);
+    this.curves.forEach(({ key, log }, i) => {
+      const value = values[key] ?? null;
+      this.values[i].push(log && value <= 0 ? null : value);
+    });
+    while (this.times[0] < time_s - WINDOW_S) {
+      this.times.shift();
+      for (const each of this.values) each.shift();
+    }
+  }
+
+  #clear() {
+    this.times.length = 0;
+    for (const each of this.values) each.length = 0;
+  }
+
+  draw() {
+    if (this.log) this.plot.redraw(false, false);
+    else this.plot.setData([this.times, ...this.values]);
+    this.#write();
+  }
+
+  #fit() {
+    if (this.box.clientWidth) this.plot.setSize({ width: this.box.clientWidth, height: HEIGHT });
+  }
+}
+
+export class Plots {
+  /**
+   * @param {HTMLElement} box
+   * @param {object} hello
+   * @param {(at_s: number) => void} seek
+   */
+  constructor(box, { plots, log }, seek) {
+    const groups = Map.groupBy(plots, ({ group }) => group);
+    this.drawn_ms = -Infinity;
+    this.charts = [...groups].map(([group, curves]) => new Chart(group, curves, log, seek));
+    box.replaceChildren(...this.charts.map(({ figure }) => figure));
+  }
+
+  /** In the colours of the scheme that holds now. */
+  repaint() {
+    for (const chart of this.charts) chart.plot.redraw(false, true);
+  }
+
+  /** @param {object} frame */
+  push({ time_s, at_s = time_s, values }) {
+    for (const chart of this.charts) chart.push(at_s, values);
+    const now = performance.now();
+    if (now - this.drawn_ms < EACH_MS) return;
+    this.drawn_ms = now;
+    for (const chart of this.charts) chart.draw();
+  }
+}

@@ -1,0 +1,36 @@
+// What of three.js and uPlot the page uses; whatever is not named here is left out of vendor.js.
+export {
+  AmbientLight,
+  ArrowHelper,
+  Box3,
+  BoxGeometry,
+  BufferAttribute,
+  BufferGeometry,
+  CapsuleGeometry,
+  Color,
+  CylinderGeometry,
+  DirectionalLight,
+  DoubleSide,
+  FrontSide,
+  GridHelper,
+  Group,
+  HemisphereLight,
+  LineBasicMaterial,
+  LineLoop,
+  Mesh,
+  MeshBasicMaterial,
+  MeshLambertMaterial,
+  OctahedronGeometry,
+  PerspectiveCamera,
+  PlaneGeometry,
+  Quaternion,
+  RingGeometry,
+  Scene,
+  SphereGeometry,
+  SRGBColorSpace,
+  Vector3,
+  WebGLRenderer,
+} from "three";
+export { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+export { TransformControls } from "three/examples/jsm/controls/TransformControls.js";
+export { default as uPlot } from "uplot";

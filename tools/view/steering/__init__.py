@@ -1,0 +1,1 @@
+"""What a page may move, and how it lets go."""

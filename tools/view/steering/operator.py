@@ -1,0 +1,259 @@
+"""What a page may do to a robot: steer, change, stop, recover. Each waits for nobody else.
+
+Questions to a robot may take seconds, so they are asked by threads: one for stops, so that nothing
+is ahead of one; one for all others; one that sends targets, of which only the newest count.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from threading import Lock
+from typing import Any, TypeVar
+
+from hoap3.protocol.errors import Hoap3Error, LinkError, UsageError, WireError
+from hoap3.tools.services.connection import Connection
+from hoap3.tools.view.sources.live import Live
+from hoap3.tools.view.steering.motion import Motion
+
+TICK_S = 0.02  # between two looks at what moves
+SETTLE_S = 0.2  # between a hold and a release: targets and questions come on different ways
+COUNT_S = 1.0  # between two questions what was refused
+Told = Callable[[dict[str, Any]], None]
+Result = TypeVar("Result")
+
+
+class Operator:
+    """At most one page steers; all that proved the token may stop, recover and change.
+
+    Args:
+        source: the robot.
+        tell: takes events for all pages.
+        connect: makes a connection to the robot.
+
+    Attributes:
+        page: that steers, or None.
+    """
+
+    def __init__(
+        self, source: Live, tell: Told, connect: Callable[[str, str], Connection] = Connection
+    ) -> None:
+        self._source, self._tell, self._connect = source, tell, connect
+        self._motion = Motion(lambda: source.frames, self._state)
+        self._connection: Connection | None = None
+        self._opening = Lock()
+        self._threads = {name: ThreadPoolExecutor(1, name) for name in ("stop", "ask", "send")}
+        self._sending: Future[None] | None = None
+        self._counting: Future[dict[str, int]] | None = None
+        self._refused: dict[str, int] = {}
+        self._count_s = self._release_s = 0.0
+        self._sent = False
+        self.page: object | None = None
+
+    def says(self, page: object) -> str:
+        """`me`, `other` or `none`: who steers, as a page sees it."""
+        if self.page is not None:
+            return "me" if self.page is page else "other"
+        ours = None if self._connection is None else self._connection.who
+        return "none" if self._source.operator in {None, ours} else "other"
+
+    async def act(self, page: object, do: Mapping[str, Any]) -> dict[str, Any]:
+        """Do what a page asks for; what it must know then.
+
+        Raises:
+            Hoap3Error: it is refused; says why.
+        """
+        verb, now = do.get("verb"), time.monotonic()
+        match verb:
+            case "stop" | "recover":
+                self._motion.begin(now)  # whatever moved does so no longer by our hand
+                await self._ask("stop", lambda: self._told(str(verb)))
+                self._source.look_again()
+                return {}
+            case "change":
+                what, over_s = do.get("what"), do.get("over_s")
+                if not isinstance(what, dict):
+                    raise UsageError("a change needs `what`: keys and their numbers")
+                more = {} if over_s is None else {"over_s": over_s}
+                told = await self._ask("ask", lambda: self._robot().change(what, **more))
+                self._source.take_now(told)
+                return {"changeable": self._source.changeable()}
+            case "acquire":
+                return await self._acquire(page)
+            case "release":
+                self._steers(page)
+                await self._release()
+                return {}
+        raise UsageError(f"no verb is called {verb!r:.40}")
+
+    def move(self, page: object, do: Mapping[str, Any]) -> bool:
+        """Do what needs no question: a target, a velocity, a drop; False where it is none of them.
+
+        Raises:
+            UsageError: it is refused; says why.
+        """
+        verb, now = do.get("verb"), time.monotonic()
+        if verb not in {"target", "velocity", "drop"}:
+            return False
+        self._steers(page)
+        if verb == "drop":
+            self._motion.hold()
+        else:
+            take = self._motion.drag if verb == "target" else self._motion.drive
+            take(do.get("name"), do.get("values"), now)
+        return True
+
+    def beat(self, page: object) -> None:
+        """A page lives."""
+        if page is self.page:
+            self._motion.beat(time.monotonic())
+
+    def left(self, page: object) -> None:
+        """A page has gone: what it moved is held at once, and it steers no longer soon."""
+        if page is self.page:
+            self._motion.hold()
+            self._release_s = time.monotonic() + SETTLE_S
+
+    async def run(self) -> None:
+        """Look after what moves, until cancelled; then hold it, and steer no longer."""
+        try:
+            while True:
+                await asyncio.sleep(TICK_S)
+                self._look(time.monotonic())
+        finally:
+            self._motion.hold()
+            self._flush()
+
+    def close(self) -> None:
+        """Steer no longer, and leave the network."""
+        if self.page is not None:
+            time.sleep(SETTLE_S)
+        for threads in self._threads.values():
+            threads.shutdown(wait=True, cancel_futures=True)
+        if self._connection is not None:
+            self._connection.close()
+
+    def _look(self, now: float) -> None:
+        if self.page is None:
+            return
+        if self._flush():
+            self._count(now)
+        gone = self._motion.is_gone(now)
+        if gone or 0.0 < self._release_s < now:
+            why = "the page that steered is silent" if gone else "the page that steered has gone"
+            self._free()
+            self._threads["ask"].submit(self._let_go)
+            self._tell(_event(why))
+
+    def _flush(self) -> bool:
+        """Send what is due, unless the last is still being sent; whether we still steer."""
+        sending = self._sending
+        if sending is not None:
+            if not sending.done():
+                return True
+            self._sending, error = None, sending.exception()
+            if error is not None:
+                self._free()
+                self._tell(_event(f"nobody steers here any more: {error}"))
+                return False
+        due = self._motion.step(time.monotonic())
+        if due and self._connection is not None:
+            self._sent = True
+            self._sending = self._threads["send"].submit(_send, self._connection, due)
+        return True
+
+    def _count(self, now: float) -> None:
+        """Tell pages what the controller refused, once a second at most."""
+        counting = self._counting
+        if counting is not None and counting.done():
+            self._counting = None
+            if counting.exception() is None:
+                more = counting.result()
+                for reason, count in more.items():
+                    if count > self._refused.get(reason, 0):
+                        self._tell(_event(f"targets refused: {reason.replace('_', ' ')}"))
+                self._refused = more
+        if self._counting is None and self._sent and now > self._count_s:
+            self._count_s, self._sent = now + COUNT_S, False
+            self._counting = self._threads["ask"].submit(_refused, self._connection)
+
+    async def _acquire(self, page: object) -> dict[str, Any]:
+        if self.page not in {None, page}:
+            raise UsageError("another page steers; it is free when that page releases or is closed")
+        self.page = page  # from now on no other page can, while the controller is asked
+        try:
+            await self._ask("ask", lambda: self._robot().acquire())
+        except BaseException:  # also where the page goes meanwhile, and the controller has agreed
+            self._free()
+            self._threads["ask"].submit(self._let_go)
+            raise
+        if self.page is not page:
+            raise UsageError("the page has gone meanwhile")
+        self._motion.begin(time.monotonic())
+        self._refused, self._release_s = {}, 0.0
+        self._source.look_again()
+        return {"targets": [target.as_json() for target in self._source.frames.targets]}
+
+    async def _release(self) -> None:
+        if self._motion.moves:
+            self._motion.hold()
+            self._flush()
+            await asyncio.sleep(SETTLE_S)
+        self._free()
+        await self._ask("ask", self._let_go)
+        self._source.look_again()
+
+    def _free(self) -> None:
+        self.page, self._release_s = None, 0.0
+        self._motion.begin(time.monotonic())
+
+    def _let_go(self) -> None:
+        """In a thread: release, unless a page has begun to steer meanwhile."""
+        if self._connection is not None and self.page is None:
+            with suppress(LinkError, UsageError, WireError):
+                self._connection.release()
+
+    def _steers(self, page: object) -> None:
+        if self.page is not page:
+            raise UsageError("this page does not steer: become operator first")
+
+    def _told(self, verb: str) -> None:
+        """In a thread: stop the robot, or let it move again."""
+        robot = self._robot()
+        done = robot.stop() if verb == "stop" else robot.recover()
+        if done.get("recovered") is False:
+            raise UsageError(f"it is {done.get('mode')}: only a stopped robot can be recovered")
+
+    def _state(self) -> Any:
+        newest = self._source.newest()
+        return None if newest is None else newest.state
+
+    def _robot(self) -> Connection:
+        """In a thread: the connection, opened when it is first needed."""
+        with self._opening:
+            if self._connection is None:
+                self._connection = self._connect(self._source.robot, self._source.endpoint)
+            return self._connection
+
+    async def _ask(self, thread: str, what: Callable[[], Result]) -> Result:
+        return await asyncio.wrap_future(self._threads[thread].submit(what))
+
+
+def _send(robot: Connection, due: Mapping[str, list[float]]) -> None:
+    for name, values in due.items():
+        robot.send_target(values, name)
+
+
+def _refused(robot: Connection | None) -> dict[str, int]:
+    try:
+        found = {} if robot is None else robot.counts()["refused"]
+    except Hoap3Error:
+        return {}
+    return {str(reason): int(count) for reason, count in found.items()}
+
+
+def _event(label: str) -> dict[str, Any]:
+    return {"kind": "event", "at_s": None, "label": label, "severity": "warning"}
