@@ -19,6 +19,7 @@ from hoap3.tools.cli.app import app
 from hoap3.tools.services.config_keys import FAMILIES, SIDES, config_keys
 
 HOUSE = Path(__file__).resolve().parents[2]
+_SOURCE = re.compile(r'(src|srcset)="docs/')
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\((\.\./|)([^)\s]+)\)")
 SETTINGS = """# Settings
 
@@ -64,6 +65,7 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
             return text if text.strip("`") in path else f"{text} (`{name.removeprefix('../')}`)"
         return found[0]
 
+    markdown = _SOURCE.sub(r'\1="', markdown) if copied else markdown
     return _LINK.sub(led, markdown)
 
 

@@ -52,7 +52,7 @@ PACKAGES = {
     ),
     "tools": (
         ("machine", "logs", "html"),
-        ("show", "timing", "verify"),
+        ("show", "timing", "verify", "picture"),
         ("services", "bench", "environment", "report"),
         (
             "beside",

@@ -17,6 +17,10 @@ def report(
         Path | None,
         typer.Option("--out", help="HTML file to write; default: report.html beside the log."),
     ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option(help="Name or folder of the robot, to draw it with the meshes there."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Draw what a log shows, as one HTML file that needs nothing but itself."""
@@ -28,7 +32,7 @@ def report(
     from hoap3.tools.show.verdicts import NAMES, NOT_JUDGED, failed, in_words
 
     with progress(f"report {log}") as meter:
-        figures = write_report(log, out, meter.step)
+        figures = write_report(log, out, meter.step, robot)
     if as_json:
         print_json(figures)
     else:

@@ -30,6 +30,7 @@ class Drawing:
         svg: the drawing itself.
         keys: legend.
         figures: n and percentiles of what is drawn, in words.
+        wide: whether it takes all the width of the page.
     """
 
     name: str
@@ -37,3 +38,4 @@ class Drawing:
     svg: str
     keys: tuple[Key, ...]
     figures: str
+    wide: bool = False

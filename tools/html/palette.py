@@ -23,6 +23,33 @@ COLOURS = {  # light, dark
     "brown": ("#9a6b4f", "#c79a7e"),
     "faint": ("#aab3bd", "#57626e"),
     "wash": ("#e9eff6", "#1f2a37"),
+    "floor": ("#f1f3f5", "#1d232b"),
+    "shadow": ("#d9dee4", "#0f1318"),
+    "support": ("#cfe8dc", "#1f4a3a"),
+}
+SHADES = 16
+"""Levels of light of each family of surfaces; level 0 is the darkest, as `body0`."""
+
+FAMILIES = {  # light, dark: each from its darkest to its lightest
+    "body": (("#46556a", "#f4f6f9"), ("#232c37", "#b4c2d0")),
+    "accent": (("#8a4207", "#ffca8f"), ("#5f330e", "#f5b878")),
+}
+"""Surfaces of things in space: of a robot, and of what stands out of it."""
+
+
+def _between(dark: str, light: str, share: float) -> str:
+    """A colour on the way from one to another."""
+    ends = zip(bytes.fromhex(dark[1:]), bytes.fromhex(light[1:]), strict=True)
+    return "#" + bytes(round(a + share * (b - a)) for a, b in ends).hex()
+
+
+COLOURS |= {
+    f"{family}{level}": (
+        _between(*on_light, level / (SHADES - 1)),
+        _between(*on_dark, level / (SHADES - 1)),
+    )
+    for family, (on_light, on_dark) in FAMILIES.items()
+    for level in range(SHADES)
 }
 LIGHT = {role: light for role, (light, _) in COLOURS.items()}
 SERIES = ("blue", "orange", "green", "violet", "red", "cyan", "olive")

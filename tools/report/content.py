@@ -36,6 +36,7 @@ class Content:
         happenings: events of both sides, each in order.
         conditions: what stood in the controller's way; None without its log.
         gaps: what is missing, and why, in sentences.
+        robot_here: name or path of the robot on this machine, whose meshes are drawn.
     """
 
     sources: Sources
@@ -44,6 +45,7 @@ class Content:
     happenings: tuple[Happening, ...]
     conditions: tuple[Condition, ...] | None
     gaps: tuple[str, ...]
+    robot_here: str | None = None
 
     @cached_property
     def checked(self) -> Checked:
@@ -58,7 +60,7 @@ class Content:
     @cached_property
     def motion_drawings(self) -> tuple[Drawing, ...]:
         """Figures of the motion; they are drawn when somebody asks."""
-        return tuple(motion_drawings(self.motion)) if self.motion else ()
+        return tuple(motion_drawings(self.motion, self.robot_here)) if self.motion else ()
 
     @property
     def certificates(self) -> Certificates | None:
@@ -171,20 +173,22 @@ class Content:
         }
 
 
-def read_content(path: Path) -> Content:
+def read_content(path: Path, robot: str | None = None) -> Content:
     """Compute a report.
 
     Args:
         path: folder of a run, or one `*.mcap`.
+        robot: name or path of the robot on this machine, whose meshes are drawn. None: no log
+            makes a report open files that it names.
 
     Raises:
         LogError: there is no log of ours, or it holds what no service of ours has written.
     """
     with of_ours(path):
-        return _read(Sources.open(path))
+        return _read(Sources.open(path), robot)
 
 
-def _read(sources: Sources) -> Content:
+def _read(sources: Sources, robot: str | None) -> Content:
     gaps = list(sources.gaps)
     motion = _motion(sources, gaps)
     timing = _timing(sources, gaps)
@@ -207,6 +211,7 @@ def _read(sources: Sources) -> Content:
         happenings=tuple(item for log in sources.logs for item in read_happenings(log)),
         conditions=_conditions(sources, motion),
         gaps=tuple(gaps),
+        robot_here=robot,
     )
 
 

@@ -17,6 +17,7 @@ from hoap3.protocol.messages import FloatArray, Setpoint, State
 from hoap3.remote_controller.default_task import default_goal
 from hoap3.tools.logs.log import Log
 from hoap3.tools.report.certificates import Certificates
+from hoap3.tools.report.moments import Answered, Moment, moments
 from hoap3.tools.report.sources import Sources
 from hoap3.tools.show.certificate_count import PROVED, STATUS, CertificateCount, doubts
 
@@ -57,6 +58,9 @@ class Motion:
         active: (k,), joints with 0.001 rad/s or more.
         certificates: of the answers, or None where no answer has one.
         gaps: what cannot be shown, and why.
+        description: of the robot.
+        states: how many there are.
+        moments: those that are shown in space.
     """
 
     side: str
@@ -81,6 +85,9 @@ class Motion:
     range_used: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
     certificates: Certificates | None = None
     gaps: list[str] = field(default_factory=list)
+    description: RobotDescription | None = None
+    states: int = 0
+    moments: list[Moment] = field(default_factory=list)
 
     @property
     def has_certificates(self) -> bool:
@@ -158,6 +165,9 @@ def read_motion(sources: Sources) -> Motion | None:
             f"The description of {description.name} has no sole in the frame {frame}: there is "
             "no support polygon."
         )
+    v = np.where(proved, answers["v"], np.nan)
+    margin = np.where(proved, answers["margin"], np.nan)
+    answered = Answered(rows, v, margin, "" if target is None else "m")
     return Motion(
         side=log.side,
         session_id=session_id,
@@ -171,7 +181,7 @@ def read_motion(sources: Sources) -> Motion | None:
         target_m=target,
         every=every,
         time_s=_seconds(rows, start),
-        v=np.where(proved, answers["v"], np.nan),
+        v=v,
         psi=np.where(proved, 0.0 - answers["v_rate_required"], np.nan),
         certified=np.isin(answers["solver_status"], [STATUS[name] for name in PROVED]),
         inputs=inputs,
@@ -181,6 +191,9 @@ def read_motion(sources: Sources) -> Motion | None:
         range_used=_range_used(positions, description),
         certificates=certificates,
         gaps=gaps,
+        description=description,
+        states=len(active),
+        moments=moments(active, answered, description),
     )
 
 

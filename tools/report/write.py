@@ -14,7 +14,10 @@ from hoap3.tools.report.sources import of_ours
 
 
 def write_report(
-    log: Path, out: Path | None = None, say: Callable[[str], None] = lambda _: None
+    log: Path,
+    out: Path | None = None,
+    say: Callable[[str], None] = lambda _: None,
+    robot: str | None = None,
 ) -> dict[str, Any]:
     """Write the report of a log.
 
@@ -22,6 +25,7 @@ def write_report(
         log: folder of a run, or one `*.mcap`.
         out: the file; None for `report.html` beside the log. An earlier report is replaced.
         say: takes what is being done.
+        robot: name or path of the robot on this machine, whose meshes are drawn.
 
     Returns:
         its figures, as `--json` prints them, with the path of the page as `report`, and whether it
@@ -32,7 +36,7 @@ def write_report(
         UsageError: `out` cannot be written.
     """
     say("reading the log")
-    content = read_content(log)
+    content = read_content(log, robot)
     say("drawing")
     with of_ours(log):
         drawn = page(content)

@@ -16,6 +16,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from hoap3.tools.reproduce.legends import place_legend
+
 Array = NDArray[np.float64]
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442")
@@ -97,7 +99,7 @@ class Panel:
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """Panels in rows, with one legend beside them.
+    """Panels in rows, each with its legend inside.
 
     Attributes:
         name: of its files.
@@ -174,20 +176,27 @@ def write_csv(panel: Panel, path: Path) -> None:
 
 
 def draw(figure: Figure) -> Any:
-    """Draw a figure without any window; a `matplotlib.figure.Figure`."""
+    """Draw a figure without any window; a `matplotlib.figure.Figure`.
+
+    A panel has a legend, unless the one above it has the same.
+    """
     from matplotlib.figure import Figure as Picture
 
     picture = Picture(figsize=figure.size, layout="constrained")
     picture.suptitle(figure.title, fontsize=11, fontweight="bold")
     columns = max(len(row) for row in figure.rows)
     axes = picture.subplots(len(figure.rows), columns, squeeze=False)
-    legend: dict[str, Any] = {}
+    above: dict[int, list[str]] = {}
+    named = []
     for row, places in zip(figure.rows, axes, strict=True):
-        for panel, place in zip(row, places, strict=True):
-            legend = {**_draw_panel(panel, place), **legend}
-    picture.legend(
-        legend.values(), legend.keys(), loc="outside right upper", fontsize=8, frameon=False
-    )
+        for column, (panel, place) in enumerate(zip(row, places, strict=True)):
+            handles = _draw_panel(panel, place)
+            if handles and above.get(column) != [*handles]:
+                named.append((place, handles))
+            above[column] = [*handles]
+    picture.draw_without_rendering()  # from here on it is known where everything is
+    for place, handles in named:
+        place_legend(place, handles)
     return picture
 
 

@@ -67,17 +67,83 @@ def test_it_says_which_files_it_wrote_and_writes_the_same_bytes_again(tmp_path):
     assert {path: path.read_bytes() for path in files} == before
 
 
-def test_axes_have_labels_and_the_legend_lies_outside_the_data():
+def names(axes) -> list[str]:
+    return [text.get_text() for text in axes.get_legend().get_texts()]
+
+
+def test_axes_have_labels_and_limits():
     picture = draw(FIGURE)
-    picture.draw_without_rendering()
-    (legend,) = picture.legends
-    assert [text.get_text() for text in legend.get_texts()] == ["first", "fast", "slow"]
-    box = legend.get_window_extent()
-    for axes in picture.axes:
-        assert not box.overlaps(axes.get_window_extent())
     assert picture.axes[0].get_xlabel() == "time [s]"
     assert picture.axes[0].get_xlim() == pytest.approx((0.0, 0.4))
     assert picture.axes[1].get_yscale() == "log"
+
+
+def assert_free(axes):
+    """The legend lies in its panel, and no curve, sampled finely, has a point in it."""
+    box, panel = axes.get_legend().get_window_extent(), axes.get_window_extent()
+    assert panel.x0 <= box.x0 < box.x1 <= panel.x1
+    assert panel.y0 <= box.y0 < box.y1 <= panel.y1
+    for line in axes.get_lines():
+        points = axes.transData.transform(line.get_xydata())
+        if line.get_drawstyle() == "steps-post":
+            corners = np.column_stack((points[1:, 0], points[:-1, 1]))
+            points = np.insert(points, np.arange(1, len(points)), corners, axis=0)
+        if line.get_linestyle() != "None":
+            shares = np.linspace(0.0, 1.0, 200)[:, None, None]
+            points = (points[:-1] + shares * (points[1:] - points[:-1])).reshape(-1, 2)
+        inside = (points > box.min).all(axis=1) & (points < box.max).all(axis=1)
+        assert not inside.any()
+
+
+def test_every_panel_names_its_curves_inside_itself():
+    picture = draw(FIGURE)
+    picture.draw_without_rendering()
+    assert not picture.legends
+    assert [names(axes) for axes in picture.axes] == [["fast", "slow"], ["first"]]
+    for axes in picture.axes:
+        assert_free(axes)
+
+
+def test_a_panel_below_one_with_the_same_names_does_not_repeat_them():
+    other = Panel("other", "Other", PANEL.x, PANEL.y, PANEL.curves[:1])
+    first, second, third = draw(Figure("three", "", ((PANEL,), (PANEL,), (other,)), (5, 9))).axes
+    assert names(first) == ["fast", "slow"]
+    assert second.get_legend() is None
+    assert names(third) == ["fast"]
+
+
+def wild(seed: int, count: int, style: str) -> Panel:
+    """Curves through all of a panel."""
+    rng, x = np.random.default_rng(seed), np.linspace(0.0, 1.0, 60)
+    curves = [
+        Curve(f"curve {k} of {count}", x, rng.uniform(-1.0, 1.0, 60), COLOURS[k % 7], style)
+        for k in range(count)
+    ]
+    return Panel("wild", "Wild", Axis("x", "x"), Axis("y", "y"), curves)
+
+
+@pytest.mark.parametrize("style", ["line", "steps"])
+def test_where_curves_are_everywhere_the_panel_becomes_higher(style):
+    panel = wild(3, 7, style)
+    picture = draw(Figure("wild", "Wild", ((panel,),), (5.0, 3.0)))
+    picture.draw_without_rendering()
+    (axes,) = picture.axes
+    assert len(names(axes)) == 7
+    assert_free(axes)
+    top = max(curve.y.max() for curve in panel.curves)
+    assert axes.get_ylim()[1] > 1.1 * top
+
+
+def test_a_legend_keeps_away_from_what_is_shown_larger():
+    x = np.linspace(0.0, 1.0, 50)
+    curves = (Curve("a long name of a curve", x, x + 1.0), Curve("another one", x, x + 0.9))
+    zoom = Panel("", "", Axis("x", "x"), Axis("y", "y"), curves, zoom=((0.4, 0.5), (1.3, 1.6)))
+    picture = draw(Figure("zoom", "", ((zoom,),), (5.0, 4.0)))
+    picture.draw_without_rendering()
+    (axes,) = [each for each in picture.axes if each.get_legend()]
+    assert_free(axes)
+    (inset,) = axes.child_axes
+    assert not axes.get_legend().get_window_extent().overlaps(inset.get_tightbbox())
 
 
 def test_steps_hold_a_value_until_the_next_point():

@@ -11,6 +11,7 @@ from hoap3.tools.html.drawing import Drawing, Key
 from hoap3.tools.html.numbers import count, number, spread, summary
 from hoap3.tools.html.palette import LIGHT, SERIES
 from hoap3.tools.report.motion import Motion
+from hoap3.tools.report.plots.posture_views import posture_views
 
 ROUNDING = 1e-12  # of the greatest V: less is no rise
 PROPORTION = 1.7  # width to height of a pair of axes
@@ -20,9 +21,11 @@ TOLD = {"rad/s": "told to move", "rad/s²": "told to accelerate", "N m": "given 
 """What joints are told, by the unit of u."""
 
 
-def motion_drawings(motion: Motion) -> list[Drawing]:
-    """Every figure that this motion has the data for."""
-    drawings = [_sole(motion)] if motion.point == COM else []
+def motion_drawings(motion: Motion, robot: str | None = None) -> list[Drawing]:
+    """Every figure that this motion has the data for; `robot` as for `posture_views`."""
+    drawings = posture_views(motion, robot)
+    if motion.point == COM:
+        drawings.append(_sole(motion))
     drawings.append(_close_up(motion))
     if np.isfinite(motion.range_used).any():
         drawings.append(_positions(motion))

@@ -1,0 +1,137 @@
+"""What the links of a robot look like: the shapes of its URDF, each where it is in its link.
+
+A link is drawn with its <visual> shapes, and where it has none with its <collision> shapes. A URDF
+has no capsules; a cylinder with a sphere of its radius at each end is one, as `urdf_import` writes
+them. A shape without an extent, or one that is too large to be drawn, is left out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.messages import FloatArray
+
+Kind = Literal["box", "cylinder", "capsule", "sphere", "mesh"]
+FAR_M = 1e4  # no robot is larger
+NEAR_M = 1e-6  # of ends of capsules, which a URDF has in decimals
+_SIZES: dict[str, tuple[Kind, tuple[str, ...]]] = {
+    "box": ("box", ("size",)),
+    "cylinder": ("cylinder", ("radius", "length")),
+    "sphere": ("sphere", ("radius",)),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A shape of a link.
+
+    Attributes:
+        link: that it moves with.
+        kind: what it is.
+        size: box: its three extents; cylinder: radius, length; capsule: radius, length between
+            the centres of its ends; sphere: radius [m]; mesh: nothing.
+        center: (3,) in the link [m].
+        axes: (3, 3), its axes as columns; a cylinder and a capsule lie along the third.
+        vertices: (m, 3) of a mesh, in its own axes [m].
+        triangles: (k, 3) of a mesh, corners as places in `vertices`.
+    """
+
+    link: str
+    kind: Kind
+    size: tuple[float, ...]
+    center: FloatArray
+    axes: FloatArray
+    vertices: FloatArray | None = None
+    triangles: NDArray[np.int64] | None = None
+
+    @property
+    def reach(self) -> float:
+        """Radius of a ball around its centre that holds it [m]."""
+        if self.vertices is not None:
+            return float(np.linalg.norm(self.vertices, axis=1).max(initial=0.0))
+        if self.kind == "box":
+            return 0.5 * math.hypot(*self.size)
+        if self.kind == "cylinder":
+            return math.hypot(self.size[0], 0.5 * self.size[1])
+        return self.size[0] + 0.5 * sum(self.size[1:])
+
+
+def solids_of(description: RobotDescription) -> list[Solid]:
+    """The shapes of all links of a robot, in the order of its URDF."""
+    description.structure  # noqa: B018 - checks the text, so that it may be parsed
+    robot = ET.fromstring(description.urdf)  # noqa: S314
+    found = []
+    for link in robot.iterfind("link"):
+        shapes = _shapes(link, "visual") or _shapes(link, "collision")
+        found += _with_capsules(shapes)
+    return found
+
+
+def turned(rpy: FloatArray) -> FloatArray:
+    """Rotation of a URDF's roll, pitch, yaw (3,) [rad]: Rz(yaw)·Ry(pitch)·Rx(roll), (3, 3)."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def _shapes(link: ET.Element, tag: str) -> list[Solid]:
+    found = (_solid(link.get("name", ""), element) for element in link.iterfind(tag))
+    return [solid for solid in found if solid is not None]
+
+
+def _solid(link: str, element: ET.Element) -> Solid | None:
+    shape = next(iter(element.iterfind("geometry/*")), None)
+    if shape is None or shape.tag not in _SIZES:
+        return None
+    kind, keys = _SIZES[shape.tag]
+    size = _numbers(" ".join(shape.get(key, "") for key in keys))
+    origin = element.find("origin")
+    given = {} if origin is None else origin.attrib
+    center, rpy = (np.array(_numbers(given.get(key, "0 0 0"))) for key in ("xyz", "rpy"))
+    wanted = 3 if kind == "box" else len(keys)
+    figures = (*size, *np.abs(center))
+    if len(size) != wanted or min(size) <= 0.0 or not max(figures) <= FAR_M:
+        return None
+    return Solid(link, kind, size, center, turned(rpy))
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    """Of a text that `read_urdf` has checked, where it is there."""
+    return tuple(map(float, text.split()))
+
+
+def _with_capsules(solids: list[Solid]) -> list[Solid]:
+    """A cylinder and the two spheres that follow it, as one capsule where they are one."""
+    found: list[Solid] = []
+    rest = list(solids)
+    while rest:
+        one = rest.pop(0)
+        ends = rest[:2]
+        if one.kind == "cylinder" and len(ends) == 2 and all(_closes(end, one) for end in ends):
+            apart = np.linalg.norm(ends[0].center - ends[1].center)
+            if abs(apart - one.size[1]) < 2 * NEAR_M:
+                one = Solid(one.link, "capsule", one.size, one.center, one.axes)
+                del rest[:2]
+        found.append(one)
+    return found
+
+
+def _closes(sphere: Solid, cylinder: Solid) -> bool:
+    """Whether a sphere is a round end of a cylinder."""
+    if sphere.kind != "sphere" or abs(sphere.size[0] - cylinder.size[0]) > NEAR_M:
+        return False
+    half = 0.5 * cylinder.size[1] * cylinder.axes[:, 2]
+    away = sphere.center - cylinder.center
+    return bool(min(np.abs(away - half).max(), np.abs(away + half).max()) < NEAR_M)
