@@ -96,7 +96,7 @@ class Connection:
         self._events: Any = None
         self._operator: dict[str, Any] | None = None
         self._lost: Hoap3Error | None = None  # why we steer no longer
-        self._number, self._closing = 0, threading.Event()
+        self._number, self._epoch, self._closing = 0, 0, threading.Event()
         self._renewer: threading.Thread | None = None
         self._steering = threading.RLock()  # so that none renews what is just released
         try:
@@ -273,9 +273,9 @@ class Connection:
 
     def _acquire(self) -> dict[str, Any]:
         with self._steering:
-            before, found = self._operator, self._control("acquire")
-            if before is None or before["epoch"] != found["epoch"]:
-                self._number = 0
+            found = self._control("acquire")
+            if found["epoch"] != self._epoch:  # else it counts on, also where it seemed lost
+                self._epoch, self._number = found["epoch"], 0
             self._operator, self._lost = found, None
         return found
 

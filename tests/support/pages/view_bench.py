@@ -130,6 +130,7 @@ class PagePen:
 
     def __init__(self, socket: ClientConnection, token: str, origin: str) -> None:
         self.socket, self.token, self.origin = socket, token, origin
+        self.events: list[str] = []
         self.hello = self.hear("hello")
         self.nonce = self.hello["nonce"]
         self.number = 0
@@ -138,6 +139,8 @@ class PagePen:
         """The next word of that kind, with these values."""
         while True:
             word: dict[str, Any] = json.loads(self.socket.recv(PATIENCE_S))
+            if word["kind"] == "event":
+                self.events.append(str(word.get("label")))
             if word["kind"] == kind and all(word.get(key) == wanted[key] for key in wanted):
                 return word
 
@@ -172,7 +175,8 @@ class PagePen:
 
 @contextmanager
 def page(host: str, token: str = "", origin: str | None = None, **more: Any) -> Iterator[PagePen]:
-    """A page that is open."""
+    """A page that is open, and takes whatever comes, as browsers do."""
+    more = {"max_queue": None, **more}
     mine = f"http://{host}" if origin is None else origin
     with connect(f"ws://{host}/socket", origin=mine, max_size=None, **more) as socket:
         yield PagePen(socket, token, mine)

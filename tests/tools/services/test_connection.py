@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import threading
+import time
 from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -158,6 +159,21 @@ def test_who_released_steers_no_longer_until_he_acquires(
     robot.acquire()
     robot.send_target([0.0, 0.0, 0.0])
     assert len(network.sent) == 2
+
+
+def test_messages_of_one_epoch_count_on_where_a_renewal_got_no_answer(
+    robot: Connection, network: Network
+) -> None:
+    """Else the controller, which heard of no loss, refuses them as behind."""
+    robot.acquire()
+    assert [robot.send_target([0.0, 0.0, 0.0]) for _ in range(3)] == [1, 2, 3]
+    network.answers = False
+    deadline = time.monotonic() + 60.0
+    while robot._operator is not None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    network.answers = True
+    robot.acquire()
+    assert robot.send_target([0.0, 0.0, 0.0]) == 4
 
 
 def test_who_steers_goes_on_when_the_robot_follows_again(

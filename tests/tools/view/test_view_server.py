@@ -95,6 +95,7 @@ def test_a_page_is_greeted_and_then_shown_frames(served):
         assert other.nonce != seen.nonce
 
 
+@pytest.mark.slow
 def test_no_more_than_30_frames_a_second_are_sent(served):
     with page(served.host) as seen:
         first = seen.hear("frame")
@@ -244,6 +245,7 @@ def open_pages(host: str, left: int) -> None:
             open_pages(host, left - 1)
 
 
+@pytest.mark.slow
 def test_a_page_that_takes_nothing_gets_the_newest_frame_and_no_queue(served):
     served.source.padding = "x" * 600_000
     with page(served.host, max_queue=1) as slow, page(served.host) as quick:
