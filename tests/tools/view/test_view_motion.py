@@ -111,6 +111,15 @@ def test_a_hold_replaces_what_was_not_sent_yet(motion, state):
     assert np.allclose(motion.step(100.01)["hand"], place(state)[:3], atol=1e-9)
 
 
+def test_a_hold_that_is_not_sent_yet_outlives_another_one(motion, state):
+    motion.drag("hand", [0.4, 0.5, 0.6], 100.0)
+    motion.hold()
+    assert motion.waits
+    motion.hold()
+    assert np.allclose(motion.step(100.01)["hand"], place(state)[:3], atol=1e-9)
+    assert not motion.waits
+
+
 def test_only_what_was_moved_is_held(motion):
     motion.drag("hand", [0.4, 0.5, 0.6], 100.0)
     motion.hold()

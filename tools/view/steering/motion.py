@@ -56,6 +56,11 @@ class Motion:
         """Whether something may still move by the page's hand."""
         return bool(self._moved or self._driven)
 
+    @property
+    def waits(self) -> bool:
+        """Whether something is still to be sent."""
+        return bool(self._due)
+
     def begin(self, now_s: float) -> None:
         """A page steers from now on."""
         self._due.clear()
@@ -107,7 +112,7 @@ class Motion:
         names = self._moved | self._driven.keys()
         self._moved.clear()
         self._driven.clear()
-        self._due.clear()
+        self._due = {name: each for name, each in self._due.items() if name not in names}
         state = self._fitting()
         for target in self._frames().targets:
             if target.name in names and state is not None:

@@ -115,6 +115,7 @@ class Operator:
         """A page has gone: what it moved is held at once, and it steers no longer soon."""
         if page is self.page:
             self._motion.hold()
+            self._flush()
             self._release_s = time.monotonic() + SETTLE_S
 
     async def run(self) -> None:
@@ -199,9 +200,10 @@ class Operator:
         return {"targets": [target.as_json() for target in self._source.frames.targets]}
 
     async def _release(self) -> None:
-        if self._motion.moves:
-            self._motion.hold()
-            self._flush()
+        if self._motion.moves or self._motion.waits:
+            self._motion.hold()  # what was held already, and not sent yet, stays as it is
+            while self._motion.waits and self._flush():
+                await asyncio.sleep(TICK_S)
             await asyncio.sleep(SETTLE_S)
         self._free()
         await self._ask("ask", self._let_go)

@@ -1,0 +1,282 @@
+"""What a page may do to a robot that notes it: one steers, and nobody waits for another."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Awaitable, Callable
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+import hoap3
+from hoap3.protocol.errors import LinkError, UsageError
+from hoap3.protocol.messages import State
+from hoap3.tools.view.picture.frame import Frames
+from hoap3.tools.view.picture.geometry import Looks
+from hoap3.tools.view.steering import motion, operator
+from hoap3.tools.view.steering.operator import Operator
+
+UR5 = hoap3.load_robot("ur5")
+HAND = {
+    "name": "hand",
+    "dimension": 3,
+    "rates": 3,
+    "layout": [*"xyz"],
+    "unit": "m",
+    "speed": [0.25] * 3,
+    "acceleration": [1.0] * 3,
+    "jerk": [20.0] * 3,
+}
+PATIENCE_S = 60.0
+AIM = [0.4, 0.1, 0.3]
+
+
+class NotingRobot:
+    """Stands for a connection."""
+
+    who = "us"
+
+    def __init__(self) -> None:
+        self.sent: list[list[float]] = []
+        self.done: list[str] = []
+        self.lost = ""
+        self.news = threading.Condition()
+        self.patient, self.let = threading.Event(), threading.Event()
+        self.let.set()
+
+    def note(self, what: str) -> None:
+        with self.news:
+            self.done.append(what)
+            self.news.notify_all()
+
+    def acquire(self) -> list[Any]:
+        self.patient.set()
+        assert self.let.wait(PATIENCE_S)
+        self.note("acquire")
+        return []
+
+    def release(self) -> None:
+        self.note("release")
+
+    def send_target(self, values: list[float], name: str) -> int:
+        if self.lost:
+            raise LinkError(self.lost)
+        self.sent.append(values)
+        self.note("target")
+        return 1
+
+    def counts(self) -> dict[str, Any]:
+        return {"refused": {}}
+
+    def stop(self) -> dict[str, Any]:
+        self.note("stop")
+        return {}
+
+    def recover(self) -> dict[str, Any]:
+        return {"recovered": False, "mode": "active"}
+
+    def change(self, what: dict[str, Any], **more: Any) -> dict[str, Any]:
+        self.patient.set()
+        assert self.let.wait(PATIENCE_S)
+        return what
+
+    def close(self) -> None:
+        self.note("close")
+
+
+class Stage:
+    """An operator that runs, and what it told all pages."""
+
+    def __init__(self) -> None:
+        tasks = [
+            {
+                "task": "frame_position",
+                "parameters": {"frame": "tool0", "target": {"kind": "live", "name": "hand"}},
+            }
+        ]
+        about = {"config": {"parameters": {"tasks": tasks}}, "targets": [HAND]}
+        state = State.allocate(**UR5.state_lengths)
+        state.q[:] = state.reference[:] = UR5.initial_position
+        self.robot, self.told = NotingRobot(), list[dict[str, Any]]()
+        source: Any = SimpleNamespace(
+            frames=Frames(UR5, Looks({}), about),
+            newest=lambda: SimpleNamespace(state=state),
+            operator=None,
+            robot="ur5",
+            endpoint="",
+            look_again=lambda: None,
+            take_now=lambda _: None,
+            changeable=list,
+        )
+        robot: Any = self.robot
+        self.operator = Operator(source, self.told.append, lambda *_: robot)
+
+    async def until(self, true: Callable[[], bool]) -> None:
+        """Wait for news of the robot until something is so."""
+
+        def wait() -> bool:
+            with self.robot.news:
+                return self.robot.news.wait_for(true, PATIENCE_S)
+
+        assert await asyncio.to_thread(wait)
+
+
+@pytest.fixture
+def play(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[Stage], Awaitable[None]]], Stage]:
+    """Plays a story with an operator that runs; returns what is left of it."""
+    monkeypatch.setattr(operator, "SETTLE_S", 0.01)
+
+    def play(story: Callable[[Stage], Awaitable[None]]) -> Stage:
+        async def whole() -> Stage:
+            stage = Stage()
+            running = asyncio.create_task(stage.operator.run())
+            try:
+                await asyncio.wait_for(story(stage), PATIENCE_S)
+            finally:
+                running.cancel()
+                await asyncio.gather(running, return_exceptions=True)
+                await asyncio.to_thread(stage.operator.close)
+            return stage
+
+        return asyncio.run(whole())
+
+    return play
+
+
+def drag(values: list[float]) -> dict[str, Any]:
+    return {"verb": "target", "name": "hand", "values": values}
+
+
+def test_what_a_page_drags_is_sent_and_held_when_it_goes(play):
+    async def story(stage: Stage) -> None:
+        told = await stage.operator.act("page", {"verb": "acquire"})
+        assert told["targets"][0]["name"] == "hand"
+        assert stage.operator.move("page", drag(AIM))
+        await stage.until(lambda: stage.robot.sent == [AIM])
+        stage.operator.left("page")
+        await stage.until(lambda: "release" in stage.robot.done)
+        assert stage.operator.says("page") == "none"
+
+    stage = play(story)
+    held = stage.robot.sent[-1]
+    assert len(stage.robot.sent) == 2
+    assert held != AIM
+    assert stage.robot.done.index("release") > stage.robot.done.index("target")
+
+
+def test_a_page_that_is_silent_is_held_and_then_steers_no_longer(play, monkeypatch):
+    monkeypatch.setattr(motion, "SILENT_S", 0.03)
+    monkeypatch.setattr(motion, "LEASE_S", 0.1)
+
+    async def story(stage: Stage) -> None:
+        await stage.operator.act("page", {"verb": "acquire"})
+        stage.operator.move("page", drag(AIM))
+        await stage.until(lambda: "release" in stage.robot.done)
+
+    stage = play(story)
+    assert stage.robot.sent[0] == AIM
+    assert len(stage.robot.sent) == 2
+    assert "silent" in stage.told[-1]["label"]
+
+
+def test_a_drop_that_is_followed_by_a_release_is_held(play):
+    async def story(stage: Stage) -> None:
+        await stage.operator.act("page", {"verb": "acquire"})
+        stage.operator.move("page", drag(AIM))
+        await stage.until(lambda: stage.robot.sent == [AIM])
+        stage.operator.move("page", {"verb": "drop"})
+        await stage.operator.act("page", {"verb": "release"})
+
+    stage = play(story)
+    assert stage.robot.done[:4] == ["acquire", "target", "target", "release"]
+
+
+def test_one_page_steers_at_a_time(play):
+    async def story(stage: Stage) -> None:
+        act, move = stage.operator.act, stage.operator.move
+        with pytest.raises(UsageError):
+            move("first", drag(AIM))
+        await act("first", {"verb": "acquire"})
+        assert (stage.operator.says("first"), stage.operator.says("second")) == ("me", "other")
+        with pytest.raises(UsageError):
+            await act("second", {"verb": "acquire"})
+        with pytest.raises(UsageError):
+            move("second", drag(AIM))
+        with pytest.raises(UsageError):
+            await act("second", {"verb": "release"})
+        stage.operator.left("second")
+        await act("first", {"verb": "release"})
+        await act("second", {"verb": "acquire"})
+
+    assert not play(story).robot.sent
+
+
+def test_a_stop_waits_for_nothing_else_that_was_asked_for(play):
+    async def story(stage: Stage) -> None:
+        stage.robot.let.clear()
+        change = asyncio.create_task(
+            stage.operator.act("page", {"verb": "change", "what": {"gamma": 1.0}})
+        )
+        await asyncio.to_thread(stage.robot.patient.wait, PATIENCE_S)
+        await stage.operator.act("other", {"verb": "stop"})
+        assert stage.robot.done == ["stop"]
+        stage.robot.let.set()
+        await change
+
+    play(story)
+
+
+def test_a_page_that_goes_while_it_becomes_operator_leaves_nobody_operator(play):
+    async def story(stage: Stage) -> None:
+        stage.robot.let.clear()
+        asking = asyncio.create_task(stage.operator.act("page", {"verb": "acquire"}))
+        await asyncio.to_thread(stage.robot.patient.wait, PATIENCE_S)
+        asking.cancel()
+        stage.operator.left("page")
+        await asyncio.gather(asking, return_exceptions=True)
+        stage.robot.let.set()
+        await stage.until(lambda: "release" in stage.robot.done)
+        assert stage.operator.says("page") == "none"
+
+    stage = play(story)
+    assert stage.robot.done[:2] == ["acquire", "release"]
+
+
+def test_a_lease_that_is_lost_is_told(play):
+    async def story(stage: Stage) -> None:
+        await stage.operator.act("page", {"verb": "acquire"})
+        stage.robot.lost = "no controller answers"
+        stage.operator.move("page", drag(AIM))
+        while stage.operator.says("page") == "me":
+            await asyncio.sleep(0)
+
+    stage = play(story)
+    assert "no controller answers" in stage.told[-1]["label"]
+    assert not stage.robot.sent
+
+
+def test_what_is_refused_says_why(play):
+    async def story(stage: Stage) -> None:
+        for do in (
+            {"verb": "dance"},
+            {"verb": "change", "what": 3},
+            {"verb": "recover"},
+            {"verb": "release"},
+        ):
+            with pytest.raises(UsageError):
+                await stage.operator.act("page", do)
+
+    play(story)
+
+
+def test_its_end_holds_what_moves(play):
+    async def story(stage: Stage) -> None:
+        await stage.operator.act("page", {"verb": "acquire"})
+        stage.operator.move("page", drag(AIM))
+        await stage.until(lambda: stage.robot.sent == [AIM])
+
+    stage = play(story)
+    assert len(stage.robot.sent) == 2
+    assert stage.robot.done[-1] == "close"
