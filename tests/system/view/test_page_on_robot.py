@@ -125,7 +125,7 @@ def wait_for_states(folder: Path, tick: int) -> Any:
     """States of the log, once it has come so far."""
     until = time.monotonic() + 30.0
     while time.monotonic() < until:
-        states = Log(folder).states()
+        states = Log.open(folder).states()
         if len(states) and states["tick"][-1] >= tick:
             return states
     raise AssertionError(f"the log does not come to tick {tick}")
