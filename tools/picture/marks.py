@@ -77,4 +77,4 @@ class Marks:
 def _thin(points: FloatArray) -> FloatArray:
     """As many as can be seen."""
     chosen = np.linspace(0, len(points) - 1, min(len(points), MOST_POINTS))
-    return points[chosen.round().astype(int)]
+    return np.asarray(points[chosen.round().astype(int)])

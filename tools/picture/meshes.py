@@ -21,7 +21,7 @@ from hoap3.robot_emulator.robots import find_file
 from hoap3.robot_emulator.robots.urdf_import.folder import MESHES
 from hoap3.robot_emulator.robots.urdf_import.shapes.mesh_files import MeshError, digest
 from hoap3.robot_emulator.robots.yaml_file import MeshEntry, read_files
-from hoap3.tools.picture.solids import Solid, solids_of, turned
+from hoap3.tools.picture.solids import Solid, rotation_of, solids_of
 
 MOST = 400_000  # triangles of all meshes of a robot
 FINEST = 256  # cells along the longest side of a mesh that is made coarser
@@ -117,8 +117,8 @@ def mesh_solids(kept: KeptMeshes, most: int) -> list[Solid]:
         a, b, c = vertices[triangles].transpose(1, 0, 2)
         if float((a * np.cross(b, c)).sum()) < 0.0:  # mirrored, or its corners turn right
             triangles = triangles[:, ::-1]
-        axes, center = turned(np.array(entry.rpy_rad)), np.array(entry.xyz_m)
-        found.append(Solid(entry.link, "mesh", (), center, axes, vertices, triangles))
+        axes, center = rotation_of(np.array(entry.rpy_rad)), np.array(entry.xyz_m)
+        found.append(Solid(entry.link, "mesh", (), center, axes, None, vertices, triangles))
     return found
 
 

@@ -110,9 +110,9 @@ def _parted(pieces: Sequence[Face], near: float) -> tuple[list[Face], list[Face]
         return [], list(pieces), []
     away, side = best
     behind, within, before = (
-        [pieces[i] for i in np.flatnonzero(side == which)] for which in (-1, 0, 1)
+        [pieces[i] for i in np.flatnonzero(side == which).tolist()] for which in (-1, 0, 1)
     )
-    for place in np.flatnonzero(side == ACROSS):
+    for place in np.flatnonzero(side == ACROSS).tolist():
         here = away[starts[place] : starts[place] + counts[place]]
         behind.append(_half(pieces[place], -here))
         before.append(_half(pieces[place], here))

@@ -8,7 +8,7 @@ them. A shape without an extent, or one that is too large to be drawn, is left o
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 from xml.etree import ElementTree as ET
 
@@ -39,6 +39,7 @@ class Solid:
             the centres of its ends; sphere: radius [m]; mesh: nothing.
         center: (3,) in the link [m].
         axes: (3, 3), its axes as columns; a cylinder and a capsule lie along the third.
+        color: red, green, blue, opacity of its material, from 0 to 1; None without one.
         vertices: (m, 3) of a mesh, in its own axes [m].
         triangles: (k, 3) of a mesh, corners as places in `vertices`.
     """
@@ -48,6 +49,7 @@ class Solid:
     size: tuple[float, ...]
     center: FloatArray
     axes: FloatArray
+    color: tuple[float, ...] | None = None
     vertices: FloatArray | None = None
     triangles: NDArray[np.int64] | None = None
 
@@ -67,14 +69,19 @@ def solids_of(description: RobotDescription) -> list[Solid]:
     """The shapes of all links of a robot, in the order of its URDF."""
     description.structure  # noqa: B018 - checks the text, so that it may be parsed
     robot = ET.fromstring(description.urdf)  # noqa: S314
+    named = {
+        material.get("name", ""): color
+        for material in robot.iter("material")
+        if (color := _rgba(material)) is not None
+    }
     found = []
     for link in robot.iterfind("link"):
-        shapes = _shapes(link, "visual") or _shapes(link, "collision")
+        shapes = _shapes(link, "visual", named) or _shapes(link, "collision", named)
         found += _with_capsules(shapes)
     return found
 
 
-def turned(rpy: FloatArray) -> FloatArray:
+def rotation_of(rpy: FloatArray) -> FloatArray:
     """Rotation of a URDF's roll, pitch, yaw (3,) [rad]: Rz(yaw)·Ry(pitch)·Rx(roll), (3, 3)."""
     (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
     return np.array(
@@ -86,12 +93,15 @@ def turned(rpy: FloatArray) -> FloatArray:
     )
 
 
-def _shapes(link: ET.Element, tag: str) -> list[Solid]:
-    found = (_solid(link.get("name", ""), element) for element in link.iterfind(tag))
+Colors = dict[str, tuple[float, ...]]
+
+
+def _shapes(link: ET.Element, tag: str, named: Colors) -> list[Solid]:
+    found = (_solid(link.get("name", ""), element, named) for element in link.iterfind(tag))
     return [solid for solid in found if solid is not None]
 
 
-def _solid(link: str, element: ET.Element) -> Solid | None:
+def _solid(link: str, element: ET.Element, named: Colors) -> Solid | None:
     shape = next(iter(element.iterfind("geometry/*")), None)
     if shape is None or shape.tag not in _SIZES:
         return None
@@ -104,7 +114,19 @@ def _solid(link: str, element: ET.Element) -> Solid | None:
     figures = (*size, *np.abs(center))
     if len(size) != wanted or min(size) <= 0.0 or not max(figures) <= FAR_M:
         return None
-    return Solid(link, kind, size, center, turned(rpy))
+    material = element.find("material")
+    color = None if material is None else _rgba(material) or named.get(material.get("name", ""))
+    return Solid(link, kind, size, center, rotation_of(rpy), color)
+
+
+def _rgba(material: ET.Element) -> tuple[float, ...] | None:
+    """Of its <color>, if it has one that makes sense; readers of descriptions do not look."""
+    color = material.find("color")
+    try:
+        values = _numbers("" if color is None else color.get("rgba", ""))
+    except ValueError:
+        return None
+    return values if len(values) == 4 and all(0.0 <= value <= 1.0 for value in values) else None
 
 
 def _numbers(text: str) -> tuple[float, ...]:
@@ -122,7 +144,7 @@ def _with_capsules(solids: list[Solid]) -> list[Solid]:
         if one.kind == "cylinder" and len(ends) == 2 and all(_closes(end, one) for end in ends):
             apart = np.linalg.norm(ends[0].center - ends[1].center)
             if abs(apart - one.size[1]) < 2 * NEAR_M:
-                one = Solid(one.link, "capsule", one.size, one.center, one.axes)
+                one = replace(one, kind="capsule")
                 del rest[:2]
         found.append(one)
     return found

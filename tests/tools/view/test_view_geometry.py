@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import hoap3
-from hoap3.tools.view.picture.geometry import looks_of, primitives, quaternion, rotation_of
+from hoap3.tools.picture.solids import rotation_of
+from hoap3.tools.view.picture.geometry import looks_of, primitives, quaternion
 
 URDF = """<robot name="one">
 <material name="blue"><color rgba="0 0 1 1"/></material>

@@ -14,7 +14,8 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from hoap3.protocol.description import COM, RobotDescription
-from hoap3.tools.view.picture.geometry import Shape, pose, rotation_of
+from hoap3.tools.picture.solids import rotation_of
+from hoap3.tools.view.picture.geometry import Shape, pose
 
 MOST = 64  # tasks, constraints, or obstacles of one
 DEEPEST = 8  # levels of a config that are looked through
