@@ -433,8 +433,11 @@ def test_twenty_pages_that_freeze_or_go_are_held_in_time(number, host, token, ro
                 steer(pen)
                 goes_to(robot, pen, aims[turn % 2])
                 pen.act(verb="release")
+            drag = time.monotonic()
             with dragging(host, token, aims[1 - turn % 2]) as process:
                 begin = time.monotonic()
+                if sum(drag < each < begin for each in targets.times) > 1:
+                    continue  # the machine was so busy that it was held before
                 os.kill(process.pid, number)
                 held.append(targets.first_since(begin))
                 since = robot.state().tick
@@ -445,6 +448,7 @@ def test_twenty_pages_that_freeze_or_go_are_held_in_time(number, host, token, ro
                     free.append((robot.state().tick - since) * 1e-3)
                     pen.act(verb="release")
     print(f"{number.name}: held after {spread(held, 's')}; free after {spread(free, 's')}")
+    assert len(held) >= 15
     assert np.median(held) < 0.2
     assert max(free) < 4.0
 
