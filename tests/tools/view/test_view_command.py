@@ -36,7 +36,15 @@ def test_a_log_that_is_none_and_a_second_of_a_robot_are_refused(tmp_path):
 )
 def test_logs_are_told_from_robots(what, log, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "ur5").mkdir()  # as a checkout has a folder of a robot's name
     assert is_log(what) is log
+
+
+def test_the_folder_of_a_run_is_a_log(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "robot.mcap").touch()
+    assert is_log("run")
 
 
 def test_whoever_listens_to_others_than_itself_is_warned():

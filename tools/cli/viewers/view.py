@@ -64,4 +64,5 @@ def view(
 
 def is_log(what: str) -> bool:
     """Whether it names a log rather than a robot."""
-    return "/" in what or what.endswith(".mcap") or Path(what).exists()
+    path = Path(what)
+    return "/" in what or path.suffix == ".mcap" or any(path.glob("*.mcap"))

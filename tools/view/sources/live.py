@@ -279,7 +279,8 @@ class Live:
             return Pair(state, None, None)
         if (setpoint.session_id, setpoint.epoch) != (state.session_id, state.epoch):
             return Pair(state, None, None)
-        return Pair(state, setpoint, None if self._every is not None else came - stamp)
+        took = came - stamp  # negative where the two came on different ways, and crossed
+        return Pair(state, setpoint, took if self._every is None and took > 0 else None)
 
     def _ask_again(self) -> None:
         """In a thread of its own: how the robot and its controller are."""
