@@ -63,6 +63,11 @@ ELSEWHERE = {
     "bench gains": "tests/tools/bench/test_bench_gains.py",
     "bench clients": "tests/tools/beside/test_beside.py",
     "bench pushes": "tests/tools/bench/test_pushes.py",
+    "bench view": "tests/tools/beside/test_beside.py",
+    "bridge foxglove": "tests/tools/bridge/test_bridges_run.py: it runs until it is stopped",
+    "bridge layouts": "tests/tools/bridge/test_bridge_commands.py: what it writes are files",
+    "bridge ros2": "tests/tools/bridge/test_bridges_run.py: it runs until it is stopped",
+    "view": "tests/system/view: it runs until it is stopped",
     "new": "tests/tools/new",
     "priorities": "tests/system/runs/test_live_changes.py",
 }
