@@ -96,6 +96,7 @@ def verified(records: list[Record]) -> dict[str, Any]:
     return claims.as_json()
 
 
+@pytest.mark.slow
 def test_chunks_that_come_late_are_followed_without_lag_and_repeated_to_the_bit():
     assert_follows(4.5)
 

@@ -25,6 +25,7 @@ def runtime(tmp_path, monkeypatch) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_the_only_robot_needs_neither_name_nor_endpoint(runtime):
     at = endpoint()
     with emulator("hoap3", *QUIET, "--set", "name=arm", at=at) as robot:

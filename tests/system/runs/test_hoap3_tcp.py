@@ -147,6 +147,7 @@ def driver(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     return [str(made)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ["paper", pytest.param("legacy", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "how", ["--lockstep", pytest.param("--no-realtime", marks=pytest.mark.slow)]
