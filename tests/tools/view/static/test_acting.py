@@ -374,7 +374,7 @@ def test_a_controller_without_live_targets_cannot_be_steered(open_page):
 
 def test_what_ends_steering_stands_in_the_note_too(steer):
     with made_up_view(frames=still) as view:
-        page = steer(view)
+        page = steer(view, viewport={"width": 1280, "height": 500})
         label = "nobody steers here any more: " + "the controller is gone, " * 12
         view.say({"kind": "event", "at_s": None, "label": label, "severity": "warning"})
         view.operator = "none"
