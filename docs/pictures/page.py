@@ -1,7 +1,7 @@
-"""Makes the pictures of the live page again: `python docs/pictures/page.py [live] [log] [standing]`.
+"""Makes the pictures of the live page: `python docs/pictures/page.py [live] [log] [standing]`.
 
-It runs HOAP-3 in real time, and two logs, and HOAP-3 on a floor in MuJoCo, opens their pages in Debian's chromium, and keeps
-what that shows.
+It runs HOAP-3 in real time, two logs, and HOAP-3 on a floor in MuJoCo, opens their pages in
+Debian's chromium, and keeps what that shows. A page that does not steer ends it.
 """
 
 from __future__ import annotations
