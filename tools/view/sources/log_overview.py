@@ -26,7 +26,7 @@ WORST = 10  # ticks that are named
 EVENTS = 500  # that are named; of more the first
 APART_S = 0.05  # between two ticks that are named
 REST = 0.5  # time that others get, as a share of what a chunk took
-NEWS_S = 1.0  # between two tellings while it goes on
+NEWS_S = 1.0  # until it first tells while it goes on; each time after twice as long as before
 _NONE = Setpoint.schema.constants["STATUS_NONE"]
 _CERTIFICATE = ("v", "v_rate_required", "v_rate_predicted", "rho", "margin", "active_joints")
 
@@ -93,15 +93,16 @@ class Overview:
             }
 
     def _run(self) -> None:
-        news = time.monotonic()
+        due, pause = time.monotonic() + NEWS_S, NEWS_S
         for chunk in range(self._log.chunks):
             began = time.monotonic()
             records = self._log.records(chunk, keep=False)
             with self._lock:
                 self._take(records)
             now = time.monotonic()
-            if now > news + NEWS_S:
-                news = now
+            if now > due:
+                pause *= 2.0  # a page that takes none shall not pile them up
+                due = now + pause
                 self.version += 1
             if self._closing.wait(REST * (now - began)):
                 return

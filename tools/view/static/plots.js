@@ -135,7 +135,7 @@ class Chart {
           space: 24,
           filter,
           grid: { ...axis.grid, filter },
-          values: (_, all) => all.map((each) => (each === null ? "" : short(each))),
+          values: (_, all) => all.map((each) => (each === null ? "" : short(each).replace(".0e", "e"))),
         },
       ],
       series: [{}, ...series],
