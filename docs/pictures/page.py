@@ -1,12 +1,13 @@
-"""Makes the pictures of the live page again: `python docs/pictures/page.py [live] [log]`.
+"""Makes the pictures of the live page: `python docs/pictures/page.py [live] [log] [standing]`.
 
-It runs HOAP-3 in real time, and two logs, opens their pages in Debian's chromium, and keeps
-what that shows.
+It runs HOAP-3 in real time, two logs, and HOAP-3 on a floor in MuJoCo, opens their pages in
+Debian's chromium, and keeps what that shows. A page that does not steer ends it.
 """
 
 from __future__ import annotations
 
 import io
+import math
 import re
 import subprocess
 import sys
@@ -30,6 +31,7 @@ TALL = {"width": 1280, "height": 2400}  # whatever is beside the picture at once
 HOAP3 = [sys.executable, "-m", "hoap3.tools.cli.app"]
 PATIENT = "emulator.misses_to_stop=100000"  # a browser that draws without a GPU takes both CPUs
 ADDRESS = re.compile(r"http://\S+")
+MOVED_M = 0.003  # by which a target that is pulled has moved before a picture is kept
 
 
 def steered(folder: Path) -> Path:
@@ -92,9 +94,10 @@ def opened(browser: Any, address: str, size: dict[str, int], scheme: str) -> Any
     return page
 
 
-def part(page: Any, name: str, selector: str) -> None:
-    """Keep one part of a page."""
-    keep(name, page.screenshot(clip=page.locator(selector).bounding_box()))
+def shot(page: Any, selector: str) -> bytes:
+    """One part of a page."""
+    picture: bytes = page.screenshot(clip=page.locator(selector).bounding_box())
+    return picture
 
 
 def steer(page: Any) -> None:
@@ -106,37 +109,69 @@ def steer(page: Any) -> None:
 
 
 def drag(page: Any, target: str, pixels: float) -> None:
-    """Pull a target along x, and hold it."""
+    """Pull a target along x, and hold it, until it has moved.
+
+    Raises:
+        SystemExit: the page steers no longer, or nothing moves.
+    """
+    before = place(page)
     found = page.evaluate("name => hoap3.gizmo(name)", target)
     (x0, y0), (x, y) = found["centre"], found["handle"]
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x + pixels * (x - x0) / 40, y + pixels * (y - y0) / 40, steps=15)
+    for _ in range(40):
+        page.wait_for_timeout(100)
+        if math.dist(place(page), before) > MOVED_M:
+            break
+    else:
+        raise SystemExit(f"{target} is pulled, and does not move")
+    insist(page)
+
+
+def place(page: Any) -> list[float]:
+    """Where the newest frame has the first target."""
+    found: list[float] = page.evaluate("hoap3.frame.targets[0]")
+    return found[:3]
+
+
+def insist(page: Any) -> None:
+    """That this page steers, and drags, at the moment of a picture."""
+    steers = page.get_attribute("#steer", "aria-pressed") == "true"
+    if not steers or page.evaluate("hoap3.acting") != "drag":
+        raise SystemExit("the page steers no longer: " + page.inner_text("#note"))
+
+
+def pull(page: Any) -> None:
+    """Pull the centre of mass there, back and there again, so that plots have something to show."""
+    for pixels in (40, -40, 40):
+        page.mouse.up()
+        steer(page)
+        drag(page, "com", pixels)
+        page.wait_for_timeout(1500)
+    insist(page)
 
 
 def live(browser: Any, address: str) -> None:
     """HOAP-3, whose centre of mass is pulled."""
     page = opened(browser, address, WIDE, "light")
-    for pixels in (40, -40):  # so that plots have something to show
-        steer(page)
-        drag(page, "com", pixels)
-        page.wait_for_timeout(1500)
-        page.mouse.up()
-    steer(page)
-    drag(page, "com", 40)
-    keep("live", page.screenshot())
-    part(page, "scene", "#view")
+    pull(page)
+    shots = {"live": page.screenshot(), "scene": shot(page, "#view")}
+    shots |= {"header": shot(page, "header"), "drive": shot(page, "#drive")}
+    insist(page)
     page.mouse.up()
-    part(page, "header", "header")
-    part(page, "drive", "#drive")
-    page.evaluate("document.querySelector('#view').style.maxHeight = '20rem'")  # soon drawn
-    page.set_viewport_size(TALL)
-    page.wait_for_timeout(1000)
-    for name in ("plots", "change"):
-        part(page, name, f"#{name}")
-    for name in ("verdicts", "joints"):
-        part(page, name, f"section:has(> #{name})")
     page.close()
+    page = opened(browser, address, TALL, "light")
+    page.evaluate("document.querySelector('#view').style.maxHeight = '30rem'")  # soon drawn
+    pull(page)
+    shots |= {name: shot(page, f"#{name}") for name in ("plots", "change")}
+    insist(page)
+    for name in ("verdicts", "joints"):
+        shots[name] = shot(page, f"section:has(> #{name})")
+    page.mouse.up()
+    page.close()
+    for name, picture in shots.items():
+        keep(name, picture)
     page = opened(browser, address, PHONE, "dark")
     page.wait_for_timeout(4000)
     keep("phone", page.screenshot())
@@ -147,9 +182,10 @@ def log(browser: Any, address: str) -> None:
     """A log, some way through."""
     page = opened(browser, address, WIDE, "dark")
     page.fill("#at", "1.2")
-    page.wait_for_timeout(3000)
+    page.wait_for_function("() => hoap3.hello.log.done && hoap3.frame.at_s > 1")
+    page.wait_for_timeout(1000)
     keep("log", page.screenshot())
-    part(page, "timeline", "#timeline")
+    keep("timeline", shot(page, "#timeline"))
     page.close()
 
 
@@ -178,7 +214,23 @@ def make_log(browser: Any, folder: Path) -> None:
         log(browser, address)
 
 
-MAKE = {"live": make_live, "log": make_log}
+def make_standing(browser: Any, folder: Path) -> None:
+    """Of HOAP-3 that stands by itself on a floor, with the forces under its feet."""
+    words = ("--robot", "hoap3_standing", "--controller", "stable_qp_standing", "--duration", 2)
+    run = [*HOAP3, "run", "--lockstep", *map(str, words), "--out", str(folder / "standing")]
+    subprocess.run(run, check=False)
+    with served(folder, folder / "standing") as address:
+        page = opened(browser, address, WIDE, "light")
+        page.fill("#at", "1.5")
+        page.wait_for_function("() => hoap3.frame.at_s > 1.4")
+        if not page.evaluate("hoap3.frame.contacts.length > 0 && hoap3.frame.zmp !== null"):
+            raise SystemExit("no forces under its feet")
+        page.wait_for_timeout(1000)
+        keep("standing", shot(page, "#view"))
+        page.close()
+
+
+MAKE = {"live": make_live, "log": make_log, "standing": make_standing}
 
 
 def main() -> int:

@@ -151,7 +151,8 @@ class PageServer:
         del connection
         host, origin = _only(request.headers, "Host"), _only(request.headers, "Origin")
         if host is None or not self._gate.knows_host(host):
-            return _refusal(HTTPStatus.FORBIDDEN, "this server is not called so")
+            remedy = "open it by its address, as `hoap3 view` printed it"
+            return _refusal(HTTPStatus.FORBIDDEN, remedy)
         if request.path == PATH:
             if not self._gate.knows_origin(origin, host):
                 return _refusal(HTTPStatus.FORBIDDEN, "that page is not from here")

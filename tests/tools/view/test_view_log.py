@@ -15,6 +15,7 @@ from hoap3.protocol.messages import Event, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.logs.indexed_log import IndexedLog
 from hoap3.tools.logs.log import Log
+from hoap3.tools.view.picture.frame import PLOTS
 from hoap3.tools.view.picture.kinematics import Poses
 from hoap3.tools.view.sources.log_overview import Overview
 from hoap3.tools.view.sources.log_source import LogSource
@@ -23,7 +24,7 @@ from hoap3.tools.view.sources.play_clock import PlayClock
 MS = 1_000_000
 BEGIN = 7_000_000_000
 ACTIVE = 40  # first tick that asks for an answer
-SLOW, MISSED = 1234, 2345  # ticks
+SLOW, MISSED, SKIPPED = 1234, 2345, 3500  # ticks
 ROBOT = describe(3)
 
 
@@ -34,7 +35,7 @@ def motion(tick: int) -> np.ndarray:
 def run(ticks: int, phase: int = 0) -> list[Record]:
     """A robot that moves, and is answered in 300 µs; in 5 ms once, and not at all once."""
     records = inputs(ROBOT, BEGIN - 10)
-    state, setpoint, event = State.allocate(**ROBOT.state_lengths), Setpoint(3, 1), Event()
+    state, setpoint, event = State.allocate(**ROBOT.state_lengths), Setpoint(3, 2), Event()
     event.kind, event.tick, event.stamp = Event.schema.constants["CLIPPED"], 500, BEGIN + 500 * MS
     event.detail = 1
     due: list[tuple[int, Record]] = []
@@ -48,6 +49,8 @@ def run(ticks: int, phase: int = 0) -> list[Record]:
         state.mode = State.ACTIVE if tick >= ACTIVE else State.IDLE
         state.q[:] = motion(tick + phase)
         state.lost, state.success_rate = int(tick > MISSED), 1.0
+        state.skipped = 3 if tick > SKIPPED else 0
+        state.dq[:] = 0.0, 1e-3 * tick, 0.0
         state.stamp_published = now
         records.append(Record(Kind.STATE, now, state.dump()))
         if tick == 500:
@@ -55,7 +58,10 @@ def run(ticks: int, phase: int = 0) -> list[Record]:
         if tick < ACTIVE or tick == MISSED:
             continue
         setpoint.session_id, setpoint.tick, setpoint.stamp_state = 7, tick, now
-        setpoint.v = 1e-6 * tick
+        setpoint.v = 1e-9 * tick
+        setpoint.v_rate_predicted, setpoint.active_joints = -2e-9 * tick, 2
+        setpoint.extra[:] = 5.0, tick
+        setpoint.stamp_received, setpoint.stamp_encoded = now + 50_000, now + 150_000
         came = now + (5 * MS if tick == SLOW else 300_000)
         answer = Record(Kind.SETPOINT, came, setpoint.dump())
         due.append((came, answer)) if came > now + MS else records.append(answer)
@@ -95,7 +101,7 @@ def test_a_moment_is_the_state_up_to_then_and_its_answer(log, tick):
         assert (state.tick, stamp) == (tick, BEGIN + tick * MS)
         assert np.array_equal(state.q, motion(tick))
         if tick >= ACTIVE:
-            assert (setpoint.tick, setpoint.v) == (tick, pytest.approx(1e-6 * tick))
+            assert (setpoint.tick, setpoint.v) == (tick, pytest.approx(1e-9 * tick))
     assert IndexedLog(log).state_at(BEGIN - 1) is None
 
 
@@ -169,8 +175,8 @@ def test_worst_ticks_misses_and_events_are_found(source):
     slowest = found["worst"][0]
     assert slowest["at_s"] == pytest.approx((SLOW - ACTIVE) * 1e-3 + 5e-3)
     assert str(SLOW) in slowest["label"]
-    missed = found["worst"][-1]
-    assert missed["at_s"] == pytest.approx((MISSED + 1 - ACTIVE) * 1e-3)
+    for place, tick in ((-2, MISSED + 1), (-1, SKIPPED + 1)):
+        assert found["worst"][place]["at_s"] == pytest.approx((tick - ACTIVE) * 1e-3)
     (event,) = found["events"]
     assert event["at_s"] == pytest.approx(0.46)
     assert ROBOT.joint_names[1] in event["label"]
@@ -181,9 +187,36 @@ def test_curves_have_the_least_and_the_greatest_of_each_bin(source):
     curves = source.overview.as_json()["overview"]
     values = np.array(curves["v"])
     assert (values[:, 1] <= values[:, 2]).all()
-    assert values[:, 1].min() == pytest.approx(1e-6 * ACTIVE, abs=1e-6)
-    assert values[:, 2].max() == pytest.approx(1e-6 * 3999, abs=1e-6)
+    assert values[:, 1].min() == pytest.approx(1e-9 * ACTIVE, rel=1e-5)  # however small
+    assert values[:, 2].max() == pytest.approx(1e-9 * 3999, rel=1e-5)
     assert np.array(curves["answer_us"])[:, 2].max() == pytest.approx(5000.0)
+    greatest = {key: np.array(rows)[:, 2].max() for key, rows in curves.items()}
+    least = {key: np.array(rows)[:, 1].min() for key, rows in curves.items()}
+    assert least["v_rate_predicted"] == pytest.approx(-2e-9 * 3999, rel=1e-5)
+    assert greatest["active_joints"] == 2
+    assert greatest["cycle_us"] == pytest.approx(100.0)
+    assert greatest["error"] == pytest.approx(np.sqrt(2e-9 * 3999), rel=1e-5)
+    assert greatest["fastest"] == pytest.approx(3.999)
+    assert greatest["speed_share"] == pytest.approx(3.999 / 5.0, rel=1e-5)
+
+
+def test_what_was_skipped_is_neither_late_nor_lost(source):
+    source.overview.join(60.0)
+    curves = source.overview.as_json()["overview"]
+    assert np.array(curves["misses"])[:, 2].max() == 1
+    assert np.array(curves["skipped"])[:, 2].max() == 3
+
+
+def test_whatever_a_page_plots_has_a_curve(tmp_path):
+    path = tmp_path / "robot.mcap"
+    files = {"config.yaml": b"robot: sample\n", "description.json": ROBOT.to_json()}
+    write(path, run(200), attachments=files)
+    overview = Overview(IndexedLog(path), BEGIN, extras=1)
+    overview.start()
+    assert overview.join(60.0)
+    curves = overview.as_json()["overview"]
+    assert {key for key, *_ in PLOTS} == set(curves) - {"extra.0"}  # of two columns one
+    assert np.array(curves["extra.0"])[:, 1:].tolist() == [[5.0, 5.0]] * len(curves["extra.0"])
 
 
 def test_what_is_found_later_is_told(source):

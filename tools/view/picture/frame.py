@@ -25,9 +25,9 @@ Plot = dict[str, Any]
 PLOTS: tuple[tuple[str, str, str, str], ...] = (
     ("error", "|e| = √(2V)", "", "error"),
     ("v", "V", "", "V"),
-    ("v_rate_required", "dV/dt at most", "1/s", "V rate"),
-    ("v_rate_predicted", "dV/dt of the command", "1/s", "V rate"),
-    ("rho", "ρ", "", "rho"),
+    ("v_rate_required", "dV/dt at most", "V/s", "V rate"),
+    ("v_rate_predicted", "dV/dt of the command", "V/s", "V rate"),
+    ("rho", "ρ, share of Ψ asked for", "", "rho"),
     ("fastest", "fastest joint", "rad/s", "speeds"),
     ("speed_share", "fastest joint, of its limit", "", "speed share"),
     ("active_joints", "active joints", "", "active"),
@@ -74,6 +74,11 @@ class Frames:
         extra = self._about.get("extra")
         names = [str(each)[:64] for each in extra] if isinstance(extra, list) else []
         self._extra = names[:MOST_EXTRA]
+
+    @property
+    def extras(self) -> int:
+        """How many of the controller's own columns are plotted."""
+        return len(self._extra)
 
     def hello(self) -> dict[str, Any]:
         """What stays: shapes, joints, soles, targets, constraints, plots, configurations."""

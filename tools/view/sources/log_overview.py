@@ -10,7 +10,7 @@ import heapq
 import threading
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,8 +26,9 @@ WORST = 10  # ticks that are named
 EVENTS = 500  # that are named; of more the first
 APART_S = 0.05  # between two ticks that are named
 REST = 0.5  # time that others get, as a share of what a chunk took
-NEWS_S = 1.0  # between two tellings while it goes on
+NEWS_S = 1.0  # until it first tells while it goes on; each time after twice as long as before
 _NONE = Setpoint.schema.constants["STATUS_NONE"]
+_CERTIFICATE = ("v", "v_rate_required", "v_rate_predicted", "rho", "margin", "active_joints")
 
 
 class Overview:
@@ -36,14 +37,15 @@ class Overview:
     Args:
         log: which.
         zero: log time from which seconds count [ns].
+        extras: of the controller's own columns the first so many have curves, too.
 
     Attributes:
         done: whether all of it was seen.
         version: rises where `as_json` says more than before.
     """
 
-    def __init__(self, log: IndexedLog, zero: int) -> None:
-        self._log, self._zero = log, zero
+    def __init__(self, log: IndexedLog, zero: int, extras: int = 0) -> None:
+        self._log, self._zero, self._extras = log, zero, extras
         self._begin, self._span = log.begin, max(log.end - log.begin, 1)
         self._curves: dict[str, np.ndarray[Any, Any]] = {}
         self._events: list[dict[str, Any]] = []
@@ -76,8 +78,8 @@ class Overview:
             curves = {}
             for key, (least, most) in self._curves.items():
                 known = np.isfinite(least)
-                rows = np.stack((centres[known], least[known], most[known]), axis=1)
-                curves[key] = np.round(rows, 6).tolist()
+                rows = zip(centres[known], least[known], most[known], strict=True)
+                curves[key] = [[round(float(t), 6), _short(a), _short(b)] for t, a, b in rows]
             worst = sorted(self._worst, reverse=True)
             slow = [{"at_s": round(at, 6), "label": label} for _, at, label in worst]
             missed = [{"at_s": round(at, 6), "label": label} for at, label in self._misses]
@@ -91,15 +93,16 @@ class Overview:
             }
 
     def _run(self) -> None:
-        news = time.monotonic()
+        due, pause = time.monotonic() + NEWS_S, NEWS_S
         for chunk in range(self._log.chunks):
             began = time.monotonic()
             records = self._log.records(chunk, keep=False)
             with self._lock:
                 self._take(records)
             now = time.monotonic()
-            if now > news + NEWS_S:
-                news = now
+            if now > due:
+                pause *= 2.0  # a page that takes none shall not pile them up
+                due = now + pause
                 self.version += 1
             if self._closing.wait(REST * (now - began)):
                 return
@@ -112,10 +115,15 @@ class Overview:
                 self._event(record)
         states, stamps = _rows(records, Kind.STATE)
         if len(states):
-            missed = (states["late"] + states["lost"] + states["skipped"]).astype(float)
-            self._curve("misses", stamps, missed)
-            self._curve("success_rate", stamps, states["success_rate"])
-            self._curve("fastest", stamps, np.abs(states["dq"]).max(axis=1))
+            speeds = np.abs(states["dq"])
+            curves = {
+                "misses": (states["late"] + states["lost"]).astype(float),
+                "skipped": states["skipped"].astype(float),
+                "success_rate": states["success_rate"],
+                "fastest": speeds.max(axis=1),
+                "speed_share": (speeds / self._log.description.velocity).max(axis=1),
+            }
+            self._add(curves, stamps)
             self._note_misses(stamps, states)
         answers, stamps = _rows(records, Kind.SETPOINT)
         if len(answers):
@@ -123,30 +131,35 @@ class Overview:
 
     def _take_answers(self, answers: Any, stamps: Any) -> None:
         certified = answers["solver_status"] != _NONE
-        for key in ("v", "margin", "rho"):
-            self._curve(key, stamps[certified], answers[key][certified])
-        self._curve("error", stamps[certified], np.sqrt(2.0 * np.abs(answers["v"][certified])))
+        curves = {key: answers[key][certified].astype(float) for key in _CERTIFICATE}
+        curves["error"] = np.sqrt(2.0 * np.where(curves["v"] >= 0.0, curves["v"], np.nan))
+        self._add(curves, stamps[certified])
+        columns = answers["extra"][:, : self._extras].T
+        more = {f"extra.{i}": column for i, column in enumerate(columns)}
+        more["cycle_us"] = (answers["stamp_encoded"] - answers["stamp_received"]) / 1e3
+        self._add(more, stamps)
         if self._log.side != "robot":
             return
         took = (stamps - answers["stamp_state"]) / 1e3
-        self._curve("answer_us", stamps, took)
+        self._add({"answer_us": took}, stamps)
         for place in np.argsort(took)[-WORST:]:
             at = float(stamps[place] - self._zero) / 1e9
             label = f"tick {int(answers['tick'][place])}: answered after {took[place]:.0f} µs"
             self._note_worst(float(took[place]), at, label)
 
-    def _curve(self, key: str, stamps: Any, values: Any) -> None:
-        """Add values to the bins of a curve."""
-        known = np.isfinite(values)
-        if not known.any():
-            return
-        if key not in self._curves:
-            self._curves[key] = np.stack((np.full(BINS, np.inf), np.full(BINS, -np.inf)))
-        least, most = self._curves[key]
-        places = ((stamps[known] - self._begin) * BINS // self._span).astype(np.int64)
+    def _add(self, curves: Mapping[str, Any], stamps: Any) -> None:
+        """Add the values of these times to the bins of curves."""
+        places = ((stamps - self._begin) * BINS // self._span).astype(np.int64)
         places = np.clip(places, 0, BINS - 1)
-        np.minimum.at(least, places, values[known])
-        np.maximum.at(most, places, values[known])
+        for key, values in curves.items():
+            known = np.isfinite(values)
+            if not known.any():
+                continue
+            if key not in self._curves:
+                self._curves[key] = np.stack((np.full(BINS, np.inf), np.full(BINS, -np.inf)))
+            least, most = self._curves[key]
+            np.minimum.at(least, places[known], values[known])
+            np.maximum.at(most, places[known], values[known])
 
     def _note_worst(self, took: float, at: float, label: str) -> None:
         for other in self._worst:
@@ -168,7 +181,8 @@ class Overview:
             at = float(stamps[place] - self._zero) / 1e9
             if len(self._misses) < WORST and (not self._misses or at > self._misses[-1][0] + 1.0):
                 count = int(missed[place] - before[place])
-                label = f"tick {int(states['tick'][place])}: {count} missed just before"
+                tick = int(states["tick"][place])
+                label = f"tick {tick}: {count} late, lost or skipped just before"
                 self._misses.append((at, label))
         self._missed = int(missed[-1])
 
@@ -188,6 +202,11 @@ class Overview:
                     "severity": "info" if is_routine(event.kind, event.detail) else "warning",
                 }
             )
+
+
+def _short(value: float) -> float:
+    """To six digits, however small it is."""
+    return float(f"{value:.6g}")
 
 
 def _rows(records: Sequence[Record], kind: Kind) -> tuple[Any, Any]:

@@ -118,7 +118,8 @@ class LogSource:
         self.second = others[0] if others else None
         if self.second is not None and self._links(self.second) != self._links(self.first):
             raise UsageError(f"{paths[1]}: its robot has other links than that of {paths[0]}")
-        self.overview = Overview(self.first.log, self.first.zero)
+        extras = self.first.frames.extras
+        self.overview = Overview(self.first.log, self.first.zero, extras)
         self.overview.start()
         self._told = 0
         self.watched, self.version = False, 1

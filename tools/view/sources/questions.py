@@ -16,6 +16,7 @@ from hoap3.protocol.answers import (
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import LinkError, WireError
 from hoap3.protocol.link.session_limits import MAX_CONFIG_BYTES
+from hoap3.protocol.messages import WIRE_VERSION
 
 Answer = dict[str, Any]
 
@@ -31,22 +32,29 @@ class Questions:
     """
 
     def __init__(self, session: Any, robot: str, who: str, endpoint: str) -> None:
-        from hoap3.protocol.link.zenoh_session import ask
+        from hoap3.protocol.link.zenoh_session import ask, ask_versions
 
-        self._put, self._session = ask, session
+        self._put, self._put_first, self._session = ask, ask_versions, session
         self._robot, self._who, self._endpoint = robot, who, endpoint
 
     def description(self) -> RobotDescription:
         """Of the robot.
 
         Raises:
-            LinkError: nobody answers.
+            LinkError: nobody answers, or in a version of the wire whose States are not shown.
             WireError: the answer makes no sense.
         """
-        raw = self._ask("description")
+        given = self._session, self._robot, "description", self._who
+        version, raw = self._put_first(*given)
         if raw is None:
             look = f"`hoap3 list --live --connect {self._endpoint}`"
             raise LinkError(f"no robot called {self._robot!r} answers at {self._endpoint}: {look}")
+        if version != WIRE_VERSION:
+            raise LinkError(
+                f"robot {self._robot!r} speaks version {version} of the wire, which is not shown; "
+                "`hoap3 record` keeps what it does as a log, and `hoap3 view LOG` shows that. "
+                f"With a newer hoap3 on the robot it speaks version {WIRE_VERSION}"
+            )
         return parse_description(raw, self._robot)
 
     def status(self) -> Answer | None:

@@ -7,7 +7,7 @@ const AGAIN_MS = 1000;
 
 /**
  * Sends events "open", "closed", and one for each kind of message of the server ("hello", "frame",
- * "event", "proved", "told", "changed"), whose `detail` is the message.
+ * "event", "log", "proved", "told", "changed"), whose `detail` is the message.
  */
 export class Connection extends EventTarget {
   /** @param {string} token what the command line printed, or "" */

@@ -11,7 +11,10 @@ import { Targets } from "./targets.js";
 import { Teleop } from "./teleop.js";
 import { Timeline } from "./timeline.js";
 
-const OLD_MS = 500; // a picture of a running robot that is older than this says so
+const OLD_MS = 500; // a picture of a running robot that is older than this says so …
+const OLD_FRAMES = 5; // … or than so many frames of a slow robot, which sends one State of 16
+const SAMPLED = 16;
+const TROUBLE_MS = 10000; // how long the note says what went wrong
 const TEXT_MS = 100; // between two changes of the text
 const MOST_DRAWN = 4096;
 
@@ -21,13 +24,14 @@ let steering = false; // whether this page is the operator
 let cameAt_ms = 0; // when the last frame came
 let wrote_ms = 0;
 let undrawn = null; // the frame that the next picture shows first
+let trouble = { words: "", until_ms: 0 }; // what was refused, or ended, last
 
 const stage = new Stage(at("stage"));
 const connection = new Connection(location.hash.slice(1));
 const targets = new Targets(stage, connection);
 const sliders = new Sliders(connection);
 const teleop = new Teleop(connection, {
-  stop: () => connection.act({ verb: "stop" }),
+  stop: () => ask("stop"),
   driving: (on) => targets.arm(steering && !on),
   turn: (name, three, tool) => targets.find(name)?.turn(three, tool) ?? three,
 });
@@ -88,8 +92,26 @@ function greet(hello) {
   timeline = hello.log ? new Timeline(hello.log, connection) : undefined;
   plots = new Plots(at("plots"), hello, (at_s) => timeline?.seek(at_s));
   at("buttons").hidden = at("drive").hidden = Boolean(hello.log);
+  for (const fact of ["holder", "operator"]) at(fact).parentElement.hidden = Boolean(hello.log);
   take({ changeable: [], targets: [], ...hello });
   say();
+}
+
+/** More of a log is known: one pass through the file goes on while it is shown. */
+function learn({ log }) {
+  const { hello } = page;
+  if (!hello?.log) return;
+  for (const event of log.events.slice(hello.log.events.length)) addEvent(event);
+  hello.log = { ...hello.log, ...log };
+  timeline.learn(hello.log);
+  plots.learn(hello.log);
+  say();
+}
+
+/** Something happened; what whoever steers here must know stands in the note, too. */
+function happened(event) {
+  addEvent(event);
+  if (event.at_s == null && event.severity !== "info") complain(event.label);
 }
 
 /** What can be changed and dragged, at the start or when the controller's answer differs. */
@@ -130,9 +152,11 @@ function show(frame) {
 function allow() {
   const live = connection.proved && !page.hello?.log;
   const now = live && page.frame?.operator === "me";
+  at("steer").disabled = !live || (!now && !page.targets?.length);
   if (live === at("stop").disabled) {
-    at("stop").disabled = at("recover").disabled = at("steer").disabled = !live;
+    at("stop").disabled = at("recover").disabled = !live;
     sliders.enable(live);
+    teleop.watch(live);
   }
   if (now === steering) return;
   steering = now;
@@ -144,27 +168,40 @@ function allow() {
   say();
 }
 
+/** Says for a while what was refused or ended; null: nothing was. */
+function complain(words) {
+  trouble = { words: words ?? "", until_ms: performance.now() + TROUBLE_MS };
+  say();
+}
+
 /** The line below the buttons: why this page only looks, or what was refused. */
-function say(error) {
+function say() {
   const { hello } = page;
+  const bad = trouble.words && performance.now() < trouble.until_ms;
   let words = "";
   if (!hello) words = "";
+  else if (hello.log?.done === false) words = "A log, still being read: curves, events and worst ticks are not complete yet.";
   else if (hello.log) words = "A log: nothing here moves a robot.";
   else if (!hello.writes) words = "This page only looks: the command that serves it takes no commands.";
   else if (!connection.token) words = "This page only looks: open the address the command line printed.";
   else if (page.refused) words = "This page only looks: its token is not the one the command line printed.";
-  else if (error) words = `Refused: ${error}`;
+  else if (bad) words = trouble.words;
   else if (steering) words = "This page steers. Drag a handle, or hold Shift to drive.";
-  else if (connection.proved) words = "Press Steer to move the robot's targets.";
+  else if (connection.proved && page.targets?.length) words = "Press Steer to move the robot's targets.";
+  else if (connection.proved && page.frame?.holder) words = "This controller has no live target: see docs/steering.md.";
+  else if (connection.proved) words = "No controller holds the robot: there is nothing to steer yet.";
   write(at("note"), words);
-  at("note").classList.toggle("refused", Boolean(error));
+  at("note").title = words;
+  at("note").classList.toggle("refused", Boolean(bad) && words === trouble.words);
 }
 
 /** The banner over the picture: how old it is when none comes. */
 function warn() {
+  say();
   const age_ms = performance.now() - cameAt_ms;
   const closed = connection.socket.readyState !== WebSocket.OPEN;
-  const old = page.hello?.live && page.frame && age_ms > OLD_MS;
+  const each_ms = 1000 * SAMPLED * (page.hello?.period_s ?? 0);
+  const old = page.hello?.live && page.frame && age_ms > Math.max(OLD_MS, OLD_FRAMES * each_ms);
   at("banner").hidden = !closed && !old;
   if (at("banner").hidden) return;
   const [why, age] = at("banner").children;
@@ -173,7 +210,11 @@ function warn() {
 }
 
 function ask(verb) {
-  connection.act({ verb }, (error) => say(error));
+  connection.act({ verb }, answered);
+}
+
+function answered(error) {
+  complain(error === null ? null : `Refused: ${error}`);
 }
 
 at("stop").addEventListener("click", () => ask("stop"));
@@ -183,7 +224,7 @@ at("steer").addEventListener("click", () => {
   connection.beat(true); // from now on: the answer may take longer than silence is borne
   connection.act({ verb: "acquire" }, (error) => {
     if (error !== null) connection.beat(false);
-    say(error);
+    answered(error);
   });
 });
 at("drive-frame").addEventListener("change", ({ target }) => targets.space(target.value === "world" ? "world" : "local"));
@@ -201,7 +242,8 @@ for (const kind of ["keydown", "keyup"]) {
 const takers = {
   hello: greet,
   frame: show,
-  event: addEvent,
+  event: happened,
+  log: learn,
   changed: take,
   proved: ({ ok }) => {
     page.refused = !ok;

@@ -6,7 +6,7 @@ import { make, write } from "./panels.js";
 
 const WINDOW_S = 10;
 const HEIGHT = 104; // px
-const TITLES = { "V rate": "dV/dt", rtt: "Round trip" }; // of groups; else their names
+const TITLES = { "V rate": "dV/dt", rtt: "Answers, as seen here" }; // of groups; else their names
 const EACH_MS = 100; // between two redraws: text and curves ten times a second are enough
 
 /** A number in at most seven characters. */
@@ -62,6 +62,15 @@ class Chart {
       this.plot.over.addEventListener("click", ({ offsetX }) => seek(this.plot.posToVal(offsetX, "x")));
     }
     new ResizeObserver(() => this.#fit()).observe(this.box);
+    if (log) this.learn(log);
+  }
+
+  /** @param {object} log the same, of which more is known; a chart that will have no curve is not shown */
+  learn(log) {
+    this.log = log;
+    const empty = this.curves.every(({ key }) => !log.overview?.[key]?.length);
+    this.figure.hidden = empty && log.done !== false;
+    if (!this.figure.hidden) this.plot.setData(this.#data());
   }
 
   /** Name and unit; of several curves the mark, name and newest number of each, too. */
@@ -126,7 +135,7 @@ class Chart {
           space: 24,
           filter,
           grid: { ...axis.grid, filter },
-          values: (_, all) => all.map((each) => (each === null ? "" : short(each))),
+          values: (_, all) => all.map((each) => (each === null ? "" : short(each).replace(".0e", "e"))),
         },
       ],
       series: [{}, ...series],
@@ -210,6 +219,11 @@ export class Plots {
     this.drawn_ms = -Infinity;
     this.charts = [...groups].map(([group, curves]) => new Chart(group, curves, log, seek));
     box.replaceChildren(...this.charts.map(({ figure }) => figure));
+  }
+
+  /** @param {object} log of which more is known */
+  learn(log) {
+    for (const chart of this.charts) chart.learn(log);
   }
 
   /** In the colours of the scheme that holds now. */

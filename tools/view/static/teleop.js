@@ -24,6 +24,13 @@ function stick(value) {
   return Math.sign(value) * past ** 2;
 }
 
+const NOTHING = { held: false, stop: false, asked: [0, 0, 0, 0, 0, 0] };
+
+/** Those that are there: off loopback, without TLS, browsers have no gamepads at all. */
+function pads() {
+  return [...(navigator.getGamepads?.() ?? [])].filter((each) => each?.connected);
+}
+
 /** A gamepad of the "standard" layout of the Gamepad API. */
 function readPad({ axes, buttons }) {
   const pressed = (i) => buttons[i]?.value ?? 0;
@@ -43,7 +50,8 @@ export class Teleop {
    * @param {{stop: () => void, driving: (on: boolean) => void, turn: (name: string, three: number[], tool: boolean) => number[]}} page
    */
   constructor(connection, page) {
-    Object.assign(this, { connection, page, armed: false, driving: false, mustRelease: false });
+    Object.assign(this, { connection, page, armed: false, watching: false, driving: false, mustRelease: false });
+    this.stopping = false; // whether B is held, which asks once
     this.held = new Set(); // keys, and buttons of the page
     addEventListener("keydown", (event) => this.#key(event));
     addEventListener("keyup", ({ code }) => this.held.delete(code));
@@ -51,7 +59,7 @@ export class Teleop {
     document.addEventListener("visibilitychange", () => this.letGo());
     addEventListener("gamepaddisconnected", () => this.letGo());
     addEventListener("gamepadconnected", () => this.#poll());
-    at("drive-speed").addEventListener("input", () => this.#speed());
+    for (const each of ["drive-speed", "drive-target"]) at(each).addEventListener("input", () => this.#speed());
     this.#holds(at("dead-man"), "dead-man");
     for (const [label, code] of Object.entries(ARROWS)) {
       const button = make("button", { type: "button", textContent: label, disabled: true });
@@ -69,6 +77,13 @@ export class Teleop {
       ...this.targets.map(({ name }) => make("option", { value: name, textContent: name, selected: name === chosen })),
     );
     at("drive").hidden = this.targets.length === 0;
+    this.#speed();
+  }
+
+  /** Whether this page may stop the robot: then B of a gamepad does, whoever steers. */
+  watch(on) {
+    this.watching = on;
+    if (on) this.#poll();
   }
 
   /** Whether this page may drive. */
@@ -97,9 +112,16 @@ export class Teleop {
     return at("drive-speed").valueAsNumber / 100;
   }
 
+  get #target() {
+    return this.targets?.find(({ name }) => name === at("drive-target").value);
+  }
+
+  /** In the units of what the chosen target takes. */
   #speed() {
-    const percent = at("drive-speed").value;
-    write(at("drive-speed-text"), `${percent} % · ${(FULL.linear * this.#scale).toFixed(2)} m/s`);
+    const [from, to] = TAKES[this.#target?.kind] ?? [0, 6];
+    const linear = from < 3 ? [`${(FULL.linear * this.#scale).toFixed(2)} m/s`] : [];
+    const angular = to > 3 ? [`${(FULL.angular * this.#scale).toFixed(2)} rad/s`] : [];
+    write(at("drive-speed-text"), [...linear, ...angular].join(", "));
   }
 
   #tell() {
@@ -134,18 +156,25 @@ export class Teleop {
     this.polling = true;
     setTimeout(() => {
       this.polling = false;
-      const pad = navigator.getGamepads().find((each) => each?.connected);
+      const [pad] = pads();
       write(at("pad-name"), pad ? pad.id.slice(0, 40) : "no gamepad");
-      this.#drive(pad ? readPad(pad) : { held: false, stop: false, asked: [0, 0, 0, 0, 0, 0] });
-      if (this.armed && (pad || this.held.size > 0 || this.driving)) this.#poll();
+      const read = pad ? readPad(pad) : NOTHING;
+      this.#stop(read);
+      this.#drive(read);
+      if ((this.watching && pad) || (this.armed && (this.held.size > 0 || this.driving))) this.#poll();
     }, EACH_MS);
   }
 
-  #drive({ held: padHeld, stop, asked }) {
-    if (stop) this.page.stop();
+  #stop({ stop }) {
+    const now = stop && this.watching;
+    if (now && !this.stopping) this.page.stop();
+    this.stopping = now;
+  }
+
+  #drive({ held: padHeld, asked }) {
     const held = padHeld || [...this.held].some((code) => DEAD_MEN.has(code));
     if (!padHeld) this.mustRelease = false;
-    const target = this.targets?.find(({ name }) => name === at("drive-target").value);
+    const target = this.#target;
     if (!this.armed || !held || !target || (padHeld && this.mustRelease) || !document.hasFocus()) {
       if (this.driving) this.letGo();
       return;

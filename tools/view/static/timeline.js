@@ -24,11 +24,21 @@ export class Timeline {
       if (target.value !== "") this.seek(Number(target.value));
       target.value = "";
     };
-    const first = at("jump").firstElementChild;
-    at("jump").replaceChildren(first, ...this.#jumps("Worst ticks", log.worst), ...this.#jumps("Events", log.events));
+    this.learn(log);
   }
 
-  #jumps(label, all = []) {
+  /** @param {object} log the same, of which more is known: where one can go */
+  learn(log) {
+    this.log = log;
+    const { worst = [], events = [] } = log;
+    const known = JSON.stringify([worst, events]);
+    if (known === this.known) return; // else a list that is open would be closed
+    this.known = known;
+    const first = at("jump").firstElementChild;
+    at("jump").replaceChildren(first, ...this.#jumps("Worst ticks", worst), ...this.#jumps("Events", events));
+  }
+
+  #jumps(label, all) {
     if (!all.length) return [];
     const options = all.map(({ at_s, label: name }) =>
       make("option", { value: at_s, textContent: `${at_s.toFixed(2)} s · ${name}` }),

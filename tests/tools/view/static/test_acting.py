@@ -326,6 +326,89 @@ def test_a_gamepad_drives_while_its_button_is_held(steer, browser):
         wait_for(page, view, "stop")
 
 
+def test_the_gamepads_stop_counts_whoever_steers_and_a_refused_stop_is_said(open_page):
+    with made_up_view(frames=still) as view:
+        view.operator = "other"
+        page = open_page(view)
+        page.wait_for_selector("#stop:enabled")
+        page.evaluate(GAMEPAD)
+        page.evaluate("dispatchEvent(new Event('gamepadconnected'))")
+        page.wait_for_timeout(200)
+        assert view.verbs() == []
+        view.error = "the robot does not answer"
+        page.evaluate("pad.buttons[1].value = 1")
+        wait_for(page, view, "stop")
+        page.wait_for_selector("#note.refused")
+        assert "the robot does not answer" in page.inner_text("#note")
+        no_more(page, view, "act")  # held, it asks once
+        page.evaluate("pad.buttons[1].value = 0")
+        page.wait_for_timeout(200)
+        page.evaluate("pad.buttons[1].value = 1")
+        wait_for(page, view, "stop", 2)
+
+
+def test_keys_and_buttons_work_where_a_browser_has_no_gamepads(steer):
+    """As off loopback without TLS."""
+    with made_up_view(frames=still) as view:
+        page = steer(view)
+        page.evaluate("Object.defineProperty(navigator, 'getGamepads', { value: undefined })")
+        page.keyboard.down("Shift")
+        page.keyboard.down("KeyW")
+        wait_for(page, view, "velocity", 3)
+        page.keyboard.up("Shift")
+        wait_for(page, view, "drop")
+
+
+def test_a_controller_without_live_targets_cannot_be_steered(open_page):
+    with made_up_view(targets=[], frames=lambda tick: frame(tick, targets=[])) as view:
+        page = open_page(view)
+        page.wait_for_selector("#stop:enabled")
+        assert page.locator("#steer").is_disabled()
+        page.wait_for_function(
+            "() => document.querySelector('#note').textContent.includes('no live target')"
+        )
+        told = [{"name": "hand", "kind": "frame_pose", "frame": "tool", "reference": None}]
+        view.say({"kind": "changed", "targets": told})
+        page.wait_for_selector("#steer:enabled")
+
+
+def test_what_ends_steering_stands_in_the_note_too(steer):
+    with made_up_view(frames=still) as view:
+        page = steer(view, viewport={"width": 1280, "height": 500})
+        label = "nobody steers here any more: " + "the controller is gone, " * 12
+        view.say({"kind": "event", "at_s": None, "label": label, "severity": "warning"})
+        view.operator = "none"
+        page.wait_for_selector("#steer[aria-pressed=false]")
+        page.wait_for_selector("#note.refused")
+        assert page.inner_text("#events li span") == label.strip()
+        assert page.get_attribute("#note", "title") == label
+        line_px = page.evaluate("parseFloat(getComputedStyle(note).lineHeight)")
+        assert page.locator("#note").bounding_box()["height"] > 1.5 * line_px
+        page.click("#recover")  # what is asked anew takes it away
+        page.wait_for_selector("#note:not(.refused)")
+
+
+@pytest.mark.parametrize(
+    ("kind", "units"),
+    [
+        ("frame_position", {"m/s"}),
+        ("com", {"m/s"}),
+        ("frame_orientation", {"rad/s"}),
+        ("frame_pose", {"m/s", "rad/s"}),
+    ],
+)
+def test_the_speed_is_in_the_units_of_the_target(open_page, kind, units):
+    told = [{"name": "it", "kind": kind, "frame": "tool", "reference": None}]
+    with made_up_view(targets=told, frames=lambda tick: frame(tick, targets=[None])) as view:
+        page = open_page(view)
+        page.fill("#drive-speed", "50")
+        said = page.inner_text("#drive-speed-text").split(", ")
+        assert {each.split()[1] for each in said} == units
+        assert {float(each.split()[0]) for each in said} == {
+            {"m/s": 0.13, "rad/s": 0.5}[unit] for unit in units
+        }
+
+
 LOG = {
     "from_s": 0.0,
     "to_s": 20.0,
@@ -359,3 +442,39 @@ def test_of_a_log_time_is_played_pulled_and_jumped(open_page):
         assert 10 in sought
         assert sought[-1] == pytest.approx(10.0, abs=0.2)  # the middle of the plot
         assert page.locator("#buttons").is_hidden()
+
+
+def test_what_is_found_of_a_log_later_is_shown(open_page):
+    """The greeting comes first, while the pass through the file goes on."""
+    found = {**LOG, "events": [], "worst": [], "overview": {}, "done": False}
+    with made_up_view(live=False, writes=False, log=found) as view:
+        page = open_page(view)
+        error, v = (page.locator(f"figure[data-group={each}]") for each in ("error", "V"))
+        assert error.is_visible()
+        assert page.locator("#events li").count() == 0
+        at_first = page.inner_text("#note")
+        first = [{"at_s": 1.0, "label": "granted", "severity": "info"}]
+        view.say({"kind": "log", "log": {**found, "events": first}})
+        page.wait_for_selector("#events li")
+        blank = error.screenshot()
+        view.say({"kind": "log", "log": {**LOG, "events": first + LOG["events"], "done": True}})
+        page.wait_for_function("() => document.querySelectorAll('#events li').length === 2")
+        places = page.locator("#jump option").all_text_contents()
+        assert [place for place in places if "late by 3 ms" in place]
+        assert [place for place in places if "holder lost" in place]
+        assert error.screenshot() != blank  # it has a curve
+        assert page.evaluate("hoap3.hello.log.overview.error.length") == 21
+        assert v.is_hidden()  # there is none, and there will be none
+        assert page.inner_text("#note") != at_first
+        page.select_option("#jump", "12.25")
+        page.wait_for_timeout(200)
+        sought = [message["at_s"] for message in view.taken if message["kind"] == "seek"]
+        assert sought == [12.25]
+
+
+def test_of_a_log_nobody_holds_or_operates(open_page):
+    with made_up_view(live=False, writes=False, log=LOG) as view:
+        page = open_page(view)
+        assert page.locator("#mode").is_visible()
+        for each in ("holder", "operator"):
+            assert page.locator(f"#{each}").is_hidden()

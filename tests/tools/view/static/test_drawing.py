@@ -113,6 +113,17 @@ def test_an_old_picture_says_so_and_a_new_one_takes_that_back(open_page):
         page.wait_for_function("() => hoap3.proved")
 
 
+def test_a_robot_of_20_hz_is_not_called_silent(open_page):
+    """One of 16 States is shown: one each 0.8 s."""
+    with made_up_view(frames=None, period_s=0.05) as view:
+        page = open_page(view, wait="() => window.hoap3?.hello")
+        view.say(frame(16))
+        page.wait_for_function("() => hoap3.tick === 16")
+        page.wait_for_timeout(1000)
+        assert page.locator("#banner").is_hidden()
+        page.wait_for_selector("#banner:not([hidden])", timeout=20_000)
+
+
 def test_hmac_is_that_of_python(open_page):
     random = np.random.default_rng(3)
     texts = [random.bytes(int(n)).hex() for n in random.integers(0, 200, 150)]
