@@ -48,7 +48,9 @@ from websockets.sync.client import connect
 host, token = sys.argv[1:]
 code = lambda text: hmac.new(token.encode(), text.encode(), hashlib.sha256).hexdigest()
 with connect(f"ws://{host}/socket", origin=f"http://{host}", max_size=None) as socket:
-    nonce, number = json.loads(socket.recv())["nonce"], 0
+    nonce, number, tick = json.loads(socket.recv())["nonce"], 0, None
+    while tick is None:
+        tick = json.loads(socket.recv()).get("tick")
     socket.send(json.dumps({"kind": "prove", "proof": code(f"{nonce}http://{host}")}))
     def say(**do):
         global number
@@ -60,7 +62,7 @@ with connect(f"ws://{host}/socket", origin=f"http://{host}", max_size=None) as s
         while (told := json.loads(socket.recv())).get("id") != number or told["kind"] != "told":
             pass
         assert told["error"] is None, told
-    say(verb="acquire")
+    say(verb="acquire", tick=tick)
     say(verb="target", name="hand", values=json.loads(sys.stdin.readline()))
     while True:
         number += 1
