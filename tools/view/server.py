@@ -86,6 +86,7 @@ class PageServer:
         self._pages: dict[Page, Any] = {}
         self._changeable: list[dict[str, Any]] = []
         self._hello: tuple[object, str] | None = None
+        self._version = source.version  # that all pages know
         self._failed: set[str] = set()
         self._second, self._in_second = 0, 0
         self._ready = asyncio.Event()
@@ -216,7 +217,7 @@ class PageServer:
     async def _show(self) -> None:
         """Show frames, at most so many a second, while somebody looks."""
         loop = asyncio.get_running_loop()
-        due, version = loop.time(), self._source.version
+        due = loop.time()
         while True:
             self._source.watched = bool(self._pages)
             if not self._pages:
@@ -226,8 +227,7 @@ class PageServer:
                 continue
             due = max(due + 1.0 / RATE_HZ, loop.time())
             await asyncio.sleep(due - loop.time())
-            if self._source.version != version:
-                version = self._source.version
+            if self._source.version != self._version:
                 self._survive(self._greet_all)
             self._survive(self._tell_news)
             self._survive(self._show_common)
@@ -255,9 +255,10 @@ class PageServer:
         return self._hello[1]
 
     def _greet_all(self) -> None:
-        greeting = self._greeting()
+        version, greeting = self._source.version, self._greeting()
         for page in self._pages:
             page.greet(greeting)
+        self._version = version
 
     def _tell_news(self) -> None:
         for event in self._source.events():

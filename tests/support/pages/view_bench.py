@@ -33,7 +33,7 @@ class StillSource:
         self.tick = 0
         self.said: list[dict[str, Any]] = []
         self.greeting: dict[str, Any] = {"robot": "still"}
-        self.padding = ""
+        self.padding, self.extra = "", dict[str, Any]()
 
     @property
     def edition(self) -> object:
@@ -45,7 +45,7 @@ class StillSource:
 
     def frame(self) -> dict[str, Any] | None:
         self.tick += 1
-        return {"kind": "frame", "tick": self.tick, "padding": self.padding}
+        return {"kind": "frame", "tick": self.tick, "padding": self.padding, **self.extra}
 
     def events(self) -> list[dict[str, Any]]:
         said, self.said = self.said, []
@@ -70,7 +70,7 @@ class NotingOperator:
         return "none"
 
     async def act(self, page: object, do: Mapping[str, Any]) -> dict[str, Any]:
-        if do.get("verb") not in {"stop", "recover", "acquire"}:
+        if do.get("verb") not in {"stop", "recover", "change", "acquire"}:
             raise UsageError("no such verb")
         self.done.append(do)
         return {"done": True}
@@ -96,7 +96,7 @@ class Served:
 
     def __init__(self, source: Any, operator: Any, token: str | None) -> None:
         self.source, self.operator, self.token = source, operator, token
-        self._loop = asyncio.new_event_loop()
+        self.loop = asyncio.new_event_loop()
         self._ready = threading.Event()
         self._thread = threading.Thread(target=self._run)
         self.url, self.failed = "", ""
@@ -107,7 +107,7 @@ class Served:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._loop.call_soon_threadsafe(self._stop.set)
+        self.loop.call_soon_threadsafe(self._stop.set)
         self._thread.join(PATIENCE_S)
         assert not self.failed, self.failed
 
@@ -116,17 +116,17 @@ class Served:
         return self.url.removeprefix("http://").partition("/")[0]
 
     def _run(self) -> None:
-        asyncio.set_event_loop(self._loop)
+        asyncio.set_event_loop(self.loop)
         self._stop = asyncio.Event()
         server = PageServer(self.source, self.operator, self.token, "127.0.0.1", 0)
         try:
-            self._loop.run_until_complete(server.run(self._stop, self._told))
+            self.loop.run_until_complete(server.run(self._stop, self._told))
         except Exception as error:
             self.failed = repr(error)
             raise
         finally:
             self._ready.set()
-            self._loop.close()
+            self.loop.close()
 
     def _told(self, url: str) -> None:
         self.url = url
