@@ -414,7 +414,8 @@ def test_stops_wait_for_nothing_else_that_a_page_asked_for(served, monkeypatch):
         assert pen.act(verb="dance")["error"]  # so the stop was heard
     assert served.operator.gone.wait(30)
     let.set()
-    while {"verb": "stop"} not in served.operator.done:
+    deadline = time.monotonic() + 30
+    while not served.operator.done and time.monotonic() < deadline:
         time.sleep(0.01)
     assert served.operator.done == [{"verb": "stop"}]
 
