@@ -349,25 +349,30 @@ class ControllerLoop:
             raise failure(self._controller, "failed to say what can be changed", error) from error
         return present
 
-    def about(self) -> dict[str, Any]:
-        """What people who look on may want to know: names, live targets, what can be changed.
+    def about(self, config: bytes = b"") -> bytes:
+        """The answer to those who ask what it is: names, live targets, what can be changed.
+
+        It stays, so it is made once, before the controller answers any State.
+
+        Args:
+            config: of the controller, JSON; empty where it is too long to be told.
 
         Raises:
-            Hoap3Error: the controller failed.
+            Hoap3Error: the controller failed, or says what is no JSON.
         """
         controller = self._controller
         try:
-            numbers = controller.numbers()
-            json.dumps(numbers)
+            now = {
+                "extra": list(controller.extra_names),
+                "conditions": list(controller.conditions),
+                "margin_tolerance": controller.margin_tolerance,
+                "targets": [live.as_json() for live in controller.live],
+                "numbers": controller.numbers(),
+                "config": json.loads(config) if config else None,
+            }
+            return json.dumps({"error": None, "now": now}).encode()
         except (Exception, SystemExit) as error:
-            raise failure(controller, "failed to say what can be changed", error) from error
-        return {
-            "extra": list(controller.extra_names),
-            "conditions": list(controller.conditions),
-            "margin_tolerance": controller.margin_tolerance,
-            "targets": [live.as_json() for live in controller.live],
-            "numbers": numbers,
-        }
+            raise failure(controller, "failed to say what it is", error) from error
 
     def task_errors(self) -> list[dict[str, Any]]:
         """How the tasks stand, and which tolerance was violated on the way, as the outcome has it.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import socket
@@ -85,24 +84,26 @@ def rehearse(controller: Controller, description: RobotDescription) -> None:
         raise failure(controller, what, error) from error
 
 
-def serve(request: Request, loop: ControllerLoop, config: bytes = b"") -> None:
+def serve(request: Request, loop: ControllerLoop, about: bytes = b"") -> None:
     """Do what somebody asks of the controller, between two samples, and answer.
 
     Args:
         request: what is asked.
         loop: that answers the robot.
-        config: of the controller, JSON; empty where it is too long to be told.
+        about: answer to those who ask what the controller is; see `ControllerLoop.about`.
 
     Raises:
         Hoap3Error: the controller failed.
     """
+    if request.verb == "about":
+        request.answer(about)
+        loop.note_request(request, None)
+        return
     try:
         if request.verb in OPERATES:
             now = loop.operate(request.verb, request.who)
         elif request.verb == "tasks":
             now = {"tasks": loop.task_errors(), "operator": loop.steering.operator or None}
-        elif request.verb == "about":
-            now = {**loop.about(), "config": json.loads(config) if config else None}
         else:
             if request.verb == "change":
                 loop.change(request.body)
@@ -145,6 +146,7 @@ class Service:
     ) -> None:
         self._config, self._file = config, file
         self._config_json = own_config(config)  # for those who ask about it
+        self._about = b""
         self._recorder, self._report, self._should_stop = recorder, report, should_stop
         self._lockstep_recorder = lockstep_recorder or recorder
         self._on_stop, self._description = on_stop, description
@@ -319,6 +321,7 @@ class Service:
         config = self._ask_config(link)
         if config is not None:
             loop.note_config(config)
+        self._about = loop.about(self._config_json)
         self.loop = loop
         grant = self._acquire(link)
         if grant is None or grant.epoch is None or grant.session_id != status.session_id:
@@ -423,7 +426,7 @@ class Service:
                     loop.hear(told)
                 request = asked()
                 if request is not None:
-                    serve(request, loop, self._config_json)
+                    serve(request, loop, self._about)
                     watch.reset()
                 if loop.steered:
                     self._hear_senders(link, loop)

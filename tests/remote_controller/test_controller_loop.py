@@ -10,9 +10,11 @@ from loop_bench import SESSION, Bench
 from support.small_arm import arm
 
 from hoap3.protocol.errors import Hoap3Error, UsageError
+from hoap3.protocol.link.base import Request
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.loop import LONGEST_CHANGE, MOST_STRANGE_STATES, ControllerLoop
+from hoap3.remote_controller.service import serve
 
 
 def test_an_answer_belongs_to_its_state():
@@ -251,3 +253,23 @@ def test_what_can_be_changed_is_json_or_a_clear_failure():
     bench.controller.pace = np.zeros(3)
     with pytest.raises(Hoap3Error, match="Wanderer failed to say what can be changed"):
         bench.loop.changeable()
+
+
+def test_what_a_controller_is_is_told_once_and_then_costs_it_nothing():
+    bench, answers = Bench(), []
+    about = bench.loop.about(b'{"gamma": 0.5}')
+    told = json.loads(about)
+    assert told["error"] is None
+    assert told["now"]["config"] == {"gamma": 0.5}
+    assert told["now"]["extra"] == list(bench.controller.extra_names)
+    bench.controller.numbers = pytest.fail  # nobody asks it again
+    serve(Request("about", "somebody", answers.append), bench.loop, about)
+    assert answers == [about]
+
+
+@pytest.mark.parametrize("name", [b"bytes", 1j, np.zeros(2)], ids=["bytes", "complex", "array"])
+def test_a_controller_that_is_no_json_is_a_clear_failure_before_it_answers_anything(name):
+    bench = Bench()
+    bench.controller.extra_names = (name,)
+    with pytest.raises(Hoap3Error, match="Wanderer failed to say what it is"):
+        bench.loop.about()

@@ -263,8 +263,9 @@ class Connection:
             LinkError: no controller answers.
             UsageError: we do not steer.
         """
-        self._held()
-        found = self._acquire()
+        with self._steering:  # so that nobody releases in between
+            self._held()
+            found = self._acquire()
         return {name: found[name] for name in ("taken", "late_points", "refused")}
 
     def _stays(self, until: float) -> bool:
@@ -362,7 +363,9 @@ class Connection:
         """
         grant = self._held()
         if not grant["following"]:
-            grant = self._acquire()
+            with self._steering:  # so that nobody releases in between
+                self._held()
+                grant = self._acquire()
         if not grant["following"]:
             remedy = f"`hoap3 recover --connect {self._endpoint}`, or `recover()`"
             raise UsageError(

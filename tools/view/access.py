@@ -5,8 +5,9 @@ name under which we are reached and the page that asks are checked, and each wri
 that only who knows the token can make, for one connection and one number alone.
 
 The token is on the command line and in the part of the address behind `#`, which browsers do not
-send. Nothing is encrypted: off loopback, whoever reads the network sees what is shown, and can
-change what is sent; he cannot make codes of his own.
+send. Nothing is encrypted: off loopback, whoever reads the traffic sees what is shown, but cannot
+make codes of his own. Whoever can alter the traffic can: he alters the page itself, which then
+gives him the token. No code helps against him; a tunnel does, such as ssh's.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import time
 from collections import deque
 from collections.abc import Mapping
@@ -16,7 +17,10 @@ from hoap3.tools.view.steering.operator import Operator
 WAITING = 512  # words that wait to be sent to a page; of more the oldest are lost
 MOST_WRONG = 100  # words of a page that are refused, after which it is cut off
 MOST_A_SECOND = 400
-MOST_AT_ONCE = 8  # things that a page has asked for and that are not done yet
+MOST_AT_ONCE = 8  # things that a page has asked for and that are not done yet; stops apart
+OLD_S = 1.5  # since a newer picture was sent, after which what was asked of one counts no longer
+LOOKS = {"recover", "change", "acquire"}  # verbs that need to know what is, and say what they saw
+LOOKED_BACK = 256  # frames that were sent, some 8 s of them
 POLICY = 1008  # why a connection is closed, in the protocol's words: against the rules
 
 
@@ -70,13 +74,16 @@ class Page:
         self._frame, self._wake = "", asyncio.Event()
         self._words: deque[str] = deque(maxlen=WAITING)
         self._doing: set[asyncio.Task[None]] = set()
+        self._stopping: set[asyncio.Task[None]] = set()
+        self._tick: int | None = None  # of the frame that waits
+        self._sent: deque[tuple[float, int]] = deque(maxlen=LOOKED_BACK)  # when which tick was
         self._second, self._in_second = 0, 0
         self.wrong = self.dropped = 0
 
-    def show(self, frame: str) -> None:
+    def show(self, frame: str, tick: int | None = None) -> None:
         """Send a frame, a JSON object, when the page takes it; a newer one replaces it."""
         self.dropped += bool(self._frame)
-        self._frame = frame
+        self._frame, self._tick = frame, tick
         self._wake.set()
 
     def tell(self, word: str) -> None:
@@ -84,10 +91,17 @@ class Page:
         self._words.append(word)
         self._wake.set()
 
-    def greet(self, hello: Mapping[str, Any]) -> None:
-        """Say what a page must know before the first frame."""
-        greeting = {"kind": "hello", "version": 1, "nonce": self._visit.nonce, **hello}
-        self.tell(text({**greeting, "writes": self._operator is not None}))
+    def greet(self, hello: str) -> None:
+        """Say what a page must know before the first frame; it shows nothing of before any more.
+
+        Args:
+            hello: what all pages must know, a JSON object.
+        """
+        writes = self._operator is not None
+        own = text({"kind": "hello", "version": 1, "nonce": self._visit.nonce, "writes": writes})
+        self._frame = ""
+        self._sent.clear()
+        self.tell(f"{own[:-1]},{hello[1:]}")
 
     async def send(self) -> None:
         """Send whatever there is, until the connection is closed."""
@@ -98,6 +112,8 @@ class Page:
                 await self._socket.send(self._words.popleft())
             frame, self._frame = self._frame, ""
             if frame:
+                if self._tick is not None:
+                    self._sent.append((time.monotonic(), self._tick))
                 says = "none" if self._operator is None else self._operator.says(self)
                 await self._socket.send(f'{frame[:-1]},"operator":"{says}"}}')
 
@@ -111,9 +127,11 @@ class Page:
             self._take(word)
         except Hoap3Error as error:
             await self._refuse(number, str(error))
+        except Exception as error:  # noqa: BLE001 - a page has to be able to stop the robot
+            await self._refuse(number, f"{type(error).__name__}: {error}")
 
     def leave(self) -> None:
-        """The connection is closed."""
+        """The connection is closed; stops that it asked for are asked for all the same."""
         for task in self._doing:
             task.cancel()
         if self._operator is not None:
@@ -154,12 +172,26 @@ class Page:
         if self._operator.move(self, do):
             self.tell(text({"kind": "told", "id": number, "error": None, "now": {}}))
             return
-        if len(self._doing) >= MOST_AT_ONCE:
+        if do["verb"] in LOOKS and not self._saw(do.get("tick")):
+            raise WrongWordError("the page showed an old picture when that was asked: ask again")
+        doing = self._stopping if do["verb"] == "stop" else self._doing
+        if len(doing) >= MOST_AT_ONCE:
             raise WrongWordError(f"{MOST_AT_ONCE} things that it asked for are not done yet")
-        done = self._done(number, do, self._operator)
-        task = asyncio.ensure_future(done)
-        self._doing.add(task)
-        task.add_done_callback(self._doing.discard)
+        task = asyncio.ensure_future(self._done(number, do, self._operator))
+        doing.add(task)
+        task.add_done_callback(doing.discard)
+
+    def _saw(self, tick: object) -> bool:
+        """Whether a page that shows the frame of a tick shows what is, or what was a moment ago.
+
+        So it is where no newer frame was sent to it, or one only a moment ago. A word that the
+        network has kept for long is of a frame that was replaced long ago.
+        """
+        ticks = [each for _, each in self._sent]
+        if tick not in ticks:
+            return not ticks and tick is None
+        newer = ticks.index(tick) + 1
+        return newer == len(ticks) or time.monotonic() - self._sent[newer][0] < OLD_S
 
     async def _done(self, number: int, do: Mapping[str, Any], operator: Operator) -> None:
         error, now = None, {}
@@ -167,6 +199,8 @@ class Page:
             now = await operator.act(self, do)
         except Hoap3Error as refusal:
             error = str(refusal)
+        except Exception as failure:  # noqa: BLE001 - whoever asked has to know
+            error = f"{type(failure).__name__}: {failure}"
         self.tell(text({"kind": "told", "id": number, "error": error, "now": now}))
 
     async def _refuse(self, number: object, why: str) -> None:
@@ -186,8 +220,20 @@ class Page:
 
 
 def text(content: Mapping[str, Any]) -> str:
-    """As JSON, without blanks."""
-    return json.dumps(content, separators=(",", ":"), allow_nan=False)
+    """As JSON, without blanks; null for numbers that are not finite, which JSON has none of."""
+    try:
+        return json.dumps(content, separators=(",", ":"), allow_nan=False)
+    except ValueError:
+        return json.dumps(_finite(content), separators=(",", ":"), allow_nan=False)
+
+
+def _finite(content: Any) -> Any:
+    """The same, with None for each number that is not finite."""
+    if isinstance(content, Mapping):
+        return {key: _finite(value) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [_finite(value) for value in content]
+    return None if isinstance(content, float) and not math.isfinite(content) else content
 
 
 def _parsed(message: str | bytes) -> Mapping[str, Any]:

@@ -74,8 +74,9 @@ def warn_of(host: str) -> str:
     if is_loopback(host):
         return ""
     return (
-        f"listening at {host}: whoever reaches this port sees the robot, and nothing is encrypted; "
-        "the page's address holds the token that lets one steer it"
+        f"listening at {host}: whoever reaches this port sees the robot, and nothing is encrypted. "
+        "Whoever can alter the traffic can change the page, take the token out of its address, and "
+        "steer. Safer is to listen on loopback and use `ssh -L 8080:127.0.0.1:8080`"
     )
 
 

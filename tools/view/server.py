@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import socket
+import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from http import HTTPStatus
 from typing import Any, Protocol
 
@@ -23,6 +25,8 @@ from hoap3.tools.view.steering.operator import Operator
 RATE_HZ = 30.0  # frames a second at most
 IDLE_S = 0.1  # between two looks whether somebody has come
 PAGES = 16  # at once
+NEW_A_SECOND = 2 * PAGES  # pages that come
+MOST_FAILED = 64  # different failures that pages are told of
 MESSAGE_BYTES = 16 << 10  # of a page, at most
 SEND_BYTES = 64 << 10  # on their way to a page that takes them slowly: a few frames
 PATH = "/socket"
@@ -34,6 +38,10 @@ class Source(Protocol):
     live: bool
     watched: bool
     version: int
+
+    @property
+    def edition(self) -> object:
+        """What `hello` was made of: as long as it is the same, so is `hello`."""
 
     @property
     def meshes(self) -> Mapping[str, bytes]:
@@ -77,6 +85,10 @@ class PageServer:
         self._static = read_static()
         self._pages: dict[Page, Any] = {}
         self._changeable: list[dict[str, Any]] = []
+        self._hello: tuple[object, str] | None = None
+        self._version = source.version  # that all pages know
+        self._failed: set[str] = set()
+        self._second, self._in_second = 0, 0
         self._ready = asyncio.Event()
 
     @property
@@ -158,6 +170,8 @@ class PageServer:
                 return _refusal(HTTPStatus.FORBIDDEN, "that page is not from here")
             if len(self._pages) >= PAGES:
                 return _refusal(HTTPStatus.SERVICE_UNAVAILABLE, f"{PAGES} pages are open already")
+            if not self._may_come():
+                return _refusal(HTTPStatus.TOO_MANY_REQUESTS, "too many pages in a second")
             return None
         found = self._static.get(request.path)
         mesh = MESH.fullmatch(request.path)
@@ -169,6 +183,13 @@ class PageServer:
         given = Headers(headers(host, kind, len(content)))
         return Response(HTTPStatus.OK, HTTPStatus.OK.phrase, given, content)
 
+    def _may_come(self) -> bool:
+        """Count one more page that comes; whether it is not one of too many in this second."""
+        second = int(time.monotonic())
+        self._in_second = self._in_second + 1 if second == self._second else 1
+        self._second = second
+        return self._in_second <= NEW_A_SECOND
+
     async def _visited(self, connection: ServerConnection) -> None:
         """Serve one page, until it goes."""
         if len(self._pages) >= PAGES or connection.request is None:
@@ -179,7 +200,7 @@ class PageServer:
         origin = _only(connection.request.headers, "Origin") or ""
         player: Player | None = self._source.player()
         page = Page(connection, self._gate.visit(origin), self._operator, player)
-        page.greet(self._source.hello())
+        page.greet(self._greeting())
         self._pages[page] = player
         sending = asyncio.create_task(page.send())
         try:
@@ -197,37 +218,69 @@ class PageServer:
     async def _show(self) -> None:
         """Show frames, at most so many a second, while somebody looks."""
         loop = asyncio.get_running_loop()
-        due, version = loop.time(), self._source.version
+        due = loop.time()
         while True:
             self._source.watched = bool(self._pages)
             if not self._pages:
                 await asyncio.sleep(IDLE_S)
                 due = loop.time()
-                self._source.events()  # nobody sees them
+                self._survive(self._source.events)  # nobody sees them
                 continue
             due = max(due + 1.0 / RATE_HZ, loop.time())
             await asyncio.sleep(due - loop.time())
-            if self._source.version != version:
-                version = self._source.version
-                for page in self._pages:
-                    page.greet(self._source.hello())
-            self._show_once()
+            if self._source.version != self._version:
+                self._survive(self._greet_all)
+            self._survive(self._tell_news)
+            self._survive(self._show_common)
+            for page, player in list(self._pages.items()):
+                if player is not None:
+                    self._survive(partial(_show_own, page, player))
 
-    def _show_once(self) -> None:
+    def _survive(self, what: Callable[[], object]) -> None:
+        """Do it; where it fails, whatever the reason, pages are told once, and the rest goes on."""
+        try:
+            what()
+        except Exception as error:  # noqa: BLE001 - pages have to be able to stop the robot
+            label = f"not all is shown: {type(error).__name__}: {error}"
+            if label not in self._failed and len(self._failed) < MOST_FAILED:
+                self._failed.add(label)
+                self.tell_all(
+                    {"kind": "event", "at_s": None, "label": label, "severity": "warning"}
+                )
+
+    def _greeting(self) -> str:
+        """What all pages must know before the first frame, JSON; made once for all that ask."""
+        edition = self._source.edition
+        if self._hello is None or self._hello[0] != edition:
+            self._hello = edition, text(self._source.hello())
+        return self._hello[1]
+
+    def _greet_all(self) -> None:
+        version, greeting = self._source.version, self._greeting()
+        for page in self._pages:
+            page.greet(greeting)
+        self._version = version
+
+    def _tell_news(self) -> None:
         for event in self._source.events():
             self.tell_all(event)
         changeable = self._source.changeable()
         if changeable != self._changeable:
             self._changeable = changeable
             self.tell_all({"kind": "changed", "changeable": changeable})
+
+    def _show_common(self) -> None:
         frame = self._source.frame()
-        shown = None if frame is None else text(frame)
-        for page, player in list(self._pages.items()):
-            own = None if player is None else player.frame()
-            if own is not None:
-                page.show(text(own))
-            elif shown is not None:
-                page.show(shown)
+        if frame is not None:
+            shown, tick = text(frame), frame["tick"]
+            for page in self._pages:
+                page.show(shown, tick)
+
+
+def _show_own(page: Page, player: Any) -> None:
+    frame = player.frame()
+    if frame is not None:
+        page.show(text(frame))
 
 
 def _only(found: Headers, name: str) -> str | None:

@@ -7,13 +7,15 @@ import hashlib
 import hmac
 import json
 import threading
+from collections import deque
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, Self
 
 from websockets.sync.client import ClientConnection, connect
 
 from hoap3.protocol.errors import UsageError
+from hoap3.tools.view.page import LOOKS
 from hoap3.tools.view.server import PageServer
 
 PATIENCE_S = 60.0
@@ -26,18 +28,24 @@ class StillSource:
 
     def __init__(self) -> None:
         self.watched, self.version = False, 1
+        self.greeted = 0
         self.meshes: dict[str, bytes] = {}
         self.tick = 0
         self.said: list[dict[str, Any]] = []
         self.greeting: dict[str, Any] = {"robot": "still"}
-        self.padding = ""
+        self.padding, self.extra = "", dict[str, Any]()
+
+    @property
+    def edition(self) -> object:
+        return self.version
 
     def hello(self) -> dict[str, Any]:
+        self.greeted += 1
         return self.greeting
 
     def frame(self) -> dict[str, Any] | None:
         self.tick += 1
-        return {"kind": "frame", "tick": self.tick, "padding": self.padding}
+        return {"kind": "frame", "tick": self.tick, "padding": self.padding, **self.extra}
 
     def events(self) -> list[dict[str, Any]]:
         said, self.said = self.said, []
@@ -62,7 +70,7 @@ class NotingOperator:
         return "none"
 
     async def act(self, page: object, do: Mapping[str, Any]) -> dict[str, Any]:
-        if do.get("verb") not in {"stop", "recover", "acquire"}:
+        if do.get("verb") not in {"stop", "recover", "change", "acquire"}:
             raise UsageError("no such verb")
         self.done.append(do)
         return {"done": True}
@@ -88,7 +96,7 @@ class Served:
 
     def __init__(self, source: Any, operator: Any, token: str | None) -> None:
         self.source, self.operator, self.token = source, operator, token
-        self._loop = asyncio.new_event_loop()
+        self.loop = asyncio.new_event_loop()
         self._ready = threading.Event()
         self._thread = threading.Thread(target=self._run)
         self.url, self.failed = "", ""
@@ -99,7 +107,7 @@ class Served:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._loop.call_soon_threadsafe(self._stop.set)
+        self.loop.call_soon_threadsafe(self._stop.set)
         self._thread.join(PATIENCE_S)
         assert not self.failed, self.failed
 
@@ -108,17 +116,17 @@ class Served:
         return self.url.removeprefix("http://").partition("/")[0]
 
     def _run(self) -> None:
-        asyncio.set_event_loop(self._loop)
+        asyncio.set_event_loop(self.loop)
         self._stop = asyncio.Event()
         server = PageServer(self.source, self.operator, self.token, "127.0.0.1", 0)
         try:
-            self._loop.run_until_complete(server.run(self._stop, self._told))
+            self.loop.run_until_complete(server.run(self._stop, self._told))
         except Exception as error:
             self.failed = repr(error)
             raise
         finally:
             self._ready.set()
-            self._loop.close()
+            self.loop.close()
 
     def _told(self, url: str) -> None:
         self.url = url
@@ -131,6 +139,8 @@ class PagePen:
     def __init__(self, socket: ClientConnection, token: str, origin: str) -> None:
         self.socket, self.token, self.origin = socket, token, origin
         self.events: list[str] = []
+        self.tick: int | None = None  # of the newest frame that has come
+        self._waits = deque[dict[str, Any]]()  # words that have come, and nobody has heard yet
         self.hello = self.hear("hello")
         self.nonce = self.hello["nonce"]
         self.number = 0
@@ -138,11 +148,26 @@ class PagePen:
     def hear(self, kind: str, **wanted: object) -> dict[str, Any]:
         """The next word of that kind, with these values."""
         while True:
-            word: dict[str, Any] = json.loads(self.socket.recv(PATIENCE_S))
+            word = self._waits.popleft() if self._waits else self._take(PATIENCE_S)
             if word["kind"] == "event":
                 self.events.append(str(word.get("label")))
             if word["kind"] == kind and all(word.get(key) == wanted[key] for key in wanted):
                 return word
+
+    def look(self) -> int | None:
+        """Take all that has come; tick of the newest frame, or of the first one that comes."""
+        with suppress(TimeoutError):
+            while True:
+                self._waits.append(self._take(0.0))
+        while self.tick is None:
+            self._waits.append(self._take(PATIENCE_S))
+        return self.tick
+
+    def _take(self, timeout_s: float) -> dict[str, Any]:
+        word: dict[str, Any] = json.loads(self.socket.recv(timeout_s))
+        if word["kind"] == "frame":
+            self.tick = word["tick"]
+        return word
 
     def say(self, **word: object) -> None:
         self.socket.send(json.dumps(word))
@@ -158,7 +183,9 @@ class PagePen:
         return self.code(f"{self.nonce}\n{number}\n{text}")
 
     def send(self, **do: object) -> int:
-        """Say what is to be done; the number under which the answer comes."""
+        """Say what is to be done, as a page says it; the number under which the answer comes."""
+        if do["verb"] in LOOKS and "tick" not in do:
+            do["tick"] = self.look()
         self.number += 1
         text = json.dumps(do)
         self.say(kind="act", id=self.number, mac=self.mac(self.number, text), do=text)

@@ -1,175 +1,23 @@
-"""The live page's server with a robot that runs: what it shows, who moves it, who lets go."""
+"""The live page's server with a robot that runs: what it shows, and who moves it."""
 
 from __future__ import annotations
 
 import json
-import os
-import re
 import signal
-import subprocess
-import sys
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from support.command_bench import (
-    PATIENT,
-    QUIET,
-    Command,
-    controller,
-    emulator,
-    endpoint,
-    spread,
-    tell,
-    wait_for_mode,
-)
-from support.pages.view_bench import PagePen, page
+from support.command_bench import Command, endpoint, tell, wait_for_mode
+from support.pages.steered_arm import FAR, HOME, ROBOT, address, goes_to, hand, steer, tool
+from support.pages.view_bench import page
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-import hoap3
-from hoap3.protocol.link import zenoh_session as network
-from hoap3.protocol.messages import State
-from hoap3.tools.services.client import client_settings
-from hoap3.tools.services.connection import Connection
+from hoap3.protocol.errors import UsageError
 
 pytestmark = pytest.mark.slow
-
-ROBOT = "ur5"
-HOME = [-0.5, -0.15, 0.35]
-FAR = [-0.45, 0.25, 0.45]
-HOLDER = """
-import hashlib, hmac, json, sys, time
-from websockets.sync.client import connect
-host, token = sys.argv[1:]
-code = lambda text: hmac.new(token.encode(), text.encode(), hashlib.sha256).hexdigest()
-with connect(f"ws://{host}/socket", origin=f"http://{host}", max_size=None) as socket:
-    nonce, number = json.loads(socket.recv())["nonce"], 0
-    socket.send(json.dumps({"kind": "prove", "proof": code(f"{nonce}http://{host}")}))
-    def say(**do):
-        global number
-        number += 1
-        text = json.dumps(do)
-        mac = code(f"{nonce}\\n{number}\\n{text}")
-        word = {"kind": "act", "id": number, "mac": mac, "do": text}
-        socket.send(json.dumps(word))
-        while (told := json.loads(socket.recv())).get("id") != number or told["kind"] != "told":
-            pass
-        assert told["error"] is None, told
-    say(verb="acquire")
-    say(verb="target", name="hand", values=json.loads(sys.stdin.readline()))
-    while True:
-        number += 1
-        mac = code(f"{nonce}\\n{number}\\nbeat")
-        socket.send(json.dumps({"kind": "beat", "id": number, "mac": mac}))
-        print("steers", flush=True)
-        time.sleep(0.05)
-"""
-
-
-@pytest.fixture(scope="module")
-def at() -> str:
-    return endpoint()
-
-
-@pytest.fixture(scope="module")
-def viewed(at: str) -> Iterator[Command]:
-    """UR5 that follows `steered_ur5`, and the command that shows it."""
-    with (
-        emulator(ROBOT, *QUIET, *PATIENT, at=at),
-        controller("steered_ur5", *QUIET, at=at) as law,
-    ):
-        law.hear("following robot")
-        wait_for_mode("active", at, ROBOT)
-        with Command("view", ROBOT, "--connect", at, "--port", "0") as command:
-            yield command
-
-
-def address(command: Command) -> tuple[str, str]:
-    """Host and token that it has printed."""
-    for _ in range(3000):
-        found = re.search(r"http://(\S+)/#(\S+)", command.stdout)
-        if found:
-            return found[1], found[2]
-        assert not command.ended_within(0.02), command.stderr
-    raise AssertionError("it printed no address")
-
-
-@pytest.fixture(scope="module")
-def host(viewed: Command) -> str:
-    return address(viewed)[0]
-
-
-@pytest.fixture(scope="module")
-def token(viewed: Command) -> str:
-    return address(viewed)[1]
-
-
-@pytest.fixture
-def robot(at: str) -> Iterator[Connection]:
-    with hoap3.connect(ROBOT, at, every_tick=True) as connected:
-        yield connected
-
-
-def tool(q: np.ndarray) -> np.ndarray:
-    """Pose of the tool by plain Pinocchio, (4, 4)."""
-    robot = hoap3.load_robot(ROBOT)
-    model = pin.buildModelFromXML(robot.urdf)
-    data, ours = model.createData(), np.zeros(model.nq)
-    for name, angle in zip(robot.joint_names, q, strict=True):
-        ours[model.joints[model.getJointId(name)].idx_q] = angle
-    pin.framesForwardKinematics(model, data, ours)
-    base, hand = (data.oMf[model.getFrameId(link)] for link in (robot.base_frame, "tool0"))
-    return base.actInv(hand).homogeneous
-
-
-def hand(state: State) -> np.ndarray:
-    return tool(state.reference)[:3, 3]
-
-
-def steer(pen: PagePen) -> None:
-    """Prove the token, and become operator, as soon as nobody else is."""
-    assert pen.hello["writes"]
-    if not pen.prove():
-        raise AssertionError("the token is wrong")
-    for _ in range(200):
-        told = pen.act(verb="acquire")
-        if told["error"] is None:
-            return
-        pen.hear("frame")
-    raise AssertionError(told)
-
-
-def goes_to(robot: Connection, pen: PagePen, aim: list[float]) -> None:
-    """Drag the hand somewhere, again and again as a page does, until it is there.
-
-    On a busy machine a page may be silent for so long that it is held, or loses the lease.
-    """
-    for _ in range(1500):
-        if pen.act(verb="target", name="hand", values=aim)["error"] is not None:
-            steer(pen)
-        if np.linalg.norm(hand(robot.state()) - aim) < 1e-3:
-            return
-        pen.hear("frame")
-    raise AssertionError(f"it never came there: {pen.events}")
-
-
-@pytest.fixture
-def home(robot: Connection, host: str, token: str) -> None:
-    """The hand is at its place, nobody steers, and the robot follows."""
-    if robot.status()["mode"] == "stopped":
-        robot.recover()
-    for _ in range(3000):
-        if robot.status()["mode"] == "active":
-            break
-    with page(host, token) as pen:
-        steer(pen)
-        goes_to(robot, pen, HOME)
-        assert pen.act(verb="release")["error"] is None
 
 
 def test_a_frame_is_forward_kinematics_of_the_state_that_it_names(home, host, token, robot):
@@ -278,6 +126,26 @@ def test_stop_stops_and_recover_lets_it_move_again(home, host, token, at):
         assert pen.act(verb="recover")["error"]  # it is not stopped
 
 
+def test_after_a_stop_while_a_page_drags_others_may_steer(home, host, token, robot, at):
+    with page(host, token) as pen:
+        steer(pen)
+        assert pen.act(verb="target", name="hand", values=FAR)["error"] is None
+        assert pen.act(verb="stop")["error"] is None
+        wait_for_mode("stopped", at, ROBOT)
+        pen.act(verb="target", name="hand", values=HOME)  # it drags on
+        pen.hear("frame", operator="none")
+        for _ in range(300):
+            try:
+                robot.acquire(timeout_s=-1.0)
+            except UsageError:
+                pen.hear("frame")
+            else:
+                break
+        else:
+            pytest.fail("the page has gone, and its lease is kept")
+    robot.release()
+
+
 def test_who_does_not_know_the_token_moves_nothing(home, host, token, robot, at):
     """Foreign origin and host, no token, a wrong one, and one of another connection."""
     port = host.rpartition(":")[2]
@@ -343,127 +211,6 @@ def test_two_programs_do_not_steer_at_once(home, host, token, robot):
         robot.release()
         steer(pen)
         pen.act(verb="release")
-
-
-@contextmanager
-def dragging(host: str, token: str, aim: list[float]) -> Iterator[subprocess.Popen[str]]:
-    """A page in a process of its own, which drags and lives."""
-    words = [sys.executable, "-c", HOLDER, host, token]
-    with subprocess.Popen(
-        words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as process:
-        try:
-            assert process.stdin is not None
-            assert process.stdout is not None
-            print(json.dumps(aim), file=process.stdin, flush=True)
-            for _ in range(10):  # half a second: it moves
-                assert process.stdout.readline() == "steers\n"
-            yield process
-        finally:
-            process.kill()
-
-
-def until_rest(robot: Connection, since: State) -> tuple[float, np.ndarray]:
-    """When the reference's speed last exceeded 2 mm/s [s since then], and where the hand is."""
-    last, before = since.tick, since
-    for state in robot.states():
-        fast = np.linalg.norm(hand(state) - hand(before)) / (state.tick - before.tick) > 2e-6
-        last, before = (state.tick if fast else last), state
-        if state.tick > max(last, since.tick + 200) + 300:
-            return (last - since.tick) * 1e-3, hand(state)
-    raise AssertionError
-
-
-@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
-def test_a_page_that_freezes_or_is_killed_while_it_drags_lets_go(number, home, host, token, robot):
-    with dragging(host, token, FAR) as process:
-        os.kill(process.pid, number)
-        since = robot.state()
-        took, place = until_rest(robot, since)
-        print(f"{number.name}: at rest after {took:.3f} s")
-        assert np.linalg.norm(place - FAR) > 0.05  # it did not go on to where it was dragged
-        with page(host, token) as pen:
-            assert pen.prove()
-            for _ in range(300):  # the next one may steer within the lease
-                if pen.act(verb="acquire")["error"] is None:
-                    break
-                pen.hear("frame")
-            else:
-                pytest.fail("nobody else may steer")
-            free = robot.state().tick - since.tick
-            print(f"the next page steers after {free} ticks")
-            pen.act(verb="release")
-
-
-class Targets:
-    """When targets are sent, by anybody [s]."""
-
-    def __init__(self, at: str) -> None:
-        self._session = network.open_session(client_settings(at))
-        self.times: list[float] = []
-        self._heard = self._session.declare_subscriber(
-            network.key(ROBOT, "targets/*"), lambda _: self.times.append(time.monotonic())
-        )
-
-    def __enter__(self) -> Targets:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._session.close()
-
-    def first_since(self, begin: float) -> float:
-        """How long after a time the first came."""
-        for _ in range(3000):
-            found = [each for each in self.times if each > begin]
-            if found:
-                return found[0] - begin
-            time.sleep(1e-3)
-        raise AssertionError("nothing was sent")
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL, signal.SIGTERM])
-def test_twenty_pages_that_freeze_or_go_are_held_in_time(number, host, token, robot, at):
-    """A hold within 200 ms, and the next page steers within the lease of 2 s and what it takes."""
-    held, free = [], []
-    aims = [HOME, FAR]
-    with Targets(at) as targets:
-        for turn in range(20):
-            with page(host, token) as pen:
-                steer(pen)
-                goes_to(robot, pen, aims[turn % 2])
-                pen.act(verb="release")
-            drag = time.monotonic()
-            with dragging(host, token, aims[1 - turn % 2]) as process:
-                begin = time.monotonic()
-                if sum(drag < each < begin for each in targets.times) > 1:
-                    continue  # the machine was so busy that it was held before
-                os.kill(process.pid, number)
-                held.append(targets.first_since(begin))
-                since = robot.state().tick
-                with page(host, token) as pen:
-                    assert pen.prove()
-                    while pen.act(verb="acquire")["error"] is not None:
-                        pen.hear("frame")
-                    free.append((robot.state().tick - since) * 1e-3)
-                    pen.act(verb="release")
-    print(f"{number.name}: held after {spread(held, 's')}; free after {spread(free, 's')}")
-    assert len(held) >= 15
-    assert np.median(held) < 0.2
-    assert max(free) < 4.0
-
-
-def test_a_page_that_is_closed_while_it_drags_lets_go(home, host, token, robot):
-    with page(host, token) as pen:
-        steer(pen)
-        pen.act(verb="target", name="hand", values=FAR)
-        for _ in range(15):  # half a second: it moves
-            pen.beat()
-            pen.hear("frame")
-        since = robot.state()
-    took, place = until_rest(robot, since)
-    print(f"closed: at rest after {took:.3f} s")
-    assert np.linalg.norm(place - FAR) > 0.05
 
 
 def test_without_steering_pages_only_look(viewed, at):

@@ -188,6 +188,38 @@ def test_who_steers_goes_on_when_the_robot_follows_again(
     assert len(network.sent) == 1
 
 
+class ReleasedBefore:
+    """A lock that somebody else, who releases, has had just before its first holder gets it."""
+
+    def __init__(self, robot: Connection) -> None:
+        self._robot, self._lock, self._first = robot, robot._steering, True
+
+    def __enter__(self) -> None:
+        if self._first:
+            self._first = False
+            self._robot.release()
+        self._lock.acquire()
+
+    def __exit__(self, *_: object) -> None:
+        self._lock.release()
+
+
+@pytest.mark.parametrize(
+    "use", [lambda robot: robot.send_target([0.0, 0.0, 0.0]), lambda robot: robot.counts()]
+)
+def test_nothing_steers_again_after_a_release_that_comes_in_between(
+    use: Any, robot: Connection, network: Network
+) -> None:
+    network.following = False
+    robot.acquire(timeout_s=-1.0)
+    plain, robot._steering = robot._steering, ReleasedBefore(robot)
+    with pytest.raises(UsageError):
+        use(robot)
+    robot._steering = plain
+    assert network.verbs()[-1] == "release"
+    assert not network.sent
+
+
 ROUND: dict[str, Any] = {}
 ROUND["gamma"] = ROUND
 

@@ -141,3 +141,28 @@ def test_sliders_have_the_bounds_that_the_controller_tells():
     assert [each["key"] for each in sliders(words, [])] == ["few", "none"]
     assert sliders(None, None) == sliders("x", 3) == []
     assert sliders(now, None)[0]["lower"] is None
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf])
+@pytest.mark.parametrize("array", ["q", "base"])
+def test_a_state_that_does_not_say_where_it_is_does_not_fit(array, wrong):
+    robot = ROBOT.model_copy(update={"state_arrays": {"base": 13}})
+    frames, state = Frames(robot, looks_of(robot)), State.allocate(**robot.state_lengths)
+    state.base[6] = 1.0
+    assert frames.fits(state)
+    getattr(state, array)[2] = wrong
+    assert not frames.fits(state)
+
+
+@pytest.mark.parametrize("array", ["contact", "dq"])
+def test_of_a_state_that_says_where_it_is_the_rest_may_be_unknown(array):
+    robot = ROBOT.model_copy(update={"state_arrays": {"base": 13, "contact": 12}})
+    frames, state = Frames(robot, looks_of(robot)), State.allocate(**robot.state_lengths)
+    state.base[6], state.contact[2] = 1.0, 30.0
+    assert frames.frame(state, None)["zmp"] is not None
+    getattr(state, array)[3] = math.nan
+    assert frames.fits(state)
+    found = frames.frame(state, None)
+    assert json.loads(json.dumps(found, allow_nan=False)) == found
+    assert (found["zmp"] is None) == (array == "contact")
+    assert (found["values"]["fastest"] is None) == (array == "dq")

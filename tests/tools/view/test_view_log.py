@@ -327,3 +327,24 @@ def test_an_overview_can_be_ended_early(log):
     overview.start()
     overview.close()
     assert overview.as_json()["to_s"] > 0
+
+
+def test_a_moment_of_a_log_that_is_no_number_is_not_shown_and_all_others_are(tmp_path):
+    records, state = run(300), State.allocate(**ROBOT.state_lengths)
+    for place, record in enumerate(records):
+        if record.kind == Kind.STATE:
+            state.load(record.payload)
+            if state.tick in {100, 101}:
+                state.q[1] = np.nan
+                records[place] = Record(Kind.STATE, record.stamp, state.dump())
+    path = tmp_path / "robot.mcap"
+    write(path, records, attachments={"description.json": ROBOT.to_json()})
+    shown = LogSource([path])
+    try:
+        ticks = {}
+        for tick in (99, 100, 101, 102):
+            found = shown.first.frame((tick - ACTIVE) * 1e-3 + 1e-4)
+            ticks[tick] = found and found["tick"]
+    finally:
+        shown.close()
+    assert ticks == {99: 99, 100: None, 101: None, 102: 102}

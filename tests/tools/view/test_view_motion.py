@@ -234,3 +234,33 @@ def test_a_hold_goes_no_further_than_what_was_asked_for(frames, state):
     poses, (hand, *_) = Poses(UR5), frames.targets
     here = place(state)[:3].tolist()
     assert np.allclose(rest_of(hand, state, poses, here), here, atol=1e-12)
+
+
+def test_other_targets_of_the_controller_end_what_was_driven(frames, state):
+    """The same name, but a pose now: rates of before do not fit it."""
+    present = [frames]
+    motion = Motion(lambda: present[0], lambda: state)
+    motion.begin(100.0)
+    motion.drive("hand", [0.1, 0.0, 0.0], 100.0)
+    assert motion.step(100.02).keys() == {"hand"}
+    task = {
+        "task": "frame_pose",
+        "parameters": {"frame": "tool0", "target": {"kind": "live", "name": "hand"}},
+    }
+    hand = {**TOOL, "name": "hand"}
+    present[0] = Frames(
+        UR5, Looks({}), {"config": {"parameters": {"tasks": [task]}}, "targets": [hand]}
+    )
+    assert motion.step(100.04) == {}
+    assert not motion.moves
+    motion.drive("hand", [0.0, 0.0, 0.0, 0.0, 0.0, 0.1], 100.05)
+    assert len(motion.step(100.06)["hand"]) == 7
+
+
+@pytest.mark.parametrize("array", ["q", "reference", "reference_rate"])
+def test_a_state_that_is_no_number_moves_nothing(motion, state, array):
+    motion.drive("hand", [0.1, 0.0, 0.0], 100.0)
+    getattr(state, array)[2] = np.nan
+    assert motion.step(100.02) == {}
+    motion.hold()
+    assert motion.step(100.04) == {}

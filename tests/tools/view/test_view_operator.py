@@ -42,6 +42,7 @@ class NotingRobot:
         self.sent: list[list[float]] = []
         self.done: list[str] = []
         self.lost = ""
+        self.recovers = False
         self.news = threading.Condition()
         self.patient, self.let = threading.Event(), threading.Event()
         self.let.set()
@@ -75,7 +76,9 @@ class NotingRobot:
         return {}
 
     def recover(self) -> dict[str, Any]:
-        return {"recovered": False, "mode": "active"}
+        self.patient.set()
+        assert self.let.wait(PATIENCE_S)
+        return {"recovered": self.recovers, "mode": "active"}
 
     def change(self, what: dict[str, Any], **more: Any) -> dict[str, Any]:
         self.patient.set()
@@ -100,8 +103,9 @@ class Stage:
         state = State.allocate(**UR5.state_lengths)
         state.q[:] = state.reference[:] = UR5.initial_position
         self.robot, self.told = NotingRobot(), list[dict[str, Any]]()
-        source: Any = SimpleNamespace(
+        self.source: Any = SimpleNamespace(
             frames=Frames(UR5, Looks({}), about),
+            stop=self.robot.stop,
             newest=lambda: SimpleNamespace(state=state),
             operator=None,
             robot="ur5",
@@ -110,8 +114,13 @@ class Stage:
             take_now=lambda _: None,
             changeable=list,
         )
-        robot: Any = self.robot
-        self.operator = Operator(source, self.told.append, lambda *_: robot)
+        self.opened = 0
+
+        def connect(*_: object) -> Any:
+            self.opened += 1
+            return self.robot
+
+        self.operator = Operator(self.source, self.told.append, connect)
 
     async def until(self, true: Callable[[], bool]) -> None:
         """Wait for news of the robot until something is so."""
@@ -280,3 +289,99 @@ def test_its_end_holds_what_moves(play):
     stage = play(story)
     assert len(stage.robot.sent) == 2
     assert stage.robot.done[-1] == "close"
+
+
+def test_a_stop_needs_no_second_session_and_waits_for_no_recovery(play):
+    async def story(stage: Stage) -> None:
+        stage.robot.let.clear()
+        recovery = asyncio.create_task(stage.operator.act("page", {"verb": "recover"}))
+        await asyncio.to_thread(stage.robot.patient.wait, PATIENCE_S)
+        opened = stage.opened
+        await stage.operator.act("page", {"verb": "stop"})
+        assert stage.opened == opened
+        assert stage.robot.done == ["stop"]
+        stage.robot.recovers = True
+        stage.robot.let.set()
+        assert await recovery == {}
+
+    async def first(stage: Stage) -> None:
+        await stage.operator.act("page", {"verb": "stop"})
+        assert stage.robot.done == ["stop"]
+        assert not stage.opened
+
+    play(story)
+    play(first)
+
+
+def test_a_stop_is_asked_for_also_where_its_page_goes_before(play):
+    async def story(stage: Stage) -> None:
+        busy, let = threading.Event(), threading.Event()
+
+        def slow() -> dict[str, Any]:
+            busy.set()
+            assert let.wait(PATIENCE_S)
+            return stage.robot.stop()
+
+        stage.source.stop = slow
+        first = asyncio.create_task(stage.operator.act("other", {"verb": "stop"}))
+        await asyncio.to_thread(busy.wait, PATIENCE_S)
+        second = asyncio.create_task(stage.operator.act("page", {"verb": "stop"}))
+        await asyncio.sleep(0)  # it has been asked for, and waits for the first
+        second.cancel()
+        await asyncio.gather(second, return_exceptions=True)
+        let.set()
+        await first
+
+    stage = play(story)
+    assert [each for each in stage.robot.done if each == "stop"] == ["stop", "stop"]
+
+
+def test_who_loses_the_robot_while_it_drags_gives_the_lease_back(play):
+    """As after a stop: targets are refused, because the robot follows nobody."""
+
+    async def story(stage: Stage) -> None:
+        await stage.operator.act("page", {"verb": "acquire"})
+        await stage.operator.act("page", {"verb": "stop"})
+        stage.robot.lost = "it does not follow its controller now"
+        stage.operator.move("page", drag(AIM))
+        await stage.until(lambda: "release" in stage.robot.done)
+        assert stage.operator.says("page") == "none"
+        await stage.operator.act("next", {"verb": "acquire"})
+
+    stage = play(story)
+    assert "does not follow" in stage.told[-1]["label"]
+
+
+def test_whatever_fails_while_it_steers_ends_the_steering_alone(play, monkeypatch):
+    async def story(stage: Stage) -> None:
+        await stage.operator.act("page", {"verb": "acquire"})
+
+        def fails(*_: object) -> None:
+            raise ValueError("zip() argument 2 is shorter than argument 1")
+
+        with monkeypatch.context() as broken:
+            broken.setattr(stage.operator._motion, "step", fails)
+            await stage.until(lambda: "release" in stage.robot.done)
+        assert stage.operator.says("page") == "none"
+        await stage.operator.act("page", {"verb": "acquire"})
+        stage.operator.move("page", drag(AIM))
+        await stage.until(lambda: AIM in stage.robot.sent)
+
+    stage = play(story)
+    assert "shorter" in stage.told[0]["label"]
+
+
+def test_a_controller_with_other_targets_while_a_page_drives_ends_nothing(play):
+    async def story(stage: Stage) -> None:
+        await stage.operator.act("page", {"verb": "acquire"})
+        stage.operator.move("page", {"verb": "velocity", "name": "hand", "values": [0.1, 0, 0]})
+        await stage.until(lambda: "target" in stage.robot.done)
+        stage.operator.move("page", {"verb": "velocity", "name": "hand", "values": [0.1, 0, 0]})
+        stage.source.frames = Frames(UR5, Looks({}), {})
+        for _ in range(3):
+            await asyncio.sleep(operator.TICK_S)
+        with pytest.raises(UsageError):
+            stage.operator.move("page", drag(AIM))
+        assert stage.operator.says("page") == "me"
+
+    assert not play(story).told

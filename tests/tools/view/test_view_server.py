@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import http.client
 import json
+import math
 import socket
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -16,6 +18,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from hoap3.protocol.errors import PortInUseError
+from hoap3.tools.view import page as page_module
 from hoap3.tools.view import server as server_module
 from hoap3.tools.view.access import new_token
 from hoap3.tools.view.server import PageServer
@@ -293,3 +296,148 @@ def test_a_port_that_is_taken_is_said_to_be():
 
         with pytest.raises(PortInUseError, match="--port"):
             asyncio.run(serve())
+
+
+def test_a_number_that_json_does_not_have_is_null_and_the_server_goes_on(served):
+    with page(served.host, served.token) as pen:
+        served.source.extra = {"com": [0.0, math.nan, -math.inf], "values": {"v": math.inf}}
+        while "com" not in (frame := pen.hear("frame")):
+            pass
+        assert frame["com"] == [0.0, None, None]
+        assert frame["values"] == {"v": None}
+        assert pen.prove()
+        assert pen.act(verb="stop")["error"] is None
+
+
+@pytest.mark.parametrize("part", ["frame", "events", "changeable", "hello"])
+def test_whatever_fails_to_be_shown_is_told_once_and_stop_works(served, part, monkeypatch):
+    def fails() -> None:
+        raise ValueError("a source that is broken")
+
+    with page(served.host, served.token) as pen:
+        monkeypatch.setattr(served.source, part, fails)
+        served.source.version += 1
+        assert "broken" in pen.hear("event")["label"]
+        assert pen.prove()
+        assert pen.act(verb="stop")["error"] is None
+        monkeypatch.undo()
+        if part == "hello":
+            assert pen.hear("hello")["robot"] == "still"
+        pen.hear("frame")
+        tick = served.source.tick
+        while pen.hear("frame")["tick"] < tick + 5:
+            pass
+        assert not [label for label in pen.events[1:] if "broken" in label]
+
+
+class BrokenPlayer:
+    """A place in a log that cannot be read."""
+
+    def frame(self) -> None:
+        raise KeyError("no such chunk")
+
+
+def test_a_place_of_a_log_that_cannot_be_read_ends_nothing(served, monkeypatch):
+    monkeypatch.setattr(served.source, "player", BrokenPlayer)
+    with page(served.host) as broken:
+        assert "no such chunk" in broken.hear("event")["label"]
+    monkeypatch.undo()
+    with page(served.host) as seen:
+        assert seen.hear("frame")
+
+
+def test_whatever_fails_when_it_is_done_is_answered(served, monkeypatch):
+    async def fails(*_: object) -> None:
+        raise ValueError("an operator that is broken")
+
+    def breaks(*_: object) -> None:
+        raise KeyError("no such name")
+
+    with page(served.host, served.token) as pen:
+        assert pen.prove()
+        with monkeypatch.context() as broken:
+            broken.setattr(served.operator, "act", fails)
+            assert "broken" in pen.act(verb="acquire")["error"]
+            broken.setattr(served.operator, "move", breaks)
+            assert "no such name" in pen.act(verb="target")["error"]
+        assert pen.act(verb="stop")["error"] is None
+
+
+@pytest.mark.parametrize("verb", ["recover", "change", "acquire"])
+def test_what_was_asked_of_an_old_picture_is_refused(served, verb, monkeypatch):
+    monkeypatch.setattr(page_module, "OLD_S", 60.0)
+    with page(served.host, served.token) as pen:
+        assert pen.prove()
+        old = pen.look()
+        assert pen.act(verb=verb)["error"] is None
+        while pen.hear("frame")["tick"] == old:
+            pass
+        assert pen.act(verb=verb, tick=old)["error"] is None
+        monkeypatch.setattr(page_module, "OLD_S", 0.0)  # so long ago was it replaced at least
+        for tick in (old, None, -1, "1", [1], 1e99):
+            assert pen.act(verb=verb, tick=tick)["error"]
+        assert pen.act(verb="stop", tick=old)["error"] is None
+        monkeypatch.setattr(page_module, "OLD_S", 60.0)
+        assert pen.act(verb=verb)["error"] is None
+
+
+def test_the_newest_picture_is_not_old_however_long_nothing_comes(served, monkeypatch):
+    monkeypatch.setattr(page_module, "OLD_S", 0.0)
+    monkeypatch.setattr(served.source, "frame", lambda: None)
+    with page(served.host, served.token) as silent:
+        assert silent.prove()
+        assert silent.act(verb="acquire", tick=None)["error"] is None
+        assert silent.act(verb="acquire", tick=3)["error"]
+        sent = iter([{"kind": "frame", "tick": 7}])
+        monkeypatch.setattr(served.source, "frame", lambda: next(sent, None))
+        silent.hear("frame")
+        assert silent.act(verb="acquire", tick=7)["error"] is None
+        assert silent.act(verb="acquire", tick=None)["error"]
+
+
+def test_stops_wait_for_nothing_else_that_a_page_asked_for(served, monkeypatch):
+    """Also not for as many things as may be asked for at once, and not for the page to stay."""
+    let, loop = threading.Event(), served.loop
+    plain = served.operator.act
+
+    async def slow(page: object, do: dict[str, object]) -> dict[str, object]:
+        await loop.run_in_executor(None, let.wait, 60)
+        return await plain(page, do)
+
+    with page(served.host, served.token) as pen:
+        assert pen.prove()
+        monkeypatch.setattr(served.operator, "act", slow)
+        for _ in range(page_module.MOST_AT_ONCE):
+            pen.send(verb="recover")
+        assert "not done yet" in pen.act(verb="recover")["error"]
+        pen.send(verb="stop")
+        assert pen.act(verb="dance")["error"]  # so the stop was heard
+    assert served.operator.gone.wait(30)
+    let.set()
+    deadline = time.monotonic() + 30
+    while not served.operator.done and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert served.operator.done == [{"verb": "stop"}]
+
+
+def test_a_greeting_is_made_once_however_many_ask(served):
+    for _ in range(5):
+        with page(served.host, served.token) as pen:
+            assert pen.hello["robot"] == "still"
+            assert len(pen.hello["nonce"]) == 32
+    assert served.source.greeted == 1
+    served.source.version += 1
+    served.source.greeting = {"robot": "other"}
+    with page(served.host) as pen:
+        assert pen.hello["robot"] == "other"
+    assert served.source.greeted == 2
+
+
+def test_who_opens_pages_all_the_time_is_refused(served, monkeypatch):
+    monkeypatch.setattr(server_module, "NEW_A_SECOND", 1)
+    with pytest.raises(InvalidStatus, match="429"):
+        open_pages(served.host, 12)
+    while True:
+        with suppress(InvalidStatus), page(served.host) as pen:
+            assert pen.hear("frame")
+            return

@@ -45,7 +45,7 @@ class Contacts:
         """
         wrenches = [(link, state.contact[6 * i : 6 * i + 6]) for i, link in enumerate(self._felt)]
         standing, zmp = self._standing, None
-        if wrenches:
+        if wrenches and np.isfinite(state.contact).all():
             bearing = [(link, _in_world(w, poses.placement(link))) for link, w in wrenches]
             zmp = _zmp([each for link, each in bearing if link in self._soles])
             up = {link: float(each[1][2]) for link, each in bearing if link in self._soles}

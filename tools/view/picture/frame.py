@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 
 from hoap3.protocol.description import COM, RobotDescription
-from hoap3.protocol.messages import Setpoint, State
+from hoap3.protocol.messages import FloatArray, Setpoint, State
 from hoap3.tools.view.picture.config_scene import ConfigScene
 from hoap3.tools.view.picture.contacts import Contacts
 from hoap3.tools.view.picture.geometry import Looks
@@ -125,9 +125,11 @@ class Frames:
         return found
 
     def fits(self, state: State) -> bool:
-        """Whether a State is of this robot, by the lengths of its arrays."""
+        """Whether a State is of this robot, by the lengths of its arrays, and says where it is."""
         expected = self.description.state_lengths
-        return all(length == expected.get(name, 0) for name, length in state.lengths.items())
+        if any(length != expected.get(name, 0) for name, length in state.lengths.items()):
+            return False
+        return finite(state.q, state.base)
 
     def frame(self, state: State, setpoint: Setpoint | None) -> dict[str, Any]:
         """One frame; `setpoint` answers the State, None where nobody knows."""
@@ -191,6 +193,11 @@ class Frames:
         sides = {"controller": self._about.get("config"), "robot": self._emulator}
         told = {side: config for side, config in sides.items() if config}
         return yaml.safe_dump(told, sort_keys=False, allow_unicode=True) if told else ""
+
+
+def finite(*arrays: FloatArray) -> bool:
+    """Whether all of them are numbers that can be drawn."""
+    return all(bool(np.isfinite(each).all()) for each in arrays)
 
 
 def rounded(poses: list[list[float]]) -> list[list[float]]:

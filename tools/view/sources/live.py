@@ -16,13 +16,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from hoap3.protocol.errors import LinkError, WireError
+from hoap3.protocol.errors import Hoap3Error, WireError
 from hoap3.protocol.messages import WIRE_VERSION, Event, Setpoint, State
 from hoap3.robot_emulator.robots import available
 from hoap3.tools.services.client import check_name, client_settings
 from hoap3.tools.show.event_words import event_name, in_words, is_routine
 from hoap3.tools.view.picture.changeable import sliders
-from hoap3.tools.view.picture.frame import Frames
+from hoap3.tools.view.picture.frame import Frames, finite
 from hoap3.tools.view.picture.geometry import looks_of
 from hoap3.tools.view.picture.verdicts import LiveVerdicts
 from hoap3.tools.view.sources.questions import Answer, Questions
@@ -109,12 +109,13 @@ class Live:
         self._tasks: Answer = {}
         self._now: Answer | None = None
         self._closing, self._wanted = threading.Event(), threading.Event()
-        self.watched, self.version = False, 0
+        self._notes, self._noted = deque[str](), set[str]()
+        self.watched, self.version = False, 1
         self._session = network.open_session(client_settings(endpoint))
         who = f"view-{os.getpid()}-{secrets.token_hex(3)}"
         self._ask = Questions(self._session, robot, who, endpoint)
         try:
-            self._met = self._meet()
+            self._met, self._now = self._meet()
             self._subscribers = self._declare()
         except BaseException:
             self._session.close()
@@ -136,6 +137,11 @@ class Live:
         return self._met.frames
 
     @property
+    def edition(self) -> object:
+        """What `hello` is made of."""
+        return self.version, self._now
+
+    @property
     def meshes(self) -> Mapping[str, bytes]:
         """Its meshes, by digest."""
         return self._met.frames.looks.meshes
@@ -155,6 +161,10 @@ class Live:
 
     def player(self) -> None:
         """None: what runs has no other time than now."""
+
+    def stop(self) -> Answer:
+        """Have the robot brake, through the session that is open already; see `Questions.stop`."""
+        return self._ask.stop()
 
     def look_again(self) -> None:
         """Ask at once how they are."""
@@ -193,8 +203,10 @@ class Live:
         met, newest = self._met, self.newest()
         if newest is None or newest.place == self._last:
             return None
-        if not met.frames.fits(newest.state):
-            return None  # of a robot that is new, which is asked what it is
+        if not met.frames.fits(newest.state):  # of a robot that is new: it is asked what it is
+            if not finite(newest.state.q, newest.state.base):
+                self._note("the robot says of a joint or its base what is no number: not shown")
+            return None
         self._last = newest.place
         met.verdicts.look(newest.state, newest.setpoint)
         found = met.frames.frame(newest.state, newest.setpoint)
@@ -212,6 +224,9 @@ class Live:
     def events(self) -> list[dict[str, Any]]:
         """What happened since the last call."""
         found, event = [], Event()
+        while self._notes:
+            label = self._notes.popleft()
+            found.append({"kind": "event", "at_s": None, "label": label, "severity": "warning"})
         while self._heard:
             with suppress(WireError):  # anybody may publish there
                 event.load(self._heard.popleft())
@@ -228,19 +243,18 @@ class Live:
             self._skipped = 0
         return found
 
-    def _meet(self) -> Met:
-        """Ask a robot and its controller what they are.
+    def _meet(self) -> tuple[Met, Answer | None]:
+        """Ask a robot and its controller what they are, and what can be changed.
 
         Raises:
             LinkError, WireError: the robot does not answer, or with nonsense.
         """
         description = self._ask.description()
         emulator, about = self._ask.config(), self._ask.control("about") or {}
-        self._now = self._ask.control("show")
+        now = self._ask.control("show")
         looks = looks_of(description, self._folder or _known(emulator))
         frames = Frames(description, looks, about, emulator)
-        self.version += 1
-        return Met(frames, LiveVerdicts(description, about.get("margin_tolerance")), about)
+        return Met(frames, LiveVerdicts(description, about.get("margin_tolerance")), about), now
 
     def _declare(self) -> list[Any]:
         sampled, declare = self._network.sampled_key, self._session.declare_subscriber
@@ -284,7 +298,7 @@ class Live:
 
     def _ask_again(self) -> None:
         """In a thread of its own: how the robot and its controller are."""
-        before: tuple[Any, ...] | None = None
+        known: tuple[Any, ...] | None = None  # who was met, as far as that has succeeded
         while not self._closing.is_set():
             self._wanted.wait(ASK_S)
             self._wanted.clear()
@@ -297,10 +311,27 @@ class Live:
             self._tasks = self._ask.control("tasks") or {}
             this = status["holder"], status["session_id"]
             untold = status["holder"] is not None and not self._met.about
-            if (before is not None and this != before) or (untold and self._ask.control("about")):
-                with suppress(LinkError, WireError):
-                    self._met = self._meet()
-            before = this
+            known = known or this
+            if (this != known or (untold and self._ask.control("about"))) and self._meet_again():
+                known = this
+
+    def _meet_again(self) -> bool:
+        """Learn anew what the robot and its controller are; whether that could be learnt."""
+        try:
+            met = self._meet()
+        except Hoap3Error as error:
+            self._note(f"what the robot is now could not be learnt, and is asked again: {error}")
+            return False
+        self._met, self._now = met
+        self._noted.clear()
+        self.version += 1
+        return True
+
+    def _note(self, label: str) -> None:
+        """Tell pages something, once, until the robot is met anew."""
+        if label not in self._noted and len(self._noted) < EVENTS:
+            self._noted.add(label)
+            self._notes.append(label)
 
 
 def told(event: Event, frames: Frames) -> dict[str, Any]:

@@ -129,6 +129,11 @@ class LogSource:
         self.overview.close()
 
     @property
+    def edition(self) -> int:
+        """What `hello` is made of: how much was found so far."""
+        return self.overview.version
+
+    @property
     def meshes(self) -> Mapping[str, bytes]:
         """By digest."""
         return self.first.frames.looks.meshes

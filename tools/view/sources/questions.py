@@ -68,6 +68,19 @@ class Questions:
         except WireError:
             return None
 
+    def stop(self) -> Answer:
+        """Have the robot brake and stay at rest.
+
+        Raises:
+            LinkError: nobody answers.
+            WireError: the answer makes no sense.
+        """
+        raw = self._ask("stop")
+        if raw is None:
+            raise LinkError(f"robot {self._robot!r} at {self._endpoint} does not answer 'stop'")
+        who = f"robot {self._robot!r} answers 'stop'"
+        return parse_answer(ROBOT_ANSWERS["stop"], raw, who).model_dump()
+
     def config(self) -> Answer | None:
         """The robot's configuration; None where it does not tell."""
         raw = self._ask("config") or b""

@@ -4,6 +4,7 @@ import { hmac } from "./hmac.js";
 
 const BEAT_MS = 50;
 const AGAIN_MS = 1000;
+const LOOKS = new Set(["recover", "change", "acquire"]); // say which picture they were asked at
 
 /**
  * Sends events "open", "closed", and one for each kind of message of the server ("hello", "frame",
@@ -44,7 +45,10 @@ export class Connection extends EventTarget {
   }
 
   #take(message) {
-    if (message.kind === "hello") {
+    if (message.kind === "frame") {
+      this.tick = message.tick;
+    } else if (message.kind === "hello") {
+      this.tick = null;
       this.#meet(message);
     } else if (message.kind === "proved") {
       this.proved = message.ok;
@@ -88,7 +92,7 @@ export class Connection extends EventTarget {
    */
   act(what, answer) {
     if (!this.proved) return;
-    const text = JSON.stringify(what);
+    const text = JSON.stringify(LOOKS.has(what.verb) ? { ...what, tick: this.tick } : what);
     const id = this.#signed("act", text, { do: text });
     if (answer) this.questions.set(id, answer);
   }

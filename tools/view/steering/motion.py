@@ -14,7 +14,7 @@ import numpy as np
 from hoap3.protocol.errors import UsageError
 from hoap3.protocol.messages import State
 from hoap3.tools.view.picture.config_scene import Steered
-from hoap3.tools.view.picture.frame import Frames
+from hoap3.tools.view.picture.frame import Frames, finite
 from hoap3.tools.view.picture.kinematics import Poses
 from hoap3.tools.view.picture.targets import present
 from hoap3.tools.view.steering.hold import (
@@ -34,6 +34,9 @@ LEAD_S = 0.5  # by how much a target that is driven may be ahead of the robot, a
 class Motion:
     """Targets that one page moves.
 
+    What is known of the robot may become something else, such as other targets of a controller that
+    begins anew. Whatever the page moved before then counts no longer.
+
     Args:
         frames: gives what is known of the robot.
         state: gives its newest State, or None.
@@ -43,8 +46,9 @@ class Motion:
     """
 
     def __init__(self, frames: Callable[[], Frames], state: Callable[[], State | None]) -> None:
-        self._frames, self._state = frames, state
-        self._poses: tuple[Frames, Poses] | None = None
+        self._told, self._state = frames, state
+        self._frames = frames()
+        self._poses = Poses(self._frames.description)  # the frames' own show another State
         self._due: dict[str, list[float]] = {}
         self._moved: set[str] = set()  # since the last hold
         self._driven: dict[str, tuple[list[float], float]] = {}  # rates, and until when
@@ -63,6 +67,9 @@ class Motion:
 
     def begin(self, now_s: float) -> None:
         """A page steers from now on."""
+        frames = self._told()
+        if frames is not self._frames:
+            self._frames, self._poses = frames, Poses(frames.description)
         self._due.clear()
         self._moved.clear()
         self._driven.clear()
@@ -109,26 +116,28 @@ class Motion:
 
     def hold(self) -> None:
         """Have all that moves come to rest."""
+        self._meet()
         names = self._moved | self._driven.keys()
         self._moved.clear()
         self._driven.clear()
         self._due = {name: each for name, each in self._due.items() if name not in names}
         state = self._fitting()
-        for target in self._frames().targets:
+        for target in self._frames.targets:
             if target.name in names and state is not None:
-                rest = rest_of(target, state, self._own_poses(), self.asked.get(target.name))
+                rest = rest_of(target, state, self._poses, self.asked.get(target.name))
                 if rest is not None:
                     self._send(target.name, rest)
 
     def step(self, now_s: float) -> dict[str, list[float]]:
         """What is to be sent now, by target; holds first where the page has fallen silent."""
+        self._meet()
         over = any(until < now_s for _, until in self._driven.values())
         if self.moves and (over or now_s - self._heard > SILENT_S):
             self.hold()
         dt, self._stepped = max(now_s - self._stepped, 0.0), now_s
         state = self._fitting() if self._driven else None
         if state is not None:
-            self._poses_at(state)
+            self._poses.update(state.reference, state.base)
             for name, (rates, _) in self._driven.items():
                 self._advance(self._target(name), rates, min(dt, DRIVE_S), state)
         due, self._due = self._due, {}
@@ -136,7 +145,7 @@ class Motion:
 
     def _advance(self, target: Steered, rates: Sequence[float], dt: float, state: State) -> None:
         """Move a target on by its rates, from where it was asked to be, or from where it is."""
-        here = present(target, self._own_poses(), state.reference)
+        here = present(target, self._poses, state.reference)
         if here is None:
             return
         start = self.asked.get(target.name, here)
@@ -165,8 +174,14 @@ class Motion:
     def _send(self, name: str, values: list[float]) -> None:
         self._due[name] = self.asked[name] = values
 
+    def _meet(self) -> None:
+        """Begin anew where the robot or its controller is another one than before."""
+        if self._told() is not self._frames:
+            self.begin(self._heard)
+
     def _target(self, name: object) -> Steered:
-        targets = self._frames().targets
+        self._meet()
+        targets = self._frames.targets
         for target in targets:
             if target.name == name:
                 return target
@@ -174,19 +189,12 @@ class Motion:
         raise UsageError(f"no live target is called {name!r:.60}; there are {known}")
 
     def _fitting(self) -> State | None:
-        """The newest State, if it is of the robot that is known."""
+        """The newest State, if it is of the robot that is known, and says how that moves."""
         state = self._state()
-        return state if state is not None and self._frames().fits(state) else None
-
-    def _own_poses(self) -> Poses:
-        """Kinematics of our own: those of the frames show another State."""
-        frames = self._frames()
-        if self._poses is None or self._poses[0] is not frames:
-            self._poses = frames, Poses(frames.description)
-        return self._poses[1]
-
-    def _poses_at(self, state: State) -> None:
-        self._own_poses().update(state.reference, state.base)
+        if state is None or not self._frames.fits(state):
+            return None
+        rate = state.reference_rate if state.reference_rate.size else state.dq
+        return state if finite(state.reference, rate) else None
 
 
 def _numbers(given: object, count: int, what: str) -> list[float]:

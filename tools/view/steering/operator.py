@@ -1,7 +1,8 @@
 """What a page may do to a robot: steer, change, stop, recover. Each waits for nobody else.
 
 Questions to a robot may take seconds, so they are asked by threads: one for stops, so that nothing
-is ahead of one; one for all others; one that sends targets, of which only the newest count.
+is ahead of one; one for all others; one that sends targets, of which only the newest count. Stops
+are asked for through the session of the source, which is open as long as a page is served.
 """
 
 from __future__ import annotations
@@ -68,10 +69,19 @@ class Operator:
         """
         verb, now = do.get("verb"), time.monotonic()
         match verb:
-            case "stop" | "recover":
+            case "stop":
+                asked = self._ask("stop", self._source.stop)
                 self._motion.begin(now)  # whatever moved does so no longer by our hand
-                await self._ask("stop", lambda: self._told(str(verb)))
+                await asyncio.shield(asked)  # also where the page goes meanwhile
                 self._source.look_again()
+                return {}
+            case "recover":
+                self._motion.begin(now)
+                done = await self._ask("ask", lambda: self._robot().recover())
+                self._source.look_again()
+                if done.get("recovered") is False:
+                    mode = done.get("mode")
+                    raise UsageError(f"it is {mode}: only a stopped robot can be recovered")
                 return {}
             case "change":
                 what, over_s = do.get("what"), do.get("over_s")
@@ -114,8 +124,9 @@ class Operator:
     def left(self, page: object) -> None:
         """A page has gone: what it moved is held at once, and it steers no longer soon."""
         if page is self.page:
-            self._motion.hold()
-            self._flush()
+            self._survive(self._motion.hold)
+            self._survive(self._flush)
+        if page is self.page:  # still
             self._release_s = time.monotonic() + SETTLE_S
 
     async def run(self) -> None:
@@ -123,17 +134,17 @@ class Operator:
         try:
             while True:
                 await asyncio.sleep(TICK_S)
-                self._look(time.monotonic())
+                self._survive(lambda: self._look(time.monotonic()))
         finally:
-            self._motion.hold()
-            self._flush()
+            self._survive(self._motion.hold)
+            self._survive(self._flush)
 
     def close(self) -> None:
         """Steer no longer, and leave the network."""
         if self.page is not None:
             time.sleep(SETTLE_S)
-        for threads in self._threads.values():
-            threads.shutdown(wait=True, cancel_futures=True)
+        for name, threads in self._threads.items():
+            threads.shutdown(wait=True, cancel_futures=name != "stop")
         if self._connection is not None:
             self._connection.close()
 
@@ -144,10 +155,21 @@ class Operator:
             self._count(now)
         gone = self._motion.is_gone(now)
         if gone or 0.0 < self._release_s < now:
-            why = "the page that steered is silent" if gone else "the page that steered has gone"
-            self._free()
-            self._threads["ask"].submit(self._let_go)
-            self._tell(_event(why))
+            how = "is silent" if gone else "has gone"
+            self._give_up(f"the page that steered {how}")
+
+    def _survive(self, what: Callable[[], object]) -> None:
+        """Do it; where it fails, whatever the reason, nobody steers any more, and it is told."""
+        try:
+            what()
+        except Exception as error:  # noqa: BLE001 - stops are asked for by this process
+            self._give_up(f"nobody steers here any more: {type(error).__name__}: {error}")
+
+    def _give_up(self, why: str) -> None:
+        """Nobody steers here any more, and who wants to may; all pages are told."""
+        self._free()
+        self._threads["ask"].submit(self._let_go)
+        self._tell(_event(why))
 
     def _flush(self) -> bool:
         """Send what is due, unless the last is still being sent; whether we still steer."""
@@ -157,8 +179,7 @@ class Operator:
                 return True
             self._sending, error = None, sending.exception()
             if error is not None:
-                self._free()
-                self._tell(_event(f"nobody steers here any more: {error}"))
+                self._give_up(f"nobody steers here any more: {error}")
                 return False
         due = self._motion.step(time.monotonic())
         if due and self._connection is not None:
@@ -184,7 +205,7 @@ class Operator:
     async def _acquire(self, page: object) -> dict[str, Any]:
         if self.page not in {None, page}:
             raise UsageError("another page steers; it is free when that page releases or is closed")
-        self.page = page  # from now on no other page can, while the controller is asked
+        self.page, self._release_s = page, 0.0  # no other page can, while the controller is asked
         self._motion.begin(time.monotonic())  # and its silence counts from now
         try:
             await self._ask("ask", lambda: self._robot().acquire())
@@ -195,7 +216,7 @@ class Operator:
         if self.page is not page:
             raise UsageError("the page has gone meanwhile")
         self._motion.begin(time.monotonic())
-        self._refused, self._release_s = {}, 0.0
+        self._refused = {}
         self._source.look_again()
         return {"targets": [target.as_json() for target in self._source.frames.targets]}
 
@@ -223,13 +244,6 @@ class Operator:
         if self.page is not page:
             raise UsageError("this page does not steer: become operator first")
 
-    def _told(self, verb: str) -> None:
-        """In a thread: stop the robot, or let it move again."""
-        robot = self._robot()
-        done = robot.stop() if verb == "stop" else robot.recover()
-        if done.get("recovered") is False:
-            raise UsageError(f"it is {done.get('mode')}: only a stopped robot can be recovered")
-
     def _state(self) -> Any:
         newest = self._source.newest()
         return None if newest is None else newest.state
@@ -241,8 +255,8 @@ class Operator:
                 self._connection = self._connect(self._source.robot, self._source.endpoint)
             return self._connection
 
-    async def _ask(self, thread: str, what: Callable[[], Result]) -> Result:
-        return await asyncio.wrap_future(self._threads[thread].submit(what))
+    def _ask(self, thread: str, what: Callable[[], Result]) -> asyncio.Future[Result]:
+        return asyncio.wrap_future(self._threads[thread].submit(what))
 
 
 def _send(robot: Connection, due: Mapping[str, list[float]]) -> None:

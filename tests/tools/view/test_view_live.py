@@ -1,0 +1,162 @@
+"""A running robot as a source, of a network that the test plays: who it is, and what it says."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from support.small_arm import arm
+
+from hoap3.protocol.description import RobotDescription
+from hoap3.protocol.errors import LinkError
+from hoap3.protocol.link import zenoh_session
+from hoap3.protocol.messages import State
+from hoap3.tools.view.sources import live
+from hoap3.tools.view.sources.live import Live
+
+ROBOT = arm()
+PATIENCE_S = 60.0
+STATUS = {"mode": "active", "tick": 5, "lockstep": False, "stop_reason": None}
+
+
+class Network:
+    """A robot and its controller that answer, or do not."""
+
+    def __init__(self) -> None:
+        self.description: RobotDescription = ROBOT
+        self.session_id, self.extra = 7, "first"
+        self.silent: dict[str, int] = {}  # verbs, and how often they are not answered
+        self.asked: list[str] = []
+        self.opened = 0
+        self.heard: dict[str, Callable[[Any], None]] = {}
+
+    def ask(
+        self, _: Any, robot: str, verb: str, who: str, body: bytes = b"", whom: str = "ask"
+    ) -> bytes | None:
+        del robot, who, body, whom
+        self.asked.append(verb)
+        if self.silent.get(verb, 0):
+            self.silent[verb] -= 1
+            return None
+        if verb == "description":
+            return self.description.to_json()
+        if verb in {"status", "stop"}:
+            return json.dumps({**STATUS, "holder": "law", "session_id": self.session_id}).encode()
+        if verb == "config":
+            return b"{}"
+        now = {"extra": [self.extra]} if verb == "about" else {}
+        return json.dumps({"error": None, "now": now}).encode()
+
+    def session(self, _: Any) -> Any:
+        """As zenoh has it."""
+        self.opened += 1
+
+        def declare(key: str, heard: Any) -> None:
+            self.heard[str(key)] = heard
+
+        return SimpleNamespace(close=lambda: None, declare_subscriber=declare)
+
+    def send(self, state: State) -> None:
+        """A State for those who look on."""
+        payload = state.dump()
+        (heard,) = (each for key, each in self.heard.items() if "sampled/state" in key)
+        heard(SimpleNamespace(payload=SimpleNamespace(to_bytes=lambda: payload)))
+
+
+@pytest.fixture
+def network(monkeypatch: pytest.MonkeyPatch) -> Network:
+    made = Network()
+    monkeypatch.setattr(zenoh_session, "ask", made.ask)
+    monkeypatch.setattr(zenoh_session, "open_session", made.session)
+    monkeypatch.setattr(live, "ASK_S", 1e-3)
+    return made
+
+
+@pytest.fixture
+def source(network: Network) -> Iterator[Live]:
+    made = Live(ROBOT.name, "tcp/127.0.0.1:7447")
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+def until(true: Callable[[], object]) -> None:
+    """Wait for its thread."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(1e-3)
+
+
+def labels(source: Live) -> list[str]:
+    return [event["label"] for event in source.events()]
+
+
+def test_a_robot_that_is_another_one_is_met_again_until_it_says_who_it_is(
+    network: Network, source: Live
+) -> None:
+    source.watched = True
+    until(lambda: network.asked.count("status") > 2)
+    version, before = source.version, source.frames
+    network.silent["description"] = 3
+    network.extra, network.session_id = "second", 8
+    until(lambda: source.version > version)
+    assert source.frames is not before
+    assert network.silent["description"] == 0
+    (label,) = labels(source)
+    assert "no robot" in label
+    asked = network.asked.count("description")
+    until(lambda: network.asked.count("status") > 20)
+    assert network.asked.count("description") == asked
+    plots = {plot["key"]: plot["label"] for plot in source.hello()["plots"]}
+    assert plots["extra.0"] == "second"
+
+
+def test_who_sees_a_new_version_sees_what_it_is_of(
+    network: Network, source: Live, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[tuple[int, object]] = []
+
+    class Watched(live.Frames):
+        """Notes what the source says while it is being made."""
+
+        def __init__(self, *given: Any) -> None:
+            super().__init__(*given)
+            seen.append((source.version, source.frames))
+
+    version, before = source.version, source.frames
+    monkeypatch.setattr(live, "Frames", Watched)
+    source.watched = True
+    until(lambda: network.asked.count("status") > 2)
+    network.session_id = 8
+    until(lambda: source.version > version)
+    assert seen == [(version, before)]
+
+
+def test_a_robot_that_does_not_say_where_it_is_is_not_shown_and_told_once(
+    network: Network, source: Live
+) -> None:
+    state = State.allocate(**ROBOT.state_lengths)
+    for tick, wrong in enumerate((0.0, math.nan, math.inf, 0.1), 1):
+        state.session_id, state.tick, state.q[1] = 7, tick, wrong
+        network.send(state)
+        frame = source.frame()
+        assert (frame is not None) == math.isfinite(wrong)
+        assert source.frame() is None
+    (label,) = labels(source)
+    assert "number" in label
+
+
+def test_a_stop_goes_through_the_session_that_is_open(network: Network, source: Live) -> None:
+    assert source.stop()["mode"] == "active"
+    assert network.asked[-1] == "stop"
+    assert network.opened == 1
+    network.silent["stop"] = 1
+    with pytest.raises(LinkError):
+        source.stop()
