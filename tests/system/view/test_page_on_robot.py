@@ -29,6 +29,7 @@ pytestmark = pytest.mark.slow
 ROBOT, TOOL = "ur5", "tool0"
 SEEN = "() => ({ tick: hoap3.tick, poses: hoap3.poses })"
 UPPER_M = 0.9  # of the target's z, in `steered_ur5`
+TRIES = 5  # of a drag: on a busy machine the browser may fall silent in the midst of it
 
 
 @pytest.fixture(scope="module")
@@ -59,9 +60,14 @@ def page(law: Any, at: str) -> Iterator[Any]:
         found = browser.new_page(viewport={"width": 800, "height": 600})
         found.goto(address)
         found.wait_for_function("() => window.hoap3?.drawn.length > 3 && hoap3.proved")
-        found.click("#steer")
-        found.wait_for_selector("#steer[aria-pressed=true]")
         yield found
+
+
+def steer(page: Any) -> None:
+    """Become the operator, or stay so: a browser that gets no time is held to be gone."""
+    if page.locator("#steer").get_attribute("aria-pressed") != "true":
+        page.click("#steer")
+        page.wait_for_selector("#steer[aria-pressed=true]")
 
 
 def place(q: np.ndarray, link: str) -> np.ndarray:
@@ -95,15 +101,19 @@ def drag(page: Any, pixels: int) -> None:
 
 
 def test_a_drag_moves_the_tool_and_links_are_drawn_where_the_log_has_them(page, law):
-    before = drawn(page.evaluate(SEEN)["poses"][TOOL])
-    drag(page, 80)
-    seen = []
-    for _ in range(30):
-        seen.append(page.evaluate(SEEN))
-        page.wait_for_timeout(30)
-    page.mouse.up()
-    after = drawn(seen[-1]["poses"][TOOL])
-    assert abs(after[0, 3] - before[0, 3]) > 0.02
+    before, seen = drawn(page.evaluate(SEEN)["poses"][TOOL]), []
+    for _ in range(TRIES):
+        steer(page)
+        drag(page, 80)
+        for _ in range(30):
+            seen.append(page.evaluate(SEEN))
+            page.wait_for_timeout(30)
+        page.mouse.up()
+        after = drawn(seen[-1]["poses"][TOOL])
+        if abs(after[0, 3] - before[0, 3]) > 0.02:
+            break
+    else:
+        pytest.fail("the tool is where it was")
     assert after[2, 3] < UPPER_M + 1e-3
     page.wait_for_timeout(1000)
     command, folder = law
@@ -154,6 +164,7 @@ def test_stop_stops_and_recover_lets_it_move_again(page, at):
 
 
 def test_a_page_that_is_closed_makes_way(page, at, law):
+    steer(page)
     page.context.close()
     with hoap3.connect(ROBOT, at) as robot:
         until = time.monotonic() + 20.0

@@ -94,7 +94,7 @@ def test_only_the_robots_log(story):
 def test_only_the_controllers_log(lockstep):
     content = read_content(lockstep[0] / "controller.mcap")
     assert "There is no log of the robot" in said(content)
-    assert motion(content) == ["sole", "path", "positions", "v", "psi", "u", "active"]
+    assert motion(content) == ["views", "sole", "path", "positions", "v", "psi", "u", "active"]
     assert content.timing_drawings == ()
     assert "success rate, raw" not in tile_names(content)
     assert content.as_json()["verdicts"]["deadlines"] is None
@@ -128,14 +128,14 @@ def test_a_safe_stop_is_told_before_anything_else(tmp_path):
 def test_a_robot_without_soles_has_a_path_and_no_polygon(tmp_path):
     content = read_content(active_log(tmp_path))
     assert "sole" not in said(content)
-    sole = content.motion_drawings[0]
+    (sole,) = [drawing for drawing in content.motion_drawings if drawing.name == "sole"]
     assert "support polygon" not in [key.text for key in sole.keys]
 
 
 def test_a_controller_without_certificates_has_inputs_but_no_v(tmp_path):
     content = read_content(active_log(tmp_path, setpoint={"solver_status": STATUS_NONE}))
     assert "gives no certificates" in said(content)
-    assert motion(content) == ["sole", "path", "positions", "u", "active"]
+    assert motion(content) == ["views", "sole", "path", "positions", "u", "active"]
     assert "error at the end" not in tile_names(content)
 
 
