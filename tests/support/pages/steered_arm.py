@@ -7,7 +7,7 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
@@ -73,16 +73,18 @@ def address(command: Command) -> tuple[str, str]:
 
 
 @contextmanager
-def viewed_arm(at: str, *law: str) -> Iterator[Command]:
+def viewed_arm(
+    at: str, law: Sequence[object] = QUIET, robot: Sequence[object] = PATIENT
+) -> Iterator[Command]:
     """UR5 that follows `steered_ur5`, and the command that shows it.
 
     Args:
         at: where the robot listens.
-        law: more words of the controller's command.
+        law, robot: more words of the commands of each.
     """
     with (
-        emulator(ROBOT, *QUIET, *PATIENT, at=at),
-        controller("steered_ur5", *QUIET, *law, at=at) as command,
+        emulator(ROBOT, *QUIET, *robot, at=at),
+        controller("steered_ur5", *law, at=at) as command,
     ):
         command.hear("following robot")
         wait_for_mode("active", at, ROBOT)
