@@ -174,6 +174,7 @@ export class Teleop {
   #drive({ held: padHeld, asked }) {
     const held = padHeld || [...this.held].some((code) => DEAD_MEN.has(code));
     if (!padHeld) this.mustRelease = false;
+    else if (!this.armed) this.mustRelease = true; // held since before
     const target = this.#target;
     if (!this.armed || !held || !target || (padHeld && this.mustRelease) || !document.hasFocus()) {
       if (this.driving) this.letGo();
