@@ -222,6 +222,7 @@ def pull(browser: Any, url: str, forth: int, targets: Targets) -> float | None:
         meanwhile.
     """
     seen = browser.new_page(viewport={"width": 640, "height": 480})
+    seen.set_default_timeout(1e3 * PATIENCE_S)
     seen.goto(url)
     seen.wait_for_function("() => window.hoap3?.drawn.length > 3 && hoap3.proved")
     seen.click("#steer")
