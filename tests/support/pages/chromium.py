@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,6 +11,11 @@ from typing import Any
 import pytest
 
 SOFTWARE_GL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+
+TRIES = 20
+SETTLED = """key => [...document.querySelectorAll('#sliders small.told')].some(each =>
+    each.textContent.startsWith(key + ':') && !each.textContent.endsWith('…'))"""
+"""Whether the controller has answered to a change of a number."""
 
 
 @contextmanager
@@ -27,3 +33,16 @@ def chromium(*options: str) -> Iterator[Any]:
             yield browser
         finally:
             browser.close()
+
+
+def change_number(page: Any, key: str, value: str) -> None:
+    """Set a number of the controller, again where a slow browser asks for it too late."""
+    told = page.locator("small.told", has_text=re.compile(rf"^{re.escape(key)}(:|$)"))
+    field = page.locator("#sliders .setting").filter(has=told).locator("input")
+    for _ in range(TRIES):
+        field.fill(value)
+        field.dispatch_event("change")
+        page.wait_for_function(SETTLED, arg=key)
+        if told.inner_text().endswith("changed"):
+            return
+    pytest.fail(f"{key} is not changed: {told.inner_text()}")

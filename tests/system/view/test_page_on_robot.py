@@ -19,7 +19,7 @@ from support.command_bench import (
     endpoint,
     wait_for_mode,
 )
-from support.pages.chromium import chromium
+from support.pages.chromium import change_number, chromium
 
 import hoap3
 from hoap3.remote_controller.model.kinematics import Kinematics
@@ -142,12 +142,7 @@ def wait_for_states(folder: Path, tick: int) -> Any:
 
 
 def test_a_slider_changes_the_controller(page, at, law):
-    key = "tasks.posture.gain_per_s"
-    row = page.locator("#sliders .setting", has_text=key)
-    field = row.locator("input")
-    field.fill("2.5")
-    field.dispatch_event("change")
-    page.wait_for_function("() => document.querySelector('#sliders').innerText.includes('changed')")
+    change_number(page, "tasks.posture.gain_per_s", "2.5")
     with hoap3.connect(ROBOT, at) as robot:
         until = time.monotonic() + 20.0
         while robot.changeable()["tasks"]["posture"]["gain_per_s"] != pytest.approx(2.5, rel=0.01):
