@@ -137,6 +137,7 @@ def drag(page: Any, target: str, pixels: float) -> None:
 
 def place(page: Any) -> list[float]:
     """Where the newest frame has the first target."""
+    page.wait_for_function("() => hoap3.frame?.targets[0]")  # none after a greeting that is new
     found: list[float] = page.evaluate("hoap3.frame.targets[0]")
     return found[:3]
 
