@@ -31,7 +31,12 @@ TALL = {"width": 1280, "height": 2400}  # whatever is beside the picture at once
 HOAP3 = [sys.executable, "-m", "hoap3.tools.cli.app"]
 PATIENT = "emulator.misses_to_stop=100000"  # a browser that draws without a GPU takes both CPUs
 ADDRESS = re.compile(r"http://\S+")
+TRIES = 5
 MOVED_M = 0.003  # by which a target that is pulled has moved before a picture is kept
+
+
+class LostError(Exception):
+    """The page does not steer where a picture should show that it does."""
 
 
 def steered(folder: Path) -> Path:
@@ -95,8 +100,9 @@ def opened(browser: Any, address: str, size: dict[str, int], scheme: str) -> Any
 
 
 def shot(page: Any, selector: str) -> bytes:
-    """One part of a page."""
-    picture: bytes = page.screenshot(clip=page.locator(selector).bounding_box())
+    """One part of a page; of `body` what is seen of it."""
+    clip = None if selector == "body" else page.locator(selector).bounding_box()
+    picture: bytes = page.screenshot(clip=clip)
     return picture
 
 
@@ -112,7 +118,7 @@ def drag(page: Any, target: str, pixels: float) -> None:
     """Pull a target along x, and hold it, until it has moved.
 
     Raises:
-        SystemExit: the page steers no longer, or nothing moves.
+        LostError: the page steers no longer, or nothing moves.
     """
     before = place(page)
     found = page.evaluate("name => hoap3.gizmo(name)", target)
@@ -125,12 +131,13 @@ def drag(page: Any, target: str, pixels: float) -> None:
         if math.dist(place(page), before) > MOVED_M:
             break
     else:
-        raise SystemExit(f"{target} is pulled, and does not move")
+        raise LostError(f"{target} is pulled, and does not move")
     insist(page)
 
 
 def place(page: Any) -> list[float]:
     """Where the newest frame has the first target."""
+    page.wait_for_function("() => hoap3.frame?.targets[0]")  # none after a greeting that is new
     found: list[float] = page.evaluate("hoap3.frame.targets[0]")
     return found[:3]
 
@@ -139,7 +146,7 @@ def insist(page: Any) -> None:
     """That this page steers, and drags, at the moment of a picture."""
     steers = page.get_attribute("#steer", "aria-pressed") == "true"
     if not steers or page.evaluate("hoap3.acting") != "drag":
-        raise SystemExit("the page steers no longer: " + page.inner_text("#note"))
+        raise LostError("the page steers no longer: " + page.inner_text("#note"))
 
 
 def pull(page: Any) -> None:
@@ -152,26 +159,38 @@ def pull(page: Any) -> None:
     insist(page)
 
 
+def keep_while_pulled(page: Any, parts: dict[str, str]) -> None:
+    """Keep parts of a page that steers and pulls, also when the last of them is taken.
+
+    Raises:
+        LostError: on a busy machine it fell silent each time, and was let go.
+    """
+    for left in reversed(range(TRIES)):
+        try:
+            pull(page)
+            shots = {name: shot(page, selector) for name, selector in parts.items()}
+            insist(page)
+        except LostError:
+            if not left:
+                raise
+        else:
+            break
+    page.mouse.up()
+    for name, picture in shots.items():
+        keep(name, picture)
+
+
 def live(browser: Any, address: str) -> None:
     """HOAP-3, whose centre of mass is pulled."""
     page = opened(browser, address, WIDE, "light")
-    pull(page)
-    shots = {"live": page.screenshot(), "scene": shot(page, "#view")}
-    shots |= {"header": shot(page, "header"), "drive": shot(page, "#drive")}
-    insist(page)
-    page.mouse.up()
+    first = {"live": "body", "scene": "#view", "header": "header", "drive": "#drive"}
+    keep_while_pulled(page, first)
     page.close()
     page = opened(browser, address, TALL, "light")
-    page.evaluate("document.querySelector('#view').style.maxHeight = '30rem'")  # soon drawn
-    pull(page)
-    shots |= {name: shot(page, f"#{name}") for name in ("plots", "change")}
-    insist(page)
-    for name in ("verdicts", "joints"):
-        shots[name] = shot(page, f"section:has(> #{name})")
-    page.mouse.up()
+    page.evaluate("document.querySelector('#view').style.maxHeight = '20rem'")  # soon drawn
+    sections = {name: f"section:has(> #{name})" for name in ("verdicts", "joints")}
+    keep_while_pulled(page, {"plots": "#plots", "change": "#change", **sections})
     page.close()
-    for name, picture in shots.items():
-        keep(name, picture)
     page = opened(browser, address, PHONE, "dark")
     page.wait_for_timeout(4000)
     keep("phone", page.screenshot())

@@ -156,6 +156,10 @@ export class Overlays extends Group {
   #forces(contacts) {
     while (this.arrows.length < contacts.length) {
       const arrow = new ArrowHelper(new Vector3(0, 0, 1), new Vector3(), 1, RED);
+      for (const part of [arrow.line, arrow.cone]) {
+        Object.assign(part.material, { depthTest: false, transparent: true }); // it stands in a leg
+        part.renderOrder = 4;
+      }
       this.arrows.push(arrow);
       this.add(arrow);
     }
