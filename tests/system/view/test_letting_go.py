@@ -9,14 +9,11 @@ from __future__ import annotations
 import os
 import signal
 import time
-from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from support.command_bench import PATIENCE_S, Command, endpoint, events, wait_for_mode
-from support.pages.chromium import chromium
 from support.pages.steered_arm import (
     FAR,
     HOME,
@@ -185,87 +182,3 @@ def test_where_the_config_says_stop_a_robot_whose_page_freezes_or_goes_stops(num
             assert pen.prove()
             next_page_steers(pen)
             pen.act(verb="release")
-
-
-def browsers(root: int) -> dict[int, str]:
-    """Command lines of all processes of Chromium that come from one."""
-    found: dict[int, str] = {}
-    todo = [root]
-    while todo:
-        for task in Path(f"/proc/{todo.pop()}/task").glob("*/children"):
-            with suppress(OSError):  # one that has ended meanwhile
-                for pid in map(int, task.read_text().split()):
-                    todo.append(pid)
-                    words = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
-                    if "chromium" in words[0]:
-                        found[pid] = " ".join(words)
-    return found
-
-
-def send(number: int) -> list[int]:
-    """Freeze the processes that show pages, or kill the whole browser; those that are frozen."""
-    ours = browsers(os.getpid())
-    pages = [pid for pid, words in ours.items() if "--type=renderer" in words]
-    assert pages
-    chosen = pages if number == signal.SIGSTOP else list(ours)
-    for pid in chosen:
-        with suppress(ProcessLookupError):
-            os.kill(pid, number)
-    return pages if number == signal.SIGSTOP else []
-
-
-def pull(browser: Any, url: str, forth: int, targets: Targets) -> float | None:
-    """Open the page, and pull the hand's gizmo along x without letting go.
-
-    Returns:
-        Since when nothing was sent but the newest place [s]; None where more was: it was held
-        meanwhile.
-    """
-    seen = browser.new_page(viewport={"width": 640, "height": 480})
-    seen.set_default_timeout(1e3 * PATIENCE_S)
-    seen.goto(url)
-    seen.wait_for_function("() => window.hoap3?.drawn.length > 3 && hoap3.proved")
-    seen.click("#steer")
-    seen.wait_for_selector("#steer[aria-pressed=true]")
-    gizmo = seen.evaluate("hoap3.gizmo('hand')")
-    start, along = np.array(gizmo["handle"]), np.subtract(gizmo["handle"], gizmo["centre"])
-    along = forth * along / np.linalg.norm(along)
-    seen.mouse.move(*start)
-    seen.mouse.down()
-    for far in range(0, 24, 4):
-        seen.mouse.move(*(start + far * along))
-    seen.wait_for_function("() => hoap3.acting === 'drag'")
-    begin = time.monotonic()
-    seen.mouse.move(*(start + 30 * along))
-    targets.first_since(begin)
-    return begin if sum(each > begin for each in targets.times) == 1 else None
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
-def test_twenty_browsers_that_freeze_or_are_killed_are_held_in_time(
-    number, home, viewed, host, token, robot, at
-):
-    """SIGSTOP freezes the process of the page itself; SIGKILL ends the whole browser."""
-    holds, url = Holds(viewed), f"http://{host}/#{token}"
-    with Targets(at) as targets:
-        for turn in range(MOST_TURNS):
-            if len(holds.took) == TURNS:
-                break
-            with chromium() as browser:
-                if pull(browser, url, (-1) ** turn, targets) is None:
-                    continue
-                begin = holds.begin()
-                frozen = send(number)
-                holds.end(targets.first_since(begin))
-                since = robot.state().tick
-                try:
-                    with page(host, token) as pen:
-                        assert pen.prove()
-                        next_page_steers(pen)
-                        holds.free.append((robot.state().tick - since) * 1e-3)
-                        pen.act(verb="release")
-                finally:
-                    for pid in frozen:
-                        os.kill(pid, signal.SIGCONT)
-    holds.check(f"chromium, {number.name}")
