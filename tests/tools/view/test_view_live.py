@@ -15,7 +15,7 @@ from support.small_arm import arm
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import LinkError
 from hoap3.protocol.link import zenoh_session
-from hoap3.protocol.messages import State
+from hoap3.protocol.messages import WIRE_VERSION, State
 from hoap3.tools.view.sources import live
 from hoap3.tools.view.sources.live import Live
 
@@ -52,6 +52,10 @@ class Network:
         now = {"extra": [self.extra]} if verb == "about" else {}
         return json.dumps({"error": None, "now": now}).encode()
 
+    def ask_first(self, *given: Any) -> tuple[int, bytes | None]:
+        """As `ask`, and the version of the answer."""
+        return WIRE_VERSION, self.ask(*given)
+
     def session(self, _: Any) -> Any:
         """As zenoh has it."""
         self.opened += 1
@@ -72,6 +76,7 @@ class Network:
 def network(monkeypatch: pytest.MonkeyPatch) -> Network:
     made = Network()
     monkeypatch.setattr(zenoh_session, "ask", made.ask)
+    monkeypatch.setattr(zenoh_session, "ask_versions", made.ask_first)
     monkeypatch.setattr(zenoh_session, "open_session", made.session)
     monkeypatch.setattr(live, "ASK_S", 1e-3)
     return made
