@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import statistics
 import subprocess
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
@@ -69,7 +70,8 @@ def added(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     Returns:
         `pairs`; of the share of ticks missed or skipped outside stalls, and of all of them, the
         `mean` of the differences and its one-sided `upper` 95 % bound (Student's t), None where
-        stalls were not watched; `rtt_p99_ratio`, the median over the pairs.
+        stalls were not watched; `rtt_p99_ratio`, the median over the pairs, None where no run was
+        answered.
     """
     found: dict[str, Any] = {}
     sides = [sorted((r for r in rows if r["beside"] is way), key=_pair) for way in (False, True)]
@@ -79,10 +81,10 @@ def added(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
             found[name] = None
         else:
             found[name] = _bound([b - a for a, b in pairs])
-    ratios = sorted(b["rtt_p99_us"] / a["rtt_p99_us"] for a, b in zip(*sides, strict=True))
-    middle = len(ratios) // 2
-    found["rtt_p99_ratio"] = 0.5 * (ratios[middle] + ratios[~middle])
-    return {"pairs": len(ratios), **found}
+    times = [(a["rtt_p99_us"], b["rtt_p99_us"]) for a, b in zip(*sides, strict=True)]
+    ratios = [b / a for a, b in times if a is not None and b is not None]
+    found["rtt_p99_ratio"] = statistics.median(ratios) if ratios else None
+    return {"pairs": len(times), **found}
 
 
 def _pair(row: Mapping[str, Any]) -> int:
@@ -130,7 +132,7 @@ def _run(
         "ticks": asked,
         "missed": missed / asked,
         "missed_outside": None if outside is None else outside / asked,
-        "rtt_p50_us": summary["rtt_us"]["p50"],
-        "rtt_p99_us": summary["rtt_us"]["p99"],
+        "rtt_p50_us": summary["rtt_us"].get("p50"),  # none where nothing was answered
+        "rtt_p99_us": summary["rtt_us"].get("p99"),
         "safe_stops": summary["safe_stops"],
     }, done

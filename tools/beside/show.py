@@ -30,7 +30,9 @@ def show_race(raced: dict[str, Any]) -> None:
             else f"added misses, {words}: {found['mean']:.1e}, at most {found['upper']:.1e} "
             f"({CONFIDENCE:.0%}, one-sided; {added['pairs']} pairs)"
         )
-    results.print(f"RTT p99: {added['rtt_p99_ratio']:.2f} times as long (median of the pairs)")
+    ratio = added["rtt_p99_ratio"]
+    if ratio is not None:
+        results.print(f"RTT p99: {ratio:.2f} times as long (median of the pairs)")
 
 
 def _cell(value: Any) -> str:

@@ -21,7 +21,7 @@ from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.tools.logs.log import Log
 from hoap3.tools.replay import replay
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long  # robot, controller and a browser need two CPUs for themselves
 
 
 def test_gamma_by_slider_is_in_the_log(tmp_path: Path) -> None:

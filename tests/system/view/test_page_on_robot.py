@@ -25,7 +25,7 @@ import hoap3
 from hoap3.remote_controller.model.kinematics import Kinematics
 from hoap3.tools.logs.log import Log
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long  # robot, controller and a browser need two CPUs for themselves
 ROBOT, TOOL = "ur5", "tool0"
 SEEN = "() => ({ tick: hoap3.tick, poses: hoap3.poses })"
 UPPER_M = 0.9  # of the target's z, in `steered_ur5`

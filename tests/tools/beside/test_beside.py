@@ -48,6 +48,14 @@ def test_without_a_watch_for_stalls_nothing_is_said_of_what_is_outside_them():
     assert added(rows)["missed_outside"] is None
 
 
+def test_a_run_that_nobody_answered_has_no_rtt_to_compare():
+    rows = runs([(0.1, 0.2), (0.1, 0.1)])
+    rows[0]["rtt_p99_us"] = None
+    assert added(rows)["rtt_p99_ratio"] == 1.0
+    rows[2]["rtt_p99_us"] = None
+    assert added(rows)["rtt_p99_ratio"] is None
+
+
 @pytest.mark.slow
 def test_what_dies_beside_the_robot_is_no_race(tmp_path, monkeypatch):
     (tmp_path / "dies.py").write_text("print('ready', flush=True)\nraise SystemExit(3)\n")
