@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 import re
 import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 SOFTWARE_GL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 
+LOCK = Path(tempfile.gettempdir()) / f"hoap3_chromium_{os.getuid()}"
 TRIES = 20
 SETTLED = """key => [...document.querySelectorAll('#sliders small.told')].some(each =>
     each.textContent.startsWith(key + ':') && !each.textContent.endsWith('…'))"""
@@ -20,13 +25,18 @@ SETTLED = """key => [...document.querySelectorAll('#sliders small.told')].some(e
 
 @contextmanager
 def chromium(*options: str) -> Iterator[Any]:
-    """A browser; where there is none the test fails, for the page would be untested."""
+    """A browser, one at a time; where there is none the test fails: the page would be untested.
+
+    Its pictures are computed by the CPUs, and several browsers at once leave none for the robots of
+    other tests.
+    """
     path = shutil.which("chromium")
     if path is None:
         pytest.fail("tests of the page drive Debian's chromium: apt-get install -y chromium")
     from playwright.sync_api import sync_playwright
 
-    with sync_playwright() as playwright:
+    with open(LOCK, "w") as lock, sync_playwright() as playwright:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # of all processes of all runs here
         arguments = ["--no-sandbox", *SOFTWARE_GL, *options]
         browser = playwright.chromium.launch(executable_path=path, args=arguments)
         try:

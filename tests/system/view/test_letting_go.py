@@ -160,6 +160,7 @@ def test_twenty_pages_that_freeze_or_go_are_held_in_time(number, viewed, host, t
 STALE = ("stale_after_s=1.0", "when_stale=stop")
 
 
+@pytest.mark.long  # it needs the machine for itself
 @pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
 def test_where_the_config_says_stop_a_robot_whose_page_freezes_or_goes_stops(number, tmp_path):
     """The controller falls silent, a second after the hold was sent; its log says why."""

@@ -83,6 +83,7 @@ def test_a_drag_moves_the_tool_there(home, host, token, robot):
         assert pen.hear("frame", operator="none")
 
 
+@pytest.mark.long  # it needs the machine for itself
 def test_a_velocity_moves_the_tool_along(home, host, token, robot):
     before = hand(robot.state())
     with page(host, token) as pen:

@@ -71,6 +71,7 @@ def test_a_drag_sends_targets_and_letting_go_drops_them(steer, name):
         assert np.abs(np.delete(moved, 0)).max() < 1e-6
 
 
+@pytest.mark.long  # it needs the machine for itself
 def test_a_page_that_steers_says_20_times_a_second_that_it_lives(steer):
     with made_up_view() as view:
         page = steer(view)
