@@ -17,6 +17,7 @@ from hoap3.tools.view.steering.operator import Operator
 WAITING = 512  # words that wait to be sent to a page; of more the oldest are lost
 MOST_WRONG = 100  # words of a page that are refused, after which it is cut off
 MOST_A_SECOND = 400
+AHEAD = 3  # frames that a page is sent and has not drawn yet; a newer one replaces what waits
 MOST_AT_ONCE = 8  # things that a page has asked for and that are not done yet; stops apart
 OLD_S = 1.5  # since a newer picture was sent, after which what was asked of one counts no longer
 LOOKS = {"recover", "change", "acquire"}  # verbs that need to know what is, and say what they saw
@@ -78,6 +79,8 @@ class Page:
         self._tick: int | None = None  # of the frame that waits
         self._sent: deque[tuple[float, int]] = deque(maxlen=LOOKED_BACK)  # when which tick was
         self._second, self._in_second = 0, 0
+        self._frames = 0  # that were sent
+        self._drawn: int | None = None  # of these, once it has said so
         self.wrong = self.dropped = 0
 
     def show(self, frame: str, tick: int | None = None) -> None:
@@ -110,8 +113,11 @@ class Page:
             self._wake.clear()
             while self._words:
                 await self._socket.send(self._words.popleft())
+            if self._drawn is not None and self._frames >= self._drawn + AHEAD:
+                continue  # a page that draws slowly would fall behind more and more
             frame, self._frame = self._frame, ""
             if frame:
+                self._frames += 1
                 if self._tick is not None:
                     self._sent.append((time.monotonic(), self._tick))
                 says = "none" if self._operator is None else self._operator.says(self)
@@ -148,6 +154,9 @@ class Page:
                 self._accept(word, "beat")
                 if self._operator is not None:
                     self._operator.beat(self)
+            case "drawn":
+                self._drawn = int(_number(word, "frames"))
+                self._wake.set()
             case "act":
                 do = _text(word, "do")
                 self._accept(word, do)

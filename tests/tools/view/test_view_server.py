@@ -21,6 +21,7 @@ from hoap3.protocol.errors import PortInUseError
 from hoap3.tools.view import page as page_module
 from hoap3.tools.view import server as server_module
 from hoap3.tools.view.access import new_token
+from hoap3.tools.view.page import AHEAD
 from hoap3.tools.view.server import PageServer
 
 DIGEST = "ab" * 32
@@ -441,3 +442,20 @@ def test_who_opens_pages_all_the_time_is_refused(served, monkeypatch):
         with suppress(InvalidStatus), page(served.host) as pen:
             assert pen.hear("frame")
             return
+
+
+def test_a_page_that_draws_slowly_is_sent_the_newest_frame_when_it_has_drawn(served):
+    with page(served.host) as pen:
+        for drawn in (0, 2, 5):
+            pen.say(kind="drawn", frames=drawn)
+        first = pen.hear("frame")["tick"]
+        for _ in range(40):
+            served.source.said.append({"kind": "event", "label": "a frame's time is gone"})
+            pen.hear("event")
+        pen.look()
+        waits = sum(word["kind"] == "frame" for word in pen._waits)
+        assert waits <= 5 + AHEAD - 1
+        before = pen.tick
+        pen.say(kind="drawn", frames=5 + AHEAD)
+        pen._waits.clear()
+        assert pen.hear("frame")["tick"] > before + 20 > first

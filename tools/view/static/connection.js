@@ -29,6 +29,7 @@ export class Connection extends EventTarget {
     where.hash = "";
     this.socket = new WebSocket(where);
     this.socket.onmessage = ({ data }) => this.#take(JSON.parse(data));
+    this.frames = 0; // that came on this connection
     this.socket.onopen = () => this.#tell("open");
     this.socket.onclose = () => {
       this.proved = false;
@@ -47,6 +48,7 @@ export class Connection extends EventTarget {
   #take(message) {
     if (message.kind === "frame") {
       this.tick = message.tick;
+      this.#count();
     } else if (message.kind === "hello") {
       this.tick = null;
       this.#meet(message);
@@ -57,6 +59,17 @@ export class Connection extends EventTarget {
       this.questions.delete(message.id);
     }
     this.#tell(message.kind, message);
+  }
+
+  /** Says how many frames it has drawn: else a page that draws slowly would fall behind. */
+  #count() {
+    this.frames += 1;
+    if (this.counting) return;
+    this.counting = true;
+    requestAnimationFrame(() => {
+      this.counting = false;
+      this.#send({ kind: "drawn", frames: this.frames });
+    });
   }
 
   /** A greeting that comes again, of a controller that is new, has the nonce that we know. */

@@ -210,7 +210,8 @@ def test_a_page_without_the_token_sends_nothing(open_page, token):
         page.mouse.up()
         assert page.locator("#sliders input:enabled").count() == 0
         page.wait_for_timeout(300)
-        assert [each["kind"] for each in view.taken] == (["prove"] if token else [])
+        told = [each["kind"] for each in view.taken if each["kind"] != "drawn"]  # what it looks at
+        assert told == (["prove"] if token else [])
 
 
 def test_a_slider_is_sent_when_it_is_let_go(steer):
@@ -479,3 +480,12 @@ def test_of_a_log_nobody_holds_or_operates(open_page):
         assert page.locator("#mode").is_visible()
         for each in ("holder", "operator"):
             assert page.locator(f"#{each}").is_hidden()
+
+
+def test_a_page_says_how_many_frames_it_has_drawn(open_page):
+    with made_up_view() as view:
+        page = open_page(view)
+        page.wait_for_function("() => hoap3.drawn.length > 5")
+        counts = [each["frames"] for each in view.taken if each["kind"] == "drawn"]
+        assert counts == sorted(set(counts))
+        assert counts[-1] >= 5
