@@ -25,7 +25,7 @@ class FoxgloveClient:
     Attributes:
         info: what the server said of itself.
         channels: by topic.
-        messages: raw ones, by topic, in order.
+        messages: raw ones, by topic, in order, of channels that are there.
         status: what the server said to people.
     """
 
@@ -123,6 +123,8 @@ class FoxgloveClient:
                     self._subscribe(content["channels"])
             case "unadvertise":
                 gone = set(content["channelIds"])
-                self.channels = {t: c for t, c in self.channels.items() if c["id"] not in gone}
+                for topic in [t for t, c in self.channels.items() if c["id"] in gone]:
+                    del self.channels[topic]
+                    self.messages.pop(topic, None)
             case "status":
                 self.status.append(content["message"])

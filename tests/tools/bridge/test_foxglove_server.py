@@ -121,7 +121,7 @@ def test_a_robot_that_comes_later_and_then_as_another_one_is_seen(
 def shows(client: FoxgloveClient, robot: LookedAt) -> bool:
     """Whether the newest that a client has is of this run of a robot."""
     topics = f"{HERE}/state", f"{HERE}/joint_states", "/robot_description"
-    if not client.messages.keys() >= set(topics):
+    if not client.messages.keys() & client.channels.keys() >= set(topics):
         return False
     state, joints, text = (client.decoded_newest(topic) for topic in topics)
     names = tuple(joints.name)
