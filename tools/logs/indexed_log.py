@@ -10,7 +10,7 @@ from bisect import bisect_right
 from collections import OrderedDict
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.errors import DescriptionError, LogError, WireError
@@ -24,6 +24,15 @@ from hoap3.tools.logs.mcap_scan import McapScan
 KEPT = 4  # unpacked chunks, of some 1 MiB each
 Loaded = TypeVar("Loaded", State, Setpoint)
 _KINDS = {channel: kind for kind, channel in KIND_CHANNELS.items()}
+
+
+class Moment(NamedTuple):
+    """A State of a log, its answer, and the log times of both [ns]; None where there is none."""
+
+    state: State
+    stamp: int
+    setpoint: Setpoint | None
+    answered: int | None
 
 
 class IndexedLog:
@@ -102,8 +111,8 @@ class IndexedLog:
         """Place of the last chunk that begins at a log time [ns], or before it."""
         return max(bisect_right(self._firsts, stamp) - 1, 0)
 
-    def state_at(self, stamp: int) -> tuple[State, Setpoint | None, int] | None:
-        """The last State up to a log time [ns], the Setpoint that answers it, and its log time.
+    def state_at(self, stamp: int) -> Moment | None:
+        """The last State up to a log time [ns], and the Setpoint that answers it.
 
         Returns:
             None where there is no State up to then.
@@ -113,13 +122,13 @@ class IndexedLog:
                 if record.kind == Kind.STATE and record.stamp <= stamp:
                     state = _loaded(State, record.payload)
                     if state is not None:
-                        return state, self._answer(state, chunk), record.stamp
+                        return Moment(state, record.stamp, *self._answer(state, chunk))
         return None
 
-    def _answer(self, state: State, chunk: int) -> Setpoint | None:
+    def _answer(self, state: State, chunk: int) -> tuple[Setpoint | None, int | None]:
         for place in (chunk, chunk + 1):
             if place >= self.chunks:
-                return None
+                break
             for record in self.records(place):
                 if record.kind != Kind.SETPOINT:
                     continue
@@ -128,8 +137,8 @@ class IndexedLog:
                 except WireError:
                     continue
                 if (tick, session) == (state.tick, state.session_id):
-                    return _loaded(Setpoint, record.payload)
-        return None
+                    return _loaded(Setpoint, record.payload), record.stamp
+        return None, None
 
     def _read(self, chunk: int) -> list[Record]:
         scan, place, _ = self._places[chunk]

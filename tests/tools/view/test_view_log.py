@@ -97,8 +97,9 @@ def test_it_has_the_records_that_a_log_has(log):
 def test_a_moment_is_the_state_up_to_then_and_its_answer(log, tick):
     indexed = IndexedLog(log)
     for after in (0, 1, MS - 1):
-        state, setpoint, stamp = indexed.state_at(BEGIN + tick * MS + after)
+        state, stamp, setpoint, answered = indexed.state_at(BEGIN + tick * MS + after)
         assert (state.tick, stamp) == (tick, BEGIN + tick * MS)
+        assert (setpoint is None) == (answered is None)
         assert np.array_equal(state.q, motion(tick))
         if tick >= ACTIVE:
             assert (setpoint.tick, setpoint.v) == (tick, pytest.approx(1e-9 * tick))
@@ -106,7 +107,7 @@ def test_a_moment_is_the_state_up_to_then_and_its_answer(log, tick):
 
 
 def test_a_tick_without_an_answer_has_none(log):
-    assert IndexedLog(log).state_at(BEGIN + MISSED * MS)[1] is None
+    assert IndexedLog(log).state_at(BEGIN + MISSED * MS).setpoint is None
 
 
 def test_no_more_chunks_are_kept_than_a_few(log, monkeypatch):
@@ -180,6 +181,15 @@ def test_worst_ticks_misses_and_events_are_found(source):
     (event,) = found["events"]
     assert event["at_s"] == pytest.approx(0.46)
     assert ROBOT.joint_names[1] in event["label"]
+
+
+def test_a_frame_says_how_long_its_answer_took(source):
+    player = source.player()
+    for tick, took_us in ((SLOW, 5000.0), (MISSED, None)):
+        player.seek((tick - ACTIVE) * 1e-3)
+        shown = player.frame()
+        assert shown["tick"] == tick
+        assert shown["values"].get("answer_us") == took_us
 
 
 def test_curves_have_the_least_and_the_greatest_of_each_bin(source):

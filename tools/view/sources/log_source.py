@@ -59,11 +59,14 @@ class ShownLog:
         found = self.log.state_at(round(at_s * 1e9) + self.zero)
         if found is None:
             return None
-        state, setpoint, stamp = found
-        if not self.frames.fits(state):
+        if not self.frames.fits(found.state):
             return None
-        shown = self.frames.frame(state, setpoint)
-        return {**shown, "at_s": round((stamp - self.zero) / 1e9, 6), "verdicts": self.verdicts}
+        shown = self.frames.frame(found.state, found.setpoint)
+        if self.log.side == "robot" and found.setpoint is not None and found.answered is not None:
+            took = found.answered - found.setpoint.stamp_state
+            shown["values"]["answer_us"] = round(took / 1e3, 1)
+        at_s = round((found.stamp - self.zero) / 1e9, 6)
+        return {**shown, "at_s": at_s, "verdicts": self.verdicts}
 
     def _begin(self) -> tuple[int, int]:
         """Log time of the first active State, else of the first, and ticks skipped before."""
@@ -83,7 +86,7 @@ class ShownLog:
         asked, deadlines = _count(told, "asked"), None
         if asked:
             last = self.log.state_at(self.log.end)
-            skipped = max(last[0].skipped - self._skipped, 0) if last else 0
+            skipped = max(last.state.skipped - self._skipped, 0) if last else 0
             rate = (_count(told, "in_time") or 0) / (asked + skipped)
             deadlines = verdict(rate, safe_stop=bool(_count(told, "safe_stops")))
         held, limited = _count(told, "interventions"), _count(told, "torque_limited")
