@@ -1,6 +1,6 @@
-"""Makes the pictures of the live page: `python docs/pictures/page.py [live] [log] [standing]`.
+"""Makes pictures of the live page: `python docs/pictures/page.py` [live | posture | log | standing].
 
-It runs HOAP-3 in real time, two logs, and HOAP-3 on a floor in MuJoCo, opens their pages in
+It runs HOAP-3 and UR5 in real time, two logs, and HOAP-3 on a floor in MuJoCo, opens their pages in
 Debian's chromium, and keeps what that shows. A page that does not steer ends it.
 """
 
@@ -50,10 +50,21 @@ def steered(folder: Path) -> Path:
     return path
 
 
-def wait_for_robot(folder: Path) -> None:
+def steered_joints(folder: Path) -> Path:
+    """The config of UR5, whose joints somebody moves."""
+    task = {"task": "posture", "parameters": {"target": {"kind": "live", "name": "arm"}}}
+    task["parameters"]["target"]["speed_rad_s"] = 0.5
+    psi = {"form": "exponential", "eta_per_s": 10.0}
+    config = {"controller": "stable_qp", "robot": "ur5", "parameters": {"task": task, "psi": psi}}
+    path = folder / "steered_joints.yaml"
+    path.write_text(yaml.safe_dump(config), encoding="utf-8")
+    return path
+
+
+def wait_for_robot(folder: Path, name: str = "hoap3") -> None:
     """Until it follows its controller, which may compile first."""
     for _ in range(400):
-        words = [*HOAP3, "status", "hoap3", "--json"]
+        words = [*HOAP3, "status", name, "--json"]
         told = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
         if '"active"' in told.stdout:
             return
@@ -217,6 +228,26 @@ def make_live(browser: Any, folder: Path) -> None:
             live(browser, address)
 
 
+def make_posture(browser: Any, folder: Path) -> None:
+    """Of an arm whose joints have sliders, one of which is held."""
+    words = ("--duration", 600, "--set", PATIENT, "--out", folder / "posture")
+    law = steered_joints(folder)
+    with command(folder, "run", "--robot", "ur5", "--controller", law, *words):
+        wait_for_robot(folder, "ur5")
+        with served(folder, "ur5") as address:
+            page = opened(browser, address, TALL, "light")
+            page.wait_for_selector("#steer:enabled")
+            steer(page)
+            box = page.locator("#postures input").nth(2).bounding_box()
+            page.mouse.move(box["x"] + 0.8 * box["width"], box["y"] + box["height"] / 2)
+            page.mouse.down()
+            page.wait_for_timeout(500)
+            insist(page)
+            keep("move", shot(page, "#move"))
+            page.mouse.up()
+            page.close()
+
+
 def make_log(browser: Any, folder: Path) -> None:
     """Of two logs."""
     for gamma in (0.5, 0.3):
@@ -249,7 +280,7 @@ def make_standing(browser: Any, folder: Path) -> None:
         page.close()
 
 
-MAKE = {"live": make_live, "log": make_log, "standing": make_standing}
+MAKE = {"live": make_live, "posture": make_posture, "log": make_log, "standing": make_standing}
 
 
 def main() -> int:

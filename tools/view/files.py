@@ -18,7 +18,7 @@ STATIC = {
         f"/{name}.js": (f"{name}.js", SCRIPT)
         for name in (
             *("page", "scene", "panels", "plots", "teleop"),
-            *("connection", "hmac", "beat", "vendor"),
+            *("connection", "hmac", "beat", "vendor", "posture"),
             *("colours", "overlays", "robot", "targets", "timeline"),
         )
     },

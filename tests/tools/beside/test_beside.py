@@ -66,7 +66,7 @@ def test_what_dies_beside_the_robot_is_no_race(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_clients_steer_and_look_in_every_other_run():
-    words = "--count", 3, "--rate", 50, "--pairs", 2, "--seconds", 6, "--json"  # on a busy machine, too
+    words = "--count", 3, "--rate", 50, "--pairs", 2, "--seconds", 6, "--json"
     done = hoap3("bench", "clients", *words, "--no-realtime")
     assert done.process.returncode == 0, done.stderr
     told = json.loads(done.stdout)

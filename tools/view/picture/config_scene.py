@@ -73,6 +73,7 @@ class Steered:
             "kind": self.kind,
             "frame": self.frame,
             "reference": self.reference,
+            "joints": list(self.joints),
             **told,
         }
 

@@ -7,7 +7,7 @@ import { addEvent, at, Joints, showState, showVerdicts, Sliders, write } from ".
 import { Plots } from "./plots.js";
 import { discard, Robot } from "./robot.js";
 import { Stage } from "./scene.js";
-import { Targets } from "./targets.js";
+import { canMove, Targets } from "./targets.js";
 import { Teleop } from "./teleop.js";
 import { Timeline } from "./timeline.js";
 
@@ -119,7 +119,7 @@ function take({ changeable, targets: told }) {
   if (changeable) sliders.set(changeable);
   if (!told) return;
   page.targets = told;
-  if (overlays) targets.set(told, robot); // else with the first frame: only then its size is known
+  if (overlays) targets.set(told, robot, page.hello.joints); // else with the first frame: only then its size is known
   teleop.set(page.hello.log ? [] : told);
 }
 
@@ -132,7 +132,7 @@ function show(frame) {
     if (!known) stage.frame(robot); // else whoever looks has chosen from where
     overlays = new Overlays(page.hello, robot, stage.span);
     stage.scene.add(overlays);
-    targets.set(page.targets, robot);
+    targets.set(page.targets, robot, page.hello.joints);
   }
   overlays.move(frame);
   targets.move(frame);
@@ -152,7 +152,7 @@ function show(frame) {
 function allow() {
   const live = connection.proved && !page.hello?.log;
   const now = live && page.frame?.operator === "me";
-  at("steer").disabled = !live || (!now && !page.targets?.length);
+  at("steer").disabled = !live || (!now && !page.targets?.some(canMove));
   if (live === at("stop").disabled) {
     at("stop").disabled = at("recover").disabled = !live;
     sliders.enable(live);
@@ -186,8 +186,9 @@ function say() {
   else if (!connection.token) words = "This page only looks: open the address the command line printed.";
   else if (page.refused) words = "This page only looks: its token is not the one the command line printed.";
   else if (bad) words = trouble.words;
-  else if (steering) words = "This page steers. Drag a handle, or hold Shift to drive.";
-  else if (connection.proved && page.targets?.length) words = "Press Steer to move the robot's targets.";
+  else if (steering) words = "This page steers: drag a handle or a slider, or hold Shift to drive.";
+  else if (connection.proved && page.targets?.some(canMove)) words = "Press Steer to move the robot's targets.";
+  else if (connection.proved && page.targets?.length) words = "No handle moves these targets: send them from a program, see docs/steering.md.";
   else if (connection.proved && page.frame?.holder) words = "This controller has no live target: see docs/steering.md.";
   else if (connection.proved) words = "No controller holds the robot: there is nothing to steer yet.";
   write(at("note"), words);

@@ -11,6 +11,8 @@ import {
 } from "./vendor.js";
 import { AXES, ORANGE, PURPLE } from "./colours.js";
 import { triad } from "./overlays.js";
+import { at } from "./panels.js";
+import { Posture } from "./posture.js";
 import { discard } from "./robot.js";
 
 const LEAST_MS = 1000 / 30; // between two targets that are sent
@@ -26,7 +28,9 @@ KINDS.frame_pose = {
   of: (marker) => [...KINDS.frame_position.of(marker), ...KINDS.frame_orientation.of(marker)],
 };
 
-export const canMove = ({ kind }) => kind in KINDS;
+const isPosture = ({ kind, joints }) => kind === "posture" && Boolean(joints?.length);
+
+export const canMove = (told) => told.kind in KINDS || isPosture(told);
 
 /** One target: its marker follows the frames, or the hand that drags it. */
 class Target {
@@ -113,12 +117,16 @@ export class Targets {
   /**
    * @param {object[]} targets of `hello` or `changed`
    * @param {import("./robot.js").Robot} robot
+   * @param {object[]} joints of `hello`
    */
-  set(targets, robot) {
+  set(targets, robot, joints) {
     this.letGo();
     for (const target of this.all) target?.remove();
     const size = 0.12 * this.stage.span;
-    this.all = targets.map((told) => (canMove(told) ? new Target(told, robot, this.stage, size, this) : null));
+    this.all = targets.map((told) => {
+      if (isPosture(told)) return new Posture(told, joints, this);
+      return canMove(told) ? new Target(told, robot, this.stage, size, this) : null;
+    });
     this.space(this.axes);
     this.arm(this.armed);
   }
@@ -138,6 +146,7 @@ export class Targets {
     this.armed = on;
     if (!on) this.letGo();
     for (const target of this.all) target?.arm(on);
+    at("move").hidden = !on || !at("postures").childElementCount;
     this.stage.change();
   }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from functools import partial
 
 import numpy as np
 import pytest
@@ -50,6 +51,34 @@ def no_more(page, view, kind):
 
 def targets(view, verb="target"):
     return [(at_s, do) for at_s, do in view.asked if do["verb"] == verb]
+
+
+def test_joints_of_a_posture_have_sliders_that_drop_it_when_let_go(steer):
+    told = {"name": "arm", "kind": "posture", "frame": None, "reference": None, "joints": [1, 2]}
+    stands = partial(frame, targets=[[0.8123, 9.0]])
+    with made_up_view(targets=[told], frames=stands) as view:
+        page = steer(view)
+        lift, roll = page.locator("#postures input").all()
+        roll.focus()
+        page.keyboard.down("ArrowRight")
+        wait_for(page, view, "target")
+        assert "drop" not in view.verbs()
+        page.keyboard.up("ArrowRight")
+        wait_for(page, view, "drop")
+        box = lift.bounding_box()
+        page.mouse.move(box["x"] + 0.75 * box["width"], box["y"] + box["height"] / 2)
+        page.mouse.down()
+        wait_for(page, view, "target", 2)
+        page.evaluate("window.dispatchEvent(new Event('blur'))")
+        wait_for(page, view, "drop", 2)
+        page.mouse.up()
+        first, *_, last = [do for _, do in targets(view)]
+        assert first["name"] == "arm"
+        assert first["values"][0] == 0.8123  # the other one stays where it is
+        assert 0.0 < first["values"][1] - 9.0 < 0.1
+        assert last["values"] == pytest.approx([1.3, 9.0], abs=0.1)  # from −0.2 to 1.8; where it is
+        page.click("#steer")
+        page.wait_for_selector("#move", state="hidden")
 
 
 @pytest.mark.parametrize("name", ["hand", "aside"])
@@ -369,8 +398,13 @@ def test_a_controller_without_live_targets_cannot_be_steered(open_page):
         page.wait_for_function(
             "() => document.querySelector('#note').textContent.includes('no live target')"
         )
-        told = [{"name": "hand", "kind": "frame_pose", "frame": "tool", "reference": None}]
-        view.say({"kind": "changed", "targets": told})
+        target = {"name": "hand", "frame": "tool", "reference": None}
+        view.say({"kind": "changed", "targets": [{**target, "kind": "wrench"}]})
+        page.wait_for_function(
+            "() => document.querySelector('#note').textContent.includes('from a program')"
+        )
+        assert page.locator("#steer").is_disabled()  # a wrench has no handle
+        view.say({"kind": "changed", "targets": [{**target, "kind": "frame_pose"}]})
         page.wait_for_selector("#steer:enabled")
 
 
