@@ -1,4 +1,4 @@
-"""Makes pictures of the live page: `python docs/pictures/page.py` [live | posture | log | standing].
+"""Makes the live page's pictures: `python docs/pictures/page.py` [live | posture | log | standing].
 
 It runs HOAP-3 and UR5 in real time, two logs, and HOAP-3 on a floor in MuJoCo, opens their pages in
 Debian's chromium, and keeps what that shows. A page that does not steer ends it.
