@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.log_samples import describe, inputs, ticks, write
 
@@ -52,6 +52,7 @@ def test_by_size_the_oldest_go_first(tmp_path: Path) -> None:
     assert left(tmp_path) == [f"2026010{day}-120000" for day in (3, 4, 5)]
 
 
+@settings(max_examples=25)  # each makes folders
 @given(
     st.lists(st.tuples(st.integers(0, 40), st.integers(0, 5)), max_size=8),
     st.one_of(st.none(), st.integers(1, 40)),
