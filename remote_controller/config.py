@@ -14,6 +14,7 @@ from hoap3.protocol.config.regular_file import check_path
 from hoap3.protocol.config.settings import (
     LinkSettings,
     LogSettings,
+    MetricsSettings,
     RealtimeSettings,
     RobotName,
     Settings,
@@ -53,6 +54,7 @@ class ControllerConfig(Settings):
     link: ControllerLink = ControllerLink()
     realtime: RealtimeSettings = RealtimeSettings()
     log: LogSettings = LogSettings()
+    metrics: MetricsSettings = MetricsSettings()
 
 
 def available_configs() -> list[str]:

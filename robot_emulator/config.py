@@ -14,6 +14,7 @@ from hoap3.protocol.config.regular_file import check_path
 from hoap3.protocol.config.settings import (
     LinkSettings,
     LogSettings,
+    MetricsSettings,
     RealtimeSettings,
     RobotName,
     Settings,
@@ -169,6 +170,7 @@ class EmulatorConfig(Settings):
     link: EmulatorLink = EmulatorLink()
     realtime: EmulatorRealtime = EmulatorRealtime()
     log: LogSettings = LogSettings()
+    metrics: MetricsSettings = MetricsSettings()
     lockstep: LockstepSettings = LockstepSettings()
 
 

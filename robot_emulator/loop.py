@@ -118,7 +118,7 @@ class RobotLoop:
             "delay_ticks": self._delay,
             "setpoint_arrays": MAX_LENGTHS,
         }
-        self._clipped = False
+        self._clipped = self._log_lost = False
         self._held = [0] * description.n  # periods, by the first joint held back in each
         self._held_first = (-1, -1)  # joint, tick
         self._conflicts_told = self._conflict_due = 0
@@ -274,6 +274,9 @@ class RobotLoop:
             self._record_fact(Kind.TOKEN, TOKEN, {"who": who, "present": present})
         if self._event_limit.any_left_out or self._request_limit.any_left_out:
             self._tell_left_out()
+        if self._recorder.lost is not None and not self._log_lost:
+            self._log_lost = True
+            self._announce("LOG_LOST", self._recorder.lost)
         self._receive(self._published)
         self._judge()
         self._obey_grant()
@@ -312,8 +315,11 @@ class RobotLoop:
         for stamp, payload in self._link.drain():
             self._recorder.record(Kind.SETPOINT, stamp, payload)
             reason = self.validator.accept(stamp, payload, published)
-            if reason is not None and self.validator.rejections[reason] == 1:
-                self._announce("REJECTED", REJECTION_KINDS.index(reason))
+            if reason is not None:
+                place = REJECTION_KINDS.index(reason)
+                self._recorder.reject(place)
+                if self.validator.rejections[reason] == 1:
+                    self._announce("REJECTED", place)
         if self.validator.conflicting != self._conflicts_told:
             self._tell_conflicts()
 

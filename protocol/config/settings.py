@@ -163,6 +163,26 @@ class LogSettings(Settings):
         ge=1,
         description="of one file, at most half the cap; then a further one begins",
     )
+    keep_days: float | None = Field(
+        None, gt=0, description="older runs in that directory are deleted at a start; null: none"
+    )
+    keep_mb: int | None = Field(
+        None,
+        strict=True,
+        ge=1,
+        description="beyond this the oldest runs in it are deleted at a start; null: any size",
+    )
+
+
+class MetricsSettings(Settings):
+    """Where the observer process serves figures to Prometheus."""
+
+    host: str = Field(
+        "127.0.0.1", description="address to listen at; others than loopback are seen"
+    )
+    port: Annotated[int, Field(strict=True, ge=1, le=65_535)] | None = Field(
+        None, description="port to listen at; null: none"
+    )
 
 
 def load_yaml(path: Path) -> dict[str, Any]:

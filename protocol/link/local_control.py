@@ -31,6 +31,7 @@ MAX_LINE_BYTES = 65_536
 ANSWER_TIMEOUT_S = 2.0  # a robot in lockstep may wait for its controller meanwhile
 LINE_TIMEOUT_S = 0.5  # for a client to send its line, and to take the answer
 WAITING = 16  # connections
+ACCEPT_PAUSE_S = 0.1  # until a client is accepted that could not be
 _FILE = re.compile(r"robot-([a-z][a-z0-9_]{0,31})-(\d+)\.sock")
 _CREDENTIALS = struct.Struct("3i")  # pid, uid, gid: struct ucred
 _Answers = SimpleQueue[dict[str, Any] | bytes]
@@ -52,7 +53,7 @@ class LocalControl:
     def __init__(self, robot: str, endpoints: Sequence[str]) -> None:
         self._told = {"robot": robot, "endpoints": list(endpoints)}
         self._asked: SimpleQueue[Request] = SimpleQueue()
-        self._closing = False
+        self._ended = threading.Event()
         self.path: Path | None = None
         directory = runtime_directory()
         if directory is None:
@@ -81,9 +82,9 @@ class LocalControl:
 
     def close(self) -> None:
         """Remove the socket, and end the thread."""
-        if self.path is None or self._closing:
+        if self.path is None or self._ended.is_set():
             return
-        self._closing = True
+        self._ended.set()
         self.path.unlink(missing_ok=True)
         with contextlib.suppress(OSError):
             self._server.shutdown(socket.SHUT_RDWR)  # wakes the thread
@@ -93,11 +94,13 @@ class LocalControl:
         self._thread.join(timeout=2.0)
 
     def _serve(self) -> None:
-        while not self._closing:
+        while not self._ended.is_set():
             try:
                 client, _ = self._server.accept()
             except OSError:
-                return  # closed
+                # closed; or this process may open no more files now, and the client waits
+                self._ended.wait(ACCEPT_PAUSE_S)
+                continue
             with client, contextlib.suppress(OSError):  # a client may leave at any time
                 client.settimeout(LINE_TIMEOUT_S)
                 if _user(client) in (0, os.geteuid()):

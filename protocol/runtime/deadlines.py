@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import heapq
 from bisect import bisect_left
+from collections.abc import Sequence
 from itertools import accumulate
 from typing import Any
 
@@ -100,13 +101,17 @@ class Durations:
     Args:
         highest: longest duration that is resolved [ns]; longer ones are counted as overflows.
         worst: how many of the longest are kept with their tick.
+
+    Attributes:
+        n, total: how many that are not negative, and their sum [ns].
+        overflows, negative: longer ones, counted in n, and negative ones, which are not.
     """
 
     def __init__(self, highest: int = 10_000_000_000, worst: int = 10) -> None:
         self._bins = [0] * (_bin(highest) + 1)
         self._highest, self._keep = highest, worst
         self._worst: list[tuple[int, int]] = []
-        self.n = self.overflows = self.negative = 0
+        self.n = self.total = self.overflows = self.negative = 0
         self._min = self._max = 0
 
     def add(self, nanoseconds: int, tick: int = 0) -> None:
@@ -117,6 +122,7 @@ class Durations:
         self._min = min(self._min, nanoseconds) if self.n else nanoseconds
         self._max = max(self._max, nanoseconds)
         self.n += 1
+        self.total += nanoseconds
         if nanoseconds > self._highest:
             self.overflows += 1
         self._bins[_bin(min(nanoseconds, self._highest))] += 1
@@ -124,6 +130,11 @@ class Durations:
             heapq.heappush(self._worst, (nanoseconds, tick))
         elif nanoseconds > self._worst[0][0]:
             heapq.heapreplace(self._worst, (nanoseconds, tick))
+
+    def up_to(self, bounds: Sequence[int]) -> list[int]:
+        """How many were not longer than each bound [ns], to the width of a bin."""
+        counts = list(accumulate(self._bins, initial=0))
+        return [counts[_bin(min(bound, self._highest)) + 1] for bound in bounds]
 
     def summary(self) -> dict[str, Any]:
         """n, min, percentiles, max [us] and worst ticks; negative ones and overflows where any."""

@@ -38,6 +38,12 @@ class NotGranted(Note):
     news = "not granted"
 
 
+class Unserved(Note):
+    """What an observer cannot serve, though it was asked to: a finding, as a lost log is."""
+
+    news = "unserved"
+
+
 def told(measures: Iterable[Measure]) -> Iterator[Note]:
     """Each measure as a detail, and in one line those that were not granted, if any."""
     missing = []

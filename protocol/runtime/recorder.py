@@ -13,18 +13,27 @@ from hoap3.protocol.runtime.shm_ring import Kind, Record, Ring
 class Recorder(Protocol):
     """What loops call. It may not block a loop in real time."""
 
+    @property
+    def lost(self) -> int | None:
+        """None while everything is kept; then errno of what ended that, 0 where none is known."""
+        return None
+
     def record(self, kind: Kind, stamp: int, payload: bytes) -> None:
         """Keep a message with the monotonic stamp [ns] that belongs to it."""
 
+    def reject(self, kind: int) -> None:
+        """Count a setpoint that was refused; for which reason, by its place in their list."""
+        del kind  # nobody asks
 
-class NoRecorder:
+
+class NoRecorder(Recorder):
     """Keeps nothing."""
 
     def record(self, kind: Kind, stamp: int, payload: bytes) -> None:
         """Forget it."""
 
 
-class MemoryRecorder:
+class MemoryRecorder(Recorder):
     """Keeps everything in a list: for simulations in process, and tests."""
 
     def __init__(self) -> None:
@@ -45,18 +54,27 @@ class MemoryRecorder:
         self._kept += (kind, stamp, payload)
 
 
-class RingRecorder:
+class RingRecorder(Recorder):
     """Hands everything to the observer process and never waits for it."""
 
     def __init__(self, ring: Ring) -> None:
         self._ring = ring
 
+    @property
+    def lost(self) -> int | None:
+        """Set by whoever hears of it from the observer; from any thread."""
+        return self._ring.lost
+
     def record(self, kind: Kind, stamp: int, payload: bytes) -> None:
         """Write slots; a full ring counts a drop."""
         self._ring.write(kind, stamp, payload)
 
+    def reject(self, kind: int) -> None:
+        """Count it in shared memory."""
+        self._ring.count(kind)
 
-class BlockingRecorder:
+
+class BlockingRecorder(Recorder):
     """Hands everything to the observer and waits while the ring is full: for lockstep.
 
     Args:
@@ -67,6 +85,8 @@ class BlockingRecorder:
         Hoap3Error: the observer has died, so nothing would ever be read.
     """
 
+    # `lost` stays None: in virtual time an event would come at another tick each time
+
     def __init__(self, ring: Ring, reader_alive: Callable[[], bool]) -> None:
         self._ring, self._reader_alive = ring, reader_alive
 
@@ -76,6 +96,10 @@ class BlockingRecorder:
         if self._ring.free < slots:
             self._wait(slots)
         self._ring.write(kind, stamp, payload)
+
+    def reject(self, kind: int) -> None:
+        """Count it in shared memory."""
+        self._ring.count(kind)
 
     def _wait(self, slots: int) -> None:
         while self._ring.free < slots:

@@ -25,11 +25,14 @@ _WORDS = {  # eight to a cache line
     "slots": 1,
     "slot_bytes": 2,
     "head": 8,  # the writer's
+    "beats": 9,  # the writer's: how often its loop has said that it is alive
     "tail": 16,  # the reader's
     "noticed": 17,  # the reader's: drops that it has told of
     "dropped": 24,  # the writer's
     "end": 32,
+    "counts": 40,  # the writer's: `COUNTS` of them
 }
+COUNTS = 64  # of what has no records
 _SLOT = struct.Struct("=qqqIHH")  # sequence, stamp, dropped before, length, kind, more
 
 
@@ -72,7 +75,11 @@ class Ring:
 
     Attributes:
         slots: how many it has.
+        lost: in the writer's process, errno for which nobody keeps what is written any more, 0
+            where none is known; None while somebody does.
     """
+
+    lost: int | None = None
 
     def __init__(self, fd: int | None = None, slots: int = SLOTS, slot_bytes: int = SLOT_BYTES):
         created = fd is None
@@ -93,6 +100,7 @@ class Ring:
         self._capacity = self._slot_bytes - _SLOT.size
         self._head, self._tail = self._get("head"), self._get("tail")
         self._dropped, self._gaps = self._get("dropped"), self._get("noticed")
+        self._beats = self._get("beats")
 
     def write(self, kind: Kind, stamp: int, payload: bytes) -> bool:
         """Append a record, in as many slots as it needs: all of it, or False and nothing."""
@@ -132,6 +140,25 @@ class Ring:
                 self._tail = tail
                 self._set("tail", tail)
                 yield record
+
+    def beat(self) -> None:
+        """A sign of life of the writer's loop."""
+        self._beats += 1
+        self._set("beats", self._beats)
+
+    @property
+    def beats(self) -> int:
+        """How many signs of life the writer's loop has given; either side may ask."""
+        return self._get("beats")
+
+    def count(self, place: int) -> None:
+        """One more of what stands at a place below `COUNTS`."""
+        self._words[_WORDS["counts"] + place] += 1
+
+    def counts(self, n: int) -> list[int]:
+        """What was counted at the first n places."""
+        first = _WORDS["counts"]
+        return self._words[first : first + n].tolist()
 
     def close(self) -> None:
         """Say that nothing more will be written."""

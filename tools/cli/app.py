@@ -33,6 +33,7 @@ from hoap3.tools.cli.options import ENDPOINT, AsJson, Connect, finite
 from hoap3.tools.cli.report import report
 from hoap3.tools.cli.reproduce import reproduce
 from hoap3.tools.cli.robot import robot_app
+from hoap3.tools.cli.services.service import service_app
 from hoap3.tools.cli.trajectory import trajectory_app
 from hoap3.tools.cli.verify import verify
 from hoap3.tools.cli.viewers.bridge import bridge_app
@@ -49,6 +50,7 @@ app.add_typer(config_app, name="config")
 app.add_typer(bench_app, name="bench")
 app.add_typer(bridge_app, name="bridge")
 app.add_typer(robot_app, name="robot")
+app.add_typer(service_app, name="service")
 app.add_typer(trajectory_app, name="trajectory")
 for command in (change, compare, doctor, latency, limits, new, report, reproduce, verify, view):
     app.command()(command)
@@ -134,7 +136,7 @@ def run(
     else:
         show_summary(summary)
         show_next(summary["log"])
-    bad = failed(summary["verdicts"]) or summary["log_lost"]
+    bad = failed(summary["verdicts"]) or summary["log_lost"] or summary["metrics_lost"]
     raise typer.Exit(1 if bad else 0)
 
 

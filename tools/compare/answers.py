@@ -9,6 +9,7 @@ import numpy as np
 
 from hoap3.protocol.description import RobotDescription
 from hoap3.protocol.messages import Setpoint, State
+from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.remote_controller.controllers.base import Controller
 from hoap3.tools.show.verdicts import judge
@@ -19,7 +20,7 @@ MOST_TIMED = 20_000  # answers of which the States are kept as bytes, to be time
 
 
 @dataclass
-class RecordedInputs:
+class RecordedInputs(Recorder):
     """A recorder that keeps the messages of one kind."""
 
     kind: Kind

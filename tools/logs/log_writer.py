@@ -115,6 +115,11 @@ class LogWriter:
         """The files that exist, oldest first."""
         return [*self._sizes, self._file.path] if not self._closed else list(self._sizes)
 
+    @property
+    def size(self) -> int:
+        """Bytes of these files that were handed to the operating system."""
+        return sum(self._sizes.copy().values()) + (0 if self._closed else self._file.size)
+
     def add(self, record: Record) -> None:
         """Take one record, not older than time 0; reading gives it back, whatever its payload."""
         stamp, payload = record.stamp, record.payload

@@ -25,6 +25,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 
 from hoap3.protocol.errors import UsageError
+from hoap3.tools.logs.file_lock import lock_shared
 
 MAGIC = b"\x89MCAP0\r\n"
 ZSTD_LEVEL = -1  # 0.4 µs a message, 1 µs on noise; level 3 takes 2.5 µs there to save 4 %
@@ -62,6 +63,7 @@ class McapFile:
             raise UsageError(
                 f"{path}: cannot be made ({error.strerror}). Name a folder that can be written"
             ) from error
+        lock_shared(self._fd)
         self.path = path
         self.size = 0
         self.chunk = bytearray()
@@ -188,11 +190,16 @@ class McapFile:
             self._summarise()
             self.flush()
         finally:
-            os.close(self._fd)
+            self.abandon()
 
     def abandon(self) -> None:
-        """Close the file as it is, without what would tell a reader that it is whole."""
-        os.close(self._fd)
+        """Close the file as it is, without what would tell a reader that it is whole.
+
+        Once is enough, twice does no harm.
+        """
+        if self._fd >= 0:
+            os.close(self._fd)
+            self._fd = -1
 
     def _summarise(self) -> None:
         start, builder = self.size, self._pending

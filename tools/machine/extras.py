@@ -18,6 +18,16 @@ def check_drawing() -> None:
             raise NotInstalledError("package", package, "'hoap3[report]'")
 
 
+def check_metrics() -> None:
+    """Refuse a service with metrics before it begins, where they could not be served.
+
+    Raises:
+        NotInstalledError: prometheus-client is not installed.
+    """
+    if find_spec("prometheus_client") is None:
+        raise NotInstalledError("package", "prometheus-client", "'hoap3[metrics]'")
+
+
 def check_view() -> None:
     """Refuse the live page before it begins, where it could not be served.
 

@@ -16,29 +16,30 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 from hoap3.protocol.errors import Hoap3Error, UsageError
 from hoap3.protocol.messages import Event
+from hoap3.protocol.runtime.notes import Unserved
 from hoap3.protocol.runtime.shm_ring import Kind, Record, Ring
-from hoap3.protocol.stop_reasons import STOP_REASONS, stop_words
-from hoap3.tools.machine.processes import Child, Lifeline, read_order, to_people
+from hoap3.tools.machine.processes import Child, Lifeline, read_order
+from hoap3.tools.machine.sd_notify import NotifySettings
 from hoap3.tools.machine.stalls import PRIORITY, StallMonitor
+from hoap3.tools.services.monitoring.reporter import EVENTS, Reporter
+from hoap3.tools.services.monitoring.watchdog import PINGS, Watchdog, status_words
 from hoap3.tools.services.stall_attribution import OutsideStalls
 from hoap3.tools.show.certificate_count import CertificateCount
-from hoap3.tools.show.event_words import CONDITIONS, event_name, in_words, is_routine
 
 if TYPE_CHECKING:
     from hoap3.tools.logs.log_writer import LogWriter
+    from hoap3.tools.services.monitoring.metrics import ServiceMetrics
 
 POLL_S = 0.005
 LIVE_S = 0.25
 DRAIN_S = 30.0  # for what is left to be written at the end
 END_S = 5.0  # for the end of a process that has nothing left to do
 REPAIR = "`hoap3 record --repair` mends what there is"
-_EVENTS = Event.schema.constants
 UNWATCHED = f", which takes SCHED_FIFO {PRIORITY} there: `ulimit -r {PRIORITY}`, or root"
-_FREQUENT = {_EVENTS[name] for name in ("SKIPPED", "OVERWRITTEN", "HOST_STALL")}
 
 
 class ObserverHandle:
@@ -51,14 +52,17 @@ class ObserverHandle:
             of the robot; `lockstep`, whether stamps are virtual; `watch`, CPUs whose stalls are
             noted and count as the host's; `keep_awake`, whether these are kept from falling
             asleep; `status_fd`, open file that takes a JSON line for every piece of news, or None
-            for people.
-        report: takes what became of the log, once, when it is lost; called in a thread.
+            for people; `metrics`, `host` and `port` for them, or None; `notify`, a
+            `NotifySettings` as a mapping where systemd listens, or None.
+        report: takes what became of the log, once, when it is lost, and of metrics that cannot be
+            served; called in a thread.
 
     Attributes:
         final: what it told at its end: `paths`, `dropped`, number of `states`, of the robot its
             `summary`, of a controller `certificates` and its own summary as `outcome`. Empty where
             it died.
         lost: why the log is not whole, for people; "" if it is.
+        unserved: why metrics are not served, for people; "" if they are, or nobody wants them.
 
     Raises:
         OSError: its process cannot be started.
@@ -67,9 +71,10 @@ class ObserverHandle:
     def __init__(self, order: Mapping[str, Any], report: Callable[[str], None]) -> None:
         self.ring = Ring()
         self.final: dict[str, Any] = {}
-        self.lost = ""
+        self.lost = self.unserved = ""
         self._side, self._report = order["side"], report
-        self._late = False
+        self._notify = NotifySettings(**order["notify"]) if order["notify"] else None
+        self._late, self._ended = False, threading.Event()
         reader, last_words = os.pipe()
         whole = json.dumps({**order, "fd": self.ring.fd, "last_words_fd": last_words})
         status = [] if order["status_fd"] is None else [order["status_fd"]]
@@ -90,8 +95,21 @@ class ObserverHandle:
         """Whether it still runs."""
         return self._process.poll() is None
 
+    def watching(self, should_stop: Callable[[], bool]) -> Callable[[], bool]:
+        """The same question; to ask it is a sign of life of a loop, where systemd wants some."""
+        if self._notify is None:
+            return should_stop
+        beat = self.ring.beat
+
+        def asked() -> bool:
+            beat()
+            return should_stop()
+
+        return asked
+
     def close(self) -> bool:
         """Say that nothing follows, and wait until all of it is on disk; False where it is not."""
+        self._ended.set()
         self.ring.close()
         self._listener.join(DRAIN_S)
         self._late = self._listener.is_alive()
@@ -109,73 +127,33 @@ class ObserverHandle:
                 except ValueError:
                     break  # it was killed in the midst of it
                 if "lost" in said:
-                    self._lose(said["lost"])
+                    self._lose(said["lost"], said["errno"])
+                elif "unserved" in said:
+                    self.unserved = f"the {self._side}'s metrics are not served: {said['unserved']}"
+                    self._report(Unserved(self.unserved))
                 else:
                     self.final = said
         if not self.final:
             code = self._process.end(END_S)
             why = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
             self._lose(f"its observer {f'took longer than {DRAIN_S:g} s' if self._late else why}")
+            self._stand_in()
 
-    def _lose(self, why: str) -> None:
+    def _stand_in(self) -> None:
+        """Ping the watchdog in place of an observer that died, until the service ends."""
+        if self._notify is None or self._notify.watchdog_s is None:
+            return
+        watchdog = Watchdog(self._notify, lambda: self.ring.beats, time.monotonic)
+        watchdog.look()
+        while not self._ended.wait(self._notify.watchdog_s / (2 * PINGS)):
+            watchdog.look()
+        watchdog.close()
+
+    def _lose(self, why: str, code: int = 0) -> None:
         if not self.lost:
             self.lost = f"the {self._side}'s log is not whole: {why}; {REPAIR}"
+            self.ring.lost = code  # whose loop tells the network
             self._report(self.lost)
-
-
-class _Reporter:
-    """Tells people, or the process that asked for it, what happens."""
-
-    def __init__(self, status_fd: int | None, side: str, robot: str) -> None:
-        self._status: TextIO | None = None if status_fd is None else os.fdopen(status_fd, "w")
-        self._side, self._robot = side, robot
-        self._conditions: tuple[str, ...] = ()  # names that the controller gives
-        self._told: set[int] = set()
-
-    def send(self, news: str, content: dict[str, Any]) -> None:
-        """One JSON line, where somebody reads them."""
-        if self._status is None:
-            return
-        try:
-            self._status.write(json.dumps({"news": news, "side": self._side, **content}) + "\n")
-            self._status.flush()
-        except BrokenPipeError:
-            self._status = None  # whoever asked is gone; the log goes on
-
-    def say(self, text: str, news: str = "said") -> None:
-        """One line for people; of which kind, for the process that asked for it."""
-        self._tell(news, {"text": f"{self._side}: {text}"})
-
-    def session(self, record: Record) -> None:
-        """Learn what the following events are about."""
-        self._conditions = tuple(json.loads(record.payload).get("conditions", ()))
-        self._told.clear()
-
-    def event(self, record: Record) -> None:
-        """One line for people; of a condition, when it holds for the first time."""
-        event = Event()
-        event.load(record.payload)
-        if event.kind in _FREQUENT:
-            return  # hundreds on a busy machine; they are counted, and stand in the log
-        if event.kind in CONDITIONS:
-            if event.detail in self._told:
-                return  # it may come and go; the log has it all
-            self._told.add(event.detail)
-        name = event_name(event.kind, event.detail)
-        words = in_words(event.kind, event.detail, (), self._conditions)
-        what = f"{name} ({words})" if words else name
-        if self._side == "controller" and event.kind == _EVENTS["SAFE_STOP"]:
-            stopped = stop_words(STOP_REASONS.get(event.detail))
-            what = f"robot {self._robot!r}: {stopped}; it waits to be recovered"
-        text = f"{self._side}: tick {event.tick}: {what}"
-        content = {"text": text, "kind": name, "tick": event.tick, "detail": event.detail}
-        routine = is_routine(event.kind, event.detail)
-        self._tell("event", {**content, "routine": routine})
-
-    def _tell(self, news: str, content: dict[str, Any]) -> None:
-        if self._status is None:
-            to_people(content["text"])
-        self.send(news, content)
 
 
 def main() -> int:
@@ -186,7 +164,11 @@ def main() -> int:
     signal.signal(signal.SIGTERM, lambda *_: None)
     parent, order = Lifeline(), read_order()
     ring = Ring(order["fd"])
-    keeper = _LogKeeper(order)
+    keeper = _LogKeeper(order, ring)
+    watchdog = None
+    if order["notify"]:
+        settings = NotifySettings(**order["notify"])
+        watchdog = Watchdog(settings, lambda: ring.beats, time.monotonic)
     due = time.monotonic() + LIVE_S
     while True:
         ended = ring.closed or parent.cut()  # asked before the last reading
@@ -195,11 +177,17 @@ def main() -> int:
         keeper.look_for_stalls()
         if ended:
             break
+        if watchdog is not None:
+            watchdog.look()
         now = time.monotonic()
         if now >= due:
             due = now + LIVE_S
-            keeper.tell()
+            status = keeper.tell()
+            if watchdog is not None:
+                watchdog.tell(status)
         time.sleep(POLL_S)
+    if watchdog is not None:
+        watchdog.stopping()
     keeper.end(ring.dropped)
     return 0
 
@@ -207,12 +195,13 @@ def main() -> int:
 class _LogKeeper:
     """What an observer does with what it sees: it writes, counts and tells."""
 
-    def __init__(self, order: dict[str, Any]) -> None:
+    def __init__(self, order: dict[str, Any], ring: Ring) -> None:
         from hoap3.tools.logs.log_writer import LogWriter
         from hoap3.tools.services.run_statistics import RunStatistics
 
         self._last_words_fd = order["last_words_fd"]
         self._writer: LogWriter | None = None
+        self._lost = False
         self._paths: list[Path] = []
         if order["directory"]:
             cap_bytes, file_bytes = order["limits"]
@@ -242,16 +231,53 @@ class _LogKeeper:
         )
         self._certificates = CertificateCount()
         self._outcome: dict[str, Any] | None = None
-        self._reporter = _Reporter(order["status_fd"], order["side"], order["robot"])
+        self._reporter = Reporter(order["status_fd"], order["side"], order["robot"])
         self._states = 0
+        self._metrics: ServiceMetrics | None = None
+        if order["metrics"]:
+            self._serve(order, ring)
+
+    def _serve(self, order: dict[str, Any], ring: Ring) -> None:
+        """Serve figures to Prometheus; where that cannot be, the service is told."""
+        from hoap3.tools.services.monitoring.metrics import (
+            LogFacts,
+            MetricsServer,
+            ServiceMetrics,
+            seen_from_outside,
+        )
+
+        folder = Path(order["directory"]) if order["directory"] else None
+        self._metrics = ServiceMetrics(
+            order["side"],
+            order["robot"],
+            ring,
+            LogFacts(folder, self._log_bytes, lambda: self._lost),
+            self._statistics if self._is_robot else None,
+            self._stalls,
+        )
+        host, port = order["metrics"]["host"], order["metrics"]["port"]
+        try:
+            server = MetricsServer(self._metrics, host, port)
+        except OSError as error:
+            why = error.strerror or str(error)
+            self._tell_service({"unserved": f"{why} ({host}, port {port})"})
+            return
+        who = "; whoever reaches that address sees them" if seen_from_outside(host) else ""
+        self._reporter.say(f"metrics at {server.url}{who}", "said" if who else "routine")
+
+    def _log_bytes(self) -> int:
+        """Size of the log."""
+        return self._writer.size if self._writer is not None else 0
 
     def take(self, record: Record) -> None:
         """A record of the loop, or one of our own."""
         if self._writer is not None:
             try:
                 self._writer.add(record)
-            except OSError as error:
+            except (OSError, UsageError) as error:  # a further file may have no place
                 self._lose(error)
+        if self._metrics is not None:
+            self._metrics.add(record)
         if self._is_robot:
             self._statistics.add(record)
         else:
@@ -288,10 +314,12 @@ class _LogKeeper:
             except OSError as error:
                 self._lose(error)
 
-    def tell(self) -> None:
-        """What people watch."""
-        if self._is_robot:
-            self._reporter.send("live", self._statistics.live())
+    def tell(self) -> str:
+        """What people watch; in one line, too."""
+        live = self._statistics.live() if self._is_robot else None
+        if live is not None:
+            self._reporter.send("live", live)
+        return status_words(live, self._states)
 
     def end(self, dropped: int) -> None:
         """Finish the log and tell what became of it."""
@@ -322,7 +350,10 @@ class _LogKeeper:
     def _lose(self, error: Exception) -> None:
         """The log ends here: say so at once, and go on counting."""
         why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        self._tell_service({"lost": why})
+        cause = error if isinstance(error, OSError) else error.__cause__
+        code = cause.errno if isinstance(cause, OSError) else None
+        self._lost = True
+        self._tell_service({"lost": why, "errno": code or 0})
         writer, self._writer = self._writer, None
         if writer is not None:
             writer.abandon()
@@ -335,7 +366,7 @@ class _LogKeeper:
 
 def _event(kind: str, stamp: int, detail: int) -> Record:
     event = Event()
-    event.kind, event.stamp, event.detail = _EVENTS[kind], stamp, detail
+    event.kind, event.stamp, event.detail = EVENTS[kind], stamp, detail
     return Record(Kind.EVENT, stamp, event.dump())
 
 

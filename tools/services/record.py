@@ -12,7 +12,7 @@ from typing import Any
 
 from hoap3.protocol.answers import parse_description
 from hoap3.protocol.config.settings import LogSettings
-from hoap3.protocol.errors import Hoap3Error, LinkError
+from hoap3.protocol.errors import Hoap3Error, LinkError, UsageError
 from hoap3.protocol.messages import Message, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.protocol.wire_versions import upgraded
@@ -135,15 +135,15 @@ def record_robot(
                         writer.add(record)
                     writer.flush_due(time.monotonic_ns())
                     time.sleep(POLL_S)
-            except OSError:
+            except (OSError, UsageError):
                 writer.abandon()
                 raise
             finally:
                 for subscriber in subscribers:
                     subscriber.undeclare()
                 writer.close()
-        except OSError as error:
-            why = error.strerror or str(error)
+        except (OSError, UsageError) as error:
+            why = (isinstance(error, OSError) and error.strerror) or str(error)
             raise Hoap3Error(f"the log in {folder} is not whole: {why}; {REPAIR}") from error
     if heard.dropped:
         report(f"the log has gaps: {heard.dropped} records came faster than they were written")

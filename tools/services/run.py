@@ -191,6 +191,7 @@ def run_lockstep(
         raise Hoap3Error("; ".join(lost))
     summary: dict[str, Any] = observers["robot"].final["summary"]
     summary["log_lost"] = lost
+    summary["metrics_lost"] = [o.unserved for o in observers.values() if o.unserved]
     if folder is not None:
         final = observers["controller"].final
     else:
@@ -224,6 +225,7 @@ class _Services:
         self.failed = ""  # the one that failed
         self.finals: dict[str, dict[str, Any]] = {}  # last words of both observers
         self.damage: list[str] = []  # why logs are not whole
+        self.unserved: list[str] = []  # why metrics are not served
 
     def start(
         self, command: str, config: str, file: str, folder: Path | None, duration: float | None
@@ -267,6 +269,7 @@ class _Services:
             without = self._failure("the robot ended without a summary")
             raise Hoap3Error("; ".join(self.damage) or without)
         self.summary["log_lost"] = self.damage
+        self.summary["metrics_lost"] = self.unserved
         _join(self.summary, self.finals.get("controller", {}))
         return {**self.summary, "interrupted": self._stop(), "duration_s": duration}
 
@@ -310,10 +313,12 @@ class _Services:
         return heard
 
     def _hear(self, item: dict[str, Any], command: str) -> None:
-        if item["news"] in {"said", "damaged", "detail", "routine", "not granted"}:
+        if item["news"] in {"said", "damaged", "unserved", "detail", "routine", "not granted"}:
             self.said.append(item["text"])
             if item["news"] == "damaged":
                 self.damage.append(item["text"])
+            elif item["news"] == "unserved":
+                self.unserved.append(item["text"])
         elif item["news"] == "failed" and self.failure is None:
             self.failure = (UsageError if item["usage"] else Hoap3Error)(item["text"])
             self.failed = command

@@ -39,6 +39,11 @@ class RunStatistics:
         period_ns: of the robot's schedule.
         stalls: takes the times of missed and skipped ticks.
         timing: whether durations mean anything; not in lockstep, where all time is virtual.
+
+    Attributes:
+        asked: States that asked for an answer.
+        delay_ticks: of the robot.
+        rtt, wakeup, stages: durations so far.
     """
 
     def __init__(
@@ -50,7 +55,7 @@ class RunStatistics:
         self._missed = 0
         self._intended: int | None = None  # of the last State, where that was an active one
         self._last_intended: int | None = None  # of the last State
-        self._deadline, self._delay_ticks = "next_tick", 0
+        self._deadline, self.delay_ticks, self.asked = "next_tick", 0, 0
         self._state: tuple[Any, ...] = ()
         self._summary: dict[str, Any] | None = None
         self._v = math.nan
@@ -79,13 +84,18 @@ class RunStatistics:
                 robot = json.loads(record.payload)
                 self._takes = (COMMANDS[robot["command_kinds"][0]], len(robot["joints"]))
                 self._deadline = robot.get("deadline", self._deadline)
-                self._delay_ticks = robot.get("delay_ticks", 0)
+                self.delay_ticks = robot.get("delay_ticks", 0)
         except WireError:
             return  # the robot refused it too, and counts it
 
+    @property
+    def state(self) -> dict[str, Any]:
+        """Mode and counts of the newest State; empty before the first."""
+        return dict(zip(_STATE, self._state, strict=False))
+
     def live(self) -> dict[str, Any]:
         """What people watch while it runs."""
-        state = dict(zip(_STATE, self._state, strict=False))
+        state = self.state
         figures = {**state, "ticks": state.get("tick", -1) + 1, "error": self._error}
         if self._timing:
             figures["rtt_us"] = self.rtt.summary()
@@ -99,8 +109,7 @@ class RunStatistics:
 
     def summary(self) -> dict[str, Any]:
         """The whole, as `run --json` prints it, but for what the controller alone knows."""
-        robot = self._summary or {}
-        state = dict(zip(_STATE, self._state, strict=False))
+        robot, state = self._summary or {}, self.state
         run_rate = robot.get("run_rate") if robot.get("asked") else None
         safe_stops = robot.get("safe_stops", 0)
         skipped = self._skipped - (self._skipped_before or 0)
@@ -119,7 +128,7 @@ class RunStatistics:
                 body=body_of(robot),
             ),
             "deadline": self._deadline,
-            "delay_ticks": self._delay_ticks,
+            "delay_ticks": self.delay_ticks,
             "ticks": robot.get("asked", 0),
             "skipped": skipped,
             "misses": {
@@ -173,7 +182,7 @@ class RunStatistics:
         late, lost = self._state[7:9]
         missed, before, period = late + lost - self._missed, self._intended, self._period_ns
         self._missed = late + lost
-        lag = self._delay_ticks + (self._deadline == "after_receipt")  # until a tick is judged
+        lag = self.delay_ticks + (self._deadline == "after_receipt")  # until a tick is judged
         asked = self._last_intended if lag else before
         if asked is not None and missed > 0:
             self._stalls.failed(asked - lag * period, asked + missed * period, missed)
@@ -198,6 +207,7 @@ class RunStatistics:
         self._state = values = State.scalars(payload, *_STATE)
         mode, _, tick, epoch, intended, actual, skipped = values[:7]
         if mode == State.ACTIVE:
+            self.asked += 1
             if not was_active:  # no answer to an earlier tick is followed any more
                 self._answered = max(self._answered, tick - 1)
             self._asked[tick] = (epoch, *State.scalars(payload, "stamp_published"))

@@ -6,9 +6,11 @@ import errno
 import json
 import os
 import sys
+import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,6 +18,7 @@ import yaml
 
 from hoap3.protocol.config.settings import (
     LogSettings,
+    MetricsSettings,
     RealtimeSettings,
     Settings,
     apply_overrides,
@@ -34,8 +37,11 @@ from hoap3.robot_emulator.robots import load
 from hoap3.robot_emulator.service import describe, serve, serve_lockstep
 from hoap3.tools.logs.log_format import SIDES, file_name
 from hoap3.tools.logs.motion_files import LOG_SUFFIX, as_written, attachments_of, enclosed
+from hoap3.tools.logs.pruning import prune
+from hoap3.tools.machine.extras import check_metrics
 from hoap3.tools.machine.machine import machine_block
 from hoap3.tools.machine.processes import StopFlag, check_open_files, to_people
+from hoap3.tools.machine.sd_notify import NotifySettings
 from hoap3.tools.machine.software import software
 from hoap3.tools.services.observer import ObserverHandle
 from hoap3.tools.services.placement import settled_alone
@@ -126,6 +132,8 @@ def run_folder(
 ) -> Path | None:
     """A new folder for the log of one run, or None where nothing is recorded.
 
+    Old runs beside it go where the settings say so.
+
     Args:
         log: where, and whether.
         out: the folder itself, as `--out` names it; it may exist.
@@ -155,6 +163,15 @@ def run_folder(
             error.strerror or "cannot be made",
             "Name a new folder that can be written, or set log.record=false",
         ) from error
+    pruned = prune(
+        Path(log.directory),
+        now=time.time(),
+        keep_days=log.keep_days,
+        keep_mb=log.keep_mb,
+        spare=folder,
+    )
+    if str(pruned):
+        to_people(f"{log.directory}: {pruned}")
     return folder
 
 
@@ -168,6 +185,7 @@ def observer_for(
     lockstep: bool,
     status_fd: int | None,
     report: Callable[[str], None],
+    notify: NotifySettings | None = None,
 ) -> ObserverHandle:
     """The observer of a service; `report` is told, in a thread, when the log is lost."""
     log = config.log
@@ -187,8 +205,27 @@ def observer_for(
         "watch": () if lockstep else watched_cpus(config.realtime),
         "keep_awake": config.realtime.keep_awake,
         "status_fd": status_fd,
+        "notify": asdict(notify) if notify else None,
+        "metrics": _metrics(config.metrics),
     }
     return ObserverHandle(order, report)
+
+
+def _metrics(metrics: MetricsSettings) -> dict[str, Any] | None:
+    """Where figures are to be served; None: nowhere.
+
+    Raises:
+        NotInstalledError: they could not be.
+    """
+    if metrics.port is None:
+        return None
+    check_metrics()
+    return metrics.model_dump()
+
+
+def notify_settings(status_fd: int | None) -> NotifySettings | None:
+    """Where systemd listens to a service that it started; one of a `run` tells it nothing."""
+    return NotifySettings.of(os.environ) if status_fd is None else None
 
 
 def watched_cpus(realtime: RealtimeSettings) -> tuple[int, ...]:
@@ -230,8 +267,9 @@ def run_emulator(
     """Run a robot until it is told to stop.
 
     Returns:
-        Exit code, 0, or 1 after a safe stop, a bad verdict, or where the log was lost, and the
-        summary as `run` has it; None after a failure. A robot that nothing followed is no failure.
+        Exit code, 0, or 1 after a safe stop, a bad verdict, or where the log was lost or metrics
+        could not be served, and the summary as `run` has it; None after a failure. A robot that
+        nothing followed is no failure.
     """
     check_open_files()
     if status_fd is not None:  # who started us has read the robot, too, and has said what it found
@@ -247,15 +285,17 @@ def run_emulator(
     try:
         with observed as (observer, folder, settled):
             recorder = _recorder(observer, lockstep=lockstep)
-            loop = run(settled, description, recorder, voice.say, should_stop, ticks)
+            asked = observer.watching(should_stop)
+            loop = run(settled, description, recorder, voice.say, asked, ticks)
     except Hoap3Error as error:
         return voice.fail(error), None
     summary = observer.final.get("summary")
     if summary is not None:
         summary["log_lost"] = [observer.lost] if observer.lost else []
+        summary["metrics_lost"] = [observer.unserved] if observer.unserved else []
         summary |= told(config.link.kind + (", virtual time" if lockstep else ""), folder)
     bad = summary is not None and failed(summary["verdicts"])
-    return 1 if loop.safe_stops or bad or observer.lost else 0, summary
+    return 1 if loop.safe_stops or bad or observer.lost or observer.unserved else 0, summary
 
 
 def run_controller(
@@ -267,7 +307,7 @@ def run_controller(
     should_stop: Callable[[], bool],
     verbose: bool = False,
 ) -> int:
-    """Run a controller until it is told to stop; exit code 1 where its log was lost."""
+    """Run a controller until it is told to stop; exit code 1 where its log or metrics were lost."""
     check_open_files()
     voice = StatusReporter(status_fd, verbose=verbose)
     watch_compilation(voice.compiling)
@@ -279,11 +319,12 @@ def run_controller(
         with observed as (observer, folder, settled):
             one, other = (_recorder(observer, lockstep=lockstep) for lockstep in (False, True))
             robot = _robot_of(settled, file) if settled.link.kind == "hoap3_tcp" else None
-            Service(settled, one, voice.say, should_stop, file, other, on_stop, robot).run()
+            asked = observer.watching(should_stop)
+            Service(settled, one, voice.say, asked, file, other, on_stop, robot).run()
     except Hoap3Error as error:
         return voice.fail(error)
     voice.result(f"log: {folder or 'none'}")
-    return 1 if observer.lost else 0
+    return 1 if observer.lost or observer.unserved else 0
 
 
 def _robot_of(config: ControllerConfig, file: str) -> RobotDescription:
@@ -327,6 +368,7 @@ def _observed(
     Afterwards the observer has ended, and the CPU is free again. What is refused before anything
     has happened leaves no log.
     """
+    notify = notify_settings(voice.status_fd)
     made, folder = is_new(out), run_folder(config.log, out, (side,))
     claim = None
     if not lockstep:
@@ -342,6 +384,7 @@ def _observed(
             lockstep=lockstep,
             status_fd=voice.status_fd,
             report=voice.lost,
+            notify=notify,
         )
         refused = False
         try:

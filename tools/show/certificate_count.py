@@ -9,6 +9,7 @@ from typing import Any
 
 from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import Event, Setpoint
+from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.show.event_words import named
 
@@ -121,7 +122,7 @@ def doubts(condition: str) -> bool:
     return condition.startswith(_DOUBTS)
 
 
-class CountingRecorder:
+class CountingRecorder(Recorder):
     """A recorder that keeps nothing but the count, and the controller's own summary.
 
     Attributes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 
 from hoap3.protocol.messages import Event
@@ -90,6 +91,10 @@ def in_words(kind: int, detail: int, joints: Sequence[str], conditions: Sequence
         return f"{detail >> 8} of {event_name(detail & 0xFF, 0)!r}"
     if kind in _OF_JOINTS:
         return named(joints, detail, "joint")
+    if kind == _CONSTANTS["LOG_LOST"]:
+        return (
+            os.strerror(detail) if detail > 0 else "its observer ended"
+        ) + "; it goes on without"
     if kind == _CONSTANTS["HOST_STALL"]:
         return f"{detail / 1e6:.3g} ms"
     return _SAYINGS.get(kind, "{}").format(detail)

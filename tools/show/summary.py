@@ -70,7 +70,7 @@ class LiveTable:
             self._compiling.step(item["text"])
         elif kind == "not granted" and item["text"] in self._told:
             return  # the other side has said so
-        elif kind in {"said", "damaged", "not granted"} or self._is_shown(item):
+        elif kind in {"said", "damaged", "unserved", "not granted"} or self._is_shown(item):
             self._told.add(item["text"])
             print_note(item["text"])
 
@@ -153,8 +153,9 @@ def show_summary(summary: dict[str, Any]) -> None:
         )
     if summary.get("interrupted"):
         table.add_row("ended", f"by the user, before {summary['duration_s']:g} s had passed")
-    for lost in summary.get("log_lost", ()):
-        table.add_row("log lost", f"[{COLOURS['unfit']}]{escape(lost)}[/]")
+    lost = [(what, why) for what in ("log", "metrics") for why in summary.get(f"{what}_lost", ())]
+    for what, why in lost:
+        table.add_row(f"{what} lost", f"[{COLOURS['unfit']}]{escape(why)}[/]")
     table.add_row("log", str(summary["log"] or "none"))
     results.print(table)
     for side, value in summary.get("payload_sha256", {}).items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import socket
@@ -101,6 +102,26 @@ def test_a_client_that_says_nothing_holds_the_next_one_up_for_a_moment_only(loca
         answer = asked(network, "stop")
         take(local).answer({"mode": "stopped"})
         assert answer.result(PATIENCE_S)["mode"] == "stopped"
+
+
+def test_a_client_that_cannot_be_accepted_for_want_of_descriptors_waits(
+    local, network, monkeypatch
+):
+    refused = [OSError(errno.EMFILE, os.strerror(errno.EMFILE))] * 3
+    really = socket.socket.accept
+
+    def accept(server):
+        if refused:
+            raise refused.pop()
+        return really(server)
+
+    monkeypatch.setattr(local_control, "ACCEPT_PAUSE_S", 0.0)
+    monkeypatch.setattr(socket.socket, "accept", accept)
+    for verb in ("status", "stop"):  # the thread waits for the first one already
+        answer = asked(network, verb)
+        take(local).answer({"mode": "stopped"})
+        assert answer.result(PATIENCE_S)["mode"] == "stopped"
+    assert not refused
 
 
 def test_a_robot_whose_loop_does_not_serve_is_an_error(local, monkeypatch):

@@ -32,7 +32,10 @@ SKIPS_S = 1.0  # between two words of skipped periods, which on a busy machine a
 OLD_S = 1.0  # without a State for those who look on, after which every State is asked for
 KEPT = 8  # States and Setpoints, of which the newest that fit each other are shown
 EVENTS = 256
-SERIOUS = {"safe stop", "controller failed", "holder lost", "torque limited", "target stale"}
+SERIOUS = {
+    *("safe stop", "controller failed", "holder lost", "torque limited", "target stale"),
+    "log lost",
+}
 _CONSTANTS = Event.schema.constants
 
 Kept = deque[tuple[int, bytes]]

@@ -1,0 +1,1 @@
+"""A test in the place of systemd."""

@@ -1,0 +1,1 @@
+"""What an observer tells those who look after services: systemd, Prometheus, log collectors."""

@@ -1,0 +1,205 @@
+"""Figures of a service for Prometheus, served by its observer: the extra `hoap3[metrics]`.
+
+They are made when somebody asks, from what the observer counts anyway.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from prometheus_client import CollectorRegistry, start_http_server
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily
+from prometheus_client.metrics_core import Metric
+
+from hoap3.protocol.messages import Event
+from hoap3.protocol.runtime.deadlines import Durations
+from hoap3.protocol.runtime.shm_ring import Kind, Record, Ring
+from hoap3.robot_emulator.setpoint_validator import REJECTION_KINDS
+from hoap3.tools.services.monitoring.watchdog import MODES
+from hoap3.tools.services.run_statistics import RunStatistics
+from hoap3.tools.services.stall_attribution import OutsideStalls
+from hoap3.tools.show.event_words import event_name
+
+BUCKETS_US = (
+    *(50, 75, 100, 150, 200, 300, 400, 500, 600, 700, 800, 900, 1000, 1250, 1500),
+    *(2000, 5000, 10_000, 20_000, 50_000, 100_000, 1_000_000),
+)
+"""Of round trips and wake-ups, close together where the deadline of a 1 kHz loop stands."""
+STAGE_BUCKETS_US = (1, 2, 5, 10, 20, 50, 100, 200, 300, 500, 700, 1000, 2000, 5000, 20_000)
+
+
+@dataclass
+class LogFacts:
+    """What became of the log so far.
+
+    Attributes:
+        folder: of it; None where nothing is recorded.
+        size: bytes that it takes.
+        lost: whether it is not written any more.
+    """
+
+    folder: Path | None
+    size: Callable[[], int]
+    lost: Callable[[], bool]
+
+
+@dataclass(eq=False)
+class ServiceMetrics:
+    """What Prometheus is told of one service; a collector of its client library.
+
+    Attributes:
+        side, robot: labels of every figure.
+        ring: between loop and observer.
+        log: what became of it.
+        statistics, stalls: of a robot; None of a controller.
+    """
+
+    side: str
+    robot: str
+    ring: Ring
+    log: LogFacts
+    statistics: RunStatistics | None = None
+    stalls: OutsideStalls | None = None
+    _events: Counter[str] = field(default_factory=Counter)
+    _records: Counter[Kind] = field(default_factory=Counter)
+    _met: int = 0
+
+    def add(self, record: Record) -> None:
+        """Take a record of the loop, or one of the observer."""
+        self._records[record.kind] += 1
+        if record.kind == Kind.EVENT:
+            kind, detail = Event.scalars(record.payload, "kind", "detail")
+            self._events[event_name(kind, detail)] += 1
+
+    def collect(self) -> Iterator[Metric]:
+        """Every figure, as it is now; called in a thread of the server."""
+        if self.statistics is not None:
+            yield from self._robot(self.statistics)
+        records = dict(self._records)
+        states, setpoints = records.get(Kind.STATE, 0), records.get(Kind.SETPOINT, 0)
+        yield self._counter("states", "States published, or heard by a controller", states)
+        yield self._counter("setpoints", "Setpoints arrived, or sent by a controller", setpoints)
+        yield self._counters("events", "Events, by kind", "kind", dict(self._events))
+        yield self._counter("dropped_records", "Records not taken in time", self.ring.dropped)
+        yield from self._log()
+
+    def _robot(self, statistics: RunStatistics) -> Iterator[Metric]:
+        state = statistics.state
+        if not state:
+            return
+        missed = state["late"] + state["lost"]
+        pending = 2 + statistics.delay_ticks  # not judged yet
+        self._met = max(self._met, statistics.asked - pending - missed)
+        yield self._counter("deadlines_met", "Ticks answered in time", self._met)
+        yield self._counter("deadlines_missed", "Ticks answered late or never", missed)
+        yield self._counter("deadlines_late", "Ticks answered late", state["late"])
+        yield self._counter("ticks_skipped", "Periods without a wake-up", state["skipped"])
+        for name in ("duplicate", "out_of_order"):
+            yield self._counter(f"setpoints_{name}", f"Setpoints {name}", state[name])
+        rejected = dict(zip(REJECTION_KINDS, self.ring.counts(len(REJECTION_KINDS)), strict=True))
+        yield self._counters("setpoints_rejected", "Setpoints refused", "reason", rejected)
+        rate = state["success_rate"]
+        yield self._gauge("success_rate", "In time, of the last 100 ticks that asked", rate)
+        mode = {name: int(state["mode"] == value) for value, name in MODES.items()}
+        yield self._gauges("mode", "1 for the mode that the robot is in", "mode", mode)
+        yield self._gauge("authority_epoch", "Epoch that is obeyed; 0: none", state["epoch"])
+        yield from self._durations(statistics)
+        if self.stalls is not None and self.stalls.known:
+            n, seconds = self.stalls.n, self.stalls.total_ns / 1e9
+            yield self._counter("host_stalls", "Stalls of the host while it moved", n)
+            yield self._counter("host_stall_seconds", "Their time", seconds)
+            outside = self.stalls.outside
+            yield self._counter("misses_outside_stalls", "Misses that no stall excuses", outside)
+
+    def _durations(self, statistics: RunStatistics) -> Iterator[Metric]:
+        plain = (
+            ("rtt_seconds", "Round trip", statistics.rtt),
+            ("wakeup_seconds", "Wake-up after its time", statistics.wakeup),
+        )
+        for name, words, durations in plain:
+            family = HistogramMetricFamily(f"hoap3_{name}", words, labels=("side", "robot"))
+            family.add_metric((self.side, self.robot), *histogram(durations, BUCKETS_US))
+            yield family
+        words = "Parts of the round trip"
+        labels = ("side", "robot", "stage")
+        family = HistogramMetricFamily("hoap3_stage_seconds", words, labels=labels)
+        for stage, durations in statistics.stages.items():
+            places = (self.side, self.robot, stage)
+            family.add_metric(places, *histogram(durations, STAGE_BUCKETS_US))
+        yield family
+
+    def _log(self) -> Iterator[Metric]:
+        if self.log.folder is None:
+            return
+        yield self._gauge("log_bytes", "Size of this log", self.log.size())
+        yield self._gauge("log_lost", "1 where it is not written any more", self.log.lost())
+        try:
+            space = os.statvfs(self.log.folder)
+        except OSError:
+            return  # the folder is gone, which `log_lost` tells
+        free = space.f_bavail * space.f_frsize
+        yield self._gauge("log_free_bytes", "Room where the log goes", free)
+
+    def _counter(self, name: str, words: str, value: float) -> Metric:
+        family = CounterMetricFamily(f"hoap3_{name}", words, labels=("side", "robot"))
+        family.add_metric((self.side, self.robot), value)
+        return family
+
+    def _counters(self, name: str, words: str, label: str, values: Mapping[str, float]) -> Metric:
+        family = CounterMetricFamily(f"hoap3_{name}", words, labels=("side", "robot", label))
+        for key, value in values.items():
+            family.add_metric((self.side, self.robot, key), value)
+        return family
+
+    def _gauge(self, name: str, words: str, value: float) -> Metric:
+        family = GaugeMetricFamily(f"hoap3_{name}", words, labels=("side", "robot"))
+        family.add_metric((self.side, self.robot), value)
+        return family
+
+    def _gauges(self, name: str, words: str, label: str, values: Mapping[str, float]) -> Metric:
+        family = GaugeMetricFamily(f"hoap3_{name}", words, labels=("side", "robot", label))
+        for key, value in values.items():
+            family.add_metric((self.side, self.robot, key), value)
+        return family
+
+
+def histogram(
+    durations: Durations, buckets_us: Iterable[int]
+) -> tuple[list[tuple[str, float]], float]:
+    """Cumulative counts by upper bound [s], and the sum [s], as Prometheus wants them."""
+    bounds = list(buckets_us)
+    counts = durations.up_to([bound * 1000 for bound in bounds])
+    found = [(f"{bound / 1e6:g}", float(n)) for bound, n in zip(bounds, counts, strict=True)]
+    return [*found, ("+Inf", float(max(durations.n, *counts)))], durations.total / 1e9
+
+
+class MetricsServer:
+    """Serves figures at `http://HOST:PORT/metrics` until the process ends.
+
+    Raises:
+        OSError: the port is taken, or the address is none of this machine.
+    """
+
+    def __init__(self, metrics: ServiceMetrics, host: str, port: int) -> None:
+        registry = CollectorRegistry()
+        registry.register(metrics)
+        self._server, _ = start_http_server(port, addr=host, registry=registry)
+        self.url = f"http://{host}:{self._server.server_port}/metrics"
+
+    def close(self) -> None:
+        """Serve no more."""
+        self._server.shutdown()
+        self._server.server_close()
+
+
+def seen_from_outside(host: str) -> bool:
+    """Whether others than this machine reach an address."""
+    try:
+        return not ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host != "localhost"
