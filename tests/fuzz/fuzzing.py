@@ -25,6 +25,7 @@ import pytest
 from hoap3.protocol.errors import Hoap3Error
 
 CORPUS = Path(__file__).parent / "corpus"
+FEW = 10  # inputs, of which all may be taken
 MOST_S = 1.0  # of CPU time, for one input
 MOST_MIB = 1024  # of addresses, for all inputs of a fuzzer
 WORDS = (
@@ -162,11 +163,11 @@ class Findings:
         self._found[what.partition(": ")[0]] = f"{what}\n    {path}: {raw[:300]!r}"
 
     def check(self, count: int) -> None:
-        """Fail where something was found; both ways to end must have come up."""
+        """Fail where something was found, or where none of many inputs was refused."""
         print(dict(self.outcomes.most_common()))
         assert not self._found, "\n".join(self._found.values())
         assert sum(self.outcomes.values()) == count
-        assert self.outcomes["taken"] < count
+        assert self.outcomes["taken"] < count or count < FEW
 
 
 @pytest.fixture
