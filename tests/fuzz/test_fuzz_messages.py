@@ -133,14 +133,14 @@ def test_a_robot_refuses_setpoints_for_the_reason_that_is_due(delayed: bool, cou
     with bounded():
         for _ in range(count):
             if draw.random() < 0.3:
-                tick += 1 if draw.random() < 0.999 else draw.choice((1, 100, 1024, 1500))
+                tick += 1 if draw.random() < 0.99 else draw.choice((1, 100, 1024, 1500))
                 epoch += draw.random() < 0.002
                 if draw.random() < 0.9:
                     validator.ask(tick, epoch, 10**6 * tick)
                     rules.asked[tick] = epoch
                 rules.asked.pop(tick - 5000, None)
                 rules.answers.pop(tick - 5000, None)
-            asks = max(0, tick - draw.choice((0, 0, 0, 0, 1, 2, 30, 1023, 1024)))
+            asks = max(0, tick - draw.choice((0, 0, 0, 0, 0, 1, 2, 30, 1023, 1024, 1500)))
             sent = rules.asked.get(asks, epoch)
             payload = setpoint(
                 draw, session=SESSION, tick=asks, epoch=sent, command=Setpoint.POSITION, n=N

@@ -112,7 +112,7 @@ def setpoint(
 def any_message(draw: random.Random, kind: str) -> bytes:
     """A message of a kind, two of three times a valid one."""
     arrays = {
-        name: [draw.choice(REALS)] * draw.choice((0, 1, 3, 6, 13, draw.choice(LENGTHS)))
+        name: [draw.choice(REALS)] * draw.choice((0, 1, 3, 6, 13, draw.choice((*LENGTHS, 1025))))
         for name in ARRAYS[kind]
     }
     payload = pack(kind, some_scalars(draw, kind), arrays)
