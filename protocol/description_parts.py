@@ -22,6 +22,7 @@ from pydantic import (
 
 from hoap3.protocol.errors import DescriptionError, did_you_mean
 
+FAR_M = 1e6  # of a corner of a sole
 MAX_CORNERS = 64
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -166,6 +167,8 @@ class Sole(Part):
         corners = np.array(self.polygon, dtype=np.float64).reshape(-1, 2)
         if not 3 <= len(corners) <= MAX_CORNERS:
             refuse("polygon", f"{len(corners)} corners", f"Give 3 to {MAX_CORNERS}.")
+        if not np.abs(corners).max() <= FAR_M:
+            refuse("polygon", self.polygon, f"Give corners within {FAR_M:g} m.")
         edges = np.roll(corners, -1, axis=0) - corners
         corners_from = corners[None, :, :] - corners[:, None, :]
         left = edges[:, None, 0] * corners_from[:, :, 1] - edges[:, None, 1] * corners_from[:, :, 0]

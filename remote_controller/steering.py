@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hoap3.protocol.errors import UsageError, WireError
-from hoap3.protocol.messages import Target
+from hoap3.protocol.messages import CDR_HEADER, Target
 from hoap3.remote_controller.references.live.live import Live
 
 LEASE_S = 2.0  # without a word of the operator, after which somebody else may steer
@@ -183,12 +183,14 @@ class Steering:
 
     def _doubt(self, who: str, payload: bytes, *, following: bool) -> str:
         try:
-            lengths, size = Target.schema.measure(payload)
+            _, size = Target.schema.measure(payload)
             given = Target.scalars(payload, "wire_version", "session_id", "epoch", "number")
         except WireError:
             return "malformed"
         version, session_id, epoch, number = given
-        if size != len(payload) or version != Target.schema.version or not lengths:
+        if size != len(payload) or payload[: len(CDR_HEADER)] != CDR_HEADER:
+            return "malformed"
+        if version != Target.schema.version:
             return "malformed"
         if not following:
             return "not_following"

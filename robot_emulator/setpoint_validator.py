@@ -202,7 +202,7 @@ class SetpointValidator:
             return "session"
         if tick > last_tick:
             return "future"
-        if self._asked[place] != tick:
+        if self._asked[place] != tick or last_tick - tick >= HISTORY:
             return "unasked"
         if self._epochs[place] != epoch:
             return "epoch"

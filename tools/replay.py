@@ -18,7 +18,7 @@ import numpy as np
 from hoap3.protocol.config.settings import apply_overrides, parse, parse_yaml
 from hoap3.protocol.config.user_code import user_code
 from hoap3.protocol.description import RobotDescription
-from hoap3.protocol.errors import Hoap3Error, LogError, WireError
+from hoap3.protocol.errors import Hoap3Error, LogError
 from hoap3.protocol.messages import STAMP_FIELDS, WIRE_VERSION, Setpoint, State
 from hoap3.protocol.runtime.clock import MonotonicClock, VirtualClock
 from hoap3.protocol.runtime.recorder import NoRecorder
@@ -27,7 +27,7 @@ from hoap3.protocol.wire_versions import EARLIER
 from hoap3.remote_controller.config import ControllerConfig, build
 from hoap3.remote_controller.loop import ControllerLoop
 from hoap3.remote_controller.registry import registered
-from hoap3.tools.logs.log import Log
+from hoap3.tools.logs.log import NEVER_OURS, Log
 from hoap3.tools.logs.motion_files import reopened
 from hoap3.tools.machine.software import differences, in_words
 
@@ -139,7 +139,7 @@ def _replay(
             old = log.wire_version < WIRE_VERSION
             given: dict[str, Any] = {"tolerance": tolerance, "file": file, "say": say, "old": old}
             return replay_records(log.records(), config, **given)
-    except (WireError, LookupError, TypeError, ValueError, RecursionError) as error:
+    except NEVER_OURS as error:
         raise LogError(
             f"{path}: holds a record that no service of ours has written "
             f"({type(error).__name__}: {error}). Name a log of a controller"

@@ -104,9 +104,15 @@ class Dynamics:
             q: a posture, (n,).
 
         Raises:
-            DescriptionError: a joint moves nothing that weighs.
+            DescriptionError: a joint moves nothing that weighs, or more than a number holds.
         """
         names, mass = self.robot.description.joint_names, self.mass(q)
+        endless = ~np.isfinite(mass).all(axis=1)
+        if endless.any():
+            raise DescriptionError(
+                f"joint {names[int(np.argmax(endless))]!r}: what it moves is too heavy to reckon "
+                "with. Correct the masses, inertias and origins of the links behind it."
+            )
         scale = 1.0 / np.sqrt(np.where(mass.diagonal() > 0.0, mass.diagonal(), 1.0))
         least, directions = np.linalg.eigh(scale[:, None] * mass * scale)
         if not least[0] > SINGULAR:

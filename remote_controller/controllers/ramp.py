@@ -26,9 +26,9 @@ class Ramp:
         self._first = -1
 
     def advance(self, state: State) -> None:
-        """Take a State; periods that the robot skipped do not count."""
+        """Take a State; periods that the robot skipped do not count, whatever it says of them."""
         tick = state.tick - state.skipped
         if self._first < 0:
             self._first = tick
-        done = tick - self._first + 1
+        done = max(tick - self._first + 1, 1)
         self.share = 1.0 if done >= self._ticks else done / self._ticks

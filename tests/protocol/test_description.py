@@ -244,6 +244,7 @@ POLYGONS = {
     "star": tuple((math.cos(k), math.sin(k)) for k in np.arange(5) * 2 * math.tau / 5),
     "line": ((0.0, 0.0), (0.1, 0.0), (0.2, 0.0)),
     "point": ((0.1, 0.1),) * 3,
+    "endless": tuple((1e200 * x, 1e200 * y) for x, y in SQUARE),
 }
 
 

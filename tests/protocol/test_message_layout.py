@@ -263,3 +263,9 @@ def test_no_bytes_raise_anything_but_a_wire_error(payload):
             message.schema.lengths_in(payload)
         with suppress(WireError):
             message.scalars(payload, "wire_version")
+
+
+@KINDS
+def test_a_message_tells_how_long_its_arrays_are(kind: str) -> None:
+    message = numbered(kind)
+    assert message.lengths == message.schema.lengths_in(message.dump())

@@ -69,6 +69,30 @@ def test_targets_keep_the_lease_and_silence_ends_it():
     assert it.acquire(OTHER, 1, tick + LEASE + 1)["epoch"] == epoch + 1
 
 
+def test_what_has_another_header_is_malformed_and_keeps_no_lease():
+    it = steering()
+    epoch = it.acquire(ME, 1, 0)["epoch"]
+    good = message(5, epoch).dump()
+    bad = b"\x01" + good[1:]
+    assert not it.take(OTHER, bad, LEASE, following=False)
+    assert not it.take(ME, bad, LEASE, following=True)
+    assert it.refused["malformed"] == sum(it.refused.values()) == 2
+    assert it.acquire(OTHER, 1, LEASE + 1)["epoch"] == epoch + 1
+
+    again = steering()
+    epoch = again.acquire(ME, 1, 0)["epoch"]
+    assert not again.take(ME, b"\x01" + message(5, epoch).dump()[1:], 1, following=True)
+    assert again.take(ME, message(1, epoch).dump(), 1, following=True)
+
+
+def test_a_message_of_a_log_that_is_none_is_refused_and_told():
+    it = steering()
+    assert it.follow(message().dump()[:-1], 0) == "malformed"
+    assert not it.take(ME, b"", 0, following=True)
+    assert "1 malformed" in str(it)
+    assert it.as_json() == {"operator": None, **it.counts()}
+
+
 def test_epochs_of_two_grants_of_the_robot_are_never_the_same():
     early, late = steering(), steering()
     assert late.acquire(ME, 2, 0)["epoch"] - early.acquire(ME, 1, 0)["epoch"] > 1 << 19

@@ -8,6 +8,7 @@ from support.robot_bench import active
 from support.small_arm import PERIOD_NS
 
 from hoap3.protocol.messages import State
+from hoap3.robot_emulator.setpoint_validator import HISTORY
 
 US = 1000
 
@@ -217,6 +218,15 @@ def test_an_answer_to_a_skipped_tick_is_rejected():
     bench.clock.late = 2 * PERIOD_NS
     state = bench.run(1)
     assert bench.robot.validator.accept(0, bench.setpoint(state, tick=10), state.tick) == "unasked"
+
+
+def test_an_answer_to_a_tick_of_long_ago_is_rejected_also_where_none_was_asked_since():
+    bench = active(fate=lambda tick, answer: [] if tick == 9 else [(1, answer)])
+    state = bench.run(10)
+    validator = bench.robot.validator
+    late = bench.setpoint(state, tick=9)
+    assert validator.accept(0, late, 9 + HISTORY) == "unasked"
+    assert validator.accept(0, late, 8 + HISTORY) is None
 
 
 def test_the_window_is_a_hundred_ticks():

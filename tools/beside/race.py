@@ -24,6 +24,7 @@ READY = b"ready\n"
 """What a process says that now waits for the robot."""
 CLIENTS = "hoap3.tools.beside.clients"
 PAGE = "hoap3.tools.beside.page"
+FLOOD = "hoap3.tools.beside.flood"
 ROBOT, LAW = "ur5", "steered_ur5"
 
 

@@ -267,6 +267,23 @@ def bench_view(
     _race("view", PAGE, order, (pairs, seconds), realtime=not no_realtime, as_json=as_json)
 
 
+@bench_app.command("flood")
+def bench_flood(
+    rate: Annotated[
+        float, typer.Option(min=1.0, max=1e6, help="Messages that a stranger sends [Hz].")
+    ] = 20_000.0,
+    pairs: Pairs = 10,
+    seconds: Seconds = 60.0,
+    as_json: AsJson = False,
+    no_realtime: NoRealtime = False,
+) -> None:
+    """Run UR5 in real time by turns with a stranger that floods it beside it and without."""
+    from hoap3.tools.beside.race import FLOOD
+
+    order = {"rate_hz": rate}
+    _race("flood", FLOOD, order, (pairs, seconds), realtime=not no_realtime, as_json=as_json)
+
+
 def _race(
     name: str,
     module: str,

@@ -50,6 +50,12 @@ VERSIONS = tuple(str(version) for version in range(OLDEST, WIRE_VERSION + 1))  #
 GROWN: dict[Kind, type[Message]] = {Kind.STATE: State, Kind.SETPOINT: Setpoint}
 """Messages that have got arrays since the oldest version."""
 
+NEVER_OURS = (
+    *(WireError, LookupError, TypeError, ValueError),
+    *(ArithmeticError, AttributeError, RecursionError),
+)
+"""What reading a record may raise that no service of ours has written."""
+
 _NAME = re.compile(r"(robot|controller)(?:\.(\d{4,}))?\.mcap")
 
 

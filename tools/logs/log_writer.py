@@ -50,6 +50,16 @@ _MEDIA_TYPES = {
 }
 
 
+def topics(robot: str) -> dict[int, tuple[McapSchema, Channel]]:
+    """Schema and channel of each topic of a robot's log, by their number."""
+    found = {}
+    for place, topic in enumerate(TOPICS, 1):
+        schema = McapSchema(place, topic.schema_text.encode(), "ros2msg", topic.schema_name)
+        name, qos = topic_name(robot, topic.leaf), {"offered_qos_profiles": topic.qos}
+        found[place] = schema, Channel(place, name, "cdr", qos, place)
+    return found
+
+
 class LogWriter:
     """The log of one side of a run, in one file or several.
 
@@ -251,10 +261,9 @@ class LogWriter:
             file.add(Metadata(name, dict(facts)))
         for name, data in self._attachments.items():
             self._attach(file, name, data)
-        for place, topic in enumerate(TOPICS, 1):
-            file.add(McapSchema(place, topic.schema_text.encode(), "ros2msg", topic.schema_name))
-            name, qos = topic_name(self._robot, topic.leaf), {"offered_qos_profiles": topic.qos}
-            file.add(Channel(place, name, "cdr", qos, place))
+        for schema, channel in topics(self._robot).values():
+            file.add(schema)
+            file.add(channel)
         file.flush()
         return file
 

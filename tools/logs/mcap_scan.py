@@ -39,6 +39,7 @@ MAX_ENCLOSED = 1 << 26  # bytes of all attachments and metadata together
 MAX_RATIO = 128  # of what all chunks unpack to, and the file; 73 with 128 joints that never move
 MESSAGE_BYTES = 16  # of the file for a message, at least: its entry in the index
 SLACK_MESSAGES = 1 << 16  # beyond that
+LATEST = (1 << 63) - 1  # time [ns] of a message: what int64 holds
 _RECORD = struct.Struct("<BQ")
 _FOOTER = struct.Struct("<BQQQI8s")  # with the mark behind it
 _CHUNK_HEAD = struct.Struct("<QQQII")  # first and last time, size, CRC, length of compression
@@ -303,6 +304,8 @@ class McapScan:
             opcode, length, channel, sequence, log, publish = MESSAGE_HEAD.unpack_from(raw, at)
             start, at = at + head, at + 9 + length
             if opcode != Opcode.MESSAGE or length < MESSAGE_FIELDS or at > len(raw):
+                raise self._damaged(chunk)
+            if log > LATEST or publish > LATEST:
                 raise self._damaged(chunk)
             yield channel, sequence, log, publish, raw[start:at]
 

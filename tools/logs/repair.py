@@ -15,11 +15,13 @@ from mcap.records import Attachment, Metadata
 from hoap3.protocol import __version__
 from hoap3.protocol.errors import LogError, UsageError
 from hoap3.tools.logs.log import Log
-from hoap3.tools.logs.log_format import CHANNELS, pack_gap
+from hoap3.tools.logs.log_format import CHANNELS, TOPICS, pack_gap
+from hoap3.tools.logs.log_writer import topics
 from hoap3.tools.logs.mcap_scan import Damage, McapScan
 from hoap3.tools.logs.mcap_write import McapFile
 
 REPAIRED = ".repaired.mcap"
+LONGEST_NUMBER = 19  # digits, which fit into 64 bits
 
 
 @dataclass(frozen=True)
@@ -124,6 +126,8 @@ def repair(path: Path) -> RepairReport:
                 file.message(CHANNELS["inputs"], 0, stamp, stamp, gap)
                 continue
             for channel, sequence, log_time, publish_time, data in part:
+                if not 1 <= channel <= len(TOPICS):
+                    continue  # none of ours
                 file.message(channel, sequence, log_time, publish_time, data)
                 messages, last = messages + 1, max(last or 0, log_time)
             file.cut()
@@ -156,10 +160,15 @@ def _repaired_before(path: Path) -> RepairReport | None:
         whole=False,
         messages=len(stamps),
         last_stamp=max(stamps, default=None),
-        dropped_bytes=int(dropped) if dropped.isdecimal() else 0,
+        dropped_bytes=_number(dropped),
         damaged=log.damages,
         already=True,
     )
+
+
+def _number(text: str) -> int:
+    """A number of metadata, which nothing guards against damage; 0 where it is none."""
+    return int(text) if text.isdecimal() and len(text) <= LONGEST_NUMBER else 0
 
 
 def _copy_head(log: Log, scan: McapScan, file: McapFile, dropped: int) -> None:
@@ -169,10 +178,13 @@ def _copy_head(log: Log, scan: McapScan, file: McapFile, dropped: int) -> None:
         if name != "end" or scan.whole:
             file.add(Metadata(name, group))
     clock = log.metadata.get("clock", {})
-    logged, created = (int(clock.get(key, "0")) for key in ("monotonic_ns", "realtime_ns"))
+    logged, created = (_number(clock.get(key, "")) for key in ("monotonic_ns", "realtime_ns"))
     for name, data in scan.attachments.items():
         file.add(Attachment(created, logged, name, "application/octet-stream", data))
-    for schema in scan.schemas.values():
+    known = topics(log.robot)  # instead of what is damaged
+    for schema in ({place: schema for place, (schema, _) in known.items()} | scan.schemas).values():
         file.add(schema)
-    for channel in scan.channels.values():
+    for channel in (
+        {place: channel for place, (_, channel) in known.items()} | scan.channels
+    ).values():
         file.add(channel)

@@ -12,9 +12,9 @@ from typing import Any
 import yaml
 
 from hoap3.protocol.config.settings import parse_yaml
-from hoap3.protocol.errors import ConfigError, LogError, WireError
+from hoap3.protocol.errors import ConfigError, LogError
 from hoap3.protocol.runtime.shm_ring import Kind
-from hoap3.tools.logs.log import Log
+from hoap3.tools.logs.log import NEVER_OURS, Log
 from hoap3.tools.logs.log_format import SIDES
 
 
@@ -157,11 +157,6 @@ _ONLY_THERE = {
 STAMP = " log time"
 """Key of a record's log time [ns] among what it says; none of ours begins with a blank."""
 
-_NEVER_OURS = (
-    *(WireError, LookupError, TypeError, ValueError),
-    *(OverflowError, AttributeError, RecursionError),
-)
-
 
 @contextmanager
 def of_ours(path: Path) -> Iterator[None]:
@@ -172,7 +167,7 @@ def of_ours(path: Path) -> Iterator[None]:
     """
     try:
         yield
-    except _NEVER_OURS as error:
+    except NEVER_OURS as error:
         raise LogError(
             f"{path}: holds a record that no service of ours has written "
             f"({type(error).__name__}: {error}). Name a log of `hoap3`"

@@ -92,8 +92,9 @@ def _changed(
     """Settings as `--set` and `--no-realtime` change them, and what errors call them."""
     content, file = apply_overrides(given[0], overrides), given[1]
     label = f"{file} with --set" if overrides else file
-    if not realtime:
-        content["realtime"] = {**content.get("realtime", {}), **NO_REALTIME}
+    given_realtime = content.get("realtime", {})
+    if not realtime and isinstance(given_realtime, dict):  # else it is refused below
+        content["realtime"] = {**given_realtime, **NO_REALTIME}
     return parse(model, content, label), label
 
 

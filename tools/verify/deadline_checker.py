@@ -17,6 +17,8 @@ from hoap3.protocol.messages import COMMANDS, Setpoint, State
 
 WINDOW = 100  # ticks of the success rate
 REMEMBERED = 1024  # ticks for which an answer is still known to have been asked for
+MOST = {"extra": 256, "decision": 512, "slacks": 256, "gains": 256, "next": 1024}
+"""Numbers of each array of a Setpoint that a robot takes, as docs/wire.md has it."""
 COUNTED = ("late", "lost", "duplicate", "out_of_order", "rejected", "success_rate")
 
 
@@ -108,7 +110,10 @@ class Recount:
                 other.load(payload)
             except WireError:
                 return None
-            if len(other.values) != self.description.n:
+            found = other.lengths
+            if found.pop("values") != self.description.n:
+                return None
+            if any(length > MOST[name] for name, length in found.items()):
                 return None
             self._setpoint = other
         return self._setpoint
@@ -119,7 +124,7 @@ class Recount:
         fits = (
             asked is not None
             and setpoint.session_id == self._session
-            and setpoint.tick <= self._published
+            and self._published - REMEMBERED < setpoint.tick <= self._published
             and asked.epoch == setpoint.epoch
             and setpoint.command == self._command
             and bool(np.isfinite(setpoint.values).all())

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from hoap3.protocol.config.settings import parse_yaml
-from hoap3.protocol.errors import ConfigError, LogError, WireError
-from hoap3.tools.logs.log import Log
+from hoap3.protocol.errors import ConfigError, LogError
+from hoap3.tools.logs.log import NEVER_OURS, Log
 from hoap3.tools.logs.log_format import SIDES
 from hoap3.tools.verify.both_sides import check_both
 from hoap3.tools.verify.checkers import checker_of
@@ -76,7 +76,7 @@ def verify(path: Path, say: Callable[[str], None] = lambda _: None) -> Verificat
         say(f"log of the {log.side}")
         try:
             _check_side(log, found.claims, say)
-        except (WireError, LookupError, TypeError, ValueError, ArithmeticError) as error:
+        except NEVER_OURS as error:
             reason = f"{type(error).__name__}: {error}"
             raise LogError(f"{path}: holds what no service of ours writes ({reason})") from error
         if log.missing:

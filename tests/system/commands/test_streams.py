@@ -62,6 +62,7 @@ ELSEWHERE = {
     "bench hierarchy": "tests/tools/bench/test_bench_hierarchy.py",
     "bench gains": "tests/tools/bench/test_bench_gains.py",
     "bench clients": "tests/tools/beside/test_beside.py",
+    "bench flood": "tests/tools/beside/test_beside.py",
     "bench pushes": "tests/tools/bench/test_pushes.py",
     "bench view": "tests/tools/beside/test_beside.py",
     "bridge foxglove": "tests/tools/bridge/test_bridges_run.py: it runs until it is stopped",

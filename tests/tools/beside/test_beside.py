@@ -76,6 +76,17 @@ def test_clients_steer_and_look_in_every_other_run():
 
 
 @pytest.mark.slow
+def test_a_stranger_floods_in_every_other_run():
+    words = "--rate", 5000, "--pairs", 2, "--seconds", 1, "--json"
+    done = hoap3("bench", "flood", *words, "--no-realtime")
+    assert done.process.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert [row["beside"] for row in told["rows"]] == [False, True, True, False]
+    assert all(each["messages"] > 100 for each in told["did"])
+    assert len(told["did"]) == told["added"]["pairs"] == 2
+
+
+@pytest.mark.slow
 def test_a_page_is_looked_at_in_every_other_run():
     words = "--pairs", 2, "--seconds", 8, "--json"  # a page takes seconds to begin
     done = hoap3("bench", "view", *words, "--no-realtime")

@@ -9,6 +9,7 @@ import struct
 import subprocess
 import sys
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -23,6 +24,7 @@ from mcap.records import Attachment, Chunk, ChunkIndex, Metadata
 from support.log_samples import START, describe, inputs, ticks, write
 
 from hoap3.protocol.errors import LogError
+from hoap3.protocol.messages import Target
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.logs import mcap_scan
 from hoap3.tools.logs.export import export
@@ -323,3 +325,53 @@ def test_what_is_no_file_is_not_opened(tmp_path: Path) -> None:
     for path in (tmp_path / "robot.mcap", tmp_path):
         with pytest.raises(LogError, match="is a FIFO, not a regular file"):
             Log.open(path)
+
+
+def rewritten(path: Path, small: Path, change: Callable[[McapFile, McapScan], None]) -> Path:
+    """A whole log of the same records, where `change` adds what stands before them."""
+    scan = McapScan.of(small)
+    file = McapFile(path, scan.profile, "test")
+    change(file, scan)
+    for each in (*scan.schemas.values(), *scan.channels.values()):
+        file.add(each)
+    for message_ in scan.messages():
+        file.message(*message_)
+    file.finish()
+    return path
+
+
+@pytest.mark.parametrize("wrong", ["", "12x4", "²", "9" * 30, "9" * 5000, "-1"])
+def test_a_damaged_clock_does_not_stop_a_repair(tmp_path: Path, small: Path, wrong: str) -> None:
+    """Metadata have no checksum."""
+
+    def change(file: McapFile, scan: McapScan) -> None:
+        for name, facts in scan.metadata.items():
+            file.add(Metadata(name, {**facts, "monotonic_ns": wrong} if name == "clock" else facts))
+        for name, data in scan.attachments.items():
+            file.add(Attachment(0, 0, name, "text/plain", data))
+
+    whole = rewritten(tmp_path / "a.mcap", small, change)
+    path = tmp_path / "robot.mcap"
+    path.write_bytes(whole.read_bytes()[:-100])
+    assert list(Log.open(repair(path).out).records()) == list(Log.open(path).records())
+
+
+def test_the_channel_of_targets_that_is_damaged_is_made_anew_by_a_repair(tmp_path: Path) -> None:
+    target = Target(1, 3).dump()
+    records = [*inputs(describe(2)), Record(Kind.TARGET, START + 10, target), *ticks(2, 5)]
+    content = bytearray(write(tmp_path / "whole.mcap", records).paths[0].read_bytes())
+    at = content.index(b"/robots/sample/targets")
+    content[at - 2 * 2 - 4 - 9] = 0x70  # opcode of its record, in front of length, id, id, length
+    path = tmp_path / "robot.mcap"
+    path.write_bytes(content[:-100])
+    out = repair(path).out
+    assert McapScan.of(out).whole
+    assert list(Log.open(out).records()) == records
+
+
+def test_times_that_no_clock_gives_are_damage(tmp_path: Path) -> None:
+    late = MESSAGE_HEAD.pack(5, MESSAGE_HEAD.size - 9, 1, 0, 1 << 63, 1 << 63)
+    small = write(tmp_path, inputs(describe(2)) + ticks(2, 20)).paths[0]
+    log = Log.open(forged(tmp_path / "a.mcap", small, late, 1))
+    assert "no record is left" in log.missing
+    log.states()

@@ -23,9 +23,11 @@ from tampering import (
     swapped,
 )
 
+from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.robot_emulator.robots import load
 from hoap3.tools.logs.log import Log
+from hoap3.tools.verify.deadline_checker import COUNTED, Recount
 from hoap3.tools.verify.point_task import PointTask
 from hoap3.tools.verify.verify import verify
 
@@ -226,15 +228,45 @@ def test_a_parameter_that_is_none_is_not_reckoned_with(
     assert found.claims.counts["certificate"].checked == 0
 
 
-def test_what_no_service_writes_is_one_error(story: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("kind", "payload"),
+    [
+        (Kind.AUTHORITY, b"{}"),
+        (Kind.SESSION, b"[]"),
+        (Kind.SUMMARY, b"[" * 100_000 + b"]" * 100_000),
+        (Kind.CHANGE, b"3"),
+    ],
+)
+def test_what_no_service_writes_is_one_error(
+    kind: Kind, payload: bytes, story: Path, tmp_path: Path
+) -> None:
     def emptied(records: list[Record]) -> list[Record]:
-        return [r._replace(payload=b"{}") if r.kind == Kind.AUTHORITY else r for r in records]
+        strange = [r._replace(payload=payload) if r.kind == kind else r for r in records]
+        return [*strange, Record(kind, records[-1].stamp, payload)]
 
     done = inside("verify", rewrite(story, "controller", tmp_path / "o", emptied))
 
     assert done.code in {1, 2}
     assert "Traceback" not in done.stderr
     assert "no service of ours" in done.stderr
+
+
+@pytest.mark.parametrize("wrong", ["long", "old"])
+def test_what_a_robot_refuses_is_no_answer_in_the_recount(wrong: str) -> None:
+    """Anybody may send it, so it may stand in any log."""
+    recount = Recount(load("ur5"))
+    state = State.allocate(**load("ur5").state_lengths)
+    state.session_id, state.epoch, state.mode = 7, 1, State.ACTIVE
+    recount.state(state.dump())
+    state.mode = State.IDLE
+    for state.tick in range(1, 1025 if wrong == "old" else 2):
+        recount.state(state.dump())
+    answer = Setpoint(6, 257 if wrong == "long" else 2)
+    answer.session_id, answer.epoch = 7, 1
+    recount.setpoint(0, answer.dump())
+    recount.state(state.dump())
+    counted = dict(zip(COUNTED, recount.rows[-1][2], strict=True))
+    assert (counted["rejected"], counted["duplicate"]) == (1, 0)
 
 
 @pytest.mark.parametrize("run", ["qp12", "ghc", "clik_sdp"])

@@ -306,6 +306,21 @@ def test_a_damaged_chunk_is_passed_over(log, tmp_path):
         source.close()
 
 
+def test_messages_that_no_service_writes_do_not_end_the_search(tmp_path):
+    strange = State.allocate(**{**ROBOT.state_lengths, "dq": 0})
+    records = run(1500)
+    for place, record in enumerate(records[:900]):
+        if record.kind == Kind.STATE:
+            records[place] = record._replace(payload=strange.dump())
+    path = tmp_path / "robot.mcap"
+    write(path, records, attachments={"description.json": ROBOT.to_json()})
+    log = IndexedLog(path)
+    overview = Overview(log, log.begin)
+    overview.start()
+    assert overview.join(60.0)
+    assert overview.as_json()["overview"]["fastest"]
+
+
 def test_what_is_no_log_is_refused(tmp_path):
     path = tmp_path / "robot.mcap"
     for content in (b"", b"hello", b"\x89MCAP0\r\n" + bytes(100)):

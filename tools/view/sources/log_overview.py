@@ -11,6 +11,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from hoap3.protocol.errors import WireError
 from hoap3.protocol.messages import Event, Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind, Record
 from hoap3.tools.logs.indexed_log import IndexedLog
+from hoap3.tools.logs.log import NEVER_OURS
 from hoap3.tools.show.event_words import event_name, in_words, is_routine
 
 BINS = 600  # of each curve
@@ -97,7 +99,7 @@ class Overview:
         for chunk in range(self._log.chunks):
             began = time.monotonic()
             records = self._log.records(chunk, keep=False)
-            with self._lock:
+            with self._lock, suppress(*NEVER_OURS):  # of such a chunk there is nothing to show
                 self._take(records)
             now = time.monotonic()
             if now > due:

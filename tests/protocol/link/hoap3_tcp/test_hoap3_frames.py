@@ -91,3 +91,8 @@ def test_a_client_says_how_many_exchanges_follow(cycle: float, check: float, num
 def test_times_on_which_both_ends_do_not_agree_are_refused(cycle: float, check: float) -> None:
     with pytest.raises(WireError, match="CYCLE_TIME"):
         exchanges(struct.pack("<2d", cycle, check))
+
+
+def test_more_joints_than_slots_are_refused() -> None:
+    with pytest.raises(DescriptionError, match="21 joints"):
+        Frames(HOAP3, 20)

@@ -169,6 +169,12 @@ def test_where_a_joint_moves_nothing_that_weighs_only_positions_are_taken(tmp_pa
     assert told(robot, "read", "hand") == ["links that move and weigh nothing"]
 
 
+def test_where_a_joint_moves_more_than_a_number_holds_only_positions_are_taken(tmp_path):
+    heavy = LINKS.replace('xyz="0 0 0.1"', 'xyz="0 0 1e200"')
+    robot = import_robot(vendor_folder(tmp_path, urdf(heavy))).description
+    assert robot.command_kinds == ("position",)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
