@@ -45,7 +45,7 @@ def prove(
     clients: Annotated[int, typer.Option(min=1, max=4, help="authority: that ask.")] = 3,
     requests: Annotated[int, typer.Option(min=0, help="authority: that the robot serves.")] = 6,
     crashes: Annotated[int, typer.Option(min=0, help="authority: of clients or the robot.")] = 2,
-    bits: Annotated[int, typer.Option(min=6, max=11, help="filter: of the exhaustive run.")] = 8,
+    bits: Annotated[int, typer.Option(min=8, max=11, help="filter: of the exhaustive run.")] = 8,
     states: Annotated[
         int, typer.Option(min=1, help="filter: compared with strict arithmetic.")
     ] = 1_000_000,

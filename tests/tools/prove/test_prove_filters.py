@@ -8,8 +8,8 @@ import pytest
 from hoap3.tools.prove.filters import jerk_lemmas, setpoint_lemmas
 from hoap3.tools.prove.filters.compiled import differing, random_states
 from hoap3.tools.prove.filters.few_bits import cases, examined, sources
-from hoap3.tools.prove.filters.mutants import Mutant, planted
-from hoap3.tools.prove.filters.proof import prove_filter, prove_jerk
+from hoap3.tools.prove.filters.mutants import MUTANTS, Mutant, planted
+from hoap3.tools.prove.filters.proof import SOME, prove_filter, prove_jerk
 from hoap3.tools.prove.filters.transcribed import transcribed
 from hoap3.tools.prove.lemmas import Lemma, judged
 
@@ -82,8 +82,18 @@ def test_the_proof_with_jerk_finds_what_is_planted():
 
 
 @pytest.mark.slow
-def test_the_law_holds_in_seven_bits():
-    assert not examined(cases(7)["around 0"], 7, stride=5).wrong
+@pytest.mark.parametrize("place", cases(11))
+def test_the_law_holds_in_some_states_of_eleven_bits(place):
+    result = examined(cases(11)[place], 11, stride=SOME)
+    assert not result.wrong
+    assert result.states > 500
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mutant", MUTANTS[:3], ids=lambda mutant: mutant.what)
+def test_a_fault_in_the_text_of_the_kernels_is_found(mutant):
+    texts = planted(sources(), mutant)
+    assert any(examined(case, 11, texts, SOME).wrong for case in cases(11).values())
 
 
 @pytest.mark.long
