@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from math import isfinite
 from typing import Any
 
@@ -16,6 +17,7 @@ from hoap3.protocol.runtime.event_limit import EventLimit
 from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.protocol.stop_reasons import LATCHING, STOP_REASONS
+from hoap3.remote_controller.claim import Claim
 from hoap3.remote_controller.controllers.base import Controller
 from hoap3.remote_controller.outcome import Outcome
 from hoap3.remote_controller.steering import Steering
@@ -31,9 +33,6 @@ does only at a beginning is slow where it has not just been done."""
 
 HEARD_PAUSE_NS = 1_000_000_000
 """Between two records of the like that the robot said: anybody may publish in its name."""
-
-MOST_STRANGE_STATES = 100
-"""States in a row that do not fit what was agreed, after which it is agreed anew."""
 
 
 def failure(controller: Controller, what: str, error: BaseException) -> Hoap3Error:
@@ -59,11 +58,9 @@ class ControllerLoop:
     Attributes:
         steering: who steers its live targets.
         steered: whether there are any.
-        epoch: authority under which it answers, 0 for none.
+        claim: authority under which it answers, if any.
         steps: States that the controller has processed.
         answered, overwritten, repeated, rejected: counts of States.
-        stale: the robot has been started anew, or no longer follows us, or its ticks have gone
-            back: it is to be asked anew.
         summary: what the answers came to, as `Outcome.as_json` has it; None before the first
             `sum_up`.
     """
@@ -80,18 +77,15 @@ class ControllerLoop:
         controller.now = clock.now
         self._state = State.allocate(**controller.description.state_lengths)
         self._lockstep = isinstance(clock, VirtualClock)
-        self._session_id = session_id
+        self.claim = Claim(session_id)
         self._event = Event()
         self._event.session_id = session_id
         self._request_limit = EventLimit(("about", "change", "show", "tasks"))
-        self.epoch = 0
         self.steps = self.answered = self.overwritten = self.repeated = self.rejected = 0
-        self.stale = False
         self.steering = Steering(controller.live, session_id, controller.description.period_s)
         self.steered, self._silent = bool(controller.live), False
         self._robot_event = Event()
         self._conflict_due = self._stop_due = 0  # when the next such word is recorded
-        self._strange = 0  # States in a row that do not fit what was agreed
         self._last_tick = -1
         self._last_answer: bytes | None = None
         self._engaged = self._started = False
@@ -108,7 +102,7 @@ class ControllerLoop:
         now = self._clock.now()
         session = {
             "side": "controller",
-            "session_id": self._session_id,
+            "session_id": self.claim.session_id,
             "lockstep": lockstep,
             "extra": self._controller.extra_names,
             "conditions": self._controller.conditions,
@@ -141,9 +135,19 @@ class ControllerLoop:
             fact = {"who": request.who, "verb": request.verb, "answer": {"error": error}}
             self._recorder.record(Kind.REQUEST, now, json.dumps(fact).encode())
 
+    @property
+    def epoch(self) -> int:
+        """Authority under which it answers, 0 for none."""
+        return self.claim.epoch
+
+    @property
+    def stale(self) -> bool:
+        """Whether the robot was started anew, or follows us no longer, or its ticks went back."""
+        return self.claim.stale
+
     def grant(self, epoch: int) -> None:
         """Answer under this authority from now on; 0 for none."""
-        self.epoch = epoch
+        self.claim = replace(self.claim, epoch=epoch)
         body = json.dumps({"epoch": epoch}).encode()
         self._recorder.record(Kind.AUTHORITY, self._clock.now(), body)
 
@@ -163,25 +167,25 @@ class ControllerLoop:
         except WireError:
             self.rejected += 1
             return None
-        tick, session_id, epoch = state.tick, state.session_id, state.epoch
-        if session_id != self._session_id:
-            self.stale = True
+        tick, session_id, epoch, claim = state.tick, state.session_id, state.epoch, self.claim
+        if not claim.fits(session_id):
+            self.claim = claim.hear(session_id, state.mode, epoch, state.epoch_from_tick)
             return None
         if tick <= self._last_tick:
             self.repeated += 1
-            self._doubt(tick < self._last_tick)
+            self.claim = claim.doubt(tick < self._last_tick)
             return self._last_answer if tick == self._last_tick else None
         if self._lockstep:  # the robot's time is the time
             self._clock.sleep_until(state.stamp_published)
             received = now()
         decoded = now()
-        if epoch != self.epoch or self._strange:
-            self._doubt(self._forgotten(state))
+        if epoch != claim.epoch or claim.strange:
+            self.claim = claim.hear(session_id, state.mode, epoch, state.epoch_from_tick)
         if tick != self._last_tick + 1:
             self._note_gap(tick)
         self._last_tick = tick
         self._unrecorded.append((Kind.STATE, received, payload))
-        asked = state.mode == State.ACTIVE and epoch == self.epoch != 0
+        asked = state.mode == State.ACTIVE and epoch == claim.epoch != 0
         try:
             if not self._started or asked != self._engaged:
                 self.sum_up()
@@ -212,12 +216,6 @@ class ControllerLoop:
         self.answered += 1
         return answer
 
-    def _forgotten(self, state: State) -> bool:
-        """Whether the robot follows nobody, or somebody else, though it granted us authority."""
-        if state.epoch == self.epoch or not self.epoch:
-            return False
-        return state.epoch != 0 or state.epoch_from_tick == 0
-
     def _falls_silent(self, tick: int) -> bool:
         """Whether nothing is to be sent, as a live target is stale that stops the robot."""
         silent = self.steering.silent(tick)
@@ -230,11 +228,6 @@ class ControllerLoop:
         """Whether the robot, at rest, follows us from one of the next ticks on."""
         ahead = state.epoch_from_tick - state.tick
         return state.mode == State.IDLE and self.epoch != 0 and 0 < ahead <= RUN_UP
-
-    def _doubt(self, strange: bool) -> None:
-        """One such State may be old, or forged; many in a row are not."""
-        self._strange = self._strange + 1 if strange else 0
-        self.stale = self.stale or self._strange >= MOST_STRANGE_STATES
 
     def sent(self) -> None:
         """The answer is on its way: now there is time to record what was done."""
@@ -256,7 +249,7 @@ class ControllerLoop:
             event.load(payload)
         except WireError:
             return  # anybody may publish there
-        if event.session_id != self._session_id:
+        if event.session_id != self.claim.session_id:
             return
         now = self._clock.now()
         if event.kind == EVENTS["CONFLICTING_SETPOINTS"] and now >= self._conflict_due:
@@ -283,7 +276,7 @@ class ControllerLoop:
             self.summary = self._outcome.as_json()
             if self.steered:
                 self.summary["targets"] = self.steering.as_json()
-            payload = json.dumps({"session_id": self._session_id, **self.summary}).encode()
+            payload = json.dumps({"session_id": self.claim.session_id, **self.summary}).encode()
         except (Exception, SystemExit) as error:
             what = "failed to tell the errors of its tasks"
             raise failure(self._controller, what, error) from error

@@ -324,7 +324,7 @@ class Service:
         self._about = loop.about(self._config_json)
         self.loop = loop
         grant = self._acquire(link)
-        if grant is None or grant.epoch is None or grant.session_id != status.session_id:
+        if grant is None or grant.epoch is None or not loop.claim.fits(grant.session_id):
             return False
         self._check_lengths(grant, link)
         loop.grant(grant.epoch)

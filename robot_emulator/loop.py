@@ -28,7 +28,7 @@ from hoap3.protocol.runtime.realtime import Ticker
 from hoap3.protocol.runtime.recorder import Recorder
 from hoap3.protocol.runtime.shm_ring import Kind
 from hoap3.protocol.stop_reasons import STOP_REASONS
-from hoap3.robot_emulator.authority import Authority
+from hoap3.robot_emulator.authority import ENDING, NO_TOKEN, Authority
 from hoap3.robot_emulator.body_watch import BodyWatch
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.filters.base import SetpointFilter
@@ -51,7 +51,6 @@ CONFLICT_PAUSE_NS = 1_000_000_000  # between two events that tell of conflicting
 REQUESTS_PER_TICK = 4  # in real time; the rest waits for the next tick
 
 EVENTS = Event.schema.constants
-_ENDING_REASONS = {EVENTS["REASON_SHUTDOWN"], EVENTS["REASON_ENDED"]}  # then the schedule ends
 _COUNTED = ("asked", "in_time", "run_rate", "longest_run", "worst_window")
 _FAILURES = {EVENTS["REASON_MISSES"], EVENTS["REASON_HOLDER_LOST"]}
 
@@ -69,7 +68,6 @@ class RobotLoop:
 
     Attributes:
         plant: the body.
-        mode: State.IDLE, ACTIVE, STOPPING or STOPPED.
         safe_stops: how often misses or a lost holder forced a safe stop.
         skipped: ticks skipped since the start.
         validator: counts of setpoints and deadlines.
@@ -103,11 +101,8 @@ class RobotLoop:
         self._plant_times = None if lockstep else Durations()
         self._authority = Authority()
         self._lease_ticks = round(config.link.lease_ms * 1e6 / self.period)
-        self._look_tick = 0  # when the holder is looked up next
         self._grace_ticks, self._lead = grace_ticks, lead
         self._acted = False  # for the next tick
-        self._epoch = 0
-        self._stop_reason = 0
         self._stop_began = 0
         self._first_active_tick = -1
         self._pending = deque[tuple[int, int]]()  # ticks that asked, and at which each is judged
@@ -123,7 +118,6 @@ class RobotLoop:
         self._held_first = (-1, -1)  # joint, tick
         self._conflicts_told = self._conflict_due = 0
         self._overloaded = -1
-        self.mode = State.IDLE
         self.safe_stops = self.skipped = 0
         self.validator = SetpointValidator(
             description.n,
@@ -178,7 +172,7 @@ class RobotLoop:
                 heed(ticker.tick)
             self.step(ticker)
             at_rest = self.mode == State.STOPPED and not self._pending
-            if at_rest and self._stop_reason in _ENDING_REASONS:
+            if at_rest and self._authority.stop_reason in ENDING:
                 break
         self._record_state()
         self._tell_left_out(at_end=True)
@@ -203,6 +197,11 @@ class RobotLoop:
             **({"plant": figures} if (figures := self.plant.summary()) else {}),
             **({"plant_us": self._plant_times.summary()} if self._plant_times else {}),
         }
+
+    @property
+    def mode(self) -> int:
+        """State.IDLE, ACTIVE, STOPPING or STOPPED."""
+        return self._authority.mode
 
     @property
     def setpoint_filter(self) -> SetpointFilter:
@@ -262,7 +261,7 @@ class RobotLoop:
             begin += late
             judged += -(-late // self.period)
         self._pending.append((tick, judged))
-        self.validator.ask(tick, self._epoch, begin + self._due)
+        self.validator.ask(tick, self._authority.followed, begin + self._due)
 
     def _act(self, tick: int) -> None:
         """What the robot does for a tick before it measures."""
@@ -285,30 +284,16 @@ class RobotLoop:
 
     def stop(self, reason: str) -> None:
         """Brake to rest; a stop that lasts until a recovery is not weakened by a later release."""
-        if self._stop_reason and self._latches():
-            if EVENTS[reason] in _ENDING_REASONS:
-                self._stop_reason = EVENTS[reason]
-            return
-        self._stop_reason = EVENTS[reason]
-        if self.mode == State.ACTIVE:
+        self._enter(self._authority.stop(EVENTS[reason]))
+
+    def _enter(self, authority: Authority) -> None:
+        """Stand so from now on; where the robot was active and is no longer, begin to brake."""
+        before, self._authority = self._authority, authority
+        if before.mode == State.ACTIVE != authority.mode:
             self._setpoint_filter.begin_stop()
-            self.mode = State.STOPPING
             self._stop_began = self.tick
-            self.safe_stops += self._stop_reason in _FAILURES
-            self._announce("SAFE_STOP", self._stop_reason)
-        elif self.mode == State.IDLE:
-            self._come_to_rest()
-
-    def _latches(self) -> bool:
-        """Whether the robot stays stopped until an explicit recover."""
-        return self._stop_reason != EVENTS["REASON_RELEASED"]
-
-    def _come_to_rest(self) -> None:
-        self._epoch = 0
-        if self._latches():
-            self.mode = State.STOPPED
-        else:
-            self.mode, self._stop_reason = State.IDLE, 0
+            self.safe_stops += authority.stop_reason in _FAILURES
+            self._announce("SAFE_STOP", authority.stop_reason)
 
     def _receive(self, published: int) -> None:
         """Judge the setpoints that have arrived since the last tick."""
@@ -343,9 +328,9 @@ class RobotLoop:
 
     def _obey_grant(self) -> None:
         """From its first tick on, a grant makes the robot active."""
-        grant = self._authority.grant
-        if self.mode == State.IDLE and grant is not None and self.tick >= grant.from_tick:
-            self.mode, self._epoch = State.ACTIVE, grant.epoch
+        before = self._authority
+        self._authority = before.begin(self.tick)
+        if self._authority is not before:
             self._setpoint_filter.forget()
             self._followed = -1
             self.validator.start_anew(self.tick)
@@ -372,7 +357,7 @@ class RobotLoop:
         elif self.mode == State.STOPPING:
             if setpoint_filter.brake():
                 self._announce("AT_REST", self.tick - self._stop_began)
-                self._come_to_rest()
+                self._authority = self._authority.come_to_rest()
         else:
             return
         joint = setpoint_filter.held_back
@@ -398,9 +383,9 @@ class RobotLoop:
             times.add(self._clock.now() - began, self.tick)
 
     def _publish(self, ticker: Ticker) -> None:
-        state, validator, grant = self._state, self.validator, self._authority.grant
-        state.tick, state.mode, state.epoch = ticker.tick, self.mode, self._epoch
-        state.epoch_from_tick = grant.from_tick if grant else 0
+        state, validator, authority = self._state, self.validator, self._authority
+        state.tick, state.mode, state.epoch = ticker.tick, authority.mode, authority.followed
+        state.epoch_from_tick = authority.told_from_tick
         state.stamp_intended, state.stamp_actual = ticker.intended, ticker.actual
         deadlines = validator.deadlines
         state.skipped, state.late, state.lost = self.skipped, deadlines.late, deadlines.lost
@@ -463,9 +448,7 @@ class RobotLoop:
                 self.stop("REASON_COMMAND")
                 return self._status()
             case "recover":
-                recovered = {"recovered": self._recover(), **self._status()}
-                self._look_tick = self.tick
-                return recovered
+                return {"recovered": self._recover(), **self._status()}
             case "status":
                 return self._status()
             case other:
@@ -485,20 +468,25 @@ class RobotLoop:
             "session_id": self._state.session_id,
             "tick": self.tick,
             "lockstep": isinstance(self._clock, VirtualClock),
-            "stop_reason": STOP_REASONS.get(self._stop_reason),
+            "stop_reason": STOP_REASONS.get(self._authority.stop_reason),
         }
 
     def _grant(self, request: Request) -> dict[str, object]:
-        in_force = self._authority.grant
-        if not request.present and (in_force is None or in_force.holder == request.who):
+        before = self._authority
+        self._authority, refusal = before.acquire(
+            request.who,
+            present=request.present,
+            tick=self.tick,
+            from_tick=self._first_tick(),
+            lease=self._lease_ticks,
+        )
+        grant = self._authority.grant
+        if refusal == NO_TOKEN:
             self._link.look_again(request.who)
-            return self._refusal("no_token", 0)
-        grant = self._authority.acquire(request.who, self._first_tick())
-        if grant is None:
-            self._look_tick = self.tick
-            return self._refusal("held", in_force.epoch if in_force else 0)
-        if in_force is None:
-            self._look_tick = self.tick + self._lease_ticks
+            return self._refusal(refusal, 0)
+        if refusal or grant is None:
+            return self._refusal(refusal, grant.epoch if grant else 0)
+        if before.grant is None:
             self._announce("GRANTED", grant.epoch)
             self._record_config(request)
         terms = {"granted": True, "epoch": grant.epoch, "from_tick": grant.from_tick}
@@ -523,26 +511,28 @@ class RobotLoop:
 
     def _look_after_holder(self) -> None:
         """Have the holder looked up once each lease, and after a refusal or a recovery."""
-        grant = self._authority.grant
-        if grant is not None and self.tick >= self._look_tick:
-            self._look_tick = self.tick + self._lease_ticks
-            self._link.look_again(grant.holder)
+        holder = self._authority.to_look_up(self.tick)
+        if holder is not None:
+            self._authority = self._authority.looked_up(self.tick, self._lease_ticks)
+            self._link.look_again(holder)
 
     def _release(self, who: str, event: str) -> bool:
-        epoch = self._authority.drop(who)
-        if epoch:
-            self._announce(event, epoch)
-            self.stop("REASON_RELEASED" if event == "RELEASED" else "REASON_HOLDER_LOST")
-        return bool(epoch)
+        before = self._authority.grant
+        reason = "REASON_RELEASED" if event == "RELEASED" else "REASON_HOLDER_LOST"
+        after = self._authority.drop(who, EVENTS[reason])
+        if before is None or after.grant is not None:
+            return False
+        self._announce(event, before.epoch)
+        self._enter(after)
+        return True
 
     def _recover(self) -> bool:
         """Release the latch; the holder, if there is one, goes on after the grace period."""
-        if self.mode != State.STOPPED:
-            return False
-        self.mode, self._stop_reason = State.IDLE, 0
-        self._authority.renew(self._first_tick())
-        self._announce("RECOVERED", 0)
-        return True
+        stopped = self.mode == State.STOPPED
+        self._authority = self._authority.recover(self.tick, self._first_tick())
+        if stopped:
+            self._announce("RECOVERED", 0)
+        return stopped
 
     def _tell_left_out(self, *, at_end: bool = False) -> None:
         """Tell how many events and requests were left out, at most once a second for each kind."""

@@ -9,11 +9,11 @@ from collections.abc import Iterator, Sequence
 from queue import SimpleQueue
 from typing import Any
 
+from hoap3.protocol.link.client_tokens import ClientTokens
 from hoap3.protocol.link.zenoh_session import QUERY_TIMEOUT_S, key, zenoh
 
 WAITING_STOPS = 16  # queries; of more the oldest are dropped, which ends them without an answer
 WAITING_QUERIES = 64
-MAX_CLIENTS = 1024  # whose tokens a robot remembers; the oldest are forgotten first
 TOKENS = 256  # that came or went and wait for the loop; of more the oldest are lost
 TOKENS_AT_ONCE = 8  # that are taken before each request
 LOOKS = 8  # clients whose tokens are looked up together
@@ -56,10 +56,8 @@ class Clients:
         self._samples = self._liveliness.declare_subscriber(
             key(robot, "clients/*"), zenoh.handlers.RingChannel(TOKENS), history=True
         )
-        self._seen: dict[str, int] = {}  # after how many samples; the oldest first
-        self._asked: dict[str, int] = {}  # for authority, likewise
+        self._known = ClientTokens()
         self._changes = deque[tuple[str, bool]](maxlen=TOKENS)
-        self._taken = self._deleted = 0  # samples, and that of the last token that went
         self._wanted: SimpleQueue[str | None] = SimpleQueue()
         self._found: SimpleQueue[tuple[str, bool, int]] = SimpleQueue()
         self._closing = threading.Event()
@@ -71,8 +69,7 @@ class Clients:
 
     def asks(self, who: str) -> bool:
         """Note that a client asks for authority; whether its token is seen."""
-        _remember(self._asked, who, self._taken)
-        return who in self._seen
+        return self._known.asks(who)
 
     def changes(self) -> Sequence[tuple[str, bool]]:
         """Clients whose tokens have come (True) or gone since the last call."""
@@ -91,22 +88,13 @@ class Clients:
             sample = self._samples.try_recv()
             if sample is None:
                 break
-            self._taken += 1
             who, came = client_of(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
             self._changes.append((who, came))
-            if came:
-                _remember(self._seen, who, self._taken)
-            else:
-                self._deleted = self._taken
-                self._seen.pop(who, None)
-                if self._asked.pop(who, None) is not None:
-                    yield who
+            if self._known.take(who, came=came):
+                yield who
         while not self._found.empty():
             who, alive, taken = self._found.get()
-            if alive and self._deleted <= taken:
-                _remember(self._seen, who, self._taken)
-            elif not alive and self._seen.get(who, 0) <= taken:
-                self._seen.pop(who, None)
+            if self._known.found(who, alive=alive, taken=taken):
                 yield who
 
     def look_again(self, who: str) -> None:
@@ -134,18 +122,12 @@ class Clients:
                     self._look_up(str(who))
 
     def _look_up(self, who: str) -> None:
-        taken = self._taken  # what comes or goes after this is newer than what is found
+        taken = self._known.taken  # what comes or goes after this is newer than what is found
         token = key(self._robot, f"clients/{who}")
         replies = list(self._liveliness.get(token, timeout=QUERY_TIMEOUT_S))
         if all(reply.ok for reply in replies):  # else it took too long
             names = {client_of(reply.ok.key_expr) for reply in replies if reply.ok}
             self._found.put((who, who in names, taken))  # a wildcard finds others
-
-
-def _remember(clients: dict[str, int], who: str, taken: int) -> None:
-    clients[who] = taken
-    if len(clients) > MAX_CLIENTS:
-        del clients[next(iter(clients))]
 
 
 def is_below(expression: Any, root: str) -> bool:

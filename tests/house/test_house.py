@@ -61,6 +61,7 @@ PACKAGES = {
             "doctor",
             "latency",
             "new",
+            "prove",
             "reproduce",
             "robots",
             "testing",

@@ -13,7 +13,8 @@ from hoap3.protocol.errors import Hoap3Error, UsageError
 from hoap3.protocol.link.base import Request
 from hoap3.protocol.messages import Setpoint, State
 from hoap3.protocol.runtime.shm_ring import Kind
-from hoap3.remote_controller.loop import LONGEST_CHANGE, MOST_STRANGE_STATES, ControllerLoop
+from hoap3.remote_controller.claim import MOST_STRANGE_STATES
+from hoap3.remote_controller.loop import LONGEST_CHANGE, ControllerLoop
 from hoap3.remote_controller.service import serve
 
 
@@ -81,6 +82,14 @@ def test_a_robot_that_stands_still_for_us_is_waited_for():
     bench = Bench()
     for tick in range(5, 5 + 3 * MOST_STRANGE_STATES):
         bench.answer(bench.state(tick, epoch=0, epoch_from_tick=5, mode=State.STOPPED))
+    assert not bench.loop.stale
+
+
+def test_a_robot_that_comes_to_rest_from_an_earlier_grant_is_waited_for():
+    """We asked while it braked for the one before: it follows that epoch until it is at rest."""
+    bench = Bench(epoch=3)
+    for tick in range(5, 5 + 3 * MOST_STRANGE_STATES):
+        bench.answer(bench.state(tick, epoch=2, epoch_from_tick=400, mode=State.STOPPING))
     assert not bench.loop.stale
 
 

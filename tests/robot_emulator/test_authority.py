@@ -23,6 +23,17 @@ def test_a_grant_holds_from_its_tick_on_and_the_second_asker_is_told_the_holder(
     assert {name for name, _, _ in bench.events()} >= {"GRANTED", "REFUSED"}
 
 
+def test_states_of_a_stopped_robot_tell_of_a_grant_from_tick_0_on():
+    """0 would say that there is none, and its holder would give it up."""
+    bench = Bench()
+    bench.link.ask("stop", "operator")
+    answer = bench.link.ask("acquire", "alice")
+    state = bench.run(1)
+    assert answer[0]["from_tick"] == 0
+    assert state.mode == State.STOPPED
+    assert state.epoch_from_tick > 0
+
+
 def test_asking_twice_gives_the_same_grant():
     bench = Bench()
     first, again = bench.link.ask("acquire", "alice"), bench.link.ask("acquire", "alice")

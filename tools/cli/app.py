@@ -35,7 +35,7 @@ from hoap3.tools.cli.reproduce import reproduce
 from hoap3.tools.cli.robot import robot_app
 from hoap3.tools.cli.services.service import service_app
 from hoap3.tools.cli.trajectory import trajectory_app
-from hoap3.tools.cli.verify import verify
+from hoap3.tools.cli.verify import prove, verify
 from hoap3.tools.cli.viewers.bridge import bridge_app
 from hoap3.tools.cli.viewers.view import view
 from hoap3.tools.machine.processes import StopFlag, die_with_parent, to_people
@@ -52,7 +52,8 @@ app.add_typer(bridge_app, name="bridge")
 app.add_typer(robot_app, name="robot")
 app.add_typer(service_app, name="service")
 app.add_typer(trajectory_app, name="trajectory")
-for command in (change, compare, doctor, latency, limits, new, report, reproduce, verify, view):
+_COMMANDS = change, compare, doctor, latency, limits, new, prove, report, reproduce, verify, view
+for command in _COMMANDS:
     app.command()(command)
 _ANYTHING = {"ignore_unknown_options": True, "allow_extra_args": True}
 app.command(hidden=True, context_settings=_ANYTHING)(priorities)

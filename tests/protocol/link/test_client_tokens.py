@@ -19,7 +19,7 @@ from support.small_arm import arm
 
 from hoap3.protocol.config.settings import LinkSettings
 from hoap3.protocol.link import zenoh_clients
-from hoap3.protocol.link.zenoh_clients import MAX_CLIENTS
+from hoap3.protocol.link.client_tokens import MAX_CLIENTS
 from hoap3.protocol.link.zenoh_session import key, open_session
 from hoap3.protocol.messages import Event
 from hoap3.protocol.runtime.clock import VirtualClock
@@ -215,7 +215,7 @@ def test_a_request_is_not_forgotten_where_many_clients_vanish_in_the_same_tick(b
 
 def test_a_holder_is_looked_up_each_lease_should_the_news_of_its_end_be_lost(bench):
     ghost = Client(bench, "ghost", token=False)
-    bench.link._clients._seen["ghost"] = 0  # as if it had gone without a word
+    bench.link._clients._known.seen["ghost"] = 0  # as if it had gone without a word
     assert ghost.granted()
     bench.step(LEASE_TICKS - bench.robot.tick)
     assert bench.holder == "ghost"
@@ -226,7 +226,7 @@ def test_a_holder_is_looked_up_each_lease_should_the_news_of_its_end_be_lost(ben
 @pytest.mark.parametrize("verb", ["acquire", "recover"])
 def test_a_holder_is_looked_up_after_a_refusal_and_after_a_recovery(bench, verb):
     other, ghost = Client(bench, "other"), Client(bench, "ghost", token=False)
-    bench.link._clients._seen["ghost"] = 0
+    bench.link._clients._known.seen["ghost"] = 0
     bench.robot._lease_ticks = 10**9
     assert ghost.granted()
     other.ask(verb)
@@ -236,11 +236,11 @@ def test_a_holder_is_looked_up_after_a_refusal_and_after_a_recovery(bench, verb)
 
 def test_a_token_whose_news_was_lost_is_found_after_a_refusal(bench):
     client = Client(bench, "unseen")
-    bench.step_until(lambda: "unseen" in bench.link._clients._seen, "the token")
-    bench.link._clients._seen.clear()
+    bench.step_until(lambda: "unseen" in bench.link._clients._known.seen, "the token")
+    bench.link._clients._known.seen.clear()
     client.ask()
     assert client.answer()["reason"] == "no_token"
-    bench.step_until(lambda: "unseen" in bench.link._clients._seen, "the look-up")
+    bench.step_until(lambda: "unseen" in bench.link._clients._known.seen, "the look-up")
     assert client.granted()
 
 
@@ -267,18 +267,18 @@ def test_a_client_that_comes_back_is_granted_again(bench):
 
 def test_of_many_tokens_the_oldest_are_forgotten_and_found_again(bench):
     oldest, crowd = Client(bench, "oldest"), Client(bench, "crowd", token=False)
-    bench.step_until(lambda: "oldest" in bench.link._clients._seen, "the token")
+    bench.step_until(lambda: "oldest" in bench.link._clients._known.seen, "the token")
     held = []
     for number in range(MAX_CLIENTS):
         token = crowd.session.liveliness().declare_token(key("arm", f"clients/{number}"))
         held.append(token)
         if number % 64 == 0:
-            bench.step_until(lambda: str(number) in bench.link._clients._seen, "a token")  # noqa: B023
-    bench.step_until(lambda: str(number) in bench.link._clients._seen, "the last token")
-    assert len(bench.link._clients._seen) == MAX_CLIENTS
-    assert "oldest" not in bench.link._clients._seen
+            bench.step_until(lambda: str(number) in bench.link._clients._known.seen, "a token")  # noqa: B023
+    bench.step_until(lambda: str(number) in bench.link._clients._known.seen, "the last token")
+    assert len(bench.link._clients._known.seen) == MAX_CLIENTS
+    assert "oldest" not in bench.link._clients._known.seen
     assert not oldest.granted()
-    bench.step_until(lambda: "oldest" in bench.link._clients._seen, "the look-up")
+    bench.step_until(lambda: "oldest" in bench.link._clients._known.seen, "the look-up")
     assert oldest.granted()
 
 

@@ -1,0 +1,1 @@
+"""What stands between setpoints and motors: its law in real numbers, in few bits, and compiled."""
