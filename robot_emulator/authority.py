@@ -63,8 +63,11 @@ class Authority:
 
     @property
     def told_from_tick(self) -> int:
-        """First tick of the grant as States tell it, where 0 says that there is none."""
-        return max(self.grant.from_tick, 1) if self.grant is not None else 0
+        """First tick of the grant as States tell it; unless the robot moves, 0 says: none."""
+        if self.grant is None:
+            return 0
+        least = 0 if self.mode == State.ACTIVE else 1
+        return max(self.grant.from_tick, least)
 
     def acquire(
         self, who: str, *, present: bool, tick: int, from_tick: int, lease: int
