@@ -43,7 +43,7 @@ def test_imports_only_go_down():
 
 
 PACKAGES = {
-    "protocol": (("config",), ("runtime",), ("link", "robot")),
+    "protocol": (("config",), ("runtime", "secure"), ("link", "robot")),
     "robot_emulator": (("robots",), ("plants",), ("filters",)),
     "remote_controller": (
         ("model", "references", "scheduling", "solvers"),
@@ -57,6 +57,7 @@ PACKAGES = {
         (
             "beside",
             "bridge",
+            "certs",
             "compare",
             "doctor",
             "latency",
