@@ -40,6 +40,7 @@ STORIES = [
     "plants.md",
     "environment.md",
     "two_machines.md",
+    "security.md",
     "logs.md",
     "latency.md",
     "report.md",
