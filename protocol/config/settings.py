@@ -158,8 +158,9 @@ class LinkSettings(Settings):
             )
         open_to_all = [place for place in self.reachable if beyond_this_machine(place)]
         if open_to_all and self.secure is None and not self.insecure:
+            key = "link.listen" if self.kind == "zenoh" else "link.hoap3_tcp.host"
             raise _unsafe(
-                f"whoever reaches {open_to_all[0]} could command the robot",
+                f"with this {key} whoever reaches {open_to_all[0]} could command the robot",
                 "Use certificates: --secure DIR (docs/security.md); or allow it: --insecure",
             )
         return self

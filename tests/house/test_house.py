@@ -52,12 +52,11 @@ PACKAGES = {
     ),
     "tools": (
         ("machine", "logs", "html"),
-        ("show", "timing", "verify", "picture"),
+        ("show", "timing", "verify", "picture", "certs"),
         ("services", "bench", "environment", "report"),
         (
             "beside",
             "bridge",
-            "certs",
             "compare",
             "doctor",
             "latency",
