@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import socket
+import ssl
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +32,7 @@ from hoap3.protocol.runtime.realtime import Ticker
 from hoap3.protocol.runtime.recorder import MemoryRecorder
 from hoap3.robot_emulator.config import EmulatorConfig
 from hoap3.robot_emulator.loop import RobotLoop
-from hoap3.tools.certs.authority import revoke
+from hoap3.tools.certs.authority import issue, revoke
 
 VERBS = ("acquire", "config", "description", "recover", "release", "status", "stop", "*")
 CONTROL_VERBS = ("about", "acquire", "change", "release", "show", "tasks", "*")
@@ -197,6 +200,32 @@ def test_a_certificate_serves_its_own_purpose_alone(name, robot, listens, said, 
     places = {"listen" if listens else "connect": (endpoint,)}
     with pytest.raises(ConfigError, match=said):
         open_session(LinkSettings(**places, secure=str(certs / name)), robot)
+
+
+@pytest.mark.parametrize("whose", ["nobody's", "another authority's"])
+def test_without_a_certificate_of_the_authority_there_is_no_session(whose, certs, ears, tmp_path):
+    context = ssl.create_default_context(cafile=str(certs / "ca.pem"))
+    if whose != "nobody's":
+        other = laboratory(tmp_path / "other")
+        context.load_cert_chain(other / "chief" / "cert.pem", other / "chief" / "key.pem")
+    place = "127.0.0.1", int(ears.endpoint.rpartition(":")[2])
+    with socket.create_connection(place) as plain, pytest.raises(ssl.SSLError, match="ALERT"):  # noqa: SIM117
+        with context.wrap_socket(plain, server_hostname="127.0.0.1") as secured:
+            secured.recv(1)
+    assert certified_peers(ears.session) == set()
+
+
+@pytest.mark.slow
+def test_a_live_connection_ends_with_its_certificate(network, tmp_path):
+    folder = laboratory(tmp_path / "certs")
+    issue(folder, "short", "observer", [], timedelta(seconds=5))
+    endpoint = free_endpoint().replace("tcp/", "tls/")
+    settings = LinkSettings(listen=(endpoint,), secure=str(folder / "arm"))
+    robot = network.keep(open_session(settings, "arm"))
+    for name in ("otto", "short"):
+        network.keep(open_session(client(folder, name, endpoint), "arm"))
+    assert certified_peers(robot) == {"otto", "short"}
+    eventually(lambda: certified_peers(robot) == {"otto"}, "the end")
 
 
 class Scene:
